@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import sys
 
-from benchmarks.command import machine, parse_no_arguments, run_benchmark
+from benchmarks.harness import machine, parse_no_arguments, run_benchmark
 import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.bench.film_parameters import identify_film

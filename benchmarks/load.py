@@ -26,7 +26,7 @@ import tempfile
 import time
 from typing import Any
 
-from benchmarks.command import machine, run_benchmark
+from benchmarks.harness import machine, run_benchmark
 from smart_tire.errors import SmartTireError
 
 DESCRIPTION = 'measure CPU load, latency, filter step time and offline speed'

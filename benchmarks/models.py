@@ -27,7 +27,7 @@ import sys
 import time
 from typing import Any, NamedTuple
 
-from benchmarks.command import machine, parse_no_arguments, run_benchmark
+from benchmarks.harness import machine, parse_no_arguments, run_benchmark
 import numpy as np
 from scipy.integrate import fixed_quad, quad, solve_bvp, solve_ivp
 from smart_tire.arrays import Array

@@ -13,26 +13,25 @@
 # limitations under the License.
 
 """
-Simulated scenarios of the slip and localization benchmark.
+Simulated scenarios of the slip and localization benchmark, and the grounds of all benchmarks.
 
 Each is a full simulation with sensor errors and starts at standstill. The scenarios of the
 friction benchmark (``friction.scenarios``) are derived from them. The default surface is flat
-concrete. Wheel speeds are chosen so that the true slip resembles that of the runs of the
-reference filter.
+concrete. On hills and rough ground the robot drives straight, turns, stops and reverses; the
+terrain is added to the events of a horizontal plane, with a seed of its own for each run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import accumulate
+from typing import Any
 
-from benchmarks.efforts import scaled_efforts
-from benchmarks.event_cache import cached_events
+from benchmarks.events import cached_events, scaled_efforts
 from benchmarks.faults import delayed, interrupted, reordered
+from benchmarks.terrain import on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump, Terrain
 import numpy as np
-
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
 from smart_tire.parameters.simulation import (
@@ -48,6 +47,12 @@ DROPOUTS = {          # topic -> start and end times [s]
     'imu/data': ((20.0, 22.0), (55.0, 58.0), (90.0, 91.0), (130.0, 132.0)),
     'wheel_states': ((40.0, 42.0), (110.0, 113.0))}
 GAIN_STREAM = 3  # of random numbers; differs from the streams of the simulator
+WAVELENGTHS = 5.0, 30.0  # m, of rolling hills
+SLOPE_SIGMA = 0.02       # rad
+RAMP = 0.05              # rad, down, after RAMP_BEGIN
+RAMP_BEGIN = 4.0         # m
+BUMP = 0.05, 1.0         # m, height and length of the speed bump
+VIBRATION = 1.0          # m/s2, at 1 m/s
 
 CONCRETE = GroundParams(base='concrete', patches=())
 SAND = GroundParams(base='sand', patches=())
@@ -123,49 +128,6 @@ def sequence(*parts: Leg) -> tuple[tuple[Leg, ...], float]:
     return tuple((t, left, right) for t, (_, left, right) in zip(times, parts)), times[-1]
 
 
-def _sweep(right: float) -> Scenario:
-    legs, duration = sequence(*((5.0, left, right) for left in range(20, 141, 20)))
-    return Scenario(name=f'sweep_{right:.0f}', title=f'sweep, right {right:.0f} rpm', legs=legs,
-                    duration=duration)
-
-
-def _figure_eight() -> tuple[tuple[Leg, ...], float]:
-    """Return 180 s of alternating right and left loops with a stop after every third."""
-    lobes: list[Leg] = []
-    for loop in range(14):
-        lobes.append((11.3, 98.0, 62.0) if loop % 2 == 0 else (11.3, 62.0, 98.0))
-        if loop % 3 == 2:
-            lobes.append((4.0, 0.0, 0.0))
-    legs, _ = sequence(*lobes)
-    return legs, 180.0
-
-
-def _stop_and_go() -> Scenario:
-    moves = ((4.0, 90.0, 90.0), (3.0, 100.0, 50.0), (3.0, -60.0, -60.0), (3.0, 50.0, 100.0),
-             (2.0, 140.0, 140.0), (4.0, 40.0, 40.0))
-    rest = 1.5, 0.0, 0.0
-    legs, duration = sequence(*(part for move in moves * 2 for part in (move, rest)))
-    return Scenario(name='stop_and_go', title='stop and go', legs=legs, duration=duration)
-
-
-def _straight() -> Scenario:
-    starts = [(1.0, 140.0, 140.0), (0.6, 0.0, 0.0)] * 4
-    pulses = [(0.9, speed, speed) for speed in (140.0, 20.0)] * 4
-    back = [(1.0, -140.0, -140.0), (0.6, 0.0, 0.0)] * 4
-    legs, duration = sequence(*starts, *pulses, (0.6, 0.0, 0.0), *back)
-    return Scenario(name='straight', title='straight accelerate / brake', legs=legs,
-                    duration=duration, averaged=True)
-
-
-def _spin() -> Scenario:
-    rest = 1.5, 0.0, 0.0
-    legs, duration = sequence(
-        (6.0, -50.0, 50.0), rest, (6.0, 60.0, -60.0), rest, (6.0, -60.0, -60.0), rest,
-        (7.0, -80.0, -50.0), rest)
-    return Scenario(name='spin_reverse', title='spin in place, reverse', legs=legs,
-                    duration=duration)
-
-
 def _insert_faults(events: list[Event], seed: int) -> list[Event]:
     """Insert four IMU and two wheel dropouts; repeat and reorder the remaining messages."""
     for topic, intervals in DROPOUTS.items():
@@ -174,25 +136,79 @@ def _insert_faults(events: list[Event], seed: int) -> list[Event]:
                      max_delay=0.025, seed=seed)
 
 
-def _all() -> tuple[Scenario, ...]:
-    turn, turn_end = sequence((30.0, 120.0, 60.0))
-    curve, curve_end = sequence((60.0, 60.0, 90.0))
-    eight, eight_end = _figure_eight()
-    loops = partial(Scenario, legs=eight, duration=eight_end)
-    return (
-        Scenario(name='concrete', title='concrete, 120/60 rpm', legs=turn, duration=turn_end),
-        Scenario(name='sand', title='sand, 120/60 rpm', legs=turn, duration=turn_end, ground=SAND),
-        _sweep(60.0), _sweep(80.0),
-        Scenario(name='mu_jumps', title='mu jumps on a curve', legs=curve,
-                 duration=curve_end, ground=JUMPS),
-        loops(name='figure_eight', title='figure-eight with stops'),
-        _stop_and_go(),
-        loops(name='degraded', title='degraded: 4 Hz, biases x3', wheel_rate=4.0,
-              bias_scale=3.0),
-        loops(name='late_wheels', title='degraded: 4 Hz, 0.2 s late', wheel_rate=4.0,
-              latency=WHEEL_LATENCY),
-        loops(name='gaps', title='degraded: dropouts, reordering', fault=_insert_faults),
-        _straight(), _spin())
+def on_terrain(terrain: Terrain, robot: RobotParams | None = None) -> Fault:
+    """Return the change of events that puts a run on ``terrain``."""
+    def change(events: list[Event], seed: int) -> list[Event]:
+        return on_slopes(events, robot or RobotParams(), terrain)
+    return change
 
 
-SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in _all()}
+def _on_hills(events: list[Event], seed: int) -> list[Event]:
+    return on_slopes(events, RobotParams(), rolling_hills(SLOPE_SIGMA, WAVELENGTHS, seed))
+
+
+def _on_rough_hills(events: list[Event], seed: int) -> list[Event]:
+    return on_rough_ground(_on_hills(events, seed), VIBRATION, seed)
+
+
+REST: Leg = (1.5, 0.0, 0.0)
+STOP: Leg = (2.0, 0.0, 0.0)
+TURN = ((30.0, 120.0, 60.0),)
+LEVELS = range(20, 141, 20)  # rpm, of the left side in a sweep
+MOVES = ((4.0, 90.0, 90.0), (3.0, 100.0, 50.0), (3.0, -60.0, -60.0), (3.0, 50.0, 100.0),
+         (2.0, 140.0, 140.0), (4.0, 40.0, 40.0))
+STARTS = ((1.0, 140.0, 140.0), (0.6, 0.0, 0.0)) * 4
+PULSES = ((0.9, 140.0, 140.0), (0.9, 20.0, 20.0)) * 4
+BACK = ((1.0, -140.0, -140.0), (0.6, 0.0, 0.0)) * 4
+SPIN = ((6.0, -50.0, 50.0), REST, (6.0, 60.0, -60.0), REST, (6.0, -60.0, -60.0), REST,
+        (7.0, -80.0, -50.0), REST)
+COURSE = (
+    (8.0, 90.0, 90.0), (6.0, 110.0, 70.0), STOP, (8.0, 120.0, 120.0), (6.0, 70.0, 110.0),
+    (8.0, 100.0, 100.0), STOP, (4.0, -60.0, -60.0), STOP, (10.0, 110.0, 110.0),
+    (6.0, 80.0, 120.0), (8.0, 60.0, 60.0), STOP)
+
+
+def _loops() -> Iterator[Leg]:
+    """Yield 14 alternating right and left loops with a stop after every third."""
+    for loop in range(14):
+        yield (11.3, 98.0, 62.0) if loop % 2 == 0 else (11.3, 62.0, 98.0)
+        if loop % 3 == 2:
+            yield 4.0, 0.0, 0.0
+
+
+def scenario(name: str, title: str, *parts: Leg, **properties: Any) -> Scenario:
+    """Return the scenario of ``sequence(*parts)``; its duration may be given."""
+    legs, end = sequence(*parts)
+    return Scenario(name=name, title=title, legs=legs, **{'duration': end, **properties})
+
+
+def _eight(name: str, title: str, **properties: Any) -> Scenario:
+    return scenario(name, title, *_loops(), duration=180.0, **properties)
+
+
+def by_name(*scenarios: Scenario) -> Mapping[str, Scenario]:
+    """Return name -> scenario."""
+    return {one.name: one for one in scenarios}
+
+
+SCENARIOS = by_name(
+    scenario('concrete', 'concrete, 120/60 rpm', *TURN),
+    scenario('sand', 'sand, 120/60 rpm', *TURN, ground=SAND),
+    *(scenario(f'sweep_{right}', f'sweep, right {right} rpm',
+               *((5.0, float(left), float(right)) for left in LEVELS)) for right in (60, 80)),
+    scenario('mu_jumps', 'mu jumps on a curve', (60.0, 60.0, 90.0), ground=JUMPS),
+    _eight('figure_eight', 'figure-eight with stops'),
+    scenario('stop_and_go', 'stop and go', *(part for move in MOVES * 2 for part in (move, REST))),
+    _eight('degraded', 'degraded: 4 Hz, biases x3', wheel_rate=4.0, bias_scale=3.0),
+    _eight('late_wheels', 'degraded: 4 Hz, 0.2 s late', wheel_rate=4.0, latency=WHEEL_LATENCY),
+    _eight('gaps', 'degraded: dropouts, reordering', fault=_insert_faults),
+    scenario('straight', 'straight accelerate / brake', *STARTS, *PULSES, (0.6, 0.0, 0.0), *BACK,
+             averaged=True),
+    scenario('spin_reverse', 'spin in place, reverse', *SPIN))
+HILL_SCENARIOS = by_name(
+    scenario('hills', 'rolling hills, 20 mrad', *COURSE, fault=_on_hills),
+    scenario('rough_hills', 'rolling hills, rough ground', *COURSE, fault=_on_rough_hills),
+    scenario('ramp', 'constant ramp, 50 mrad', *COURSE,
+             fault=on_terrain(ramp(-RAMP, RAMP_BEGIN, transition=1.0))),
+    scenario('speed_bump', 'speed bump, 50 mm', *COURSE,
+             fault=on_terrain(speed_bump(*BUMP, center=RAMP_BEGIN))))

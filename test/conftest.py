@@ -34,7 +34,7 @@ import signal
 import tempfile
 from typing import Any, IO
 
-from benchmarks.event_cache import FOLDER_VARIABLE
+from benchmarks.events import FOLDER_VARIABLE
 from hypothesis import HealthCheck, settings
 import pytest
 from support.groups import chain_of, GROUPS

@@ -27,9 +27,7 @@ from functools import partial
 
 from benchmarks.calibration.recordings import ROUTES
 from benchmarks.calibration.scoring import calibrated_run, parameters, Run, Score, score
-from benchmarks.command import machine, positive, run_benchmark
-from benchmarks.jobs import run_jobs
-from benchmarks.tables import new_console
+from benchmarks.harness import machine, new_table, positive, print_tables, run_benchmark, run_jobs
 from rich.table import Table
 from smart_tire.errors import ParameterError
 
@@ -54,28 +52,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         first, last = args.seeds
         jobs = [partial(calibrated_run, route, seed, films=not args.no_films)
                 for route in args.routes for seed in range(first, last + 1)]
-        runs = list(run_jobs(jobs, lambda run: f'{run.route} {run.seed}'))
-        print_runs(runs)
+        print_runs(run_jobs(jobs, lambda run: f'{run.route} {run.seed}'))
     return run_benchmark('calibration', work)
 
 
 def print_runs(runs: Sequence[Run]) -> None:
     """Print a table per route, and the reasons of refusals."""
-    console = new_console()
     for route in dict.fromkeys(run.route for run in runs):
         own = sorted((run for run in runs if run.route == route), key=lambda run: run.seed)
-        console.print(table(route, own))
+        print_tables('', [table(route, own)])
         for name in parameters(own):
             reasons = [run.kept[name] for run in own if name in run.kept]
             if reasons:
-                console.print(f'{name}: kept in {len(reasons)} of {len(own)}: {reasons[0]}')
+                print(f'{name}: kept in {len(reasons)} of {len(own)}: {reasons[0]}')
 
 
 def table(route: str, runs: Sequence[Run]) -> Table:
     """Return the scores of each parameter and of all pooled."""
-    made = Table(title=f'{route}, {len(runs)} seeds')
-    for column in ('parameter', 'identified', 'within 2 sigma', 'NEES', 'mean error [sigma]'):
-        made.add_column(column, justify='left' if column == 'parameter' else 'right')
+    made = new_table(f'{route}, {len(runs)} seeds', 'parameter', 'identified', 'within 2 sigma',
+                     'NEES', 'mean error [sigma]')
     for name in (*parameters(runs), None):
         made.add_row(name or 'all, pooled', *cells(score(runs, name), len(runs)))
     return made

@@ -16,7 +16,7 @@
 
 import sys
 
-from benchmarks.control.run import main
+from benchmarks.control.run import CONTROL
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(CONTROL.main())

@@ -27,34 +27,36 @@ from itertools import product
 from unittest import mock
 
 from benchmarks.control import scenarios
-from benchmarks.control.requirements import MAX_DURATION_SHARE, MAX_YAW_ACCELERATION
-from benchmarks.control.scenarios import BEST, PATHS, SHORT, SHORT_LOOK_AHEAD, TrackingCase, TRUE
-from benchmarks.control.scoring import TrackingScore
+from benchmarks.control.run import MAX_DURATION_SHARE, MAX_YAW_ACCELERATION
+from benchmarks.control.scenarios import (
+    BEST, OWN, PATHS, SHORT, SHORT_LOOK_AHEAD, TrackingCase, TRUE)
 from benchmarks.control.tracking import run_tracking
 from benchmarks.grounds import CONCRETE, SAND
+from benchmarks.scoring import combined, Figures, part_of
 
 TIMES, DISTANCES = (0.1, 0.15, 0.2, 0.28), (0.06, 0.09, 0.12)  # s, m
 SEED = 101
 
 
-def scores(path: str, kinematics: str) -> list[TrackingScore]:
-    """Return the scores on both grounds."""
-    return [run_tracking(TrackingCase(path, ground, TRUE, kinematics), SEED, traced=False).score
-            for ground in (CONCRETE, SAND)]
+def scores(path: str, kinematics: str) -> list[Figures]:
+    """Return the figures on both grounds."""
+    return [part_of(combined([run_tracking(
+        TrackingCase(path, ground, TRUE, OWN, kinematics), SEED)[0]]), kinematics)
+        for ground in (CONCRETE, SAND)]
 
 
 def main() -> None:
     """Print the best look-ahead of each path."""
     for path in PATHS:
         short = scores(path, SHORT)
-        found = {SHORT_LOOK_AHEAD: sum(one.rms ** 2 for one in short)}
+        found = {SHORT_LOOK_AHEAD: sum(one['control.rms'] ** 2 for one in short)}
         for look_ahead in product(TIMES, DISTANCES):
             with mock.patch.dict(scenarios.BEST_LOOK_AHEAD, {path: look_ahead}):
                 tried = scores(path, BEST)
-            if all(one.arrived and one.yaw_acceleration <= MAX_YAW_ACCELERATION
-                    and one.duration <= MAX_DURATION_SHARE * other.duration
+            if all(one['arrived'] and one['yaw.rms'] <= MAX_YAW_ACCELERATION
+                    and one['duration'] <= MAX_DURATION_SHARE * other['duration']
                     for one, other in zip(tried, short)):
-                found[look_ahead] = sum(one.rms ** 2 for one in tried)
+                found[look_ahead] = sum(one['control.rms'] ** 2 for one in tried)
         print(f'{path!r}: {min(found, key=found.__getitem__)}', flush=True)
 
 

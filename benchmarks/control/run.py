@@ -12,175 +12,134 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Benchmark of the controllers: wheel speed steps, path tracking, starts and stops.
-
-Tables are printed, figures and ``results.json`` are written.
-"""
+"""Benchmark of the controllers: wheel speed steps, path tracking, starts and stops."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
-import json
+from itertools import product
+import math
 from pathlib import Path
-from typing import Any
 
-from benchmarks.command import accuracy_parser, run_accuracy_benchmark
-from benchmarks.control.figures import tracking_figure
-from benchmarks.control.requirements import missed
-from benchmarks.control.scenarios import all_cases, KINEMATICS, title
-from benchmarks.control.tables import (
-    duration_table, TRACKING_NOTES, tracking_table)
-from benchmarks.control.tracking import run_tracking, TrackingResult
-from benchmarks.control.tracking_results import as_tree, by_case
-from benchmarks.control.traction import run, scenarios, TractionRun, TractionScenario
-from benchmarks.control.traction_figures import traction_figure
-from benchmarks.control.traction_scoring import scores, traction_table, TractionScore
-from benchmarks.control.wheel_steps import Row, wheel_steps
-from benchmarks.control.wheel_tables import line_table, wheel_steps_table
-from benchmarks.jobs import make_folder, run_jobs
-from benchmarks.slip.figures import save
-from benchmarks.tables import new_console, print_all
+from benchmarks.control.scenarios import BEST, CASES, KINEMATICS, OURS, SHORT, TrackingCase
+from benchmarks.control.tracking import run_tracking
+from benchmarks.control.traction import scenarios, traction_runs, TractionScenario
+from benchmarks.control.wheel_steps import GROUNDS, READINGS, Readings, wheel_steps
+from benchmarks.harness import (
+    Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows, save)
+from benchmarks.scoring import Figures, part_of, Run
 from rich.table import Table
-from smart_tire.analysis.summary import plain
 
-DRAWN_RATE = 16.0  # Hz, of the readings in figures of starts and stops
 WHEEL_STEPS, TRACTION = 'wheel_steps', 'traction'
-TITLES = {WHEEL_STEPS: 'wheel speed steps', TRACTION: 'starts and stops',
-          **{case.name: title(case.name) for case in all_cases()}}
+DEGREES = 57.29577951308232  # per rad
+
+MAX_SHARE = 1.0              # of the control error of the ideal kinematics
+MAX_BEST_SHARE = 1.5         # of it with the best look-ahead of each path
+MAX_DURATION_SHARE = 1.05    # of the time of the ideal kinematics with the best look-ahead
+MAX_YAW_ACCELERATION = 1.2   # rad/s2, rms
+MAX_LOCALIZATION = 0.005     # rms error over the length of the path
+
+NOTES = """\
+Wheel speed steps of 0, 6, 12, 3, -6, 0 rad/s: settled within 5 % of the step. Path tracking:
+control error is the distance of the pose that the controller was given from the wanted path, rms
+from the start to the end of following; localization the rms distance of that pose from the true
+one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least 0.18 m; best: with the
+best look-ahead of each path; icr: filter of the instantaneous centers of rotation; ours:
+slip-compensated. Poses and slips are true or estimated, both. Starts and stops: distance over that
+of full friction, at a stop its inverse; sliding: longest time above critical slip; against,
+beyond: wheels that turn against the command, or faster.
+"""
+STEPS = (Column('rise\n[s]', 'rise.mean', 2), percent('overshoot\n[%] mean', 'overshoot.mean'),
+         percent('\nmost', 'overshoot.max'), Column('settling\n[s] mean', 'settling.mean', 2),
+         Column('\nmost', 'settling.max', 2), percent('settled\n[%]', 'settled.mean', 0))
+TRACKING = (*(milli(f'control\n{one} [mm]', f'{one}.control.rms') for one in KINEMATICS),
+            milli('allowed\n[mm]', 'allowed'), milli('maximum\nours', f'{OURS}.control.max'),
+            milli('locali-\nzation', f'{OURS}.localization.rms'),
+            milli('true\nours', f'{OURS}.true.rms'),
+            *(Column(f'time [s]\n{one}', f'{one}.duration') for one in KINEMATICS),
+            *(Column(f'yaw\n{one}', f'{one}.yaw.rms', 2) for one in KINEMATICS))
+STARTS = (percent('distance\n[%] mean', 'distance'), Column('sliding\n[s] most', 'sliding.max', 2),
+          Column('drift\n[m] most', 'drift.max', 3), Column('turn\n[deg]', 'turn.max', 1, DEGREES),
+          Column('against', 'against.max', 0), Column('beyond\n[m/s]', 'beyond.max', 2),
+          Column('stopped\n[s]', 'stopped.max', 2))
 
 
-@dataclass(frozen=True)
-class WheelSteps:
-    """Rows of the table of wheel speed steps."""
-
-    rows: tuple[Row, ...]
-
-
-@dataclass(frozen=True)
-class Starts:
-    """Scores of the starts and stops of one scenario."""
-
-    scenario: TractionScenario
-    scores: tuple[TractionScore, ...]
-    drawn: TractionRun | None
+def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
+    """Return the jobs of the wheel steps, of starts and stops, or of one tracking case."""
+    if name == WHEEL_STEPS:
+        return [partial(run_steps, ground, readings, seed)
+                for ground, readings, seed in product(GROUNDS, READINGS, seeds)]
+    if name == TRACTION:
+        return [partial(run_starts, one) for one in scenarios(seeds)]
+    return [partial(run_case, replace(CASES[name], kinematics=kinematics), seed,
+                    args.out if kinematics == OURS and seed == seeds[0] else None)
+            for kinematics in KINEMATICS for seed in seeds]
 
 
-Result = TrackingResult | WheelSteps | Starts
-Job = Callable[[], Result]
+def run_steps(ground: str, readings: Readings, seed: int) -> list[Run]:
+    """Return the responses of the wheels."""
+    found = wheel_steps(ground, readings, seed)
+    return [replace(found, row=f'{WHEEL_STEPS}/{found.row}')]
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the benchmark; return the exit status."""
-    args = accuracy_parser(
-        'control', 'wheel speed steps, path tracking, starts and stops').parse_args(argv)
-    return run_accuracy_benchmark(
-        'control', args, TITLES,
-        lambda seeds, on: benchmark(seeds, args.runs or list(TITLES), args.out, on))
-
-
-def benchmark(seeds: Sequence[int], runs: Sequence[str], out: Path, machine_name: str) -> None:
-    """Run all jobs, print the tables and write figures and results."""
-    make_folder(out)
-    results = list(run_jobs(jobs(seeds, runs), label))
-    order = list(all_cases())
-    tracking = sorted((one for one in results if isinstance(one, TrackingResult)),
-                      key=lambda one: (order.index(one.case), one.seed))
-    steps = [row for one in results if isinstance(one, WheelSteps) for row in one.rows]
-    starts = [one for one in results if isinstance(one, Starts)]
-    starts.sort(key=lambda one: list(scenarios(seeds)).index(one.scenario))
-    found = [score for one in starts for score in one.scores]
-    _write(out / 'results.json', tracking, steps, found, machine_name)
-    print_all(new_console(), TRACKING_NOTES, _tables(tracking, steps, found))
-    for one in tracking:
-        if not one.score.arrived:
-            print(f'{label(one)}: {one.reason or "not arrived in time"}')
-    count = _draw(tracking, out) + _draw_starts(starts, out)
-    rows = by_case(tracking)
-    if rows:
-        met = sum(not missed(row) for row in rows.values())
-        print(f'path tracking: {len(tracking)} runs, {met} of {len(rows)} rows meet all '
-              'requirements')
-    print(f'{count} figures and results.json in {out}')
-
-
-def jobs(seeds: Sequence[int], runs: Sequence[str]) -> list[Job]:
-    """Return the jobs of ``runs``, the longest first; the first seed is drawn."""
-    found: list[Job] = [partial(run_wheel_steps, tuple(seeds))] if WHEEL_STEPS in runs else []
-    if TRACTION in runs:
-        found += [partial(run_starts, one, drawn=one.seed == seeds[0]
-                          and one.wheel_rate == DRAWN_RATE) for one in scenarios(seeds)]
-    found += [
-        partial(run_tracking, case, seed, traced=seed == seeds[0])
-        for case in all_cases() if case.name in runs for seed in seeds]
-    return found
-
-
-def run_wheel_steps(seeds: Sequence[int]) -> WheelSteps:
-    """Return the rows of the wheel speed steps."""
-    return WheelSteps(tuple(wheel_steps(seeds)))
-
-
-def run_starts(scenario: TractionScenario, *, drawn: bool) -> Starts:
+def run_starts(scenario: TractionScenario) -> list[Run]:
     """Return the scores of the starts and stops of ``scenario``."""
-    result = run(scenario)
-    return Starts(scenario, tuple(scores(result)), result if drawn else None)
+    return [replace(one, row=f'{TRACTION}/{one.row}') for one in traction_runs(scenario)]
 
 
-def label(result: Result) -> str:
-    """Return the label of ``result`` for progress lines."""
-    if isinstance(result, WheelSteps):
-        return TITLES[WHEEL_STEPS]
-    if isinstance(result, Starts):
-        return f'{result.scenario.title}, seed {result.scenario.seed}'
-    return (f'{title(result.case.name)}, {KINEMATICS[result.case.kinematics]}, '
-            f'seed {result.seed}')
+def run_case(case: TrackingCase, seed: int, out: Path | None) -> list[Run]:
+    """Return the scores of one run of path tracking; draw its paths to ``out``."""
+    found, figure = run_tracking(case, seed)
+    if out is not None:
+        save(figure, out / f'{case.name}.png')
+    return [found]
 
 
-def _tables(tracking: Sequence[TrackingResult], steps: Sequence[Row],
-            found: Sequence[TractionScore]) -> Iterator[Table]:
-    if steps:
-        yield wheel_steps_table(steps)
-        yield line_table()
-    if tracking:
-        rows = by_case(tracking)
-        yield tracking_table(rows)
-        yield duration_table(rows)
-    if found:
-        yield traction_table(found)
+def max_error(row: Figures) -> float:
+    """
+    Return the largest rms control error [m] that is allowed for a row of the table.
+
+    A best look-ahead counts only where it arrives, and smoothly.
+    """
+    counts = row[f'{BEST}.arrived'] == 1.0 and row[f'{BEST}.yaw.rms'] <= MAX_YAW_ACCELERATION
+    return min(MAX_SHARE * row[f'{SHORT}.control.rms'],
+               MAX_BEST_SHARE * row[f'{BEST}.control.rms'] if counts else math.inf)
 
 
-def _draw(tracking: Sequence[TrackingResult], out: Path) -> int:
-    """Draw a figure for each path, ground and localization; return their number."""
-    drawn = [one for one in tracking if one.trace is not None]
-    cases = dict.fromkeys(replace(one.case, kinematics='') for one in drawn)
-    for case in cases:
-        traces = {one.case.kinematics: one.trace for one in drawn
-                  if one.case.name == case.name and one.trace is not None}
-        save(tracking_figure(case, traces), out / f'{case.name}.png')
-    return len(cases)
+def missed(row: Figures) -> list[str]:
+    """Return what a row of the table misses: nothing if all requirements are met."""
+    ours = part_of(row, OURS)
+    checks = {
+        'arrival': ours['arrived'] == 1.0, 'error': ours['control.rms'] <= max_error(row),
+        'time': ours['duration'] <= MAX_DURATION_SHARE * row[f'{BEST}.duration'],
+        'yaw': ours['yaw.rms'] <= MAX_YAW_ACCELERATION,
+        'localization': ours['localization.rms'] <= MAX_LOCALIZATION * ours['length']}
+    return [name for name, met in checks.items() if not met]
 
 
-def _draw_starts(starts: Sequence[Starts], out: Path) -> int:
-    """Draw a figure for each ground, without and with traction control; return their number."""
-    pairs: dict[str, list[TractionRun]] = {}
-    for one in starts:
-        if one.drawn is not None:
-            pairs.setdefault(one.scenario.name, []).append(one.drawn)
-    for name, runs in pairs.items():
-        save(traction_figure(runs), out / f'traction_{name}.png')
-    return len(pairs)
+def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
+    """Yield the tables of wheel speed steps, path tracking, starts and stops."""
+    for name, title, columns in ((WHEEL_STEPS, 'Wheel speed steps', STEPS),
+                                 (TRACTION, 'Starts and stops', STARTS)):
+        own = [(row.partition('/')[2], figures) for row, figures in rows.items()
+               if row.startswith(f'{name}/')]
+        if own:
+            yield figure_table(title, own, columns)
+    tracked = {row: figures for row, figures in rows.items() if row in CASES}
+    if tracked:
+        yield figure_table('Path tracking', [
+            (CASES[row].title, figures | {'allowed': max_error(figures)})
+            for row, figures in tracked.items()], TRACKING)
+        table = new_table('Requirements of path tracking', 'run', 'missed')
+        for row, figures in tracked.items():
+            table.add_row(CASES[row].title, ', '.join(missed(figures)) or 'none')
+        yield table
 
 
-def _write(path: Path, tracking: Sequence[TrackingResult], steps: Sequence[Row],
-           found: Sequence[TractionScore], machine: str) -> None:
-    tree: dict[str, Any] = {
-        'machine': machine, 'units': 'SI', 'kinematics': KINEMATICS,
-        'wheel_steps': [asdict(row) for row in steps], 'path_tracking': as_tree(tracking),
-        'traction': [{**{name: value for name, value in asdict(one).items()
-                         if name != 'scenario'}, 'scenario': one.scenario.name,
-                      'wheel_rate': one.scenario.wheel_rate, 'seed': one.scenario.seed,
-                      'traction_control': one.scenario.traction} for one in found]}
-    path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')
+CONTROL = Benchmark(
+    'control', 'wheel speed steps, path tracking, starts and stops', NOTES,
+    {WHEEL_STEPS: 'wheel speed steps', TRACTION: 'starts and stops',
+     **{name: case.title for name, case in CASES.items()}}, jobs, tables)

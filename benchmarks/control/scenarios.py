@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs of the path tracking benchmark: paths, grounds, kinematics and localization."""
+"""Cases of the path tracking benchmark: paths, grounds, kinematics and localization."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -28,19 +28,15 @@ from benchmarks.scenarios import Scenario
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.control import path_library
 from smart_tire.control.trajectory_control import TrajectoryControl
-from smart_tire.parameters import (
-    FrictionEstimatorParams, SimulatorParams, SlipEstimatorParams)
+from smart_tire.parameters import FrictionEstimatorParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.samples import PlannedPath
 
 FILM = FilmParams(wheels=('front_right', 'front_left'))
 MAX_DURATION = 90.0      # s, of a run
-CALIBRATED_TRACK = 0.57  # m, effective track on concrete
 
-SHORT, BEST, FIXED, ICR, OURS = 'ideal', 'ideal_best', 'fixed', 'icr', 'ours'
-KINEMATICS = {SHORT: 'ideal', BEST: 'ideal, best look-ahead', FIXED: 'fixed effective track',
-              ICR: 'ICR filter', OURS: 'slip-compensated'}
+SHORT, BEST, ICR, OURS = KINEMATICS = 'ideal', 'best', 'icr', 'ours'
 SHORT_LOOK_AHEAD = 0.35, 0.18  # s, m: the same for all paths
 TRUE, ESTIMATED = 'true', 'estimated'
 CHANGE = 'change'
@@ -75,13 +71,19 @@ class TrackingCase:
     path: str
     ground: str
     localization: str
-    kinematics: str
     plant: str = OWN
+    kinematics: str = OURS
 
     @property
     def name(self) -> str:
         """Return all but the kinematics: what they are compared on."""
         return f'{self.path}_{self.ground}_{self.localization}_{self.plant}'
+
+    @property
+    def title(self) -> str:
+        """Return the title of the case."""
+        return (f'{PATHS[self.path][0]}, {GROUNDS[self.ground]}, {self.localization} pose'
+                f'{PLANTS[self.plant]}')
 
     def wanted(self) -> PlannedPath:
         """Return the path to follow."""
@@ -96,9 +98,9 @@ class TrackingCase:
     def stack(self) -> StackParams:
         """Return the parameters of the software, which knows nothing of the other plant."""
         robot = self._scenario().robot
-        track = CALIBRATED_TRACK if self.kinematics == FIXED else robot.track_width
         trajectory = TrajectoryControllerParams(
-            robot=robot, effective_track=track, slip_compensation=self.kinematics in (ICR, OURS))
+            robot=robot, effective_track=robot.track_width,
+            slip_compensation=self.kinematics in (ICR, OURS))
         if self.kinematics in (SHORT, BEST):
             time, distance = (SHORT_LOOK_AHEAD if self.kinematics == SHORT
                               else BEST_LOOK_AHEAD[self.path])
@@ -107,7 +109,7 @@ class TrackingCase:
         return StackParams(
             EstimatorParams(SlipEstimatorParams(robot=robot),
                             FrictionEstimatorParams(robot=robot)), trajectory,
-            WheelControllerParams(robot=robot, effective_track=track),
+            WheelControllerParams(robot=robot, effective_track=robot.track_width),
             estimated=self.localization == ESTIMATED,
             control=IcrControl if self.kinematics == ICR else TrajectoryControl)
 
@@ -118,17 +120,8 @@ class TrackingCase:
                         ground=surface, film=FILM, gain_error=FILM.stretch_gain_tolerance)
 
 
-def all_cases() -> Iterator[TrackingCase]:
-    """Yield all runs: with true motion and slip on both plants, some with estimates."""
-    for path, surface, localization, plant, kinematics in product(
-            PATHS, GROUNDS, (TRUE, ESTIMATED), PLANTS, KINEMATICS):
-        if ((surface != CHANGE or path in SAND_FIELDS)
-                and (localization == TRUE or (path in WITH_ESTIMATES and plant == OWN))):
-            yield TrackingCase(path, surface, localization, kinematics, plant)
-
-
-def title(name: str) -> str:
-    """Return the title of the cases with this name."""
-    case = next(case for case in all_cases() if case.name == name)
-    return (f'{PATHS[case.path][0]}, {GROUNDS[case.ground]}, {case.localization} pose'
-            f'{PLANTS[case.plant]}')
+# with true motion and slip on both plants, some with estimates
+CASES: Mapping[str, TrackingCase] = {case.name: case for case in (
+    TrackingCase(*parts) for parts in product(PATHS, GROUNDS, (TRUE, ESTIMATED), PLANTS))
+    if (case.ground != CHANGE or case.path in SAND_FIELDS)
+    and (case.localization == TRUE or (case.path in WITH_ESTIMATES and case.plant == OWN))}

@@ -12,101 +12,134 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One run of the path tracking benchmark: simulated, scored, and recorded for the figures."""
+"""One run of the path tracking benchmark: distances from the wanted path, time, yaw rate."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 import math
 
 from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import OtherPlant
 from benchmarks.control.robot_stack import RobotStack
-from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
-from benchmarks.control.scoring import path_errors, score_tracking, TrackingScore
+from benchmarks.control.scenarios import CHANGE, MAX_DURATION, OWN, SAND_FIELDS, TrackingCase
+from benchmarks.grounds import SAND
+from benchmarks.scoring import Errors, Run
+from matplotlib.figure import Figure
 import numpy as np
-
-from smart_tire.analysis.series import Floats
+from smart_tire.analysis import drawing
+from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import State
-from smart_tire.models.tire.brush_tire import brush_force
-from smart_tire.samples import NS_PER_S, Odometry
+from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
 from smart_tire.simulation.plant import Plant
 
-WATCH_STEPS = 50  # steps of the plant between two rows of a trace: 20 Hz
+SPACING = 0.001        # m, of the points of the wanted path
+BACKWARD, FORWARD = 0.1, 0.5  # m along the path, in which the next projection is searched
+YAW_STEP = 0.05        # s, the period of the trajectory controller
+MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
+SAND_COLOR = '#f3e3c3'
 
 
-@dataclass(frozen=True)
-class Trace:
-    """Course of one run from the start of following, n rows."""
-
-    time: Floats       # (n,) s
-    position: Floats   # (n, 2) m, true
-    followed: Floats   # (m, 2) m, pose that was followed
-    error: Floats      # (n,) m, true position from the wanted path
-    slip: Floats       # (n, 4), magnitude of the true slip vector of the wheels
-    used: Floats       # (n, 4), tire force over friction coefficient times load
-
-
-@dataclass(frozen=True)
-class TrackingResult:
-    """Result of one run; the trace of the drawn seed only."""
-
-    case: TrackingCase
-    seed: int
-    score: TrackingScore
-    reason: str  # why following has ended without arrival
-    trace: Trace | None
-
-
-def run_tracking(case: TrackingCase, seed: int, traced: bool) -> TrackingResult:
-    """Simulate ``case`` and return its score."""
+def run_tracking(case: TrackingCase, seed: int) -> tuple[Run, Figure]:
+    """Simulate ``case``; return its scores by kinematics, and the figure of the paths."""
     stack, params = RobotStack(case.stack(), case.wanted()), case.simulator(seed)
-    watch = _Watch(params.robot.wheel_radius)
-    events = run_closed_loop(params, stack, MAX_DURATION, watch=watch,
+    events = run_closed_loop(params, stack, MAX_DURATION,
                              plant=Plant if case.plant == OWN else OtherPlant)
     truth = [sample for _, topic, sample in events
              if topic == 'ground_truth/odom' and isinstance(sample, Odometry)]
     end_ns = stack.ended_ns or truth[-1].stamp_ns
-    followed = [pose for pose in stack.poses if stack.start_ns <= pose.stamp_ns <= end_ns]
-    score = score_tracking(
-        case.wanted(), truth, followed, start_ns=stack.start_ns, end_ns=end_ns,
-        arrived=stack.trajectory.state == State.ARRIVED)
-    begin = (stack.start_ns - truth[0].stamp_ns) / NS_PER_S
-    trace = watch.trace(case, followed, begin, begin + score.duration) if traced else None
-    return TrackingResult(case, seed, score, stack.trajectory.reason, trace)
+    true, followed = ([pose for pose in poses if stack.start_ns <= pose.stamp_ns <= end_ns]
+                      for poses in (truth, stack.poses))
+    errors, length = score_tracking(case.wanted(), true, followed)
+    values = {'duration': (end_ns - stack.start_ns) / NS_PER_S, 'length': length,
+              'arrived': float(stack.trajectory.state == State.ARRIVED)}
+    return Run(case.name, seed, {f'{case.kinematics}.{name}': one for name, one in errors.items()},
+               {f'{case.kinematics}.{name}': value for name, value in values.items()}
+               ), path_figure(case, true, followed)
 
 
-class _Watch:
-    """Records the true motion, slip and friction used."""
+def score_tracking(wanted: PlannedPath, truth: Sequence[Odometry], followed: Sequence[Odometry]
+                   ) -> tuple[dict[str, Errors], float]:
+    """
+    Return the errors of a run, and the length of the path [m].
 
-    def __init__(self, radius: float) -> None:
-        self._radius, self._rows = radius, list[tuple[float, ...]]()
-
-    def __call__(self, plant: Plant) -> None:
-        if plant.steps % WATCH_STEPS:
-            return
-        slips, used = [], []
-        for i, speed in enumerate(plant.wheel_speed):
-            slip = _slip(plant, i, self._radius * speed)
-            surface = plant.surface[i]
-            force, _ = brush_force(slip, 0.0, surface.friction, plant.load[i], surface.stiffness)
-            slips.append(slip)
-            used.append(float(force) / max(surface.friction * plant.load[i], 1e-6))
-        self._rows.append((plant.time_ns / NS_PER_S, plant.x, plant.y, *slips, *used))
-
-    def trace(self, case: TrackingCase, followed: Sequence[Odometry], begin: float,
-              end: float) -> Trace:
-        """Return the rows between ``begin`` and ``end`` [s]."""
-        table = np.array(self._rows)
-        table = table[(table[:, 0] >= begin) & (table[:, 0] <= end)]
-        position = table[:, 1:3]
-        return Trace(table[:, 0] - begin, position,
-                     np.array([pose.position[:2] for pose in followed[::10]]),
-                     path_errors(case.wanted(), position), table[:, 3:7], table[:, 7:11])
+    Control and true are the distances [m] of ``followed``, the pose that the controller was given,
+    and of ``truth`` from the path, localization is that between both, yaw the acceleration
+    [rad/s2] over steps of ``YAW_STEP``.
+    """
+    control, true = (path_errors(wanted, np.array([one.position[:2] for one in poses]))
+                     for poses in (followed, truth))
+    return {'control': Errors.without_sigma(control), 'true': Errors.without_sigma(true),
+            'localization': Errors.without_sigma(_localization(truth, followed)),
+            'yaw': Errors.without_sigma(_yaw_accelerations(truth))}, (
+                SPACING * (len(dense_points(wanted)) - 1))
 
 
-def _slip(plant: Plant, i: int, rolling: float) -> float:
-    """Return the magnitude of the slip vector of wheel ``i``, at least with ``slip_floor``."""
-    return (math.hypot(rolling - plant.wheel_v_x[i], plant.wheel_v_y[i])
-            / max(abs(rolling), plant.slip_floor))
+def path_errors(wanted: PlannedPath, position: Array) -> Array:
+    """
+    Return the distances [m] of positions (n, 2), in order, from the path.
+
+    Each is projected near the projection before it, so that crossing parts of the path are not
+    mixed up.
+    """
+    points = dense_points(wanted)
+    errors, index = np.empty(len(position)), 0
+    back, ahead = round(BACKWARD / SPACING), round(FORWARD / SPACING)
+    for n, (x, y) in enumerate(position):
+        first = max(index - back, 0)
+        part = points[first:index + ahead + 1]
+        distances = np.hypot(part[:, 0] - x, part[:, 1] - y)
+        nearest = int(distances.argmin())
+        errors[n], index = distances[nearest], first + nearest
+    return errors
+
+
+def dense_points(wanted: PlannedPath) -> Array:
+    """Return points (n, 2) on the path, ``SPACING`` apart."""
+    corners = np.array([pose[:2] for pose in wanted.poses])
+    steps = np.hypot(*np.diff(corners, axis=0).T)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.linspace(0.0, arc[-1], max(math.ceil(arc[-1] / SPACING), 1) + 1)
+    points: Array = np.column_stack([np.interp(at, arc, corners[:, i]) for i in (0, 1)])
+    return points
+
+
+def _yaw_accelerations(truth: Sequence[Odometry]) -> Array:
+    """Return the changes of the mean yaw rate [rad/s2]."""
+    time = np.array([one.stamp_ns for one in truth], dtype=np.float64) / NS_PER_S
+    step = ((time - time[0]) / YAW_STEP).astype(int)
+    count = np.maximum(np.bincount(step), 1)
+    mean = np.bincount(step, [one.angular[2] for one in truth]) / count
+    changes: Array = np.diff(mean) / YAW_STEP
+    return changes
+
+
+def _localization(truth: Sequence[Odometry], followed: Sequence[Odometry]) -> Array:
+    """Return the distances [m] of ``followed`` from the true position at the same time."""
+    stamps = np.array([one.stamp_ns for one in truth])
+    known = [one for one in followed
+             if stamps[0] - MATCH_NS <= one.stamp_ns <= stamps[-1] + MATCH_NS]
+    at = np.array([one.stamp_ns for one in known])
+    error = [np.interp(at, stamps, [one.position[i] for one in truth])
+             - [one.position[i] for one in known] for i in (0, 1)]
+    return np.hypot(*error)
+
+
+def path_figure(case: TrackingCase, truth: Sequence[Odometry], followed: Sequence[Odometry]
+                ) -> Figure:
+    """Return the wanted path, that of the pose that is followed, and the true one."""
+    figure, axes = drawing.new_figure([['path']], width=7.0, height=6.0)
+    ax, wanted = axes['path'], dense_points(case.wanted())
+    if case.ground == CHANGE:
+        ax.axvspan(*SAND_FIELDS[case.path], color=SAND_COLOR, zorder=0)
+    elif case.ground == SAND:
+        ax.set_facecolor(SAND_COLOR)
+    ax.plot(*wanted.T, color=drawing.SHADE, linewidth=3.0, alpha=0.6, label='wanted')
+    ax.plot(*np.array([pose.position[:2] for pose in followed]).T, color=drawing.BLUE,
+            label='driven, as localized')
+    ax.plot(*np.array([pose.position[:2] for pose in truth]).T, **drawing.TRUTH, label='true')
+    (left, bottom), (right, top) = wanted.min(axis=0) - 0.3, wanted.max(axis=0) + 0.3
+    ax.set(title=f'{case.title}\n{case.kinematics}', xlabel='x [m]', ylabel='y [m]',
+           xlim=(left, right), ylim=(bottom, top), aspect='equal')
+    ax.legend(frameon=False)
+    return figure

@@ -23,19 +23,20 @@ with a falling friction curve and another mass; the software does not know.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import accumulate
+import math
 
 from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import other_robot, OtherPlant, peak_slip
 from benchmarks.control.wrong_estimates import FAULTS
+from benchmarks.scoring import Run
 import numpy as np
 
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.arrays import Array
 from smart_tire.control.wheel_control import WheelControl
-from smart_tire.models.tire.brush_tire import brush_force
 from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams,
     WheelControllerParams)
@@ -43,7 +44,7 @@ from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
 from smart_tire.samples import (
-    Four, GroundState, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample)
+    Four, GRAVITY, GroundState, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample)
 from smart_tire.simulation.plant import Plant
 
 
@@ -57,6 +58,9 @@ FILM_WHEELS = ('front_left', 'front_right')
 SPLIT_FRICTION = 0.17  # -, on the right of the ground with two sides
 CHANGE_AT = 0.1        # m, from the start to the patch with less friction
 FIELD = 50.0           # m, half the size of a patch
+SCORED_SPEED = 1.2     # m/s, up to which starts count; then the command limits the slip
+MIN_SLIDING_SPEED, MIN_SPEED = 0.05, 0.2  # m/s, of the tread and of the robot, for slip to count
+TURNING_SPEED = 0.05   # m/s, rolling speed of a wheel that turns
 
 
 @dataclass(frozen=True)
@@ -90,44 +94,9 @@ class TractionScenario:
         return RobotParams(film=FilmParams(wheels=FILM_WHEELS if self.films else ()))
 
 
-@dataclass
-class PlantLog:
-    """True states of a run; arrays over (time,) or (time, wheel)."""
-
-    peaks: bool = False  # whether the friction curve falls beyond a peak
-    rows: list[tuple[float, ...]] = field(default_factory=list)
-    count: int = 0
-
-    def __call__(self, plant: Plant) -> None:
-        """Add the present state of the plant at every LOG_STEPS-th call."""
-        self.count += 1
-        if self.count % LOG_STEPS:
-            return
-        self.rows.append((
-            1e-9 * plant.time_ns, plant.x, plant.y, plant.yaw, plant.v_x, *plant.wheel_speed,
-            *plant.wheel_v_x, *plant.wheel_v_y, *plant.load,
-            *(surface.friction for surface in plant.surface),
-            *(surface.stiffness for surface in plant.surface)))
-
-    def history(self, radius: float) -> TractionHistory:
-        """Return the logged states."""
-        table = np.array(self.rows)
-        wheels = table[:, 5:].reshape(len(table), 6, 4).transpose(1, 0, 2)
-        omega, v_x, v_y, load, friction, stiffness = wheels
-        critical = (peak_slip if self.peaks else critical_slip)(friction, load, stiffness)
-        time, x, y, yaw, speed = table[:, :5].T
-        return TractionHistory(time, x, y, yaw, speed, radius * omega, v_x, v_y, load, friction,
-                               stiffness, critical)
-
-
-def critical_slip(friction: Array, load: Array, stiffness: Array) -> Array:
-    """Return the slip at which the whole contact patch of a brush tire slides."""
-    return 3.0 * friction * load / stiffness
-
-
 @dataclass(frozen=True)
 class TractionHistory:
-    """True motion, slips and forces; arrays over (time,) or (time, wheel)."""
+    """True motion; arrays over (time,) or (time, wheel)."""
 
     time: Array       # s
     x: Array          # m
@@ -137,27 +106,56 @@ class TractionHistory:
     rolling: Array    # m/s, r w
     wheel_v_x: Array  # m/s
     wheel_v_y: Array  # m/s
-    load: Array       # N
     friction: Array   # -
-    stiffness: Array  # N
     critical_slip: Array  # -, of full sliding, or of the largest force
 
     @property
-    def slip(self) -> tuple[Array, Array]:
-        """Return the slip vectors (s_x, s_y); 0 where the wheels do not turn."""
-        scale = np.maximum(np.abs(self.rolling), 1e-3)
-        return (self.rolling - self.wheel_v_x) / scale, -self.wheel_v_y / scale
+    def slip(self) -> Array:
+        """Return the magnitude of the slip; 0 where the wheels do not turn."""
+        return self.tread_speed / np.maximum(np.abs(self.rolling), 1e-3)
 
     @property
-    def forces(self) -> tuple[Array, Array]:
-        """Return F_x and F_y [N] of the ground on each wheel."""
-        return brush_force(*self.slip, self.friction, self.load, self.stiffness)
+    def tread_speed(self) -> Array:
+        """Return the speed [m/s] of the treads over the ground."""
+        return np.hypot(self.rolling - self.wheel_v_x, self.wheel_v_y)
 
     def between(self, begin: float, end: float) -> TractionHistory:
         """Return the part of the history between two times [s]."""
         chosen = (self.time >= begin) & (self.time < end)
-        return TractionHistory(*(getattr(self, name)[chosen]
-                                 for name in self.__dataclass_fields__))
+        return TractionHistory(*(getattr(self, one.name)[chosen] for one in fields(self)))
+
+
+class PlantLog:
+    """Adds the state of the plant at every second call."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, ...]] = []
+        self._count = 0
+
+    def __call__(self, plant: Plant) -> None:
+        """Add the present state of the plant at every LOG_STEPS-th call."""
+        self._count += 1
+        if self._count % LOG_STEPS == 0:
+            self.rows.append((
+                1e-9 * plant.time_ns, plant.x, plant.y, plant.yaw, plant.v_x, *plant.wheel_speed,
+                *plant.wheel_v_x, *plant.wheel_v_y, *plant.load,
+                *(surface.friction for surface in plant.surface),
+                *(surface.stiffness for surface in plant.surface)))
+
+    def history(self, radius: float, critical: Callable[[Array, Array, Array], Array]
+                ) -> TractionHistory:
+        """Return the logged states; ``critical`` gives the slip of the largest force."""
+        table = np.array(self.rows)
+        omega, v_x, v_y, load, friction, stiffness = table[:, 5:].reshape(
+            len(table), 6, 4).transpose(1, 0, 2)
+        time, x, y, yaw, speed = table[:, :5].T
+        return TractionHistory(time, x, y, yaw, speed, radius * omega, v_x, v_y, friction,
+                               critical(friction, load, stiffness))
+
+
+def critical_slip(friction: Array, load: Array, stiffness: Array) -> Array:
+    """Return the slip at which the whole contact patch of a brush tire slides."""
+    return 3.0 * friction * load / stiffness
 
 
 class TractionStack:
@@ -173,7 +171,6 @@ class TractionStack:
         self._ends = list(accumulate(leg.duration for leg in scenario.legs))
         self._start_ns: int | None = None
         self.begins: list[float] = []  # s, first control step of each leg, since the start
-        self.trace: list[tuple[float, ...]] = []
 
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
         """Process a message."""
@@ -197,9 +194,7 @@ class TractionStack:
         if len(self.begins) <= number:
             self.begins.append(time)
         command = VelocityCommand(now_ns, leg.v_x, leg.yaw_rate)
-        set_points, duties = self.control.follow(command, now_ns, now_ns)
-        self.trace.append((time, *set_points))
-        return duties
+        return self.control.follow(command, now_ns, now_ns)[1]
 
     def finished(self, now_ns: int) -> bool:
         """Return whether all legs are over."""
@@ -228,16 +223,83 @@ class TractionRun:
 
 def run(scenario: TractionScenario, params: TractionParams | None = None) -> TractionRun:
     """Return a run of a scenario, by default with the default parameters."""
-    stack = TractionStack(
-        scenario, replace(params or TractionParams(), enabled=scenario.traction))
-    log = PlantLog(scenario.other)
+    stack, log = TractionStack(
+        scenario, replace(params or TractionParams(), enabled=scenario.traction)), PlantLog()
     robot = other_robot(scenario.robot) if scenario.other else scenario.robot
     simulator = SimulatorParams(seed=scenario.seed, ground=scenario.ground, robot=robot)
     run_closed_loop(simulator, stack, sum(leg.duration for leg in scenario.legs) + 1.0,
                     wheel_rate=scenario.wheel_rate, control_rate=scenario.wheel_rate, watch=log,
                     plant=OtherPlant if scenario.other else Plant)
-    return TractionRun(scenario, tuple(stack.begins[:len(scenario.legs)]),
-                       log.history(scenario.robot.wheel_radius))
+    return TractionRun(scenario, tuple(stack.begins[:len(scenario.legs)]), log.history(
+        scenario.robot.wheel_radius, peak_slip if scenario.other else critical_slip))
+
+
+def traction_runs(scenario: TractionScenario) -> Iterator[Run]:
+    """Yield the scores of each start and stop of a run."""
+    found = run(scenario)
+    for leg, part in found.legs():
+        if leg.kind in ('start', 'stop'):
+            drift, turn = _drift(part)
+            against, beyond, stopped = _bounds(leg, part)
+            kind = 'with' if scenario.traction else 'without'
+            yield Run(f'{scenario.title}, {scenario.wheel_rate:g} Hz, {kind} traction control: '
+                      f'{leg.kind}', scenario.seed, {}, {
+                          'distance': _distance(found, leg, part), 'drift': drift,
+                          'sliding': longest_sliding(part), 'turn': abs(turn),
+                          'against': against, 'beyond': beyond, 'stopped': stopped})
+
+
+def longest_sliding(part: TractionHistory) -> float:
+    """Return the longest time [s] for which one wheel is above its critical slip."""
+    sliding = ((part.slip > part.critical_slip) & (part.tread_speed > MIN_SLIDING_SPEED)
+               & (np.abs(part.v_x) > MIN_SPEED)[:, np.newaxis])
+    return float(max(map(_longest, sliding.T)) * np.median(np.diff(part.time)))
+
+
+def _longest(flags: Array) -> int:
+    """Return the length of the longest run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
+    return int(max(edges[1::2] - edges[::2], default=0))
+
+
+def _bounds(leg: Leg, part: TractionHistory) -> tuple[int, float, float]:
+    """Return how often wheels turn against the command, how far beyond it, and until when."""
+    forward = part.rolling * np.sign(leg.v_x or part.v_x[0])
+    wrong = (forward < -TURNING_SPEED).astype(int)
+    against = int(np.sum(np.diff(wrong, axis=0) > 0))
+    beyond = float((forward - (abs(leg.v_x) or forward[0])).max())
+    if leg.v_x:
+        return against, beyond, math.nan
+    turning = np.flatnonzero((np.abs(part.rolling) > TURNING_SPEED).any(axis=1))
+    last = int(turning[-1]) if len(turning) else 0
+    return against, beyond, float(part.time[last] - part.time[0])
+
+
+def _distance(result: TractionRun, leg: Leg, part: TractionHistory) -> float:
+    """Return the distance of a start over that of full friction; the inverse for a stop."""
+    friction = float(part.friction.mean())
+    if leg.kind == 'stop':
+        shortest = part.v_x[0] ** 2 / (2.0 * GRAVITY * (friction + result.scenario.ground.drag[0]))
+        return float(shortest / max(_path(part)[-1], 1e-6))
+    acceleration = GRAVITY * (part.friction.mean(axis=1) - result.scenario.ground.drag[0])
+    speed = np.cumsum(acceleration[:-1] * np.diff(part.time))
+    end = int(np.searchsorted(speed, SCORED_SPEED))
+    if end >= len(speed):
+        return math.nan
+    return float(_path(part)[end] / np.sum(speed[:end] * np.diff(part.time)[:end]))
+
+
+def _path(part: TractionHistory) -> Array:
+    """Return the distance [m] traveled since the beginning."""
+    steps = np.hypot(np.diff(part.x), np.diff(part.y))
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def _drift(part: TractionHistory) -> tuple[float, float]:
+    """Return the largest lateral deviation [m] and the change of heading [rad]."""
+    yaw = part.yaw[0]
+    lateral = math.cos(yaw) * (part.y - part.y[0]) - math.sin(yaw) * (part.x - part.x[0])
+    return float(np.abs(lateral).max()), float(part.yaw[-1] - yaw)
 
 
 def ground(friction: float, stiffness: float, drag: float, *, right: float | None = None,
@@ -269,27 +331,23 @@ KNOWN, UNKNOWN = legs(WAIT, LAP, REST, START, STOP), legs(WAIT, START, STOP)
 SHUTTLED = legs(WAIT, *SHUTTLE, *SHUTTLE, START, STOP)
 SLIPPERY, SOFT = ground(0.2, 52.7, 0.015), ground(0.2, 30.0, 0.05)
 SPLIT = ground(0.2, 52.7, 0.015, right=SPLIT_FRICTION)
-SCENARIOS = (
-    TractionScenario(name='slippery', title='mu 0.2, measured', legs=KNOWN, ground=SLIPPERY),
-    TractionScenario(name='slippery_unknown', title='mu 0.2, unknown', legs=UNKNOWN,
-                     ground=SLIPPERY, films=False),
-    TractionScenario(name='soft', title='mu 0.2, soft, measured', legs=KNOWN, ground=SOFT),
-    TractionScenario(name='soft_unknown', title='mu 0.2, soft, unknown', legs=UNKNOWN,
-                     ground=SOFT, films=False),
-    TractionScenario(name='split', title='mu 0.2 left, 0.17 right, measured', legs=SHUTTLED,
-                     ground=SPLIT),
-    TractionScenario(name='split_unknown', title='mu 0.2 left, 0.17 right, unknown',
-                     legs=UNKNOWN, ground=SPLIT, films=False),
-    TractionScenario(name='change', title='mu 0.47, then 0.2, unknown', legs=UNKNOWN,
-                     ground=ground(0.47, 52.7, 0.015, beyond=0.2), films=False),
-    TractionScenario(name='ice_unknown', title='mu 0.1, unknown', legs=UNKNOWN,
-                     ground=ground(0.1, 52.7, 0.015), films=False),
-    TractionScenario(name='sand_unknown', title='sand, mu 0.35, unknown', legs=UNKNOWN,
-                     ground=ground(0.35, 30.0, 0.16), films=False),
-    TractionScenario(name='other_unknown', title='mu 0.2, unknown, other robot', legs=UNKNOWN,
-                     ground=SLIPPERY, films=False, other=True),
-    TractionScenario(name='other_ice', title='mu 0.1, unknown, other robot', legs=UNKNOWN,
-                     ground=ground(0.1, 52.7, 0.015), films=False, other=True))
+ICE, SAND = ground(0.1, 52.7, 0.015), ground(0.35, 30.0, 0.16)
+SCENARIOS = tuple(
+    TractionScenario(name=name, title=title, legs=parts, ground=surface, films=parts != UNKNOWN,
+                     other=name.startswith('other'))
+    for name, title, parts, surface in (
+        ('slippery', 'mu 0.2, measured', KNOWN, SLIPPERY),
+        ('slippery_unknown', 'mu 0.2, unknown', UNKNOWN, SLIPPERY),
+        ('soft', 'mu 0.2, soft, measured', KNOWN, SOFT),
+        ('soft_unknown', 'mu 0.2, soft, unknown', UNKNOWN, SOFT),
+        ('split', 'mu 0.2 left, 0.17 right, measured', SHUTTLED, SPLIT),
+        ('split_unknown', 'mu 0.2 left, 0.17 right, unknown', UNKNOWN, SPLIT),
+        ('change', 'mu 0.47, then 0.2, unknown', UNKNOWN,
+         ground(0.47, 52.7, 0.015, beyond=0.2)),
+        ('ice_unknown', 'mu 0.1, unknown', UNKNOWN, ICE),
+        ('sand_unknown', 'sand, mu 0.35, unknown', UNKNOWN, SAND),
+        ('other_unknown', 'mu 0.2, unknown, other robot', UNKNOWN, SLIPPERY),
+        ('other_ice', 'mu 0.1, unknown, other robot', UNKNOWN, ICE)))
 CONCRETE = ground(0.47, 52.7, 0.015)
 HOSTILE = TractionScenario(
     name='concrete', title='concrete', films=False, ground=CONCRETE,

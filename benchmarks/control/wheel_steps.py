@@ -17,20 +17,16 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 import itertools
-from statistics import fmean
 from typing import NamedTuple
 
 from benchmarks.control.closed_loop import run_closed_loop
-from benchmarks.control.previous_wheel_control import PreviousWheelControl
+from benchmarks.scoring import Errors, Run
 import numpy as np
-
 from smart_tire.arrays import Array
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.parameters.control import PidParams, WheelControllerParams
+from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams
 from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
@@ -47,10 +43,6 @@ AIR = GroundParams(names=('air',), friction=(0.0,), stiffness=(1e-3,), drag=(0.0
 LIFTED_MASS = 0.01                        # kg: nearly no load on wheels off the ground
 GROUNDS = {'concrete': (GroundParams(base='concrete', patches=()), 10.9),
            'lifted wheels': (AIR, LIFTED_MASS)}
-BEFORE, NEW = 'before', 'new'
-# an error of the whole feed-forward, as of a motor that was not identified
-CONTROLLERS = {BEFORE: 1.0, NEW: 1.0, 'new, feed-forward 15 % low': 0.85,
-               'new, feed-forward 15 % high': 1.15}
 
 
 class Readings(NamedTuple):
@@ -69,42 +61,14 @@ READINGS = (Readings(4.0, 16.0), Readings(16.0, 16.0), Readings(100.0, 100.0),
             Readings(100.0, 100.0, MAX_LATENESS))
 
 
-@dataclass(frozen=True)
-class Step:
-    """Response of one wheel to one step of the set point."""
-
-    rise: float       # s, from 10 % to 90 %
-    overshoot: float  # of the step
-    settling: float   # s, from the step until the speed stays within ``BAND``
-    settled: bool     # whether it stays there before the next step
-
-
-@dataclass(frozen=True)
-class Row:
-    """Responses of all wheels to all steps with all seeds."""
-
-    ground: str
-    readings: Readings
-    controller: str
-    steps: tuple[Step, ...]
-
-    def mean(self, name: str) -> float:
-        """Return the mean of a field of the steps."""
-        return fmean(getattr(step, name) for step in self.steps)
-
-    def worst(self, name: str) -> float:
-        """Return the largest value of a field of the steps."""
-        return max(getattr(step, name) for step in self.steps)
+RESPONSE = 'rise', 'overshoot', 'settling', 'settled'
 
 
 class _Steps:
     """Gives the set points to a wheel controller, as ``Controller`` of ``run_closed_loop``."""
 
-    def __init__(self, readings: Readings, controller: str, seed: int) -> None:
-        factor, pid, rate = CONTROLLERS[controller], PidParams(), readings.control_rate
-        self._previous = PreviousWheelControl(rate) if controller == BEFORE else None
-        self._control = WheelControl(WheelControllerParams(rate=rate, pid=replace(
-            pid, feed_forward=factor * pid.feed_forward, stall_torque=pid.stall_torque / factor)))
+    def __init__(self, readings: Readings, seed: int) -> None:
+        self._control = WheelControl(WheelControllerParams(rate=readings.control_rate))
         self._first_ns: int | None = None
         self._rng, self._lateness = np.random.default_rng(seed), readings.lateness
         self._arriving = deque[tuple[int, WheelSample]]()
@@ -121,8 +85,6 @@ class _Steps:
             arrived_ns, sample = self._arriving.popleft()
             self._control.add_reading(sample.velocity, arrived_ns, sample.stamp_ns,
                                              sample.position)
-            if self._previous:
-                self._previous.add_reading(sample.velocity)
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties for the set point at ``now_ns``."""
@@ -131,8 +93,6 @@ class _Steps:
             self._first_ns = now_ns
         step = int(((now_ns - self._first_ns) / NS_PER_S - START + STEP_TIME) / STEP_TIME)
         set_point = SET_POINTS[min(step, len(SET_POINTS)) - 1] if step else 0.0
-        if self._previous:
-            return self._previous.step(set_point)
         return self._control.step((set_point,) * 4, now_ns)[1]
 
     def finished(self, now_ns: int) -> bool:
@@ -140,8 +100,13 @@ class _Steps:
         return False
 
 
-def responses(ground: str, readings: Readings, controller: str, seed: int) -> tuple[Step, ...]:
-    """Return the responses of four wheels to all steps of one run."""
+def wheel_steps(ground: str, readings: Readings, seed: int) -> Run:
+    """
+    Return the responses of four wheels to all steps of one run.
+
+    Rise is from 10 % to 90 % [s], overshoot a share of the step, settling the time [s] until the
+    speed stays within ``BAND``, settled whether it does before the next step.
+    """
     params, mass = GROUNDS[ground]
     robot = RobotParams(film=FilmParams(wheels=()), mass=mass)
     speeds: list[list[float]] = []
@@ -151,14 +116,15 @@ def responses(ground: str, readings: Readings, controller: str, seed: int) -> tu
 
     run_closed_loop(
         SimulatorParams(seed=seed, ground=params, robot=robot),
-        _Steps(readings, controller, seed), START + STEP_TIME * len(SET_POINTS),
+        _Steps(readings, seed), START + STEP_TIME * len(SET_POINTS),
         wheel_rate=readings.rate, control_rate=readings.control_rate, watch=watch)
     time, *wheels = np.array(speeds).T
-    return tuple(
-        _score(time - begin, wheel, before, after)
-        for wheel in wheels
-        for begin, (before, after) in zip(
-            _step_times(readings.control_rate), itertools.pairwise((0.0, *SET_POINTS))))
+    steps = [_response(time - begin, wheel, before, after)
+             for wheel in wheels
+             for begin, (before, after) in zip(
+                 _step_times(readings.control_rate), itertools.pairwise((0.0, *SET_POINTS)))]
+    return Run(f'{ground}, {readings}', seed, {
+        name: Errors.without_sigma(values) for name, values in zip(RESPONSE, zip(*steps))})
 
 
 def _step_times(control_rate: float) -> list[float]:
@@ -167,24 +133,12 @@ def _step_times(control_rate: float) -> list[float]:
     return [float(np.ceil(time * control_rate - 1e-6) + 1.0) / control_rate for time in grid]
 
 
-def _score(time: Array, speed: Array, before: float, after: float) -> Step:
-    """Return the response of a wheel to the step at time zero [s]."""
+def _response(time: Array, speed: Array, before: float, after: float) -> tuple[float, ...]:
+    """Return the ``RESPONSE`` of a wheel to the step at time zero [s]."""
     during = (time >= 0.0) & (time < STEP_TIME - NEXT_MARGIN)
     time, share = time[during], (speed[during] - before) / (after - before)
     tenth, most = (float(time[np.argmax(share > level)]) for level in (0.1, 0.9))
     outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
     settling = float(time[outside[-1]]) if len(outside) else 0.0
-    return Step(most - tenth, max(float(share.max()) - 1.0, 0.0), settling,
-                settling < STEP_TIME - END_MARGIN)
-
-
-def wheel_steps(seeds: Sequence[int],
-                report: Callable[[str], None] = lambda text: None) -> list[Row]:
-    """Return a row for each ground, rate and controller; ``report`` gets the progress."""
-    rows = []
-    for ground, readings, controller in itertools.product(GROUNDS, READINGS, CONTROLLERS):
-        steps = itertools.chain.from_iterable(
-            responses(ground, readings, controller, seed) for seed in seeds)
-        rows.append(Row(ground, readings, controller, tuple(steps)))
-        report(f'wheel steps: {ground}, readings at {readings}, {controller}')
-    return rows
+    return (most - tenth, max(float(share.max()) - 1.0, 0.0), settling,
+            float(settling < STEP_TIME - END_MARGIN))

@@ -16,7 +16,7 @@
 
 import sys
 
-from benchmarks.friction.run import main
+from benchmarks.friction.run import FRICTION
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(FRICTION.main())

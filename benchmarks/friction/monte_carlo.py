@@ -12,95 +12,61 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Monte Carlo trials: estimates from synthesized crossings by all methods, with true slip."""
+"""Monte Carlo trials: estimates from synthesized crossings with the true slip."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-import math
 import time
 
 from benchmarks.friction.cramer_rao import friction_bound
+from benchmarks.friction.crossings import SINGLE
 from benchmarks.friction.grid import Case, LOAD, WHEEL
-from benchmarks.friction.methods import estimator_params, EXACT_MAP, PRINTED_MAP, WAVEFORM
-from benchmarks.friction.paper_method import friction_from_peaks
-from benchmarks.friction.records import SINGLE
-from benchmarks.friction.scoring import spread
+from benchmarks.friction.paper_method import friction_from_peaks, MAPS, PRINTED_MAP, two_peaks
 from benchmarks.friction.synthesis import CrossingSynthesizer
+from benchmarks.scoring import Errors, Run
 import numpy as np
-from smart_tire.analysis.series import Floats
+from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.output import OutputBuilder
 from smart_tire.estimation.ground.estimator import WheelState
+from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import Friction
 
 
-@dataclass(frozen=True)
-class Trial:
-    """Scores of one method on the crossings of a case; errors are relative to the true mu."""
+def run_case(row: str, case: Case, count: int, seed: int = 1) -> Run:
+    """
+    Return relative errors of mu from ``count`` crossings, by the waveform and from two peaks.
 
-    finite: float  # share of crossings with an estimate
-    bias: float    # median error
-    spread: float  # standard deviation, from the interquartile range
-    large: float   # 90 % quantile of absolute errors
-    nees: float    # 1 if consistent; NaN without sigmas
-    ms: float      # CPU time per crossing, without its detection
-
-
-@dataclass(frozen=True)
-class CaseResult:
-    """Scores of all methods on the crossings of a case."""
-
-    group: str
-    case: Case
-    bound: float   # Cramer-Rao bound, relative
-    crossings: int
-    found: float   # share of crossings with both films detected
-    trials: dict[str, Trial]
-
-
-def run_case(group: str, case: Case, count: int, seed: int = 1) -> CaseResult:
-    """Return the scores of all applicable methods on ``count`` crossings."""
+    ``bounded`` are those of the waveform with the Cramer-Rao bound as sigma.
+    """
     synthesizer = CrossingSynthesizer(case, seed)
     crossings, state = [synthesizer.crossing() for _ in range(count)], synthesizer.state()
-    estimates, ms = _report(crossings, state, case, WAVEFORM)
-    trials = {WAVEFORM: trial(_column(estimates, SINGLE), case.mu, ms, sigma=np.array(
-        [one.quantity(SINGLE).sigma for one in estimates]))}
+    estimates, ms = _estimates(crossings, state, FrictionEstimatorParams(robot=case.robot))
+    error, sigma = _column(estimates, SINGLE) / case.mu - 1.0, _column(estimates, SINGLE, True)
+    bound = friction_bound(case.robot, WHEEL, slip=case.slip,
+                           normalized_slip=case.normalized_slip, speed=case.speed)
+    errors = {'single': Errors(error, sigma / case.mu),
+              'bounded': Errors(error, np.full(count, bound))}
     if case.release == 'fig8' and case.slip > 0.0:  # where two peaks exist
-        estimates, ms = _report(crossings, state, case, PRINTED_MAP)
-        interval, constant = _column(estimates, 'peak_interval'), np.ones(count)
-        for method in (EXACT_MAP, PRINTED_MAP):
-            trials[method] = trial(friction_from_peaks(
+        peaks, _ = _estimates(crossings, state, two_peaks(case.robot, PRINTED_MAP))
+        interval, constant = _column(peaks, 'peak_interval'), np.ones(count)
+        for which in MAPS:
+            errors[which] = Errors.without_sigma(friction_from_peaks(
                 interval, case.speed * constant, case.total_slip * constant, LOAD * constant,
-                case.robot, method), case.mu, ms)
+                case.robot, which) / case.mu - 1.0)
     complete = [one.samples is not None and len(one.samples.films) == 2 for one in crossings]
-    return CaseResult(group, case, friction_bound(
-        case.robot, WHEEL, slip=case.slip, normalized_slip=case.normalized_slip,
-        speed=case.speed), count,
-        float(np.mean(complete)), trials)
+    return Run(row, seed, errors, {'bound': bound, 'found': float(np.mean(complete)), 'ms': ms})
 
 
-def _report(crossings: list[PatchCrossing], state: WheelState, case: Case,
-            method: str) -> tuple[list[Friction], float]:
-    """Return the estimates of one method, and CPU time per crossing [ms]."""
-    builder = OutputBuilder(WHEEL, estimator_params(method, case.robot))
+def _estimates(crossings: list[PatchCrossing], state: WheelState, params: FrictionEstimatorParams
+               ) -> tuple[list[Friction], float]:
+    """Return the estimates, and CPU time per crossing [ms] without its detection."""
+    builder = OutputBuilder(WHEEL, params)
     begin = time.thread_time()
     estimates = [builder.build(crossing, builder.method.measure(crossing, state.slip), state)
                  for crossing in crossings]
     return estimates, 1e3 * (time.thread_time() - begin) / len(crossings)
 
 
-def _column(estimates: list[Friction], name: str) -> Floats:
-    return np.array([one.quantity(name).value for one in estimates])
-
-
-def trial(value: Floats, truth: float, ms: float, sigma: Floats | None = None) -> Trial:
-    """Return the scores of estimates of ``truth``; NaN means no estimate."""
-    finite = np.isfinite(value)
-    error = value[finite] / truth - 1.0
-    if not len(error):
-        return Trial(0.0, math.nan, math.nan, math.nan, math.nan, ms)
-    nees = (math.nan if sigma is None
-            else float(np.mean(((value[finite] - truth) / sigma[finite])**2)))
-    return Trial(float(np.mean(finite)), float(np.median(error)), spread(error),
-                 float(np.quantile(np.abs(error), 0.9)), nees, ms)
+def _column(estimates: list[Friction], name: str, sigmas: bool = False) -> Array:
+    return np.array([one.quantity(name)[sigmas] for one in estimates])

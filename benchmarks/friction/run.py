@@ -15,203 +15,250 @@
 """
 Benchmark of friction: errors, ratio to the Cramer-Rao bound, and consistency.
 
-The friction estimator and the method of paper B process crossings synthesized from the exact
-model and complete simulated runs over several seeds. Tables are printed, figures and
-``results.json`` are written.
+Crossings synthesized from the exact model are estimated with the true slip, by the waveform and by
+the method of paper B. Simulated runs are estimated by the complete pipeline with the default
+parameters, with motor torques and with the efforts removed from the same messages.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+import argparse
+from collections.abc import Iterator, Sequence
 from functools import partial
-import json
+import math
 from pathlib import Path
-from typing import Any
+import time
 
-from benchmarks.command import accuracy_parser, run_accuracy_benchmark
-from benchmarks.friction.counting import COUNTED_FROM
-from benchmarks.friction.figures import (
-    adhesion_figure, bound_figure, friction_figure, stretch_figure, waveform_figure)
-from benchmarks.friction.force_figures import force_figure
-from benchmarks.friction.force_results import PartKey, Row, rows_of
-from benchmarks.friction.force_tables import FORCE_NOTES, force_tables
-from benchmarks.friction.forces import ForceResult, run_forces, VARIANTS
+from benchmarks.events import inputs_of, truth_of, without_efforts
+from benchmarks.friction.crossings import (
+    absolute_errors, bounded_errors, convergence, COUNTED_FROM, FUSED, match_rows, on_one_surface,
+    ratio_errors, relative_errors, revolutions_on_ground, Rows as Crossings, SINGLE,
+    true_crossings, Truths)
+from benchmarks.friction.figures import bound_figure, friction_figure
 from benchmarks.friction.grid import all_cases, Case, quick_cases
-from benchmarks.friction.ground_scenarios import GROUND_SCENARIOS
-from benchmarks.friction.methods import METHODS
-from benchmarks.friction.monte_carlo import CaseResult, run_case
-from benchmarks.friction.previous_results import PREVIOUS_RESULTS
-from benchmarks.friction.reference_results import (
-    FORCE_REFERENCES, PRINTED_EXCESS, REFERENCE_BOUNDS, REFERENCE_RESULTS)
-from benchmarks.friction.results import by_run, Key, run_all, RunResult
-from benchmarks.friction.scenarios import FRICTION_SCENARIOS
-from benchmarks.friction.scoring import Figures
-from benchmarks.friction.tables import (
-    cases_table, errors_table, methods_table, NOTES, statistics_table)
-from benchmarks.jobs import make_folder, run_jobs
-from benchmarks.slip.figures import save
-from benchmarks.tables import markdown, new_console, print_all
+from benchmarks.friction.monte_carlo import run_case
+from benchmarks.friction.paper_method import friction_from_peaks, MAPS, two_peaks
+from benchmarks.friction.scenarios import GROUND_SCENARIOS, SURFACE_SCENARIOS
+from benchmarks.harness import Benchmark, Column, figure_table, Job, milli, percent, Rows, save
+from benchmarks.motion import (
+    as_estimate, as_truth, Estimate, in_motion, Mask, slip_errors, speed_errors, steady_sides,
+    Truth)
+from benchmarks.scenarios import Scenario
+from benchmarks.scoring import Errors, part_of, pooled, Run
+import numpy as np
 from rich.table import Table
-from smart_tire.analysis.summary import plain
+from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
+from smart_tire.estimation import streams
+from smart_tire.estimation.friction.estimator import FrictionEstimator
+from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
+from smart_tire.parameters.simulation import GroundParams
+from smart_tire.samples import Friction, NS_PER_S, Sample
+from smart_tire.simulation.offline import Event
 
-CROSSINGS = 'crossings'          # name of the synthesized crossings among the runs
+CROSSINGS = 'crossings'        # name of the synthesized crossings among the runs
 COUNT, QUICK_COUNT = 400, 150  # crossings per case: 6 and 9 % error of a spread from quartiles
 DRAWN_SEED = 1                 # seed of the run in the figures
 COUNTED_FROM_JUMP = 4          # revolution; the surfaces of mu_jumps are too short for five
-SCENARIOS = {**FRICTION_SCENARIOS, **GROUND_SCENARIOS}
-TITLES = {CROSSINGS: 'synthesized crossings',
-          **{name: scenario.title for name, scenario in SCENARIOS.items()}}
+NO_TORQUE, TORQUE = VARIANTS = 'no torque', 'torque'
+MAX_STRAIGHT_RATE = 0.02       # rad/s, yaw rate while cruising straight
+SCENARIOS = {**SURFACE_SCENARIOS, **GROUND_SCENARIOS}
+
+NOTES = """\
+Errors of mu and C_x are relative: median / 90 % quantile of absolute errors. bound: Cramer-Rao
+bound of the standard deviation of mu from one crossing; sd: standard deviation from the
+interquartile range, over the bound where that is below 10 %; 2 s.: share within two sigma; NEES:
+normalized error squared, 1 if consistent, of single crossings for mu F_z / C_x without the sigmas
+of C_x and load. revs: revolutions until the fused mu is within 10 %. Crossings on two surfaces are
+not scored one by one. Two peaks: method of paper B without rejection, film 1, raw samples. With
+and without torque crossings count from the fifth revolution after the start and after each change
+of ground (mu jumps: from the fourth). v_y: rms while moving; slip: rms while steady; straight: rms
+of the mean slip of both sides while cruising straight.
+"""
+CASES = (
+    percent('bound\n[%]', 'bound'), percent('found\n[%]', 'found', 0),
+    percent('finite\n[%]', 'single.finite', 0), percent('bias\n[%]', 'single.bias'),
+    Column('sd over\nbound', 'bounded.spread', 2), Column('\nNEES', 'single.nees', 2),
+    Column('\nms', 'ms'), *(
+        column for which in MAPS for column in (
+            percent(f'{which} map:\nbias [%]', f'{which}.bias', 0),
+            percent('\n90 % [%]', f'{which}.q90', 0))))
+SINGLES = (
+    Column('true\nslip', 'slip', 2), percent('found\n[%]', 'found', 2),
+    Column('\nfalse', 'false', 0), percent('single:\nmedian [%]', 'single.median'),
+    percent('\n90 %', 'single.q90'), percent('\nfinite', 'single.finite', 0),
+    percent('bound:\nbias [%]', 'bounded.bias'), Column('\nsd over', 'bounded.spread', 2),
+    percent('fused:\nmedian [%]', 'fused.median'), percent('\n90 %', 'fused.q90'),
+    Column('NEES:\nsingle', 'ratio.nees', 2), Column('\nfused', 'critical_slip.nees', 2),
+    Column('adhe-\nsion', 'adhesion_ratio.nees', 2), Column('film\nslip', 'film_slip.nees', 2),
+    Column('revs:\nstart', 'start.median', 0), Column('jump\nmost', 'jump.max', 0), *(
+        column for which in MAPS for column in (
+            percent(f'{which} map:\nbias [%]', f'{which}.bias', 0),
+            percent('\n90 % [%]', f'{which}.q90', 0))))
+FORCES = (
+    percent('mu:\nmedian [%]', 'mu.median'), percent('\n90 %', 'mu.q90'),
+    percent('\n2 s.', 'mu.within_two', 0), Column('\nNEES', 'mu.nees'),
+    percent('C_x:\nmedian [%]', 'stiffness.median'), percent('\n90 %', 'stiffness.q90'),
+    percent('\nbias', 'stiffness.bias'), percent('\n2 s.', 'stiffness.within_two', 0),
+    Column('\nNEES', 'stiffness.nees'), milli('v_y\n[mm/s]', 'v_y.rms'),
+    Column('slip:\nleft', 'slip_left.rms', 4), Column('\nright', 'slip_right.rms', 4),
+    Column('\nstraight', 'straight.rms', 4), Column('revs:\nmedian', 'jump.median', 0),
+    Column('\nmost', 'jump.max', 0), milli('CPU\n[ms/s]', 'load', 0))
 
 
-@dataclass(frozen=True)
-class ScenarioResult:
-    """Results of one seed of a scenario; methods are compared in ``FRICTION_SCENARIOS`` only."""
-
-    forces: ForceResult
-    methods: RunResult | None
-
-    @property
-    def run(self) -> str:
-        """Return the name of the scenario."""
-        return self.forces.run
-
-    @property
-    def seed(self) -> int:
-        """Return the seed of the random numbers."""
-        return self.forces.seed
-
-
-Result = CaseResult | ScenarioResult
-Job = Callable[[], Result]
-
-
-@dataclass(frozen=True)
-class BenchOptions:
-    """Options of the benchmark."""
-
-    seeds: Sequence[int]
-    quick: bool
-    runs: Sequence[str]  # scenarios and ``CROSSINGS``; empty means all
-    forces_only: bool    # do not compare methods
-    out: Path
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the benchmark; return the exit status."""
-    parser = accuracy_parser(
-        'friction', 'accuracy of friction, compared with the method of paper B')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of methods."""
     parser.add_argument('--forces-only', action='store_true',
                         help='only estimates without and with torque, no comparison of methods')
-    args = parser.parse_args(argv)
-    return run_accuracy_benchmark('friction', args, TITLES, lambda seeds, on: benchmark(
-        BenchOptions(seeds, args.quick, args.runs, args.forces_only, args.out), on))
 
 
-def benchmark(options: BenchOptions, machine_name: str) -> None:
-    """Run all jobs, print the tables and write figures and results."""
-    make_folder(options.out)
-    results = list(run_jobs(_jobs(options), label))
-    cases = [one for name, group in _cases(options).items() for case in group for one in results
-             if isinstance(one, CaseResult) and (one.group, one.case) == (name, case)]
-    scenarios = sorted((one for one in results if isinstance(one, ScenarioResult)),
-                       key=lambda one: (list(TITLES).index(one.run), one.seed))
-    compared = [one.methods for one in scenarios if one.methods is not None]
-    forces = [one.forces for one in scenarios]
-    rows = rows_of(forces, {name: scenario.ground for name, scenario in SCENARIOS.items()})
-    if cases:
-        _draw_crossings(cases, options.out)
-    _write(options.out / 'results.json', cases, compared, rows, machine_name)
-    console = new_console()
-    if cases or compared:
-        print_all(console, NOTES, _method_tables(cases, compared))
-    if rows:
-        tables = list(force_tables(rows, forces, TITLES))
-        print_all(console, FORCE_NOTES, tables)
-        (options.out / 'forces.md').write_text('\n'.join(map(markdown, tables)), encoding='utf-8')
-    print(f'{len(cases)} cases and {len(forces)} runs; figures and results.json in {options.out}')
+def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
+    """Return the jobs of a scenario, or of the synthesized crossings."""
+    if name != CROSSINGS:
+        compare = not args.forces_only and name in SURFACE_SCENARIOS
+        return [partial(run_scenario, name, seed, args.out, compare=compare) for seed in seeds]
+    count = QUICK_COUNT if args.quick else COUNT
+    return [partial(run_cases, title, case, count) for title, case in cases(args.quick)]
 
 
-def label(result: Result) -> str:
-    """Return the label of ``result`` for progress lines."""
-    if isinstance(result, ScenarioResult):
-        return f'{TITLES[result.run]}, seed {result.seed}'
-    return f'{TITLES[CROSSINGS]}, {result.group}: slip {result.case.slip:+.2f}'
+def cases(quick: bool) -> Iterator[tuple[str, Case]]:
+    """Yield the title and the parameters of the synthesized crossings."""
+    for group, found in (quick_cases() if quick else all_cases()).items():
+        for case in found:
+            yield (f'{group}: slip {case.slip:+.2f}, mu {case.mu:.2f}, {case.rpm:.0f} rpm, '
+                   f'{1e3 * case.noise:.0f} mV'), case
 
 
-def _cases(options: BenchOptions) -> dict[str, list[Case]]:
-    return quick_cases() if options.quick else all_cases()
+def run_cases(title: str, case: Case, count: int) -> list[Run]:
+    """Return the scores of a case."""
+    return [run_case(f'{CROSSINGS}/{title}', case, count)]
 
 
-def _jobs(options: BenchOptions) -> list[Job]:
-    """Return the jobs, the longest first."""
-    wanted = options.runs or list(TITLES)
-    scenarios = sorted((SCENARIOS[name] for name in wanted if name != CROSSINGS),
-                       key=lambda scenario: -scenario.duration)
-    jobs: list[Job] = [partial(run_scenario, scenario.name, seed, options.out,
-                               compare=not options.forces_only)
-                       for scenario in scenarios for seed in options.seeds]
-    if CROSSINGS in wanted:
-        count = QUICK_COUNT if options.quick else COUNT
-        jobs += [partial(run_case, name, case, count)
-                 for name, group in _cases(options).items() for case in group]
-    return jobs
-
-
-def run_scenario(name: str, seed: int, out: Path, *, compare: bool = True) -> ScenarioResult:
-    """Simulate one run and score all methods; draw the figures of ``DRAWN_SEED``."""
+def run_scenario(name: str, seed: int, out: Path, *, compare: bool) -> list[Run]:
+    """Simulate one run and score it without and with torque; draw ``DRAWN_SEED``."""
     scenario = SCENARIOS[name]
     events, robot = scenario.events(seed), scenario.robot
-    first = COUNTED_FROM_JUMP if name == 'mu_jumps' else COUNTED_FROM
-    forces = run_forces(name, seed, events, robot, first)
+    records = truth_of(events)
+    truths = {wheel: true_crossings(records, robot, wheel) for wheel in robot.film.wheels}
+    truth, found, drawn = as_truth(records, robot), list[Run](), {}
+    for variant in VARIANTS:
+        samples = inputs_of(events)
+        begin = time.thread_time()
+        estimates = _estimates(samples if variant == TORQUE else without_efforts(samples), robot)
+        spent = (time.thread_time() - begin) / ((events[-1][0] - events[0][0]) / NS_PER_S)
+        frictions = [one for one in estimates if isinstance(one, Friction)]
+        drawn[variant] = {wheel: match_rows(true, frictions, wheel)
+                          for wheel, true in truths.items()}
+        found += force_runs(scenario, seed, variant, list(drawn[variant].values()),
+                            motion_errors(as_estimate(estimates), truth, _first(name)), spent)
     if seed == DRAWN_SEED:
-        save(force_figure(scenario.title, forces), out / f'{name}_forces.png')
-    if name in GROUND_SCENARIOS or not compare:
-        return ScenarioResult(forces, None)
-    result = run_all(name, seed, events, robot)
-    if seed == DRAWN_SEED:
-        save(friction_figure(scenario.title, result), out / f'{name}.png')
-    return ScenarioResult(forces, result)
+        save(friction_figure(scenario.title, drawn), out / f'{name}.png')
+    if compare:
+        found += [single_run(name, seed, rows, truths[wheel], robot, wheel, events)
+                  for wheel, rows in drawn[TORQUE].items()]
+    return found
 
 
-def _draw_crossings(cases: Sequence[CaseResult], out: Path) -> None:
-    for name, figure in (('waveform', waveform_figure()), ('bound', bound_figure(cases)),
-                         ('fig_12', stretch_figure()), ('fig_13', adhesion_figure())):
-        save(figure, out / f'{name}.png')
+def _first(name: str) -> int:
+    return COUNTED_FROM_JUMP if name == 'mu_jumps' else COUNTED_FROM
 
 
-def _method_tables(cases: Sequence[CaseResult], results: Sequence[RunResult]) -> Iterator[Table]:
-    if cases:
-        yield cases_table(cases)
-    if results:
-        runs = by_run(results)
-        yield errors_table(runs, TITLES, REFERENCE_RESULTS)
-        yield statistics_table(runs, TITLES)
-        yield methods_table(runs, TITLES)
+def _estimates(samples: Sequence[Sample], robot: RobotParams) -> list[Sample]:
+    pipeline = Pipeline(EstimatorParams(
+        SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot)))
+    found = [estimate for sample in samples for estimate in pipeline.update(sample)]
+    return [*found, *pipeline.finish()]
 
 
-def _write(path: Path, cases: Sequence[CaseResult], results: Sequence[RunResult],
-           rows: Mapping[PartKey, Row], machine: str) -> None:
-    """Write all figures: per case, and per run combined over seeds."""
-    tree: dict[str, Any] = {
-        'machine': machine, 'methods': METHODS, 'variants': VARIANTS,
-        'units': 'errors of mu, C_x and bounds are relative, of slips and ratios absolute; SI; '
-                 'ms: CPU time per crossing in milliseconds; null without data',
-        CROSSINGS: [{**asdict(one), 'normalized_slip': one.case.normalized_slip} for one in cases],
-        'runs': {run: {
-            'title': TITLES[run], 'seeds': [one.seed for one in results if one.run == run],
-            'wheels': _nested(figures),
-            'reference': REFERENCE_RESULTS.get(run)}
-            for run, figures in by_run(results).items()},
-        'forces': [{'title': TITLES[row.run], **asdict(row),
-                    'before': PREVIOUS_RESULTS.get(key), 'reference': FORCE_REFERENCES.get(key)}
-                   for key, row in rows.items()],
-        'reference_bounds': REFERENCE_BOUNDS, 'reference_printed_excess': PRINTED_EXCESS}
-    path.write_text(json.dumps(plain(tree), indent=2, allow_nan=False) + '\n', encoding='utf-8')
+def force_runs(scenario: Scenario, seed: int, variant: str, wheels: Sequence[Crossings],
+               motion: dict[str, Errors], load: float) -> Iterator[Run]:
+    """Yield errors of mu and C_x of a run, with its motion, and on each of several grounds."""
+    counted = [revolutions_on_ground(rows) >= _first(scenario.name) for rows in wheels]
+    present = [name for name in scenario.ground.names if any(
+        (mask & _on(scenario.ground, name, rows)).any() for mask, rows in zip(counted, wheels))]
+    jumps = [revolutions for rows in wheels for revolutions in convergence(rows)[1:]]
+    for name in ('', *(present if len(present) > 1 else ())):
+        errors = {what: pooled([
+            relative_errors(rows, quantity, mask & _on(scenario.ground, name, rows))
+            for rows, mask in zip(wheels, counted)])
+            for what, quantity in (('mu', FUSED), ('stiffness', 'stiffness'))}
+        if not name:
+            errors |= {**motion, 'jump': Errors.without_sigma(jumps)}
+        yield Run(f'{scenario.name}/{name}', seed,
+                  {f'{variant}.{what}': one for what, one in errors.items()},
+                  {} if name else {f'{variant}.load': load})
 
 
-def _nested(figures: dict[Key, Figures]) -> dict[str, Any]:
-    tree: dict[str, Any] = {}
-    for (wheel, method), values in figures.items():
-        tree.setdefault(wheel, {})[method] = values
-    return tree
+def _on(ground: GroundParams, name: str, rows: Crossings) -> Mask:
+    """Return which crossings (n,) are on the surface ``name``, or all."""
+    if not name:
+        return np.ones(len(rows.found), bool)
+    i = ground.names.index(name)
+    return np.asarray(np.isclose(rows.true[FUSED], ground.friction[i], rtol=1e-3)
+                      & np.isclose(rows.true['stiffness'], ground.stiffness[i], rtol=1e-3))
+
+
+def motion_errors(estimate: Estimate, truth: Truth, first: int) -> dict[str, Errors]:
+    """Return the errors of slip while steady and straight, and of v_y from a revolution on."""
+    steady, (error, sigma) = steady_sides(truth), slip_errors(estimate, truth)
+    speed = np.abs(truth.rolling).mean(axis=1)
+    rolled = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(truth.stamp_ns) / NS_PER_S)])
+    late = rolled > math.tau * truth.radius * first
+    straight = late & steady.all(axis=1) & (np.abs(truth.poses.twist[:, 2]) < MAX_STRAIGHT_RATE)
+    return {'slip_left': Errors(error[steady[:, 0], 0], sigma[steady[:, 0], 0]),
+            'slip_right': Errors(error[steady[:, 1], 1], sigma[steady[:, 1], 1]),
+            'straight': Errors(error[straight].mean(axis=1), sigma[straight].mean(axis=1)),
+            'v_y': speed_errors(estimate, truth, 1, late & in_motion(truth))}
+
+
+def single_run(name: str, seed: int, rows: Crossings, truths: Truths, robot: RobotParams,
+               wheel: str, events: Sequence[Event]) -> Run:
+    """Return the errors of all crossings of a wheel, by the waveform and from two peaks."""
+    one = on_one_surface(rows)
+    start, *jumps = convergence(rows) or [math.nan]
+    errors = {'single': relative_errors(rows, SINGLE, one),
+              'fused': relative_errors(rows, FUSED, one), 'ratio': ratio_errors(rows, one),
+              'bounded': bounded_errors(rows, truths, robot, one),
+              'start': Errors.without_sigma([start]), 'jump': Errors.without_sigma(jumps),
+              **{what: absolute_errors(rows, what, one)
+                 for what in ('critical_slip', 'adhesion_ratio', 'film_slip')}}
+    inputs = [sample for _, topic, sample in events
+              if streams.FRICTION.inputs.get(type(sample)) == topic]
+    for which in MAPS:
+        estimator = FrictionEstimator(two_peaks(robot, which))
+        found = [*(one for sample in inputs for one in estimator.update(sample)),
+                 *estimator.finish()]
+        peaks = match_rows(truths, [one for one in found if isinstance(one, Friction)], wheel)
+        errors[which] = Errors.without_sigma(friction_from_peaks(
+            peaks.value['peak_interval'], peaks.speed, peaks.value['total_slip'],
+            peaks.value['normal_load'], robot, which) / peaks.true[SINGLE] - 1.0)
+    return Run(f'{name}/{wheel}', seed, errors, {
+        'slip': float(np.median(rows.true['slip'][one])), 'found': float(np.mean(rows.found)),
+        'false': float(rows.false)})
+
+
+def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
+    """Yield the tables of synthesized crossings, of single crossings, and of the torques."""
+    own = {row.removeprefix(f'{CROSSINGS}/'): figures for row, figures in rows.items()
+           if row.startswith(f'{CROSSINGS}/')}
+    if own:
+        save(bound_figure(own), args.out / 'bound.png')
+        yield figure_table('Synthesized crossings, with the true slip', own.items(), CASES)
+    runs = [(row.partition('/')[0], row.partition('/')[2], figures)
+            for row, figures in rows.items() if not row.startswith(f'{CROSSINGS}/')]
+    singles = [(f'{SCENARIOS[run].title}, {part.replace("_", " ")}', figures)
+               for run, part, figures in runs if 'single.median' in figures]
+    if singles:
+        yield figure_table('Crossings of simulated runs', singles, SINGLES)
+    forces = [(f'{SCENARIOS[run].title}{part and f", on {part}"}: {variant}',
+               part_of(figures, variant))
+              for run, part, figures in runs for variant in VARIANTS
+              if f'{variant}.mu.median' in figures]
+    if forces:
+        yield figure_table('Friction and motion, without and with torque', forces, FORCES)
+
+
+FRICTION = Benchmark(
+    'friction', 'accuracy of friction, compared with the method of paper B', NOTES,
+    {CROSSINGS: 'synthesized crossings',
+     **{name: scenario.title for name, scenario in SCENARIOS.items()}}, jobs, tables,
+    add_arguments)

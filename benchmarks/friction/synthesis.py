@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from benchmarks.friction.grid import Case, ERRORS, LOAD, WHEEL
 import numpy as np
-from smart_tire.analysis.series import Floats
+from smart_tire.arrays import Array
 from smart_tire.estimation.contact.assembly import SAMPLE_MARGIN
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import (
@@ -72,7 +72,7 @@ class CrossingSynthesizer:
             NS_PER_S, 1, speed, 0.0, 0.0, 2.0 * half + film.spacing, first - inside,
             first + inside, detected if seen else None)
 
-    def _film(self, film: int, distance: Floats, position: float, half: float) -> FilmSamples:
+    def _film(self, film: int, distance: Array, position: float, half: float) -> FilmSamples:
         case, params, rng = self._case, self._robot.film, self._rng
         patch = self._robot.tire.contact_length
         relative = distance - position
@@ -97,7 +97,7 @@ class CrossingSynthesizer:
         rail = (counts == self._chain.max_count).astype(np.int8) - (counts == 0)
         return FilmSamples(film, position + relative, self._chain.volts(counts), rail)
 
-    def _bumps(self, relative: Floats, half: float, before: float, after: float) -> Floats:
+    def _bumps(self, relative: Array, half: float, before: float, after: float) -> Array:
         """Return the bumps with heights ``before`` and ``after`` the contact."""
         case, first = self._case, relative < 0.0
         offset = np.abs(relative) - half - np.where(first, *case.bump_distance)

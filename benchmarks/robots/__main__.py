@@ -16,7 +16,7 @@
 
 import sys
 
-from benchmarks.robots.run import main
+from benchmarks.robots.run import ROBOTS
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(ROBOTS.main())

@@ -27,17 +27,16 @@ tuning, those below for tests.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import hashlib
 import math
 from pathlib import Path
 import zlib
 
-from benchmarks.efforts import without_efforts
-from benchmarks.event_cache import cached_events
+from benchmarks.events import cached_events, inputs_of, truth_of, without_efforts
 from benchmarks.faults import delayed
-from benchmarks.friction.ground_scenarios import HEAVY, HEAVY_DRIVE, HEAVY_TIRE
+from benchmarks.friction.scenarios import HEAVY, HEAVY_DRIVE, HEAVY_TIRE
 from benchmarks.grounds import (
     CONCRETE, GRAVEL, ground, HEAVY_SURFACES, SAND, SURFACES, Surfaces, WET_TILES)
 from benchmarks.robots import manoeuvres, plant
@@ -46,7 +45,6 @@ from benchmarks.robots.plant import Lift, plant_with, Push, Traits
 from benchmarks.scenarios import Leg, sequence, STANDSTILL
 from benchmarks.terrain import on_slopes
 import numpy as np
-
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.models.tire import bump_shapes
 from smart_tire.parameters import (
@@ -160,9 +158,9 @@ class Row:
     drive: DriveParams = DriveParams()
     surfaces: Surfaces = field(default_factory=lambda: GROUNDS)
     mu: tuple[float, float] | None = None  # relative, required median and 90 %
-    slip: float | None = 0.008             # -, required rms while steady
-    speed: float | None = 0.005            # m/s, u
-    lateral: float | None = 0.004          # m/s, v_y
+    slip: float = 0.008                    # -, required rms while steady
+    speed: float = 0.005                   # m/s, u
+    lateral: float = 0.004                 # m/s, v_y
 
 
 ROWS: Mapping[str, Row] = {
@@ -248,13 +246,11 @@ class Draw:
 
     def inputs(self) -> list[Sample]:
         """Return the samples that the estimators take."""
-        return [sample for _, topic, sample in self.events()
-                if not topic.startswith('ground_truth/')]
+        return inputs_of(self.events())
 
     def truth(self) -> list[Sample]:
         """Return the ground truth."""
-        return [sample for _, topic, sample in self.events()
-                if topic.startswith('ground_truth/')]
+        return truth_of(self.events())
 
     def _simulated(self) -> list[Event]:
         events = simulate(self.simulator, self.legs, self.duration,
@@ -262,16 +258,6 @@ class Draw:
         if not self.traits.slope:
             return events
         return on_slopes(events, self.true, self.traits.terrain)
-
-
-def recordings(row: str, seeds: Iterable[int]
-               ) -> list[tuple[EstimatorParams, list[Sample], list[Sample]]]:
-    """Return estimator parameters, inputs in order of reception and truth of drawn robots."""
-    found = []
-    for seed in seeds:
-        one = draw(row, seed)
-        found.append((one.params, one.inputs(), one.truth()))
-    return found
 
 
 def draw(name: str, seed: int, nominal: Collection[str] = ()) -> Draw:

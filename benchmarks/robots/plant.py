@@ -36,10 +36,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
-from benchmarks.hills import WAVELENGTHS
+from benchmarks.scenarios import WAVELENGTHS
 from benchmarks.terrain import rolling_hills, Terrain
 import numpy as np
-
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import DriveParams

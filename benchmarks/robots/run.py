@@ -15,34 +15,45 @@
 """
 Benchmark of robots drawn at random around the model of the estimators, and away from it.
 
-The complete pipeline with the nominal parameters processes the messages of each robot. Tables are
-printed; ``robots.md`` and ``results.json`` are written.
+The complete pipeline with the nominal parameters processes the messages of each robot.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import argparse
+from collections.abc import Iterator, Sequence
 from functools import partial
-import json
-from pathlib import Path
-from typing import Any
+import math
 
-from benchmarks.command import accuracy_parser, run_accuracy_benchmark
-from benchmarks.jobs import make_folder, run_jobs
+from benchmarks.harness import (
+    Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows)
 from benchmarks.robots.draws import DISTRIBUTIONS, draw, ROWS, TUNING_SEED
-from benchmarks.robots.scoring import RobotResult, row_figures, run_robot
-from benchmarks.robots.tables import before_path, compact, NOTES, tables
-from benchmarks.tables import markdown, new_console, print_all
-from smart_tire.analysis.summary import plain
+from benchmarks.robots.scoring import LATERAL, run_robot, SLIP, SPEED
+from benchmarks.scoring import Figures, Run
+from rich.table import Table
 
-TITLES = {name: row.title for name, row in ROWS.items()}
+NOTES = """\
+Robots drawn at random. <: required. mu: relative error of the fused coefficient from the fifth
+revolution on each ground, median and 90 % over crossings; est.: share of crossings with an
+estimate. Slip while steady, speeds in motion: rms. 2 s.: share within two sigma; NEES: normalized
+error squared; both means over robots.
+"""
+FRICTION = (percent('mu median\n[%]', 'mu.median'), percent('90 %\n[%]', 'mu.q90'),
+            percent('<\n[%]', 'required.median', 0), percent('<\n[%]', 'required.q90', 0),
+            percent('bias\n[%]', 'mu.bias'), percent('est.\n[%]', 'mu.finite', 0),
+            percent('2 s.\n[%]', 'mu.within_two', 0), Column('NEES', 'mu.nees'),
+            milli('CPU\n[ms/s]', 'load', 0))
+MOTION = tuple(
+    column for name, unit, digits, scale in (
+        (SLIP, '', 4, 1.0), (SPEED, '\n[mm/s]', 1, 1e3), (LATERAL, '\n[mm/s]', 1, 1e3))
+    for column in (
+        Column(f'{name} rms{unit}', f'{name}.rms', digits, scale),
+        Column(f'<{unit}', f'required.{name}', digits, scale),
+        percent('2 s.\n[%]', f'{name}.within_two', 0), Column('NEES', f'{name}.nees')))
 
-Job = Callable[[], RobotResult]
 
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the benchmark; return the exit status."""
-    parser = accuracy_parser('robots', 'accuracy on robots drawn at random')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of robots."""
     parser.add_argument('--tuning', action='store_true',
                         help=f'seeds for tuning: counted from {TUNING_SEED}')
     parser.add_argument('--known-radius', action='store_true',
@@ -50,53 +61,43 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--nominal', nargs='+', default=[], choices=DISTRIBUTIONS,
                         metavar='PROPERTY', help='properties that are not drawn: '
                         + ', '.join(DISTRIBUTIONS))
-    parser.add_argument('--keep-before', action='store_true',
-                        help=f'write the figures to {before_path().name}, shown by later runs')
-    args = parser.parse_args(argv)
-    if args.tuning:
-        args.first_seed += TUNING_SEED - 1
-    return run_accuracy_benchmark('robots', args, TITLES, lambda seeds, on: benchmark(
-        args.runs or list(ROWS), seeds, args.out, on, nominal=args.nominal,
-        known_radius=args.known_radius, keep=args.keep_before))
 
 
-def benchmark(names: Sequence[str], seeds: Sequence[int], out: Path, machine_name: str, *,
-              nominal: Sequence[str] = (), known_radius: bool = False, keep: bool = False
-              ) -> None:
-    """Run all robots, print the tables and write the results."""
-    make_folder(out)
-    variant = [*nominal, *['known_radius'] * known_radius]
-    jobs: list[Job] = [partial(run, name, seed, nominal, known_radius)
-                       for seed in seeds for name in names]
-    results = sorted(run_jobs(jobs, label), key=lambda one: one.seed)
-    by_row = {name: [one for one in results if one.row == name]
-              for name in ROWS if name in names}
-    rows = {name: row_figures(own) for name, own in by_row.items()}
-    tree: dict[str, Any] = {
-        'machine': machine_name, 'seeds': list(seeds), 'known_radius': known_radius,
-        'nominal': list(nominal),
-        'units': 'mu: relative errors; slip: -; u, v_y: m/s; load: CPU time over duration',
-        'rows': {name: {'title': TITLES[name], 'over_robots': rows[name], 'robots': {
-            one.seed: {**one.figures, 'drawn': draw(name, one.seed, nominal).values}
-            for one in own}} for name, own in by_row.items()}}
-    (out / 'results.json').write_text(
-        json.dumps(plain(tree), indent=1, allow_nan=False) + '\n', encoding='utf-8')
-    if keep:
-        before_path(variant).write_text(compact(rows, seeds), encoding='utf-8')
-    found = list(tables(rows, variant))
-    print_all(new_console(), NOTES, found)
-    (out / 'robots.md').write_text(
-        NOTES + '\n\n' + '\n'.join(map(markdown, found)), encoding='utf-8')
-    print(f'{len(results)} robots; robots.md and results.json in {out}')
+def jobs(row: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
+    """Return one job for each robot."""
+    first = TUNING_SEED - 1 if args.tuning else 0
+    return [partial(run, row, first + seed, tuple(args.nominal), args.known_radius)
+            for seed in seeds]
 
 
-def run(name: str, seed: int, nominal: Sequence[str] = (), known_radius: bool = False
-        ) -> RobotResult:
+def run(row: str, seed: int, nominal: Sequence[str], known_radius: bool) -> list[Run]:
     """Return the results of one robot."""
-    one = draw(name, seed, nominal)
-    return run_robot(one.known_radius() if known_radius else one)
+    one = draw(row, seed, nominal)
+    return [run_robot(one.known_radius() if known_radius else one)]
 
 
-def label(result: RobotResult) -> str:
-    """Return the label of ``result`` for progress lines."""
-    return f'{TITLES[result.row]}, seed {result.seed}'
+def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
+    """Yield the tables of mu, of the motion, and of what was drawn."""
+    labeled = [(ROWS[name].title, figures | required(name)) for name, figures in rows.items()]
+    yield figure_table('Friction', labeled, FRICTION)
+    yield figure_table('Motion', labeled, MOTION)
+    drawn = new_table('Drawn', 'property', 'values', 'distribution', 'parameters', 'nominal',
+                      'unit', 'origin')
+    for name, one in DISTRIBUTIONS.items():
+        low, high = one.parameters
+        drawn.add_row(name, str(one.count), one.kind, f'{low:g}, {high:g}', f'{one.nominal:g}',
+                      one.unit, one.origin)
+    yield drawn
+
+
+def required(name: str) -> Figures:
+    """Return the required figures of a row; NaN if there are none."""
+    row = ROWS[name]
+    median, large = row.mu or (math.nan, math.nan)
+    return {'required.median': median, 'required.q90': large, f'required.{SLIP}': row.slip,
+            f'required.{SPEED}': row.speed, f'required.{LATERAL}': row.lateral}
+
+
+ROBOTS = Benchmark(
+    'robots', 'accuracy on robots drawn at random', NOTES,
+    {name: row.title for name, row in ROWS.items()}, jobs, tables, add_arguments)

@@ -16,7 +16,7 @@
 
 import sys
 
-from benchmarks.slip.run import main
+from benchmarks.slip.run import SLIP
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(SLIP.main())

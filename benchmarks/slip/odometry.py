@@ -16,30 +16,91 @@
 Dead reckoning by wheels, and by gyroscope and wheels, for comparison.
 
 The methods get the best possible inputs: angles instead of speeds, speeds by central differences
-(not causal), the gyroscope bias from the initial standstill. Fitted constants are fitted to the
+(not causal), the gyroscope bias from the initial standstill. The fitted track is fitted to the
 ground truth of the same run.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 import math
 
-from benchmarks.slip.inputs import Inputs
-from benchmarks.slip.series import EstimateSeries
+from benchmarks.motion import Estimate, side_means
 import numpy as np
 from smart_tire.analysis.metrics import aligned
-from smart_tire.analysis.series import at, Floats, PoseSeries, SlipSeries, Stamps
+from smart_tire.arrays import Array, Instants
+from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import slip_ratio
-from smart_tire.samples import NS_PER_S
+from smart_tire.parameters import RobotParams
+from smart_tire.recording import at, PoseSeries, Recording, SlipSeries
+from smart_tire.rotation import matrix
+from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
+STANDSTILL_MARGIN = 0.3        # s, before the first motion, excluded from the standstill
+MIN_STANDSTILL_DURATION = 0.5  # s, for the estimation of biases
+MAX_STANDSTILL_SPEED = 0.01    # m/s, of a stationary wheel
 MIN_SIDE_DIFFERENCE = 0.1  # m, of the rolled distances, for fitting a track
 MAX_GAP = 5.0              # s, bridged by linear interpolation
 
 
-def wheel_odometry(inputs: Inputs, track: float) -> EstimateSeries:
+@dataclass(frozen=True)
+class Inputs:
+    """Sensor samples sorted by timestamp, without duplicates."""
+
+    robot: RobotParams
+    imu_ns: Instants
+    rate: Array         # (n,) rad/s about z of base_link
+    force: Array        # (n, 2) m/s2, specific force along x and y of base_link
+    wheel_ns: Instants     # corrected for the known latency
+    travel: Array       # (m, 2) m, rolled distance of left and right side
+    stationary: int      # number of IMU samples before the robot first moves
+
+    @property
+    def rolling(self) -> Array:
+        """Return r w [m/s] of the sides (m, 2), by central differences."""
+        time = (self.wheel_ns - self.wheel_ns[0]) / NS_PER_S
+        return np.asarray(np.gradient(self.travel, time, axis=0))
+
+
+def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
+    """Return the inputs among ``samples``; raise EstimatorError for too few of them."""
+    recording = Recording(samples)
+    imu, wheels = recording.stream(ImuSample).ordered, recording.stream(WheelSample).ordered
+    if len(imu) < 2 or len(wheels) < 3:
+        raise EstimatorError('too few samples of the IMU or the wheels')
+    wheel_ns = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
+    angles = wheels['position']
+    if np.isnan(angles).any():
+        angles = _integrated(wheel_ns, wheels['velocity'])
+    travel = robot.wheel_radius * side_means(angles)
+    rotation = matrix(*robot.imu.rotation)
+    force, rate = imu['acceleration'] @ rotation.T, imu['rate'] @ rotation.T
+    return Inputs(robot, imu.stamp_ns, rate[:, 2], force[:, :2], wheel_ns, travel,
+                  _stationary_count(imu.stamp_ns, wheel_ns, travel))
+
+
+def _integrated(stamp_ns: Instants, velocity: Array) -> Array:
+    """Return angles [rad] from velocities averaged over the period before each timestamp."""
+    time = np.diff(stamp_ns) / NS_PER_S
+    return np.concatenate([np.zeros((1, velocity.shape[1])),
+                           np.cumsum(velocity[1:] * time[:, np.newaxis], axis=0)])
+
+
+def _stationary_count(imu_ns: Instants, wheel_ns: Instants, travel: Array) -> int:
+    speed = np.abs(np.diff(travel, axis=0)).max(axis=1) / np.diff(wheel_ns) * NS_PER_S
+    moving = np.flatnonzero(speed > MAX_STANDSTILL_SPEED)
+    end = wheel_ns[moving[0]] if len(moving) else wheel_ns[-1]
+    count = int(np.searchsorted(imu_ns, end - round(STANDSTILL_MARGIN * NS_PER_S)))
+    long_enough = count and imu_ns[count - 1] - imu_ns[0] >= MIN_STANDSTILL_DURATION * NS_PER_S
+    return count if long_enough else 0
+
+
+def wheel_odometry(inputs: Inputs, track: float) -> Estimate:
     """Return the odometry of a differential drive with ``track`` [m]."""
     travel, rolling = inputs.travel, inputs.rolling
-    yaw = _heading(inputs, track)
+    difference = travel[:, 1] - travel[:, 0]
+    yaw = (difference - difference[0]) / track
     rate = (rolling[:, 1] - rolling[:, 0]) / track
     return _dead_reckoning(inputs, inputs.wheel_ns, yaw, travel.mean(axis=1), rate, rolling)
 
@@ -56,8 +117,8 @@ def fitted_track(inputs: Inputs, truth: PoseSeries) -> float:
     return float(difference @ difference / (difference @ turned))
 
 
-def gyro_odometry(inputs: Inputs, scale: float = 1.0) -> EstimateSeries:
-    """Return dead reckoning by gyroscope heading and mean wheel distance times ``scale``."""
+def gyro_odometry(inputs: Inputs) -> Estimate:
+    """Return dead reckoning by gyroscope heading and mean wheel distance."""
     stamps = inputs.imu_ns
     bias = inputs.rate[:inputs.stationary].mean() if inputs.stationary else 0.0
     rate = inputs.rate - bias
@@ -66,46 +127,28 @@ def gyro_odometry(inputs: Inputs, scale: float = 1.0) -> EstimateSeries:
     travel = at(stamps, inputs.wheel_ns, inputs.travel, MAX_GAP)
     rolling = at(stamps, inputs.wheel_ns, inputs.rolling, MAX_GAP)
     known = np.isfinite(travel[:, 0])
-    return _dead_reckoning(inputs, stamps[known], yaw[known], scale * travel[known].mean(axis=1),
-                           rate[known], rolling[known], scale)
+    return _dead_reckoning(inputs, stamps[known], yaw[known], travel[known].mean(axis=1),
+                           rate[known], rolling[known])
 
 
-def fitted_scale(inputs: Inputs, truth: PoseSeries) -> float:
-    """Return the factor on the wheel radius that fits the true position best."""
-    estimated, true, _ = aligned(truth, gyro_odometry(inputs).poses)
-    if not len(estimated):
-        return 1.0
-    reckoned, true_path = estimated[:, :2] - estimated[0, :2], true[:, :2] - true[0, :2]
-    square = float(np.sum(reckoned ** 2))
-    if square <= MIN_SIDE_DIFFERENCE ** 2:
-        return 1.0
-    return float(np.sum(reckoned * true_path)) / square
-
-
-def _heading(inputs: Inputs, track: float) -> Floats:
-    difference = inputs.travel[:, 1] - inputs.travel[:, 0]
-    heading: Floats = (difference - difference[0]) / track
-    return heading
-
-
-def _dead_reckoning(inputs: Inputs, stamps: Stamps, yaw: Floats, distance: Floats, rate: Floats,
-                    rolling: Floats, scale: float = 1.0) -> EstimateSeries:
+def _dead_reckoning(inputs: Inputs, stamps: Instants, yaw: Array, distance: Array, rate: Array,
+                    rolling: Array) -> Estimate:
     """Return the estimate for travel of ``distance`` [m] with heading ``yaw`` [rad] along arcs."""
     turn = np.diff(yaw)
     chord = np.diff(distance) * np.sinc(0.5 * turn / math.pi)
     mean_yaw = yaw[:-1] + 0.5 * turn
     x, y = (np.concatenate([[0.0], np.cumsum(chord * f(mean_yaw))]) for f in (np.cos, np.sin))
-    v_x = scale * rolling.mean(axis=1)
+    v_x = rolling.mean(axis=1)
     twist = np.column_stack([v_x, np.zeros(len(v_x)), rate])
     unknown = np.full((len(yaw), 3, 3), math.nan)
     poses = PoseSeries(stamps, np.column_stack([x, y, yaw]), twist, unknown, unknown[:, 0])
     half = 0.5 * inputs.robot.track_width
-    return EstimateSeries(poses, side_slips(stamps, rolling, np.column_stack(
+    return Estimate(poses, side_slips(stamps, rolling, np.column_stack(
         [v_x - half * rate, v_x + half * rate]), inputs.robot.slip.standstill_speed))
 
 
-def side_slips(stamps: Stamps, rolling: Floats, ground: Floats, standstill: float,
-               ground_sigma: Floats | None = None) -> SlipSeries:
+def side_slips(stamps: Instants, rolling: Array, ground: Array, standstill: float,
+               ground_sigma: Array | None = None) -> SlipSeries:
     """Return slips from r w and v_x (n, 2) of the sides; sigmas from ``ground_sigma`` if given."""
     ratio = slip_ratio(rolling, ground, standstill)
     sigma = np.full_like(ratio, math.nan)

@@ -27,11 +27,11 @@ from __future__ import annotations
 from enum import IntEnum
 import math
 
-from benchmarks.slip.inputs import Inputs
-from benchmarks.slip.odometry import side_slips
-from benchmarks.slip.series import EstimateSeries
+from benchmarks.motion import Estimate
+from benchmarks.slip.odometry import Inputs, side_slips
 import numpy as np
-from smart_tire.analysis.series import at, Floats, PoseSeries, Stamps
+from smart_tire.arrays import Array, Instants
+from smart_tire.recording import at, PoseSeries
 from smart_tire.samples import NS_PER_S
 
 
@@ -63,8 +63,8 @@ class PlainEkf:
     """EKF that predicts to the timestamp of each measurement, then corrects."""
 
     def __init__(self) -> None:
-        self.x: Floats = np.zeros(N)
-        self.P: Floats = START_VARIANCE * np.eye(N)
+        self.x: Array = np.zeros(N)
+        self.P: Array = START_VARIANCE * np.eye(N)
 
     def predict(self, dt: float) -> None:
         """Advance by ``dt`` [s] with constant acceleration in body axes."""
@@ -83,7 +83,7 @@ class PlainEkf:
                            v_x + a_x * dt, v_y + a_y * dt, rate, a_x, a_y])
         self.P = F @ self.P @ F.T + np.diag(PROCESS_NOISE * dt)
 
-    def correct(self, rows: list[State], z: Floats, variance: Floats) -> None:
+    def correct(self, rows: list[State], z: Array, variance: Array) -> None:
         """Correct with a direct measurement ``z`` of ``rows``, in Joseph form."""
         H = np.eye(N)[rows]
         R = np.diag(variance)
@@ -93,7 +93,7 @@ class PlainEkf:
         self.P = rest @ self.P @ rest.T + K @ R @ K.T
 
 
-def plain_ekf(inputs: Inputs, track: float) -> EstimateSeries:
+def plain_ekf(inputs: Inputs, track: float) -> Estimate:
     """Return the estimates of the filter; the wheel yaw rate uses ``track`` [m]."""
     robot, ekf = inputs.robot, PlainEkf()
     readings = np.column_stack([inputs.rate, inputs.force])
@@ -120,8 +120,8 @@ def plain_ekf(inputs: Inputs, track: float) -> EstimateSeries:
     return _as_estimate(inputs, stamps[order][last], states[last], covariances[last])
 
 
-def _as_estimate(inputs: Inputs, stamps: Stamps, states: Floats, covariances: Floats
-                 ) -> EstimateSeries:
+def _as_estimate(inputs: Inputs, stamps: Instants, states: Array, covariances: Array
+                 ) -> Estimate:
     pose, twist = [State.X, State.Y, State.YAW], TWIST
     diagonal = np.diagonal(covariances, axis1=1, axis2=2)
     poses = PoseSeries(stamps, states[:, pose], states[:, twist],
@@ -135,6 +135,6 @@ def _as_estimate(inputs: Inputs, stamps: Stamps, states: Floats, covariances: Fl
         sigma.append(np.sqrt(diagonal[:, State.V_X] + half ** 2 * diagonal[:, State.RATE]
                              + 2.0 * side * half * mixed))
     rolling = at(stamps, inputs.wheel_ns, inputs.rolling)
-    return EstimateSeries(poses, side_slips(
+    return Estimate(poses, side_slips(
         stamps, rolling, np.column_stack(ground), inputs.robot.slip.standstill_speed,
         np.column_stack(sigma)))

@@ -13,188 +13,229 @@
 # limitations under the License.
 
 """
-Real recordings: ground truth are poses by lidar or motion capture; slip has no ground truth.
+Slip estimator on recordings of other robots, whole and from the middle of a drive on.
 
-Training and test data are separate: the initial part of a recording serves to identify
-parameters and lets the filter settle, the remaining part is scored. Parameters are those of the
-data sheets, and what ``identify geometry`` writes from the initial part; no value is set by hand.
-The true path is aligned with each estimate by the mean differences of heading and position over
-the last ``ALIGNMENT_WINDOW`` of the initial part, because aligning a single pose would add its
-noise to the whole path. Only the fitted constants of the methods for comparison are fitted to the
-scored part itself.
+Nothing is fitted: parameters are those of the data sheets and the wheel lag of the recording, and
+the methods it is compared with are given the same. These are path by wheels and gyroscope, heading
+by the gyroscope alone, forward speed by the wheels, no lateral speed and no slip. True velocities
+are derivatives of the true poses over ``DERIVATIVE_WINDOW``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 import math
 from pathlib import Path
-from typing import Any
 
-from benchmarks.slip.comparison import compare_methods
-from benchmarks.slip.scoring import PathScore
-from benchmarks.slip.series import EstimateSeries
+from benchmarks.harness import Column, Job, percent, Rows
+from benchmarks.scoring import Errors, Figures, part_of, Run
 import numpy as np
-from smart_tire.analysis.calibrate_robot import identify_geometry
-from smart_tire.analysis.metrics import distance, rms, rotated, score
-from smart_tire.analysis.series import at, Floats, PoseSeries, Series, Stamps
+from smart_tire.analysis.metrics import rotated
+from smart_tire.analysis.smoothing import smooth
+from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
-from smart_tire.errors import EstimatorError
-from smart_tire.parameters import build, SlipEstimatorParams, specs
-from smart_tire.samples import NS_PER_S, Sample
+from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.recording import at, Recording
+from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
 TRUTH = 'ground_truth/odom'
 TOPICS = ('imu/data', 'wheel_states', TRUTH)
-ALIGNMENT_WINDOW = 2.0  # s
+DERIVATIVE_WINDOW = 0.6  # s, of the true velocity
+ALIGNMENT = 1.0          # s, over which the paths are aligned at the start
+WINDOW = 2.0             # s, of displacements where the true path is only chained
+MIN_ROLLING_SPEED = 0.3  # m/s, for slip
+CUT_SHARE = 0.4          # of the distance, where a cut recording begins
+IMU_POSITION_SHARE = 0.25  # sigma of the IMU's x over the wheelbase: its place is not known
+REST_TIME = 1.0          # s at the start with stationary wheels, for the baseline's gyro bias
 
-AlignedPoses = tuple[Floats, Floats, Stamps]  # estimated, true poses in the same frame, timestamps
-
-
-@dataclass(frozen=True)
-class Recording:
-    """A recording, and the known parameters of its robot."""
-
-    name: str
-    folder: str
-    title: str
-    initial_duration: float        # s, not scored
-    known: dict[str, Any]   # parameters, flat
-    identified: bool        # whether parameters are identified from the initial part
-
-
-# Data sheet; the position of the IMU is unknown. Nothing else is set: all others are the defaults.
-_WARTHOG = {'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05,
-            'imu.position': [0.0, 0.0, 0.0]}
-_HUSKY = {'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540,
-          'imu.position': [0.0, 0.0, 0.0]}
-RECORDINGS = (
-    # Stationary until 134 s: nothing can be identified from the first 120 s; again at 240 s.
-    Recording('warthog_120', 'warthog_asphalt', 'Warthog on asphalt, from 120 s',
-              120.0, _WARTHOG, False),
-    Recording('warthog_240', 'warthog_asphalt', 'Warthog on asphalt, from 240 s',
-              240.0, _WARTHOG, False),
-    Recording('warthog_identified', 'warthog_asphalt',
-              'Warthog on asphalt, from 240 s, with identify geometry of the first 240 s',
-              240.0, _WARTHOG, True),
-    Recording('husky', 'husky_rectangle', 'Husky, only the mean wheel speed known',
-              ALIGNMENT_WINDOW, _HUSKY, False),
-)
+WARTHOG = {'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05}
+HUSKY = {'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540}
+# folder -> data sheet, wheel lag [s] beyond half a period, whether the true path is one
+RECORDINGS: dict[str, tuple[dict[str, float], float, bool]] = {
+    'warthog_asphalt': (WARTHOG, 0.045, True),
+    'warthog_grass_0808c': (WARTHOG, 0.04, True),
+    'warthog_grass_0729a': (WARTHOG, 0.04, True),
+    'husky_rectangle': (HUSKY, -0.05, True),
+    'husky_mair_6': (HUSKY, -0.05, True),
+    'warthog_gravel_0': (WARTHOG, 0.0, False),
+    'warthog_ice_1': (WARTHOG, 0.0, False)}
+QUANTITIES = ('path', 'heading', 'v_x', 'v_y', 'slip')
+BASELINE, METHODS = 'baseline', ('live', 'smoothed')
+RECORDING_COLUMNS = tuple(column for name in QUANTITIES for column in (
+    Column(f'{name}\nrms', f'{name}.rms', 3), Column('\nratio', f'{name}.ratio', 2), *(
+        [percent('\n2 s.', f'{name}.within_two', 0)] if name in QUANTITIES[2:] else [])))
 
 
 @dataclass(frozen=True)
-class RecordedRun:
-    """Estimates from a recording, and the scored poses with the aligned truth."""
+class RecordedTruth:
+    """True motion on its stamps."""
 
-    estimates: dict[str, EstimateSeries]
-    aligned_poses: dict[str, AlignedPoses]
+    stamp_ns: Instants
+    pose: Array   # (n, 3), yaw unwrapped
+    twist: Array  # (n, 3), v_x, v_y, yaw rate
 
-    def scores(self) -> dict[str, PathScore]:
-        """Return the scores of all methods over the scored part."""
-        return {name: remaining_score(track) for name, track in self.aligned_poses.items()}
-
-
-def identified_params(path: Path, recording: Recording) -> SlipEstimatorParams:
-    """Return the known parameters, updated with those identified from the initial part."""
-    known = build(SlipEstimatorParams, recording.known)
-    if not recording.identified:
-        return known
-    return build(SlipEstimatorParams, {**recording.known, **_identified(path, recording)})
+    def after(self, begin_ns: int) -> RecordedTruth:
+        """Return the part from ``begin_ns`` on."""
+        later = self.stamp_ns >= begin_ns
+        return RecordedTruth(self.stamp_ns[later], self.pose[later], self.twist[later])
 
 
-def _identified(path: Path, recording: Recording) -> dict[str, Any]:
-    """Return what ``identify geometry`` writes from the initial part, without ground truth."""
-    robot = build(SlipEstimatorParams, recording.known).robot
-    found = identify_geometry(path, robot, until=recording.initial_duration)
-    names = specs(SlipEstimatorParams).keys()
-    return {item.name: item.value for item in found.parameters(robot) if item.name in names}
+def recording_jobs(folder: Path) -> list[Job]:
+    """Return the jobs of the recordings in ``folder``; print which are missing."""
+    for name in RECORDINGS:
+        if not (folder / name).exists():
+            print(f'{name}: not in {folder}, skipped (--data DIR)')
+    return [partial(run_recording, folder / name) for name in RECORDINGS
+            if (folder / name).exists()]
 
 
-def parameter_sources(path: Path, recording: Recording) -> tuple[str, ...]:
-    """Return lines on the parameters that differ from the defaults, and where they come from."""
-    lines = [f'data sheet: {_listed(recording.known)}']
-    if recording.identified:
-        values = _listed(_identified(path, recording)) or 'nothing'
-        lines.append(f'identified from the first {recording.initial_duration:.0f} s, without '
-                     f'ground truth: {values}')
-    return (*lines, 'set by hand or fitted to the scored part: none; all others are the defaults')
-
-
-def _listed(values: Mapping[str, Any]) -> str:
-    def text(value: Any) -> str:
-        return (f'{value:.4g}' if isinstance(value, float)
-                else f'[{", ".join(f"{item:.3g}" for item in value)}]')
-    return ', '.join(f'{name} {text(value)}' for name, value in values.items())
-
-
-def run_recording(path: Path, recording: Recording) -> RecordedRun:
-    """
-    Return the estimates of all methods from the bag at ``path``.
-
-    Raises BagError if the bag cannot be read, EstimatorError if it lacks inputs or ground truth.
-    """
-    params = identified_params(path, recording)
+def run_recording(path: Path) -> list[Run]:
+    """Return the errors on a recording, and on it from the middle of a drive on."""
     samples, truth = read(path)
-    if not len(truth.stamp_ns):
-        raise EstimatorError(f'{path}: has no {TRUTH}')
-    begin_ns = int(truth.stamp_ns[0]) + round(recording.initial_duration * NS_PER_S)
-    rest = poses_from(truth, begin_ns)
-    estimates = compare_methods(samples, params, rest)
-    aligned_poses = {name: align_after(estimate.poses, truth, begin_ns)
-                     for name, estimate in estimates.items()}
-    return RecordedRun(estimates, aligned_poses)
+    steps = np.linalg.norm(np.diff(truth.pose[:, :2], axis=0), axis=1)
+    share, v_x = np.cumsum(steps) / steps.sum(), truth.twist[:, 0]
+    begin_ns = int(truth.stamp_ns[int(np.argmax(
+        (share > CUT_SHARE) & (np.abs(v_x[1:]) > 0.5 * np.nanmax(v_x))))])
+    later = [one for one in samples if one.stamp_ns >= begin_ns]
+    return [score_recording(path.name, path.name, samples, truth),
+            score_recording(path.name, f'{path.name} cut', later, truth.after(begin_ns))]
 
 
-def read(path: Path) -> tuple[list[Sample], PoseSeries]:
-    """Return the inputs in order of reception, and the true poses."""
-    samples, truth = list[Sample](), Series()
+def read(path: Path) -> tuple[list[Sample], RecordedTruth]:
+    """Return the inputs in order of reception, and the true motion."""
+    samples, truth = list[Sample](), Recording()
     with Bag(path) as bag:
         for _, topic, sample in bag.samples(TOPICS):
             if topic == TRUTH:
                 truth.add(sample)
             else:
                 samples.append(sample)
-    return samples, truth.poses()
+    poses = truth.poses()
+    return samples, truth_from(poses.stamp_ns, poses.pose)
 
 
-def poses_from(poses: PoseSeries, begin_ns: int) -> PoseSeries:
-    """Return the ``poses`` at and after ``begin_ns``."""
-    first = int(np.searchsorted(poses.stamp_ns, begin_ns))
-    return PoseSeries(poses.stamp_ns[first:], poses.pose[first:], poses.twist[first:],
-                      poses.pose_covariance[first:], poses.twist_variance[first:])
+def truth_from(stamp_ns: Instants, pose: Array) -> RecordedTruth:
+    """Return poses with velocities by linear fits over ``DERIVATIVE_WINDOW``."""
+    time = (stamp_ns - stamp_ns[0]) / NS_PER_S
+    pose = np.column_stack([pose[:, :2], np.unwrap(pose[:, 2])])
+    rates = np.full((len(time), 3), math.nan)
+    half = 0.5 * max(DERIVATIVE_WINDOW, 4.5 * float(np.median(np.diff(time))))
+    for i, t in enumerate(time):
+        a, b = np.searchsorted(time, [t - half, t + half])
+        if b - a >= 4 and time[b - 1] - time[a] > 1.3 * half:
+            tau = time[a:b] - time[a:b].mean()
+            rates[i] = tau @ pose[a:b] / (tau @ tau)
+    return RecordedTruth(stamp_ns, pose, np.column_stack(
+        [rotated(rates[:, :2], -pose[:, 2]), rates[:, 2]]))
 
 
-def align_after(estimate: PoseSeries, truth: PoseSeries, begin_ns: int) -> AlignedPoses:
-    """
-    Return estimated poses and aligned true poses after ``begin_ns``.
-
-    Raises EstimatorError if there are no poses in the window before ``begin_ns``.
-    """
-    estimated = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
-    known = np.isfinite(estimated[:, 0])
-    estimated, true, stamps = estimated[known], truth.pose[known], truth.stamp_ns[known]
-    window = (stamps <= begin_ns) & (stamps >= begin_ns - round(ALIGNMENT_WINDOW * NS_PER_S))
-    if not window.any():
-        raise EstimatorError('no pose in the window for alignment')
-    turn = float(np.mean((estimated - true)[window, 2]))
-    moved = rotated(true[:, :2], turn)
-    moved += np.mean(estimated[window, :2] - moved[window], axis=0)
-    after = stamps >= begin_ns
-    return estimated[after], np.column_stack([moved, true[:, 2] + turn])[after], stamps[after]
+def score_recording(name: str, row: str, samples: list[Sample], truth: RecordedTruth) -> Run:
+    """Return the errors of live and smoothed estimates, and of the baseline."""
+    known, lag, _ = RECORDINGS[name]
+    both = smooth(build(SlipEstimatorParams, {
+        **known, 'imu.position': [0.0, 0.0, 0.0], 'encoder.latency': lag,
+        'imu.position_sigma': IMU_POSITION_SHARE * known['wheelbase']}), samples)
+    errors: dict[str, Errors] = {}
+    for method, series in zip(METHODS, (both.filtered, both.smoothed)):
+        errors |= _errors(name, method, samples, truth, series)
+    return Run(row, 0, errors)
 
 
-def remaining_score(track: AlignedPoses) -> PathScore:
-    """Return the errors of an aligned path, without normalized ones."""
-    estimated, true, _ = track
-    error = estimated - true
-    distances = np.linalg.norm(error[:, :2], axis=1)
-    return PathScore(distance(true[:, :2]), rms(distances), float(distances[-1]), math.nan,
-                     math.nan, score(error[:, 2], np.full(len(error), math.nan)),
-                     float(error[-1, 2]))
+def _errors(name: str, method: str, samples: list[Sample], truth: RecordedTruth,
+            estimates: Recording) -> dict[str, Errors]:
+    """Return the errors of a method, and of the baseline at the same times."""
+    known, lag, chained = RECORDINGS[name]
+    poses, slips, stamps = estimates.poses(), estimates.slips(), truth.stamp_ns
+    pose, twist = at(stamps, poses.stamp_ns, poses.pose), at(stamps, poses.stamp_ns, poses.twist)
+    sigma = np.sqrt(at(stamps, poses.stamp_ns, poses.twist_variance))
+    base, wheels, sides = baseline(samples, stamps, known['wheel_radius'], lag)
+    ok = np.isfinite(pose[:, 0]) & np.isfinite(base[:, 0]) & np.isfinite(truth.twist[:, 0])
+    pose[~ok], base[~ok] = math.nan, math.nan
+    v_x, v_y, yaw_rate = truth.twist.T
+    mean_only = name.startswith('husky')  # only the mean wheel speed is known
+    half = 0.0 * yaw_rate if mean_only else 0.5 * known['track_width'] * yaw_rate
+    with np.errstate(invalid='ignore', divide='ignore'):
+        true = np.clip((sides - np.column_stack([v_x - half, v_x + half])) / sides, -1.0, 1.0)
+    slip = at(stamps, slips.stamp_ns, slips.ratio)[:, :2]
+    slip_sigma = at(stamps, slips.stamp_ns, slips.sigma)[:, :2]
+    if mean_only:
+        slip = np.repeat(slip.mean(axis=1), 2).reshape(-1, 2)
+    valid = (np.abs(sides) > MIN_ROLLING_SPEED) & ok[:, np.newaxis]
+    valid &= np.isfinite(slip) & np.isfinite(true)
+    path = path_errors if chained else displacement_errors
+    own = {**path(truth, pose), 'v_x': Errors((twist[:, 0] - v_x)[ok], sigma[ok, 0]),
+           'v_y': Errors((twist[:, 1] - v_y)[ok], sigma[ok, 1]),
+           'slip': Errors((slip - true)[valid], slip_sigma[valid])}
+    others = {**path(truth, base), **{what: Errors.without_sigma(error) for what, error in (
+        ('v_x', (wheels - v_x)[ok]), ('v_y', v_y[ok]), ('slip', true[valid]))}}
+    return ({f'{method}.{what}': one for what, one in own.items()}
+            | {f'{method}.{BASELINE}.{what}': one for what, one in others.items()})
 
 
-def bags(folder: Path) -> tuple[dict[str, Path], list[str]]:
-    """Return name -> bag of the recordings in ``folder``, and the names of the absent ones."""
-    paths: Mapping[str, Path] = {one.name: folder / one.folder for one in RECORDINGS}
-    return ({name: path for name, path in paths.items() if path.exists()},
-            [name for name, path in paths.items() if not path.exists()])
+def baseline(samples: list[Sample], stamps: Instants, radius: float, lag: float
+             ) -> tuple[Array, Array, Array]:
+    """Return poses (n, 3), forward speed (n,) and side speeds (n, 2) at ``stamps``."""
+    imu = [one for one in samples if isinstance(one, ImuSample)]
+    imu_ns, rate = np.array([one.stamp_ns for one in imu]), np.array([one.rate[2] for one in imu])
+    readings = [one for one in samples if isinstance(one, WheelSample)]
+    wheel_ns = np.array([one.stamp_ns for one in readings])
+    wheel_ns = wheel_ns - round(lag * NS_PER_S + 0.5 * float(np.median(np.diff(wheel_ns))))
+    speed = radius * np.array([one.velocity for one in readings])
+    sides = np.column_stack([np.nanmean(speed[:, [0, 2]], 1), np.nanmean(speed[:, [1, 3]], 1)])
+    moving = np.flatnonzero(np.abs(sides).max(axis=1) > 0.01)
+    rest = imu_ns < (wheel_ns[moving[0]] if len(moving) else imu_ns[-1]) - NS_PER_S // 4
+    if rest.any() and imu_ns[rest][-1] - imu_ns[0] > REST_TIME * NS_PER_S:
+        rate = rate - rate[rest].mean()
+    dt = np.diff(imu_ns, prepend=imu_ns[0]) / NS_PER_S
+    yaw = np.cumsum(rate * dt)
+    v = np.nan_to_num(at(imu_ns, wheel_ns, sides).mean(axis=1))
+    poses = np.column_stack([np.cumsum(v * np.cos(yaw) * dt), np.cumsum(v * np.sin(yaw) * dt),
+                             yaw])
+    return (at(stamps, imu_ns, poses), at(stamps, imu_ns, v[:, np.newaxis])[:, 0],
+            at(stamps, wheel_ns, sides))
+
+
+def path_errors(truth: RecordedTruth, pose: Array) -> dict[str, Errors]:
+    """Return the distances [m] and heading errors [rad] of a path aligned at the start."""
+    ok = np.isfinite(pose[:, 0])
+    start = ok & (truth.stamp_ns <= truth.stamp_ns[ok][0] + ALIGNMENT * NS_PER_S)
+    turn = float(np.mean(pose[start, 2] - truth.pose[start, 2]))
+    moved = rotated(truth.pose[:, :2], turn)
+    moved += np.mean(pose[start, :2] - moved[start], axis=0)
+    return {'path': Errors.without_sigma(np.linalg.norm(pose[ok, :2] - moved[ok], axis=1)),
+            'heading': Errors.without_sigma(pose[ok, 2] - truth.pose[ok, 2] - turn)}
+
+
+def displacement_errors(truth: RecordedTruth, pose: Array) -> dict[str, Errors]:
+    """Return the errors [m] of displacements over ``WINDOW`` in the frame of their start."""
+    def moves(poses: Array) -> Array:
+        later = at(truth.stamp_ns + round(WINDOW * NS_PER_S), truth.stamp_ns, poses)
+        return rotated(later[:, :2] - poses[:, :2], -poses[:, 2])
+    error = np.linalg.norm(moves(pose) - moves(truth.pose), axis=1)
+    return {'path': Errors.without_sigma(error[np.isfinite(error)])}
+
+
+def recording_rows(rows: Rows) -> list[tuple[str, Figures]]:
+    """Return the lines of the table: recordings by method, median and largest ratios."""
+    found = []
+    for row, figures in rows.items():
+        for method in METHODS:
+            own = {f'{name}.{part}': figures[f'{method}.{name}.{part}'] for name in QUANTITIES
+                   for part in ('rms', 'within_two') if f'{method}.{name}.rms' in figures}
+            base = part_of(figures, f'{method}.{BASELINE}')
+            own |= {f'{name}.ratio': own[f'{name}.rms'] / base[f'{name}.rms']
+                    for name in QUANTITIES if f'{name}.rms' in own}
+            found.append((f'{row}: {method}', own))
+    return found + list(_summary(found))
+
+
+def _summary(lines: list[tuple[str, Figures]]) -> Iterator[tuple[str, Figures]]:
+    for label, share in (('median of ratios', 0.5), ('largest ratio', 1.0)):
+        for method in METHODS:
+            own = [figures for row, figures in lines if row.endswith(method)]
+            ratios = {name: [one[name] for one in own if name in one]
+                      for name in (f'{quantity}.ratio' for quantity in QUANTITIES)}
+            yield f'{label}: {method}', {name: float(np.quantile(values, share))
+                                         for name, values in ratios.items() if values}

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.event_cache import FOLDER_VARIABLE
+from benchmarks.events import FOLDER_VARIABLE
 from benchmarks.scenarios import Scenario, SCENARIOS, STANDSTILL
 import pytest
 from smart_tire.samples import NS_PER_S, WheelSlip

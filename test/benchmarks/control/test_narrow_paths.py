@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from benchmarks.control.scenarios import OTHER, OURS, OWN, SHORT, TrackingCase, TRUE
 from benchmarks.control.tracking import run_tracking
+from benchmarks.scoring import combined, part_of
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -27,11 +28,12 @@ SEED = 31  # not tuned on
 @pytest.mark.parametrize('plant', [OWN, OTHER])
 @pytest.mark.parametrize('path', ['u_turn_30', 'spiral', 'reverse_parking'])
 def test_narrow_paths_are_tracked_better_than_by_ideal_kinematics(path, plant):
-    ours, ideal = (run_tracking(TrackingCase(path, 'concrete', TRUE, kinematics, plant), SEED,
-                                traced=False).score for kinematics in (OURS, SHORT))
-    assert ours.arrived
-    assert ours.rms < ideal.rms
-    assert ours.duration < 1.05 * ideal.duration
-    assert ours.yaw_acceleration < 1.2
+    ours, ideal = (part_of(combined([run_tracking(
+        TrackingCase(path, 'concrete', TRUE, plant, kinematics), SEED)[0]]), kinematics)
+        for kinematics in (OURS, SHORT))
+    assert ours['arrived']
+    assert ours['control.rms'] < ideal['control.rms']
+    assert ours['duration'] < 1.05 * ideal['duration']
+    assert ours['yaw.rms'] < 1.2
     if plant == OWN:
-        assert ours.rms < 0.012 and ours.maximum < 0.03
+        assert ours['control.rms'] < 0.012 and ours['control.max'] < 0.03

@@ -17,8 +17,7 @@
 from __future__ import annotations
 
 from benchmarks.friction.grid import Case, LOAD
-from benchmarks.friction.methods import EXACT_MAP, PRINTED_MAP
-from benchmarks.friction.paper_method import adhesion_ratio_from_peaks, friction_from_peaks
+from benchmarks.friction.paper_method import EXACT_MAP, friction_from_peaks, MAPS, PRINTED_MAP
 import numpy as np
 import pytest
 from smart_tire.models.tire import strain_charge
@@ -48,8 +47,7 @@ def test_exact_peaks_and_the_printed_map_give_about_twice_the_friction(slip):
     assert 1.75 < read(Case(slip=slip), PRINTED_MAP) / 0.47 < 2.25
 
 
-@pytest.mark.parametrize('method', [EXACT_MAP, PRINTED_MAP])
-def test_an_unknown_interval_gives_nan(method):
-    case = Case(slip=0.1)
-    assert np.isnan(adhesion_ratio_from_peaks(
-        np.array([np.nan]), np.array([0.5]), case.robot, method))
+@pytest.mark.parametrize('which', MAPS)
+def test_an_unknown_interval_gives_nan(which):
+    one = np.ones(1)
+    assert np.isnan(friction_from_peaks(np.nan * one, one, one, one, Case(slip=0.1).robot, which))

@@ -22,84 +22,77 @@ import math
 
 from benchmarks.friction import run
 from benchmarks.friction.grid import Case
-from benchmarks.friction.methods import METHODS, WAVEFORM
-from benchmarks.friction.monte_carlo import CaseResult, Trial
-from benchmarks.friction.scenarios import FRICTION_SCENARIOS, INSTRUMENTED
-from benchmarks.friction.tables import cases_table
+from benchmarks.friction.scenarios import FILM, GROUND_SCENARIOS, SURFACE_SCENARIOS
+from benchmarks.grounds import CONCRETE, ground, SAND
 import pytest
-from rich.console import Console
+from smart_tire.samples import WheelSample
+
+SHORT_TOUR = replace(
+    GROUND_SCENARIOS['tour'], duration=15.0, ground=ground(CONCRETE, fields=[(SAND, 3.0, 90.0)]))
 
 
-@pytest.fixture
-def tiny(monkeypatch):
-    """Shorten the first scenario to seconds, and use one case of a few crossings."""
-    monkeypatch.setitem(run.FRICTION_SCENARIOS, 'concrete',
-                        replace(FRICTION_SCENARIOS['concrete'], duration=8.0))
-    monkeypatch.setattr(run, 'QUICK_COUNT', 4)
-    monkeypatch.setattr(run, 'quick_cases', lambda: {'slip': [Case(slip=0.1)]})
+def results(folder):
+    return {row: found['over_seeds'] for row, found in json.loads(
+        (folder / 'results.json').read_text())['rows'].items()}
 
 
 @pytest.mark.long
-def test_a_run_gives_tables_a_figure_and_results(tiny, tmp_path, capsys):
-    out = tmp_path / 'friction'
-    assert run.main(['--seeds', '1', '--runs', 'concrete',
-                     '--out', str(out)]) == 0
+def test_a_run_gives_tables_a_figure_and_results(monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(run.SCENARIOS, 'concrete',
+                        replace(SURFACE_SCENARIOS['concrete'], duration=8.0))
+    assert run.FRICTION.main(['--quick', '--runs', 'concrete', '--out', str(tmp_path)]) == 0
     output = capsys.readouterr().out
-    for words in (FRICTION_SCENARIOS['concrete'].title, 'reference', 'NEES', 'exact map',
-                  'printed map', 'true slip', 'front left'):
+    for words in (SURFACE_SCENARIOS['concrete'].title, 'NEES', 'exact map', 'printed map',
+                  'front left', 'no torque', '[%]'):
         assert words in output
-    assert '[%]' in output and '…' not in output  # units are shown, no cell is truncated
-    assert {path.name for path in out.iterdir()} == {
-        'concrete.png', 'concrete_forces.png', 'forces.md', 'results.json'}
-    concrete = json.loads((out / 'results.json').read_text())['runs']['concrete']
-    assert concrete['seeds'] == [1]
-    assert concrete['reference']['single'] == 0.017
-    assert concrete['wheels'].keys() == set(INSTRUMENTED)
-    for methods in concrete['wheels'].values():
-        assert methods.keys() == METHODS.keys()
-        assert methods[WAVEFORM]['found'] == 1.0
-
-
-def test_synthesized_crossings_are_compared_with_the_bound(tiny, tmp_path, capsys):
-    assert run.main(['--quick', '--runs', 'crossings',
-                     '--out', str(tmp_path)]) == 0
-    assert '4 synthesized crossings each' in capsys.readouterr().out
+    assert '…' not in output  # no cell is truncated
     assert {path.name for path in tmp_path.iterdir()} == {
-        'waveform.png', 'bound.png', 'fig_12.png', 'fig_13.png', 'results.json'}
-    (case,) = json.loads((tmp_path / 'results.json').read_text())['crossings']
-    assert case['case']['slip'] == 0.1
-    assert 0.01 < case['bound'] < 0.03
-    assert case['trials'].keys() == METHODS.keys()
+        'concrete.png', 'friction.md', 'results.json'}
+    rows = results(tmp_path)
+    assert rows.keys() == {'concrete/', *(f'concrete/{wheel}' for wheel in FILM.wheels)}
+    assert all(rows[f'concrete/{wheel}']['found'] == 1.0 for wheel in FILM.wheels)
 
 
-def test_an_unknown_run_is_a_usage_error_that_names_the_known_ones(tmp_path, capsys):
-    assert run.main(['--runs', 'moon', '--out', str(tmp_path)]) == 2
-    output = capsys.readouterr().err
-    assert 'moon: no such run' in output and 'crossings' in output and 'figure_eight' in output
+def test_synthesized_crossings_are_compared_with_the_bound(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(run, 'QUICK_COUNT', 4)
+    monkeypatch.setattr(run, 'quick_cases', lambda: {'slip': [Case(slip=0.1)]})
+    assert run.FRICTION.main(['--quick', '--runs', 'crossings', '--out', str(tmp_path)]) == 0
+    assert 'Synthesized crossings' in capsys.readouterr().out
+    ((row, figures),) = results(tmp_path).items()
+    assert row == 'crossings/slip: slip +0.10, mu 0.47, 60 rpm, 5 mV'
+    assert 0.01 < figures['bound'] < 0.03 and 'printed.bias' in figures
+    assert (tmp_path / 'bound.png').exists()
 
 
-def test_an_output_folder_that_cannot_be_created_is_an_error_in_one_line(tmp_path, capsys):
-    (tmp_path / 'file').write_text('')
-    assert run.main(['--out', str(tmp_path / 'file')]) == 2
-    assert 'cannot be written' in capsys.readouterr().err
+def test_several_grounds_are_scored_apart_without_and_with_torque(monkeypatch, tmp_path):
+    monkeypatch.setitem(run.SCENARIOS, 'tour', SHORT_TOUR)
+    runs = run.run_scenario('tour', 2, tmp_path, compare=False)
+    assert [one.row for one in runs] == ['tour/', f'tour/{CONCRETE}', f'tour/{SAND}'] * 2
+    for variant, (whole, *parts) in zip(run.VARIANTS, (runs[:3], runs[3:])):
+        count = [len(one.errors[f'{variant}.mu'].error) for one in (whole, *parts)]
+        assert count[0] == count[1] + count[2] > count[2] > 0
+        assert 0.0 < whole.figures[f'{variant}.v_y']['rms'] < 0.03
+        assert math.isnan(whole.figures[f'{variant}.straight']['rms'])  # nothing but turns
+        assert len(whole.errors[f'{variant}.jump'].error) == len(FILM.wheels)
 
 
-@pytest.mark.parametrize('existing', ['results.json', 'bound.png'])
-def test_results_of_an_earlier_run_are_kept_unless_forced(existing, tmp_path, capsys):
-    (tmp_path / existing).write_text('kept')
-    assert run.main(['--out', str(tmp_path)]) == 2
-    assert f'{existing} exists' in capsys.readouterr().err
-    assert (tmp_path / existing).read_text() == 'kept'
+def test_only_the_variant_with_torque_receives_efforts(monkeypatch, tmp_path):
+    seen = []
 
+    class Pipeline:
 
-@pytest.mark.parametrize(('bound', 'trial', 'marks'), [
-    (0.02, Trial(1.0, 0.01, 0.02, 0.03, 1.0, 3.0), 0),
-    (0.02, Trial(1.0, -0.03, 0.03, 0.05, 1.5, 6.0), 4),
-    (0.2, Trial(1.0, 0.1, 0.3, 0.5, 0.2, 3.0), 0), (0.2, Trial(0.0, *(math.nan,) * 4, 6.0), 1)])
-def test_figures_outside_the_requirements_are_marked_if_informative(bound, trial, marks):
-    one = CaseResult('slip', Case(slip=0.1), bound, 100, 1.0, {WAVEFORM: trial})
-    console = Console(width=160)
-    with console.capture() as capture:
-        console.print(cases_table([one]))
-    rows = [line for line in capture.get().splitlines() if '+0.10' in line]
-    assert rows[0].count('!') == marks
+        def __init__(self, params):
+            seen.append(set())
+
+        def update(self, sample):
+            if isinstance(sample, WheelSample):
+                seen[-1].add(sample.effort is not None)
+            return []
+
+        def finish(self):
+            return []
+    monkeypatch.setattr(run, 'Pipeline', Pipeline)
+    monkeypatch.setattr(run, 'motion_errors', lambda *_: {})
+    monkeypatch.setitem(run.SCENARIOS, 'tour', replace(SHORT_TOUR, duration=4.0))
+    run.run_scenario('tour', 2, tmp_path, compare=False)
+    assert seen == [{False}, {True}]

@@ -18,13 +18,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 import json
-import math
 
 from benchmarks.robots import run
-from benchmarks.robots.draws import DISTRIBUTIONS, Draw, draw, recordings, ROWS, TUNING_SEED
+from benchmarks.robots.draws import DISTRIBUTIONS, Draw, draw, ROWS, TUNING_SEED
 from benchmarks.robots.plant import Lift, MIN_LOAD, plant_with, Push, Traits
-from benchmarks.robots.scoring import Errors, QUANTITIES
-import numpy as np
+from benchmarks.robots.scoring import QUANTITIES
 import pytest
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams
@@ -98,31 +96,16 @@ def test_a_draw_is_reproducible_and_the_estimators_get_the_nominal_robot(name):
     assert replace(exact.traits, terrain_seed=0, pushes=(), lifts=(), sides=()) == Traits()
 
 
-def test_errors_are_scored_with_their_sigmas():
-    figures = Errors(np.array([0.1, -0.3, math.nan]), np.array([0.1, 0.1, math.nan])).figures
-    assert figures['finite'] == pytest.approx(2.0 / 3.0)
-    assert figures['median'] == pytest.approx(0.2)
-    assert figures['within_two'] == 0.5
-    assert figures['nees'] == pytest.approx(5.0)
-
-
 def test_a_run_writes_a_table_and_results(monkeypatch, tmp_path, capsys):
     whole = draw('no_torque', 1)
     monkeypatch.setattr(run, 'draw', lambda name, seed, nominal=(): Draw(
         name, seed, whole.robot, whole.simulator, whole.traits, whole.legs, 6.0, {}))
-    assert run.main(['--quick', '--runs', 'no_torque', '--out', str(tmp_path)]) == 0
+    assert run.ROBOTS.main(['--quick', '--runs', 'no_torque', '--out', str(tmp_path)]) == 0
     assert ROWS['no_torque'].title in capsys.readouterr().out
     results = json.loads((tmp_path / 'results.json').read_text())
-    assert results['rows']['no_torque']['over_robots'].keys() == {*QUANTITIES, 'run'}
+    assert {name.partition('.')[0] for name in results['rows']['no_torque']['over_seeds']} == {
+        *QUANTITIES, 'load'}
     assert ROWS['no_torque'].title in (tmp_path / 'robots.md').read_text()
-
-
-def test_recordings_hold_inputs_and_truth_apart(monkeypatch):
-    monkeypatch.setattr(Draw, 'events', lambda self: [
-        (1, 'ground_truth/odom', 'truth'), (2, 'imu/data', 'input')])
-    ((params, inputs, truth),) = recordings('ice', [1])
-    assert (inputs, truth) == (['input'], ['truth'])
-    assert params.robot == draw('ice', 1).robot
 
 
 def test_the_start_of_a_drive_is_cut():

@@ -12,39 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings: alignment with ground truth before the scored part, and errors after it."""
+"""Recordings: true velocities, alignment of the paths, and the baseline."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 from benchmarks.slip.recordings import (
-    align_after, bags, identified_params, poses_from, RECORDINGS, remaining_score)
+    baseline, displacement_errors, path_errors, RecordedTruth, recording_jobs, recording_rows,
+    RECORDINGS, truth_from)
 import numpy as np
 import pytest
 from smart_tire.analysis.metrics import rotated
-from smart_tire.analysis.series import PoseSeries
-from smart_tire.errors import EstimatorError
-from smart_tire.parameters import build, RobotParams
-from smart_tire.samples import NS_PER_S
+from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 
-SHARED = Path(__file__).resolve().parents[4] / 'shared' / 'data'
-BEGIN_NS = 20 * NS_PER_S
-
-
-def poses(pose):
-    """Return a series of the given poses, (n, 3), at 10 Hz."""
-    n = len(pose)
-    unknown = np.full((n, 3, 3), math.nan)
-    return PoseSeries(np.arange(n) * (NS_PER_S // 10), pose, unknown[:, 0], unknown, unknown[:, 0])
+STAMPS = np.arange(600) * (NS_PER_S // 10)
 
 
 @pytest.fixture
 def circle():
-    """Return a circle of 5 m radius at 0.5 m/s for 60 s."""
-    yaw = 0.1 * np.arange(600) / 10
-    return np.column_stack([5.0 * np.sin(yaw), 5.0 * (1.0 - np.cos(yaw)), yaw])
+    """Return the truth on a circle of 5 m radius at 0.5 m/s for 60 s."""
+    yaw = 0.1 * STAMPS / NS_PER_S
+    return truth_from(STAMPS, np.column_stack(
+        [5.0 * np.sin(yaw), 5.0 * (1.0 - np.cos(yaw)), np.angle(np.exp(1j * yaw))]))
 
 
 def elsewhere(pose, turn=2.0, shift=(30.0, -7.0)):
@@ -52,53 +42,65 @@ def elsewhere(pose, turn=2.0, shift=(30.0, -7.0)):
     return np.column_stack([rotated(pose[:, :2], turn) + shift, pose[:, 2] + turn])
 
 
-def test_the_same_path_in_another_frame_has_no_error(circle):
-    path = remaining_score(align_after(poses(elsewhere(circle)), poses(circle), BEGIN_NS))
-    assert path.rms_m < 1e-9 and path.heading.rms < 1e-9
-    assert path.distance_m == pytest.approx(20.0, rel=0.01)
-    assert math.isnan(path.nees)
+def rms(errors):
+    return {name: one.figures['rms'] for name, one in errors.items()}
 
 
-def test_noise_of_single_poses_hardly_rotates_the_path(circle):
-    rng = np.random.default_rng(5)
-    noisy = circle.copy()
-    noisy[:, 2] += rng.normal(0.0, 0.02, len(circle))
-    path = remaining_score(align_after(poses(circle), poses(noisy), BEGIN_NS))
-    assert path.rms_m < 0.1  # one pose alone would turn it by 0.02 rad: 0.2 m across 10 m
+def test_velocities_are_those_in_body_axes(circle):
+    assert circle.twist[10:-10] == pytest.approx(np.tile([0.5, 0.0, 0.1], (580, 1)), abs=3e-3)
+    assert circle.pose[-1, 2] == pytest.approx(5.99)  # unwrapped
+    later = circle.after(20 * NS_PER_S)
+    assert (len(later.stamp_ns), later.stamp_ns[0]) == (400, 20 * NS_PER_S)
 
 
-def test_only_errors_after_the_initial_part_are_scored(circle):
-    estimated = elsewhere(circle)
-    estimated[:150] += 3.0
-    estimated[300:, 0] += 0.4
-    path = remaining_score(align_after(poses(estimated), poses(circle), BEGIN_NS))
-    assert path.end_m == pytest.approx(0.4)
-    assert path.rms_m == pytest.approx(0.4 * math.sqrt(0.75))
-    assert path.end_percent == pytest.approx(2.0, rel=0.01)
+@pytest.mark.parametrize('errors', [path_errors, displacement_errors])
+def test_the_same_path_in_another_frame_has_no_error(circle, errors):
+    assert all(value < 1e-9 for value in rms(errors(circle, elsewhere(circle.pose))).values())
 
 
-def test_without_truth_to_align_with_there_is_no_score(circle):
-    late = poses_from(poses(circle), BEGIN_NS + 1)
-    with pytest.raises(EstimatorError, match='no pose'):
-        align_after(poses(circle), late, BEGIN_NS)
+def test_errors_are_those_after_the_common_start(circle):
+    moved = elsewhere(circle.pose)
+    moved[300:, 0] += 0.4
+    assert rms(path_errors(circle, moved))['path'] == pytest.approx(0.4 * math.sqrt(0.5))
+    over_window = rms(displacement_errors(circle, moved))['path']
+    assert over_window == pytest.approx(0.4 * math.sqrt(20 / 580))  # only across the jump
 
 
-def test_missing_recordings_are_listed(tmp_path):
-    there = RECORDINGS[0].folder
-    (tmp_path / there).mkdir()
-    assert bags(tmp_path) == (
-        {recording.name: tmp_path / there for recording in RECORDINGS
-         if recording.folder == there},
-        [recording.name for recording in RECORDINGS if recording.folder != there])
+def test_wheels_and_gyroscope_follow_a_circle(circle):
+    stamps = range(0, 60 * NS_PER_S, NS_PER_S // 50)
+    rate = [0.1 if stamp >= 2 * NS_PER_S else 0.0 for stamp in stamps]
+    samples = [ImuSample(stamp, (0.0, 0.0, 9.8), (0.0, 0.0, 0.02 + turn))
+               for stamp, turn in zip(stamps, rate)]
+    samples += [WheelSample(stamp, (5.0 if turn else 0.0,) * 4)
+                for stamp, turn in zip(stamps, rate)]
+    pose, speed, sides = baseline(samples, STAMPS, 0.1, 0.0)
+    inside = slice(30, 590)
+    assert speed[inside] == pytest.approx(np.full(560, 0.5))
+    assert sides[inside] == pytest.approx(np.full((560, 2), 0.5))
+    assert pose[589, 2] == pytest.approx(0.1 * 56.9, abs=0.01)  # without the bias
 
 
-@pytest.mark.parametrize('recording', RECORDINGS, ids=lambda recording: recording.name)
-def test_known_parameters_are_kept_unless_identified(recording):
-    path = SHARED / recording.folder
-    if not path.exists():
-        pytest.skip(f'the recording {path} is not on this machine')
-    params, known = identified_params(path, recording), recording.known
-    assert params.robot.track_width == known['track_width']
-    assert params.robot.wheelbase == known['wheelbase']
-    if not recording.identified:
-        assert params.robot.imu == build(RobotParams, known).imu
+def test_missing_recordings_are_listed(tmp_path, capsys):
+    first, *others = RECORDINGS
+    (tmp_path / first).mkdir()
+    (job,) = recording_jobs(tmp_path)
+    assert job.args == (tmp_path / first,)
+    assert capsys.readouterr().out.splitlines() == [
+        f'{name}: not in {tmp_path}, skipped (--data DIR)' for name in others]
+
+
+def test_ratios_are_to_the_baseline_of_the_same_times():
+    rows = {name: {f'{method}{part}.v_x.{figure}': value
+                   for method, scale in (('live', 1.0), ('smoothed', 2.0))
+                   for part, value in (('', scale), ('.baseline', ratio))
+                   for figure in ('rms', 'within_two')}
+            for name, ratio in (('a', 2.0), ('b', 4.0))}
+    lines = dict(recording_rows(rows))
+    assert lines['a: live']['v_x.ratio'] == 0.5 and lines['b: smoothed']['v_x.ratio'] == 0.5
+    assert lines['median of ratios: live']['v_x.ratio'] == pytest.approx(0.375)
+    assert lines['largest ratio: smoothed']['v_x.ratio'] == 1.0
+
+
+def test_velocities_need_poses_on_both_sides():
+    truth = truth_from(STAMPS[:3], np.zeros((3, 3)))
+    assert isinstance(truth, RecordedTruth) and np.isnan(truth.twist).all()

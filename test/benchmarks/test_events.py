@@ -12,16 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulated events are cached on request, and valid for the same run and simulator only."""
+"""Simulated events: cached on request for the same run and simulator; torques removed, scaled."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+import math
 import sys
 
-from benchmarks import event_cache
+from benchmarks import events
 from benchmarks.scenarios import SCENARIOS
 import pytest
+from smart_tire.samples import ImuSample, WheelSample
+
+IMU = ImuSample(1, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))
+WHEELS = WheelSample(2, (1.0,) * 4, (3.0,) * 4, (0.1, 0.2, -0.3, math.nan))
+SILENT = WheelSample(3, (1.0,) * 4, (3.0,) * 4)
 
 
 class Maker:
@@ -36,31 +42,24 @@ class Maker:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv(event_cache.FOLDER_VARIABLE, str(tmp_path / 'new'))
+    monkeypatch.setenv(events.FOLDER_VARIABLE, str(tmp_path / 'new'))
     return tmp_path / 'new'
 
 
 def test_without_a_folder_events_are_made_every_time(monkeypatch):
-    monkeypatch.delenv(event_cache.FOLDER_VARIABLE, raising=False)
+    monkeypatch.delenv(events.FOLDER_VARIABLE, raising=False)
     make = Maker()
-    assert event_cache.cached_events('a', make) != event_cache.cached_events('a', make)
+    assert events.cached_events('a', make) != events.cached_events('a', make)
 
 
-def test_events_of_the_same_run_are_made_once(folder):
+def test_events_of_the_same_run_and_simulator_are_made_once(folder, monkeypatch):
     make = Maker()
-    first, again = (event_cache.cached_events('a', make) for _ in range(2))
-    assert first == again
-    assert event_cache.cached_events('b', make) != first
-    assert make.count == 2
+    first, again = (events.cached_events('a', make) for _ in range(2))
+    assert first == again != events.cached_events('b', make)
     assert sorted(path.suffix for path in folder.iterdir()) == ['.pickle'] * 2
-
-
-def test_events_of_another_simulator_are_made_again(folder, monkeypatch):
-    make = Maker()
-    event_cache.cached_events('a', make)
-    monkeypatch.setattr(event_cache, 'source_digest', lambda: 'changed')
-    event_cache.cached_events('a', make)
-    assert make.count == 2
+    monkeypatch.setattr(events, 'source_digest', lambda: 'changed')
+    events.cached_events('a', make)
+    assert make.count == 3
 
 
 def test_cached_events_are_those_of_the_scenario_and_seed(folder):
@@ -68,14 +67,29 @@ def test_cached_events_are_those_of_the_scenario_and_seed(folder):
     made = {seed: short.events(seed) for seed in (1, 2)}
     assert repr(made[1]) != repr(made[2])
     assert repr({seed: short.events(seed) for seed in (1, 2)}) == repr(made)  # NaN included
-    longer = replace(short, duration=3.4)
-    assert len(longer.events(1)) > len(made[1])
+    assert len(replace(short, duration=3.4).events(1)) > len(made[1])
     assert len(list(folder.iterdir())) == 3
 
 
 def test_the_simulator_consists_of_plant_films_and_models_but_not_of_estimators():
-    found = event_cache.imported_modules('smart_tire.simulation.offline')
+    found = events.imported_modules('smart_tire.simulation.offline')
     assert {'smart_tire.simulation.plant', 'smart_tire.simulation.films',
             'smart_tire.models.tire.brush_tire', 'smart_tire.samples'} <= found.keys()
     assert not any('.estimation' in name or '.parameters' in name for name in found)
     assert found.keys() < {name for name in sys.modules if name.startswith('smart_tire.')}
+
+
+def test_ground_truth_and_inputs_are_apart():
+    both = [(1, 'ground_truth/odom', 'truth'), (2, 'imu/data', 'input')]
+    assert (events.truth_of(both), events.inputs_of(both)) == (['truth'], ['input'])
+
+
+def test_efforts_are_removed_and_scaled_where_measured():
+    assert events.has_efforts([IMU, SILENT, WHEELS])
+    assert not events.has_efforts([IMU, SILENT, replace(SILENT, effort=(math.nan,) * 4)])
+    assert events.without_efforts([IMU, WHEELS, SILENT]) == [
+        IMU, WheelSample(2, WHEELS.velocity, WHEELS.position), SILENT]
+    made = [(5, 'imu/data', IMU), (6, 'wheel_states', WHEELS), (7, 'wheel_states', SILENT)]
+    scaled = events.scaled_efforts(made, 2.0)
+    assert scaled[1][2].effort == pytest.approx((0.2, 0.4, -0.6, math.nan), nan_ok=True)
+    assert [scaled[0], scaled[2]] == [made[0], made[2]]
