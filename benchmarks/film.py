@@ -27,7 +27,7 @@ import sys
 from benchmarks.harness import machine, parse_no_arguments, run_benchmark
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.calibration.bench.film_parameters import identify_film
+from smart_tire.calibration.film_bench import identify_film
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.simulation.film_test_stand import FilmTestStand, sine

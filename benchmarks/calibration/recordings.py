@@ -32,9 +32,8 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.bags import BagWriter
-from smart_tire.calibration.procedure.legs import (
-    Leg, leg_schedule, REST_LEGS, STRAIGHT_LEGS, TURN_LEGS)
-from smart_tire.calibration.tire.stiffness import ACCEL_SCALE_SIGMA
+from smart_tire.calibration.guide import Leg, leg_schedule, REST_LEGS, STRAIGHT_LEGS, TURN_LEGS
+from smart_tire.calibration.stiffness import ACCEL_SCALE_SIGMA
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSlip
 from smart_tire.simulation.offline import EPOCH_NS, Event, simulate

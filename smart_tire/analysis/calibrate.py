@@ -27,9 +27,8 @@ from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
 from smart_tire.analysis.calibration_figures import write_icr, write_motor, write_stiffness
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
-from smart_tire.calibration.procedure.results import Calibration
-from smart_tire.calibration.procedure.sequence import calibrate, Inputs, REST, STRAIGHT, TURNS
 from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.sequence import calibrate, Calibration, Inputs, REST, STRAIGHT, TURNS
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.calibration_file import Identified, identified_text
 from smart_tire.parameters.files import value_text

@@ -22,8 +22,8 @@ from pathlib import Path
 from smart_tire.analysis.calibrate_robot import (
     check_all_measured, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.bags import STANDARD_NAMES, TopicNames
-from smart_tire.calibration.robot import motor
-from smart_tire.calibration.robot.motor import MotorFit
+from smart_tire.calibration import motor
+from smart_tire.calibration.motor import MotorFit
 from smart_tire.parameters import RobotParams
 
 

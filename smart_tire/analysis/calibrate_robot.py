@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Instants
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
+from smart_tire.calibration import geometry, turning
+from smart_tire.calibration.geometry import Geometry
 from smart_tire.calibration.recording import (
     DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
-from smart_tire.calibration.robot import geometry, turning
-from smart_tire.calibration.robot.geometry import Geometry
-from smart_tire.calibration.robot.turning import IcrFit
+from smart_tire.calibration.turning import IcrFit
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import RobotParams

@@ -26,11 +26,10 @@ from smart_tire.analysis.calibrate_robot import (
 from smart_tire.analysis.pipeline import FrictionStage, SlipStage
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
-from smart_tire.calibration.film import gains
-from smart_tire.calibration.film.crossing_collector import CrossingCollector, CrossingWithSlip
-from smart_tire.calibration.film.results import GainFit
-from smart_tire.calibration.tire import stiffness
-from smart_tire.calibration.tire.stiffness import StiffnessFit
+from smart_tire.calibration import film_gains, stiffness
+from smart_tire.calibration.crossing_collector import CrossingCollector, CrossingWithSlip
+from smart_tire.calibration.film_gains import GainFit
+from smart_tire.calibration.stiffness import StiffnessFit
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
@@ -67,7 +66,7 @@ def identify_gains(bags: Sequence[Path], robot: RobotParams, time_range: TimeRan
 
     Raises BagError if a bag cannot be read, EstimatorError if nothing is observable.
     """
-    return gains.identify_gains(
+    return film_gains.identify_gains(
         [read_crossings(bag, robot, time_range, names) for bag in bags], robot)
 
 

@@ -25,13 +25,13 @@ import numpy as np
 from smart_tire.analysis.drawing import save
 from smart_tire.analysis.figure import Curve, Figure, Mark, PAIR, Panel, TIME_LABEL, truth_mark
 from smart_tire.arrays import Array
-from smart_tire.calibration.film.results import FilmGain, GainFit, Waveform
-from smart_tire.calibration.robot.geometry import Geometry
-from smart_tire.calibration.robot.latency import YawRateFit
-from smart_tire.calibration.robot.motor import FEED_FORWARD, MotorFit
-from smart_tire.calibration.robot.reference import RadiusFit
-from smart_tire.calibration.robot.turning import IcrFit
-from smart_tire.calibration.tire.stiffness import StiffnessFit
+from smart_tire.calibration.film_gains import FilmGain, GainFit, Waveform
+from smart_tire.calibration.geometry import Geometry
+from smart_tire.calibration.latency import YawRateFit
+from smart_tire.calibration.motor import FEED_FORWARD, MotorFit
+from smart_tire.calibration.reference import RadiusFit
+from smart_tire.calibration.stiffness import StiffnessFit
+from smart_tire.calibration.turning import IcrFit
 
 SHOWN_DURATION = 20.0  # s, where the yaw rate changes most, so that the latency is visible
 MAX_POINTS = 20_000    # per line, to limit the file size

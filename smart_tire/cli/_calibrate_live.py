@@ -27,10 +27,10 @@ import signal
 import sys
 from typing import Any
 
-from smart_tire.calibration.procedure.guide import Action, Guide, INSTRUCTIONS, Key
-from smart_tire.calibration.procedure.legs import (
-    Leg, LIFTED_LEGS, limited, reach, REST_LEGS, STRAIGHT_LEGS, TURN_LEGS)
-from smart_tire.calibration.procedure.sequence import LIFTED, REST, STRAIGHT, TURNS
+from smart_tire.calibration.guide import (
+    Action, Guide, INSTRUCTIONS, Key, Leg, LIFTED_LEGS, limited, reach, REST_LEGS, STRAIGHT_LEGS,
+    TURN_LEGS)
+from smart_tire.calibration.sequence import LIFTED, REST, STRAIGHT, TURNS
 from smart_tire.cli._options import refuse_existing_bag, remove_bag
 from smart_tire.cli._stack import Stack
 from smart_tire.errors import ParameterError, SmartTireError

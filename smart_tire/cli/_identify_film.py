@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
     from smart_tire.analysis.calibration_figures import write_fit
-    from smart_tire.calibration.bench.film_parameters import identify_film, write_params
+    from smart_tire.calibration.film_bench import identify_film, write_params
     from smart_tire.estimation.film.film_file import PRODUCTS
     from smart_tire.estimation.film.recording import COLUMNS, read_recording
     columns = args.columns.split(',') if args.columns else list(COLUMNS)

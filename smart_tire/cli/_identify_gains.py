@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from smart_tire.cli._options import add_recordings, bag_settings, check_output, write_parameters
 
 if TYPE_CHECKING:
-    from smart_tire.calibration.film.results import GainFit
+    from smart_tire.calibration.film_gains import GainFit
     from smart_tire.uncertain import Uncertain
 
 NAME = 'gains'

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_geometry
     from smart_tire.analysis.calibration_figures import write_geometry
-    from smart_tire.calibration.robot.geometry import combine
+    from smart_tire.calibration.geometry import combine
     settings = bag_settings(args.bags, args)
     robot = settings.params.robot
     found = combine([identify_geometry(

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     check_output(args, NAME)
     from smart_tire.analysis.calibrate_robot import identify_icr
     from smart_tire.analysis.calibration_figures import write_icr
-    from smart_tire.calibration.robot.turning import combine
+    from smart_tire.calibration.turning import combine
     settings = bag_settings(args.bags, args)
     robot = settings.params.robot
     fit = combine([identify_icr(

@@ -26,7 +26,7 @@ from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
     from smart_tire.analysis.calibrate import Bags
-    from smart_tire.calibration.procedure.results import Calibration
+    from smart_tire.calibration.sequence import Calibration
 
 NAME = 'calibrate'
 HELP = ('calibrate a robot step by step: rest, straight starts and stops, turns; live, or from '

@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.bench.film_parameters import identify_film
+from smart_tire.calibration.film_bench import identify_film
 from smart_tire.estimation.film.film_file import FilmParams
 from smart_tire.estimation.film.recording import FilmRecording
 from smart_tire.models.film.elastica import TOUCHING_STROKE

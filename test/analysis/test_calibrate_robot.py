@@ -21,7 +21,7 @@ import pytest
 from smart_tire.analysis.calibrate_robot import (
     ANY_REFERENCE, identify_geometry, read_recording, TimeRange)
 from smart_tire.analysis.geometry_figures import write_geometry
-from smart_tire.calibration.robot.geometry import Geometry, LATENCY, RADIUS
+from smart_tire.calibration.geometry import Geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.parameters import build, load_robot, RobotParams
 from support.identifying import turning_run, write_run

@@ -20,9 +20,8 @@ from pathlib import Path
 
 import pytest
 
-from smart_tire.analysis.calibrate_robot import (
-    ANY_REFERENCE, identify_geometry, identify_icr)
-from smart_tire.calibration.robot.geometry import LATENCY, RADIUS, STATIC_IMU, TRACK
+from smart_tire.analysis.calibrate_robot import ANY_REFERENCE, identify_geometry, identify_icr
+from smart_tire.calibration.geometry import LATENCY, RADIUS, STATIC_IMU, TRACK
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 

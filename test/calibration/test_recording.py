@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from smart_tire.calibration.recording import PoseRecord, Signal, wheel_intervals, WheelRecord
 
 

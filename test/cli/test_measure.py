@@ -20,7 +20,7 @@ import argparse
 
 import numpy as np
 import pytest
-from smart_tire.calibration.bench.film_parameters import identify_film, write_params
+from smart_tire.calibration.film_bench import identify_film, write_params
 from smart_tire.cli import measure
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.recording import read_columns, write_columns, write_recording

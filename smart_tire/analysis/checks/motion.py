@@ -16,7 +16,7 @@
 Checks of wheels against IMU: signs, units, rolling radius, effective track, latency, lever arm.
 
 The radius has two independent references. Changes of the speed integrate the forward specific
-force (``calibration/robot/latency.py``). In a turn, the lateral specific force is
+force (``calibration/latency.py``). In a turn, the lateral specific force is
 ``a_y = W r u (1 - slip) - y W^2 + x dW/dt``: W the yaw rate, u the mean wheel speed, (x, y) the
 IMU. Both have a systematic error, because the body tilts when it accelerates.
 """
@@ -32,9 +32,9 @@ import numpy as np
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.analysis.checks.sensors import SPEED_UNITS, unit_of
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import Recording, side_slip, Signal
-from smart_tire.calibration.robot.latency import (
+from smart_tire.calibration.latency import (
     fit_speed_changes, moving_intervals, PITCHING_ERROR, TURN_SLIP, yaw_motion)
+from smart_tire.calibration.recording import Recording, side_slip, Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding
 from smart_tire.numerics.least_squares import Prior, regression, Rows

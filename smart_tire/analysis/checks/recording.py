@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.bags import Bag
+from smart_tire.calibration.latency import fit_yaw_rate, YawRateFit
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
-from smart_tire.calibration.robot.latency import fit_yaw_rate, YawRateFit
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS

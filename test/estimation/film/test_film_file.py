@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from smart_tire.calibration.bench.film_parameters import identify_film, write_params
+from smart_tire.calibration.film_bench import identify_film, write_params
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.film_file import PRODUCTS, read_params
 from smart_tire.estimation.film.recording import FilmRecording, read_recording

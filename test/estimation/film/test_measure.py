@@ -21,7 +21,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from smart_tire.calibration.bench.film_parameters import identify_film
+from smart_tire.calibration.film_bench import identify_film
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.film_file import FilmParams
 from smart_tire.estimation.film.measure import measure

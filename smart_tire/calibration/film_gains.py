@@ -1,0 +1,447 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Film gains, contact length and film positions from the patch crossings of recordings.
+
+The slip comes from the slip estimator without films. Gains are inversely proportional to it, so
+its error limits their accuracy. The accuracy of contact length and spacing is limited by that of
+the wheel radius (``wheel_radius_sigma``) and of the film length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.calibration.crossing_collector import CrossingWithSlip
+from smart_tire.calibration.film_adjustment import adjust, Adjustment
+from smart_tire.calibration.film_observations import GainObservation, ObservationFitter
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
+from smart_tire.errors import EstimatorError
+from smart_tire.numerics.robust import mad_sigma, winsorized_mean
+from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain, weighted_mean
+
+MIN_ANGLES = 3  # below this number outliers cannot be detected
+LATENCY_SIGMA = 0.003  # s, of the configured latency between films and wheels; assumed
+MAX_SCATTER = 0.1      # rad, 9 mm of the paper's wheel: more than the error of any fit
+MIN_SCATTER = 1e-3     # rad, lower limit of the scatter: a tenth of a millimeter
+
+MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
+MIN_CROSSINGS = 5           # of a film, below which outliers cannot be detected
+MAX_RELATIVE_SIGMA = 0.1    # standard error above which a gain or the contact length is refused
+MAX_POSITION_SIGMA = 0.003  # m, standard error above which a film position is refused
+
+MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
+CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
+MAX_FACTORS = 3.0, 1.3  # of gains and contact length in one iteration
+
+
+def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
+    """
+    Return the angle [rad], 0 to 2 pi, from readings ``angles`` at ``speeds`` [rad/s].
+
+    Raises EstimatorError with the reason if it is not observable.
+    """
+    if len(angles) < MIN_ANGLES:
+        raise EstimatorError(f'{len(angles)} crossings, expected at least {MIN_ANGLES}')
+    if not all(map(math.isfinite, angles)):
+        raise EstimatorError('wheel_states without positions')
+    first = _medoid(np.asarray(angles))
+    deviations = np.angle(np.exp(1j * (np.asarray(angles) - first)))
+    median = float(np.median(deviations))
+    scatter = max(mad_sigma(deviations - median), MIN_SCATTER)
+    if scatter > MAX_SCATTER:
+        raise EstimatorError(f'angles of crossings scatter by {scatter:.2f} rad: wheel_states '
+                             'positions restart within the recording')
+    inliers = np.abs(deviations - median) < SIGNIFICANT_SIGMAS * scatter
+    design = np.stack([np.ones(int(inliers.sum())), np.asarray(speeds)[inliers]])
+    normal = design @ design.T / scatter ** 2 + np.diag([0.0, LATENCY_SIGMA ** -2])
+    covariance = np.linalg.inv(normal)
+    angle = float((covariance @ (design @ deviations[inliers]))[0]) / scatter ** 2
+    return Uncertain((first + angle) % math.tau, math.sqrt(float(covariance[0, 0])))
+
+
+def _medoid(angles: Array) -> float:
+    """Return the element of ``angles`` with the least sum of distances to the others."""
+    distance = np.abs(np.angle(np.exp(1j * (angles[:, np.newaxis] - angles))))
+    return float(angles[int(np.argmin(distance.sum(axis=1)))])
+
+
+@dataclass(frozen=True, eq=False)
+class FilmGain:
+    """Calibration of one film, and its n crossings for figures."""
+
+    wheel: str
+    film: int                   # index, 0 for film 1
+    gain: Uncertain | None      # V/m, film.stretch_gain; None if not observable
+    per_slip: Uncertain | None  # V per unit of slip, see ``volts_per_slip``
+    bending: Uncertain          # V, film.bending_peak: mean and its standard error
+    slip: Array                 # (n,) -, of the slip estimator
+    slip_sigma: Array           # (n,)
+    stretch: Array              # (n,) V, observed product of ``per_slip`` and slip
+    stretch_sigma: Array        # (n,) V, of the waveform alone
+
+
+@dataclass(frozen=True, eq=False)
+class Waveform:
+    """An example: distances [m] from the patch center and voltages above the baseline."""
+
+    wheel: str
+    slip: float
+    films: tuple[int, ...]
+    distance: tuple[Array, ...]
+    volts: tuple[Array, ...]
+    fitted: tuple[Array, ...]
+
+
+@dataclass(eq=False)
+class GainFit:
+    """Calibration of the films; ``refused`` has the reasons of what is not observable."""
+
+    robot: RobotParams  # with all calibrated parameters
+    films: list[FilmGain] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+    length: Uncertain | None = None                             # m, of the contact
+    places: dict[int, Uncertain] = field(default_factory=dict)  # m, film index -> from film 1
+    # recording, wheel -> rad
+    angles: dict[tuple[int, str], Uncertain] = field(default_factory=dict)
+    crossings: int = 0    # with a valid waveform fit
+    informative: int = 0  # of these, crossings that make gains observable
+    segments: int = 0     # of constant slip
+    excess: float = 1.0   # mean squared slip error of segments over the expected one, at least 1
+    example: Waveform | None = None
+
+
+def volts_per_slip(gain: float, film_length: float, contact_length: float) -> float:
+    """
+    Return the peak stretch voltage of a crossing per unit slip [V], in the limit of small slip.
+
+    In full adhesion the stretch is largest when the film's leading edge is at the end of the
+    patch, where its integral is ``slip * l (1 - l / (2 L))``.
+    """
+    inside = min(film_length, contact_length)
+    return gain * inside * (1.0 - 0.5 * inside / contact_length)
+
+
+@dataclass(frozen=True, eq=False)
+class GainAdjustment:
+    """An adjustment with the robot and the fitter it is based on."""
+
+    robot: RobotParams             # nominal parameters of ``result``
+    groups: list[tuple[int, ...]]  # of films that cross the patch together
+    fitter: ObservationFitter
+    result: Adjustment
+
+
+class Results:
+    """Fills a ``GainFit`` from the adjustment of the shared parameters."""
+
+    def __init__(self, fit: GainFit, observations: Sequence[GainObservation],
+                 recordings: Sequence[int], found: GainAdjustment) -> None:
+        self._fit, self._groups = fit, found.groups
+        self._observations, self._recordings = observations, recordings
+        self._robot, self._fitter, self._result = found.robot, found.fitter, found.result
+        self._index = found.result.index
+
+    def fill(self) -> None:
+        """Fill in all values and reasons."""
+        self._fill_contact_length()
+        for wheel in self._robot.film.wheels:
+            for film in range(self._robot.film.count):
+                self._fill_film(wheel, film)
+        self._fill_angles()
+        self._fill_positions()
+        self._fit.example = self._example_crossing()
+
+    def _fill_contact_length(self) -> None:
+        fit, index = self._fit, self._index
+        value, sigma = self._result.estimate(index.length)
+        length = self._robot.tire.contact_length * math.exp(value)
+        if sigma < MAX_RELATIVE_SIGMA:
+            fit.length = Uncertain(length, sigma * length)
+        else:
+            fit.refused['contact length'] = _sigma_reason(sigma)
+
+    def _fill_film(self, wheel: str, film: int) -> None:
+        name = f'gain of film {film + 1}, {wheel}'
+        observed = [one for one in self._observations
+                    if one.crossing.wheel == wheel and film in one.films]
+        if len(observed) < MIN_CROSSINGS:
+            self._fit.refused[name] = (f'detected in {len(observed)} crossings, expected at least '
+                                       f'{MIN_CROSSINGS}')
+            return
+        informative = [observation for observation in observed if observation.gains]
+        index = self._index.gain(wheel, film)
+        value, sigma = self._result.estimate(index)
+        nominal = self._robot.film.gains(wheel)[film]
+        gain = Uncertain(nominal * (1.0 + value), nominal * sigma)
+        reason = _refusal(observed, informative, gain)
+        if reason:
+            self._fit.refused[name] = reason
+        columns = np.array([self._stretch(observation, film)
+                            for observation in informative]).reshape(-1, 4).T
+        self._fit.films.append(FilmGain(
+            wheel, film, None if reason else gain, None if reason else self._per_slip(gain, index),
+            winsorized_mean(
+                bending_peaks(self._observations, wheel, film), SIGNIFICANT_SIGMAS), *columns))
+
+    def _per_slip(self, gain: Uncertain, index: int) -> Uncertain:
+        """Return the volts per unit slip with the errors of gain and contact length."""
+        robot, length = self._robot, self._index.length
+        film, patch = robot.film.length, robot.tire.contact_length * math.exp(
+            self._result.value[length])
+        value = volts_per_slip(gain.value, film, patch)
+        derivatives = np.array([1.0, 0.5 * film / patch / (1.0 - 0.5 * film / patch)
+                                if film < patch else 0.0])
+        covariance = self._result.covariance[np.ix_([index, length], [index, length])]
+        return Uncertain(value, value * math.sqrt(float(derivatives @ covariance @ derivatives)))
+
+    def _stretch(self, observation: GainObservation,
+                 film: int) -> tuple[float, float, float, float]:
+        """Return slip, its sigma, and the stretch voltage with the sigma of the waveform."""
+        index, i, shared = self._index, observation.films.index(film), len(observation.films)
+        others = np.zeros(len(observation.value))
+        others[[shared, shared + 1]] = self._result.value[[index.length, index.alpha]]
+        others[shared + 2:] = observation.value[shared + 2:]
+        weighted = observation.precision @ (observation.value - others)
+        gains = np.linalg.inv(observation.precision[:shared, :shared])
+        gain = 1.0 + float((gains @ weighted[:shared])[i])
+        slip, sigma = observation.crossing.slip
+        scale = volts_per_slip(self._robot.film.gains(observation.crossing.wheel)[film],
+                               self._robot.film.length, self._robot.tire.contact_length)
+        return (slip, sigma, scale * gain * slip,
+                scale * abs(slip) * math.sqrt(float(gains[i, i])))
+
+    def _fill_angles(self) -> None:
+        for recording in sorted(set(self._recordings)):
+            for wheel in self._robot.film.wheels:
+                try:
+                    self._fit.angles[recording, wheel] = self._angle(recording, wheel)
+                except EstimatorError as error:
+                    self._fit.refused[f'angle of film 1, {wheel}'] = str(error)
+
+    def _angle(self, recording: int, wheel: str) -> Uncertain:
+        """Return the angle of film 1; raise EstimatorError if not observable."""
+        observed = self._angle_readings(recording, wheel, 0)
+        found = film_angle([angle for _, angle, _ in observed],
+                           [speed for _, _, speed in observed])
+        quantum = math.tau / self._robot.encoder.counts_per_revolution  # rad
+        return Uncertain(found.value, math.hypot(found.sigma, quantum / math.sqrt(12.0)))
+
+    def _angle_readings(self, recording: int, wheel: str,
+                        group: int) -> list[tuple[int, float, float]]:
+        """Return time [ns], angle of a group's first film [rad] and speed [rad/s] of crossings."""
+        radius, places = self._robot.wheel_radius, self._robot.film.centers
+        members, found = self._groups[group], []
+        for observation, number in zip(self._observations, self._recordings):
+            crossing = observation.crossing
+            film = observation.films[0]
+            if number == recording and crossing.wheel == wheel and film in members:
+                distance = observation.position - (places[film] - places[members[0]])
+                found.append((crossing.stamp_ns, crossing.origin + distance / radius,
+                              crossing.direction * crossing.speed / radius))
+        return found
+
+    def _fill_positions(self) -> None:
+        """Fill positions within groups from single crossings, of groups from their angles."""
+        robot = self._robot
+        for number, group in enumerate(self._groups):
+            start = Uncertain(0.0, 0.0)
+            if number:
+                try:
+                    start = self._distance_from_film_1(number)
+                except EstimatorError as error:
+                    self._fit.refused[f'spacing, film 1 to {group[0] + 1}'] = str(error)
+                    continue
+                self._fit.places[group[0]] = start
+            for film in group[1:]:
+                offset = relative_position(self._result, film, group[0])
+                if offset.sigma > MAX_POSITION_SIGMA:
+                    self._fit.refused[f'spacing, film 1 to {film + 1}'] = (
+                        f'never detected together with film {group[0] + 1} in a crossing')
+                    continue
+                nominal = robot.film.centers[film] - robot.film.centers[group[0]]
+                self._fit.places[film] = Uncertain(
+                    start.value + nominal + offset.value, math.hypot(start.sigma, offset.sigma))
+
+    def _distance_from_film_1(self, group: int) -> Uncertain:
+        """Return the distance [m] of a group's first film from film 1; raise EstimatorError."""
+        radius, parts = self._robot.wheel_radius, []
+        for recording, wheel in self._fit.angles:
+            references = self._angle_readings(recording, wheel, 0)
+            # against the nearest crossing in time: a latency cancels
+            pairs = [(reading, min(references, key=lambda other: abs(other[0] - reading[0])))
+                     for reading in self._angle_readings(recording, wheel, group)]
+            angle = film_angle([reading[1] - reference[1] for reading, reference in pairs],
+                               [reading[2] - reference[2] for reading, reference in pairs])
+            parts.append(Uncertain(radius * angle.value, radius * angle.sigma))
+        if not parts:
+            raise EstimatorError('requires the angle of film 1')
+        mean = weighted_mean(parts)
+        return Uncertain(mean.value, math.hypot(
+            mean.sigma, self._robot.wheel_radius_sigma * mean.value))
+
+    def _example_crossing(self) -> Waveform | None:
+        """Return a crossing of many films with a large, yet not extreme slip."""
+        informative = [observation for observation in self._observations if observation.gains]
+        if not informative:
+            return None
+        count = max(len(observation.films) for observation in informative)
+        ranked = sorted((observation for observation in informative
+                         if len(observation.films) == count),
+                        key=lambda observation: abs(observation.crossing.slip[0]))
+        observation = ranked[(3 * len(ranked)) // 4]
+        samples = observation.fit.samples
+        center = float(np.mean([samples.detections[i].center for i in range(len(samples.films))]))
+        return Waveform(
+            observation.crossing.wheel, observation.crossing.slip[0], observation.films,
+            tuple(film.distance - center for film in samples.films),
+            tuple(film.volts for film in samples.films), tuple(self._fitter.volts(observation)))
+
+
+def _sigma_reason(sigma: float) -> str:
+    return f'standard error of {sigma:.0%}, expected at most {MAX_RELATIVE_SIGMA:.0%}'
+
+
+def _refusal(observed: Sequence[GainObservation], informative: Sequence[GainObservation],
+             gain: Uncertain) -> str:
+    """Return the reason why a gain is refused, '' if it is not."""
+    if len(informative) < MIN_CROSSINGS:
+        slip, sigma = max((one.crossing.slip for one in observed), key=lambda slip: abs(slip[0]))
+        return (f'{len(informative)} of {len(observed)} crossings with a slip above {MIN_SLIP:g} '
+                f'and {SIGNIFICANT_SIGMAS:g} times its sigma, expected at least {MIN_CROSSINGS}; '
+                f'the largest is {slip:.3f} ± {sigma:.3f}: turn, accelerate and brake')
+    if gain.value <= 0.0:
+        return ('negative: the poles of the film, or the direction in which it crosses the patch, '
+                'are swapped')
+    if gain.sigma > MAX_RELATIVE_SIGMA * gain.value:
+        return (f'{_sigma_reason(gain.sigma / gain.value)}: the slip is not accurate enough; '
+                'turn left and right')
+    return ''
+
+
+def bending_peaks(observations: Sequence[GainObservation], wheel: str, film: int) -> list[float]:
+    """Return the bending peaks [V] of a film in all observations."""
+    return [observation.bending[observation.films.index(film)] for observation in observations
+            if observation.crossing.wheel == wheel and film in observation.films]
+
+
+def relative_position(result: Adjustment, film: int, reference: int) -> Uncertain:
+    """Return the offset [m] of a film from its nominal position, relative to another film."""
+    both = [result.index.position(film), result.index.position(reference)]
+    variance = np.array([1.0, -1.0]) @ result.covariance[np.ix_(both, both)] @ [1.0, -1.0]
+    return Uncertain(float(result.value[both[0]] - result.value[both[1]]),
+                     math.sqrt(max(float(variance), 0.0)))
+
+
+def identify_gains(recordings: Sequence[Sequence[CrossingWithSlip]],
+                   robot: RobotParams) -> GainFit:
+    """
+    Return the calibration from the crossings of one or more recordings.
+
+    Raises EstimatorError if there are too few crossings that can be fitted.
+    """
+    robot = _per_film(robot)
+    observations, sources, found = _iterate(recordings, robot)
+    fit = GainFit(found.robot, crossings=len(observations),
+                  informative=sum(observation.gains for observation in observations),
+                  segments=found.result.segments, excess=found.result.slip_variance_ratio)
+    Results(fit, observations, sources, found).fill()
+    return fit
+
+
+def _per_film(robot: RobotParams) -> RobotParams:
+    """Return ``robot`` with one value per film of each wheel."""
+    film = robot.film
+    gains, bending = ([value for wheel in film.wheels for value in values(wheel)]
+                      for values in (film.gains, film.bending))
+    return replace(robot, film=replace(film, stretch_gain=tuple(gains),
+                                       bending_peak=tuple(bending)))
+
+
+def _iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
+             robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
+    """Fit all crossings until the shared parameters converge."""
+    groups, refined = robot.film_groups, False
+    for _ in range(MAX_ITERATIONS):
+        fitter = ObservationFitter(robot, refined=refined)
+        observed = [(observation, i) for i, crossings in enumerate(recordings)
+                    for crossing in crossings
+                    if (observation := fitter.fit_crossing(
+                        crossing, gains=_makes_gains_observable(crossing))) is not None]
+        observations, sources = [observation for observation, _ in observed], [
+            i for _, i in observed]
+        if len(observations) < MIN_CROSSINGS:
+            raise EstimatorError(
+                f'{len(observations)} crossings of films could be fitted, of '
+                f'{sum(map(len, recordings))} with known slip; expected at least {MIN_CROSSINGS}')
+        result = adjust(observations, sources, robot)
+        found = GainAdjustment(robot, groups, fitter, result)
+        change = result.value / np.sqrt(np.diag(result.covariance))
+        robot = _updated(found, observations)
+        if refined and np.max(np.abs(change[:result.index.radius])) < CONVERGED_SIGMAS:
+            break
+        refined = bool(np.all(_gain_factors(result) > 0.0))  # no film has its poles swapped
+    return observations, sources, found
+
+
+def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
+    slip, sigma = crossing.slip
+    return abs(slip) > max(MIN_SLIP, SIGNIFICANT_SIGMAS * sigma)
+
+
+def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> RobotParams:
+    """Return the robot with the adjusted parameters, within the limits of one iteration."""
+    robot, result = found.robot, found.result
+    film, index = robot.film, result.index
+    max_gain, max_length = MAX_FACTORS
+    factor = _gain_factors(result)
+    factor = np.where(factor > 0.0, np.clip(factor, 1.0 / max_gain, max_gain), 1.0)
+    length, alpha = np.exp(np.clip(result.value[[index.length, index.alpha]],
+                                   -math.log(max_length), math.log(max_length))).tolist()
+    peaks = (bending_peaks(observations, wheel, i)
+             for wheel in film.wheels for i in range(film.count))
+    bending = [winsorized_mean(values, SIGNIFICANT_SIGMAS).value if values else nominal
+               for values, nominal in zip(peaks, film.bending_peak)]
+    positions = [nominal + offset
+                 for nominal, offset in zip(film.centers, _position_offsets(found))]
+    layout = ({'positions': tuple(positions)} if film.positions
+              else {'spacing': positions[1]}) if positions == sorted(positions) else {}
+    film = replace(film, stretch_gain=tuple((factor * film.stretch_gain).tolist()),
+                   bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **layout)
+    return replace(robot, film=film, tire=replace(
+        robot.tire, contact_length=length * robot.tire.contact_length))
+
+
+def _gain_factors(result: Adjustment) -> Array:
+    """Return the gains over the nominal ones."""
+    factors: Array = 1.0 + result.value[:result.index.length]
+    return factors
+
+
+def _position_offsets(found: GainAdjustment) -> list[float]:
+    """Return the offset [m] of each film from its nominal position, relative to its group."""
+    offsets = [0.0] * found.robot.film.count
+    for group in found.groups:
+        for film in group[1:]:
+            offset = relative_position(found.result, film, group[0])
+            if offset.sigma < MAX_POSITION_SIGMA:
+                offsets[film] = offset.value
+    return offsets

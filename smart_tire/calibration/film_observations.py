@@ -1,0 +1,164 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Observation of gains, contact length and spacing from a single patch crossing.
+
+The waveform is fitted with free gains and contact length, and the slip of the slip estimator.
+The priors of the shared parameters are then removed from the covariance of the fit, because they
+must count once and not in each crossing; parameters of the single crossing are marginalized.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.arrays import Array
+from smart_tire.calibration.crossing_collector import CrossingWithSlip
+from smart_tire.estimation.friction.waveform_fit import (
+    CrossingSlipPrior, LOG_ALPHA_SIGMA, WaveformFit, WaveformFitter)
+from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
+from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
+from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain
+
+INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA = 0.5, 0.1   # relative, of a first fit; uninformative
+REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA = 0.2, 0.05  # relative, of fits close to the solution
+EXACT_SLIP_SIGMA = 1e-5  # -, of a slip whose error enters in the adjustment
+UNINFORMATIVE_SLIP_SIGMA = 1.0                        # -, of a slip that is fitted
+MAX_EXCESS = 9.0  # mean squared normalized residual of a valid waveform fit
+BENDING_RANGE = (0.2, 5.0)                            # of the nominal bending peak
+# -, deviation of slip from a straight line that doubles the variance of a crossing with
+# changing speed; from simulations
+SLIP_DEVIATION_SCALE = 0.0025
+MIN_INFORMATION = 1e-9  # relative eigenvalue that remains after removal of the prior
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GainObservation:
+    """
+    Observation from a crossing: ``value`` with its ``precision``, without any prior.
+
+    With ``gains`` it begins with the relative errors of the films' gains at the given slip. Then
+    follow ln of contact length and of alpha over the nominal ones, then the positions [m] on the
+    circumference of the other films relative to the first one that was detected.
+    """
+
+    crossing: CrossingWithSlip
+    films: tuple[int, ...]  # indices of the detected films
+    gains: bool
+    value: Array                # (k,)
+    precision: Array            # (k, k)
+    by_scale: Array  # (k,), derivative of the value by the relative error of all distances
+    bending: tuple[float, ...]  # V
+    position: float  # m rolled forward when the center of the first film was at the patch center
+    fit: WaveformFit
+
+
+class ObservationFitter:
+    """Fits crossings of the films of ``robot``, whose parameters must be approximately right."""
+
+    def __init__(self, robot: RobotParams, *, refined: bool) -> None:
+        self._sigmas = (REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA) if refined else (
+            INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA)
+        film = robot.film
+        self._bending = {wheel: film.bending(wheel) for wheel in film.wheels}
+        self._shapes = {wheel: ShapeEstimator() for wheel in film.wheels}
+        self._fitters = {wheel: WaveformFitter(
+            robot, film.gains(wheel), film.bending(wheel), gain_sigma=self._sigmas[0],
+            length_sigma=self._sigmas[1], shape=self._shapes[wheel]) for wheel in film.wheels}
+
+    def fit_crossing(self, crossing: CrossingWithSlip, *, gains: bool) -> GainObservation | None:
+        """
+        Return the observation of a crossing, None if the waveform does not fit.
+
+        Without ``gains`` the slip is not used.
+        """
+        fitter, samples = self._fitters[crossing.wheel], crossing.films
+        slip = crossing.slip.value
+        fit = fitter.fit(samples, CrossingSlipPrior(
+            Uncertain(slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
+        first, shape = fit, None if fit is None else fitter.shape(fit)
+        if fit is not None and gains:
+            fit = fitter.fit(samples, CrossingSlipPrior(
+                Uncertain(slip, EXACT_SLIP_SIGMA), crossing.change), _with_slip(fit, slip))
+        if fit is None or not self._plausible(fit, crossing.wheel):
+            return None
+        if first is not None and shape is not None:
+            self._shapes[crossing.wheel].update(*shape, excess=first.excess)
+        count = len(samples.films)
+        rows, value = _rows(fit, crossing.direction, gains)
+        raw = fit.covariance / fit.excess
+        prior = np.zeros(len(value))
+        prior[:count * gains] = self._sigmas[0] ** -2
+        prior[count * gains:count * gains + 2] = self._sigmas[1] ** -2, LOG_ALPHA_SIGMA ** -2
+        precision = _without_prior(np.linalg.inv(rows @ raw @ rows.T), prior)
+        estimate = value + np.linalg.solve(precision, prior * value)
+        scale = samples.errors.scale_sigma
+        by_scale = rows @ raw[:, Shared.SCALE] / scale ** 2 if scale else np.zeros(len(value))
+        variance_factor = fit.excess * (1.0 + (crossing.deviation / SLIP_DEVIATION_SCALE) ** 2)
+        return GainObservation(
+            crossing, tuple(film.film for film in samples.films), gains, estimate,
+            precision / variance_factor, by_scale,
+            tuple(fit.film_parameter(i, PerFilm.BENDING).value for i in range(count)),
+            crossing.direction * fit.film_parameter(0, PerFilm.CENTER).value, fit)
+
+    def volts(self, observation: GainObservation) -> list[Array]:
+        """Return the fitted voltage of each sample [V] above the baseline, film by film."""
+        return self._fitters[observation.crossing.wheel].volts(observation.fit)
+
+    def _plausible(self, fit: WaveformFit, wheel: str) -> bool:
+        low, high = BENDING_RANGE
+        return fit.excess < MAX_EXCESS and all(
+            low < (fit.film_parameter(i, PerFilm.BENDING).value
+                   / self._bending[wheel][film.film]) < high
+            for i, film in enumerate(fit.samples.films))
+
+
+def _with_slip(fit: WaveformFit, slip: float) -> WaveformFit:
+    """Return a fit with another slip, and gains that compensate for it, as a start."""
+    p = fit.parameters.copy()
+    gains = [film_index(i, PerFilm.GAIN) for i in range(len(fit.samples.films))]
+    p[gains] = (1.0 + p[gains]) * p[Shared.SLIP] / slip - 1.0
+    p[Shared.SLIP] = slip
+    return replace(fit, parameters=p)
+
+
+def _rows(fit: WaveformFit, direction: int, gains: bool) -> tuple[Array, Array]:
+    """Return the derivatives of the observation by the fit's parameters, and its value."""
+    p, count = fit.parameters, len(fit.samples.films)
+    columns = [film_index(i, PerFilm.GAIN) for i in range(count)] if gains else []
+    columns += [Shared.LENGTH, Shared.ALPHA]
+    rows = np.zeros((len(columns) + count - 1, len(p)))
+    rows[np.arange(len(columns)), columns] = 1.0
+    value = rows @ p
+    scaled, first = direction * (1.0 + p[Shared.SCALE]), film_index(0, PerFilm.CENTER)
+    for i in range(1, count):
+        row, place = len(columns) + i - 1, film_index(i, PerFilm.CENTER)
+        distance = p[place] - p[first]
+        rows[row, [place, first, Shared.SCALE]] = scaled, -scaled, direction * distance
+        value[row] = scaled * distance
+    return rows, value
+
+
+def _without_prior(precision: NDArray[np.floating], prior: Array) -> Array:
+    """Return a precision without that of the prior, kept positive definite."""
+    size = np.sqrt(np.diag(precision))
+    values, vectors = np.linalg.eigh((precision - np.diag(prior)) / np.outer(size, size))
+    clipped = np.maximum(values, MIN_INFORMATION)
+    result: Array = np.outer(size, size) * ((vectors * clipped) @ vectors.T)
+    return result

@@ -1,0 +1,339 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The guided sequence: which step is next, recorded, repeated or skipped, and its progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import accumulate
+import math
+
+from smart_tire.calibration.sequence import LIFTED, REST, STRAIGHT, TURNS
+from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
+
+Leg = tuple[float, float, float]  # duration [s], rpm of the left and of the right wheels
+PAUSE = 1.0  # s of standstill between two legs
+
+REST_DURATION = 10.0     # s of uninterrupted rest
+STARTS = 6               # from rest, in each direction
+YAW = 2.0 * math.pi      # rad, in each direction
+LIFTED_DURATION = 8.0    # s of wheel rotation, in each direction
+WHEEL_AT_REST = 0.05     # rad/s
+WHEEL_IN_MOTION = 2.0    # rad/s, of a start: slower ones hardly slip
+BODY_AT_REST = 0.1       # rad/s, about any axis
+MAX_STRAIGHT_YAW_RATE = 0.15  # rad/s, means over a sample of the wheels
+TURN_RATE = 0.15         # rad/s, of a turn
+
+INSTRUCTIONS: Mapping[str, str] = {
+    REST: 'Leave the robot at rest on level ground, motors on, nobody touches it.',
+    STRAIGHT: 'On firm, level ground: start and stop straight ahead and straight back, some '
+              'firmly and some gently, with a stop of one second after each.',
+    TURNS: 'On the same ground: turn left and right at two speeds, and in place; a full circle '
+           'in each direction or more, each turn at constant speed for five seconds.',
+    LIFTED: 'Put the robot on blocks, all wheels off the ground, and turn the wheels at several '
+            'speeds in both directions.'}
+
+
+def shuttle(rpm: float, duration: float) -> tuple[Leg, ...]:
+    """Return legs forward and back, with a stop after each."""
+    stop = (PAUSE, 0.0, 0.0)
+    return (duration, rpm, rpm), stop, (duration, -rpm, -rpm), stop
+
+
+def turn(left: float, right: float, duration: float) -> tuple[Leg, ...]:
+    """Return a turn and its mirror image, with a stop after each."""
+    stop = (1.5 * PAUSE, 0.0, 0.0)
+    return (duration, left, right), stop, (duration, right, left), stop
+
+
+REST_LEGS: tuple[Leg, ...] = ((12.0, 0.0, 0.0),)
+
+STRAIGHT_LEGS: tuple[Leg, ...] = (
+    *shuttle(110.0, 1.4), *shuttle(60.0, 1.8), *shuttle(140.0, 1.1)) * 3
+
+TURN_LEGS: tuple[Leg, ...] = (
+    *turn(90.0, 30.0, 6.0), *turn(60.0, 15.0, 6.0), *turn(-45.0, 45.0, 5.0))
+
+LIFTED_LEGS: tuple[Leg, ...] = tuple(
+    leg for rpm in (40.0, 80.0, 120.0) for leg in shuttle(rpm, 4.0))
+
+MAX_SPEED = 1.3      # m/s, of the surface of a wheel
+
+FREE_SPACE_MARGIN = 0.5  # m, free space around the path
+
+PATH_STEP = 0.02     # s
+
+TRACK_FACTORS = (1.0, 2.0)  # effective track over the geometric one: tight and wide turns
+
+
+def limited(legs: Sequence[Leg], wheel_radius: float) -> list[Leg]:
+    """Return legs no faster than ``MAX_SPEED``, for wheels of ``wheel_radius`` [m]."""
+    fastest = max(max(abs(left), abs(right)) for _, left, right in legs) * math.tau / 60.0
+    scale = min(1.0, MAX_SPEED / max(fastest * wheel_radius, 1e-9))
+    return [(duration, scale * left, scale * right) for duration, left, right in legs]
+
+
+def reach(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
+    """
+    Return the distance [m] from the start that a robot on these legs may reach, with a margin.
+
+    Turns may be as tight as those of the geometric ``track`` [m] or twice as wide.
+    """
+    return FREE_SPACE_MARGIN + max(
+        _distance(legs, wheel_radius, factor * track) for factor in TRACK_FACTORS)
+
+
+def _distance(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
+    x = y = yaw = largest = 0.0
+    for duration, left, right in legs:
+        speeds = [rpm * math.tau / 60.0 * wheel_radius for rpm in (left, right)]
+        for _ in range(round(duration / PATH_STEP)):
+            yaw += PATH_STEP * (speeds[1] - speeds[0]) / track
+            x += PATH_STEP * 0.5 * sum(speeds) * math.cos(yaw)
+            y += PATH_STEP * 0.5 * sum(speeds) * math.sin(yaw)
+            largest = max(largest, math.hypot(x, y))
+    return largest
+
+
+def leg_schedule(legs: Sequence[Leg]) -> tuple[list[Leg], float]:
+    """Return legs as (start time [s], left, right), and the end time [s]."""
+    times = list(accumulate((leg[0] for leg in legs), initial=0.0))
+    return [(time, left, right) for time, (_, left, right) in zip(times, legs)], times[-1]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a step is."""
+
+    done: bool
+    text: str          # what has been seen, of what is needed
+    warning: str = ''  # what is wrong at present
+
+
+class Watch:
+    """Progress of a step; ``update`` takes the samples in order of their reception."""
+
+    def __init__(self) -> None:
+        self.yaw_rate = 0.0    # rad/s, latest
+        self.wheels = 0.0      # rad/s, mean of the latest
+        self.fastest = 0.0     # rad/s, of the latest wheels
+        self.tilting = 0.0     # rad/s, largest rate about any axis
+        self._last_ns: dict[type, int] = {}
+
+    def update(self, sample: Sample) -> None:
+        """Take a sample; others than those of IMU and wheels are ignored."""
+        if not isinstance(sample, (ImuSample, WheelSample)):
+            return
+        last = self._last_ns.get(type(sample), sample.stamp_ns)
+        self._last_ns[type(sample)] = sample.stamp_ns
+        elapsed = max((sample.stamp_ns - last) / NS_PER_S, 0.0)
+        if isinstance(sample, ImuSample):
+            self.yaw_rate, self.tilting = sample.rate[2], max(map(abs, sample.rate))
+            self.imu_moved(elapsed)
+        else:
+            self.wheels = sum(sample.velocity) / len(sample.velocity)
+            self.fastest = max(map(abs, sample.velocity))
+            self.wheels_moved(elapsed)
+
+    def imu_moved(self, elapsed: float) -> None:
+        """Take the latest rates, ``elapsed`` [s] after the previous ones."""
+
+    def wheels_moved(self, elapsed: float) -> None:
+        """Take the latest wheel speeds, ``elapsed`` [s] after the previous ones."""
+
+    @property
+    def progress(self) -> Progress:
+        """Return how far the step is."""
+        raise NotImplementedError
+
+
+class RestWatch(Watch):
+    """Rest without interruption."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._rest = 0.0  # s
+
+    def wheels_moved(self, elapsed: float) -> None:
+        """Count the rest; motion starts it again."""
+        moving = self.fastest > WHEEL_AT_REST or self.tilting > BODY_AT_REST
+        self._rest = 0.0 if moving else self._rest + elapsed
+
+    @property
+    def progress(self) -> Progress:
+        """Return the seconds of rest."""
+        moving = self.fastest > WHEEL_AT_REST or self.tilting > BODY_AT_REST
+        return Progress(self._rest >= REST_DURATION,
+                        f'at rest for {self._rest:.0f} of {REST_DURATION:.0f} s',
+                        'the robot moves: the time starts again' if moving else '')
+
+
+class StraightWatch(Watch):
+    """Straight starts from rest, and stops, in both directions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.starts = {1: 0, -1: 0}  # direction -> complete starts and stops
+        self._direction, self._straight = 0, True
+
+    def wheels_moved(self, elapsed: float) -> None:
+        """Count starts that end in a stop without a turn."""
+        turning = abs(self.yaw_rate) > MAX_STRAIGHT_YAW_RATE
+        if self._direction == 0:
+            if self.fastest > WHEEL_IN_MOTION:
+                self._direction, self._straight = (1 if self.wheels > 0.0 else -1), not turning
+        elif self.fastest < WHEEL_AT_REST:
+            self.starts[self._direction] += self._straight
+            self._direction = 0
+        else:
+            self._straight &= not turning
+
+    @property
+    def progress(self) -> Progress:
+        """Return the starts and stops in both directions."""
+        forward, back = self.starts[1], self.starts[-1]
+        warning = '' if self._straight or not self._direction else (
+            'the robot turns: this start does not count')
+        return Progress(min(forward, back) >= STARTS,
+                        f'starts and stops: {forward} forward, {back} back, of {STARTS} each',
+                        warning)
+
+
+class TurnWatch(Watch):
+    """Turns in both directions."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.yaw = {1: 0.0, -1: 0.0}  # direction -> rad
+
+    def imu_moved(self, elapsed: float) -> None:
+        """Add the yaw of turns."""
+        if abs(self.yaw_rate) > TURN_RATE and self.fastest > WHEEL_AT_REST:
+            self.yaw[1 if self.yaw_rate > 0.0 else -1] += abs(self.yaw_rate) * elapsed
+
+    @property
+    def progress(self) -> Progress:
+        """Return the yaw in both directions."""
+        left, right = (math.degrees(self.yaw[sign]) for sign in (1, -1))
+        return Progress(min(self.yaw.values()) >= YAW, f'turned {left:.0f} degrees to the left, '
+                        f'{right:.0f} to the right, of {math.degrees(YAW):.0f} each')
+
+
+class LiftedWatch(Watch):
+    """Wheels rotate in both directions while the body is at rest."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.rotated = {1: 0.0, -1: 0.0}  # direction -> s
+
+    def wheels_moved(self, elapsed: float) -> None:
+        """Count the time of rotation with the body at rest."""
+        if self.fastest > WHEEL_IN_MOTION and abs(self.yaw_rate) < BODY_AT_REST:
+            self.rotated[1 if self.wheels > 0.0 else -1] += elapsed
+
+    @property
+    def progress(self) -> Progress:
+        """Return the time of rotation in both directions."""
+        forward, back = self.rotated[1], self.rotated[-1]
+        warning = 'the robot turns: are the wheels off the ground?' if (
+            abs(self.yaw_rate) > BODY_AT_REST) else ''
+        return Progress(min(forward, back) >= LIFTED_DURATION,
+                        f'wheels rotated {forward:.0f} s forward, {back:.0f} s back, of '
+                        f'{LIFTED_DURATION:.0f} s each', warning)
+
+
+WATCHES: Mapping[str, Callable[[], Watch]] = {
+    REST: RestWatch, STRAIGHT: StraightWatch, TURNS: TurnWatch, LIFTED: LiftedWatch}
+
+
+class Key(Enum):
+    """What the user may ask for; the value is the line to type."""
+
+    GO = ''        # start the step, or end it before it is complete
+    REPEAT = 'r'   # discard what is recorded of the step, and start again
+    SKIP = 's'     # continue without this step
+    QUIT = 'q'     # identify from the steps recorded so far
+
+
+class Action(Enum):
+    """What the program has to do."""
+
+    RECORD = 'start a recording of the step'
+    KEEP = 'end the recording'
+    DISCARD = 'end the recording and delete it'
+
+
+class Guide:
+    """State of the sequence: waiting for the user, or recording a step."""
+
+    def __init__(self, steps: Sequence[str]) -> None:
+        self._steps, self._index = tuple(steps), 0
+        self.watch: Watch | None = None  # of the step while it is recorded
+        self.recorded: list[str] = []
+
+    @property
+    def step(self) -> str | None:
+        """Return the present step, None after the last one."""
+        return self._steps[self._index] if self._index < len(self._steps) else None
+
+    @property
+    def number(self) -> str:
+        """Return the number of the step and of all steps."""
+        return f'{min(self._index + 1, len(self._steps))}/{len(self._steps)}'
+
+    @property
+    def progress(self) -> Progress | None:
+        """Return the progress of the step while it is recorded."""
+        return None if self.watch is None else self.watch.progress
+
+    def update(self, sample: Sample) -> list[Action]:
+        """Take a sample; a complete step ends."""
+        if self.watch is None:
+            return []
+        self.watch.update(sample)
+        return self.finish() if self.watch.progress.done else []
+
+    def key(self, key: Key) -> list[Action]:
+        """Take a request of the user; return what has to be done, in order."""
+        if self.step is None:
+            return []
+        if key is Key.GO:
+            return self._start() if self.watch is None else self.finish()
+        recording = [Action.DISCARD] if self.watch is not None else []
+        if key is Key.REPEAT:
+            return [*recording, *self._start()]
+        self.watch = None
+        self._index = self._index + 1 if key is Key.SKIP else len(self._steps)
+        return recording
+
+    def restart_watch(self) -> None:
+        """Forget what has been seen of the step: its recording begins now."""
+        if self.step is not None and self.watch is not None:
+            self.watch = WATCHES[self.step]()
+
+    def finish(self) -> list[Action]:
+        """End the recording of the step and continue with the next one."""
+        if self.watch is None or self.step is None:
+            return []
+        self.recorded.append(self.step)
+        self.watch, self._index = None, self._index + 1
+        return [Action.KEEP]
+
+    def _start(self) -> list[Action]:
+        assert self.step is not None
+        self.watch = WATCHES[self.step]()
+        return [Action.RECORD]

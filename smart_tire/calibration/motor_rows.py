@@ -1,0 +1,227 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Rows of the torque balance: means of torque, duty, motion and force over windows in motion.
+
+A torque is measured at the instant of a wheel sample, a wheel speed is the mean over a period, and
+the IMU is faster than both. All are averaged over the same window, a triangle of some periods
+before and after a wheel sample. The second difference of the wheel angles at its ends and center
+is exactly this mean of the wheel acceleration; the same holds for all other signals with their
+double integrals, which splines give. So no signal lags behind another one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
+
+from smart_tire.arrays import Array
+from smart_tire.calibration.recording import (
+    DutyRecord, Indices, Mask, MOTION_MARGIN, period, Recording, rotation_increments, Samples)
+from smart_tire.calibration.sensor_noise import GROUND_SLOPE_SIGMA, stationary_intervals
+from smart_tire.errors import EstimatorError
+from smart_tire.models.tire.shared_slip import linear_tire_force
+from smart_tire.models.vehicle.skid_steer import normal_loads
+from smart_tire.numerics.robust import noise_level
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import GRAVITY
+from smart_tire.uncertain import Uncertain
+
+REACH = 0.25             # s from the center of a window to its ends: a start or stop lasts longer
+MIN_SPEED = 0.1          # m/s at the circumference; at lower speeds static friction may act
+TYPICAL_FRICTION = 0.45  # -, mu of firm ground; assumed
+MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
+MAX_LENGTHENING = 1.25   # of a window against its number of periods; beyond, a sample is missing
+MAX_IMU_GAP, MAX_TORQUE_GAP = 0.05, 0.15  # s; over longer gaps a signal is not known
+COMMAND_DELAY = 0.003    # s from a command's timestamp until the boards apply it; assumed
+EDGE_MARGIN = 0.006      # s around a change of the duty, in which the duty in force is uncertain
+DELAY_STEP = 0.01        # s, for derivatives with respect to a delay
+
+
+@dataclass(frozen=True)
+class MotorRows(Samples):
+    """
+    Means over n windows that overlap, and values at their centers.
+
+    Lists of wheels are in the order of ``WHEELS``. Values that are not available are NaN.
+    """
+
+    time: Array           # (n,) s, centers
+    speed: Array          # (n, 4) rad/s, of one sign within a window
+    speed_sigma: Array    # (n, 4) rad/s, of ``speed``: its course between samples is not known
+    acceleration: Array   # (n, 4) rad/s2
+    torque: Array         # (n, 4) N m, mean of the measurements, or what stands for it
+    torque_sigma: Array   # (n, 4) N m, model error of ``torque``, common to all motors
+    duty: Array           # (n, 4) mean of the commands
+    duty_rate: Array      # (n, 4) 1/s, its rate of change
+    force: Array          # (n,) m/s2, forward specific force at the center of mass
+    force_rate: Array     # (n,) m/s3, its rate of change
+    # (n, 2) m/s2, mean of the force from its values at the wheel samples, as of the torque, minus
+    # ``force``; and the same for its change from a quarter of a period before to after, halved
+    ripple: Array
+    center_torque: Array  # (n, 4) N m, measured at the center
+    center_duty: Array    # (n, 4) in force at the center; NaN close to a change
+    center_speed: Array   # (n, 4) rad/s, at the center
+    center_slip: Array    # (n, 4) rad/s, share of it from the slip at the center
+    rest_force: Uncertain  # m/s2, forward specific force at rest: bias, slope and tilt
+    force_noise: float    # m/s2, standard deviation of ``force`` from noise and vibration
+    lags: int             # neighbors on each side that share samples with a row
+
+    @property
+    def direction(self) -> Array:
+        """Return the direction of rotation of each wheel, 1 or -1, shape (n, 4)."""
+        return np.asarray(np.sign(self.speed))
+
+
+class _Windows:
+    """Windows around wheel samples ``center``, from sample ``center - n`` to ``center + n``."""
+
+    def __init__(self, time: Array, center: Indices, n: int) -> None:
+        self.time, self.center, self._edges = time, center, (center - n, center, center + n)
+        self.begin, _, self.end = (time[edge] for edge in self._edges)
+
+    def mean(self, integral: Array) -> Array:
+        """Return the means of a signal from its double integral (m,) or (m, 4) at all samples."""
+        shape = (-1,) + (1,) * (integral.ndim - 1)
+        begin, middle, end = (integral[edge] for edge in self._edges)
+        t0, t1, t2 = (self.time[edge].reshape(shape) for edge in self._edges)
+        return np.asarray(2.0 * ((end - middle) / (t2 - t1) - (middle - begin) / (t1 - t0))
+                          / (t2 - t0))
+
+    def mean_of_samples(self, value: Array, max_gap: float = math.inf) -> Array:
+        """Return the means of a signal from its samples (m,), NaN where some are missing."""
+        known = ~np.isnan(value)
+        if known.sum() < 2:
+            return np.full(len(self.center), np.nan)
+        time = self.time[known]
+        means = self.mean(CubicSpline(time, value[known]).antiderivative(2)(self.time))
+        return np.where(covered(time, self.begin, self.end, max_gap), means, np.nan)
+
+
+def covered(time: Array, begin: Array, end: Array, max_gap: float) -> Mask:
+    """Return whether samples at ``time`` cover intervals without a gap longer than ``max_gap``."""
+    gaps = np.append(0, np.cumsum(np.diff(time) > max_gap))
+    first = np.clip(np.searchsorted(time, begin, 'right') - 1, 0, len(time) - 1)
+    last = np.clip(np.searchsorted(time, end), 0, len(time) - 1)
+    return np.asarray((begin >= time[0]) & (end <= time[-1]) & (gaps[first] == gaps[last]))
+
+
+def motor_rows(recording: Recording, robot: RobotParams) -> MotorRows:
+    """
+    Return the rows of a recording in which every wheel rotates in one direction.
+
+    There are none if its wheels are never in motion for long enough.
+    """
+    wheels, imu, duties = recording.wheels, recording.imu, recording.duties
+    time, step = wheels.time - robot.encoder.latency, period(wheels.time)
+    if len(time) < 4:
+        raise EstimatorError(f'{len(time)} readings of the wheels, expected 4')
+    n = max(2, round(REACH / step))
+    windows = _Windows(time, _centers(recording, robot, time, n), n)
+    center, nowhere = time[windows.center], np.full((len(windows.center), 4), np.nan)
+    increments, _ = rotation_increments(wheels)
+    angle = np.concatenate([np.zeros((1, 4)), np.cumsum(increments, axis=0)])
+    # the mean of an angle between two samples depends on the change of the speed between them
+    speed = windows.mean(CubicSpline(time, angle).antiderivative()(time))
+    linear = windows.mean(make_interp_spline(time, angle, k=1).antiderivative()(time))
+    arm_x, arm_y = (robot.imu.position[i] - robot.center_of_mass[i] for i in range(2))
+    force = make_interp_spline(imu.time, imu.force[:, 0] + arm_x * imu.rate[:, 2] ** 2, k=1)
+    yaw = make_interp_spline(imu.time, imu.rate[:, 2], k=1).antiderivative()
+    distance = force.antiderivative(2)
+    earlier, acting, later = (
+        windows.mean(distance(time + delay) + arm_y * yaw(time + delay))
+        for delay in (-DELAY_STEP, 0.0, DELAY_STEP))
+    rate = (later - earlier) / (2.0 * DELAY_STEP)
+    earlier, now, later = (windows.mean_of_samples(force(time + delay))
+                           for delay in (-0.25 * step, 0.0, 0.25 * step))
+    ripple = np.stack([now - acting, 0.5 * (later - earlier) - 0.25 * step * rate], axis=1)
+    # the IMU resolves the periods of the wheels: the speed of the body is the integral of its
+    # force, and the force on the tires requires slip
+    body = force.antiderivative()(center) - windows.mean(force.antiderivative(3)(time))
+    rolling, mean_rolling = (1.0 - np.clip(
+        np.sign(speed.mean(axis=1)) * _slip(values, robot), -MAX_SLIP, MAX_SLIP)
+        for values in (force(center), acting))
+    slip = speed * (mean_rolling / rolling - 1.0)[:, None]
+    torque = nowhere if wheels.torque is None else np.stack([
+        windows.mean_of_samples(column, MAX_TORQUE_GAP) for column in wheels.torque.T], axis=1)
+    duty, duty_rate, held = (nowhere,) * 3 if duties is None else _duty(duties, windows)
+    return MotorRows(
+        center, speed, np.abs(speed - linear), windows.mean(angle), torque,
+        np.zeros_like(torque), duty, duty_rate, acting, rate, ripple,
+        nowhere if wheels.torque is None else wheels.torque[windows.center], held,
+        speed + body[:, None] / robot.wheel_radius + slip, slip, _rest_force(recording, robot),
+        noise_level(force.c, 2) * math.sqrt(2.0 / 3.0 * period(imu.time) / (n * step)), 2 * n)
+
+
+def _slip(force: Array, robot: RobotParams) -> Array:
+    """Return the slip of the tires at a specific ``force`` [m/s2] (n,), with its sign."""
+    loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
+                         force, np.zeros_like(force), radius=robot.wheel_radius)
+    linear = linear_tire_force(robot.mass * force, TYPICAL_FRICTION, loads.T)
+    return linear / robot.tire.longitudinal_stiffness
+
+
+def _duty(duties: DutyRecord, windows: _Windows) -> tuple[Array, Array, Array]:
+    """Return mean, rate of change [1/s], and value at the center (NaN close to a change)."""
+    time = windows.time
+    ends = np.concatenate([[time[0] - 1.0], duties.time, [max(time[-1], duties.time[-1]) + 1.0]])
+    values = np.vstack([np.zeros((1, 4)), duties.duty])
+    double = PPoly(values[None], ends).antiderivative(2)
+    earlier, mean, later = (windows.mean(double(time + delay))
+                            for delay in (-DELAY_STEP, 0.0, DELAY_STEP))
+    center = time[windows.center] - COMMAND_DELAY
+    before, after = (values[np.clip(np.searchsorted(ends, center + margin, side='right') - 1, 0,
+                                    len(values) - 1)] for margin in (-EDGE_MARGIN, EDGE_MARGIN))
+    return (mean, (later - earlier) / (2.0 * DELAY_STEP),
+            np.where(before == after, before, np.nan))
+
+
+def _rest_force(recording: Recording, robot: RobotParams) -> Uncertain:
+    """Return the forward specific force [m/s2] at rest: accelerometer bias, slope and tilt."""
+    imu, means = recording.imu, []
+    for begin, end in stationary_intervals(recording.wheels, robot):
+        chosen = (imu.time > begin + MOTION_MARGIN) & (imu.time < end - MOTION_MARGIN)
+        if chosen.any():
+            means.append(float(imu.force[chosen, 0].mean()))
+    slope = GRAVITY * GROUND_SLOPE_SIGMA
+    if not means:
+        return Uncertain(0.0, math.hypot(slope, robot.imu.accel_bias))
+    return Uncertain(float(np.mean(means)), slope / math.sqrt(len(means)))
+
+
+def _centers(recording: Recording, robot: RobotParams, time: Array, n: int) -> Indices:
+    """Return the wheel samples whose window is complete and in motion, with one period around."""
+    wheels, imu, step = recording.wheels, recording.imu, period(time)
+    increments, valid = rotation_increments(wheels)
+    speed = increments / np.diff(time)[:, None]
+    center = np.arange(n + 1, max(len(time) - n - 2, n + 1))
+    count = 2 * n + 2  # periods of a window, with one before and one after
+    usable = time[center + n] - time[center - n] < MAX_LENGTHENING * 2 * n * step
+    for column in speed.T:
+        moving = [_all_of_next(valid & (sign * column > MIN_SPEED / robot.wheel_radius), count)
+                  for sign in (1.0, -1.0)]
+        usable &= (moving[0] | moving[1])[center - n - 1]
+    margin = MAX_IMU_GAP + DELAY_STEP
+    return np.asarray(center[usable & covered(
+        imu.time, time[center - n] - margin, time[center + n] + margin, MAX_IMU_GAP)])
+
+
+def _all_of_next(mask: Mask, count: int) -> Mask:
+    """Return at each index whether ``count`` elements from there on are True."""
+    total = np.concatenate([[0], np.cumsum(mask)])
+    return np.asarray(total[count:] - total[:-count] == count)

@@ -1,0 +1,207 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Noise, bias and mounting of the IMU at standstill, and jitter of the ``wheel_states`` timestamps.
+
+The robot is stationary while the wheels do not rotate and the IMU is about as quiet as ever: after
+a stop the body may settle, and it may be pushed. On level ground the tilt cannot be separated from
+the accelerometer bias, and not from the slope of the ground if the robot always stops with the
+same heading: the standard error of the tilt includes both.
+
+The jitter is seen in motion. Over a few samples angles are a parabola in time. A timestamp error
+causes the same error in time on both sides, whatever their speeds; fluctuations of the speeds
+differ between the sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.calibration.recording import MOTION_MARGIN, period, Recording, WheelRecord
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.slip.zero_velocity import (
+    BIAS_WINDOW, MAX_STATIONARY_WHEEL_SPEED, QUIET_NOISE_RATIO)
+from smart_tire.numerics.robust import mad_sigma, noise_level, winsorized_mean
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import GRAVITY, LEFT, RIGHT
+from smart_tire.uncertain import Uncertain, UNKNOWN
+
+WINDOW = 1.0               # s, over which the noise is estimated
+MIN_WINDOW_SAMPLES = 3
+GROUND_SLOPE_SIGMA = 0.01  # rad, of the ground with fewer than MIN_INTERVALS intervals; assumed
+MIN_INTERVALS = 3          # at standstill, to estimate the spread of ground slopes
+QUIET_QUANTILE = 0.1       # of the windows' noise that serves as reference for quiet ones
+ROLLING_SPEED = 0.1        # rad/s, of wheels in motion
+
+RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0  # of a parabola in five samples
+SLOPE_KERNEL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0
+RESIDUAL_VARIANCE_SHARE = 18.0 / 35.0  # of the residual over that of independent errors
+MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
+MAX_WINDOW = 0.5   # s of five samples: over longer times the speed is not linear in time
+MIN_SAMPLES = 30   # below this number the residuals do not determine their scatter
+
+
+@dataclass(frozen=True)
+class RestFit:
+    """Result of a calibration at standstill, in the axes of ``base_link``."""
+
+    seconds: float              # of standstill
+    intervals: int              # at standstill, with motion in between
+    gyro_bias: list[Uncertain]  # rad/s, about x, y, z
+    roll: Uncertain             # rad, of the mounting relative to the configured one
+    pitch: Uncertain            # rad
+    gyro_noise: Uncertain       # rad/s, of a sample about z
+    accel_noise: Uncertain      # m/s2, of a sample along x and y
+    repeated_share: float       # share of samples equal to the previous one
+
+
+def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
+    """Return the IMU parameters; raise EstimatorError if the robot is never stationary."""
+    imu, windows, number = recording.imu, [], []
+    values = np.column_stack([imu.rate, imu.force])
+    fresh = np.append(True, (np.diff(values, axis=0) != 0.0).any(axis=1))
+    for interval, (begin, end) in enumerate(stationary_intervals(recording.wheels, robot)):
+        begin += BIAS_WINDOW if interval else 0.0  # settled if the recording begins stationary
+        for first in np.arange(begin, end - MOTION_MARGIN - WINDOW, WINDOW):
+            rows = values[fresh & (imu.time >= first) & (imu.time < first + WINDOW)]
+            if len(rows) >= MIN_WINDOW_SAMPLES:
+                windows.append(rows)
+                number.append(interval)
+    if not windows:
+        raise EstimatorError('the robot is never stationary for '
+                             f'{BIAS_WINDOW + WINDOW + MOTION_MARGIN:g} s')
+    spread = np.array([rows.std(axis=0) for rows in windows])
+    quiet = (spread <= QUIET_NOISE_RATIO * np.maximum(
+        np.quantile(spread, QUIET_QUANTILE, axis=0), 1e-9)).all(axis=1)
+    windows = [rows for rows, kept in zip(windows, quiet) if kept]
+    means, intervals = np.array([rows.mean(axis=0) for rows in windows]), np.array(number)[quiet]
+    per_stop = np.array([means[intervals == one].mean(axis=0) for one in np.unique(intervals)])
+    variance = sum(((rows - rows.mean(axis=0)) ** 2).sum(axis=0) for rows in windows)
+    freedom = sum(len(rows) - 1 for rows in windows)
+    noise = np.sqrt(np.asarray(variance) / freedom)
+    bias_sigma = np.max([noise / math.sqrt(freedom + len(windows)), _standard_error(means),
+                         _standard_error(per_stop, MIN_INTERVALS)], axis=0)
+    roll, pitch = _tilt(per_stop[:, 3:], robot)
+    return RestFit(
+        WINDOW * len(windows), len(per_stop),
+        [Uncertain(*pair) for pair in zip(means.mean(axis=0)[:3].tolist(), bias_sigma.tolist())],
+        roll, pitch, _of_axes(noise[2:3], freedom), _of_axes(noise[3:5], freedom),
+        float(1.0 - fresh.mean()))
+
+
+def stationary_intervals(wheels: WheelRecord, robot: RobotParams) -> list[tuple[float, float]]:
+    """Return begin and end [s] of times with all wheels stationary."""
+    limit = MAX_STATIONARY_WHEEL_SPEED / robot.wheel_radius
+    still = np.concatenate([[0], np.abs(wheels.velocity).max(axis=1) < limit, [0]])
+    begin, end = (np.flatnonzero(np.diff(still) == sign) for sign in (1, -1))
+    return list(zip(wheels.time[begin].tolist(), wheels.time[end - 1].tolist()))
+
+
+def _standard_error(rows: Array, min_rows: int = 2) -> Array:
+    """Return the standard errors (p,) of the means of rows (n, p), 0 for too few rows."""
+    if len(rows) < min_rows:
+        return np.zeros(rows.shape[1])
+    return np.asarray(rows.std(axis=0, ddof=1) / math.sqrt(len(rows)))
+
+
+def _of_axes(noise: Array, freedom: int) -> Uncertain:
+    """Return the rms noise of some axes."""
+    value = math.sqrt(float(np.mean(noise ** 2)))
+    return Uncertain(value, value / math.sqrt(2.0 * freedom * len(noise)))
+
+
+def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
+    """Return roll and pitch [rad] from the specific forces (n, 3) of n standstills."""
+    x, y, z = (force / np.linalg.norm(force, axis=1)[:, None]).T
+    tilts = np.stack([np.arctan2(y, z), -np.arcsin(x)], axis=1)
+    slope = (float(tilts.std(axis=0, ddof=1).max()) if len(tilts) >= MIN_INTERVALS
+             else GROUND_SLOPE_SIGMA)
+    sigma = math.hypot(robot.imu.accel_bias / GRAVITY, slope / math.sqrt(len(tilts)))
+    roll, pitch = tilts.mean(axis=0).tolist()
+    return Uncertain(roll, sigma), Uncertain(pitch, sigma)
+
+
+def motion_noise(recordings: Sequence[Recording]) -> tuple[Uncertain, Uncertain]:
+    """
+    Return the noise of gyro z [rad/s] and of accelerometer x, y [m/s2] in motion.
+
+    It is the mean of windows in which a wheel rotates all the time, without outliers; infinitely
+    uncertain if there are none.
+    """
+    levels = []
+    for recording in recordings:
+        imu, wheels = recording.imu, recording.wheels
+        speed = np.abs(wheels.velocity).max(axis=1)
+        for begin in np.arange(wheels.time[0], wheels.time[-1] - WINDOW, WINDOW):
+            first, last = np.searchsorted(wheels.time, (begin, begin + WINDOW))
+            inside = (imu.time >= begin) & (imu.time < begin + WINDOW)
+            if last > first and speed[first:last].min() > ROLLING_SPEED:
+                rows = np.column_stack([imu.rate[inside, 2], imu.force[inside, :2]])
+                fresh = np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))
+                levels.append([noise_level(column) for column in rows[fresh[:len(rows)]].T])
+    if not levels:
+        return UNKNOWN, UNKNOWN
+    gyro, x, y = np.array(levels).T
+    return (winsorized_mean(gyro.tolist(), SIGNIFICANT_SIGMAS),
+            winsorized_mean(np.sqrt(0.5 * (x ** 2 + y ** 2)).tolist(), SIGNIFICANT_SIGMAS))
+
+
+def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
+    """Return the standard deviation of a timestamp [s]; EstimatorError if not observable."""
+    if wheels.position is None:
+        raise EstimatorError('wheel_states have no positions')
+    if len(wheels.time) < len(RESIDUAL_KERNEL):
+        raise EstimatorError(f'{len(wheels.time)} samples')
+    step = period(wheels.time)
+    if 4.0 * step > MAX_WINDOW:
+        raise EstimatorError(f'five samples last {4.0 * step:.2g} s, expected at most '
+                             f'{MAX_WINDOW:g} s: the wheels change their speed meanwhile')
+    sides = [wheels.position[:, side].mean(axis=1) for side in (LEFT, RIGHT)]
+    increment, angle_residual = (np.stack([_filtered(side, kernel) for side in sides], axis=1)
+                                 for kernel in (SLOPE_KERNEL, RESIDUAL_KERNEL))
+    gaps = np.lib.stride_tricks.sliding_window_view(np.diff(wheels.time), 4)
+    count = math.tau / robot.encoder.counts_per_revolution
+    usable = (np.abs(gaps - step).max(axis=1) < 0.5 * step) & (
+        np.abs(increment).min(axis=1) > MIN_COUNTS * count)
+    if usable.sum() < MIN_SAMPLES:
+        raise EstimatorError(f'{int(usable.sum())} samples with both sides in motion, expected at '
+                             f'least {MIN_SAMPLES}')
+    errors = _filtered(wheels.time, RESIDUAL_KERNEL)[usable, None] - (
+        angle_residual[usable] / increment[usable]
+        * _filtered(wheels.time, SLOPE_KERNEL)[usable, None])
+    return _common_sigma(errors)
+
+
+def _filtered(values: Array, kernel: Array) -> Array:
+    return np.asarray(np.convolve(values, kernel[::-1], 'valid'))
+
+
+def _common_sigma(errors: Array) -> Uncertain:
+    """Return the standard deviation of the common part of two columns of errors (n, 2)."""
+    common, differential = (mad_sigma(errors @ sign) for sign in ((1, 1), (1, -1)))
+    variance = (common ** 2 - differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE
+    # standard error of a variance by the median absolute deviation of n / 2 independent errors
+    variance_sigma = (common ** 2 + differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE * (
+        2.0 * math.sqrt(2.7 / len(errors)))
+    if variance < SIGNIFICANT_SIGMAS * variance_sigma:
+        limit = math.sqrt(max(variance, 0.0) + SIGNIFICANT_SIGMAS * variance_sigma)
+        raise EstimatorError(f'speed fluctuations exceed the jitter (below {limit:.2g} s)')
+    return Uncertain(math.sqrt(variance), 0.5 * variance_sigma / math.sqrt(variance))

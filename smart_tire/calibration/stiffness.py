@@ -1,0 +1,361 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Longitudinal stiffness C_x of the tires from acceleration and braking on straight lines.
+
+The motion of the wheels follows from the accelerometer: its integral is the speed v of the body,
+and the force that it shows requires a slip of the tires, by the inverse of the brush model, so
+that the wheels roll with ``u = v / (1 - slip)``. The fit compares this with the distances that the
+wheels rolled between their timestamps. Jitter of the timestamps is then an error of the response,
+and the noise of the accelerometer, small against the accelerations, hardly one of the regressor.
+
+Parameters with similar effects are estimated as well: friction, which bends the curve at larger
+slips; drag; errors of the wheel latency (one millisecond corresponds to 2.4 % of C_x for the
+paper's robot at 0.8 m/s, with another share at other speeds), of the accelerometer (bias and
+scale, and slow changes by the slope of the ground and by its noise).
+
+The stiffness is proportional to the configured mass; it is that of the tire-ground pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+import math
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.linalg import block_diag
+
+from smart_tire.arrays import Array
+from smart_tire.calibration.recording import Indices, Recording
+from smart_tire.calibration.results import CONTRADICTION_SIGMAS
+from smart_tire.calibration.straight_segments import (
+    MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
+from smart_tire.errors import EstimatorError
+from smart_tire.models.vehicle.skid_steer import normal_loads
+from smart_tire.numerics.least_squares import Fit, HAC_TIME, nonlinear_fit, Prior
+from smart_tire.parameters import RobotParams
+from smart_tire.samples import GRAVITY
+from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
+
+LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IMU; assumed
+RADIUS_ERROR_SIGMA = 0.02   # relative, of the rolling radius; assumed
+STIFFNESS_FACTOR = 100.0    # per sigma, uninformative
+DRAG = 0.015, 0.15          # of the weight, and its sigma: firm ground, and up to deep sand
+FRICTION = 0.45, 2.0        # median of mu, and factor per sigma of grounds; assumed
+ACCEL_SCALE_SIGMA = 0.05    # of accelerations; the body pitches by 0.3 degrees at 1 m/s2; assumed
+BIAS_SIGMA = 0.15           # m/s2, turn-on bias and mounting of the accelerometer; assumed
+SLOPE_SIGMA = 0.1           # m/s2, g times the mean slope of a segment; assumed
+SLOPE_WALK = 0.02           # m/s2 per root of a second, changes of the slope; assumed
+KNOT_INTERVAL = 0.5         # s, of the changes of the accelerometer error
+FORCE_ERROR = 0.03          # m/s2, of the force balance; assumed
+STATIONARY_SIGMA = 0.001    # m/s, of a body at standstill
+MIN_ROLLING_SPEED = 0.1     # m/s, of an interval; slower ones are mostly static friction
+DRAG_SPEED = 0.02           # m/s, below which drag is linear in the speed
+DIFFERENCE = 1e-6           # of a value, for its derivative
+NEWTON_STEPS = 4            # of the inverse brush model
+LOAD_FILTER = 13            # samples, of the acceleration that transfers load
+MAX_SHARE = 0.9999          # of friction, beyond which the slip is not determined
+MAX_NOISE_SHARE = 0.08      # of accelerations; more noise makes a tire seem too stiff
+MAX_LATENCY_ERROR = 0.04    # s, of the configured latency
+MAX_RESIDUAL = 0.1            # of the rolled distances, of the residuals
+
+
+class Common(IntEnum):
+    """Parameters of all segments; initial speed, bias and slopes of each segment follow."""
+
+    STIFFNESS = 0      # ln of C_x [N]
+    DRAG = 1           # share of the weight, against the motion
+    FRICTION = 2       # ln of mu
+    LATENCY_ERROR = 3  # s, of the wheel timestamps in addition to the configured latency
+    ACCEL_SCALE = 4    # relative error of measured accelerations: scale, and pitching of the body
+
+
+@dataclass(frozen=True)
+class StiffnessFit:
+    """Stiffness and the parameters estimated with it, with the data for figures."""
+
+    stiffness: Uncertain      # N, C_x of one wheel
+    friction: Uncertain       # -, mu, from the bend of the curve
+    drag: Uncertain           # N, of all wheels
+    latency_error: Uncertain  # s, of the wheel timestamps in addition to the configured latency
+    segments: int
+    duration: float             # s, of all segments
+    slip: Array                 # (n,) -, of the wheels against the fitted speed of the body
+    force: Array                # (n,) N, of one wheel, positive when driving, as measured
+    excess: float               # rms residual over the configured timestamp jitter
+    curve: tuple[Array, Array]  # slip [-] and force [N] of one wheel as fitted
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Motion of one segment as a function of common and own parameters."""
+
+    segment: StraightSegment
+    robot: RobotParams
+    hats: Array   # (m, k) piecewise linear functions of slope and accelerometer noise
+    lost: Array   # (m, k + 2) speeds at an initial speed, slope and changes of one
+    loads: Array  # (2, m) N, of the axle with less and of that with more
+    used: Indices  # (r,) intervals in motion
+
+    @classmethod
+    def of(cls, segment: StraightSegment, robot: RobotParams) -> _Motion:
+        time = segment.time
+        count = max(2, round(float(np.ptp(time)) / KNOT_INTERVAL) + 1)
+        knots = np.linspace(time[0], time[-1], count)
+        hats = np.maximum(1.0 - np.abs(time[:, None] - knots) / (knots[1] - knots[0]), 0.0)
+        slopes = np.column_stack([np.ones(len(time)), hats])
+        lost = np.column_stack([np.ones(len(time)), -cumulative_trapezoid(
+            slopes, time, axis=0, initial=0.0)])
+        window = np.full(LOAD_FILTER, 1.0 / LOAD_FILTER)
+        force = np.convolve(np.pad(segment.force, LOAD_FILTER // 2, 'edge'), window, 'valid')
+        loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
+                             force, 0.0, radius=robot.wheel_radius)
+        axles = np.maximum(np.stack([loads[:, :2].sum(axis=1), loads[:, 2:].sum(axis=1)]), 1e-3)
+        return cls(segment, robot, hats, lost, np.sort(axles, axis=0),
+                   np.flatnonzero(np.abs(segment.speed) > MIN_ROLLING_SPEED))
+
+    @property
+    def prior(self) -> list[tuple[float, float] | None]:
+        """Return the prior of initial speed, accelerometer bias, mean slope and its changes."""
+        segment, step = self.segment, float(np.median(np.diff(self.segment.time)))
+        sigma = math.hypot(segment.noise * math.sqrt(step / KNOT_INTERVAL),
+                           SLOPE_WALK * math.sqrt(KNOT_INTERVAL))
+        return [(0.0, STATIONARY_SIGMA) if segment.stationary[0] else None,
+                (0.0, BIAS_SIGMA), (0.0, SLOPE_SIGMA), *[(0.0, sigma)] * self.hats.shape[1]]
+
+    def wheels(self, common: Array, own: Array) -> tuple[Array, Array, Array, Array]:
+        """Return speeds of body and wheels [m/s], force over mass [m/s2] and slip of the tires."""
+        scale = 1.0 + common[Common.ACCEL_SCALE]
+        initial, bias, slope, changes = own[0], own[1], own[2], self.hats @ own[3:]
+        felt = (self.segment.force - bias) / scale
+        body = initial + cumulative_trapezoid(felt - slope - changes, self.segment.time,
+                                              initial=0.0)
+        force = felt + GRAVITY * common[Common.DRAG] * np.tanh(body / DRAG_SPEED)
+        slip = self._slip(common, force)[0]
+        return body, body / (1.0 - np.clip(slip * np.sign(body), -1.0, 0.9)), force, slip
+
+    def _slip(self, common: Array, force: Array) -> tuple[Array, Array]:
+        """Return the slip of the tires at a ``force`` over mass [m/s2], and its derivative."""
+        stiffness, friction = np.exp(common[[Common.STIFFNESS, Common.FRICTION]])  # of a wheel
+        linear, slope = axle_slip(self.robot.mass * np.abs(force), friction * self.loads)
+        scale = 0.5 / stiffness
+        return scale * linear * np.sign(force), scale * slope * self.robot.mass
+
+    def residual(self, common: Array, own: Array) -> Array:
+        """Return by how much the intervals in motion were too long [s], and speeds at rest."""
+        body, wheels, _, _ = self.wheels(common, own)
+        segment = self.segment
+        rolled = np.interp(segment.stamps - common[Common.LATENCY_ERROR], segment.time,
+                           cumulative_trapezoid(wheels, segment.time, initial=0.0))
+        missing = (segment.distance - np.diff(rolled))[self.used]
+        return np.concatenate([missing / segment.speed[self.used], -body[segment.resting]])
+
+    def jacobian(self, common: Array, own: Array) -> Array:
+        """Return the derivatives of ``residual`` by the own parameters."""
+        body, wheels, _, _ = self.wheels(common, own)
+        segment, step = self.segment, np.where(np.arange(len(own)) == 1, DIFFERENCE, 0.0)
+        ratio = np.where(body == 0.0, 1.0, wheels / np.where(body == 0.0, 1.0, body))
+        rolled = cumulative_trapezoid(ratio[:, None] * self.lost, segment.time, axis=0,
+                                      initial=0.0)
+        stamps = segment.stamps - common[Common.LATENCY_ERROR]
+        left = np.clip(np.searchsorted(segment.time, stamps) - 1, 0, len(segment.time) - 2)
+        share = ((stamps - segment.time[left]) / np.diff(segment.time)[left])[:, None]
+        missing = -np.diff(rolled[left] + share * (rolled[left + 1] - rolled[left]), axis=0)
+        result = np.concatenate([missing[self.used] / segment.speed[self.used, None],
+                                 -self.lost[segment.resting]])
+        by_bias = (self.residual(common, own + step) - self.residual(common, own)) / DIFFERENCE
+        return np.insert(result, 1, by_bias, axis=1)
+
+    def sigma(self, common: Array, own: Array) -> Array:
+        """Return the standard deviations of ``residual`` from errors of the force balance."""
+        _, _, force, _ = self.wheels(common, own)
+        segment, slip = self.segment, FORCE_ERROR * self._slip(common, force)[1]
+        center = 0.5 * (segment.stamps[1:] + segment.stamps[:-1])
+        error = np.interp(center, segment.time, slip) * np.diff(segment.stamps)
+        return np.concatenate([error[self.used],
+                               np.full(len(segment.resting), STATIONARY_SIGMA)])
+
+    def contiguous(self) -> Array:
+        """Return which rows begin with the timestamp that ended the previous one."""
+        return np.concatenate([[False], np.diff(self.used) == 1,
+                               np.zeros(len(self.segment.resting), bool)])
+
+
+def axle_slip(force: Array, limits: Array) -> tuple[Array, Array]:
+    """
+    Return two C_x times the slip [N] of brush tires at a total ``force`` [N], and its derivative.
+
+    ``limits`` (2, m) are friction times load of the axle with less and with more load. Beyond the
+    limit of the first axle, the other one carries the rest; up to there the force is a cubic in
+    the slip, which Newton's method inverts from below.
+    """
+    small, large = limits
+    linear = 0.5 * force
+    for _ in range(NEWTON_STEPS):
+        first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
+        missing = force - small * (1.0 - first ** 3) - large * (1.0 - second ** 3)
+        linear = linear + missing / np.maximum(first ** 2 + second ** 2, 1e-3)
+    rest = np.clip((force - small) / large, 0.0, MAX_SHARE)
+    sliding = 3.0 * large * (1.0 - np.cbrt(1.0 - rest))
+    linear = np.where(sliding > 3.0 * small, sliding, np.minimum(linear, 3.0 * small))
+    first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
+    return linear, 1.0 / np.maximum(first ** 2 + second ** 2, (1.0 - MAX_SHARE) ** (2.0 / 3.0))
+
+
+def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
+                       latency_sigma: float = LATENCY_ERROR_SIGMA) -> StiffnessFit:
+    """
+    Return the stiffness from recordings on the same ground.
+
+    ``latency_sigma`` [s] is the standard deviation of the error of ``encoder.latency``. If
+    recordings differ by more than their standard errors, those are scaled up. Raises
+    EstimatorError with the reason if the stiffness is not observable.
+    """
+    motions = [_motions(recording, robot) for recording in recordings]
+    fits = [_fit(part, robot, latency_sigma) for part in motions]
+    separate = [part.stiffness for part in fits]
+    fit = fits[0]
+    if len(fits) > 1:
+        try:
+            fit = _fit([one for part in motions for one in part], robot, latency_sigma)
+        except EstimatorError as error:
+            raise EstimatorError(_refusal(separate[0], separate)) from error
+    combined = fit.stiffness
+    fit = replace(fit, stiffness=_scaled_by_scatter(combined, separate))
+    if not (fit.stiffness.value > 0.0 and fit.stiffness.determined):
+        known = all(item.determined for item in separate)
+        raise EstimatorError(_refusal(fit.stiffness, separate if known else ()))
+    return fit
+
+
+def _scaled_by_scatter(combined: Uncertain, separate: Sequence[Uncertain]) -> Uncertain:
+    """Return ``combined`` with its sigma scaled by the scatter of ``separate``."""
+    determined = [item for item in separate if item.determined]
+    if len(determined) < 2:
+        return combined
+    expected = sum(item.sigma ** -2 for item in determined) ** -0.5
+    return Uncertain(combined.value,
+                     combined.sigma * weighted_mean(determined).sigma / expected)
+
+
+def _refusal(stiffness: Uncertain, separate: Sequence[Uncertain]) -> str:
+    """Return the reason why a stiffness is refused; ``separate`` are those that differ."""
+    if len(separate) > 1:
+        values = ', '.join(f'{item.value:.3g} ± {item.sigma:.2g}' for item in separate)
+        return f'the recordings give {values} N: they are not of one tire on one ground'
+    return (f'standard error of {stiffness.sigma / abs(stiffness.value):.0%}, expected at most '
+            f'{MAX_RELATIVE_SIGMA:.0%}: speed changes too little on straight lines, below '
+            'critical slip')
+
+
+def _motions(recording: Recording, robot: RobotParams) -> list[_Motion]:
+    """Return the straight segments; EstimatorError if there are none, or if they vibrate."""
+    segments = straight_segments(recording, robot)
+    if not segments:
+        raise EstimatorError(f'no straight segment of {MIN_SEGMENT_INTERVALS} wheel samples '
+                             f'above {MIN_SPEED:g} m/s')
+    moving = np.concatenate([segment.force[~segment.stationary] for segment in segments])
+    noise = math.sqrt(float(np.mean([  # of the mean over an interval of the wheels
+        segment.noise ** 2 * len(segment.distance) / len(segment.time) for segment in segments])))
+    share = noise / max(float(np.std(moving)), 1e-9)
+    if share > MAX_NOISE_SHARE:
+        raise EstimatorError(
+            f'the accelerometer noise in motion is {share:.0%} of the accelerations, expected at '
+            f'most {MAX_NOISE_SHARE:.0%}: speed changes too little, or the robot vibrates')
+    return [_Motion.of(segment, robot) for segment in segments]
+
+
+def _fit(motions: Sequence[_Motion], robot: RobotParams, latency_sigma: float) -> StiffnessFit:
+    priors = [motion.prior for motion in motions]
+    prior = Prior.of(
+        (math.log(robot.tire.longitudinal_stiffness), math.log(STIFFNESS_FACTOR)), DRAG,
+        (math.log(FRICTION[0]), math.log(FRICTION[1])), (0.0, latency_sigma),
+        (0.0, ACCEL_SCALE_SIGMA), *[item for part in priors for item in part])
+    ends = np.cumsum([len(Common), *map(len, priors)])
+    start = prior.mean.copy()
+    start[ends[:-1]] = [0.0 if motion.segment.stationary[0] else motion.segment.speed[0]
+                        for motion in motions]
+
+    def split(values: Array) -> list[tuple[_Motion, Array, Array]]:
+        return [(motion, values[:len(Common)], values[first:last])
+                for motion, first, last in zip(motions, ends[:-1], ends[1:])]
+
+    step = float(np.median(np.concatenate([np.diff(one.segment.stamps) for one in motions])))
+
+    def residual(values: Array) -> Array:
+        return np.concatenate([one.residual(*own) for one, *own in split(values)])
+
+    def jacobian(values: Array) -> Array:
+        here, common = residual(values), DIFFERENCE * np.eye(len(values))[:len(Common)]
+        by_common = [(residual(values + step) - here) / DIFFERENCE for step in common]
+        return np.column_stack([*by_common, block_diag(
+            *(one.jacobian(*own) for one, *own in split(values)))])
+
+    fit = nonlinear_fit(
+        residual, start, prior,
+        lambda values: np.concatenate([one.sigma(*own) for one, *own in split(values)]),
+        lags=math.ceil(HAC_TIME / step), jacobian=jacobian,
+        contiguous=np.concatenate([motion.contiguous() for motion in motions]))
+    residual_share = float(np.median(fit.row_sigma)) / step
+    if residual_share > MAX_RESIDUAL:
+        raise EstimatorError(
+            f'the wheels roll {residual_share:.0%} more or less than the accelerometer explains, '
+            f'expected at most {MAX_RESIDUAL:.0%}: wheels slide, the ground changes, or the axes '
+            'of the IMU are wrong')
+    _check_plausible(fit)
+    return _result(motions, fit, [one.wheels(*own) for one, *own in split(fit.values)], robot)
+
+
+def _check_plausible(fit: Fit) -> None:
+    """Raise EstimatorError if parameters with known limits contradict them."""
+    latency, drag = fit.estimate(Common.LATENCY_ERROR), fit.estimate(Common.DRAG)
+    if abs(latency.value) > MAX_LATENCY_ERROR:
+        raise EstimatorError(f'the wheels are late by {latency.value:.3f} s in addition to '
+                             'encoder.latency, or the axes of the IMU are wrong')
+    if drag.value < -CONTRADICTION_SIGMAS * drag.sigma:
+        raise EstimatorError(f'the drag is negative, {drag.value:.2f} of the weight: the motion '
+                             'is not that of a robot on level ground')
+
+
+def _result(motions: Sequence[_Motion], fit: Fit, wheels: Sequence[tuple[Array, ...]],
+            robot: RobotParams) -> StiffnessFit:
+    stiffness, friction = (math.exp(fit.values[row])
+                           for row in (Common.STIFFNESS, Common.FRICTION))
+    slips, forces, curve = [], [], []
+    for motion, (body, _, force, slip) in zip(motions, wheels):
+        segment = motion.segment
+        center = (0.5 * (segment.stamps[1:] + segment.stamps[:-1])
+                  - fit.values[Common.LATENCY_ERROR])[motion.used]
+        speed, direction = segment.speed[motion.used], np.sign(segment.speed[motion.used])
+        slips.append(1.0 - np.interp(center, segment.time, body) / speed)
+        forces.append(0.25 * robot.mass * direction * np.interp(center, segment.time, force))
+        curve.append([direction * np.interp(center, segment.time, slip), forces[-1]])
+    fitted = np.concatenate(curve, axis=1)
+    fitted = fitted[:, np.argsort(fitted[0])]
+    weight = robot.mass * GRAVITY
+    C_x, mu, drag = (fit.estimate(row) for row in (
+        Common.STIFFNESS, Common.FRICTION, Common.DRAG))
+    return StiffnessFit(
+        # a wrong radius scales all speeds, and thereby the forces
+        Uncertain(stiffness, stiffness * math.hypot(RADIUS_ERROR_SIGMA, C_x.sigma)),
+        Uncertain(friction, friction * mu.sigma),
+        Uncertain(weight * drag.value, weight * drag.sigma), fit.estimate(Common.LATENCY_ERROR),
+        len(motions), sum(float(np.ptp(motion.segment.stamps)) for motion in motions),
+        np.concatenate(slips), np.concatenate(forces),
+        float(np.median(fit.row_sigma)) / max(robot.encoder.stamp_jitter, 1e-4),
+        (fitted[0], fitted[1]))

@@ -1,0 +1,271 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Centers of rotation: S (their x coordinate) and the effective track, from turns.
+
+Paper B fits S to experimental data. In the axes of REP-103 B(4) is ``v_y = -S W``, so the lateral
+displacement over an interval is ``-S`` times the change of yaw: this is fitted if there is a pose
+reference. Without one, the IMU at x_M, y_M measures the derivative of B(8)'s
+``v_y,M = (x_M - S) W``: ``a_y = (x_M - S) dW/dt + W (v_x - y_M W)``, with the wheel speed for v_x.
+Other contributions to both are nuisance parameters with priors. An error of x_M, or of the
+position of the reference, is an error of S of the same size. S is not quite constant: tires slip
+sideways to carry the centripetal force, so it moves forward with the square of the speed. The
+spread of S between turns is reported as well.
+
+The effective track is the rolled difference of the sides over the change of yaw. In the steady
+part of a turn neither latency nor the lag of the body matters, so each turn gives a value whose
+error is that of gyro and encoders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.calibration.latency import CORRELATION_TIME, moving_intervals, yaw_motion
+from smart_tire.calibration.recording import period, Recording, Signal
+from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
+from smart_tire.errors import EstimatorError
+from smart_tire.numerics.least_squares import Prior, regression, Rows
+from smart_tire.parameters import RobotParams
+from smart_tire.parameters.calibration_file import Identified
+from smart_tire.samples import LEFT, RIGHT
+from smart_tire.uncertain import Uncertain, weighted_mean
+
+DISPLACEMENT_INTERVAL = 0.5   # s, of the displacements of the reference: shorter than a turn
+MIN_YAW_RATE = 0.1            # rad/s, of a turn
+TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate changes
+SETTLING = 0.7                # s of a turn before it is steady, and before it ends
+MIN_YAW, MIN_TOTAL_YAW = 1.0, 2.0  # rad, in the steady part of a turn, and in a recording
+MAX_ICR_SIGMA = 0.2           # wheelbases, standard error above which S is not reported
+MAX_TRACK_SIGMA = 0.05        # relative standard error above which a track is refused
+MAX_GROUND_SPREAD = 0.1       # relative, between turns: tires on other ground
+REFERENCE_YAW_SIGMA = 0.05    # rad, yaw misalignment of the reference; assumed
+SPEED_RELATIVE_SIGMA = 0.1    # of the mean wheel speed as speed over ground in turns; assumed
+ROLL_DELAY = 0.03             # s by which body roll delays the measured force; assumed
+YAW_RATE_SQUARED_SIGMA = 0.2  # m, sigma of y_M and of other effects proportional to W^2; assumed
+
+Turn = tuple[float, float]  # begin and end [s]
+
+
+@dataclass(frozen=True)
+class IcrFit:
+    """S of the whole recording and of each turn."""
+
+    icr: Uncertain     # m, in base_link
+    source: str        # measurement that it is estimated from
+    spread: float      # m, standard deviation between turns, without their standard errors
+    turn_time: Array   # (k,) s, centers of the turns
+    turn_icr: Array    # (k,) m
+    turn_sigma: Array  # (k,) m
+    regressor: Array   # (n,) rad or rad/s2, factor of S
+    response: Array    # (n,) m or m/s2, lateral motion without the nuisance parameters
+    unit: str          # of the response
+
+    @property
+    def initial_sigma(self) -> float:
+        """Return the standard deviation [m] of S at the start of another recording."""
+        return math.hypot(self.icr.sigma, self.spread)
+
+    def parameters(self, robot: RobotParams) -> list[Identified]:
+        """Return the entries of a parameter file; the sigma is relative to the wheelbase."""
+        return [Identified('icr_x', self.icr.value, self.icr.sigma, f'from {self.source}'),
+                Identified('icr_x_sigma', self.initial_sigma / robot.wheelbase,
+                           note='standard error and spread over the wheelbase')]
+
+
+@dataclass(frozen=True)
+class TurnTrack:
+    """Effective track, and that of each turn."""
+
+    track: Uncertain  # m, for the configured wheel_radius
+    turns: Array      # (n,) m
+    spread: float     # m, standard deviation between turns
+
+
+def turns_of(recording: Recording) -> list[Turn]:
+    """Return begin and end [s] of the turns (constant sign of the yaw rate)."""
+    imu = recording.imu
+    smooth = Signal(imu.time, imu.rate[:, 2]).centered_mean(imu.time, TURN_MARGIN)
+    sign = np.where(np.abs(smooth) > MIN_YAW_RATE, np.sign(smooth), 0.0)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1, [len(sign)]])
+    return [(float(imu.time[first]), float(imu.time[last - 1]))
+            for first, last in zip(edges[:-1], edges[1:]) if sign[first]]
+
+
+def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
+    """
+    Return S from the reference, or from the IMU if the reference does not make it observable.
+
+    Raises EstimatorError with both reasons if neither does.
+    """
+    gyro, turns = Signal(recording.imu.time, recording.imu.rate[:, 2]), turns_of(recording)
+    total = float(np.abs(np.diff(gyro.integral(np.array(turns).reshape(-1, 2)))).sum())
+    if total < MIN_TOTAL_YAW:
+        raise EstimatorError(
+            f'total yaw of {total:.2g} rad, expected at least {MIN_TOTAL_YAW:g}')
+    reasons = []
+    for source, unit, rows_of in (
+            ('lateral displacement of the reference', 'm', _displacements),
+            ('lateral acceleration of the IMU', 'm/s2', _accelerations)):
+        try:
+            return _fit_icr(source, unit, *rows_of(recording, robot), turns, robot)
+        except EstimatorError as error:
+            reasons.append(f'{source}: {error}')
+    raise EstimatorError('; '.join(reasons))
+
+
+def combine(fits: Sequence[IcrFit]) -> IcrFit:
+    """Return the combined result of several recordings; regression data are those of the first."""
+    time, value, sigma = (np.concatenate([getattr(fit, name) for fit in fits])
+                          for name in ('turn_time', 'turn_icr', 'turn_sigma'))
+    return replace(fits[0], icr=weighted_mean([fit.icr for fit in fits]), turn_time=time,
+                   turn_icr=value, turn_sigma=sigma, spread=_spread(value, sigma))
+
+
+def _displacements(recording: Recording, robot: RobotParams) -> tuple[Rows, Prior]:
+    """Return the regression of the reference's lateral displacement on the change of yaw."""
+    poses = usable_reference(recording)
+    first, last = poses.intervals(DISPLACEMENT_INTERVAL, MAX_POSE_GAP)
+    if not len(first):
+        raise EstimatorError('the reference is too short')
+    forward, left = (path[last] - path[first] for path in poses.path_components())
+    matrix = np.column_stack([poses.yaw[first] - poses.yaw[last], forward])
+    return (Rows(0.5 * (poses.time[first] + poses.time[last]), matrix, left, np.zeros(len(first))),
+            Prior.of(None, (0.0, REFERENCE_YAW_SIGMA)))
+
+
+def _accelerations(recording: Recording, robot: RobotParams) -> tuple[Rows, Prior]:
+    """Return the regression of the lateral specific force on the yaw acceleration."""
+    imu, latency = recording.imu, robot.encoder.latency
+    intervals = moving_intervals(recording, robot, latency, TURN_MARGIN)
+    begin, end = intervals.begin - latency, intervals.end - latency
+    rate, change = yaw_motion(Signal(imu.time, imu.rate[:, 2]), begin, end)
+    speed, time = robot.wheel_radius * intervals.sides.mean(axis=1), 0.5 * (begin + end)
+    x, y, _ = robot.imu.position
+    # a delay of the force by body roll; with one speed only it cannot be separated from S
+    delayed = -(change * speed + rate * np.gradient(speed, time))
+    matrix = np.column_stack([-change, rate * speed, -rate ** 2, np.ones(len(rate)), delayed])
+    lateral = Signal(imu.time, imu.force[:, 1]).mean(begin, end) - x * change + y * rate ** 2
+    return (Rows(time, matrix, lateral, SPEED_RELATIVE_SIGMA * np.abs(rate * speed)), Prior.of(
+        None, (1.0, SPEED_RELATIVE_SIGMA), (0.0, YAW_RATE_SQUARED_SIGMA), None,
+        (0.0, ROLL_DELAY)))
+
+
+def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn],
+             robot: RobotParams) -> IcrFit:
+    """Return S of the recording and of each turn; raise EstimatorError if not observable."""
+    of_turn = np.array([(rows.time > begin - TURN_MARGIN) & (rows.time < end + TURN_MARGIN)
+                        for begin, end in turns])
+    lags, selected = rows.lags(CORRELATION_TIME), np.asarray(of_turn.any(axis=0))
+    if selected.sum() < 2 * len(prior.mean):
+        raise EstimatorError(f'{int(selected.sum())} intervals in turns')
+    rows = rows.where(selected)
+    fit = regression(rows, prior, lags=lags)
+    estimate, regressor = fit.estimate(0), rows.matrix[:, 0]
+    response = rows.target - rows.matrix[:, 1:] @ fit.values[1:]
+    found = []
+    for inside, (begin, end) in zip(of_turn[:, selected], turns):
+        weight = (regressor / fit.row_sigma)[inside]
+        information = float(weight @ weight)
+        if information > 0.0 and end - begin > TURN_MARGIN and inside.sum() > 2:
+            value = float(weight @ (response / fit.row_sigma)[inside]) / information
+            found.append((0.5 * (begin + end), value, information ** -0.5))
+    time, value, sigma = np.array(found).reshape(-1, 3).T
+    spread = _spread(value, sigma)
+    # S depends on the speed: all turns count, and the mean of others would differ by the spread
+    mean = float(np.average(value, weights=1.0 / (sigma ** 2 + spread ** 2))) if (
+        spread > 0.0) else estimate.value
+    icr = Uncertain(mean, math.hypot(estimate.sigma, spread / math.sqrt(max(len(time), 1))))
+    limit = MAX_ICR_SIGMA * robot.wheelbase
+    if not icr.sigma <= limit:
+        raise EstimatorError(
+            f'standard error of {icr.sigma:.2g} m, expected at most {limit:.2g} m')
+    return IcrFit(icr, source, spread, time, value, sigma, regressor, response, unit)
+
+
+def _spread(values: Array, sigmas: Array) -> float:
+    """Return the standard deviation of values beyond their standard errors; 0 if there is none."""
+    if len(values) < 2:
+        return 0.0
+    weight = sigmas ** -2.0
+    mean = np.average(values, weights=weight)
+    return math.sqrt(max(0.0, float(np.average(
+        (values - mean) ** 2 - sigmas ** 2, weights=weight))))
+
+
+def fit_turn_track(recordings: Sequence[Recording], robot: RobotParams,
+                   gyro_bias: Uncertain) -> TurnTrack:
+    """
+    Return the effective track of the turns in ``recordings``, all with the same ``gyro_bias``.
+
+    Raises EstimatorError without turns in both directions, or if their tracks differ by much more
+    than their errors: the track depends on the ground.
+    """
+    turns = np.array([turn for recording in recordings
+                      for turn in _steady_turns(recording, robot, gyro_bias)]).reshape(-1, 4)
+    time, duration, yaw, rolled = turns.T
+    left, right = (yaw > 0.0).sum(), (yaw < 0.0).sum()
+    if min(left, right) < 1:
+        raise EstimatorError(f'{left} steady turns to the left and {right} to the right of '
+                             f'{MIN_YAW:g} rad or more, expected at least one each')
+    tracks = rolled / yaw
+    spread, typical = float(np.std(tracks, ddof=1)), float(np.median(tracks))
+    if not typical > 0.0:
+        raise EstimatorError('the yaw rate does not follow the wheel difference: are left and '
+                             'right swapped?')
+    if spread > MAX_GROUND_SPREAD * typical:
+        values = ', '.join(f'{value:.2f}' for value in tracks)
+        raise EstimatorError(f'the turns give {values} m: several grounds in one recording')
+    count = math.tau / robot.encoder.counts_per_revolution * robot.wheel_radius
+    noise = robot.imu.gyro_noise * np.sqrt(duration * max(
+        period(recording.imu.time) for recording in recordings))            # rad
+    late = math.sqrt(2.0) * robot.encoder.stamp_jitter / duration           # relative
+    sigma = np.sqrt((typical * noise) ** 2 + (rolled * late) ** 2 + count ** 2)
+    # the error of the gyro bias is common to all turns
+    weight = np.append(1.0 / sigma, 1.0 / max(gyro_bias.sigma, 1e-9))
+    matrix = np.vstack([np.column_stack([yaw, typical * duration]), [0.0, 1.0]]) * weight[:, None]
+    covariance = np.linalg.inv(matrix.T @ matrix)
+    value = float((covariance @ matrix.T @ (np.append(rolled, 0.0) * weight))[0])
+    track = Uncertain(value, math.sqrt(covariance[0, 0] + spread ** 2 / len(tracks)))
+    if track.sigma > MAX_TRACK_SIGMA * track.value:
+        raise EstimatorError(f'standard error of {track.sigma / track.value:.0%}, expected at '
+                             f'most {MAX_TRACK_SIGMA:.0%}')
+    return TurnTrack(track, tracks, spread)
+
+
+def _steady_turns(recording: Recording, robot: RobotParams,
+                  gyro_bias: Uncertain) -> list[tuple[float, float, float, float]]:
+    """Return begin [s], duration [s], yaw [rad] and rolled difference [m] of steady turns."""
+    imu, wheels, found = recording.imu, recording.wheels, []
+    gyro = Signal(imu.time, imu.rate[:, 2] - gyro_bias.value)
+    angle = wheels.position if wheels.position is not None else np.concatenate([
+        np.zeros((1, 4)), np.cumsum(wheels.velocity[1:] * np.diff(wheels.time)[:, None], axis=0)])
+    difference = robot.wheel_radius * (angle[:, RIGHT].mean(axis=1) - angle[:, LEFT].mean(axis=1))
+    for begin, end in turns_of(recording):
+        inside = np.flatnonzero((wheels.time > begin + SETTLING) & (wheels.time < end - SETTLING))
+        if len(inside) < 2:
+            continue
+        ends = inside[[0, -1]]
+        time = wheels.time[ends] - robot.encoder.latency
+        (duration,), (yaw,), (rolled,) = (
+            np.diff(values).tolist() for values in (time, gyro.integral(time), difference[ends]))
+        if abs(yaw) >= MIN_YAW:
+            found.append((begin, duration, yaw, rolled))
+    return found

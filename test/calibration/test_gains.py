@@ -1,0 +1,255 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Gains, contact length and film positions: correct within their sigmas, or refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+from smart_tire.calibration.film_gains import identify_gains, volts_per_slip
+from smart_tire.errors import EstimatorError
+from smart_tire.models.tire import strain_charge
+from smart_tire.parameters import RobotParams
+from smart_tire.uncertain import Uncertain
+from support.crossings import WHEEL
+from support.gains import ANGLE, recording
+
+NOMINAL = RobotParams()
+LENGTH, SPACING = 0.048, 0.0312  # m, against nominal 46 and 30 mm
+GAINS = (296.0, 251.0)           # V/m, against nominal 307.5 and 242.5
+TURN = (0.1,)
+
+
+def robot(**film):
+    """Return a robot that differs from the nominal one."""
+    return replace(NOMINAL, tire=replace(NOMINAL.tire, contact_length=LENGTH), film=replace(
+        NOMINAL.film, **{'spacing': SPACING, 'stretch_gain': GAINS, **film}))
+
+
+def configured(robot=NOMINAL, **film):
+    return replace(robot, film=replace(robot.film, **film))
+
+
+def gains(found):
+    return {(one.wheel, one.film): one.gain for one in found.films}
+
+
+@pytest.fixture(scope='module')
+def many():
+    """Return the results of eight recordings, each of another robot."""
+    results = []
+    for seed in range(8):
+        rng = np.random.default_rng([seed, 11])
+        true = robot(length=NOMINAL.film.length * (1.0 + 0.005 * rng.standard_normal()),
+                     stretch_gain=tuple((np.array(NOMINAL.film.stretch_gain) * (
+                         1.0 + 0.03 * rng.standard_normal(2))).tolist()))
+        crossings = recording(rng, true, radius_error=0.002 * rng.standard_normal())
+        results.append((true, identify_gains([crossings], NOMINAL)))
+    return results
+
+
+def test_gains_are_accurate_to_two_percent_and_consistent_with_their_sigmas(many):
+    values, errors = np.array([
+        (one.per_slip.value / volts_per_slip(gain, true.film.length, LENGTH) - 1.0,
+         one.per_slip.sigma / one.per_slip.value)
+        for true, found in many
+        for one, gain in zip(found.films, true.film.stretch_gain)]).T
+    assert np.median(np.abs(values)) < 0.02
+    assert np.median(errors) < 0.025
+    assert 0.5 < math.sqrt(np.mean((values / errors) ** 2)) < 1.5
+
+
+@pytest.mark.parametrize('quantity', ['length', 'spacing'])
+def test_lengths_are_consistent_with_the_sigmas_of_wheel_radius_and_film_length(many, quantity):
+    pairs = [(found.length, LENGTH) if quantity == 'length' else (found.places[1], SPACING)
+             for _, found in many]
+    off = np.array([(one.value - true) / one.sigma for one, true in pairs])
+    assert 0.5 < math.sqrt(np.mean(off ** 2)) < 1.5
+    assert all(0.001 < one.sigma / true < 0.006 for one, true in pairs)
+
+
+def test_the_angle_of_film_1_is_the_wheel_position_at_the_center_of_the_patch(many):
+    for _, found in many:
+        angle = found.angles[0, WHEEL]
+        assert angle.value == pytest.approx(ANGLE, abs=max(3.0 * angle.sigma, 0.004))
+
+
+def test_bending_peaks_are_correct(many):
+    for _, found in many:
+        for one, peak in zip(found.films, NOMINAL.film.bending_peak):
+            assert one.bending.value == pytest.approx(peak, abs=4.0 * one.bending.sigma)
+
+
+@pytest.mark.parametrize('wrong', [0.7, 1.3])
+def test_the_result_does_not_depend_on_the_initial_gains_and_length(wrong):
+    crossings = recording(np.random.default_rng(3), robot(), each=3)
+    near = identify_gains([crossings], NOMINAL)
+    far = identify_gains([crossings], replace(
+        configured(stretch_gain=tuple(wrong * gain for gain in NOMINAL.film.stretch_gain)),
+        tire=replace(NOMINAL.tire, contact_length=0.043)))
+    for key, gain in gains(near).items():
+        assert gains(far)[key].value == pytest.approx(gain.value, abs=0.2 * gain.sigma)
+    assert far.length.value == pytest.approx(near.length.value, abs=0.2 * near.length.sigma)
+
+
+@pytest.mark.parametrize('release', ['fig8', 'state'])
+def test_gains_are_correct_for_either_release_and_large_noise(release):
+    true, rng = robot(release=release, noise=0.02), np.random.default_rng(8)
+    found = identify_gains([recording(rng, true, slip_sigma=0.003)],
+                           configured(release=release, noise=0.02))
+    for gain, expected in zip(gains(found).values(), GAINS):
+        assert gain.value == pytest.approx(expected, abs=3.0 * gain.sigma)
+        assert gain.sigma < 0.05 * gain.value
+    assert found.length.value == pytest.approx(LENGTH, abs=3.0 * found.length.sigma)
+
+
+def test_a_single_film_has_a_gain_and_no_spacing():
+    single = {'positions': (0.0,), 'stretch_gain': (296.0,), 'bending_peak': (0.83,)}
+    found = identify_gains(
+        [recording(np.random.default_rng(4), robot(**single), films=(0,))],
+        configured(**{**single, 'stretch_gain': (307.5,)}))
+    gain, = gains(found).values()
+    assert gain.value == pytest.approx(296.0, abs=3.0 * gain.sigma)
+    assert not found.places
+    assert not found.refused
+
+
+def test_films_that_cross_separately_are_located_by_their_angles():
+    rng, films = np.random.default_rng(9), {
+        'stretch_gain': (*GAINS, 280.0), 'bending_peak': (0.83, 0.66, 0.7)}
+    true = robot(positions=(0.0, SPACING, 0.203), **films)
+    behind = [replace(one, origin=ANGLE + 0.203 / true.wheel_radius)
+              for one in recording(rng, true, films=(2,))]
+    found = identify_gains([[*recording(rng, true), *behind]],
+                           configured(positions=(0.0, 0.03, 0.2), **films))
+    for film, place in ((1, SPACING), (2, 0.203)):
+        assert found.places[film].value == pytest.approx(place, abs=3.0 * found.places[film].sigma)
+        assert found.places[film].sigma < 0.001
+    assert gains(found)[WHEEL, 2].value == pytest.approx(
+        280.0, abs=3.0 * gains(found)[WHEEL, 2].sigma)
+
+
+def test_a_film_that_is_never_detected_is_refused_and_the_other_is_not():
+    found = identify_gains([recording(np.random.default_rng(4), robot(), films=(0,))], NOMINAL)
+    assert list(gains(found)) == [(WHEEL, 0)]
+    assert '0 crossings' in found.refused[f'gain of film 2, {WHEEL}']
+    assert 'never detected together' in found.refused['spacing, film 1 to 2']
+
+
+def test_more_recordings_reduce_the_sigma_and_each_has_an_angle():
+    runs = [recording(np.random.default_rng([seed, 12]), robot(), each=2) for seed in range(3)]
+    runs[2] = [replace(one, origin=one.origin + 1.0) for one in runs[2]]
+    one, all_three = identify_gains(runs[:1], NOMINAL), identify_gains(runs, NOMINAL)
+    for film, true in enumerate(GAINS):
+        gain = gains(all_three)[WHEEL, film]
+        assert gain.value == pytest.approx(true, abs=3.0 * gain.sigma)
+        assert gain.sigma < 0.75 * gains(one)[WHEEL, film].sigma
+    assert all_three.angles[2, WHEEL].value - all_three.angles[0, WHEEL].value == pytest.approx(
+        1.0, abs=0.01)
+
+
+def test_each_wheel_has_its_own_gains_and_all_share_the_contact_length():
+    rng, wheels = np.random.default_rng(6), ('front_left', WHEEL)
+    stronger = tuple(1.2 * gain for gain in GAINS)
+    crossings = [*recording(rng, robot(stretch_gain=stronger), wheel='front_left'),
+                 *recording(rng, robot())]
+    found = identify_gains([crossings], configured(wheels=wheels))
+    for (wheel, film), gain in gains(found).items():
+        expected = (stronger if wheel == 'front_left' else GAINS)[film]
+        assert gain.value == pytest.approx(expected, abs=3.0 * gain.sigma)
+    assert list(gains(found)) == [(wheel, film) for wheel in wheels for film in (0, 1)]
+    assert set(found.angles) == {(0, wheel) for wheel in wheels}
+
+
+def test_more_crossings_of_one_turn_do_not_remove_the_error_of_its_slip():
+    few, more = (identify_gains([recording(np.random.default_rng(5), robot(), turns=TURN,
+                                           each=each)], NOMINAL) for each in (6, 24))
+    for one, other in zip(gains(few).values(), gains(more).values()):
+        assert other.sigma > 0.85 * one.sigma
+        assert other.sigma > 0.03 * other.value
+
+
+def test_more_turns_reduce_the_sigma():
+    one, five = (identify_gains([recording(np.random.default_rng(5), robot(), turns=turns,
+                                           each=20 // len(turns))], NOMINAL)
+                 for turns in ((0.1,), (0.1, -0.1, 0.12, -0.12, 0.11)))
+    assert gains(five)[WHEEL, 0].sigma < 0.6 * gains(one)[WHEEL, 0].sigma
+
+
+def test_a_turn_with_a_wrong_slip_has_little_weight():
+    rng = np.random.default_rng(7)
+    crossings = recording(rng, robot(), turns=(0.1, -0.12, 0.06, 0.15, -0.07, 0.09))
+    good = identify_gains([crossings], NOMINAL)
+    spoiled = [replace(one, slip=Uncertain(one.slip.value + 0.06, one.slip.sigma))
+               if i < 4 else one for i, one in enumerate(crossings)]
+    found = identify_gains([spoiled], NOMINAL)
+    for key, gain in gains(found).items():
+        assert gain.value == pytest.approx(gains(good)[key].value, abs=2.0 * gain.sigma)
+        assert gain.sigma > gains(good)[key].sigma
+
+
+def test_without_slip_gains_are_refused_with_the_reason_and_lengths_are_not():
+    found = identify_gains(
+        [recording(np.random.default_rng(1), robot(), turns=(0.004, -0.006))], NOMINAL)
+    assert all(one.gain is None for one in found.films)
+    reason = found.refused[f'gain of film 1, {WHEEL}']
+    assert '0 of 8 crossings' in reason
+    assert 'turn' in reason
+    assert found.length.value == pytest.approx(LENGTH, abs=3.0 * found.length.sigma)
+
+
+def test_gains_with_a_large_sigma_of_slip_are_refused():
+    found = identify_gains([recording(np.random.default_rng(2), robot(), turns=TURN, each=8,
+                                      slip_sigma=0.028)], NOMINAL)
+    assert 'standard error' in found.refused[f'gain of film 1, {WHEEL}']
+
+
+def test_slips_of_the_wrong_sign_are_detected():
+    crossings = [replace(one, slip=Uncertain(-one.slip.value, one.slip.sigma)) for one in
+                 recording(np.random.default_rng(2), robot())]
+    found = identify_gains([crossings], NOMINAL)
+    assert 'negative' in found.refused[f'gain of film 1, {WHEEL}']
+
+
+def test_no_crossings_raise_a_clear_error():
+    with pytest.raises(EstimatorError, match='expected at least 5'):
+        identify_gains([[]], NOMINAL)
+
+
+def test_without_wheel_positions_only_the_angle_is_refused():
+    crossings = [replace(one, origin=math.nan)
+                 for one in recording(np.random.default_rng(2), robot(), each=2)]
+    found = identify_gains([crossings], NOMINAL)
+    assert 'without positions' in found.refused[f'angle of film 1, {WHEEL}']
+    assert all(found.films)
+    assert found.length is not None
+
+
+def test_an_uncertain_wheel_radius_affects_lengths_only():
+    crossings = recording(np.random.default_rng(2), robot(), each=2)
+    fine, rough = (identify_gains([crossings], replace(NOMINAL, wheel_radius_sigma=sigma))
+                   for sigma in (0.0005, 0.02))
+    assert rough.length.sigma > 1.3 * fine.length.sigma
+    assert rough.places[1].sigma > 1.3 * fine.places[1].sigma
+    assert gains(rough)[WHEEL, 0].sigma < 1.2 * gains(fine)[WHEEL, 0].sigma
+
+
+def test_volts_per_slip_is_the_peak_stretch_in_full_adhesion():
+    x = np.linspace(-0.02, LENGTH, 20001)
+    stretch = 300.0 * strain_charge.overlap_integral(x, 1e-3, 1e-3, np.inf, 0.02, LENGTH)
+    assert volts_per_slip(300.0, 0.02, LENGTH) == pytest.approx(stretch.max() / 1e-3, rel=1e-4)

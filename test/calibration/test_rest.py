@@ -1,0 +1,113 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""IMU parameters at standstill, and motion that must not count as standstill."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.sensor_noise import fit_rest, motion_noise, stationary_intervals
+from smart_tire.errors import EstimatorError
+from smart_tire.parameters import build, RobotParams
+from smart_tire.rotation import matrix
+from smart_tire.samples import GRAVITY
+
+ROBOT = RobotParams()
+BIAS = np.array([0.01, -0.02, 0.005])  # rad/s
+NOISE = (0.004, 0.03)                  # rad/s, m/s2
+
+
+def stop_and_go(seed, *, tilt=(0.0, 0.0), legs=4, rest=6.0, drive=4.0, rate=100.0):
+    """Return a recording that alternates between standstill and driving, which vibrates."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, legs * (rest + drive), 1.0 / rate)
+    moving = (time % (rest + drive)) > rest
+    shaking = np.where(moving, 20.0, 1.0)[:, None]
+    gravity = matrix(*tilt, 0.0).T @ np.array([0.0, 0.0, GRAVITY])
+    imu = ImuRecord(time, BIAS + shaking * NOISE[0] * rng.standard_normal((len(time), 3)),
+                    gravity + shaking * NOISE[1] * rng.standard_normal((len(time), 3)))
+    stamps = time[::10]
+    speed = np.where(moving[::10], 5.0, 0.0)[:, None] * np.ones(4)
+    return Recording(imu, WheelRecord(stamps, speed, None))
+
+
+def test_bias_and_noise_are_correct_within_their_standard_errors():
+    errors = []
+    for seed in range(10):
+        fit = fit_rest(stop_and_go(seed), ROBOT)
+        errors += [(found.value - true) / found.sigma
+                   for found, true in zip(fit.gyro_bias, BIAS)]
+        errors += [(fit.gyro_noise.value - NOISE[0]) / fit.gyro_noise.sigma,
+                   (fit.accel_noise.value - NOISE[1]) / fit.accel_noise.sigma]
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.4
+
+
+def test_the_standard_error_of_the_tilt_includes_the_accelerometer_bias():
+    fit = fit_rest(stop_and_go(1, tilt=(0.05, -0.03)), ROBOT)
+    assert fit.roll.value == pytest.approx(0.05, abs=1e-3)
+    assert fit.pitch.value == pytest.approx(-0.03, abs=1e-3)
+    assert fit.roll.sigma >= ROBOT.imu.accel_bias / GRAVITY
+    better = build(RobotParams, {'imu.accel_bias': 0.001})
+    assert fit_rest(stop_and_go(1), better).roll.sigma < fit.roll.sigma
+
+
+def test_samples_after_a_stop_and_before_a_start_do_not_count():
+    fit = fit_rest(stop_and_go(2), ROBOT)
+    assert fit.intervals == 4
+    assert 4.0 * 3.0 <= fit.seconds <= 4.0 * 5.5
+
+
+def test_a_push_at_standstill_does_not_count():
+    recording = stop_and_go(3)
+    pushed = (recording.imu.time > 2.0) & (recording.imu.time < 2.9)
+    rate = recording.imu.rate + np.where(
+        pushed, 0.5 * np.sin(20.0 * recording.imu.time), 0.0)[:, None]
+    fit = fit_rest(replace(recording, imu=replace(recording.imu, rate=rate)), ROBOT)
+    assert fit.gyro_noise.value == pytest.approx(NOISE[0], rel=0.1)
+
+
+def test_repeated_samples_are_counted_once():
+    recording = stop_and_go(4)
+    held = np.repeat(np.arange(0, len(recording.imu.time), 2), 2)[:len(recording.imu.time)]
+    imu = ImuRecord(recording.imu.time, recording.imu.rate[held], recording.imu.force[held])
+    fit = fit_rest(replace(recording, imu=imu), ROBOT)
+    assert fit.repeated_share == pytest.approx(0.5, abs=0.01)
+    assert fit.gyro_noise.value == pytest.approx(NOISE[0], rel=0.1)
+
+
+def test_a_robot_that_is_never_stationary_is_refused():
+    with pytest.raises(EstimatorError, match='never stationary'):
+        fit_rest(stop_and_go(5, rest=1.0), ROBOT)
+
+
+def test_standstill_ends_when_a_wheel_rotates():
+    time = np.arange(0.0, 6.0)
+    speed = np.zeros((6, 4))
+    speed[3, 2] = 1.0
+    found = stationary_intervals(WheelRecord(time, speed, None), ROBOT)
+    assert found == [(0.0, 2.0), (4.0, 5.0)]
+    assert not math.isnan(fit_rest(stop_and_go(6, legs=1), ROBOT).roll.value)
+
+
+def test_the_noise_in_motion_is_that_of_vibration():
+    gyro, accel = motion_noise([stop_and_go(7)])
+    assert gyro.value == pytest.approx(20.0 * NOISE[0], rel=0.2)
+    assert accel.value == pytest.approx(20.0 * NOISE[1], rel=0.2)
+    assert gyro.sigma < 0.1 * gyro.value
+    assert motion_noise([stop_and_go(7, drive=0.5)])[0].sigma == np.inf

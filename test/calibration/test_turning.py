@@ -1,0 +1,167 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""S from a pose reference and from the IMU alone, and the effective track from turns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
+from smart_tire.calibration.turning import combine, fit_turn_track, identify_icr
+from smart_tire.errors import EstimatorError
+from smart_tire.parameters import build, RobotParams
+from smart_tire.uncertain import Uncertain
+from support.identifying import recorded, turning_run
+
+ROBOT = RobotParams()
+ICR = 0.04  # m
+TURN, REST = 6.0, 2.0  # s
+
+
+def fits(noise, seeds=10, **options):
+    return [identify_icr(recorded(turning_run(seed, icr=ICR, turn=0.4, **options), noise, seed),
+                         ROBOT) for seed in range(seeds)]
+
+
+@pytest.mark.parametrize('noise, source', [(0.003, 'reference'), (None, 'IMU')])
+def test_it_is_correct_within_its_standard_error(noise, source):
+    found = fits(noise)
+    errors = [(fit.icr.value - ICR) / fit.icr.sigma for fit in found]
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
+    assert max(fit.icr.sigma for fit in found) < 0.03
+    assert max(abs(fit.icr.value - ICR) for fit in found) < 0.02
+    assert all(source in fit.source for fit in found)
+
+
+def test_errors_match_their_sigma_if_noise_of_the_reference_dominates():
+    errors = [(fit.icr.value - ICR) / fit.icr.sigma for fit in fits(0.01, 20)]
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5
+
+
+def test_turns_scatter_by_their_standard_errors_if_s_is_constant():
+    fit = fits(0.003, 1)[0]
+    normalized = (fit.turn_icr - ICR) / fit.turn_sigma
+    assert len(normalized) > 5 and 0.5 < np.sqrt(np.mean(normalized ** 2)) < 2.0
+    assert fit.spread < 0.01
+
+
+def test_a_change_of_s_increases_the_spread():
+    first, second = (identify_icr(recorded(turning_run(seed, icr=icr, turn=0.4), 0.002), ROBOT)
+                     for seed, icr in ((1, 0.0), (2, 0.08)))
+    both = combine([first, second])
+    assert both.spread == pytest.approx(0.04, rel=0.3)
+    assert both.icr.value == pytest.approx(0.04, abs=0.02)
+    assert both.initial_sigma > both.spread
+    sigma = next(item.value for item in both.parameters(ROBOT) if item.name == 'icr_x_sigma')
+    assert sigma == pytest.approx(both.initial_sigma / ROBOT.wheelbase)
+
+
+def test_yaw_misalignment_of_the_reference_does_not_matter():
+    recording = recorded(turning_run(3, icr=ICR, turn=0.4), 0.002)
+    poses = recording.reference
+    askew = PoseRecord(poses.time, poses.position, poses.yaw + 0.03)
+    fit = identify_icr(replace(recording, reference=askew), ROBOT)
+    assert fit.icr.value == pytest.approx(ICR, abs=3.5 * fit.icr.sigma)
+
+
+def test_the_position_of_the_imu_matters():
+    moved = build(RobotParams, {'imu.position': [0.15, 0.02, 0.1]})
+    recording = recorded(turning_run(4, icr=ICR, turn=0.4))
+    shift = identify_icr(recording, moved).icr.value - identify_icr(recording, ROBOT).icr.value
+    assert shift == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_poor_reference_is_replaced_by_the_imu():
+    fit = identify_icr(recorded(turning_run(5, icr=ICR, turn=0.4), 1.0), ROBOT)
+    assert 'IMU' in fit.source
+
+
+def test_too_little_turning_is_refused():
+    with pytest.raises(EstimatorError, match='total yaw of .* rad, expected at least 2'):
+        identify_icr(recorded(turning_run(6, turn=0.01), 0.002), ROBOT)
+
+
+def test_both_reasons_are_given_if_neither_makes_it_observable():
+    recording = recorded(turning_run(7, turn=0.4), 1.0)
+    rough = recording.imu.force + np.random.default_rng(7).normal(
+        0.0, 50.0, recording.imu.force.shape)
+    recording = replace(recording, imu=replace(recording.imu, force=rough))
+    with pytest.raises(EstimatorError, match='reference.*; lateral acceleration of the IMU'):
+        identify_icr(recording, ROBOT)
+
+
+def turning(tracks, rates, *, bias=0.0, noise=0.01, latency=0.0, seed=0, positions=True):
+    """Return turns with these effective tracks [m] and yaw rates [rad/s]."""
+    rng, end = np.random.default_rng(seed), len(rates) * (TURN + REST) + REST
+
+    def profile(time, values):
+        number = np.clip(((time - REST) // (TURN + REST)).astype(int), 0, len(values) - 1)
+        inside = (time - REST) % (TURN + REST) < TURN
+        return np.where(inside & (time > REST), np.asarray(values)[number], 0.0)
+
+    imu = np.arange(0.0, end, 0.01)
+    rate = np.zeros((len(imu), 3))
+    rate[:, 2] = profile(imu, rates) + bias + noise * rng.standard_normal(len(imu))
+    fine = np.arange(0.0, end, 0.001)
+    difference = np.cumsum(profile(fine, np.multiply(tracks, rates))) * 1e-3 / ROBOT.wheel_radius
+    time = np.arange(0.1, end - 0.1, 0.0625)
+    half = 0.5 * np.interp(time, fine, difference)
+    angle = np.stack([-half, half, -half, half], axis=1)
+    velocity = np.vstack([np.zeros(4), np.diff(angle, axis=0) / 0.0625])
+    return Recording(ImuRecord(imu, rate, np.zeros((len(imu), 3))),
+                     WheelRecord(time + latency, velocity, angle if positions else None))
+
+
+@pytest.mark.parametrize('positions', [True, False])
+def test_the_track_is_that_of_the_turns_within_its_standard_error(positions):
+    errors = []
+    for seed in range(20):
+        bias = 0.01 * float(np.random.default_rng([seed, 1]).standard_normal())
+        run = turning([0.57] * 4, [0.6, -0.6, 1.0, -1.0], bias=bias, seed=seed,
+                      latency=0.02, positions=positions)
+        fit = fit_turn_track([run], ROBOT, Uncertain(0.0, 0.01))
+        errors.append((fit.track.value - 0.57) / fit.track.sigma)
+        assert fit.track.sigma < 0.01 and len(fit.turns) == 4
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def test_a_known_gyro_bias_is_removed_from_each_turn():
+    run = turning([0.57] * 2, [0.6, -0.6], bias=0.05, noise=0.0)
+    fit = fit_turn_track([run], ROBOT, Uncertain(0.05, 0.001))
+    assert fit.turns == pytest.approx([0.57, 0.57], abs=0.002)
+    assert fit.spread < 0.002
+
+
+def test_tracks_of_several_grounds_are_refused_with_their_values():
+    run = turning([0.57, 0.57, 0.84, 0.84], [0.6, -0.6, 0.6, -0.6])
+    with pytest.raises(EstimatorError, match='0.57, 0.57, 0.84, 0.84 m: several grounds'):
+        fit_turn_track([run], ROBOT, Uncertain(0.0, 0.01))
+    slightly = turning([0.57, 0.57, 0.60, 0.60], [0.6, -0.6, 0.6, -0.6])
+    assert fit_turn_track([slightly], ROBOT, Uncertain(0.0, 0.01)).spread > 0.015
+
+
+@pytest.mark.parametrize('rates, message', [
+    ([0.6, 0.6], '2 steady turns to the left and 0 to the right'),
+    ([0.12, -0.12], '0 steady turns'), ([0.0], '0 steady turns')])
+def test_turns_in_one_direction_or_too_little_yaw_are_refused(rates, message):
+    with pytest.raises(EstimatorError, match=message):
+        fit_turn_track([turning([0.57] * len(rates), rates)], ROBOT, Uncertain(0.0, 0.01))
+
+
+def test_swapped_sides_are_refused():
+    with pytest.raises(EstimatorError, match='left and right swapped'):
+        fit_turn_track([turning([-0.57] * 2, [0.6, -0.6])], ROBOT, Uncertain(0.0, 0.01))
