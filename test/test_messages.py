@@ -25,7 +25,7 @@ from typing import get_args
 
 from hypothesis import given, strategies as st
 import pytest
-from smart_tire.bags.definitions import empty, Encoder, typestore
+from smart_tire.bags.cdr import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
     find_topic, stamp_of, topic_of, TOPICS, transform_to_msg, velocity_from_twist, wheels_from_msg)

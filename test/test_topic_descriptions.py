@@ -23,7 +23,7 @@ from typing import Any
 
 from draw_architecture import read_nodes
 import pytest
-from smart_tire.bags.definitions import empty
+from smart_tire.bags.cdr import empty
 from smart_tire.estimation.streams import FRICTION, SLIP, Streams
 from smart_tire.messages import TOPICS
 from smart_tire.messages.describe import (

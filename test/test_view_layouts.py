@@ -23,7 +23,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from smart_tire.bags.definitions import typestore
+from smart_tire.bags.cdr import typestore
 from smart_tire.messages import TOPICS
 from smart_tire.messages.joint_state import film_names, GROUND_QUANTITIES
 from smart_tire.messages.path import PROGRESS_NAMES

@@ -14,13 +14,11 @@
 
 """Reading, crash-safe writing and recovery of rosbag2 bags, without ROS."""
 
-from smart_tire.bags.metadata import Qos
+from smart_tire.bags.metadata import Channel, Qos
 from smart_tire.bags.missing import check_inputs
 from smart_tire.bags.reader import Bag, BagTopic, PARAMETERS_KEY, SampleReader
-from smart_tire.bags.recover import recover, Recovery
-from smart_tire.bags.storage import Channel
 from smart_tire.bags.topic_names import STANDARD_NAMES, TopicNames
-from smart_tire.bags.writer import BagWriter, channel_of
+from smart_tire.bags.writer import BagWriter, channel_of, recover, Recovery
 
 __all__ = [
     'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs',

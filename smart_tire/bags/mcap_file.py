@@ -39,8 +39,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import ChunkIndex, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
-from smart_tire.bags.metadata import custom_data_in
-from smart_tire.bags.storage import add_warning, Channel, Message
+from smart_tire.bags.metadata import add_warning, Channel, custom_data_in, Message
 from smart_tire.errors import BagError
 import zstandard
 

@@ -12,17 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""metadata.yaml of rosbag2: reads any version, writes version 9 (Jazzy and later)."""
+"""Contents of a bag: interface of its files; metadata.yaml, read in any version, written in 9."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 import os
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, Protocol
 
-from smart_tire.bags.storage import Channel
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_METADATA
 import yaml
@@ -34,6 +33,49 @@ INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFIN
 # Those of the C library, if installed, are ten times as fast.
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+
+
+@dataclass(frozen=True, eq=False)  # compared and hashed by identity: once per message
+class Channel:
+    """A topic as recorded in a bag file; one object per topic and file."""
+
+    topic: str
+    type: str                     # such as 'sensor_msgs/msg/Imu'  # noqa: A003
+    encoding: str = 'cdr'         # of the messages
+    definition: str = ''          # full text, including nested types
+    definition_encoding: str = ''
+    qos: str = ''                 # offered QoS profiles, as YAML
+    type_hash: str = ''
+
+
+Message = tuple[int, Channel, bytes]  # receive time [ns], channel, data
+
+
+class Storage(Protocol):
+    """One file of a bag, open for reading."""
+
+    warnings: list[str]           # what could not be read, for the user
+
+    def counts(self) -> dict[Channel, int]:
+        """Return the message count of each channel."""
+
+    def custom_data(self) -> dict[str, str]:
+        """Return the custom data of ``ros2 bag record --custom-data``."""
+
+    def span(self) -> tuple[int, int] | None:
+        """Return the receive times of the first and last message [ns]; None without messages."""
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """Yield the messages of ``topics`` (None: all) in order of receive time."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+def add_warning(warnings: list[str], text: str) -> None:
+    """Append ``text`` to ``warnings`` unless it is already listed."""
+    if text not in warnings:
+        warnings.append(text)
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,8 @@ import re
 import tempfile
 
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
-from smart_tire.bags.metadata import read_metadata
+from smart_tire.bags.metadata import read_metadata, Storage
 from smart_tire.bags.sqlite_file import SqliteFile
-from smart_tire.bags.storage import Storage
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_SUFFIXES
 import zstandard

@@ -21,21 +21,20 @@ whose QoS profiles are written differently in metadata.yaml and in the file.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 import heapq
 from itertools import islice
+import math
 from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
 
-from smart_tire.bags.cdr import Decoder
-from smart_tire.bags.definitions import Encoder
-from smart_tire.bags.duty_efforts import efforts_are_duties
+from smart_tire.bags.cdr import Decoder, Encoder
+from smart_tire.bags.metadata import add_warning, Channel, Message
 from smart_tire.bags.opening import OpenFiles
-from smart_tire.bags.storage import add_warning, Channel, Message
 from smart_tire.bags.topic_names import candidates, match_by_name, STANDARD_NAMES, TopicNames
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
@@ -43,7 +42,7 @@ from smart_tire.messages import (
     wheels_from_msg)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults, Recording
-from smart_tire.samples import NS_PER_S, Sample, WheelSample
+from smart_tire.samples import Four, MotorCommand, NS_PER_S, Sample, WheelSample
 
 DIAGNOSTICS, DIAGNOSTICS_TYPE = 'diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'
 PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS parameter file
@@ -52,6 +51,13 @@ WHEELS_TOPIC = 'wheel_states'
 RECOGNIZED = {'imu/data': '', WHEELS_TOPIC: ' with joints of wheels'}
 PROGRESS_MESSAGES = 1000  # between two reports of progress
 MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
+# Of recordings from before wheel_states.effort was a torque; it was the duty of the motors.
+MAX_DUTY = 1.0
+DUTY_TOLERANCE = 1e-3   # -, a board rounds a duty to 3e-5; torques agree by chance only
+RECENT_COMMANDS = 8     # of which one caused the effort
+SAMPLES_TO_DECIDE = 50  # wheel samples with an effort
+MIN_SAMPLES = 5
+MIN_AGREEING = 0.8      # of the wheel samples; the driver limits some commands, e.g. in a stop
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 
@@ -334,3 +340,29 @@ class Bag:
     def _has_other_type(self, name: str) -> bool:
         topic = find_topic(name)
         return topic is None or self.types[name] != topic.type
+
+
+def efforts_are_duties(samples: Iterable[Sample]) -> bool:
+    """
+    Return whether the efforts of wheel samples are duties, by ``motor_commands``.
+
+    They are if no effort exceeds 1 and they agree with the latest commands. ``samples`` are both,
+    in order of reception; no more are read than are needed.
+    """
+    commands: deque[Four] = deque(maxlen=RECENT_COMMANDS)
+    agreeing = count = 0
+    for sample in samples:
+        if isinstance(sample, MotorCommand):
+            commands.append(sample.duty)
+        elif isinstance(sample, WheelSample) and sample.effort and any(sample.effort):
+            if any(math.isnan(one) or abs(one) > MAX_DUTY for one in sample.effort):
+                return False
+            count += 1
+            agreeing += any(_agree(sample.effort, duty) for duty in commands)
+            if count == SAMPLES_TO_DECIDE:
+                break
+    return count >= MIN_SAMPLES and agreeing >= MIN_AGREEING * count
+
+
+def _agree(effort: Four, duty: Four) -> bool:
+    return all(abs(one - other) < DUTY_TOLERANCE for one, other in zip(effort, duty))

@@ -28,8 +28,7 @@ import sqlite3
 import tempfile
 from urllib.parse import quote
 
-from smart_tire.bags.metadata import custom_data_in
-from smart_tire.bags.storage import add_warning, Channel, Message
+from smart_tire.bags.metadata import add_warning, Channel, custom_data_in, Message
 from smart_tire.errors import BagError
 import zstandard
 

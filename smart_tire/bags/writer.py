@@ -12,20 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Crash-safe writer of rosbag2 directories: a crash loses at most half a second of messages."""
+"""
+Crash-safe writer of rosbag2 directories, and recovery of damaged bags.
+
+A crash loses at most half a second of messages.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from smart_tire.bags.definitions import definition, empty, Encoder
-from smart_tire.bags.metadata import Contents, metadata_text, Qos, qos_text, write_metadata
-from smart_tire.bags.storage import Channel
+from smart_tire.bags.cdr import definition, empty, Encoder
+from smart_tire.bags.metadata import (
+    Channel, Contents, metadata_text, Qos, qos_text, write_metadata)
+from smart_tire.bags.reader import Bag
 from smart_tire.errors import BagError
 from smart_tire.messages import Topic, TOPICS
 from smart_tire.samples import Sample
@@ -174,3 +180,39 @@ class _SampleEncoder:
 
     def __call__(self, sample: Sample) -> bytes:
         return self._encode(self._fill(self._msg, sample))
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Recovered message counts, and warnings about lost data."""
+
+    counts: dict[str, int]  # messages by topic
+    warnings: list[str]
+    span_ns: tuple[int, int]
+
+
+def recover(path: str | Path, out: str | Path) -> Recovery:
+    """
+    Write all readable messages of the bag at ``path`` into a new, indexed bag at ``out``.
+
+    The parameters in the bag and other custom data are kept.
+
+    Raises BagError if the bag cannot be read or ``out`` exists.
+    """
+    with Bag(path) as bag:
+        topics = [topic.channel for topic in bag.topics.values()]
+        with BagWriter(out, custom_data=bag.custom_data) as writer:
+            for channel in topics:
+                writer.add_topic(_completed(channel))
+            for receive_ns, channel, data in bag.raw():
+                writer.write(channel.topic, receive_ns, data)
+            return Recovery(writer.counts, bag.warnings, bag.span_ns)
+
+
+def _completed(channel: Channel) -> Channel:
+    """Return ``channel`` with its type definition, which sqlite3 bags may lack."""
+    known = channel_of(channel.topic, channel.type)
+    if channel.definition or not known.definition:
+        return channel
+    return replace(channel, definition=known.definition, type_hash=known.type_hash,
+                   definition_encoding=known.definition_encoding)

@@ -21,7 +21,7 @@ from dataclasses import replace
 import pytest
 
 from smart_tire.bags import BagWriter, channel_of
-from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.offline import simulate

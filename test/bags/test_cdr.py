@@ -25,8 +25,7 @@ import numpy as np
 import pytest
 from rosbags.interfaces import Nodetype
 
-from smart_tire.bags.cdr import Decoder
-from smart_tire.bags.definitions import empty, Encoder, typestore
+from smart_tire.bags.cdr import Decoder, empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import TOPICS
 

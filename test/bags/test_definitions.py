@@ -20,7 +20,7 @@ from importlib import import_module
 
 import pytest
 
-from smart_tire.bags.definitions import definition, empty, Encoder
+from smart_tire.bags.cdr import definition, empty, Encoder
 from smart_tire.messages import topic_of, TOPICS
 from smart_tire.samples import (
     Friction, FRICTION_QUANTITIES, Icr, NAN, PlannedPath, TireSample)

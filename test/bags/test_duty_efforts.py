@@ -19,9 +19,8 @@ import math
 
 import pytest
 from smart_tire.bags import Bag, BagWriter, channel_of
-from smart_tire.bags.cdr import Decoder
-from smart_tire.bags.definitions import empty, Encoder
-from smart_tire.bags.duty_efforts import efforts_are_duties
+from smart_tire.bags.cdr import Decoder, empty, Encoder
+from smart_tire.bags.reader import efforts_are_duties
 from smart_tire.messages import TOPICS
 from smart_tire.messages.joint_state import wheels_from_msg
 from smart_tire.samples import MotorCommand, WheelSample

@@ -23,7 +23,7 @@ import shutil
 
 import pytest
 from smart_tire.bags import Bag, BagWriter, channel_of
-from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS

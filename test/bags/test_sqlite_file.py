@@ -22,7 +22,7 @@ import sqlite3
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from smart_tire.bags import Bag
-from smart_tire.bags.definitions import empty, Encoder, typestore
+from smart_tire.bags.cdr import empty, Encoder, typestore
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS

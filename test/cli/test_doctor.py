@@ -20,7 +20,7 @@ import json
 from types import SimpleNamespace
 
 import pytest
-from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.cli import _live_checks
 from smart_tire.cli._live_checks import Heard, robot_findings, status_findings
 from smart_tire.cli.doctor import status_of

@@ -20,7 +20,7 @@ import signal
 
 import pytest
 from smart_tire.bags import Bag, BagWriter, channel_of, Qos
-from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.cli.main import main
 from smart_tire.cli.replay import find, without_commands
 from smart_tire.estimation.streams import INPUTS

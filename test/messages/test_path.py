@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from smart_tire.bags.definitions import empty
+from smart_tire.bags.cdr import empty
 from smart_tire.control.trajectory_control import State
 from smart_tire.errors import MessageError
 from smart_tire.messages.path import (

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from smart_tire.bags import BagWriter, channel_of
-from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.messages import TOPICS
 from smart_tire.samples import WHEELS, WheelSample
 

@@ -25,7 +25,7 @@ import pytest
 from smart_tire.analysis.checks import films, messages, motion, sensors
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.bags import SampleReader
-from smart_tire.bags.definitions import empty, Encoder
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
