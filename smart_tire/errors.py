@@ -39,6 +39,10 @@ class CommandError(SmartTireError, ValueError):
     """A command is outdated or from a second publisher."""
 
 
+class LateCommandError(CommandError):
+    """The timestamp or the arrival of a command is too old, or in the future."""
+
+
 class EstimatorError(SmartTireError, ArithmeticError):
     """An estimator received invalid input, or its state is invalid."""
 

@@ -24,8 +24,9 @@ from __future__ import annotations
 
 import math
 
+from smart_tire.control.ground_motion import STANDSTILL_SPEED
 from smart_tire.control.slip_kinematics import (
-    MIN_SPEED, Motion, Prior, SlipCoefficient, SlipKinematics, SPREAD, Velocity)
+    Motion, Prior, SlipCoefficient, SlipKinematics, SPREAD, Velocity)
 from smart_tire.control.trajectory_control import TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 
@@ -68,7 +69,7 @@ class IcrKinematics(SlipKinematics):
     def heading_offset(self, v_x: float, yaw_rate: float) -> float:
         """Return the angle [rad] from the x axis of the body to its direction of travel."""
         return -math.atan(self._ahead.value * yaw_rate / math.copysign(
-            max(abs(v_x), MIN_SPEED), v_x))
+            max(abs(v_x), STANDSTILL_SPEED), v_x))
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:

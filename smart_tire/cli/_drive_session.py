@@ -32,7 +32,7 @@ from smart_tire.cli._keyboard import Key, Keyboard, StopRequest, Teleoperation
 from smart_tire.cli._path_file import length, Poses
 from smart_tire.cli._stack import (
     await_nodes, check_alive, RECORDER, RobotError, Stack, START_TIMEOUT)
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.errors import ParameterError
 from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S, Vector3
@@ -56,10 +56,6 @@ OLD_REPORT_TIME = 0.6  # s in which a report may still be that of the path befor
 SILENCE_TIME = 3.0   # s without a report, nominally four per second
 MIN_MEAN_SPEED = 0.05  # m/s, expected at least
 EXTRA_TIME = 30.0    # s, beyond the time at this speed
-# Reasons of the controller to stop: late data, and what they cause if they were late before: a
-# wrong pose, or motors that their driver has stopped because boards answer late.
-LATE = re.compile(r'(odom|path): -?[\d.]+ s (old|ahead)')
-CAUSED = re.compile(r'odom: |[\d.]+ m from the (end of the )?path|no progress')
 MAX_LATENESS = 0.5     # s, of odom and wheel_states; the default of checks.odom_timeout
 MAX_RESUMPTIONS = 10   # of one path
 PATIENCE = 10.0        # longest waits for the controller over those for a robot
@@ -231,14 +227,14 @@ class Session:
             dashboard.update(name, self.pilot, note(self.pilot.progress))
         return state
 
-    def reason(self, state: State) -> str:
-        """Return why the controller has stopped or refused the path, from its diagnostics."""
+    def reason(self, state: State) -> tuple[str, str]:
+        """Return why the controller has stopped or refused the path, and the cause."""
         self.pilot.health.pop(FOLLOWER, None)  # it may be that of a path before
         end, found = time.monotonic() + REASON_TIME, dict[str, str]()
         while found.get('state') != state.name.lower() and time.monotonic() < end:
             self._runner.spin(SPIN_TIME)
             found = self.pilot.health.get(FOLLOWER, {})
-        return found.get('reason', '')
+        return found.get('reason', ''), found.get('cause', '')
 
     def await_standstill(self) -> None:
         """Wait for a pose of the standing robot that is measured from now on."""
@@ -291,9 +287,11 @@ def follow_resuming(session: Session, name: str, poses: Poses,
         state = session.follow(name, rest, dashboard, patience=PATIENCE)
         if state == State.ARRIVED:
             return state, ''
-        reason = session.reason(state)
-        if not (LATE.match(reason) or session.lateness > MAX_LATENESS
-                and CAUSED.match(reason)):
+        reason, cause = session.reason(state)
+        # late data, or what they cause: a wrong pose, or motors that their driver has stopped
+        # because boards answer late
+        if not (cause == Cause.LATE.value or session.lateness > MAX_LATENESS
+                and cause == Cause.MOTION.value):
             return state, reason
         session.await_standstill()
         rest = remaining_path(rest, session.remaining, session.start_pose()[:2])

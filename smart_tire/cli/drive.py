@@ -219,7 +219,8 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
         print('interrupted: the path is canceled', file=sys.stderr)
         return False
     if state != State.ARRIVED:
-        print(f'smart_tire drive: {state.name.lower()}: {session.reason(state)}', file=sys.stderr)
+        reason, _ = session.reason(state)
+        print(f'smart_tire drive: {state.name.lower()}: {reason}', file=sys.stderr)
     return state == State.ARRIVED
 
 

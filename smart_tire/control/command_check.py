@@ -20,7 +20,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 import math
 
-from smart_tire.errors import CommandError
+from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
 MIN_STALL_NS = 250_000_000    # gap between ticks that indicates a stopped process
@@ -60,19 +60,19 @@ def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: f
     Return the age [ns] of a command: since its timestamp or its arrival, whichever is earlier.
 
     ``stamp_ns`` and ``now_ns`` are times of the message clock, ``waited_ns`` is the time since the
-    arrival; a timestamp of zero means none. Raises CommandError if the timestamp is negative or
-    further in the future than ``max_age`` [s], or if the command is older than that or than its
-    ``timeout`` [s].
+    arrival; a timestamp of zero means none. Raises CommandError if the timestamp is negative, and
+    LateCommandError if it is further in the future than ``max_age`` [s], or if the command is
+    older than that or than its ``timeout`` [s].
     """
     if stamp_ns < 0:
         raise CommandError(f'{topic}: the timestamp is negative')
     ahead = (stamp_ns - now_ns) / NS_PER_S if stamp_ns else 0.0
     if ahead > max_age:
-        raise CommandError(f'{topic}: {ahead:.3g} s ahead, expected at most {max_age:g} s')
+        raise LateCommandError(f'{topic}: {ahead:.3g} s ahead, expected at most {max_age:g} s')
     age_ns = max(now_ns - stamp_ns, waited_ns) if stamp_ns else waited_ns
     if age_ns > min(max_age, timeout) * NS_PER_S:
-        raise CommandError(f'{topic}: {age_ns / NS_PER_S:.3g} s old, expected at most '
-                           f'{min(max_age, timeout):g} s')
+        raise LateCommandError(f'{topic}: {age_ns / NS_PER_S:.3g} s old, expected at most '
+                               f'{min(max_age, timeout):g} s')
     return age_ns
 
 

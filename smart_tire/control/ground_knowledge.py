@@ -35,11 +35,9 @@ MIN_RELATIVE_SIGMA = 0.04
 PRIOR_SIGMA = 0.15         # -, of the friction coefficient of unknown ground; assumed
 MAX_FADE_LENGTHS = 3.0     # older measurements, in fade distances or times, do not count
 MAX_RESISTANCE = 0.2   # -, rolling resistance and slope over the weight
-RESISTANCE_TIME = 0.05  # s, in which the resistance is learned; a start lasts 0.6 s
 MIN_SPEED = 0.1        # m/s, at which the resistance is learned
 MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
 MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
-MIN_SLIP = 0.02        # -, smaller ones are no evidence of the friction
 MIN_STIFFNESS = 0.57   # C_x of the softest ground over that of the tire: 30 N of 52.7 N
 DROP_TIME = 0.3        # s, in which a start forgets friction that the slip contradicts
 # Soft ground has a rolling resistance over the weight above this one, and above the share of the
@@ -182,7 +180,8 @@ class ShownFriction:
         """Begin an acceleration at the limit, on ground of the ``expected`` friction."""
         self.value = min(expected, MAX_FRICTION)
 
-    def learn_resistance(self, acceleration: float, v_x: float, period: float) -> None:
+    def learn_resistance(self, acceleration: float, v_x: float, period: float,
+                         time_constant: float) -> None:
         """Learn the resistance at an acceleration [m/s2] and a speed [m/s]."""
         if self._force is None or abs(v_x) < MIN_SPEED:
             return
@@ -190,7 +189,7 @@ class ShownFriction:
         inertia = robot.mass + len(WHEELS) * robot.motor.inertia / robot.wheel_radius ** 2
         excess = (self._force - inertia * acceleration) / (robot.mass * GRAVITY)
         excess = math.copysign(1.0, v_x) * min(max(excess, -MAX_RESISTANCE), MAX_RESISTANCE)
-        self._resistance += period / (period + RESISTANCE_TIME) * (excess - self._resistance)
+        self._resistance += period / (period + time_constant) * (excess - self._resistance)
 
     def learn_friction(self, acceleration: float, v_x: float, direction: int, aimed: float,
                        period: float) -> None:
@@ -222,7 +221,7 @@ class ShownFriction:
         robot = self._robot
         elastic = MIN_STIFFNESS * robot.tire.longitudinal_stiffness * abs(self._slip) / (
             robot.mass * GRAVITY / len(WHEELS))
-        if abs(self._slip) < MIN_SLIP or used >= elastic:
+        if used >= elastic:
             return MAX_FRICTION
         if 3.0 * used <= elastic:
             return used

@@ -25,12 +25,10 @@ from smart_tire.samples import MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
 
 STANDSTILL_SPEED = 0.02        # m/s, of estimates at standstill, at most
 STANDSTILL_RATE = 0.05         # rad/s, the same
-JUMP_SPEED_SHARE = 1.0         # of the distance that the larger of two speeds explains
 YAW_JUMP = 0.5                 # rad, more than the yaw rates explain
 MIN_INTERVAL_NS = 4_000_000    # between estimates whose difference is an acceleration
 MAX_INTERVAL_NS = 200_000_000  # larger gaps restart the acceleration
 EXTRAPOLATION_SIGMA = 0.02     # m/s, of a speed: 0.2 m/s2 for 0.1 s, the age of odom and a period
-MAX_SHIFT = 0.2                # s, between an estimate and a speed that is derived from it
 CLOCK_JUMP_NS = NS_PER_S       # timestamps that go back by more are those of a new clock
 
 
@@ -136,7 +134,7 @@ class MotionMonitor(LatestMotion):
                     params: PathCheckParams) -> float:
         moved = math.hypot(motion.x - last.x, motion.y - last.y)
         speed = max(last.speed(), motion.speed())
-        if moved > params.odom_jump + JUMP_SPEED_SHARE * speed * dt:
+        if moved > params.odom_jump + speed * dt:
             self._set_fault(f'odom: position jumped by {moved:.2f} m at {speed:.2f} m/s, expected '
                             f'at most {params.odom_jump:g} m more than the speed explains')
             return 0.0
@@ -211,7 +209,8 @@ class GroundSpeed(LatestMotion):
 
     def speed_at(self, stamp_ns: int) -> float:
         """Return the forward speed [m/s] at a recent time, 0 without an estimate."""
-        later = min(max(self.age(stamp_ns), -MAX_SHIFT), MAX_SHIFT)
+        longest = MAX_INTERVAL_NS / NS_PER_S
+        later = min(max(self.age(stamp_ns), -longest), longest)
         return self.motion.v_x + self._acceleration * later
 
     def expected(self, now_ns: int, lead: float, onset: Onset, bound: float) -> Expected:

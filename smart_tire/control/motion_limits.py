@@ -25,8 +25,7 @@ from smart_tire.control.path_geometry import Segment
 from smart_tire.parameters.control import TrajectoryControllerParams
 
 # Share of friction for lateral acceleration in curves; the rest of the circle is longitudinal.
-LATERAL_SHARE = 0.8
-LONGITUDINAL_SHARE = math.sqrt(1.0 - LATERAL_SHARE ** 2)
+LATERAL_SHARE = 0.8    # of the friction, for lateral acceleration; both are on a circle
 PLANNED_SHARE = 0.85   # of deceleration and yaw acceleration, in plans; the rest is for control
 MIN_CURVATURE = 1e-9   # 1/m
 COMMAND_SHARE = 1.1    # of the largest speed and yaw rate, that the wheels are commanded at most
@@ -88,7 +87,7 @@ def motion_limits(params: TrajectoryControllerParams, friction: float,
     ``factors`` are the commanded over the reached speed and yaw rate: what the body can reach
     within the limits of the command.
     """
-    limits, longitudinal = params.limits, LONGITUDINAL_SHARE * friction
+    limits, longitudinal = params.limits, math.sqrt(1.0 - LATERAL_SHARE ** 2) * friction
     speed, yaw_rate = (COMMAND_SHARE / max(factor, COMMAND_SHARE) for factor in factors)
     return MotionLimits(
         speed * params.max_speed, min(limits.acceleration, longitudinal),

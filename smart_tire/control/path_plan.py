@@ -45,7 +45,6 @@ YAW_AGREEMENT = math.radians(30.0)
 MIN_AGREEING_SHARE = 0.75  # of the length
 MIN_SPIN = math.radians(10.0)  # yaw between poses at the same position
 FRAME = 'odom'
-MAX_POSES = 1_000_000
 MAX_COORDINATE = 1e5  # m
 
 
@@ -167,8 +166,8 @@ def _peaks(turn: Array, arc: Array, limit: float) -> list[int]:
 def check_path(path: PlannedPath, params: PathCheckParams) -> None:
     """Raise CommandError if ``path`` cannot be followed, whereever the robot is."""
     _check_frame('path', path.frame)
-    if not 2 <= len(path.poses) <= MAX_POSES:
-        raise CommandError(f'path: {len(path.poses)} poses, expected 2 to {MAX_POSES}')
+    if not 2 <= len(path.poses) <= params.max_path_poses:
+        raise CommandError(f'path: {len(path.poses)} poses, expected 2 to {params.max_path_poses}')
     for number, pose in enumerate(path.poses):
         _check_pose(f'path: pose {number}', pose)
     length = math.fsum(math.dist(one[:2], other[:2]) for one, other in pairwise(path.poses))

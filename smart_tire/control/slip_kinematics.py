@@ -25,6 +25,7 @@ from collections import deque
 from dataclasses import dataclass
 import math
 
+from smart_tire.control.ground_motion import CLOCK_JUMP_NS, STANDSTILL_SPEED
 from smart_tire.control.motion_limits import command_share
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
@@ -33,19 +34,15 @@ GATE = 5.0         # -, innovations beyond this many times their spread are clip
 SPREAD_TIME = 1.0  # s, of the mean over squared innovations
 MIN_SPREAD = 5e-3  # m/s, of innovations, lower limit: that of wheel speeds and odometry
 HISTORY_NS = 2 * NS_PER_S  # of wanted velocities, longer than the largest actuation delay
-GAIN = 1.0 / math.e        # -, integral gain times delay: critically damped for a pure delay
 
 Velocity = tuple[float, float]  # v_x [m/s], yaw rate [rad/s]
 WINDOW_NS = 80_000_000        # of slip and motion that are averaged for one correction
 MAX_OFFSET_NS = 30_000_000    # from the motion that belongs to a slip
 HISTORY = 256                 # odometry messages: 2 s, longer than slip is late
-RESTART_NS = NS_PER_S         # step back in time that indicates another clock
 MAX_SPEED_SHARE = 0.5         # of the wanted speed, by which the feedback changes it at most
 MAX_YAW_SHARE = 0.3           # of the largest yaw rate, by which it changes the yaw rate at most
 SPREAD = 0.02                 # m/s, of slip velocities and v_y around the model, at the start
-FADE = 30.0                   # s, in which the ground is forgotten without new estimates
 TURNING_LENGTH = 0.2          # -, of the turning share, correlation length of tires
-MIN_SPEED = 0.01              # m/s, lower limit in a denominator
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; the most in narrow turns on sand
 MAX_COMPLIANCE = 4.0          # over that of the calibrated ground
 
@@ -144,7 +141,8 @@ class VelocityFeedback:
         """
         before, self._reached_ns = self._reached_ns, reached_ns
         elapsed = 0.0 if before is None else (reached_ns - before) / NS_PER_S
-        share = GAIN * min(max(elapsed / delay, 0.0), 1.0) if delay > 0.0 else GAIN
+        # integral gain 1 / (e delay): critically damped for a pure delay
+        share = min(max(elapsed / delay, 0.0), 1.0) / math.e if delay > 0.0 else 1.0 / math.e
         wanted = self._wanted_at(reached_ns - round(delay * NS_PER_S))
         v_x, yaw_rate = (
             min(max(last + share * (one - got), -bound), bound)
@@ -172,7 +170,7 @@ class SlipKinematics:
         robot = params.robot
         self._feedback = VelocityFeedback()
         self._track, self._wheelbase = robot.track_width, robot.wheelbase
-        self._effective_track = params.effective_track
+        self._effective_track, self._fade_time = params.effective_track, params.friction.fade_time
         compliance = 0.25 * robot.mass / robot.tire.longitudinal_stiffness
         self._resistance = SlipCoefficient(RESISTANCE, SPREAD)
         self._widening = SlipCoefficient(
@@ -196,7 +194,7 @@ class SlipKinematics:
         """Add an estimate of the motion of the body; older ones than the last are ignored."""
         stamp_ns = odometry.stamp_ns
         if self._motions and stamp_ns <= self._motions[-1][0]:
-            if stamp_ns > self._motions[-1][0] - RESTART_NS:
+            if stamp_ns > self._motions[-1][0] - CLOCK_JUMP_NS:
                 return
             self.reset()
         motion = odometry.linear[0], odometry.linear[1], odometry.angular[2]
@@ -241,7 +239,7 @@ class SlipKinematics:
     def factors(self, v_x: float, yaw_rate: float, now_ns: int) -> Velocity:
         """Return commanded over reached speed and yaw rate, for wanted ones of the body."""
         learned_ns = now_ns if self._learned_ns is None else self._learned_ns
-        aged = max(now_ns - learned_ns, 0) / NS_PER_S / FADE
+        aged = max(now_ns - learned_ns, 0) / NS_PER_S / self._fade_time
         widening = self._widening.after(aged + self._change(v_x, yaw_rate))
         return (1.0 + self._resistance.after(aged),
                 (1.0 + widening) * self._track / self._effective_track)
@@ -258,7 +256,7 @@ class SlipKinematics:
     def _turning_share(self, v_x: float, yaw_rate: float) -> float:
         """Return the share of sideways motion of the wheels: 0 straight on, 1 in place."""
         sideways = 0.5 * self._wheelbase * abs(yaw_rate)
-        return sideways / (sideways + abs(v_x) + MIN_SPEED)
+        return sideways / (sideways + abs(v_x) + STANDSTILL_SPEED)
 
     def _motion_at(self, stamp_ns: int) -> Motion | None:
         """Return the latest motion up to then, None if there is no recent one."""
@@ -282,7 +280,7 @@ class SlipKinematics:
                  duration: float) -> None:
         """Correct the coefficients, ``duration`` [s] after the last time, with slip velocities."""
         v_x, v_y, yaw_rate = motion
-        aged = duration / FADE
+        aged = duration / self._fade_time
         change = aged + self._change(v_x, yaw_rate)
         self._turning = self._turning_share(v_x, yaw_rate)
         self._resistance.update(v_x, 0.5 * (left + right), sigma, aged, duration)

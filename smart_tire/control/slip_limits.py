@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import math
 
 DEAD_SHARE = 0.5   # of the commanded yaw rate, within which a deviation is slip in a turn
-INTEGRAL = 0.25    # integral gain over proportional gain and bandwidth: critically damped
 MIN_SHARE = 0.2    # of the force that remains on a side
 DEAD_FORCE = 0.02  # of the force of a side, a difference that is left as it is
 RELIEF, MAX_RELIEF = 0.3, 0.06  # of the other side, which may slide: it then loses no force
@@ -107,7 +106,7 @@ class YawControl:
         """
         self.heading += deviation * period
         bandwidth = 0.5 / max(delay, MIN_DELAY)
-        moment = bandwidth * (deviation + INTEGRAL * bandwidth * self.heading)
+        moment = bandwidth * (deviation + 0.25 * bandwidth * self.heading)  # critically damped
         excess = direction * moment / (self.arm * max(force, MIN_FORCE))  # of the right side
         return _share(-excess), _share(excess)
 

@@ -21,7 +21,7 @@ from collections.abc import Iterable
 import math
 from statistics import fmean
 
-from smart_tire.control.ground_motion import Motion, wrap
+from smart_tire.control.ground_motion import CLOCK_JUMP_NS, Motion, wrap
 from smart_tire.control.path_follower import PathFollower
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.robot import RobotParams
@@ -32,7 +32,6 @@ WINDOW_NS = 500_000_000  # of the comparison: a stop within 1 s also with readin
 # odometry that lags by 0.2 s, with plausible stamps, has seen 0.3 of it: more than 1 - max_slip.
 MIN_DISTANCE = 0.05
 HISTORY_NS = 2 * NS_PER_S  # kept: the window, and by how much one input is later than the other
-MAX_GAP_NS = NS_PER_S      # between samples; what happens in a longer one is unknown
 Distances = tuple[float, float]  # m: mean of both sides, and half of right - left
 MIN_ADVANCE = 0.02  # m
 MIN_TURN = 0.04     # rad
@@ -51,8 +50,8 @@ class Travel:
         self._sums: list[Distances] = []
 
     def elapsed(self, stamp_ns: int) -> float:
-        """Return the time [s] since the latest sample; 0 if there is none in ``MAX_GAP_NS``."""
-        if self.stamps and not 0 <= stamp_ns - self.stamps[-1] <= MAX_GAP_NS:
+        """Return the time [s] since the latest sample; 0 if there is none in ``CLOCK_JUMP_NS``."""
+        if self.stamps and not 0 <= stamp_ns - self.stamps[-1] <= CLOCK_JUMP_NS:
             self.clear()
         return (stamp_ns - self.stamps[-1]) / NS_PER_S if self.stamps else 0.0
 

@@ -37,7 +37,6 @@ NOT_SLIPPING = (None,) * len(WHEELS)
 AXLES = (0, 1), (2, 3)   # indices into WHEELS
 SIDES = tuple(map(float, SIDE_SIGNS))
 ENDS = tuple(map(float, AXLE_SIGNS))
-MAX_ACCELERATION = GRAVITY  # m/s2, of the robot on ground of unknown friction
 MAX_STIFFENING = 1.3        # C_x of any ground over that of the tire: three sigma
 PRIOR_RELATIVE_SIGMA = 1.6  # of the critical slip of unknown ground: other curves and loads
 CONFIRMED = 1.2             # friction used over that shown, at most; error of the force
@@ -45,7 +44,6 @@ MAX_ONSET_WEIGHT = 0.3                # weight of an onset, below which estimate
 MIN_CRITICAL_SLIP = 1e-3    # -, lower limit in denominators
 MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
 ONSET_DELAY = 0.05          # s, from an onset until the robot accelerates
-LEAD_PERIODS = 1.0          # periods from a set point to the mean wheel speed it causes
 MIN_SLIP_SHARE = 0.3        # of critical slip, down to which a wheel that was limited slips
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
@@ -117,6 +115,8 @@ class TractionControl:
 
     def add_wheels(self, wheels: WheelSample) -> None:
         """Add wheel speeds and motor torques."""
+        if not self.params.enabled:
+            return
         middle_ns = wheels.stamp_ns - self._shown.period_ns(wheels.stamp_ns) // 2
         self._shown.add_wheels(
             wheels, self._motion.speed_at(middle_ns), self.params.acceleration_filter)
@@ -130,6 +130,10 @@ class TractionControl:
         """Return ``set_points`` [rad/s], limited at ``now_ns`` for a control ``period`` [s]."""
         limited: Four = set_points
         tires: Sequence[TireLoad] = ()
+        if not self.params.enabled:
+            self._report('disabled')
+            self.reset()
+            return set_points
         if reason := self._inactive(now_ns):
             self._report(reason)
             self._direction = 0
@@ -159,7 +163,8 @@ class TractionControl:
             self._shown.learn_friction(motion.measured, motion.v_x, self._direction,
                                        min(ground.limit for ground in grounds), period)
         if motion.unseen < MAX_ONSET_WEIGHT:
-            self._shown.learn_resistance(motion.measured, motion.v_x, period)
+            self._shown.learn_resistance(
+                motion.measured, motion.v_x, period, self.params.acceleration_filter)
         tires = [self._tire(*one, motion) for one in zip(range(4), grounds, set_points)]
         if limited == wanted:
             self._yaw.reset()
@@ -176,10 +181,9 @@ class TractionControl:
     def _predicted_limit(self, wanted: Four, now_ns: int, period: float, known: Known) -> tuple[
             Four, Expected, list[WheelGround]]:
         """Return limited rolling speeds [m/s], and the motion and the ground for them."""
-        bound = MAX_ACCELERATION if known is None else GRAVITY * (
-            MAX_RESISTANCE + sum(self._friction()))
+        bound = GRAVITY * (1.0 if known is None else MAX_RESISTANCE + sum(self._friction()))
         motion = self._motion.expected(
-            now_ns, LEAD_PERIODS * period + self.params.lead, self._onset, bound)
+            now_ns, period + self.params.lead, self._onset, bound)
         grounds = [self._wheel_ground(known, load) for load in self._loads(motion)]
         return self._within(wanted, motion, grounds), motion, grounds
 
@@ -243,8 +247,6 @@ class TractionControl:
 
     def _inactive(self, now_ns: int) -> str:
         """Return why set points are not limited, '' if they are."""
-        if not self.params.enabled:
-            return 'disabled'
         age = self._motion.age(now_ns)
         if math.isinf(age):
             return 'no odom'
@@ -256,7 +258,7 @@ class TractionControl:
 
     def _loads(self, motion: Expected) -> Four:
         robot = self._robot
-        lateral = min(max(motion.v_x * motion.yaw_rate, -MAX_ACCELERATION), MAX_ACCELERATION)
+        lateral = min(max(motion.v_x * motion.yaw_rate, -GRAVITY), GRAVITY)
         a, b, c, d = normal_loads(
             robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
             motion.acceleration, lateral, radius=robot.wheel_radius).tolist()

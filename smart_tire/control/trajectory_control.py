@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import Enum, IntEnum
 
 from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor
@@ -26,7 +26,7 @@ from smart_tire.control.path_plan import (
     check_goal, check_maneuvers, check_path, check_start, plan_goal, plan_path)
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.control.stop_conditions import OdometryCheck, ProgressMonitor
-from smart_tire.errors import CommandError
+from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import (
     GoalPose, GroundState, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, VelocityCommand,
@@ -45,13 +45,21 @@ class State(IntEnum):
     REFUSED = 4
 
 
+class Cause(Enum):
+    """Kind of the reason for a stop, in the diagnostics: whether it may be worth going on."""
+
+    ORDER = 'order'    # canceled or refused
+    LATE = 'late'      # odometry or the order were late
+    MOTION = 'motion'  # of the robot: away from the path, without progress, or wrong odometry
+
+
 class TrajectoryControl:
     """
     Follows one path or drives to one goal; all times are nanoseconds of the message clock.
 
     A new path replaces the one that is followed without stop. If it is refused, the robot stops:
     whoever sent it does not expect that the old one is driven on. ``reason`` is the text for the
-    present state: why it was stopped or refused.
+    present state: why it was stopped or refused, for the ``cause``.
     """
 
     def __init__(self, params: TrajectoryControllerParams) -> None:
@@ -68,7 +76,7 @@ class TrajectoryControl:
         self.holding = False               # commands of zero are published since the arrival
         self._last = (0.0, 0.0)            # command before the compensation of slip
         self.state = State.IDLE
-        self.reason = ''
+        self.reason, self.cause = '', Cause.ORDER
 
     @property
     def active(self) -> bool:
@@ -89,9 +97,10 @@ class TrajectoryControl:
             self._end(State.STOPPED, reason)
             self.holding = False
 
-    def refuse(self, reason: str) -> None:
+    def refuse(self, error: Exception) -> None:
         """End following for an order that cannot be read or is too old."""
-        self._end(State.REFUSED, reason)
+        late = isinstance(error, LateCommandError)
+        self._end(State.REFUSED, str(error), Cause.LATE if late else Cause.ORDER)
 
     def add_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
@@ -148,16 +157,16 @@ class TrajectoryControl:
             else:
                 self._target, self._progress = target, ProgressMonitor()
         except CommandError as error:
-            self._end(State.REFUSED, str(error))
+            self.refuse(error)
             return
         if self.state != State.FOLLOWING:
             self._odometry_check.clear()
         self.state, self.reason, self._motion.fault = State.FOLLOWING, '', ''
         self.holding = False
 
-    def _end(self, state: State, reason: str = '') -> None:
+    def _end(self, state: State, reason: str = '', cause: Cause = Cause.ORDER) -> None:
         self._stop_due = self._stop_due or self.state == State.FOLLOWING
-        self.state, self.reason = state, reason
+        self.state, self.reason, self.cause = state, reason, cause
         self._target, self._follower, self._last = None, None, (0.0, 0.0)
 
     def _stop(self, now_ns: int) -> VelocityCommand | None:
@@ -167,16 +176,19 @@ class TrajectoryControl:
 
     def _check(self, now_ns: int) -> None:
         """Begin with a new target; end following where a condition for it is not met."""
-        reason = self._motion.fault or (
-            self._stale(now_ns) if self._motion.initialized else self._progress.waiting(now_ns)
-        ) or self._odometry_check.fault(self.params.checks.max_slip)
-        if reason:
-            self._end(State.STOPPED, reason)
+        stale = self._motion.initialized and self._stale(now_ns)
+        if fault := self._motion.fault:
+            self._end(State.STOPPED, fault, Cause.MOTION)
+        elif stale:
+            self._end(State.STOPPED, stale, Cause.LATE)
+        elif fault := ((not self._motion.initialized and self._progress.waiting(now_ns))
+                       or self._odometry_check.fault(self.params.checks.max_slip)):
+            self._end(State.STOPPED, fault, Cause.MOTION)
         elif self._target is not None and self._motion.initialized:
             try:
                 self._begin(self._target)
             except CommandError as error:
-                self._end(State.REFUSED, str(error))
+                self.refuse(error)
 
     def _stale(self, now_ns: int) -> str:
         age, limit = self._motion.age(now_ns), self.params.checks.odom_timeout
@@ -208,7 +220,7 @@ class TrajectoryControl:
             Conditions(motion, dt, limits, params, self._heading_offset))
         reason = self._progress.check(follower, self._motion.motion, now_ns, params)
         if follower.finished or reason:
-            self._end(State.STOPPED if reason else State.ARRIVED, reason)
+            self._end(State.STOPPED if reason else State.ARRIVED, reason, Cause.MOTION)
             self.holding = params.hold_on_arrival and not reason
             return self._stop(now_ns)
         return VelocityCommand(now_ns, *self._compensated(now_ns))

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import math
 from statistics import fmean, median
 
+from smart_tire.control.duty_gate import STOPPED
 from smart_tire.samples import Four, NS_PER_S
 
 MAX_SPEED = 100.0        # rad/s; a larger one is no measurement
@@ -30,7 +31,6 @@ MAX_LATENESS_NS = 100_000_000  # of an arrival after the earliest one; more: the
 MAX_GAP_RATIO = 1.5      # gap over period, above which a reading was lost
 MIN_PERIOD_NS, MAX_PERIOD_NS = 100_000, 2 * NS_PER_S  # between plausible timestamps
 MAX_AGE_PERIODS = 2.0    # age of a reading that still advances integrals
-NO_ANGLE: Four = (0.0, 0.0, 0.0, 0.0)
 LINE_DELAY = 0.005       # s, of a duty to the motors and of a reading from the encoders; assumed
 
 
@@ -90,13 +90,13 @@ class WheelFeedback:
         self._lateness.clear()
         if period_ns:
             time_ns = now_ns - period_ns
-            self._readings.append(Reading(velocity, time_ns, 0, time_ns, NO_ANGLE, None))
+            self._readings.append(Reading(velocity, time_ns, 0, time_ns, STOPPED, None))
         return period_ns
 
     def _append(self, velocity: Four, now_ns: int, stamp_ns: int, position: Four | None,
                 gap_ns: int) -> None:
         before = self.latest
-        angle = NO_ANGLE if before is None else _angle(before, velocity, position, gap_ns)
+        angle = STOPPED if before is None else _angle(before, velocity, position, gap_ns)
         time_ns = now_ns if before is None else before.time_ns + gap_ns
         late_ns = now_ns - time_ns
         if self._lateness and late_ns > min(self._lateness) + MAX_LATENESS_NS:

@@ -127,7 +127,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             super().reject_input(name, counter, error)
             return
         counter.reject(str(error))
-        self._control.refuse(str(error))
+        self._control.refuse(error)
         self._step()
 
     def _on_odometry(self, odometry: Odometry) -> None:
@@ -195,7 +195,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         state, reason = self._control.state, self._control.reason
         progress = self._control.progress(self.now_ns())
         status.values.update(
-            state=state.name.lower(), reason=reason, emergency_stop=self._emergency_stop,
+            state=state.name.lower(), reason=reason, cause=self._control.cause.value,
+            emergency_stop=self._emergency_stop,
             remaining_distance=progress.remaining_distance,
             cross_track_error=progress.cross_track_error)
         if state in (State.STOPPED, State.REFUSED):

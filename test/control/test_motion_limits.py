@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from smart_tire.control.motion_limits import (
-    LATERAL_SHARE, LONGITUDINAL_SHARE, motion_limits, MotionLimits, PLANNED_SHARE)
+    LATERAL_SHARE, motion_limits, MotionLimits, PLANNED_SHARE)
 from smart_tire.control.path_geometry import Segment
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import MotionLimitParams
@@ -108,7 +108,7 @@ def test_friction_is_shared_by_lateral_and_longitudinal_acceleration():
     assert math.hypot(limits.lateral, limits.deceleration) == pytest.approx(0.3)
     assert math.hypot(limits.lateral, limits.acceleration) == pytest.approx(0.3)
     assert limits.deceleration / limits.lateral == pytest.approx(
-        LONGITUDINAL_SHARE / LATERAL_SHARE)
+        math.sqrt(1.0 - LATERAL_SHARE ** 2) / LATERAL_SHARE)
     assert limits.speed == 0.7
 
 

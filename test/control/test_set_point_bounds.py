@@ -24,8 +24,8 @@ import pytest
 
 from smart_tire.control.drive_model import drive_model, TireLoad
 from smart_tire.control.slip_limits import bounded
-from smart_tire.control.speed_reference import SpeedReference
 from smart_tire.control.traction import TractionControl
+from smart_tire.control.wheel_servo import SpeedReference
 from smart_tire.parameters.control import PidParams, TractionParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GroundState, NS_PER_S, Odometry, WheelSample

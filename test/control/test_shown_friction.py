@@ -39,7 +39,7 @@ def shown(force, slip, *, prior=0.2, drag=0.0, seconds=1.0, aimed=0.2, effort=Tr
     for step in range(round(seconds / PERIOD)):
         friction.add_wheels(WheelSample(round(step * PERIOD * NS_PER_S), (omega,) * 4, None,
                                            (torque,) * 4 if effort else None), V_X, 0.0)
-        friction.learn_resistance(acceleration, V_X, PERIOD)
+        friction.learn_resistance(acceleration, V_X, PERIOD, 0.05)
         friction.learn_friction(acceleration, V_X, 1, aimed, PERIOD)
     return friction
 
@@ -86,6 +86,6 @@ def test_readings_that_are_not_plausible_are_ignored(bad):
     sample = WheelSample(10 * NS_PER_S, (bad,) * 4, None, (bad,) * 4)
     for one in (sample, replace(sample, velocity=(10.0,) * 4)):
         friction.add_wheels(one, V_X, 0.0)
-        friction.learn_resistance(0.0, V_X, PERIOD)
+        friction.learn_resistance(0.0, V_X, PERIOD, 0.05)
         friction.learn_friction(0.0, V_X, 1, 1.0, PERIOD)
     assert friction.value == pytest.approx(0.3, rel=1e-3)

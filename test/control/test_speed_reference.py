@@ -21,7 +21,7 @@ import math
 
 import pytest
 from smart_tire.control.drive_model import DriveModel, TireLoad
-from smart_tire.control.speed_reference import SpeedReference
+from smart_tire.control.wheel_servo import SpeedReference
 from smart_tire.samples import NS_PER_S
 
 LIMITS = (20.0, 40.0)  # rad/s2, of acceleration and deceleration
