@@ -19,11 +19,10 @@ The stable Python interface: numpy arrays in, numpy arrays out.
 results are here. Both follow semantic versioning; all other modules may change at any time.
 """
 
-from smart_tire.api.bag_files import read_bag, write_bag
 from smart_tire.api.models import (
     BrushTire, BucklingFilm, FilmMeasurement, FilmParams, FilmSensor, TreadFilm)
 from smart_tire.api.params import load_params, Params
-from smart_tire.api.recording import FilmData, ImuData, Recording, WheelData
+from smart_tire.api.recording import FilmData, ImuData, read_bag, Recording, WheelData, write_bag
 from smart_tire.api.results import (
     Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,
     SlipEstimate, Truth)

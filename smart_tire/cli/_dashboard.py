@@ -12,35 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Live table of the estimates of the robot; plain lines without a terminal."""
+"""Live table of the estimates of the robot; without a terminal now and then."""
 
 from __future__ import annotations
 
 import math
 import time
 from types import TracebackType
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from smart_tire.samples import Friction, Odometry, WHEELS, WheelSample, WheelSlip
+from smart_tire.samples import WHEELS
+
+if TYPE_CHECKING:
+    from smart_tire.nodes.pilot import Pilot
 
 RPM = 60.0 / math.tau
-LINE_PERIOD = 2.0  # s between two lines without a terminal
-
-
-class RobotStatus(Protocol):
-    """Latest samples and diagnostics of the robot."""
-
-    odometry: Odometry | None
-    wheels: WheelSample | None
-    slip: WheelSlip | None
-    friction: dict[str, Friction]
-    crossings: dict[str, int]
-    health: dict[str, dict[str, str]]
+TABLE_PERIOD = 10.0  # s between two tables without a terminal
 
 
 class Dashboard:
@@ -50,7 +42,7 @@ class Dashboard:
         self._console = console or Console()
         self._live = Live(console=self._console, auto_refresh=False)
         self._start = time.monotonic()
-        self._last_line = -math.inf
+        self._last = -math.inf
 
     def __enter__(self) -> Dashboard:
         if self._console.is_terminal:
@@ -62,30 +54,28 @@ class Dashboard:
         if self._console.is_terminal:
             self._live.stop()
 
-    def update(self, phase: str, status: RobotStatus, note: str = '') -> None:
+    def show(self, phase: str, status: Pilot, note: str = '') -> None:
         """Show ``status``, the name of the current ``phase`` of the drive, and a ``note``."""
         now = time.monotonic() - self._start
+        shown = Group(_header(now, phase, status, note), _table(status), _radio_line(status))
         if self._console.is_terminal:
-            header = _header(now, phase, status)
-            if note:
-                header.append(f'\n{note}', style='')
-            lines = header, _table(status), _radio_line(status)
-            self._live.update(Group(*lines), refresh=True)
-        elif now >= self._last_line + LINE_PERIOD:
-            self._last_line = now
-            text = _line(now, phase, status) + (f'  {note}' if note else '')
-            self._console.print(text, soft_wrap=True, highlight=False)
+            self._live.update(shown, refresh=True)
+        elif now >= self._last + TABLE_PERIOD:
+            self._last = now
+            self._console.print(shown)
 
 
-def _header(now: float, phase: str, status: RobotStatus) -> Text:
+def _header(now: float, phase: str, status: Pilot, note: str) -> Text:
     text = Text(f'{now:5.1f} s  {phase:16}', style='bold')
     if status.odometry is not None:
         v, W = status.odometry.linear[0], status.odometry.angular[2]
-        text.append(f'  v {v:+.2f} m/s  yaw rate {W:+.2f} rad/s', style='')
+        text.append(f'  v {v:+.2f} m/s  yaw rate {W:+.2f} rad/s', style='not bold')
+    if note:
+        text.append(f'\n{note}', style='not bold')
     return text
 
 
-def _table(status: RobotStatus) -> Table:
+def _table(status: Pilot) -> Table:
     table = Table('wheel', box=None, pad_edge=False)  # "[" would start rich markup
     for column in ('speed, rpm', 'slip', 'friction, fused', 'single crossing', 'crossings'):
         table.add_column(column, justify='right', min_width=len(column) + 2)
@@ -94,7 +84,7 @@ def _table(status: RobotStatus) -> Table:
     return table
 
 
-def _row(index: int, wheel: str, status: RobotStatus) -> tuple[str, ...]:
+def _row(index: int, wheel: str, status: Pilot) -> tuple[str, ...]:
     speed = '' if status.wheels is None else f'{status.wheels.velocity[index] * RPM:.1f}'
     slip = '' if status.slip is None else _value(
         status.slip.ratio[index], status.slip.sigma[index])
@@ -110,20 +100,9 @@ def _value(value: float, sigma: float) -> str:
     return '-' if math.isnan(value) else f'{value:+.2f} ± {sigma:.2f}'
 
 
-def _radio_line(status: RobotStatus) -> Text:
+def _radio_line(status: Pilot) -> Text:
     receiver = status.health.get('tire_receiver', {})
     simulator = status.health.get('robot_simulator', {})
     return Text(f'radio batches: {receiver.get("batches_ok", "-")} received, '
                 f'{receiver.get("batches_lost", "-")} lost, '
                 f'{simulator.get("batches_dropped", "-")} dropped by the simulator', style='dim')
-
-
-def _line(now: float, phase: str, status: RobotStatus) -> str:
-    parts = [f'{now:5.1f} s  {phase:16}']
-    if status.wheels is not None and status.slip is not None:
-        for side, index in (('left', 0), ('right', 1)):
-            parts.append(f'{side} {status.wheels.velocity[index] * RPM:6.1f} rpm slip '
-                         f'{_value(status.slip.ratio[index], status.slip.sigma[index]):>13}')
-    for wheel, friction in sorted(status.friction.items()):
-        parts.append(f'mu {wheel} ' + _value(*friction.friction_coefficient))
-    return '  '.join(parts)

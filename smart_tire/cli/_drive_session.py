@@ -30,8 +30,8 @@ import numpy as np
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._keyboard import Key, Keyboard, StopRequest, Teleoperation
 from smart_tire.cli._path_file import length, Poses
-from smart_tire.cli._stack import (
-    await_nodes, check_alive, RECORDER, RobotError, Stack, START_TIMEOUT)
+from smart_tire.cli._progress import Progress
+from smart_tire.cli._stack import NODES, RECORDER, RobotError, Stack, START_TIMEOUT
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.errors import ParameterError
 from smart_tire.rotation import euler
@@ -139,11 +139,19 @@ class Session:
         self._runner.spin(seconds)
         if self._stopped:
             raise KeyboardInterrupt
-        check_alive(self.stack)
+        self.stack.check_alive()
 
     def await_nodes(self) -> None:
-        """Wait until all nodes of the simulated robot run."""
-        await_nodes(self.stack, self.pilot, self.spin)
+        """Wait until estimates are published and every node has sent diagnostics."""
+        end = time.monotonic() + START_TIMEOUT
+        with Progress(timer=False) as progress:
+            while missing := sorted(set(NODES) - self.pilot.health.keys()) or [
+                    name for name in ('slip', 'wheels') if getattr(self.pilot, name) is None]:
+                progress.show(f'waiting for messages from {", ".join(missing)}')
+                if time.monotonic() > end:
+                    raise RobotError(f'no messages from {", ".join(missing)} within '
+                                     f'{START_TIMEOUT:.0f} s')
+                self.spin()
 
     def refuse_other_driver(self) -> None:
         """Raise RobotError while a path is followed: two sources of commands stop the motors."""
@@ -219,12 +227,12 @@ class Session:
             oldest_ns = min(sample.stamp_ns for sample in (self.pilot.odometry, self.pilot.wheels)
                             if sample is not None)
             self.lateness = max(self.lateness, (self.pilot.now_ns() - oldest_ns) / NS_PER_S)
-            dashboard.update(name, self.pilot, note(self.pilot.progress))
+            dashboard.show(name, self.pilot, note(self.pilot.progress))
         self.remaining = following.remaining
         end = time.monotonic() + STANDSTILL_TIME
         while time.monotonic() < end:
             self.spin(SHOW_PERIOD)
-            dashboard.update(name, self.pilot, note(self.pilot.progress))
+            dashboard.show(name, self.pilot, note(self.pilot.progress))
         return state
 
     def reason(self, state: State) -> tuple[str, str]:
@@ -263,7 +271,7 @@ class Session:
                     self.pilot.command(*command)
                 if now - shown > SHOW_PERIOD:
                     shown = now
-                    dashboard.update('keyboard', self.pilot, self._keys_note(
+                    dashboard.show('keyboard', self.pilot, self._keys_note(
                         command, teleoperation.limits))
                 self.spin(max(0.0, now + SPIN_TIME - time.monotonic()))
 

@@ -200,23 +200,26 @@ def timer_lateness(sleep: Callable[[float], None] = time.sleep,
     return sorted(late)
 
 
+def bounded(where: str, found: str, inside: bool, expected: str, action: str) -> Finding:
+    """Return the finding on a quantity: OK inside of its bound, else a warning."""
+    return (Finding(Level.OK, where, found) if inside
+            else Finding(Level.WARNING, where, found, expected, action))
+
+
 def lateness_finding(late: list[float]) -> Finding:
     """Return the finding on sorted latenesses [s]."""
     typical, worst = late[int(0.99 * (len(late) - 1))], late[-1]
-    found = (f'timers are late by {1e3 * typical:.1f} ms (99 %), {1e3 * worst:.1f} ms at worst')
-    if typical > MAX_TYPICAL_LATENESS or worst > MAX_LATENESS:
-        return Finding(Level.WARNING, 'host', found, f'{1e3 * MAX_TYPICAL_LATENESS:g} and '
-                       f'{1e3 * MAX_LATENESS:g} ms', 'end other programs, or use a faster host')
-    return Finding(Level.OK, 'host', found)
+    return bounded(
+        'host', f'timers are late by {1e3 * typical:.1f} ms (99 %), {1e3 * worst:.1f} ms at worst',
+        typical <= MAX_TYPICAL_LATENESS and worst <= MAX_LATENESS,
+        f'{1e3 * MAX_TYPICAL_LATENESS:g} and {1e3 * MAX_LATENESS:g} ms',
+        'end other programs, or use a faster host')
 
 
 def load_finding(load: float, cores: int) -> Finding:
     """Return the finding on the load average of one minute."""
-    found = f'load {load:.2f} on {cores} cores'
-    if load > MAX_LOAD * cores:
-        return Finding(Level.WARNING, 'host', found, f'at most {MAX_LOAD * cores:.2g}',
-                       'end other programs')
-    return Finding(Level.OK, 'host', found)
+    return bounded('host', f'load {load:.2f} on {cores} cores', load <= MAX_LOAD * cores,
+                   f'at most {MAX_LOAD * cores:.2g}', 'end other programs')
 
 
 def disk_findings(folder: Path, rate: float) -> Iterator[Finding]:
@@ -237,10 +240,8 @@ def disk_finding(where: str, free: float, speed: float, rate: float) -> Finding:
              f'writes {speed / 1e6:.0f} MB/s')
     if free < MIN_RECORDING_TIME * rate:
         return Finding(Level.WARNING, where, found, 'at least 1 h', 'delete old recordings')
-    if speed < SPEED_RESERVE * rate:
-        return Finding(Level.WARNING, where, found, f'at least {SPEED_RESERVE * rate / 1e6:.1f} '
-                       'MB/s', 'record to a faster disk')
-    return Finding(Level.OK, where, found)
+    return bounded(where, found, speed >= SPEED_RESERVE * rate,
+                   f'at least {SPEED_RESERVE * rate / 1e6:.1f} MB/s', 'record to a faster disk')
 
 
 def write_speed(folder: Path) -> float:

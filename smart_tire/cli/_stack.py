@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 import ctypes
 import os
 from pathlib import Path
@@ -42,7 +42,6 @@ UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
 RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
 START_TIMEOUT = 60.0      # s until all nodes run, on a busy machine
 ODOM_TIMEOUT = 1.0        # s, more than for a robot: other programs may slow the nodes down
-WAIT_REPORT_PERIOD = 4.0  # s between lines that name the nodes waited for
 SPIN_TIME = 0.25          # s between two looks at the processes
 PORTS = ('tire_radio', 'imu', 'motors')
 RECORDER, VIEWER = 'recorder', 'viewer'  # names of their processes
@@ -138,6 +137,34 @@ class Stack:
                 process.wait()
         return {name: process.returncode for name, process in chosen.items()}
 
+    def start_viewer(self, *arguments: str) -> None:
+        """Start the viewer in the environment of the nodes; print where it is."""
+        self.start(VIEWER, 'smart_tire.cli.main', 'view', '--live', *arguments)
+        deadline = time.monotonic() + START_TIMEOUT
+        while not (lines := [line for line in self.log(VIEWER).splitlines()
+                             if line.startswith(ANNOUNCED)]):
+            if self.died() or time.monotonic() > deadline:
+                raise RobotError(f'the viewer does not start\n{self.tail(VIEWER)}')
+            time.sleep(SPIN_TIME)
+        print(lines[0], flush=True)
+
+    def check_alive(self) -> None:
+        """Raise RobotError if a process has ended, except a viewer closed by the user."""
+        for name, status in self.died().items():
+            if status or name != VIEWER:
+                raise RobotError(f'{name} died with status {status}\n{self.tail(name)}')
+
+    def stop_in_order(self) -> None:
+        """Stop all processes in order; raise RobotError if one of them ends with an error."""
+        self.check_alive()
+        # Subscribers first, then the owner of the ports; the recorder last, to record all.
+        for names in (NODES[1:], NODES[:1], (RECORDER, VIEWER)):
+            if present := [name for name in names if name in self.processes]:
+                for name, status in self.stop(*present).items():
+                    if status:
+                        raise RobotError(
+                            f'{name} ended with status {status}\n{self.tail(name)}')
+
 
 def write_parameters(out: Path, name: str, seed: int,
                      more: Mapping[str, Mapping[str, Any]]) -> Path:
@@ -170,51 +197,3 @@ def remove_traces(out: Path) -> None:
     """Delete the logs and links to ports of an earlier run."""
     remove(out / 'logs', [f'{name}.log' for name in (*NODES, RECORDER, VIEWER)])
     remove(out / 'ports', PORTS)
-
-
-def start_viewer(stack: Stack, *arguments: str) -> None:
-    """Start the viewer in the environment of the nodes; print where it is."""
-    stack.start(VIEWER, 'smart_tire.cli.main', 'view', '--live', *arguments)
-    deadline = time.monotonic() + START_TIMEOUT
-    while not (lines := [line for line in stack.log(VIEWER).splitlines()
-                         if line.startswith(ANNOUNCED)]):
-        if stack.died() or time.monotonic() > deadline:
-            raise RobotError(f'the viewer does not start\n{stack.tail(VIEWER)}')
-        time.sleep(SPIN_TIME)
-    print(lines[0], flush=True)
-
-
-def await_nodes(stack: Stack, pilot: Any, spin: Callable[[float], None]) -> None:
-    """Wait until estimates are published and every node has sent diagnostics."""
-    begin, report_at = time.monotonic(), WAIT_REPORT_PERIOD
-    while pilot.slip is None or pilot.wheels is None or set(NODES) - pilot.health.keys():
-        check_alive(stack)
-        waited = time.monotonic() - begin
-        missing = sorted(set(NODES) - pilot.health.keys()) or ['wheel_slip']
-        if waited > report_at:
-            report_at += WAIT_REPORT_PERIOD
-            print(f'waiting for messages from {", ".join(missing)}', flush=True)
-        if waited > START_TIMEOUT:
-            raise RobotError(f'no messages from {", ".join(missing)} within '
-                             f'{START_TIMEOUT:.0f} s')
-        spin(SPIN_TIME)
-
-
-def check_alive(stack: Stack) -> None:
-    """Raise RobotError if a process has ended, except a viewer closed by the user."""
-    for name, status in stack.died().items():
-        if name == VIEWER and not status:
-            continue
-        raise RobotError(f'{name} died with status {status}\n{stack.tail(name)}')
-
-
-def stop_all(stack: Stack) -> None:
-    """Stop all processes in order; raise RobotError if one of them ends with an error."""
-    check_alive(stack)
-    # Subscribers first, then the owner of the ports; the recorder last, to record all.
-    started = stack.processes.keys()
-    for names in (NODES[1:], NODES[:1], (RECORDER, VIEWER)):
-        if present := [name for name in names if name in started]:
-            for name, status in stack.stop(*present).items():
-                if status:
-                    raise RobotError(f'{name} ended with status {status}\n{stack.tail(name)}')

@@ -34,8 +34,8 @@ from smart_tire.cli._options import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import (
-    check_alive, isolated_environment, NODES, PORTS, RECORDER, remove_traces, RobotError, Stack,
-    start_viewer, stop_all, UNITS, write_parameters)
+    isolated_environment, NODES, PORTS, RECORDER, remove_traces, RobotError, Stack, UNITS,
+    write_parameters)
 from smart_tire.samples import NS_PER_S
 
 if TYPE_CHECKING:
@@ -150,43 +150,43 @@ def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any], *,
     with Stack(out / 'logs', environment) as stack:
         stack.start(RECORDER, 'smart_tire.cli.main', 'record', '--out', str(out / 'bag'))
         if view:
-            start_viewer(stack, '--params', str(params))
+            stack.start_viewer('--params', str(params))
         for node in NODES:
             stack.node(node, [params])
         with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
             session = Session(stack, runner)
             session.await_nodes()
             with Dashboard() as dashboard:
-                intervals = _drive_legs(stack, runner, dashboard)
+                intervals = _drive_legs(session, dashboard)
                 _drive_paths(session, dashboard)
-        stop_all(stack)
+        stack.stop_in_order()
     remove(out / 'ports', PORTS)
     return intervals
 
 
-def _drive_legs(stack: Stack, runner: Any, dashboard: Dashboard) -> Legs:
+def _drive_legs(session: Session, dashboard: Dashboard) -> Legs:
     """Drive by wheel speeds; return the time intervals of the legs."""
     intervals: Legs = {}
-    _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), STANDSTILL_DURATION)
+    _drive_leg(session, dashboard, Leg('standstill', 0.0, 0.0), STANDSTILL_DURATION)
     for leg in LEGS:
-        begin = runner.node.now_ns()
+        begin = session.pilot.now_ns()
         duration = LEG_DURATION if leg.evaluated else MAX_TRANSFER_DURATION
-        _drive_leg(stack, runner, dashboard, leg, duration)
+        _drive_leg(session, dashboard, leg, duration)
         if leg.evaluated:
-            intervals[leg.name] = [(begin + round(SETTLING_TIME * 1e9), runner.node.now_ns())]
-    _drive_leg(stack, runner, dashboard, Leg('standstill', 0.0, 0.0), BRAKING_TIME)
-    runner.node.release()
-    _spin(stack, runner, dashboard, 'standstill', HANDOVER_TIME)
+            intervals[leg.name] = [(begin + round(SETTLING_TIME * 1e9), session.pilot.now_ns())]
+    _drive_leg(session, dashboard, Leg('standstill', 0.0, 0.0), BRAKING_TIME)
+    session.pilot.release()
+    _spin(session, dashboard, 'standstill', HANDOVER_TIME)
     return intervals
 
 
-def _drive_leg(stack: Stack, runner: Any, dashboard: Dashboard, leg: Leg, duration: float) -> None:
+def _drive_leg(session: Session, dashboard: Dashboard, leg: Leg, duration: float) -> None:
     """
     Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached.
 
     Evaluated legs, which are turns, last until the wheels have turned for ``duration``.
     """
-    pilot, periods = runner.node, round(duration / DASHBOARD_PERIOD)
+    pilot, periods = session.pilot, round(duration / DASHBOARD_PERIOD)
 
     def turned() -> bool:
         nonlocal periods
@@ -200,20 +200,18 @@ def _drive_leg(stack: Stack, runner: Any, dashboard: Dashboard, leg: Leg, durati
                 and max(map(abs, pilot.odometry.position)) > MIN_SAND_DISTANCE)
 
     pilot.drive(leg.left, leg.right)
-    if leg.left != leg.right:
-        _spin(stack, runner, dashboard, leg.name, MAX_LEG_DURATION, turned)
-    else:
-        _spin(stack, runner, dashboard, leg.name, duration, reached)
+    turns = leg.left != leg.right
+    _spin(session, dashboard, leg.name, MAX_LEG_DURATION if turns else duration,
+          turned if turns else reached)
 
 
-def _spin(stack: Stack, runner: Any, dashboard: Dashboard, name: str, duration: float,
+def _spin(session: Session, dashboard: Dashboard, name: str, duration: float,
           ended: Callable[[], bool] = lambda: False) -> None:
     """Show messages for ``duration`` [s], or until the interval has ``ended``."""
     end = time.monotonic() + duration
     while time.monotonic() < end and not ended():
-        runner.spin(DASHBOARD_PERIOD)
-        check_alive(stack)
-        dashboard.update(name, runner.node)
+        session.spin(DASHBOARD_PERIOD)
+        dashboard.show(name, session.pilot)
 
 
 def _drive_paths(session: Session, dashboard: Dashboard) -> None:

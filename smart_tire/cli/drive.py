@@ -197,11 +197,11 @@ def _session(args: argparse.Namespace, runner_class: Callable[[list[str] | None]
             if args.keyboard:
                 session.refuse_other_driver()
             if args.view:
-                simulated.start_viewer(stack, *(word for file in params
-                                                for word in ('--params', str(file))))
+                stack.start_viewer(*(word for file in params
+                                      for word in ('--params', str(file))))
             session.record(args.out / 'bag')
             yield session
-        simulated.stop_all(stack)
+        stack.stop_in_order()
     if not args.robot:
         remove(args.out / 'ports', simulated.PORTS)
 

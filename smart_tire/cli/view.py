@@ -30,7 +30,7 @@ import webbrowser
 from smart_tire.cli._options import (
     add_bag_options, add_force, BagSettings, open_bag, refuse_existing)
 from smart_tire.cli._progress import Progress
-from smart_tire.cli._stack import end_with_parent
+from smart_tire.cli._stack import ANNOUNCED, end_with_parent
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
@@ -44,7 +44,6 @@ NAME = 'view'
 HELP = 'show a bag, or live topics, in the rerun viewer; needs no ROS distribution'
 USAGE = 2            # exit status
 LIVE_NAME = 'live'
-ANNOUNCED = 'viewer: '  # start of the line that is printed when the viewer runs
 CHECK_PERIOD = 0.2   # s, in which a closed viewer is noticed
 
 

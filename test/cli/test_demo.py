@@ -21,6 +21,7 @@ from types import SimpleNamespace
 import pytest
 
 from smart_tire.cli import demo
+from smart_tire.cli._drive_session import Session
 from smart_tire.cli.demo import DASHBOARD_PERIOD, Leg, LEG_DURATION, MAX_LEG_DURATION
 from smart_tire.samples import NS_PER_S
 from support.ideal_robot import odometry
@@ -55,8 +56,8 @@ def duration(monkeypatch, leg, limit, **pause):
     """Return how long a leg lasts [s]."""
     runner = Runner(**pause)
     monkeypatch.setattr(demo.time, 'monotonic', lambda: runner.time)
-    demo._drive_leg(SimpleNamespace(died=dict), runner, SimpleNamespace(
-        update=lambda *_: None), leg, limit)
+    session = Session(SimpleNamespace(check_alive=lambda: None), runner)
+    demo._drive_leg(session, SimpleNamespace(show=lambda *_: None), leg, limit)
     assert runner.commanded == (leg.left, leg.right)
     return runner.time
 

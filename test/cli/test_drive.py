@@ -113,7 +113,7 @@ def quick(monkeypatch):
 
 
 def session_of(pilot, stopped=None):
-    return Session(SimpleNamespace(died=dict), Runner(pilot), stopped)
+    return Session(SimpleNamespace(check_alive=lambda: None), Runner(pilot), stopped)
 
 
 @pytest.mark.parametrize('words, message', [

@@ -190,7 +190,8 @@ class Robot:
 
 
 def session_of(pilot):
-    return Session(SimpleNamespace(died=dict), SimpleNamespace(node=pilot, spin=pilot.look))
+    return Session(SimpleNamespace(check_alive=lambda: None),
+                   SimpleNamespace(node=pilot, spin=pilot.look))
 
 
 def test_the_reason_is_that_of_the_diagnostics_after_the_stop():
