@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 from smart_tire.estimation.ground.window import LENGTH
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.output import EstimateRecord, SlipOutputBuilder
+from smart_tire.estimation.slip.estimator import EstimateRecord, SlipOutputBuilder
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import SlipEstimatorParams

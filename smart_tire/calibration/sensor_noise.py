@@ -37,7 +37,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import MOTION_MARGIN, period, Recording, WheelRecord
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.slip.zero_velocity import (
+from smart_tire.estimation.slip.state import (
     BIAS_WINDOW, MAX_STATIONARY_WHEEL_SPEED, QUIET_NOISE_RATIO)
 from smart_tire.numerics.robust import mad_sigma, noise_level, winsorized_mean
 from smart_tire.parameters import RobotParams

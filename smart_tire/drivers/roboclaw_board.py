@@ -24,7 +24,6 @@ import time
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.wheel_encoder import MotionCheck, Reading, WheelEncoder
 from smart_tire.models.vehicle.drive import measured_torque
-from smart_tire.numerics.rates import mean_rates
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import current_from_code, READ_CURRENTS
 from smart_tire.samples import NAN, NS_PER_S
@@ -86,7 +85,8 @@ class Board:
     def mean_speeds(self) -> list[float]:
         """Return the mean speeds [rad/s] of both wheels since the last sample."""
         positions = [encoder.position for encoder in self.encoders]
-        return mean_rates(self.sampled, positions, self.span_ns / NS_PER_S)
+        elapsed = self.span_ns / NS_PER_S
+        return [(new - old) / elapsed for old, new in zip(self.sampled, positions)]
 
     def postpone_currents(self, now_ns: int) -> None:
         """Count a missing reply; after the second one, wait longer each time."""

@@ -29,8 +29,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.filter import SlipFilter
+from smart_tire.estimation.slip.inputs import WheelSpeeds
 from smart_tire.estimation.slip.state import SLIP_VELS
-from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
 
 
 class PrintedSlipFilter(SlipFilter):

@@ -16,31 +16,44 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
 from collections.abc import Sequence
 import math
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.slip.filter import SlipFilter
-from smart_tire.estimation.slip.imu_input import ImuInput
+from smart_tire.estimation.slip.inputs import (
+    ImuInput, StationaryInterval, WheelOdometry, WheelSpeeds, ZeroVelocityDetector)
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
-from smart_tire.estimation.slip.noise import MAX_NIS
-from smart_tire.estimation.slip.output import EstimateRecord, OutputContext, SlipOutputBuilder
-from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, State
-from smart_tire.estimation.slip.wheel_odometry import WheelOdometry, WheelSpeeds
-from smart_tire.estimation.slip.zero_velocity import (
-    StationaryInterval, UNWINDING_TIME, ZeroVelocityDetector)
+from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
+from smart_tire.estimation.slip.state import (
+    ESTIMATED, IMU_DROPOUT, ImuReading, MAX_NIS, MIN_YAW_RATE, PLANAR_VARIANCE, State,
+    TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import GRAVITY, GroundState, ImuSample, NS_PER_S, WheelSample
+from smart_tire.rotation import quaternion
+from smart_tire.samples import (
+    Four, GRAVITY, GroundState, Icr, ImuSample, NS_PER_S, Odometry, Vector3, WheelSample,
+    WheelSlip)
 from smart_tire.uncertain import Uncertain
 
-IMU_DROPOUT = 0.1         # s without IMU samples (or 3 periods), then predict by the wheels
-TRUSTED_STANDSTILL = 3.0  # s; longer standstill overrules a state that has diverged
 TOPICS = {ImuSample: 'imu/data', WheelSample: 'wheel_states', GroundState: 'ground_state'}
+EstimateRecord = Odometry | WheelSlip | Icr
+
+
+class OutputContext(NamedTuple):
+    """Values needed for an output in addition to the state."""
+
+    instant_ns: int       # of the output grid
+    extrapolation: float  # s, from the time of the state to the instant
+    imu: ImuReading       # last yaw rate, and forces without vibration
+    wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
 
 
 class EstimatorRecorder(StateRecorder, Protocol):
@@ -196,14 +209,14 @@ class SlipSegment:
             readings.append((self._time, self._imu.reading))
         for sample in samples:
             time = self._seconds(sample.stamp_ns)
-            reading = self._imu.add(time, sample)
+            reading = self._imu.add_sample(time, sample)
             if reading is None or time <= self._time and readings:
                 self._dropped['imu/data'] += 1
                 continue
             readings.append((time, reading))
-            self._standstill.update(time, reading)
+            self._standstill.add_reading(time, reading)
         if len(readings) > 1:
-            step = self._imu.step(readings[0][0], readings, self.filter.accel_density)
+            step = self._imu.step(readings[0][0], readings)
             self.filter.predict(readings[-1][0], step)
             if not self._stationary:
                 self.filter.correct_forces(
@@ -223,7 +236,7 @@ class SlipSegment:
 
     def _correct_wheels(self, time: float, sample: WheelSample) -> None:
         """Use a wheel sample of ``time`` [s], latency removed."""
-        wheels = self._odometry.update(time, sample)
+        wheels = self._odometry.add_sample(time, sample)
         if wheels is None:
             self._dropped['wheel_states'] += 1
             return
@@ -284,3 +297,48 @@ class SlipSegment:
             self._recorder.record_output(
                 context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED].copy())
         return self._output.build(context, x, P)
+
+
+class SlipOutputBuilder:
+    """Builds the output records of the slip estimator."""
+
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._standstill_speed = params.robot.slip.standstill_speed
+        self._gyro_variance = params.robot.imu.gyro_noise ** 2
+        self._hidden = _four([0.0 if one else math.nan for one in params.robot.joints.measured])
+        self._motion = MotionModel(params.robot)
+        self._x_imu, self._y_imu = params.robot.imu.position[:2]
+        # of pose and twist in the order of ROS; the planar part is overwritten
+        self._covariances = [array('d', np.ravel(PLANAR_VARIANCE * np.eye(6))) for _ in range(2)]
+
+    def build(self, context: OutputContext, x: Sequence[float], P: Array
+              ) -> list[EstimateRecord]:
+        """Return the records for at least the estimated states ``x`` with covariance ``P``."""
+        x = self._motion.extrapolate(array('d', x), context.imu, context.extrapolation)
+        W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
+        twist = (x[State.V_X] + self._y_imu * W,
+                 x[State.V_Y] - (self._x_imu + x[State.IMU_X]) * W, W)
+        slips = self._motion.wheel_slips(
+            x, P, W, context.wheel_residual, self._hidden, self._standstill_speed)
+        records: list[EstimateRecord] = [
+            self._odometry(context, x, P, twist),
+            WheelSlip(context.instant_ns, *map(_four, zip(*slips)))]
+        if abs(W) > MIN_YAW_RATE:
+            records.append(Icr(context.instant_ns, -twist[1] / W, twist[0] / W))
+        return records
+
+    def _odometry(self, context: OutputContext, x: array[float], P: Array, twist: Vector3
+                  ) -> Odometry:
+        v_x, v_y, W = twist
+        pose, rates = self._covariances
+        fill_covariances(P, W, self._x_imu, self._y_imu, pose, rates)
+        rates[35] += self._gyro_variance  # of the sample that is published
+        return Odometry(
+            context.instant_ns, (x[State.X], x[State.Y], 0.0),
+            quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),
+            (v_x, v_y, 0.0), (0.0, 0.0, W), tuple(pose), tuple(rates))
+
+
+def _four(values: Sequence[float]) -> Four:
+    a, b, c, d = values
+    return a, b, c, d

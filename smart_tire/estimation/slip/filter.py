@@ -36,50 +36,20 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.ground import ForceBalance
-from smart_tire.estimation.slip.imu_input import ImuInput
+from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import (
-    CONSIDERED, GYRO_HELD, KalmanFilter, SENSORS_HELD, StateRecorder)
+    CONSIDERED, GYRO_HELD, KalmanFilter, LearnedVariance, SENSORS_HELD, StateRecorder)
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
-from smart_tire.estimation.slip.noise import AccelError, LearnedScale, LearnedVariance
 from smart_tire.estimation.slip.state import (
-    GROUND, ICRS, ImuReading, ImuStep, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME, SLIP_VELS, State,
-    TRAVELS)
-from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
+    ACCEL_ERROR_SIGMA, BLIND_ACCEL_DENSITY, BLIND_CORRELATION_TIME, BLIND_RATE_SHARE, HISTORY,
+    ICR_WALK_SHARE, ImuReading, ImuStep, initial_state, LATERAL_TIME, MAX_WHEEL_NOISE,
+    MIN_POSE_SIGMA, MIN_SLIDING_TIME, MIN_SLOPE, N, NIS_GAIN, NOISE_LEARNING_TIME, OUTLIER_SIGMAS,
+    RESISTANCE_SHARE, SLIP_CHANGE_SHARE, SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS,
+    State, STEADY_SIGMAS, STRAIGHT_RATE, TRAVEL_SIGMA, TRAVELS, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED,
+    WHEEL_SPEED_SIGMA, ZERO_VELOCITY_SIGMA)
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.parameters.robot import MOUNTING_TILT
 from smart_tire.samples import Four, GRAVITY
 
-MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
-INITIAL_SPEED_SIGMA = 0.5     # m/s, of a robot that is switched on while it moves
-INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, of its slip, common and half the difference: in a turn
-ICR_SHARES = 0.25, 0.2        # mean and sigma of ICR_L, ICR_R over the track: effective tracks
-# of 1 to 2.2 times the track are published for skid-steer robots
-SIDE_DIFFERENCE_SHARE = 0.3   # of that sigma: both sides are alike; assumed
-ICR_WALK_SHARE = 0.02         # per sqrt(rad), of ICRs over the track: another ground in minutes
-ACCEL_ERROR_SIGMA = 0.3       # m/s2, prior of slopes, suspension and tilt; other robots on grass
-WALK_LIMITS = 0.1, 10.0       # of learned random walks, over their priors
-MIN_SLOPE = 0.001             # rad, standard deviation: laboratory floor
-SLOPE_LEARNING_TIME = 20.0    # s of driving: tens of correlation lengths
-WALK_RATE = 0.02              # learning rate per innovation; assumed
-WHEEL_SPEED_SIGMA = 0.003     # m/s, of a side, in addition to quantization and timestamps
-MAX_WHEEL_NOISE = 30.0        # times that: wheel speeds of unknown recordings
-SLIP_LEARNING_TIME = 20.0     # s of driving, over which the spread of the slip is learned
-UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip on unknown ground: resistance over stiffness
-RESISTANCE_SHARE = 0.5        # rolling resistance over friction there, from concrete to ice
-SLIP_CHANGE_SHARE = 0.2       # of a change of the side's speed becomes slip; assumed
-STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise
-MIN_SLIDING_TIME = 0.05       # s, in which locked wheels slide at the standstill speed at least
-NOISE_LEARNING_TIME = 5.0     # s, over which the noise of a measurement is learned
-LATERAL_TIME = 0.5            # s, correlation time of the lateral speed about the ICR
-STRAIGHT_RATE = 0.02          # rad/s, sigma of the yaw rate by wheels of equal speed; assumed
-BLIND_RATE_SHARE = 0.05       # sigma of the yaw rate by wheels and learned ICRs; turns differ
-BLIND_CORRELATION_TIME = 2.0  # s, of its error
-BLIND_ACCEL_DENSITY = 0.1     # (m/s2)^2 s, of an acceleration that is not measured
-UNKNOWN_SPEED = 100.0         # m/s, sigma of a difference that is not measured
-ZERO_VELOCITY_SIGMA = 0.003   # m/s, of the zero-velocity update
-TRAVEL_SIGMA = 1e-5           # m, of a new travel, so that P is not singular
-HISTORY = 1.5                 # s, of predicted wheel speeds: beyond the largest encoder latency
-NIS_GAIN = 0.05               # weight of a new value in the smoothed NIS
 SLOPES = State.ROLL, State.PITCH
 # where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
 ICR_LEARNED = np.ones(N)
@@ -98,7 +68,7 @@ class RollingHistory:
         # time [s], r w [m/s] and distance [m] of both sides, all by predictions alone
         self._points: deque[tuple[float, float, float, float, float]] = deque()
 
-    def add(self, time: float, dt: float, left: float, right: float) -> None:
+    def add_step(self, time: float, dt: float, left: float, right: float) -> None:
         """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w [m/s] of the sides."""
         if not self._points:
             self._points.append((time - dt, 0.0, 0.0, 0.0, 0.0))
@@ -133,12 +103,9 @@ class SlipFilter:
         self.motion = MotionModel(robot)
         self.forces = ForceBalance(robot, self.kalman)
         self._history = RollingHistory()
-        walk, (low, high) = ICR_WALK_SHARE * robot.track_width, WALK_LIMITS
-        self._slopes = [LearnedVariance(params.slope_sigma, MIN_SLOPE, SLOPE_LEARNING_TIME)
+        self._slopes = [LearnedVariance(params.slope_sigma, MIN_SLOPE, SLIP_LEARNING_TIME)
                         for _ in SLOPES]
-        self._accel_errors = [AccelError(ACCEL_ERROR_SIGMA, GRAVITY * MIN_SLOPE) for _ in 'xy']
-        self._icr_walk, self._icr_x_walk = (LearnedScale(
-            walk, low * walk, high * walk, WALK_RATE) for _ in 'yx')
+        self._icr_walk = ICR_WALK_SHARE * robot.track_width
         self._lateral_sigma = params.lateral_sigma
         self._common, self._difference = (LearnedVariance(
             sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
@@ -189,26 +156,16 @@ class SlipFilter:
         """Predict to ``time`` [s] through a step of the IMU."""
         kalman, motion = self.kalman, self.motion
         self.forces.age(step.dt)
-        self._add_force(step)
         noise = Noise(self._slope_sigmas(), math.sqrt(self._common_variance),
-                      math.sqrt(self._difference.variance), self._icr_walk.sigma,
-                      self._icr_x_walk.sigma)
+                      math.sqrt(self._difference.variance), self._icr_walk)
         x = kalman.x
         left, right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
         after, F, Q = motion.predict(x, step, noise)
         kalman.predict(after, F, Q)
         self._gyro_z = step.mean.yaw_rate
         new_left, new_right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
-        self._history.add(time, step.dt, new_left - left, new_right - right)
+        self._history.add_step(time, step.dt, new_left - left, new_right - right)
         self._time = time
-
-    def _add_force(self, step: ImuStep) -> None:
-        """Add the mean force of a step to the levels of the accelerometer's errors."""
-        x, imu = self.kalman.x, step.mean
-        W = imu.yaw_rate - x[State.GYRO_BIAS_Z]
-        along, across = self._accel_errors
-        along.add_force(imu.force_x - x[State.ACCEL_BIAS_X], step.dt)
-        across.add_force(imu.force_y - x[State.ACCEL_BIAS_Y] - W * x[State.V_X], step.dt)
 
     def _slope_sigmas(self) -> tuple[float, float]:
         """
@@ -220,16 +177,9 @@ class SlipFilter:
         if self.forces.active:
             roll, pitch = (math.sqrt(one.variance) for one in self._slopes)
             return roll, pitch
-        x, y = self._accel_errors
         slip = self._common_variance * (slip_speed(*self._sides) / SLIP_CORRELATION_TIME) ** 2
-        roll, pitch = (math.sqrt(one.variance + slip) / GRAVITY for one in (y, x))
-        return roll, pitch
-
-    @property
-    def accel_density(self) -> float:
-        """Return the noise density [(m/s2)^2 s] of the accelerometer; with a ground its own."""
-        return 0.0 if self.forces.active else 0.5 * sum(
-            level.density for level in self._accel_errors)
+        sigma = math.sqrt(ACCEL_ERROR_SIGMA ** 2 + slip) / GRAVITY
+        return sigma, sigma
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
         """Correct with the balance of forces after a step of ``dt`` [s]."""
@@ -237,7 +187,7 @@ class SlipFilter:
         if self._balanced:
             x, P = self.kalman.x, self.kalman.P
             for slope, row in zip(self._slopes, SLOPES):
-                slope.add(x[row] ** 2 + float(P[row, row]), dt)
+                slope.add_square(x[row] ** 2 + float(P[row, row]), dt)
 
     def find_change(self, imu: ImuInput, torques: Four | None, wheels: WheelSpeeds) -> None:
         """Look for a change of the ground, with the motor torques [N m] if they are measured."""
@@ -279,19 +229,13 @@ class SlipFilter:
         R = self._wheel_covariance(wheels, sides, independent)
         self._add_slip_change(sides, R, dt, lag)
         moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
-        if moving:
-            self._accel_errors[0].add_speed(0.5 * (sides[0] + sides[1]), dt)
-            self._accel_errors[1].add_speed(0.0, dt)
-        left, both, right = kalman.covariance(H, R)  # of y
-        total = left + both + both + right
         if not moving:
-            self._add_sliding(y, H, 0.25 * total, dt)
-        if moving and independent:
-            self._icr_walk.add_innovation((y[1] - y[0]) / math.sqrt(left + right - 2.0 * both))
+            left, both, right = kalman.covariance(H, R)  # of y
+            self._add_sliding(y, H, 0.25 * (left + both + both + right), dt)
         nis = self._correct_distances(y, H, R, sides, dt, moving and not self.forces.active)
         if moving:
             self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
-            self._wheel_noise.add(min(
+            self._wheel_noise.add_square(min(
                 self._wheel_noise.variance * nis, (MAX_WHEEL_NOISE * WHEEL_SPEED_SIGMA) ** 2), dt)
             self._learn_slip(W, dt, independent)
         self._restart_travel(wheels, sides, lag, change, W)
@@ -372,9 +316,9 @@ class SlipFilter:
         gain = dt / (dt + SLIP_CORRELATION_TIME)
         self._mean_difference += gain * (0.5 * (right - left) / speed - self._mean_difference)
         if independent:
-            self._difference.add(2.0 * self._mean_difference ** 2, dt)
+            self._difference.add_square(2.0 * self._mean_difference ** 2, dt)
         if self.forces.active:
-            self._common.add(common, dt)
+            self._common.add_square(common, dt)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
                         change: list[float], W: float) -> None:
@@ -410,10 +354,9 @@ class SlipFilter:
         sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
                            * W * self._robot.wheelbase)
         variance = sigma ** 2 * 2.0 * LATERAL_TIME / max(duration, 1e-3)
-        total = self.kalman.correct(
+        self.kalman.correct(
             y, h, variance,
-            held=ICR_LEARNED if self._balanced and self.forces.certain else SENSORS_HELD)
-        self._icr_x_walk.add_innovation(y / math.sqrt(total))
+            ICR_LEARNED if self._balanced and self.forces.certain else SENSORS_HELD)
 
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""
@@ -426,29 +369,4 @@ class SlipFilter:
 
     def _correct_state(self, row: State, value: float, sigma: float) -> None:
         self.kalman.correct(value - self.kalman.x[row], np.eye(N)[row], sigma ** 2,
-                            held=CONSIDERED if row == State.GYRO_BIAS_Z else GYRO_HELD)
-
-
-def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
-    """Return state (N,) and covariance (N, N) of a robot at the origin of ``odom``."""
-    robot = params.robot
-    x, sigma = [0.0] * N, np.full(N, MIN_POSE_SIGMA)
-    sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
-    sigma[State.V_X] = sigma[State.V_Y] = INITIAL_SPEED_SIGMA
-    sigma[State.GYRO_BIAS_Z] = robot.imu.gyro_bias
-    sigma[State.ACCEL_BIAS_X] = sigma[State.ACCEL_BIAS_Y] = math.hypot(
-        robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
-    sigma[list(TRAVELS)] = TRAVEL_SIGMA
-    x[State.ICR_X], sigma[State.ICR_X] = params.icr_x, params.icr_x_sigma * robot.wheelbase
-    sigma[State.RADIUS] = max(robot.wheel_radius_sigma, 1e-9)
-    sigma[State.IMU_X] = max(robot.imu.position_sigma, 1e-9)
-    sigma[GROUND] = 0.0
-    mean, spread = (share * robot.track_width for share in ICR_SHARES)
-    for row in ICRS:
-        x[row], sigma[row] = mean, spread
-    P = np.diag(sigma ** 2)
-    common, difference = (one ** 2 for one in INITIAL_SLIP_SIGMAS)
-    P[np.ix_(SLIP_VELS, SLIP_VELS)] = common + difference * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    P[State.ICR_L, State.ICR_R] = P[State.ICR_R, State.ICR_L] = spread ** 2 * (
-        1.0 - 0.5 * SIDE_DIFFERENCE_SHARE ** 2)
-    return x, P
+                            CONSIDERED if row == State.GYRO_BIAS_Z else GYRO_HELD)

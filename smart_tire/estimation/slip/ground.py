@@ -12,7 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ground as given, with its errors considered: corrections with the forces, and its changes."""
+"""
+Ground as given, with its errors considered: corrections with the forces, and its changes.
+
+The covariance of the errors of the ground with an innovation, over their own one, is the effect of
+a change of the ground on it, through all corrections since (sensitivity of Friedland's separate
+bias filter). The change that explains the innovations best is a least squares fit, its likelihood
+ratio the test of Willsky and Jones.
+"""
 
 from __future__ import annotations
 
@@ -23,36 +30,21 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.ground_change import (
-    GROUND_SIGMAS, GroundChange, SPREAD, SUDDEN)
-from smart_tire.estimation.slip.imu_input import ImuInput
-from smart_tire.estimation.slip.kalman import KalmanFilter, SENSORS_HELD
-from smart_tire.estimation.slip.noise import LearnedVariance, MAX_NIS
-from smart_tire.estimation.slip.state import GROUND, ImuReading, SLIP_VELS, State
+from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
+from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance, SENSORS_HELD
+from smart_tire.estimation.slip.state import (
+    BALANCE_SIGMA, DOUBT_TIME, ESTIMATED, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND,
+    GROUND_SIGMAS, ImuReading, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SLIP_SPEED,
+    MIN_VARIANCE, MODEL_TIME, N, NOISE_LEARNING_TIME, SILENT_TIME, SLIP_VELS, State, STEP_SPEED,
+    SUDDEN, UNKNOWN_GROUND)
 from smart_tire.estimation.slip.tire_forces import TireForces
-from smart_tire.estimation.slip.wheel_odometry import WheelSpeeds
-from smart_tire.models.vehicle.drive import traction_force
+from smart_tire.models.vehicle.drive import torque_errors, traction_force
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, GroundState
 from smart_tire.uncertain import Uncertain
 
-PRIORS = (Uncertain(0.45, 0.315), Uncertain(0.025, 0.025), Uncertain(0.5, 0.3),
-          Uncertain(0.9, 0.15))  # -, mu, rolling resistance, its lateral share, C_y / C_x
-SILENT_TIME = 1.25        # s without ground_state, two and a half periods, after which it ends
-EXPIRY_TIME = 5.0         # s after which it has ended
-MIN_ROLLING_SPEED = 0.1   # m/s, of the slower side: the forces are not used below
-BALANCE_SIGMA = 0.03      # m/s2, lasting error of the balance; of the accelerations of robots
-FORCE_ERROR = 0.07        # of traction forces: torque constant, shape of the tire curve
-TORQUE_OFFSET = 0.02      # N m, of a measured torque, as in the window ...
-FRICTION_ERROR = 0.1      # ... and of the friction of its gear
-TORQUE_NOISE = 0.05       # N m, least noise of a measured torque; it is learned
-MODEL_TIME = 0.3          # s, correlation time of lasting errors
-NOISE_TIME = 5.0          # s, over which a noise is learned
-MAX_REPEATS = 2           # of a measured torque; a stuck value is none
-STEP_SPEED = 0.02         # m/s, change of a side's speed that explains as much force as a ground
-MAX_LN_STIFFNESS = 0.2    # standard deviation of ln C_x, beyond which the ICRs show more; assumed
-DOUBT_TIME = 2.0          # s after a change that the filter has found: the window needs them
 LOGARITHMS = 0, 1, 4      # of the ground as given: ln C_x, ln mu, ln C_y / C_x
+SPREAD = np.diag(np.square(GROUND_SIGMAS[:3]))
 FOLLOWED = SENSORS_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0
 
@@ -62,9 +54,9 @@ class MotorTorques:
 
     def __init__(self, robot: RobotParams) -> None:
         self._motor, self._radius = robot.motor, robot.wheel_radius
-        self._offset = math.hypot(TORQUE_OFFSET, FRICTION_ERROR * robot.motor.coulomb_friction)
-        least = math.sqrt(2.0) * TORQUE_NOISE / self._radius
-        self._noise = [LearnedVariance(least, least, NOISE_TIME) for _ in SLIP_VELS]
+        noise, offset = torque_errors(robot.motor)
+        self._offset, least = offset, math.sqrt(2.0) * noise / self._radius
+        self._noise = [LearnedVariance(least, least, NOISE_LEARNING_TIME) for _ in SLIP_VELS]
         self._last: Four = (math.nan,) * 4
         self._repeats = [0] * 4
         self._innovations = [0.0, 0.0]      # N, the last ones
@@ -95,9 +87,72 @@ class MotorTorques:
         noise, last = self._noise[side], self._innovations[side]
         self._innovations[side] = y
         if not step:
-            noise.add(min(0.5 * (y - last) ** 2, MAX_NIS * noise.variance), dt)
+            noise.add_square(min(0.5 * (y - last) ** 2, MAX_NIS * noise.variance), dt)
         lasting = 2.0 * (self._offset / self._radius) ** 2 + (FORCE_ERROR * size) ** 2
         return noise.variance + 2.0 * MODEL_TIME / dt * lasting
+
+
+class GroundChange:
+    """The likelihood ratio of a change in the last ``MODEL_TIME``."""
+
+    def __init__(self, kalman: KalmanFilter) -> None:
+        self._kalman = kalman
+        self._restart()
+
+    def _restart(self) -> None:
+        self._vector, self._matrix = np.zeros(3), np.zeros((3, 3))
+        self._forget_interval()
+
+    def _forget_interval(self) -> None:
+        self._new_vector, self._new_matrix = np.zeros(3), np.zeros((3, 3))
+
+    def age(self, dt: float) -> None:
+        """Let ``dt`` [s] pass: the errors have an effect since the last ``MODEL_TIME`` only."""
+        P, keep = self._kalman.P, math.exp(-dt / MODEL_TIME)
+        P[:ESTIMATED, SUDDEN] *= keep
+        P[SUDDEN, :ESTIMATED] *= keep
+
+    def add_innovation(self, covariance: Sequence[float], y: float, variance: float) -> None:
+        """Add an innovation ``y`` with its ``covariance`` (3,) with the errors of the ground."""
+        limit = math.sqrt(MAX_NIS * variance)
+        c = np.array(covariance)
+        self._new_vector += c * (min(max(y, -limit), limit) / variance)
+        self._new_matrix += c[:, np.newaxis] * (c / variance)
+
+    def find(self, weight: float, dt: float) -> Array | None:
+        """
+        Return the change (3,) of the ground, None if there is none.
+
+        ``weight`` is that of the innovations since the last call, ``dt`` [s] ago.
+        """
+        own, keep = self._kalman.P[SUDDEN, SUDDEN], math.exp(-dt / MODEL_TIME)
+        inverse = np.linalg.inv(own + MIN_VARIANCE * np.eye(3))
+        self._vector = keep * self._vector + weight * (inverse @ self._new_vector)
+        self._matrix = keep * self._matrix + weight * (inverse @ self._new_matrix @ inverse)
+        self._forget_interval()
+        ratio = np.eye(3) + SPREAD @ self._matrix
+        change = np.linalg.solve(ratio, SPREAD @ self._vector)
+        if self._vector @ change - np.linalg.slogdet(ratio)[1] < EVIDENCE:
+            return None
+        self._restart()
+        return np.asarray(change, dtype=np.float64)
+
+    def replace(self, change: Array, covariance: Array) -> None:
+        """
+        Replace the errors of the ground by those (7, 7) of a ground that is ``change`` (7,) away.
+
+        What the errors so far have caused in the state moves with the ground.
+        """
+        kalman, own = self._kalman, self._kalman.P[GROUND, GROUND]
+        effect = kalman.P[:, GROUND] @ np.linalg.inv(own + MIN_VARIANCE * np.eye(len(own)))
+        effect[GROUND] = np.eye(len(own))
+        rest = np.eye(N)
+        rest[:, GROUND] -= effect
+        kalman.P[:] = rest @ kalman.P @ rest.T + effect @ covariance @ effect.T
+        x = np.array(kalman.x) + effect @ change
+        x[GROUND] = 0.0
+        kalman.x[:] = array('d', x)
+        self._forget_interval()
 
 
 class ForceBalance:
@@ -105,8 +160,10 @@ class ForceBalance:
 
     def __init__(self, robot: RobotParams, kalman: KalmanFilter) -> None:
         self._kalman, self._forces = kalman, TireForces(robot, kalman.P)
-        self._center_of_mass = tuple(map(
-            Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
+        self._prior = [
+            Uncertain(value, sigma * (value if row in LOGARITHMS else 1.0))
+            for row, (value, sigma) in enumerate(zip(UNKNOWN_GROUND, GROUND_SIGMAS[1:]), 1)]
+        self._prior += map(Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma)
         self._given: Sequence[float] = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
         self._before: Sequence[float] = self._given  # before a change that the filter has found
         self._change = GroundChange(kalman)
@@ -146,7 +203,7 @@ class ForceBalance:
         stiffness = ground.stiffness
         mu, resistance, share, ratio, *center = (
             one if math.isfinite(one.value) and math.isfinite(one.sigma) else prior
-            for one, prior in zip(reported, (*PRIORS, *self._center_of_mass)))
+            for one, prior in zip(reported, self._prior))
         given = (stiffness.value, mu.value, resistance.value, share.value, ratio.value,
                  *(one.value for one in center))
         sigmas = (stiffness.sigma / stiffness.value, mu.sigma / mu.value, resistance.sigma,
@@ -183,7 +240,7 @@ class ForceBalance:
         """
         if not self.active or imu.reading is None:
             return
-        if torques is not None and min(map(abs, self._rolling)) >= MIN_ROLLING_SPEED:
+        if torques is not None and min(map(abs, self._rolling)) >= MIN_SLIP_SPEED:
             self._correct_torques(imu.reading, torques, wheels, step)
         # the tires follow a change of speed between two samples before it is measured
         change = self._change.find(1.0 / (1.0 + (step / STEP_SPEED) ** 2), wheels.duration)
@@ -213,7 +270,7 @@ class ForceBalance:
         """Correct with an innovation of the forces; the ground too while it is followed."""
         kalman = self._kalman
         total = kalman.correct(y, h, variance, FOLLOWED if self.follows else SENSORS_HELD, shared)
-        self._change.add(kalman.ground, y, total)
+        self._change.add_innovation(kalman.ground, y, total)
         if self.follows:
             self._add_to_ground(kalman.x[SUDDEN])
             kalman.x[SUDDEN] = array('d', bytes(24))
@@ -229,7 +286,7 @@ class ForceBalance:
         self._change.age(dt)
         W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
         self._rolling = self._forces.rolling_speeds(x, W, residual)
-        if not self.active or min(map(abs, self._rolling)) < MIN_ROLLING_SPEED:
+        if not self.active or min(map(abs, self._rolling)) < MIN_SLIP_SPEED:
             return False
         expected = self._forces.balance(
             x, self._rolling, W, imu.yaw_accel, reading.force_x, reading.force_y)

@@ -68,6 +68,20 @@ GYRO_HELD = CONSIDERED.copy()
 GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z]] = 1.0
 
 
+class LearnedVariance:
+    """Exponential mean of a variance over ``time`` [s], from a prior standard deviation."""
+
+    def __init__(self, sigma: float, floor: float, time: float) -> None:
+        self._variance, self._floor, self._time = sigma ** 2, floor ** 2, time
+        self.variance = max(self._variance, self._floor)  # at least the square of the floor
+
+    def add_square(self, square: float, duration: float) -> None:
+        """Add a squared value that held for ``duration`` [s]."""
+        gain = min(duration / self._time, 1.0)
+        self._variance += gain * (square - self._variance)
+        self.variance = max(self._variance, self._floor)
+
+
 class StateRecorder(Protocol):
     """Records state transitions for the RTS smoother."""
 

@@ -80,8 +80,7 @@ class Noise(NamedTuple):
     slope: tuple[float, float]  # rad, of roll and pitch
     slip_common: float       # -, of the slip of both sides
     slip_difference: float   # -, of half the difference
-    icr: float               # m per sqrt(m), random walk of ICR_L, ICR_R
-    icr_x: float             # m per sqrt(m), of ICR_X
+    icr: float               # m per sqrt(rad), random walk of the ICRs
 
 
 @cython.ccall
@@ -212,8 +211,7 @@ class MotionModel:
         Q[GYRO_BIAS_Z, GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
         Q[ACCEL_BIAS_X, ACCEL_BIAS_X] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
         Q[ACCEL_BIAS_Y, ACCEL_BIAS_Y] = Q[ACCEL_BIAS_X, ACCEL_BIAS_X]
-        Q[ICR_X, ICR_X] = noise.icr_x ** 2 * abs(W) * dt
-        Q[ICR_L, ICR_L] = Q[ICR_R, ICR_R] = noise.icr ** 2 * abs(W) * dt
+        Q[ICR_X, ICR_X] = Q[ICR_L, ICR_L] = Q[ICR_R, ICR_R] = noise.icr ** 2 * abs(W) * dt
         return moved, self._jacobian, self._noise
 
     @cython.cfunc

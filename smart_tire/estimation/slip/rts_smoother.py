@@ -32,16 +32,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+import pickle
+import tempfile
+from typing import Any, IO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.block_spool import Spool
-from smart_tire.estimation.slip.output import OutputContext
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.slip.estimator import OutputContext
 
 BLOCK_SIZE = 1024      # transitions that become links together
+MAX_MEMORY = 1 << 26    # bytes before the file goes to disk; a few minutes of states fit
 REGULARIZATION = 1e-13  # share of each variance: keeps nearly equal states solvable
 
 
@@ -227,3 +230,50 @@ def compose_links(links: Links, group: NDArray[np.intp]) -> Links:
         C[longer] += first_G @ next_C @ first_G.transpose(0, 2, 1)
         G[longer] = first_G @ next_G
     return Links(G, c, C)
+
+
+class Spool:
+    """A temporary file, in memory while it is small; EstimatorError if the disk is full."""
+
+    def __init__(self) -> None:
+        self._file = _new_file()
+        self._end = 0
+
+    def close(self) -> None:
+        """Delete the file and its content."""
+        self._file.close()
+
+    def append(self, data: bytes, reserve: int = 0) -> int:
+        """Append ``data``, reserving at least ``reserve`` [bytes]; return its offset."""
+        offset = self._end
+        self.replace(offset, data)
+        self._end += max(len(data), reserve)
+        return offset
+
+    def append_items(self, items: Sequence[Any]) -> int:
+        """Append any picklable items; return their offset."""
+        return self.append(pickle.dumps(items, pickle.HIGHEST_PROTOCOL))
+
+    def replace(self, offset: int, data: bytes) -> None:
+        """Overwrite the block at ``offset`` with ``data``, which must fit what was reserved."""
+        try:
+            self._file.seek(offset)
+            self._file.write(data)
+        except OSError as error:
+            raise EstimatorError(
+                f'cannot write {offset + len(data)} bytes to {tempfile.gettempdir()} '
+                f'({error.strerror}); set TMPDIR to a larger directory') from error
+
+    def read(self, offset: int, size: int) -> bytes:
+        """Return ``size`` bytes from ``offset``."""
+        self._file.seek(offset)
+        return self._file.read(size)
+
+    def items(self, offset: int) -> Any:
+        """Return the items at ``offset``, as written by ``append_items``."""
+        self._file.seek(offset)
+        return pickle.load(self._file)
+
+
+def _new_file() -> IO[bytes]:
+    return tempfile.SpooledTemporaryFile(max_size=MAX_MEMORY, prefix='smart_tire_')

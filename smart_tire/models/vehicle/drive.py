@@ -23,6 +23,7 @@ body. Torques, speeds and currents are positive driving forward. Arguments broad
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -30,6 +31,9 @@ import numpy as np
 from smart_tire.arrays import Array, ArrayLike
 
 DRY_FRICTION_SPEED = 0.02  # m/s at the circumference, below it dry friction is linear
+TORQUE_NOISE = 0.05    # N m, of one measurement of a motor torque: ripple; small robots, assumed
+TORQUE_OFFSET = 0.02   # N m, lasting error of a measured torque, assumed ...
+FRICTION_ERROR = 0.1   # ... and that of the friction of its gear, relative
 SIGNED = 'signed'  # current_sign: positive as a positive duty drives; otherwise as the duty does
 
 
@@ -51,6 +55,11 @@ class Losses(Protocol):
     @property
     def inertia(self) -> float:
         """Return the inertia J of wheel, gear and rotor about the wheel axis [kg m2]."""
+
+
+def torque_errors(losses: Losses) -> tuple[float, float]:
+    """Return the noise and the lasting error [N m] of a measured motor torque, both sigmas."""
+    return TORQUE_NOISE, math.hypot(TORQUE_OFFSET, FRICTION_ERROR * losses.coulomb_friction)
 
 
 def friction_torque(speed: ArrayLike, load: ArrayLike, losses: Losses, radius: float) -> Array:

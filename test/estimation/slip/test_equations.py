@@ -22,10 +22,9 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip import kalman, motion, tire_forces
-from smart_tire.estimation.slip.filter import initial_state
 from smart_tire.estimation.slip.kalman import GYRO_HELD, SENSORS_HELD
 from smart_tire.estimation.slip.motion import MotionModel, wheel_slip_ratio
-from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, initial_state, N, State
 from smart_tire.estimation.slip.tire_forces import brush_force, TireForces
 from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.models.vehicle.tire_forces import wheel_forces
@@ -35,7 +34,7 @@ from support.compiled import load_source
 PARAMS = SlipEstimatorParams()
 ROBOT = PARAMS.robot
 GROUND = (52.7, 0.47, 0.015, 0.5, 0.9, 0.005, -0.003)  # in the order of State, mu and C_x as such
-NOISE = motion.Noise((0.01, 0.02), 0.02, 0.01, 0.002, 0.003)
+NOISE = motion.Noise((0.01, 0.02), 0.02, 0.01, 0.002)
 RESIDUAL = (0.01, -0.01, 0.02, 0.0)
 MOVING = {State.YAW: 0.7, State.ROLL: 0.01, State.PITCH: -0.02, State.V_X: 0.6, State.V_Y: -0.05,
           State.GYRO_BIAS_Z: 0.01, State.ACCEL_BIAS_X: 0.05, State.SLIP_VEL_L: 0.04,

@@ -22,10 +22,9 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.ground import MotorTorques
-from smart_tire.estimation.slip.ground_change import GroundChange, SUDDEN
+from smart_tire.estimation.slip.ground import GroundChange, MotorTorques
 from smart_tire.estimation.slip.kalman import KalmanFilter
-from smart_tire.estimation.slip.state import GROUND, N, State
+from smart_tire.estimation.slip.state import GROUND, N, State, SUDDEN
 from smart_tire.estimation.slip.tire_forces import brush_force
 from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
@@ -53,7 +52,7 @@ def found(rise, samples=40, seed=3, sign=1.0):
     effect = np.array([0.3, 0.1, -9.81])
     for i in range(samples):
         y = effect[2] * rise + 0.3 * rng.standard_normal()
-        change.add(kalman.P[SUDDEN, SUDDEN] @ effect, sign * y, 0.09)
+        change.add_innovation(kalman.P[SUDDEN, SUDDEN] @ effect, sign * y, 0.09)
         if i % 8 == 7:
             result = change.find(1.0, PERIOD)
             if result is not None:
@@ -80,7 +79,7 @@ def test_innovations_without_weight_and_old_ones_are_no_evidence():
 
     def add():
         for _ in range(20):
-            change.add(kalman.P[SUDDEN, SUDDEN] @ [0.0, 0.0, -9.81], -0.5, 0.09)
+            change.add_innovation(kalman.P[SUDDEN, SUDDEN] @ [0.0, 0.0, -9.81], -0.5, 0.09)
 
     add()
     assert change.find(0.0, PERIOD) is None

@@ -17,7 +17,7 @@
 import math
 
 import pytest
-from smart_tire.estimation.slip.imu_input import ImuInput
+from smart_tire.estimation.slip.inputs import ImuInput
 from smart_tire.parameters import build, RobotParams
 from smart_tire.samples import ImuSample
 
@@ -33,7 +33,7 @@ def last_forces(amplitude):
         shake = amplitude * math.sin(2.0 * math.pi * 5.0 * time)
         sample = ImuSample(round(1e9 * time),
                            (MOTION * (time > 1.0) + shake, 0.0, 9.81 + shake), (0.0, 0.0, 0.0))
-        reading = imu.add(time, sample)
+        reading = imu.add_sample(time, sample)
         if last is not None:
             forces.append(imu.step(last[0], [last, (time, reading)]).mean.force_x)
         last = time, reading

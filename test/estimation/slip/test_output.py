@@ -21,9 +21,8 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.filter import initial_state
-from smart_tire.estimation.slip.output import OutputContext, SlipOutputBuilder
-from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, State
+from smart_tire.estimation.slip.estimator import OutputContext, SlipOutputBuilder
+from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, initial_state, State
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Icr, WheelSlip
 

@@ -21,7 +21,7 @@ import math
 
 import pytest
 
-from smart_tire.estimation.slip.wheel_odometry import WheelOdometry
+from smart_tire.estimation.slip.inputs import WheelOdometry
 from smart_tire.parameters import JointParams, RobotParams
 from smart_tire.samples import WheelSample
 
@@ -35,8 +35,8 @@ def sample(velocity, position=None):
 
 def test_positions_give_the_mean_speed_over_the_gap():
     odometry = WheelOdometry(ROBOT)
-    odometry.update(0.0, sample(10.0, 0.0))
-    speeds = odometry.update(0.5, sample(10.4, 5.1))
+    odometry.add_sample(0.0, sample(10.0, 0.0))
+    speeds = odometry.add_sample(0.5, sample(10.4, 5.1))
     assert speeds.side_speeds == pytest.approx((10.2 * R, 10.2 * R))
     assert speeds.duration == 0.5 and speeds.from_positions
 
@@ -44,49 +44,49 @@ def test_positions_give_the_mean_speed_over_the_gap():
 def test_velocities_describe_one_period_after_a_lost_message():
     odometry = WheelOdometry(ROBOT)
     for k in range(20):
-        speeds = odometry.update(0.1 * k, sample(3.0))
+        speeds = odometry.add_sample(0.1 * k, sample(3.0))
     assert speeds.duration == pytest.approx(0.1) and not speeds.from_positions
-    speeds = odometry.update(0.1 * 25, sample(3.0))
+    speeds = odometry.add_sample(0.1 * 25, sample(3.0))
     assert speeds.duration < 0.2
     assert speeds.side_speeds == pytest.approx((3.0 * R, 3.0 * R))
 
 
 def test_an_encoder_reset_is_detected():
     odometry = WheelOdometry(ROBOT)
-    odometry.update(0.0, sample(10.0, 1000.0))
-    speeds = odometry.update(0.1, sample(10.0, 0.0))
+    odometry.add_sample(0.0, sample(10.0, 1000.0))
+    speeds = odometry.add_sample(0.1, sample(10.0, 0.0))
     assert odometry.position_jumps == 1
     assert speeds.side_speeds == pytest.approx((10.0 * R, 10.0 * R)) and not speeds.from_positions
 
 
 def test_samples_that_are_not_newer_are_refused():
     odometry = WheelOdometry(ROBOT)
-    odometry.update(1.0, sample(1.0))
-    assert odometry.update(1.0, sample(1.0)) is None
-    assert odometry.update(0.5, sample(1.0)) is None
+    odometry.add_sample(1.0, sample(1.0))
+    assert odometry.add_sample(1.0, sample(1.0)) is None
+    assert odometry.add_sample(0.5, sample(1.0)) is None
 
 
 def test_wheel_residual_is_the_difference_from_the_mean_of_the_side():
     odometry = WheelOdometry(ROBOT)
     for k in range(30):
-        odometry.update(0.1 * k, WheelSample(0, (10.0, 5.0, 0.0, 5.0)))
+        odometry.add_sample(0.1 * k, WheelSample(0, (10.0, 5.0, 0.0, 5.0)))
     assert odometry.side_speeds == pytest.approx((5.0 * R, 5.0 * R))
     assert odometry.wheel_residual == pytest.approx((5.0 * R, 0.0, -5.0 * R, 0.0), abs=1e-6)
 
 
 def test_variance_is_that_of_quantization_at_both_ends():
     odometry = WheelOdometry(ROBOT)
-    odometry.update(0.0, sample(0.0, 0.0))
+    odometry.add_sample(0.0, sample(0.0, 0.0))
     count = math.tau / ROBOT.encoder.counts_per_revolution * R
-    variance = odometry.update(0.1, sample(0.0, 0.0)).variance
+    variance = odometry.add_sample(0.1, sample(0.0, 0.0)).variance
     assert variance == pytest.approx((count / 0.1) ** 2 / 12.0)
 
 
 def test_the_speed_of_a_side_is_that_of_its_measured_wheels():
     nan = math.nan
     odometry = WheelOdometry(ROBOT)
-    odometry.update(0.0, WheelSample(0, (10.0, nan, nan, 8.0), (0.0, nan, nan, 0.0)))
-    speeds = odometry.update(0.1, WheelSample(0, (10.0, nan, nan, 8.0), (1.1, nan, nan, 0.9)))
+    odometry.add_sample(0.0, WheelSample(0, (10.0, nan, nan, 8.0), (0.0, nan, nan, 0.0)))
+    speeds = odometry.add_sample(0.1, WheelSample(0, (10.0, nan, nan, 8.0), (1.1, nan, nan, 0.9)))
     assert speeds.side_speeds == pytest.approx((11.0 * R, 9.0 * R)) and speeds.from_positions
     assert speeds.wheel_speeds == pytest.approx((11.0 * R, 9.0 * R) * 2)
     assert odometry.wheel_residual == (0.0,) * 4
@@ -94,6 +94,6 @@ def test_the_speed_of_a_side_is_that_of_its_measured_wheels():
 
 def test_one_encoder_per_side_quantizes_with_twice_the_variance():
     single = replace(ROBOT, joints=JointParams(front_left='l', rear_left='', right='r'))
-    both, one = (WheelOdometry(robot).update(0.0, sample(1.0)).variance
+    both, one = (WheelOdometry(robot).add_sample(0.0, sample(1.0)).variance
                  for robot in (ROBOT, single))
     assert one == pytest.approx(2.0 * both) and both > 0.0

@@ -19,8 +19,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.state import ImuReading
-from smart_tire.estimation.slip.zero_velocity import BIAS_WINDOW, QUIET_TIME, ZeroVelocityDetector
+from smart_tire.estimation.slip.inputs import ZeroVelocityDetector
+from smart_tire.estimation.slip.state import BIAS_WINDOW, ImuReading, QUIET_TIME
 
 GYRO, ACCEL = 0.01, 0.05
 
@@ -28,7 +28,7 @@ GYRO, ACCEL = 0.01, 0.05
 def feed(detector, duration, *, rate=lambda t: 0.0, force=lambda t: 0.0, seed=0, start=0.0):
     rng = np.random.default_rng(seed)
     for time in np.arange(start, start + duration, 0.01):
-        detector.update(time, ImuReading(rate(time) + GYRO * rng.standard_normal(),
+        detector.add_reading(time, ImuReading(rate(time) + GYRO * rng.standard_normal(),
                                          force(time) + ACCEL * rng.standard_normal(),
                                          ACCEL * rng.standard_normal()))
     return start + duration

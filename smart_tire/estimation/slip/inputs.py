@@ -1,0 +1,331 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""IMU and wheel samples to what the slip filter takes: steps, side speeds, standstill."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+import math
+
+from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradicted
+from smart_tire.estimation.slip.state import (
+    BIAS_TREND_SIGMAS, BIAS_WINDOW, DRIVE_JERK, ImuReading, ImuStep, INITIAL_IMU_PERIOD,
+    INITIAL_WHEEL_PERIOD, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES,
+    PERIOD_GAIN, QUIET_NOISE_RATIO, QUIET_TIME, RESIDUAL_GAIN, TURN_TIME, UNWINDING_SHARE,
+    UNWINDING_TIME, VIBRATION_TIME, YAW_ACCEL_TIME)
+from smart_tire.parameters import RobotParams
+from smart_tire.rotation import matrix
+from smart_tire.samples import Four, ImuSample, WheelSample
+
+
+class ImuInput:
+    """
+    Rotates IMU samples into base axes, replaces spikes and integrates them over steps.
+
+    ``vibration`` is the standard deviation of the vertical force beyond the IMU's noise: planar
+    motion does not excite it, while rough ground vibrates all axes alike.
+    """
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._imu = robot.imu
+        self._rotation: list[list[float]] = matrix(*robot.imu.rotation).tolist()
+        self._last_was_spike = False
+        self._vertical: list[float] | None = None  # mean [m/s2] and variance of the force
+        self.time: float | None = None          # s, of the last sample
+        self.reading: ImuReading | None = None  # last one, or its substitute in a dropout
+        self.period = INITIAL_IMU_PERIOD            # s, smoothed
+        self.yaw_accel = 0.0                    # rad/s2, smoothed
+        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``TURN_TIME``
+        self._begin_rate = 0.0                  # rad/s, that at the begin of the step
+        self.force: tuple[float, float] | None = None  # m/s2, without vibration
+        self.spikes = 0                         # samples rejected as spikes
+        self.vibration = 0.0                    # m/s2
+
+    def add_sample(self, time: float, sample: ImuSample) -> ImuReading | None:
+        """Add a sample of ``time`` [s]; return its reading, None if it is not newer."""
+        if self.time is not None and time <= self.time:
+            return None
+        reading = self._without_spike(self._in_base_axes(sample))
+        dt = self.period if self.time is None else min(time - self.time, 1.0)
+        self._measure_vibration(sample.acceleration[2], dt)
+        if self.time is not None and self.reading is not None:
+            self.period += PERIOD_GAIN * (dt - self.period)
+            self.yaw_accel += dt / (dt + YAW_ACCEL_TIME) * (
+                (reading.yaw_rate - self.reading.yaw_rate) / dt - self.yaw_accel)
+        self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
+        self.time, self.reading = time, reading
+        return reading
+
+    def step(self, begin: float, readings: Sequence[tuple[float, ImuReading]]) -> ImuStep:
+        """
+        Return the mean over linearly interpolated ``readings`` with their times [s].
+
+        The first one is the last of the previous step, which ended at ``begin`` [s].
+        """
+        begin_rate, self._begin_rate = self._begin_rate, self.turn_rate
+        rate = x = y = shape = 0.0
+        for (_, (old_rate, old_x, old_y)), (time, (new_rate, new_x, new_y)) in zip(
+                readings, readings[1:]):
+            dt = time - begin
+            begin = time
+            rate += 0.5 * dt * (old_rate + new_rate)
+            x += 0.5 * dt * (old_x + new_x)
+            y += 0.5 * dt * (old_y + new_y)
+            # variance if the force changed stepwise at an unknown time between the samples
+            shape += dt * dt / 12.0 * max((new_x - old_x) ** 2, (new_y - old_y) ** 2)
+        duration = readings[-1][0] - readings[0][0]
+        period = duration / (len(readings) - 1)
+        own = self.force_variance * period
+        mean = ImuReading(rate / duration, *self._without_vibration(
+            x / duration, y / duration, duration, own))
+        return ImuStep(
+            duration, mean, self._imu.gyro_noise ** 2 * period, own + shape / duration,
+            begin_rate, self.turn_rate)
+
+    def _without_vibration(self, force_x: float, force_y: float, dt: float, density: float
+                           ) -> tuple[float, float]:
+        """
+        Return the force of the motion: the steady Kalman filter of a random walk in white noise.
+
+        Vibration and pitching that are integrated between wheel samples would be taken for motion.
+        """
+        time = math.sqrt(density) / DRIVE_JERK
+        gain = -math.expm1(-dt / time) if time > 0.0 else 1.0
+        x, y = self.force or (force_x, force_y)
+        self.force = x + gain * (force_x - x), y + gain * (force_y - y)
+        return self.force
+
+    @property
+    def force_variance(self) -> float:
+        """Return the variance [(m/s2)^2] of a horizontal force: noise and vibration."""
+        return self._imu.accel_noise ** 2 + self.vibration ** 2
+
+    def _measure_vibration(self, force: float, dt: float) -> None:
+        if self._vertical is None:
+            self._vertical = [force, 0.0]
+        mean, variance = self._vertical
+        gain = 1.0 - math.exp(-dt / VIBRATION_TIME)
+        self._vertical = [mean + gain * (force - mean),
+                          variance + gain * ((force - mean) ** 2 - variance)]
+        self.vibration = math.sqrt(max(
+            self._vertical[1] - 2.0 * self._imu.accel_noise ** 2, 0.0))
+
+    def _in_base_axes(self, sample: ImuSample) -> ImuReading:
+        x, y, z = self._rotation
+        return ImuReading(_dot(z, sample.rate), _dot(x, sample.acceleration),
+                          _dot(y, sample.acceleration))
+
+    def _without_spike(self, reading: ImuReading) -> ImuReading:
+        """Return ``reading``, or the previous one if this is a single spike, not an impact."""
+        last = self.reading
+        spike = last is not None and not self._last_was_spike and is_imu_spike(
+            reading.yaw_rate - last.yaw_rate, reading.force_x - last.force_x,
+            reading.force_y - last.force_y, self.vibration)
+        self._last_was_spike = spike
+        if last is None or not spike:
+            return reading
+        self.spikes += 1
+        return last
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSpeeds:
+    """Mean speeds over the period that ends at a wheel sample."""
+
+    duration: float                   # s
+    wheel_speeds: Four                # m/s, r w; that of the side for a wheel not measured
+    side_speeds: tuple[float, float]  # m/s, left and right
+    variance: float                   # (m/s)^2 of a side speed, due to quantization
+    from_positions: bool              # positions were differenced, so timestamp errors matter
+
+
+class WheelOdometry:
+    """
+    Differences positions, or takes velocities if there are no positions.
+
+    Velocities are means over the period that ends at the stamp: after a lost message they still
+    describe one period, while positions bridge the gap. The speed of a side is the mean of its
+    wheels that are measured.
+    """
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._radius = robot.wheel_radius  # m, effective rolling radius
+        self._count = 2.0 * math.pi / robot.encoder.counts_per_revolution * robot.wheel_radius
+        self._encoders = robot.joints.encoders_per_side
+        self._last: tuple[float, WheelSample] | None = None
+        self._period: float | None = None
+        self.side_speeds = (0.0, 0.0)                     # m/s, latest
+        self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
+        self.independent = False  # the sides differed once; otherwise both are only their mean
+        self.position_jumps = 0
+
+    @property
+    def started(self) -> bool:
+        """Return whether there has been a sample."""
+        return self._last is not None
+
+    def add_sample(self, time: float, sample: WheelSample) -> WheelSpeeds | None:
+        """Add a sample of ``time`` [s]; return the mean speeds, None if it is not newer."""
+        if self._last is None:
+            self._last = (time, sample)
+            return self._from_velocities(sample, INITIAL_WHEEL_PERIOD)
+        before, previous = self._last
+        if time <= before:
+            return None
+        gap, self._last = time - before, (time, sample)
+        self._period = gap if self._period is None else (
+            self._period + 0.1 * (min(gap, 2.0 * self._period) - self._period))
+        speeds = self._position_differences(previous, sample, gap)
+        if speeds is not None and gap < MAX_SAMPLE_GAP:
+            return self._mean_speeds(gap, speeds, from_positions=True)
+        return self._from_velocities(sample, min(gap, 1.5 * self._period))
+
+    def _position_differences(self, previous: WheelSample, sample: WheelSample,
+                              gap: float) -> Four | None:
+        if previous.position is None or sample.position is None:
+            return None
+        rates = [(new - old) / gap for old, new in zip(previous.position, sample.position)]
+        if any(map(is_speed_contradicted, rates, sample.velocity)):
+            self.position_jumps += 1
+            return None
+        return tuple(self._radius * rate for rate in rates)  # type: ignore[return-value]
+
+    def _from_velocities(self, sample: WheelSample, duration: float) -> WheelSpeeds:
+        speeds: Four = tuple(self._radius * w for w in sample.velocity)  # type: ignore[assignment]
+        return self._mean_speeds(duration, speeds, from_positions=False)
+
+    def _mean_speeds(self, duration: float, speeds: Four, from_positions: bool) -> WheelSpeeds:
+        left, right = _side_mean(speeds[0], speeds[2]), _side_mean(speeds[1], speeds[3])
+        speeds = tuple(side if math.isnan(speed) else speed  # type: ignore[assignment]
+                       for speed, side in zip(speeds, (left, right) * 2))
+        self.side_speeds = left, right
+        self.independent = self.independent or left != right
+        self.wheel_residual = tuple(  # type: ignore[assignment]
+            old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)
+            for i, old in enumerate(self.wheel_residual))
+        # both ends are uniform over a count; a side is the mean of its encoders
+        variance = (self._count / duration) ** 2 / (6.0 * self._encoders)
+        return WheelSpeeds(duration, speeds, self.side_speeds, variance, from_positions)
+
+
+@dataclass(frozen=True, slots=True)
+class StationaryInterval:
+    """The present standstill, up to now."""
+
+    rate: float             # rad/s, mean of the measured rate about z
+    sigma: float            # rad/s, of that mean, due to noise
+    unwinding_sigma: float  # rad/s, of a residual yaw motion, correlated over about a second
+    duration: float         # s
+    rate_settled: bool      # the yaw rate is constant, so that it is the gyro bias
+
+
+class ZeroVelocityDetector:
+    """
+    Detects standstill: stationary wheels and a quiet IMU for some time.
+
+    A robot pushed at constant speed with locked wheels satisfies both; the caller must also check
+    that the estimated speed is small, or that standstill has lasted.
+    """
+
+    def __init__(self, gyro_noise: float, accel_noise: float) -> None:
+        self._noise = gyro_noise
+        self._limits = (QUIET_NOISE_RATIO * gyro_noise, *(QUIET_NOISE_RATIO * accel_noise,) * 2)
+        self._window: deque[tuple[float, ImuReading]] = deque()
+        self._rates: deque[float] = deque()  # rad/s, those of the window
+        self._quiet_since: float | None = None
+        self._last_turn: tuple[float, float] | None = None  # time [s] and yaw rate [rad/s]
+
+    def add_reading(self, time: float, reading: ImuReading) -> None:
+        """Add an IMU reading at ``time`` [s]."""
+        window = self._window
+        window.append((time, reading))
+        self._rates.append(reading.yaw_rate)
+        while window[0][0] < time - BIAS_WINDOW:
+            window.popleft()
+            self._rates.popleft()
+
+    def detect(self, time: float, wheel_speed: float) -> StationaryInterval | None:
+        """
+        Return the standstill that lasts at ``time`` [s], None if the robot moves.
+
+        To be called at each wheel sample; ``wheel_speed`` [m/s] is that of the fastest wheel.
+        """
+        rolling = wheel_speed >= MAX_STATIONARY_WHEEL_SPEED
+        if rolling or not self._is_quiet():
+            self._quiet_since = None
+            if rolling and self._window:
+                self._last_turn = time, self._peak_yaw_rate()
+            return None
+        if self._quiet_since is None:
+            self._quiet_since = time
+        duration = time - self._quiet_since
+        rates = list(self._rates)
+        half = len(rates) // 2
+        trend = abs(_mean(rates[half:]) - _mean(rates[:half]))
+        settled = duration >= BIAS_WINDOW - QUIET_TIME and (
+            trend < BIAS_TREND_SIGMAS * 2.0 * self._noise / math.sqrt(len(rates)))
+        return StationaryInterval(_mean(rates), self._noise / math.sqrt(len(rates)),
+                                  self._unwinding_sigma(time), duration, settled)
+
+    def _peak_yaw_rate(self) -> float:
+        """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""
+        latest = abs(_mean(self._rates))
+        if self._last_turn is None:
+            return latest
+        time, rate = self._last_turn
+        return max(latest, rate * math.exp((time - self._window[-1][0]) / BIAS_WINDOW))
+
+    def _unwinding_sigma(self, time: float) -> float:
+        """
+        Return the standard deviation [rad/s] of the yaw rate that remains after a stop.
+
+        Tires that were twisted in a turn unwind after the wheels have stopped: the IMU is quiet
+        and the yaw rate small, but not zero.
+        """
+        if self._last_turn is None:
+            return 0.0
+        since, rate = self._last_turn
+        return UNWINDING_SHARE * rate * math.exp((since - time) / UNWINDING_TIME)
+
+    def _is_quiet(self) -> bool:
+        newest = self._window[-1][0] if self._window else 0.0
+        recent = [reading for time, reading in self._window if time >= newest - QUIET_TIME]
+        if len(recent) < MIN_QUIET_SAMPLES or newest - self._window[0][0] < 0.75 * QUIET_TIME:
+            return False
+        return all(_standard_deviation(column) < limit
+                   for column, limit in zip(zip(*recent), self._limits))
+
+
+def _dot(row: Sequence[float], vector: Sequence[float]) -> float:
+    return row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2]
+
+
+def _side_mean(front: float, rear: float) -> float:
+    """Return the mean speed of a side; NaN is a wheel that is not measured."""
+    if math.isnan(front) or math.isnan(rear):
+        return rear if math.isnan(front) else front
+    return 0.5 * (front + rear)
+
+
+def _mean(values: Collection[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _standard_deviation(values: Sequence[float]) -> float:
+    mean = _mean(values)
+    return math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))
