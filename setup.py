@@ -16,15 +16,15 @@
 
 from glob import glob
 import os
+from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.errors import CompileError
 
 PACKAGE = 'smart_tire'
-NODES = (
-    'tire_receiver', 'imu_driver', 'motor_driver', 'slip_estimator', 'friction_estimator',
-    'wheel_controller', 'trajectory_controller', 'robot_simulator')
+NODES = [path.stem for path in sorted(Path(PACKAGE, 'nodes').glob('*.py'))
+         if '\ndef main() -> int:' in path.read_text(encoding='utf-8')]
 COMPILED = ('smart_tire/estimation/ground/body_model.py',
             'smart_tire/estimation/slip/kalman.py', 'smart_tire/estimation/slip/motion.py',
             'smart_tire/estimation/slip/tire_forces.py')

@@ -23,9 +23,11 @@ from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
     boolean, check_arguments, file, hold_interrupts, is_described, text, viewer)
+from smart_tire.parameters import FILES as PARAMETER_FILES
 
-NODES = ('tire_receiver', 'imu_driver', 'friction_estimator', 'wheel_controller',
-         'trajectory_controller')
+SPECIAL = ('motor_driver', 'slip_estimator')  # started in another way
+NODES = [node for file in ('hardware.yaml', 'tuning.yaml') for node in PARAMETER_FILES[file]
+         if node not in SPECIAL]
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'hardware': 'drivers and ports',

@@ -36,7 +36,7 @@ from typing import Any
 
 from serial.tools import list_ports
 
-from smart_tire.drivers.imu_receiver import PROTOCOLS
+from smart_tire.drivers.sample_stream import IMU_PROTOCOLS
 from smart_tire.drivers.serial_port import open_port, PORT_ERRORS
 from smart_tire.errors import FrameError, LinkError
 from smart_tire.findings import Finding, Level
@@ -190,7 +190,7 @@ def _tried(scanned: ScannedPort, baud_rate: int, ask: bool) -> ScannedPort:
 def identify(data: bytes) -> tuple[str, list[Any]]:
     """Return protocol and decoded frames in ``data``; '' if it is none of these."""
     found = {name: _decoded(protocol.deframer(), data, protocol.decode)
-             for name, protocol in PROTOCOLS.items()}
+             for name, protocol in IMU_PROTOCOLS.items()}
     found[TIRE_RADIO] = _decoded(XBeeDeframer(), data, _sensor_node)
     name = max(found, key=lambda name: len(found[name]))
     return (name, found[name]) if len(found[name]) >= MIN_FRAMES else ('', [])
@@ -322,6 +322,6 @@ def _remedy(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) ->
     if port.problem.startswith('no permission'):
         group = port.problem.rpartition(' ')[2]
         return f'sudo usermod -aG {group} $USER, then log in again'
-    if one.node == 'imu_driver' and port.protocol in PROTOCOLS:
+    if one.node == 'imu_driver' and port.protocol in IMU_PROTOCOLS:
         return f'set protocol: {port.protocol}'
     return 'plug it in, or correct port'

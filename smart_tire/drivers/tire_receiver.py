@@ -20,7 +20,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from smart_tire.drivers.clock_sync import ClockSync, MAX_LATE_ARRIVAL
-from smart_tire.drivers.frame_receiver import FrameReceiver
+from smart_tire.drivers.sample_stream import FrameReceiver
 from smart_tire.errors import FrameError
 from smart_tire.protocol.tire_payload import (
     decode_batch, MAX_CODE, SEQUENCE_WRAP, TIMER_WRAP_US, TireBatch, volts)

@@ -22,7 +22,8 @@ import threading
 import time
 from typing import Any, Protocol, TypeVar
 
-from smart_tire.drivers.serial_port import SerialPort
+from smart_tire.drivers.sample_stream import Protocol as DeviceProtocol, SampleStream
+from smart_tire.drivers.serial_port import read_loop, SerialPort
 from smart_tire.nodes.base import MAX_INPUT_AGE, SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S
@@ -167,6 +168,31 @@ class DriverNode(SmartTireNode[Params]):
         if skipped > self._skipped_reported:
             status.warn(f'{skipped - self._skipped_reported} bytes skipped')
         self._skipped_reported = skipped
+
+
+class SampleDriver(DriverNode[Params]):
+    """A node whose device sends samples of one kind, such as an IMU."""
+
+    def __init__(self, name: str, params_class: type[Params], topic: str,
+                 protocol: Callable[[Params], DeviceProtocol]) -> None:
+        super().__init__(name, params_class)
+        params: Any = self.params
+        self._stream = SampleStream(protocol(self.params), nanoseconds(params.latency))
+        self._publish = self.make_publisher(topic)
+        self.connect(self._stream, self._read_port)
+
+    def _read_port(self, port: Any, stopping: threading.Event) -> None:
+        self._stream.reset_clocks()
+        read_loop(port, stopping, self._on_bytes)
+
+    def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
+        for sample in self._stream.receive(chunk, receive_ns):
+            self._publish(sample)
+
+    def fill_status(self, status: Status) -> None:
+        """Add the source of timestamps."""
+        super().fill_status(status)
+        status.values['stamps'] = self._stream.timestamp_source
 
 
 def nanoseconds(seconds: float) -> int:

@@ -17,18 +17,15 @@
 from __future__ import annotations
 
 import sys
-import threading
-from typing import Any
 
-from smart_tire.drivers.imu_receiver import ImuStream
-from smart_tire.drivers.serial_port import read_loop
+from smart_tire.drivers.sample_stream import IMU_PROTOCOLS
 from smart_tire.nodes.base import run
 from smart_tire.nodes.diagnostics import Status
-from smart_tire.nodes.driver import DriverNode, nanoseconds
+from smart_tire.nodes.driver import SampleDriver
 from smart_tire.parameters import ImuDriverParams
 
 
-class ImuDriver(DriverNode[ImuDriverParams]):
+class ImuDriver(SampleDriver[ImuDriverParams]):
     """
     Publishes IMU samples in REP-103 axes, stamped by the device clock if frames contain it.
 
@@ -37,25 +34,14 @@ class ImuDriver(DriverNode[ImuDriverParams]):
     """
 
     def __init__(self) -> None:
-        super().__init__('imu_driver', ImuDriverParams)
-        self._stream = ImuStream(self.params.protocol, nanoseconds(self.params.latency))
-        self._publish = self.make_publisher('imu/data')
-        self.connect(self._stream, self._read_port)
-
-    def _read_port(self, port: Any, stopping: threading.Event) -> None:
-        self._stream.reset_clocks()
-        read_loop(port, stopping, self._on_bytes)
-
-    def _on_bytes(self, chunk: bytes, receive_ns: int) -> None:
-        for sample in self._stream.receive(chunk, receive_ns):
-            self._publish(sample)
+        super().__init__('imu_driver', ImuDriverParams, 'imu/data',
+                         lambda params: IMU_PROTOCOLS[params.protocol])
 
     def fill_status(self, status: Status) -> None:
-        """Add protocol, axes and the source of timestamps."""
+        """Add protocol and axes."""
         super().fill_status(status)
         status.values.update(
-            protocol=self.params.protocol, axes=self._stream.protocol.axes,
-            stamps=self._stream.timestamp_source)
+            protocol=self.params.protocol, axes=IMU_PROTOCOLS[self.params.protocol].axes)
 
 
 def main() -> int:

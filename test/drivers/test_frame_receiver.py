@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.drivers.frame_receiver import FrameReceiver
+from smart_tire.drivers.sample_stream import FrameReceiver
 from smart_tire.errors import FrameError
 from smart_tire.protocol.xbee import encode_frame, XBeeDeframer
 

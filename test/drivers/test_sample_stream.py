@@ -21,7 +21,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.drivers.imu_receiver import ImuStream
+from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.samples import ImuSample
 
@@ -41,13 +41,18 @@ def frame(protocol, index):
     return vectornav_ascii.encode_sentence(vectornav_ascii.encode_ymr(SAMPLE))
 
 
+def imu_stream(protocol, latency_ns=0):
+    """Return the stream of an IMU."""
+    return SampleStream(IMU_PROTOCOLS[protocol], latency_ns)
+
+
 every_protocol = pytest.mark.parametrize(
     'protocol', ['vectornav_binary', 'vectornav_ascii', 'xsens'])
 
 
 @every_protocol
 def test_samples_have_rep_103_axes_and_the_time_of_measurement(protocol):
-    stream, rng, rows = ImuStream(protocol, latency_ns=2_000_000), np.random.default_rng(1), []
+    stream, rng, rows = imu_stream(protocol, latency_ns=2_000_000), np.random.default_rng(1), []
     for index in range(600):  # Xsens: its time wraps in the first second
         true_ns = HOST_NS + index * PERIOD_NS
         arrival_ns = true_ns + 2_000_000 + round(rng.exponential(1e6))
@@ -63,7 +68,7 @@ def test_samples_have_rep_103_axes_and_the_time_of_measurement(protocol):
 
 @every_protocol
 def test_frames_are_found_in_chunks_of_any_size(protocol):
-    stream, data = ImuStream(protocol), b''.join(frame(protocol, index) for index in range(6))
+    stream, data = imu_stream(protocol), b''.join(frame(protocol, index) for index in range(6))
     samples = [sample for start in range(0, len(data), 7)
                for sample in stream.receive(data[start:start + 7], HOST_NS + start)]
     assert len(samples) == 6
@@ -72,7 +77,7 @@ def test_frames_are_found_in_chunks_of_any_size(protocol):
 def test_the_source_of_the_timestamps_is_reported():
     sources = {}
     for protocol in ('vectornav_binary', 'vectornav_ascii'):
-        stream = ImuStream(protocol)
+        stream = imu_stream(protocol)
         list(stream.receive(frame(protocol, 0), HOST_NS))
         sources[protocol] = stream.timestamp_source
     assert sources['vectornav_binary'] == 'device clock'
@@ -80,7 +85,7 @@ def test_the_source_of_the_timestamps_is_reported():
 
 
 def test_a_binary_frame_without_device_time_gets_its_arrival_time():
-    stream = ImuStream('vectornav_binary')
+    stream = imu_stream('vectornav_binary')
     fields = vectornav.Field.ANGULAR_RATE | vectornav.Field.ACCEL
     body = vectornav.encode_binary(0, SAMPLE, fields)
     (sample,) = stream.receive(vectornav.encode_frame(body), HOST_NS)
@@ -89,7 +94,7 @@ def test_a_binary_frame_without_device_time_gets_its_arrival_time():
 
 
 def test_nan_is_rejected():
-    stream = ImuStream('vectornav_binary')
+    stream = imu_stream('vectornav_binary')
     body = vectornav.encode_binary(0, ImuSample(0, (float('nan'), 0.0, 0.0), (0.0, 0.0, 0.0)))
     chunk = vectornav.encode_frame(body) + frame('vectornav_binary', 1)
     assert len(list(stream.receive(chunk, HOST_NS))) == 1
@@ -116,7 +121,7 @@ def nasty_frame(protocol, rng):
 
 @every_protocol
 def test_frames_with_invalid_numbers_are_rejected_and_decoding_continues(protocol):
-    stream, rng = ImuStream(protocol), np.random.default_rng(3)
+    stream, rng = imu_stream(protocol), np.random.default_rng(3)
     for index in range(300):
         assert list(stream.receive(nasty_frame(protocol, rng), HOST_NS + index)) == []
     assert (stream.frames_ok, stream.frames_bad) == (0, 300)
@@ -125,7 +130,7 @@ def test_frames_with_invalid_numbers_are_rejected_and_decoding_continues(protoco
 
 @every_protocol
 def test_garbage_between_frames_is_counted(protocol):
-    stream = ImuStream(protocol)
+    stream = imu_stream(protocol)
     garbage = np.random.default_rng(2).bytes(500)
     chunk = frame(protocol, 0) + garbage + frame(protocol, 1) + frame(protocol, 2)
     assert len(list(stream.receive(chunk, HOST_NS))) == 3
@@ -133,7 +138,7 @@ def test_garbage_between_frames_is_counted(protocol):
 
 
 def test_damaged_sentences_advance_the_message_count():
-    stream, stamps = ImuStream('vectornav_ascii'), []
+    stream, stamps = imu_stream('vectornav_ascii'), []
     for index in range(400):
         data = frame('vectornav_ascii', index)
         if index % 10 == 9:
@@ -145,7 +150,7 @@ def test_damaged_sentences_advance_the_message_count():
 
 
 def test_clocks_are_reset_when_the_port_is_reopened():
-    stream = ImuStream('vectornav_ascii')
+    stream = imu_stream('vectornav_ascii')
     for index in range(50):
         list(stream.receive(frame('vectornav_ascii', index), HOST_NS + index * PERIOD_NS))
     stream.reset_clocks()

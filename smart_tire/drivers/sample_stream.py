@@ -12,56 +12,91 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Receiver of an IMU: bytes in, samples with the host time of their measurement out."""
+"""Receivers of byte streams: frames are counted, samples get the host time of measurement."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 from smart_tire.drivers.clock_sync import ArrivalTimestamps, ClockSync
-from smart_tire.drivers.frame_receiver import FrameReceiver
+from smart_tire.errors import FrameError
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.deframer import Deframer
-from smart_tire.samples import ImuSample
 
-Decoder = Callable[[bytes], tuple[int | None, ImuSample]]
+Item = TypeVar('Item')
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """Frames, decoder and axes of one IMU protocol."""
+    """Frames of a device, each with one sample, and their decoder."""
 
     deframer: Callable[[], Deframer]
-    decode: Decoder
-    wrap_ns: int  # modulus of the device time, 0 if it does not wrap
-    axes: str     # axes of the device and their conversion to REP-103, for the diagnostics
+    decode: Callable[[bytes], tuple[int | None, Any]]  # body -> device time [ns], sample
+    wrap_ns: int = 0  # modulus of the device time, 0 if it does not wrap
+    axes: str = ''    # axes of the device and their conversion to REP-103, for the diagnostics
 
 
 FLIPPED_AXES = 'x forward, y right, z down on the device: y and z negated'
-PROTOCOLS = {
+IMU_PROTOCOLS = {
     'vectornav_binary': Protocol(
-        vectornav.BinaryDeframer, vectornav.decode_binary, 0, FLIPPED_AXES),
+        vectornav.BinaryDeframer, vectornav.decode_binary, axes=FLIPPED_AXES),
     'vectornav_ascii': Protocol(
-        vectornav_ascii.AsciiDeframer, vectornav_ascii.decode_ymr, 0, FLIPPED_AXES),
+        vectornav_ascii.AsciiDeframer, vectornav_ascii.decode_ymr, axes=FLIPPED_AXES),
     'xsens': Protocol(
         xsens.XsensDeframer, xsens.decode_imu, xsens.SAMPLE_TIME_WRAP_NS,
         'x forward, y left, z up on the device: unchanged'),
 }
 
 
-class ImuStream(FrameReceiver):
+class FrameReceiver:
+    """Base of the receivers: splits a byte stream into frames and counts good and bad ones."""
+
+    def __init__(self, deframer: Deframer) -> None:
+        self.frames_ok = 0
+        self.last_ok_ns = 0   # host clock, when the latest good frame arrived
+        self.rejected = 0     # intact frames with invalid or unexpected content
+        self.last_error = ''  # why the latest one was rejected
+        self._deframer = deframer
+
+    @property
+    def frames_bad(self) -> int:
+        """Return how many frames were damaged or rejected."""
+        return self._deframer.bad_frames + self.rejected
+
+    @property
+    def bytes_skipped(self) -> int:
+        """Return how many bytes did not belong to an intact frame."""
+        return self._deframer.skipped_bytes
+
+    def _decoded(self, chunk: bytes, receive_ns: int,
+                 decode: Callable[[bytes], Item]) -> Iterator[Item]:
+        """Yield the decoded frames that ``chunk`` completes; reject those with a FrameError."""
+        for body in self._deframer.extract(chunk):
+            try:
+                item = decode(body)
+            except FrameError as error:
+                self.rejected += 1
+                self.last_error = str(error)
+                continue
+            self.frames_ok += 1
+            self.last_ok_ns = receive_ns
+            yield item
+
+
+class SampleStream(FrameReceiver):
     """
-    Decodes the byte stream of one IMU and assigns host timestamps.
+    Decodes the byte stream of a device, such as an IMU, and assigns host timestamps.
 
     Timestamps follow the device clock if the frames contain its time, otherwise the regularized
     arrival times. ``latency_ns`` is subtracted from them: the minimum time from the measurement
     to the arrival of the frame's last byte.
     """
 
-    def __init__(self, protocol: str, latency_ns: int = 0) -> None:
-        self.protocol = PROTOCOLS[protocol]
-        super().__init__(self.protocol.deframer())
+    def __init__(self, protocol: Protocol, latency_ns: int = 0) -> None:
+        super().__init__(protocol.deframer())
+        self.protocol = protocol
         self.timestamp_source = 'none yet'
         self._latency_ns = latency_ns
         self._bad_before = 0
@@ -73,7 +108,7 @@ class ImuStream(FrameReceiver):
         self._arrival_clock = ArrivalTimestamps()
         self._device_ns = 0  # of the last frame, unwrapped
 
-    def receive(self, chunk: bytes, receive_ns: int) -> Iterator[ImuSample]:
+    def receive(self, chunk: bytes, receive_ns: int) -> Iterator[Any]:
         """Take bytes that arrived at ``receive_ns`` and yield the samples they complete."""
         for device_ns, sample in self._decoded(chunk, receive_ns, self.protocol.decode):
             stamp_ns = self._stamp(device_ns, receive_ns) - self._latency_ns
