@@ -23,10 +23,11 @@ from typing import Any
 
 from smart_tire.analysis.calibrate_robot import (
     ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange)
-from smart_tire.analysis.calibrate_tire import gain_parameters, identify_gains
+from smart_tire.analysis.calibrate_tire import gain_parameters, read_crossings
 from smart_tire.analysis.calibration_figures import write_icr, write_motor, write_stiffness
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
+from smart_tire.calibration.film_gains import identify_gains
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.sequence import calibrate, Calibration, Inputs, REST, STRAIGHT, TURNS
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
@@ -71,8 +72,8 @@ def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: boo
     films = [path for path in bags_of(bags, TURNS) if has_films(path, names)]
 
     def gains(known: RobotParams) -> list[Identified]:
-        found = gain_parameters(identify_gains(films, known, TimeRange(), names),
-                                known)
+        found = gain_parameters(identify_gains(
+            [read_crossings(film, known, TimeRange(), names) for film in films], known), known)
         return [item for item in found if _determined(item)]
 
     found = calibrate(Inputs(**{step: of(step) for step in (*PARTS, 'lifted')}), robot,

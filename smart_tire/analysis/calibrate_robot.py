@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Calibration of a robot from bags: geometry, IMU, encoder latency and ICR."""
+"""Recordings for the calibrations, read from bags."""
 
 from __future__ import annotations
 
@@ -25,11 +25,8 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Instants
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
-from smart_tire.calibration import geometry, turning
-from smart_tire.calibration.geometry import Geometry
 from smart_tire.calibration.recording import (
     DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
-from smart_tire.calibration.turning import IcrFit
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import RobotParams
@@ -51,33 +48,15 @@ class TimeRange:
     until: float = math.inf
 
 
-def identify_geometry(path: Path, robot: RobotParams, *, since: float = 0.0,
-                      until: float = math.inf, reference: str = NO_REFERENCE,
-                      names: TopicNames = STANDARD_NAMES) -> Geometry:
-    """
-    Return the geometry identified from the bag at ``path`` between ``since`` and ``until`` [s].
-
-    ``reference`` is the topic of reference poses; by default none is used, and ``ANY_REFERENCE``
-    is the first of ``REFERENCES`` that is recorded. ``names`` are topics with other names in the
-    bag. Raises BagError if the bag cannot be read, EstimatorError if it lacks the inputs.
-    """
-    recording = read_recording(path, robot, TimeRange(since, until), reference, names=names)
-    return geometry.identify_geometry(recording, robot)
-
-
-def identify_icr(path: Path, robot: RobotParams, *, since: float = 0.0, until: float = math.inf,
-                 reference: str = NO_REFERENCE, names: TopicNames = STANDARD_NAMES) -> IcrFit:
-    """Return S from the bag at ``path``; EstimatorError if S is not observable."""
-    recording = read_recording(path, robot, TimeRange(since, until), reference, names=names)
-    return turning.identify_icr(recording, robot)
-
-
 def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
                    reference: str = NO_REFERENCE, *, duties: bool = False,
                    names: TopicNames = STANDARD_NAMES) -> Recording:
     """
     Return the inputs of a bag, in axes of ``base_link``, and the reference poses.
 
+    ``reference`` is the topic of reference poses; by default none is used, and ``ANY_REFERENCE``
+    is the first of ``REFERENCES`` that is recorded. ``names`` are topics with other names in the
+    bag. Raises BagError if the bag cannot be read, EstimatorError if it lacks the inputs.
     With ``duties`` also those in ``motor_commands``, if they are recorded.
     """
     with Bag(path, names, robot.joints) as bag:

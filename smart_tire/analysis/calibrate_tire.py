@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Calibration of tire stiffness and film gains from bags."""
+"""Crossings of films from bags, and the film calibration as report and as parameters."""
 
 from __future__ import annotations
 
@@ -21,53 +21,19 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from smart_tire.analysis.calibrate_robot import (
-    check_all_measured, NO_REFERENCE, read_recording, TimeRange)
+from smart_tire.analysis.calibrate_robot import TimeRange
 from smart_tire.analysis.pipeline import FrictionStage, SlipStage
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
-from smart_tire.calibration import film_gains, stiffness
 from smart_tire.calibration.crossing_collector import CrossingCollector, CrossingWithSlip
 from smart_tire.calibration.film_gains import GainFit
-from smart_tire.calibration.stiffness import StiffnessFit
+from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, TireSample, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
-
-
-def identify_stiffness(bags: Sequence[Path], robot: RobotParams, time_range: TimeRange,
-                       names: TopicNames = STANDARD_NAMES) -> StiffnessFit:
-    """
-    Return the stiffness C_x from ``bags`` of one robot on one surface.
-
-    Raises BagError if a bag cannot be read, EstimatorError if C_x is not observable.
-    """
-    check_all_measured(robot, 'stiffness')
-    return stiffness.identify_stiffness(
-        [read_recording(bag, robot, time_range, NO_REFERENCE, names=names) for bag in bags],
-        robot)
-
-
-def stiffness_parameters(found: StiffnessFit) -> list[Identified]:
-    """Return the identified stiffness as entries of a parameter file."""
-    stiffness = found.stiffness
-    return [Identified('tire.longitudinal_stiffness', stiffness.value, stiffness.sigma),
-            Identified('tire.longitudinal_stiffness_sigma', stiffness.sigma / stiffness.value,
-                       note='of this tire on the recorded surface')]
-
-
-def identify_gains(bags: Sequence[Path], robot: RobotParams, time_range: TimeRange,
-                   names: TopicNames = STANDARD_NAMES) -> GainFit:
-    """
-    Return gains, positions and contact length from ``bags`` of one robot.
-
-    Raises BagError if a bag cannot be read, EstimatorError if nothing is observable.
-    """
-    return film_gains.identify_gains(
-        [read_crossings(bag, robot, time_range, names) for bag in bags], robot)
 
 
 def read_crossings(path: Path, robot: RobotParams, time_range: TimeRange,
@@ -108,6 +74,27 @@ def _inputs(opened: Bag, time_range: TimeRange) -> Iterator[Sample]:
             first_ns = sample.stamp_ns if first_ns is None else first_ns
             if time_range.since <= (sample.stamp_ns - first_ns) / NS_PER_S <= time_range.until:
                 yield sample
+
+
+def gain_report(fit: GainFit, bags: Sequence[str]) -> Found:
+    """Return what is printed of the calibration from ``bags``."""
+    found = Found(refused=fit.refused, notes=[
+        f'gains from {fit.informative} of {fit.crossings} crossings in {fit.segments} '
+        f'constant-slip segments; residual scatter {fit.excess ** 0.5:.2g} times the expected'])
+    for film in fit.films:
+        name = f'film {film.film + 1}, {film.wheel}'
+        if film.gain is not None and film.per_slip is not None:
+            found.add(f'gain of {name}', film.gain, 'V/m', f'{len(film.slip)} crossings')
+            found.add('', film.per_slip, 'V', 'per unit slip, patch fully adhering')
+        found.add(f'bending of {name}', film.bending, 'V', 'peak')
+    if fit.length is not None:
+        found.add('contact length', fit.length, 'm', 'for the given wheel_radius')
+    for number, spacing in sorted(fit.places.items()):
+        found.add(f'spacing, film 1 to {number + 1}', spacing, 'm', 'between film centers')
+    for (run, wheel), angle in fit.angles.items():
+        found.add(f'angle of film 1, {wheel}', angle, 'rad', 'wheel_states.position at the patch '
+                  'center' + (f', {bags[run]}' if len(bags) > 1 else ''))
+    return found
 
 
 def gain_parameters(found: GainFit, given: RobotParams) -> list[Identified]:

@@ -33,10 +33,11 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_observations import GainObservation
-from smart_tire.numerics.least_squares import Prior, regression, Rows
+from smart_tire.numerics.least_squares import posterior, Prior
 from smart_tire.numerics.robust import huber_weights
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
@@ -47,8 +48,8 @@ SEGMENT_SLIP_SHARE, CROSSING_SLIP_SHARE = 0.6, 0.5
 SEGMENT_SLIP_TOLERANCE = 0.03  # -, deviation of slip that begins a new segment
 MAX_SEGMENT_PAUSE = 3.0  # s between two crossings of a segment: a revolution of a slow wheel
 MIN_SIGMA = 1e-6  # -, of parameters that are configured as exact
-HUBER_THRESHOLD = 2.5  # sigmas, beyond which a segment has lower weight
-SEGMENT_ROUNDS = 3     # of the variance of segments
+HUBER_THRESHOLD = 2.5   # sigmas, beyond which a crossing or segment has lower weight
+REWEIGHTING_ROUNDS = 8  # more do not change the result
 GAIN_SIGMA, LENGTH_SIGMA, ALPHA_SIGMA, POSITION_SIGMA = 10.0, 1.0, 0.3, 1.0  # -, -, -, m; wide
 FILM_LENGTH_SIGMA = 0.005  # relative, of film.length: 0.1 mm of 20 mm; assumed
 
@@ -199,20 +200,30 @@ class _Adjuster:
         return SEGMENT_SLIP_SHARE * sustained, math.hypot(new, excess)
 
     def solve(self) -> Adjustment:
-        """Solve; segments that scatter by more than expected have larger variances."""
-        matrix, value = (np.concatenate(part) for part in zip(*(
-            self._row(i) for i in range(len(self._observations)))))
-        rows = Rows(np.arange(len(value), dtype=float), matrix, value, np.zeros(len(value)))
-        own, size, ratio, errors = len(self._common), self._index.size, 1.0, np.zeros(self._count)
-        for _ in range(SEGMENT_ROUNDS):
-            weight = huber_weights(errors / math.sqrt(ratio), HUBER_THRESHOLD)
-            sigma = np.concatenate([self._common, np.sqrt(ratio / weight)])
-            fit = regression(rows, Prior(np.zeros(len(sigma)), sigma))
-            errors, variance = fit.values[own:], np.diag(fit.covariance)[own:]
-            dof = float(np.sum(np.maximum(1.0 - variance / ratio, 0.0)))
-            if dof < 1.0:
-                break
-            clipped = np.minimum(errors ** 2, HUBER_THRESHOLD ** 2 * ratio)
-            ratio = max(1.0, float(np.sum(clipped)) / dof)
-        return Adjustment(self._index, fit.values[:size], fit.covariance[:size, :size],
-                          self._count, ratio)
+        """Solve by iteratively reweighted least squares, of observations and of segments."""
+        blocks = [self._row(i) for i in range(len(self._observations))]
+        matrix, value = (np.concatenate(part) for part in zip(*blocks))
+        dof = np.array([len(block) for _, block in blocks])
+        own, of = len(self._common), np.repeat(np.arange(len(blocks)), dof)
+        weight, segment_weight, ratio = np.ones(len(blocks)), np.ones(self._count), 1.0
+        for _ in range(REWEIGHTING_ROUNDS):
+            prior = np.concatenate([self._common, np.sqrt(ratio / segment_weight)])
+            scale = np.sqrt(weight)[of]
+            found, covariance = posterior(matrix * scale[:, None], value * scale,
+                                          Prior(np.zeros(len(prior)), prior))
+            squares = np.bincount(of, (value - matrix @ found) ** 2)
+            excess = max(1.0, float(np.median(squares / chi2.median(dof))))
+            weight = huber_weights(np.sqrt(squares / (dof * excess)), HUBER_THRESHOLD) / excess
+            ratio = _slip_variance_ratio(found[own:], np.diag(covariance)[own:], ratio)
+            segment_weight = huber_weights(found[own:] / math.sqrt(ratio), HUBER_THRESHOLD)
+        size = self._index.size
+        return Adjustment(self._index, found[:size], covariance[:size, :size], self._count, ratio)
+
+
+def _slip_variance_ratio(errors: Array, variance: Array, previous: float) -> float:
+    """Return the variance of the segments' slip ``errors`` over the expected one, at least 1."""
+    dof = float(np.sum(1.0 - variance / previous))
+    if dof < 1.0:
+        return previous
+    clipped = np.minimum(errors ** 2, HUBER_THRESHOLD ** 2 * previous)
+    return max(1.0, float(np.sum(clipped)) / dof)

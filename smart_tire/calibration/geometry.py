@@ -23,7 +23,7 @@ blocks, so that both contain all phases): a value that only fits a part of it is
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 import math
 from operator import attrgetter
 
@@ -60,8 +60,7 @@ NO_POSITIONS = ('wheel_states have no positions: the interval of their mean velo
 class Geometry(Found):
     """Identified geometry, why parameters are not written, and the fits (None if failed)."""
 
-    factor: float = 1.0                                 # of the largest standard errors
-    kept: dict[str, str] = field(default_factory=dict)  # parameter -> reason
+    factor: float = 1.0  # of the largest standard errors
     yaw_rate_fit: YawRateFit | None = None
     radius_fit: RadiusFit | None = None
     speed_change_fit: SpeedChangeFit | None = None

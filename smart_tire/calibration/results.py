@@ -51,7 +51,8 @@ class Found:
     """Identified quantities, reasons of those not observable, and notes."""
 
     quantities: list[Quantity] = field(default_factory=list)
-    refused: dict[str, str] = field(default_factory=dict)  # name -> reason
+    refused: dict[str, str] = field(default_factory=dict)  # name -> why it is not observable
+    kept: dict[str, str] = field(default_factory=dict)     # parameter -> why it is not written
     notes: list[str] = field(default_factory=list)
 
     def get(self, name: str) -> Uncertain | None:

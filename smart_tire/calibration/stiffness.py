@@ -42,13 +42,14 @@ from scipy.linalg import block_diag
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import Indices, Recording
-from smart_tire.calibration.results import CONTRADICTION_SIGMAS
+from smart_tire.calibration.results import CONTRADICTION_SIGMAS, Found
 from smart_tire.calibration.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
 from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import Fit, HAC_TIME, nonlinear_fit, Prior
 from smart_tire.parameters import RobotParams
+from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
 
@@ -99,6 +100,25 @@ class StiffnessFit:
     force: Array                # (n,) N, of one wheel, positive when driving, as measured
     excess: float               # rms residual over the configured timestamp jitter
     curve: tuple[Array, Array]  # slip [-] and force [N] of one wheel as fitted
+
+    def report(self) -> Found:
+        """Return what is printed."""
+        found = Found(notes=[
+            f'{self.segments} straight segments, {self.duration:.1f} s in total; residuals '
+            f'{self.excess:.2g} times the configured timestamp jitter'])
+        found.add('stiffness', self.stiffness, 'N', 'C_x of one wheel, proportional to the mass')
+        found.add('rolling drag', self.drag, 'N', 'of all wheels, not written')
+        found.add('friction', self.friction, '-', 'from the curvature over slip, not written')
+        found.add('latency', self.latency_error, 's',
+                  'in addition to encoder.latency, not written')
+        return found
+
+    def parameters(self) -> list[Identified]:
+        """Return the entries of a parameter file."""
+        value, sigma = self.stiffness
+        return [Identified('tire.longitudinal_stiffness', value, sigma),
+                Identified('tire.longitudinal_stiffness_sigma', sigma / value,
+                           note='of this tire on the recorded surface')]
 
 
 @dataclass(frozen=True)

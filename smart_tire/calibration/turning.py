@@ -41,6 +41,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.latency import CORRELATION_TIME, moving_intervals, yaw_motion
 from smart_tire.calibration.recording import period, Recording, Signal
 from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
+from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Prior, regression, Rows
 from smart_tire.parameters import RobotParams
@@ -82,6 +83,14 @@ class IcrFit:
     def initial_sigma(self) -> float:
         """Return the standard deviation [m] of S at the start of another recording."""
         return math.hypot(self.icr.sigma, self.spread)
+
+    def report(self) -> Found:
+        """Return what is printed."""
+        found = Found(notes=[f'the spread over all turns is {self.spread:.4f} m'])
+        for time, value, sigma in zip(self.turn_time, self.turn_icr, self.turn_sigma):
+            found.add(f'turn at {time:.1f} s', Uncertain(value, sigma), 'm')
+        found.add('S', self.icr, 'm', f'from {self.source}')
+        return found
 
     def parameters(self, robot: RobotParams) -> list[Identified]:
         """Return the entries of a parameter file; the sigma is relative to the wheelbase."""

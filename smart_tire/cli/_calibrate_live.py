@@ -51,13 +51,13 @@ class CalibrationError(SmartTireError):
     """The guided sequence cannot continue."""
 
 
-def record_steps(args: argparse.Namespace, robot: RobotParams) -> dict[str, list[Path]]:
+def record_steps(args: argparse.Namespace, robot: RobotParams,
+                 steps: list[str]) -> dict[str, list[Path]]:
     """
-    Guide through the steps and record them; return step -> bag of those recorded.
+    Guide through ``steps`` and record them; return step -> bag of those recorded.
 
     Raises CalibrationError if there are no samples, or a process ends unexpectedly.
     """
-    steps = [REST, STRAIGHT, TURNS, *([LIFTED] if args.lifted else [])]
     for step in steps:
         refuse_existing_bag(args.out / step, force=args.force)
     if args.drive:

@@ -23,7 +23,7 @@ writes are deleted, by name.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 import math
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from smart_tire.analysis.bag_params import BagParams
     from smart_tire.analysis.pipeline import EstimatorParams
     from smart_tire.bags import Bag, TopicNames
-    from smart_tire.parameters.calibration_file import Identified
 
 REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
 BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted'), ('params', 'data'), ('out', 'save')
@@ -260,33 +259,6 @@ def output_path(args: argparse.Namespace, kind: str) -> Path:
         return Path(args.out)
     bag = args.bags[0].resolve()
     return Path(f'{bag.name if bag.is_dir() else bag.stem}_{kind}.yaml')
-
-
-def check_output(args: argparse.Namespace, kind: str) -> None:
-    """Raise ParameterError if an output file of ``write_parameters`` exists."""
-    out = output_path(args, kind)
-    refuse_existing([out, out.with_suffix('.png')], force=args.force,
-                    inputs=[*args.bags, *args.params])
-
-
-def write_parameters(args: argparse.Namespace, kind: str, identified: Sequence[Identified],
-                     draw: Callable[[Path], bool | None]) -> int:
-    """
-    Write a parameter file and its figure, print their paths and return the exit status.
-
-    ``draw`` writes the figure; it returns False if there is nothing to draw.
-    """
-    from smart_tire.parameters.calibration_file import identified_text, write_text
-    if not identified:
-        print('nothing could be identified from these recordings')
-        return NOT_IDENTIFIED
-    out = output_path(args, kind)
-    write_text(out, identified_text(
-        [f'Identified from {", ".join(map(str, args.bags))}.'], identified))
-    figure = out.with_suffix('.png')
-    drawn = draw(figure) is not False
-    print(f'written to {out}' + (f' and {figure}' if drawn else ''))
-    return IDENTIFIED
 
 
 def print_counts(counts: Mapping[str, int]) -> None:

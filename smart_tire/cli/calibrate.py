@@ -21,7 +21,9 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import add_bag_options, add_force, bag_settings, refuse_existing
+from smart_tire.cli._options import (
+    add_bag_options, add_force, bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing)
+from smart_tire.cli.identify import KINDS, report
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -32,9 +34,10 @@ NAME = 'calibrate'
 HELP = ('calibrate a robot step by step: rest, straight starts and stops, turns; live, or from '
         'recordings with --bags')
 PARAMETER_FILE = 'robot.yaml'
-OUTPUTS = (PARAMETER_FILE, 'stiffness.png', 'motor.png', 'icr.png')
+FIGURES = ('stiffness.png', 'motor.png', 'icr.png')
 STEP_NAMES = ('rest', 'straight', 'turns', 'lifted')
-IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
+STEPS_OF = {'geometry': ('rest', 'turns'), 'icr': ('turns',), 'gains': ('turns',),
+            'stiffness': ('straight',), 'motor': ('straight', 'lifted')}  # of ``--only``
 
 
 def step_and_bag(text: str) -> tuple[str, Path]:
@@ -55,6 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--bags', type=step_and_bag, nargs='+', default=[], metavar='[STEP=]BAG',
                         help='calibrate from these recordings instead of live: rest=, straight=, '
                              'turns=, lifted=, or a recording with several of them')
+    parser.add_argument('--only', choices=KINDS, metavar='KIND',
+                        help=f'a single kind, like smart_tire identify: {", ".join(KINDS)}')
     add_bag_options(parser)
     parser.add_argument('--truth', action='store_true',
                         help='use the reference poses in the recordings; by default they are not '
@@ -72,7 +77,9 @@ def run(args: argparse.Namespace) -> int:
     if args.bags and (args.drive or args.lifted):
         raise ParameterError('--drive and --lifted are for a live calibration, without --bags')
     inputs = [*args.params, *(path for _, path in args.bags)]
-    refuse_existing([args.out / name for name in OUTPUTS], force=args.force, inputs=inputs)
+    figures = FIGURES if args.only is None else (f'{args.only}.png',)
+    refuse_existing([args.out / name for name in (PARAMETER_FILE, *figures)], force=args.force,
+                    inputs=inputs)
     if args.bags:
         bags: dict[str, list[Path]] = {}
         for step, path in args.bags:
@@ -80,8 +87,28 @@ def run(args: argparse.Namespace) -> int:
     else:
         from smart_tire.cli._calibrate_live import record_steps
         from smart_tire.parameters import load_robot
-        bags = record_steps(args, load_robot(args.params))
-    return identify(args, bags)
+        bags = record_steps(args, load_robot(args.params), steps_of(args))
+    return identify(args, bags) if args.only is None else identify_only(args, bags)
+
+
+def steps_of(args: argparse.Namespace) -> list[str]:
+    """Return the steps of a live calibration."""
+    steps = STEP_NAMES if args.only is None else STEPS_OF[args.only]
+    return [step for step in steps if step != 'lifted' or args.lifted]
+
+
+def identify_only(args: argparse.Namespace, bags: Bags) -> int:
+    """Identify the kind ``--only``, as ``smart_tire identify`` does; return the exit status."""
+    from smart_tire.analysis.identify import Source
+    ground, lifted = ([path for step, paths in bags.items() for path in paths
+                       if (step == 'lifted') is off] for off in (False, True))
+    if not ground:
+        raise ParameterError(f'--only {args.only}: no recording on the ground')
+    settings = bag_settings([*ground, *lifted], args)
+    return report(args.only, Source(
+        ground, settings.params.robot, reference='any' if args.truth else 'none',
+        names=settings.names, lifted=lifted), args.out / PARAMETER_FILE,
+        args.out / f'{args.only}.png')
 
 
 def identify(args: argparse.Namespace, bags: Bags) -> int:

@@ -155,6 +155,17 @@ def solve_with_prior(matrix: Array, target: Array, prior: Prior) -> tuple[Array,
     return values, float(np.sum((extended @ values - wanted)**2))
 
 
+def posterior(matrix: Array, target: Array, prior: Prior) -> tuple[Array, Array]:
+    """
+    Return the values (p,) of ``solve_with_prior``, of rows with unit noise, and their covariance.
+
+    >>> posterior(np.eye(1), np.array([2.0]), Prior(np.zeros(1), np.ones(1)))[1]
+    array([[0.5]])
+    """
+    values, _ = solve_with_prior(matrix, target, prior)
+    return values, np.linalg.inv(matrix.T @ matrix + np.diag(prior.weight ** 2))
+
+
 def regression(rows: Rows, prior: Prior, *, lags: int = 0,
                contiguous: NDArray[np.bool_] | None = None) -> Fit:
     """

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from smart_tire.analysis.calibrate_robot import (
-    ANY_REFERENCE, identify_geometry, read_recording, TimeRange)
-from smart_tire.analysis.geometry_figures import write_geometry
-from smart_tire.calibration.geometry import Geometry, LATENCY, RADIUS
+from smart_tire.analysis.calibrate_robot import ANY_REFERENCE, read_recording, TimeRange
+from smart_tire.analysis.calibration_figures import write_geometry
+from smart_tire.calibration.geometry import Geometry, identify_geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.parameters import build, load_robot, RobotParams
 from support.identifying import turning_run, write_run
@@ -40,7 +39,7 @@ def bag(run, tmp_path_factory):
 
 
 def test_latency_and_radius_are_identified_from_a_bag(bag):
-    found = identify_geometry(bag, ROBOT, reference=ANY_REFERENCE)
+    found = identify_geometry(read_recording(bag, ROBOT, TimeRange(), ANY_REFERENCE), ROBOT)
     for name, true in ((LATENCY, 0.07), (RADIUS, 0.087)):
         assert found.get(name).value == pytest.approx(true, abs=3.5 * found.get(name).sigma)
 
@@ -49,7 +48,7 @@ def test_only_the_given_time_range_is_read(bag):
     recording = read_recording(bag, ROBOT, TimeRange(10.0, 20.0), ANY_REFERENCE)
     for time in (recording.imu.time, recording.wheels.time, recording.reference.time):
         assert 10.0 <= time[0] < 10.1 and 19.9 < time[-1] <= 20.0
-    found = identify_geometry(bag, ROBOT, until=2.5)
+    found = identify_geometry(read_recording(bag, ROBOT, TimeRange(0.0, 2.5)), ROBOT)
     assert LATENCY in found.refused and RADIUS in found.refused
     assert found.get('gyro noise') is not None
 
@@ -84,7 +83,8 @@ def test_the_robot_is_read_from_parameter_files(tmp_path):
 
 
 def test_a_figure_is_written_if_there_is_a_fit(bag, tmp_path):
-    assert write_geometry(tmp_path / 'all.png', identify_geometry(bag, ROBOT))
+    assert write_geometry(tmp_path / 'all.png', identify_geometry(
+        read_recording(bag, ROBOT, TimeRange()), ROBOT))
     assert (tmp_path / 'all.png').read_bytes().startswith(b'\x89PNG')
     assert not write_geometry(tmp_path / 'none.png', Geometry())
     assert not (tmp_path / 'none.png').exists()

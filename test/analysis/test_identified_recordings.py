@@ -16,11 +16,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
-
-from smart_tire.analysis.calibrate_robot import ANY_REFERENCE, identify_geometry, identify_icr
+from smart_tire.analysis.calibrate_robot import (
+    ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange)
+from smart_tire.calibration import geometry, turning
 from smart_tire.calibration.geometry import LATENCY, RADIUS, STATIC_IMU, TRACK
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
@@ -38,6 +40,16 @@ def recording(name):
     if not path.exists():
         pytest.skip(f'the recording {path} is not on this machine')
     return path
+
+
+def identify_geometry(path, robot, since=0.0, until=math.inf, reference=NO_REFERENCE):
+    return geometry.identify_geometry(
+        read_recording(path, robot, TimeRange(since, until), reference), robot)
+
+
+def identify_icr(path, robot, until=math.inf, reference=NO_REFERENCE):
+    return turning.identify_icr(
+        read_recording(path, robot, TimeRange(until=until), reference), robot)
 
 
 @pytest.mark.parametrize('until', [FIRST_DRIVE, 1e6])

@@ -17,11 +17,10 @@
 from __future__ import annotations
 
 import argparse
-from importlib import import_module
 
 import pytest
-
-from smart_tire.cli import identify
+from smart_tire.analysis.identify import KINDS
+from smart_tire.cli import calibrate, identify
 
 
 def parsed(*words):
@@ -31,10 +30,9 @@ def parsed(*words):
 
 
 @pytest.mark.parametrize('kind', identify.KINDS)
-def test_each_kind_has_a_module_of_its_name(kind):
-    module = import_module(f'smart_tire.cli._identify_{kind}')
-    assert kind == module.NAME
-    assert parsed(kind, 'some_recording').run_kind is module.run
+def test_each_kind_of_bags_has_a_function_and_steps_of_a_live_calibration(kind):
+    assert parsed(kind, 'some_recording').run_kind is identify.run_bags
+    assert KINDS.keys() == calibrate.STEPS_OF.keys() == identify.KINDS.keys()
 
 
 def test_an_unknown_kind_is_a_usage_error_that_lists_the_known_ones(capsys):

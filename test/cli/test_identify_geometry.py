@@ -44,9 +44,9 @@ def test_unobservable_quantities_are_reported_with_the_reason(bag, tmp_path, cap
     out = tmp_path / 'rest.yaml'
     assert main(['identify', 'geometry', str(bag), '--until', '2.5', '--out', str(out)]) == 1
     output = capsys.readouterr().out
-    assert 'wheel latency           not observable: the wheels do not rotate' in output
+    assert 'wheel latency                   not observable: the wheels do not rotate' in output
     assert 'no pose reference' in output
-    assert 'imu.gyro_noise          not written: ' in output
+    assert 'imu.gyro_noise                  not written: ' in output
     assert not out.exists()
 
 
@@ -54,8 +54,8 @@ def test_ground_truth_is_used_on_request_only(bag, tmp_path, capsys):
     out = tmp_path / 'robot.yaml'
     assert main(['identify', 'geometry', str(bag), '--out', str(out)]) == 0
     output = capsys.readouterr().out
-    assert 'rolling radius          not observable: there is no pose reference' in output
-    assert 'encoder.stamp_jitter    not written: no significant difference' in output
+    assert 'rolling radius                  not observable: there is no pose reference' in output
+    assert 'encoder.stamp_jitter            not written: no significant difference' in output
 
 
 def test_the_command_fails_if_nothing_is_identified(bag, tmp_path, capsys):

@@ -51,3 +51,17 @@ def test_a_recording_without_turns_fails_with_the_reason(bag, tmp_path, capsys):
     assert main(['identify', 'icr', str(bag), '--until', '4', '--out', str(out)]) == 1
     assert 'expected at least 2' in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_calibrate_only_identifies_the_same(bag, tmp_path, capsys):
+    assert main(['identify', 'icr', str(bag), '--out', str(tmp_path / 'icr.yaml')]) == 0
+    words = ['calibrate', '--only', 'icr', '--bags', str(bag), '--out', str(tmp_path / 'all')]
+    assert main(words) == 0
+    texts = [(tmp_path / name).read_text(encoding='utf-8')
+             for name in ('icr.yaml', 'all/robot.yaml')]
+    assert texts[0] == texts[1]
+    assert (tmp_path / 'all/icr.png').exists()
+    assert main(words) == 2 and 'exists' in capsys.readouterr().err
+    assert main(['calibrate', '--only', 'icr', '--bags', f'lifted={bag}', '--out',
+                 str(tmp_path / 'none')]) == 2
+    assert 'no recording on the ground' in capsys.readouterr().err
