@@ -59,7 +59,7 @@ def take(folder: Path) -> None:
             params = bag_params(bag).params
         layout = Layout(params.robot.film.wheels, live=False)
         stream = open_stream('demo', layout.blueprint(), address=viewer.address.stream)
-        show(recording, Scene(stream, params.friction), params, estimate=False, describe=print)
+        show(recording, Scene(stream, params.robot), params, estimate=False, describe=print)
         browser = tools.chromium.launch(executable_path=shutil.which('chromium'), args=FLAGS)
         page = browser.new_page(viewport=LOADING_SIZE, color_scheme='dark')
         page.goto(viewer.address.page)

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+import math
 from pathlib import Path
 from string import ascii_uppercase
 from textwrap import wrap
@@ -38,6 +39,7 @@ TRUTH: dict[str, Any] = {'color': INK, 'linewidth': 1.1, 'linestyle': DASHES}
 DOTS_PER_INCH = 150
 CAPTION_SIZE = 8.5      # points
 CAPTION_DENSITY = 15.5  # characters per inch in this size
+ENTRY_WIDTH, LETTER_WIDTH = 0.7, 0.07  # inch, in a legend
 LEGEND_HEIGHT = 1.2     # inch, of legend and caption
 SEGMENTED_WIDTH = 11.0  # inch, of a figure with segments
 BRIEF_SIZE = 3.0        # points, of the points in an overview
@@ -170,8 +172,10 @@ def legend_above(figure: Canvas, *axes: Axes) -> None:
     """Put one legend of all ``axes`` above all panels, where it covers no data."""
     entries = {label: handle for ax in axes
                for handle, label in zip(*ax.get_legend_handles_labels())}
+    width = sum(ENTRY_WIDTH + LETTER_WIDTH * len(label) for label in entries)
+    rows = math.ceil(width / figure.get_figwidth()) or 1
     figure.legend(list(entries.values()), list(entries), loc='outside upper center',
-                  ncols=max(len(entries), 1), frameon=False)
+                  ncols=max(math.ceil(len(entries) / rows), 1), frameon=False)
 
 
 def legend_on_top(ax: Axes) -> None:

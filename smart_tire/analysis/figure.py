@@ -42,7 +42,7 @@ MAX_SEGMENTS = 3
 ACTIVITY_STEP = 0.1       # s, grid on which the activity is summed
 # Palette of Okabe and Ito, distinguishable with color vision deficiency.
 COLORS = {'blue': '#0072b2', 'vermillion': '#d55e00', 'orange': '#e69f00', 'sky': '#56b4e9',
-          'green': '#009e73', 'ink': '#222222', 'shade': '#8c8c8c'}
+          'green': '#009e73', 'purple': '#cc79a7', 'ink': '#222222', 'shade': '#8c8c8c'}
 PAIR = 'blue', 'orange'   # of two films, or of filtered and smoothed estimates
 TIME_LABEL = 'time [s]'
 TWO_SIGMA = '± 2σ, where σ is the standard deviation that the estimator reports.'

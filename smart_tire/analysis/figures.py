@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from smart_tire.analysis.crossing import crossing_waveform, CrossingWaveform
 from smart_tire.analysis.drawing import save
 from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, limits, Mark, PAIR, Panel, share_outside, TIME_LABEL, truth_mark,
@@ -31,14 +32,12 @@ from smart_tire.analysis.friction_metrics import (
     column, is_informative, kind_of, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
 from smart_tire.analysis.motion_figures import DASHED, ESTIMATE, path_figure, slip_figure
 from smart_tire.analysis.result import Result
-from smart_tire.arrays import Array
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import at, Recording, seconds
 from smart_tire.samples import Friction, WHEELS
 
 MAX_FRICTION = 1.2      # upper end of the friction axis
 MAX_CROSSING_GAP = 5.0  # s between two crossings, over which no line is drawn
-WAVEFORM_REACH = 1.5    # patch lengths of travel drawn before and after a crossing
 
 
 def write_figures(directory: Path, result: Result, robot: RobotParams) -> list[Path]:
@@ -155,42 +154,37 @@ def ground_figure(result: Result) -> Figure | None:
              ('longitudinal stiffness', 'rolling resistance'))])
 
 
-@dataclass(frozen=True)
-class CrossingWaveform:
-    """Film voltages around one crossing."""
-
-    wheel: str
-    time_ms: Array                         # relative to the timestamp of the crossing
-    volts: Array                           # (n, films)
-    inside_ms: list[tuple[float, float]]    # per film: interval in which it overlaps the patch
-
-    @property
-    def marks(self) -> list[Mark]:
-        """Return samples and time in the patch of each film, as in paper B, Fig. 11(b)."""
-        top, bottom = float(self.volts.max()), float(self.volts.min())
-        found = [Mark(Curve(np.zeros(2), np.array([bottom, top])), 'crossing', 'shade', width=1.0,
-                      dashed=True)]
-        for film, (color, inside) in enumerate(zip(PAIR, self.inside_ms)):
-            curve = Curve(self.time_ms, self.volts[:, film])
-            height = top + (top - bottom) * (0.12 - 0.05 * film)
-            found += [
-                Mark(curve, f'film {film + 1}', color),
-                Mark(curve, '', color, 'points', 4.0),
-                Mark(Curve(np.array(inside), np.full(2, height)), f'film {film + 1} in the patch',
-                     color, width=5.0, opacity=0.55)]
-        return found
+def waveform_marks(waveform: CrossingWaveform) -> list[Mark]:
+    """Return samples, model and time in the patch of each film, as in paper B, Fig. 11(b)."""
+    every = np.concatenate([film.volts for film in waveform.films])
+    top, bottom = float(every.max()), float(every.min())
+    found = [Mark(Curve(np.zeros(2), np.array([bottom, top])), 'crossing', 'shade', width=1.0,
+                  dashed=True)]
+    inside = np.array([-waveform.reach, waveform.reach])
+    for row, (film, color) in enumerate(zip(waveform.films, PAIR * len(waveform.films))):
+        name, height = f'film {film.film + 1}', top + (top - bottom) * (0.12 - 0.05 * row)
+        found += [
+            Mark(Curve(waveform.time_ms(film, film.position), film.volts), f'{name}, samples',
+                 color, 'points', 4.0),
+            Mark(Curve(waveform.time_ms(film, film.model_position), film.model_volts),
+                 f'{name}, model', color),
+            Mark(Curve(waveform.time_ms(film, inside), np.full(2, height)),
+                 f'{name} in the patch', color, width=5.0, opacity=0.55)]
+    return found
 
 
 def crossing_figure(result: Result, robot: RobotParams) -> Figure | None:
     """Return a typical crossing with its waveform; None without."""
-    waveform = next(filter(None, (crossing_waveform(one, result.inputs, robot) for one in
-                                  typical_crossings(result.estimates.crossings))), None)
+    waveform = next((found for one in typical_crossings(result.estimates.crossings)
+                     if (found := recorded_waveform(one, result.inputs, robot)) is not None
+                     and found.complete), None)
     return None if waveform is None else Figure(
         'crossing', 'Film voltages during one patch crossing',
-        'Samples of the films of one wheel. Bars: time in which a film overlaps the contact '
-        'patch, from the wheel speed and the contact length. The crossing is where the center '
-        'between the films is at the center of the patch.',
-        [[Panel(waveform.marks, 'time after the crossing [ms]', 'amplifier output [V]',
+        'Samples of the films of one wheel, and the model for the estimated slip and adhesion; '
+        'its bending peak and the places of the films are fitted. Bars: time in which a film '
+        'overlaps the contact patch, from the wheel speed and the contact length. The crossing is '
+        'where the center between the films is at the center of the patch.',
+        [[Panel(waveform_marks(waveform), 'time after the crossing [ms]', 'amplifier output [V]',
                 f'one crossing of {waveform.wheel.replace("_", " ")}')]])
 
 
@@ -203,29 +197,11 @@ def typical_crossings(crossings: Sequence[Friction]) -> Iterator[Friction]:
         yield from (candidates[i] for i in np.argsort(np.abs(slips - np.median(slips))))
 
 
-def crossing_waveform(crossing: Friction, inputs: Recording,
+def recorded_waveform(crossing: Friction, inputs: Recording,
                       robot: RobotParams) -> CrossingWaveform | None:
-    """Return the voltages around ``crossing``; None if samples or wheel speed are missing."""
+    """Return the voltages around ``crossing``; None without samples or wheel speed."""
     speeds_ns, speeds = inputs.speeds()
-    stamp = np.array([crossing.stamp_ns])
-    omega = at(stamp, speeds_ns, speeds)[0, WHEELS.index(crossing.wheel)]
-    if crossing.wheel not in inputs.film_wheels() or not abs(omega) > 0.0:
+    if crossing.wheel not in inputs.film_wheels():
         return None
-    speed = robot.wheel_radius * omega
-    reach = WAVEFORM_REACH * robot.tire.contact_length / abs(speed)
-    stamps, volts = inputs.films(crossing.wheel)
-    time = seconds(stamps, crossing.stamp_ns)
-    shown = np.abs(time) <= reach
-    if shown.sum() < 0.9 * 2.0 * reach * robot.film.sample_rate:
-        return None  # a lost batch would leave a gap
-    return CrossingWaveform(crossing.wheel, 1e3 * time[shown], volts[shown],
-                            _inside(robot, speed, volts.shape[1]))
-
-
-def _inside(robot: RobotParams, speed: float, films: int) -> list[tuple[float, float]]:
-    """Return the interval [ms] in which each film overlaps the patch at ``speed`` [m/s]."""
-    half = 0.5 * (robot.tire.contact_length + robot.film.length) / abs(speed)
-    # The timestamp of a crossing is that of the midpoint between the outer films.
-    places = [robot.film.centers[film] for film in robot.film_groups[0][:films]]
-    times = [(place - 0.5 * (places[0] + places[-1])) / speed for place in places]
-    return [(1e3 * (time - half), 1e3 * (time + half)) for time in times]
+    omega = at(np.array([crossing.stamp_ns]), speeds_ns, speeds)[0, WHEELS.index(crossing.wheel)]
+    return crossing_waveform(crossing, *inputs.films(crossing.wheel), float(omega), robot)

@@ -115,6 +115,11 @@ class FrictionStage:
         """Return topic -> number of late samples."""
         return self._friction.late
 
+    @property
+    def status(self) -> dict[str, str]:
+        """Return the values for diagnostics."""
+        return {key: str(value) for key, value in self._friction.status().items()}
+
 
 class SlipStage:
     """The slip estimator after the friction stage: output of that in, all estimates out."""
@@ -151,6 +156,11 @@ class Pipeline:
     def finish(self) -> list[EstimateRecord]:
         """Return the last estimates, at the end of all inputs."""
         return self._estimates(self._friction.finish())
+
+    @property
+    def status(self) -> dict[str, str]:
+        """Return the values for diagnostics of the friction estimator."""
+        return self._friction.status
 
     def _estimates(self, forwarded: list[Sample]) -> list[EstimateRecord]:
         return [estimate for item in forwarded for estimate in self._slip.update(item)]

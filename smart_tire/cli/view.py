@@ -58,8 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--estimate', action='store_true',
                         help='compute the estimates instead of showing those in the bag')
     parser.add_argument('--no-fit', action='store_true',
-                        help='do not fit the waveforms of the patch crossings, which takes most '
-                             'of the time')
+                        help=argparse.SUPPRESS)  # of before: nothing is fitted
     parser.add_argument('--web', action='store_true',
                         help='serve the viewer to a browser on this machine; done without a '
                              'display, too')
@@ -116,7 +115,7 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
         layout = Layout(params.robot.film.wheels, live=args.live)
         stream = open_stream(name, layout.blueprint(), file=args.save,
                              address=viewer.address.stream if viewer else None)
-        status = show(Scene(stream, params.friction, fit=not args.no_fit), viewer)
+        status = show(Scene(stream, params.robot), viewer)
         stream.disconnect()
         if args.save is not None:
             print(f'written to {args.save}')

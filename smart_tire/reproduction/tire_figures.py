@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from smart_tire.analysis import drawing
-from smart_tire.analysis.figures import crossing_waveform, typical_crossings
+from smart_tire.analysis.figures import recorded_waveform, typical_crossings, waveform_marks
 from smart_tire.analysis.motion_figures import side_marks, slip_curves
 from smart_tire.reproduction import tire_maps
 from smart_tire.reproduction.tire_maps import CRITICAL, METHODS, MU, Outline, Signals, Sweep
@@ -93,9 +93,9 @@ def signal_figure(result: Signals, run: Run) -> Figure:
     axes['film 2'].set_xlabel('time [s]')
     axes['film 1'].tick_params(labelbottom=False)
     for crossing in typical_crossings(run.estimates.crossings):
-        contact = crossing_waveform(crossing, run.inputs, ROBOT)
+        contact = recorded_waveform(crossing, run.inputs, ROBOT)
         if contact is not None:
-            drawing.draw_marks(axes['contact'], contact.marks)
+            drawing.draw_marks(axes['contact'], waveform_marks(contact))
             axes['contact'].set(
                 xlabel='time after the crossing [ms]', ylabel='amplifier output [V]',
                 title=f'one crossing of {contact.wheel.replace("_", " ")}')

@@ -27,8 +27,8 @@ from pathlib import Path
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.errors import BagError
-from smart_tire.messages import topic_of
-from smart_tire.samples import Sample
+from smart_tire.messages import NodeStatus, topic_of
+from smart_tire.samples import Friction, Sample
 from smart_tire.view.scene import Scene
 
 FLUSH_SAMPLES = 20_000  # between two transmissions to the viewer
@@ -119,6 +119,9 @@ def _estimated(bag: Bag, scene: Scene,
         if topic in INPUTS:
             for found in pipeline.update(sample):
                 yield receive_ns, topic_of(found), found
+                if isinstance(found, Friction):
+                    scene.add_status(found.stamp_ns, NodeStatus(
+                        'friction_estimator', 0, 'computed now', pipeline.status))
     for found in pipeline.finish():
         yield receive_ns, topic_of(found), found
 

@@ -12,36 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Film voltages over time, and those of the latest patch crossing with the fitted waveform."""
+"""Contact of the wheels: film voltages, latest patch crossings, friction circles and forces."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
 import math
+from typing import Any
 
 import numpy as np
 import rerun as rr
 
+from smart_tire.analysis.crossing import crossing_waveform, CrossingWaveform
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.estimator import EvaluatedCrossing, FrictionEstimator
-from smart_tire.estimation.friction.fitted_waveform import fitted_waveforms
-from smart_tire.parameters import FrictionEstimatorParams
+from smart_tire.models.tire.brush_tire import brush_force, slip_vector
+from smart_tire.models.vehicle.skid_steer import normal_loads, wheel_velocities
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import Friction, Sample, TireSample
+from smart_tire.samples import (
+    Friction, GroundState, LEFT, NS_PER_S, Odometry, RIGHT, Sample, TireSample, WHEELS,
+    WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
-from smart_tire.view.recorder import finite, Recorder, Track
-from smart_tire.view.style import AXIS, FILM_COLORS
+from smart_tire.view.recorder import AXIS, FILM_COLORS, Recorder, Track, WHEEL_COLORS
 
-BLOCK = 20           # samples that are thinned together
+BLOCK = 20            # samples that are thinned together
 RESTING_RANGE = 0.03  # V, range of a block in which nothing but noise is
-MAX_PERIODS = 4      # of samples; a longer interval is a gap
-MM_PER_M = 1e3
-MM_PER_V = 30.0      # vertical scale of a crossing
-REACH = 60.0         # mm, on either side of the center of the patch
-VOLTS = np.arange(-1.5, 1.6, 0.5)   # V, ticks
+MAX_PERIODS = 4       # of samples; a longer interval is a gap
+KEPT_NS = 4 * NS_PER_S  # of film and wheel samples, until the crossing in them is estimated
+MM_PER_M, MM_PER_V = 1e3, 30.0         # scales of a crossing
+VOLTS = np.arange(-1.5, 1.6, 0.5)      # V, ticks
 PLACES = np.arange(-60.0, 61.0, 30.0)  # mm, ticks
-
-OnChange = Callable[[Friction], None]
+PERIOD_NS = 64_000_000       # between two evaluations of the forces
+MAX_AGE_NS = NS_PER_S // 10  # of the odometry
+CORNERS = np.array([[-50.0, -35.0], [50.0, -35.0], [-50.0, 30.0], [50.0, 30.0]])  # N, on screen
+LABEL_GAP = 6.0  # N, below a circle
+CIRCLE = np.linspace(0.0, math.tau, 49)
+SHOWN = (('slip', 'slip', '-'), ('slip, films alone', 'film_slip', '-'),
+         ('adhesion ratio', 'adhesion_ratio', '-'),
+         ('friction, this crossing', 'friction_coefficient_single', '-'),
+         ('friction, fused', 'friction_coefficient', '-'), ('normal load', 'normal_load', 'N'),
+         ('stiffness C_x', 'stiffness', 'N'), ('traction force', 'traction_force', 'N'))
 
 
 class FilmLayer:
@@ -95,68 +104,80 @@ def thinned(block: list[tuple[int, float]]) -> list[tuple[int, float]]:
 
 
 class CrossingLayer:
-    """
-    The latest crossing of each wheel: voltages over the position of the film, and their fit.
+    """The latest crossing of each wheel: its voltages, and the model for the estimates."""
 
-    The fits are those of a friction estimator in this program, with the same inputs and
-    parameters as the node: recordings do not contain them.
-    """
+    def __init__(self, recorder: Recorder, robot: RobotParams) -> None:
+        self._recorder, self._robot = recorder, robot
+        self._films: dict[str, deque[TireSample]] = {}
+        self._wheels: deque[WheelSample] = deque()
+        for wheel in robot.film.wheels:
+            draw_axes(recorder, f'contact/{wheel}', robot)
 
-    def __init__(self, recorder: Recorder, params: FrictionEstimatorParams,
-                 on_change: OnChange) -> None:
-        self._recorder, self._robot, self._on_change = recorder, params.robot, on_change
-        self._estimator = FrictionEstimator(params, self._show)
-        self.fits = 0
-        for wheel in params.robot.film.wheels:
-            draw_axes(recorder, f'contact/{wheel}', params.robot)
+    def add_films(self, sample: TireSample) -> None:
+        """Add the voltages of one conversion."""
+        _keep(self._films.setdefault(sample.wheel, deque()), sample)
 
-    def add(self, sample: Sample) -> None:
-        """Add a sample of one of the inputs of the friction estimator."""
-        self._estimator.update(sample)
+    def add_wheels(self, sample: WheelSample) -> None:
+        """Add measured speeds of the wheels."""
+        _keep(self._wheels, sample)
 
-    def finish(self) -> None:
-        """Show the last crossings, at the end of the recording."""
-        self._estimator.finish()
-
-    def _show(self, crossing: EvaluatedCrossing) -> None:
-        friction = crossing.friction
-        if crossing.surface_changed:
-            self._on_change(friction)
+    def add_friction(self, friction: Friction) -> None:
+        """Show a crossing; without its samples the waveform of the one before remains."""
         base, stamp_ns = f'contact/{friction.wheel}', friction.stamp_ns
-        waveforms = [] if crossing.waveform is None else fitted_waveforms(
-            crossing.waveform, self._robot, friction.wheel)
-        self.fits += bool(waveforms)
-        colors = [FILM_COLORS[one.film % len(FILM_COLORS)] for one in waveforms]
-        counts = [len(one.position) for one in waveforms]
-        if waveforms:  # otherwise the last ones remain
-            # one entity, so that samples and fit are always those of the same crossing
-            self._recorder.shape(f'{base}/waveforms', stamp_ns, rr.Points2D(
-                np.concatenate([_plot(one.position, one.volts) for one in waveforms]),
-                colors=np.repeat(np.array(colors, np.uint8).reshape(-1, 3), counts, axis=0),
-                radii=rr.Radius.ui_points(2.5)), rr.LineStrips2D(
-                [_plot(one.fit_position, one.fit_volts) for one in waveforms], colors=colors,
-                labels=[f'film {one.film + 1}, fit' for one in waveforms], show_labels=False,
-                radii=rr.Radius.ui_points(1.0)))
+        waveform = self._waveform(friction)
+        if waveform is not None:
+            self._show(base, stamp_ns, waveform)
         self._recorder.shape(f'{base}/result', stamp_ns, rr.TextDocument(
-            _summary(friction, fitted=bool(waveforms)), media_type='text/markdown'))
+            _summary(friction, shown=waveform is not None), media_type='text/markdown'))
+
+    def _waveform(self, friction: Friction) -> CrossingWaveform | None:
+        samples = [one for one in self._films.get(friction.wheel, ())
+                   if len(one.volts) == self._robot.film.count]
+        if not samples or not self._wheels:
+            return None
+        nearest = min(self._wheels, key=lambda one: abs(one.stamp_ns - friction.stamp_ns))
+        return crossing_waveform(
+            friction, np.array([one.stamp_ns for one in samples], np.int64),
+            np.array([one.volts for one in samples]),
+            nearest.velocity[WHEELS.index(friction.wheel)], self._robot)
+
+    def _show(self, base: str, stamp_ns: int, waveform: CrossingWaveform) -> None:
+        films = waveform.films
+        colors = [FILM_COLORS[one.film % len(FILM_COLORS)] for one in films]
+        counts = [len(one.position) for one in films]
+        # one entity, so that samples and model are always those of the same crossing
+        self._recorder.shape(f'{base}/waveforms', stamp_ns, rr.Points2D(
+            np.concatenate([_plot(one.position, one.volts - one.rest) for one in films]),
+            colors=np.repeat(np.array(colors, np.uint8), counts, axis=0),
+            radii=rr.Radius.ui_points(2.5)), rr.LineStrips2D(
+            [_plot(one.model_position, one.model_volts - one.rest) for one in films],
+            colors=colors, labels=[f'film {one.film + 1}, model' for one in films],
+            show_labels=False, radii=rr.Radius.ui_points(1.0)))
+
+
+def _keep(samples: deque[Any], sample: Sample) -> None:
+    """Append ``sample`` and drop those that are too old."""
+    samples.append(sample)
+    while samples[0].stamp_ns < sample.stamp_ns - KEPT_NS:
+        samples.popleft()
 
 
 def draw_axes(recorder: Recorder, base: str, robot: RobotParams) -> None:
     """Draw the axes of a crossing and the edges of the contact patch."""
-    top, bottom = (_plot(np.zeros(1), edge)[0, 1] for edge in (VOLTS[-1:], VOLTS[:1]))
+    heights, end = -MM_PER_V * VOLTS, PLACES[-1]
+    top, bottom = heights[-1], heights[0]
     edge = 0.5 * MM_PER_M * robot.tire.contact_length
-    volts = _plot(np.zeros(len(VOLTS)), VOLTS)[:, 1]
-    lines = [*([(-REACH, y), (REACH, y)] for y in volts),
+    lines = [*([(-end, y), (end, y)] for y in heights),
              *([(x, top), (x, bottom)] for x in PLACES)]
     recorder.static(f'{base}/axes', rr.LineStrips2D(
         lines, colors=(*AXIS, 90), radii=rr.Radius.ui_points(0.5)))
     recorder.static(f'{base}/patch', rr.LineStrips2D(
         [[(x, top), (x, bottom)] for x in (-edge, edge)], colors=AXIS,
         radii=rr.Radius.ui_points(1.5), labels='edge of the patch', show_labels=False))
-    ticks = [*((-REACH, y) for y in volts[1:]), *((x, bottom) for x in PLACES)]
-    labels = [*(f'{value:+.1f} V' for value in VOLTS[1:]), *(f'{x:g} mm' for x in PLACES)]
     recorder.static(f'{base}/ticks', rr.Points2D(
-        ticks, labels=labels, show_labels=True, colors=AXIS, radii=rr.Radius.ui_points(1.0)))
+        [*((-end, y) for y in heights[1:]), *((x, bottom) for x in PLACES)],
+        labels=[*(f'{value:+.1f} V' for value in VOLTS[1:]), *(f'{x:g} mm' for x in PLACES)],
+        show_labels=True, colors=AXIS, radii=rr.Radius.ui_points(1.0)))
 
 
 def _plot(position: Array, volts: Array) -> Array:
@@ -164,21 +185,101 @@ def _plot(position: Array, volts: Array) -> Array:
     return np.stack([MM_PER_M * position, -MM_PER_V * volts], axis=-1)
 
 
-def _summary(friction: Friction, *, fitted: bool) -> str:
+def _summary(friction: Friction, *, shown: bool) -> str:
     """Return the result of a crossing as a table."""
-    if not fitted:
-        return f'**{friction.wheel}**: no waveform was fitted to the latest crossing; ' \
-               'the one before is shown'
-    rows = (('slip', friction.slip, '-'), ('slip, films alone', friction.film_slip, '-'),
-            ('adhesion ratio', friction.adhesion_ratio, '-'),
-            ('friction, this crossing', friction.friction_coefficient_single, '-'),
-            ('friction, fused', friction.friction_coefficient, '-'),
-            ('normal load', friction.normal_load, 'N'),
-            ('stiffness C_x', friction.stiffness, 'N'),
-            ('traction force', friction.traction_force, 'N'))
-    return '\n'.join((f'| {friction.wheel}, crossing | | |', '| --- | --- | --- |',
-                      *(f'| {name} | {_text(value)} | {unit} |' for name, value, unit in rows)))
+    rows = [f'| {label} | {_text(friction.quantity(name))} | {unit} |'
+            for label, name, unit in SHOWN]
+    note = [] if shown else ['', 'It has no samples; those of the one before remain.']
+    return '\n'.join((f'| {friction.wheel}, crossing | | |', '| --- | --- | --- |', *rows, *note))
 
 
 def _text(value: Uncertain) -> str:
-    return f'{value.value:.3g} ± {value.sigma:.2g}' if finite(value) else 'unknown'
+    known = math.isfinite(value.value) and math.isfinite(value.sigma)
+    return f'{value.value:.3g} ± {value.sigma:.2g}' if known else 'unknown'
+
+
+class ForceLayer:
+    """
+    Force and friction circle of each wheel, as seen from above, forward is up.
+
+    Slip, C_x and mu are the estimated ones, loads those of level ground in steady motion. A wheel
+    without films gets mu of an instrumented wheel, preferably of its side.
+    """
+
+    def __init__(self, recorder: Recorder, robot: RobotParams) -> None:
+        self._recorder, self._robot = recorder, robot
+        self._odometry: Odometry | None = None
+        self._friction: dict[str, float] = {}  # wheel -> mu
+        self._stiffness = robot.tire.longitudinal_stiffness
+        self._evaluated_ns: int | None = None
+        self._used = [recorder.line(
+            f'friction_used/{wheel}', f'{wheel}, |F| / (mu F_z) [-]', color)
+            for wheel, color in WHEEL_COLORS.items()]
+        self._traction = [recorder.line(f'traction/{wheel}/model', f'{wheel}, F_x [N]', color)
+                          for wheel, color in WHEEL_COLORS.items()]
+
+    def add_odometry(self, sample: Odometry) -> None:
+        """Add the motion of the body."""
+        self._odometry = sample
+
+    def add_friction(self, sample: Friction) -> None:
+        """Add the friction coefficient of a wheel."""
+        if math.isfinite(sample.friction_coefficient.value):
+            self._friction[sample.wheel] = sample.friction_coefficient.value
+
+    def add_ground(self, sample: GroundState) -> None:
+        """Add the stiffness of the present ground."""
+        self._stiffness = sample.stiffness.value
+
+    def add_slip(self, sample: WheelSlip) -> None:
+        """Add slips; evaluate the forces if it is time."""
+        odometry, last_ns = self._odometry, self._evaluated_ns
+        if (odometry is None or not self._friction
+                or abs(sample.stamp_ns - odometry.stamp_ns) > MAX_AGE_NS
+                or last_ns is not None and 0 <= sample.stamp_ns - last_ns < PERIOD_NS):
+            return
+        self._evaluated_ns = sample.stamp_ns
+        self._show(sample.stamp_ns, *self.evaluate(sample, odometry))
+
+    def evaluate(self, slip: WheelSlip, odometry: Odometry) -> tuple[Array, Array]:
+        """Return the forces (4, 2) [N], forward and to the left, and mu F_z (4,) [N]."""
+        robot, (v_x, v_y, _), rate = self._robot, odometry.linear, odometry.angular[2]
+        wheel_x, wheel_y = wheel_velocities(v_x, v_y, rate, robot.wheelbase, robot.track_width)
+        loads = normal_loads(
+            robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
+            -rate * v_y, rate * v_x, radius=robot.wheel_radius)
+        friction = np.array([self._friction[self.source(wheel)] for wheel in WHEELS])
+        s_x, s_y = slip_vector(wheel_x + np.array(slip.slip_velocity), wheel_x, wheel_y,
+                               floor=robot.slip.standstill_speed)
+        force = brush_force(s_x, s_y, friction, loads, self._stiffness)
+        return np.stack(force, axis=-1), friction * loads
+
+    def source(self, wheel: str) -> str:
+        """Return the wheel whose mu is used for ``wheel``; there is at least one with mu."""
+        side = LEFT if WHEELS.index(wheel) in LEFT else RIGHT
+        candidates = [wheel, *(WHEELS[i] for i in side), *WHEELS]
+        return next(name for name in candidates if name in self._friction)
+
+    def _show(self, stamp_ns: int, force: Array, limit: Array) -> None:
+        share = np.hypot(*force.T) / np.maximum(limit, 1e-9)
+        for used, traction, part, value in zip(self._used, self._traction, share, force[:, 0]):
+            used.add(stamp_ns, float(part))
+            traction.add(stamp_ns, float(value))
+        colors = list(WHEEL_COLORS.values())
+        circle = np.stack([np.cos(CIRCLE), np.sin(CIRCLE)], axis=-1)
+        self._recorder.shape('forces/circles', stamp_ns, rr.LineStrips2D(
+            CORNERS[:, np.newaxis] + limit[:, np.newaxis, np.newaxis] * circle, colors=colors,
+            radii=rr.Radius.ui_points(1.0)), rr.Points2D(
+            CORNERS + np.stack([np.zeros(len(limit)), limit + LABEL_GAP], axis=-1), colors=colors,
+            labels=[self._label(wheel, float(value)) for wheel, value in zip(WHEELS, limit)],
+            show_labels=True, radii=rr.Radius.ui_points(0.0)))
+        # forward is up, left is left: both against the axes of the screen
+        self._recorder.shape('forces/arrows', stamp_ns, rr.Arrows2D(
+            vectors=-force[:, ::-1], origins=CORNERS, colors=colors,
+            labels=[f'{math.hypot(*one):.1f} N' for one in force.tolist()], show_labels=False,
+            radii=rr.Radius.ui_points(2.5)))
+
+    def _label(self, wheel: str, limit: float) -> str:
+        source = self.source(wheel)
+        note = '' if source == wheel else f'\nwith mu of {source}'
+        return f'{wheel}: mu F_z {limit:.0f} N{note}'

@@ -20,8 +20,9 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
+from smart_tire.analysis.figure import SIGMAS
 from smart_tire.samples import WHEELS
-from smart_tire.view.style import SIGMAS, TIMELINE
+from smart_tire.view.recorder import TIMELINE
 
 LIVE_SPAN = 30.0  # s, shown by the plots of live data
 BOUNDS = f'± {SIGMAS:g} σ'

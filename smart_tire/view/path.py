@@ -21,11 +21,11 @@ import math
 import numpy as np
 import rerun as rr
 
+from smart_tire.analysis.figure import SIGMAS
 from smart_tire.arrays import Array
 from smart_tire.rotation import euler
 from smart_tire.samples import GoalPose, NS_PER_S, Odometry, PlannedPath
-from smart_tire.view.recorder import Recorder
-from smart_tire.view.style import AXIS, Color, COMMAND, ESTIMATE, SIGMAS, TRUTH
+from smart_tire.view.recorder import AXIS, Color, COMMAND, ESTIMATE, Recorder, TRUTH
 
 SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
 MIN_STEP = 0.005            # m between two points of the path
@@ -88,7 +88,7 @@ class PathLayer:
         self._shown_ns: int | None = None
         self._extent = np.zeros((2, 2))  # m, lowest and highest x, y of the grid
 
-    def add(self, sample: Odometry) -> None:
+    def add_odometry(self, sample: Odometry) -> None:
         """Add an estimated pose."""
         x, y, _ = sample.position
         yaw = euler(sample.orientation)[2]

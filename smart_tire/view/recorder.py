@@ -24,10 +24,26 @@ from typing import Literal
 import numpy as np
 import rerun as rr
 
+from smart_tire.analysis.figure import COLORS, SIGMAS
 from smart_tire.errors import SmartTireError
+from smart_tire.samples import WHEELS
 from smart_tire.uncertain import Uncertain
-from smart_tire.view.style import BOUND_WIDTH, Color, dimmed, LINE_WIDTH, SIGMAS, TIMELINE
 
+Color = tuple[int, int, int]
+
+TIMELINE = 'time'  # of message stamps, from the first one
+# Distinguishable with color vision deficiency.
+SKY, ORANGE, GREEN, PURPLE, VERMILLION, BLUE = PALETTE = tuple(
+    (int(COLORS[name][1:3], 16), int(COLORS[name][3:5], 16), int(COLORS[name][5:], 16))
+    for name in ('sky', 'orange', 'green', 'purple', 'vermillion', 'blue'))
+FILM_COLORS = PALETTE[:4]
+WHEEL_COLORS: dict[str, Color] = dict(zip(WHEELS, PALETTE))
+ESTIMATE, COMMAND, WARNING = SKY, VERMILLION, VERMILLION
+TRUTH: Color = (128, 128, 128)  # visible on dark and on light background
+AXIS: Color = (110, 110, 110)
+XYZ_COLORS: tuple[Color, ...] = ((220, 80, 80), (90, 200, 90), (90, 130, 250))
+NODE_COLORS: tuple[Color, ...] = (*PALETTE, (150, 150, 255), (190, 190, 190), (160, 110, 60))
+LINE_WIDTH, BOUND_WIDTH = 2.0, 0.75  # points of the screen
 # Where several samples share a pixel, a peak of one sample remains visible.
 AGGREGATION = rr.components.AggregationPolicy.MinMax
 Marker = Literal['circle', 'diamond', 'down', 'up']
@@ -43,7 +59,7 @@ class Track:
     """Values of the series of one entity since they were last sent."""
 
     def __init__(self, style: Style, width: int) -> None:
-        self.style, self.width = style, width
+        self.style, self.width = style, width  # 0: single points
         self._stamps, self._values = array('q'), array('d')
 
     def add(self, stamp_ns: int, *values: float) -> None:
@@ -51,9 +67,13 @@ class Track:
         self._stamps.append(stamp_ns)
         self._values.extend(value if math.isfinite(value) else math.nan for value in values)
 
-    def add_estimate(self, stamp_ns: int, value: float, sigma: float) -> None:
-        """Add an estimate and its bounds; an unknown sigma leaves these out."""
-        self.add(stamp_ns, value, value - SIGMAS * sigma, value + SIGMAS * sigma)
+    def add_value(self, stamp_ns: int, value: float | Uncertain) -> None:
+        """Add a value or an estimate; an unknown sigma leaves the bounds out."""
+        mean, sigma = value if isinstance(value, Uncertain) else (value, math.nan)
+        if self.width == 3:
+            self.add(stamp_ns, mean, mean - SIGMAS * sigma, mean + SIGMAS * sigma)
+        elif self.width or math.isfinite(mean):
+            self.add(stamp_ns, mean)
 
     def take(self) -> tuple[array[int], array[float]]:
         """Return timestamps [ns] and values, and forget them."""
@@ -97,10 +117,11 @@ class Recorder:
             aggregation_policy=AGGREGATION), 3)
 
     def points(self, path: str, name: str, color: Color, *, marker: Marker = 'circle',
-               size: float = 3.0) -> Track:
-        """Return the track of single points."""
+               size: float = 3.0, dim: bool = False) -> Track:
+        """Return the track of single points, to which only finite values are added."""
         return self._track(path, lambda: rr.SeriesPoints(
-            names=name, colors=color, markers=marker, marker_sizes=size), 1)
+            names=name, colors=dimmed(color) if dim else color, markers=marker,
+            marker_sizes=size), 0)
 
     def _track(self, path: str, style: Style, width: int) -> Track:
         if path not in self._tracks:
@@ -143,6 +164,7 @@ class Recorder:
         return (np.array(stamps, np.int64) - (self._origin_ns or 0)).astype('timedelta64[ns]')
 
 
-def finite(estimate: Uncertain) -> bool:
-    """Return whether value and sigma are known."""
-    return math.isfinite(estimate.value) and math.isfinite(estimate.sigma)
+def dimmed(color: Color, share: float = 0.55) -> Color:
+    """Return a darker color, for the bounds around a curve of ``color``."""
+    red, green, blue = (round(share * part) for part in color)
+    return red, green, blue

@@ -17,20 +17,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 from typing import Any
 
 import rerun as rr
 
-from smart_tire.estimation.streams import FRICTION
-from smart_tire.parameters import FrictionEstimatorParams
+from smart_tire.messages import NodeStatus
+from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Sample
-from smart_tire.view.contact import CrossingLayer, FilmLayer
-from smart_tire.view.forces import ForceLayer
-from smart_tire.view.friction import FrictionLayer
-from smart_tire.view.links import LinkLayer, Status
-from smart_tire.view.motion import BodyLayer, ImuLayer, ProgressLayer, SlipLayer, WheelLayer
+from smart_tire.view.contact import CrossingLayer, FilmLayer, ForceLayer
 from smart_tire.view.path import PathLayer
-from smart_tire.view.recorder import Recorder
+from smart_tire.view.recorder import (
+    Color, FILM_COLORS, NODE_COLORS, Recorder, Track, TRUTH, WARNING)
+from smart_tire.view.series import SeriesLayer
+
+# Counts of what went wrong; of each the sum over all nodes is always shown.
+COUNTS = {'batches_lost': 'radio batches lost', 'batches_late': 'radio batches late',
+          'frames_bad': 'frames or messages bad', 'late_messages': 'messages late',
+          'messages_lost': 'messages lost by the recorder'}
+COUNT_COLORS = (*FILM_COLORS, WARNING)
+AGE = 'last_message_age'
+LEVELS = ('INFO', 'WARN', 'ERROR', 'WARN')  # of events by the level of a status: 3 is stale
+CHANGES = 'ground_changes'  # count of friction_estimator
 
 Handler = Callable[[Any], None]
 
@@ -40,56 +48,43 @@ class Scene:
     Shows samples by their standard topic name, and diagnostic statuses.
 
     Feed it in order of reception and call ``flush`` now and then: what was added becomes visible
-    then. ``fit`` also runs a friction estimator, for the fits of the waveforms.
+    then.
     """
 
-    def __init__(self, stream: rr.RecordingStream, params: FrictionEstimatorParams, *,
-                 fit: bool = True) -> None:
+    def __init__(self, stream: rr.RecordingStream, robot: RobotParams) -> None:
         self._recorder = recorder = Recorder(stream)
-        robot = params.robot
         self._films = FilmLayer(recorder, round(NS_PER_S / robot.film.sample_rate))
         self._path, self._links = PathLayer(recorder), LinkLayer(recorder)
-        self._friction = FrictionLayer(recorder)
-        self._crossings = CrossingLayer(recorder, params, self._on_change) if fit else None
-        slip, body = SlipLayer(recorder), BodyLayer(recorder)
-        wheels, imu, forces = WheelLayer(recorder), ImuLayer(recorder), ForceLayer(recorder, robot)
-        friction, path = self._friction, self._path
+        self._series = SeriesLayer(recorder)
+        crossings, forces, path = (
+            CrossingLayer(recorder, robot), ForceLayer(recorder, robot), self._path)
         self._handlers: dict[str, tuple[Handler, ...]] = {
-            'imu/data': (imu.add,), 'wheel_states': (wheels.add,),
-            'tire_samples': (self._films.add,), 'tire_battery': (imu.add_battery,),
-            'odom': (body.add, path.add, forces.add_odometry),
-            'wheel_slip': (slip.add, forces.add_slip), 'icr': (body.add_icr,),
-            'ground_state': (friction.add_ground, forces.add_ground),
-            'tire_friction': (friction.add, forces.add_friction),
+            'wheel_states': (crossings.add_wheels,),
+            'tire_samples': (self._films.add, crossings.add_films),
+            'odom': (path.add_odometry, forces.add_odometry), 'wheel_slip': (forces.add_slip,),
+            'ground_state': (forces.add_ground,),
+            'tire_friction': (crossings.add_friction, forces.add_friction,
+                              self._links.add_friction),
             'path': (path.add_wanted,), 'goal_pose': (path.add_wanted,),
-            'path_progress': (ProgressLayer(recorder).add,),
-            'cmd_vel': (body.add_command,), 'wheel_commands': (wheels.add_set_points,),
-            'motor_commands': (wheels.add_duties,),
-            'ground_truth/odom': (body.add_truth, path.add_truth),
-            'ground_truth/wheel_slip': (slip.add_truth,),
-            'ground_truth/tire_friction': (friction.add_truth,),
-            'overhead/odom': (body.add_truth, path.add_truth),
-            'overhead/wheel_slip': (slip.add_truth,)}
-        if self._crossings is not None:
-            for topic in FRICTION.inputs.values():
-                self._handlers[topic] += (self._crossings.add,)
+            'ground_truth/odom': (path.add_truth,), 'overhead/odom': (path.add_truth,)}
 
     @property
     def topics(self) -> tuple[str, ...]:
         """Return the standard names of the topics that are shown."""
-        return tuple(self._handlers)
+        return tuple({**dict.fromkeys(self._series.topics), **self._handlers})
 
     def add(self, topic: str, sample: Sample) -> None:
         """Show a sample; samples of topics that are not shown are ignored."""
         if sample.stamp_ns:  # a command may have none
             self._recorder.begin(sample.stamp_ns)
+        self._series.add(topic, sample)
         for handler in self._handlers.get(topic, ()):
             handler(sample)
 
-    def add_status(self, stamp_ns: int, status: Status) -> None:
+    def add_status(self, stamp_ns: int, status: NodeStatus) -> None:
         """Show the diagnostic status of a node at a time [ns]."""
         self._recorder.begin(stamp_ns)
-        self._links.add(stamp_ns, status)
+        self._links.add_status(stamp_ns, status)
 
     def add_delay(self, stamp_ns: int, delay: float) -> None:
         """Show the time [s] from the reception of a sample until it was sent to the viewer."""
@@ -101,12 +96,88 @@ class Scene:
 
     def finish(self) -> None:
         """Send everything, at the end of the recording."""
-        if self._crossings is not None:
-            self._crossings.finish()
         self._films.finish()
         self._path.finish()
         self.flush()
 
-    def _on_change(self, friction: Friction) -> None:
-        self._friction.add_change(friction)
-        self._links.event(friction.stamp_ns, f'change of the ground under {friction.wheel}')
+
+class LinkLayer:
+    """
+    Health of links and nodes by /diagnostics: counts and ages by node and topic.
+
+    A new state of a node and a change of the ground are events.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._colors: dict[str, Color] = {}
+        self._states: dict[str, tuple[int, str]] = {}
+        self._counts: dict[tuple[str, str], float] = {}  # key, node -> count
+        self._totals = {key: recorder.line(f'links/total/{key}', name, color, steps=True)
+                        for (key, name), color in zip(COUNTS.items(), COUNT_COLORS)}
+        self._delay = recorder.line('links/delay', 'reception to viewer [s]', TRUTH)
+        self._changes, self._friction = math.inf, math.nan
+        self._change = recorder.points('friction/ground_change', 'change of the ground', WARNING,
+                                       marker='diamond', size=8.0)
+
+    def add_friction(self, sample: Friction) -> None:
+        """Add a friction coefficient, at which a change of the ground is marked."""
+        self._friction = sample.friction_coefficient.value
+
+    def add_status(self, stamp_ns: int, status: NodeStatus) -> None:
+        """Add the status of a node."""
+        node = status.name.strip('/')
+        for key, text in status.values.items():
+            value = number(text)
+            topic, _, quantity = key.rpartition('.')
+            if value is None:
+                continue
+            if key in COUNTS:
+                self._add_count(stamp_ns, node, key, value)
+            elif key == CHANGES:
+                self._add_changes(stamp_ns, value)
+            elif quantity == AGE:
+                self._line(f'links/ages/{_path(node, topic)}', f'{node} {topic}'.strip() + ' [s]',
+                           node).add(stamp_ns, value)
+        state = status.level, status.message
+        if self._states.get(node) != state:
+            self._states[node] = state
+            self.event(stamp_ns, f'{node}: {status.message}', LEVELS[min(status.level, 3)])
+
+    def event(self, stamp_ns: int, text: str, level: str = 'INFO') -> None:
+        """Add a line of text."""
+        self._recorder.shape('links/events', stamp_ns, rr.TextLog(text, level=level))
+
+    def add_delay(self, stamp_ns: int, delay: float) -> None:
+        """Add the time [s] from the reception of a sample until it was sent to the viewer."""
+        self._delay.add(stamp_ns, delay)
+
+    def _add_changes(self, stamp_ns: int, count: float) -> None:
+        if count > self._changes:
+            self._change.add(stamp_ns, self._friction)
+            self.event(stamp_ns, 'change of the ground')
+        self._changes = count
+
+    def _add_count(self, stamp_ns: int, node: str, key: str, value: float) -> None:
+        self._counts[key, node] = value
+        total = sum(count for (name, _), count in self._counts.items() if name == key)
+        self._totals[key].add(stamp_ns, total)
+        self._line(f'links/counts/{_path(node, key)}', f'{node}: {COUNTS[key]}', node,
+                   steps=True).add(stamp_ns, value)
+
+    def _line(self, path: str, name: str, node: str, *, steps: bool = False) -> Track:
+        color = self._colors.setdefault(node, NODE_COLORS[len(self._colors) % len(NODE_COLORS)])
+        return self._recorder.line(path, name, color, steps=steps)
+
+
+def number(text: str) -> float | None:
+    """Return ``text`` as a number, None if it is none; an infinite age is NaN."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else math.nan
+
+
+def _path(node: str, name: str) -> str:
+    return '/'.join(part for part in (*node.split('/'), *name.split('/')) if part)

@@ -22,7 +22,7 @@ from typing import Any
 
 from rerun.chunk import RrdReader
 
-from smart_tire.view.style import TIMELINE
+from smart_tire.view.recorder import TIMELINE
 
 
 class RerunFile:

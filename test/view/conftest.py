@@ -31,15 +31,15 @@ if find_spec('rerun') is None:
 def recorded(tmp_path: Path) -> Callable[..., Any]:
     """Return a function that feeds a scene and returns what its recording contains."""
     import rerun as rr
-    from smart_tire.parameters import build, FrictionEstimatorParams
+    from smart_tire.parameters import build, RobotParams
     from smart_tire.view.scene import Scene
     from support.rerun_file import RerunFile
 
-    def record(feed: Callable[[Scene], None], *, fit: bool = False, **params: Any) -> RerunFile:
+    def record(feed: Callable[[Scene], None], **params: Any) -> RerunFile:
         path = tmp_path / 'scene.rrd'
         stream = rr.RecordingStream('test')
         stream.save(path)
-        scene = Scene(stream, build(FrictionEstimatorParams, params), fit=fit)
+        scene = Scene(stream, build(RobotParams, params))
         feed(scene)
         scene.finish()
         stream.disconnect()

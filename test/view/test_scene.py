@@ -17,19 +17,20 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.messages import NodeStatus, TOPICS
+from smart_tire.parameters import build, FrictionEstimatorParams
 from smart_tire.samples import (
     Friction, GoalPose, GroundState, MotorCommand, Odometry, PathProgress, PlannedPath, TireSample,
     VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
 from smart_tire.view.recorder import Recorder
-from smart_tire.view.style import TRUTH, WHEEL_COLORS
+from smart_tire.view.recorder import TRUTH, WHEEL_COLORS
 
 START = 1_700_000_000_000_000_000  # ns; times in the viewer are those since the first sample
 MS = 1_000_000
@@ -271,50 +272,48 @@ def test_a_lost_batch_interrupts_the_line_of_a_film(recorded):
     assert len(rows) == len(stamps) + 1  # a signal of 1 V: no sample is left out
 
 
-def test_a_scene_shows_each_fit_with_its_samples_and_the_change_of_the_ground(recorded):
+def test_a_scene_shows_each_crossing_with_its_samples_and_the_model(recorded):
     from support.rolling import films, in_order, steady, WHEEL, wheels
     course = steady(60.0)
-    samples = in_order(films(course, 4.0), wheels(course, 4.0))
+    params = build(FrictionEstimatorParams, {'film.wheels': [WHEEL]})
+    estimator = FrictionEstimator(params)
     names = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
+    crossings = []
 
     def feed(scene):
-        for sample in samples:
+        for sample in in_order(films(course, 4.0), wheels(course, 4.0)):
             scene.add(names[type(sample)], sample)
+            for found in estimator.update(sample):
+                crossings.append(found)
+                scene.add(names[type(found)], found)
+        scene.add('tire_friction', Friction(START, WHEEL))  # its samples are not there
 
-    found = recorded(feed, fit=True, **{'film.wheels': [WHEEL]})
+    found = recorded(feed, **{'film.wheels': [WHEEL]})
     path = f'contact/{WHEEL}/waveforms'
     points, strips = (found.rows(path, component) for component in (
         'Points2D:positions', 'LineStrips2D:strips'))
     assert [time for time, _ in points] == [time for time, _ in strips]
-    assert len(points) >= 3
-    for (_, measured), (_, fits) in zip(points, strips):
-        assert len(fits) == 2
-        assert distance_to_curves(np.array(measured), fits) < 1.0  # of 30 mm per volt
-    summary = found.rows(f'contact/{WHEEL}/result', 'TextDocument:text')[-1][1][0]
-    assert '| adhesion ratio | 0.' in summary
+    assert len(points) == len(crossings) >= 3
+    for (_, measured), (_, models) in zip(points, strips):
+        assert len(models) == 2
+        assert distance_to_curves(np.array(measured), models) < 3.0  # of 30 mm per volt
+    texts = sorted(found.rows(f'contact/{WHEEL}/result', 'TextDocument:text'))
+    assert ['no samples' in text for _, (text,) in texts].count(True) == 1
+    assert any('| adhesion ratio | 0.' in text for _, (text,) in texts)
 
 
-def test_a_crossing_without_fit_leaves_the_one_before(recorded, monkeypatch):
-    line = np.array([0.0, 0.01])
-    wave = SimpleNamespace(film=0, position=line, volts=line, fit_position=line, fit_volts=line)
-    crossings = [(True, 0), (False, 8), (True, 16)]
+def test_a_change_of_the_ground_is_marked_at_the_friction_of_then(recorded):
+    def feed(scene):
+        scene.add('tire_friction', Friction(
+            START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05)))
+        for time_ms, count in (0, '3'), (100, '3'), (200, '4'):
+            scene.add_status(START + time_ms * MS, NodeStatus(
+                'friction_estimator', 0, 'ok', {'ground_changes': count}))
 
-    class Estimator:
-
-        def __init__(self, params, on_crossing):
-            self.update = lambda sample: [on_crossing(SimpleNamespace(
-                friction=Friction(START + time * MS, 'front_left'), surface_changed=False,
-                waveform=[wave] if fitted else None)) for fitted, time in crossings]
-            self.finish = list
-
-    monkeypatch.setattr('smart_tire.view.contact.FrictionEstimator', Estimator)
-    monkeypatch.setattr('smart_tire.view.contact.fitted_waveforms', lambda fit, robot, wheel: fit)
-    found = recorded(lambda scene: scene.add('tire_samples', TireSample(START, 'front_left', (
-        0.0, 0.0))), fit=True, **{'film.wheels': ['front_left']})
-    shown = found.rows('contact/front_left/waveforms', 'LineStrips2D:strips')
-    assert [time for time, _ in shown] == [0, 16 * MS]
-    texts = [text for _, (text,) in found.rows('contact/front_left/result', 'TextDocument:text')]
-    assert ['no waveform' in text for text in texts] == [False, True, False]
+    found = recorded(feed)
+    assert found.scalars('friction/ground_change') == [(200 * MS, [0.5])]
+    assert [text for _, (text,) in found.rows('links/events', 'TextLog:text')] == [
+        'friction_estimator: ok', 'change of the ground']
 
 
 def distance_to_curves(points, curves):

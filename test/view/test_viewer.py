@@ -27,7 +27,7 @@ import pytest
 
 from smart_tire.cli._live_feed import FLUSH_PERIOD, LiveFeed
 from smart_tire.messages import TOPICS
-from smart_tire.parameters import build, FrictionEstimatorParams
+from smart_tire.parameters import build, RobotParams
 from smart_tire.samples import Icr, ImuSample, TireSample
 from smart_tire.view.layout import Layout
 from smart_tire.view.recorder import ViewError
@@ -75,8 +75,8 @@ def test_page_and_stream_are_served_on_the_loopback_address_only(viewer):
 
 def test_live_data_at_full_load_leave_the_process_in_time(viewer):
     """Two instrumented wheels, IMU and slips, received as fast as on a robot."""
-    params = build(FrictionEstimatorParams, {'film.wheels': [WHEEL, 'front_left']})
-    layout = Layout(params.robot.film.wheels, live=True)
+    params = build(RobotParams, {'film.wheels': [WHEEL, 'front_left']})
+    layout = Layout(params.film.wheels, live=True)
     stream = open_stream('load', layout.blueprint(), address=viewer.address.stream)
     feed = LiveFeed(Scene(stream, params))
     names = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
@@ -108,7 +108,7 @@ def test_a_stopped_viewer_is_noticed_and_frees_its_ports():
     viewer = Viewer(web=True, wait=time.sleep)
     assert viewer.running
     stream = open_stream('a', Layout((), live=True).blueprint(), address=viewer.address.stream)
-    scene = Scene(stream, FrictionEstimatorParams(), fit=False)
+    scene = Scene(stream, RobotParams())
     scene.flush()
     viewer.stop()
     assert not viewer.running
