@@ -59,10 +59,8 @@ SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
         'test/nodes/test_wheel_controller.py',
         'test/safety/test_publishers.py -k "wheel_states or cmd_vel"'),
     'smart_tire/nodes/trajectory_controller.py': ('test/nodes/test_trajectory_controller.py',),
-    'smart_tire/cli/_keyboard.py': (
-        'test/cli/test_teleoperation.py', 'test/cli/test_keyboard.py'),
-    'smart_tire/cli/_drive_session.py': (
-        'test/cli/test_following.py', 'test/cli/test_resuming.py'),
+    'smart_tire/cli/_keyboard.py': ('test/cli/test_keyboard.py',),
+    'smart_tire/cli/_drive_session.py': ('test/cli/test_drive_session.py',),
 }
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = 'test/equivalent_mutants.txt'

@@ -12,22 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The cached CDR decoder gives the same messages as rosbags, or an error."""
+"""Messages without ROS: definitions, encoder and decoder."""
 
 from __future__ import annotations
 
 from functools import partial
+from importlib import import_module
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as arrays
 import numpy as np
 import pytest
 from rosbags.interfaces import Nodetype
-
-from smart_tire.bags.cdr import Decoder, empty, Encoder, typestore
+from smart_tire.bags.cdr import Decoder, definition, empty, Encoder, typestore
 from smart_tire.errors import MessageError
-from smart_tire.messages import TOPICS
+from smart_tire.messages import topic_of, TOPICS
+from smart_tire.samples import Friction, FRICTION_QUANTITIES, Icr, NAN, PlannedPath, TireSample
+from smart_tire.uncertain import Uncertain
 
 JOINTS = 'sensor_msgs/msg/JointState'
 TYPES = sorted({topic.type for topic in TOPICS.values()})
@@ -162,3 +163,39 @@ def test_any_bytes_give_a_message_or_a_message_error(rest):
         Decoder(JOINTS)(b'\x00\x01\x00\x00' + rest)
     except MessageError as error:
         assert JOINTS in str(error)
+
+
+SAMPLES = [
+    TireSample(1_700_000_000_123_456_789, 'rear_left', (1.65, 2.5)),
+    Icr(5, 0.02, -1.5),
+    Friction(7, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, 0.25))),
+    PlannedPath(8, 'odom', ((1.0, -2.5, 0.0), (1.5, 0.25, NAN))),
+]
+
+
+@pytest.mark.parametrize('sample', SAMPLES, ids=lambda sample: type(sample).__name__)
+def test_rclpy_decodes_our_messages(sample):
+    serialization = pytest.importorskip('rclpy.serialization')
+    topic = TOPICS[topic_of(sample)]
+    package, kind, name = topic.type.split('/')
+    cls = getattr(import_module(f'{package}.{kind}'), name)
+    raw = Encoder(topic.type)(topic.to_msg(empty(topic.type), sample))
+    assert topic.from_msg(serialization.deserialize_message(raw, cls)) == sample
+
+
+@pytest.mark.parametrize('type_name', sorted({topic.type for topic in TOPICS.values()}))
+def test_a_definition_contains_all_nested_types(type_name):
+    text, type_hash = definition(type_name)
+    assert type_hash.startswith('RIHS01_')
+    assert 'MSG: std_msgs/Header' in text
+    assert 'MSG: builtin_interfaces/Time' in text
+
+
+def test_type_hashes_equal_those_of_ros():
+    # As `ros2 topic info -v` of Jazzy prints it.
+    assert definition('builtin_interfaces/msg/Time')[1] == (
+        'RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197')
+
+
+def test_an_unknown_type_has_no_definition():
+    assert definition('strange_msgs/msg/Thing') == ('', '')

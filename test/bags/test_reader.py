@@ -72,15 +72,6 @@ def test_topics_of_two_robots_are_never_mixed(tmp_path):
         assert [ns for ns, _, _ in bag.samples(INPUTS)] == [2, 3]
 
 
-def test_estimates_and_ground_truth_are_not_confused(tmp_path):
-    kind = TOPICS['odom'].type
-    data = Encoder(kind)(empty(kind))
-    messages = [(1, '/odom', kind, data), (2, '/ground_truth/odom', kind, data)]
-    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
-        assert bag.match(['odom']) == {'odom': '/odom'}
-        assert bag.match(['ground_truth/odom']) == {'ground_truth/odom': '/ground_truth/odom'}
-
-
 def test_a_standard_name_with_another_type_is_skipped_and_reported(tmp_path):
     messages = [(1, '/imu/data', 'geometry_msgs/msg/Twist', bytes(52))]
     with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
@@ -166,17 +157,6 @@ def test_a_file_that_is_not_a_bag_is_an_error_with_its_path(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(BagError, match=r'letter\.mcap'):
         Bag(path)
-
-
-def test_a_folder_without_bag_files_is_an_error(tmp_path):
-    (tmp_path / 'notes.txt').write_text('none')
-    with pytest.raises(BagError, match='contains no .mcap or .db3 file'):
-        Bag(tmp_path)
-
-
-def test_samples_can_be_read_repeatedly(tmp_path):
-    with Bag(write_bag(tmp_path / 'bag', stream(0.3))) as bag:
-        assert list(bag.samples(INPUTS)) == list(bag.samples(INPUTS))
 
 
 def test_messages_written_out_of_order_are_sorted_by_receive_time(tmp_path):

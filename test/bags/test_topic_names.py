@@ -129,11 +129,6 @@ def test_wheel_states_of_unknown_joints_show_the_parameters_to_give(tmp_path):
         assert list(opened.samples(INPUTS)) == [] and opened.faults.rejected == {'wheel_states': 2}
 
 
-def test_inputs_that_are_not_in_the_bag_are_no_choice(tmp_path):
-    with Bag(bag_of(tmp_path / 'bag', ('/wheel_slip', JOINTS, WHEELS))) as opened:
-        check_inputs(opened, INPUTS)
-
-
 def test_timestamps_of_different_clocks_are_refused(tmp_path):
     since_boot = [(ns, topic, replace(sample, stamp_ns=sample.stamp_ns - START_NS + 10**9)
                    if topic == 'imu/data' else sample) for ns, topic, sample in stream(0.2)]

@@ -106,12 +106,6 @@ def test_nothing_is_ever_written_into_the_folder_of_a_bag(bag, out, force, capsy
     assert sorted(bag.rglob('*')) == before
 
 
-def test_two_bags_of_the_same_name_are_rejected_before_writing(bag, tmp_path, capsys):
-    assert analyze(bag, bag, '--out', tmp_path / 'out') == 2
-    assert '2 bags have the name drive' in capsys.readouterr().err
-    assert not (tmp_path / 'out').exists()
-
-
 def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(bag, tmp_path, capsys):
     empty = tmp_path / 'empty'
     with BagWriter(empty):
@@ -121,13 +115,6 @@ def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(bag, 
     assert f'{empty}: nothing can be estimated' in output
     assert 'imu/data is not in the bag' in output
     assert (tmp_path / 'out' / 'drive' / 'summary.json').exists()
-
-
-def test_a_missing_bag_is_refused_before_any_bag_is_analyzed(bag, tmp_path, capsys):
-    out = tmp_path / 'out'
-    assert analyze(bag, tmp_path / 'nowhere', '--no-figures', '--out', out) == 2
-    assert 'nowhere: no such file' in capsys.readouterr().err
-    assert not out.exists()
 
 
 def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_path, capsys):
@@ -154,22 +141,3 @@ def test_an_invalid_parameter_file_gives_status_two(bag, tmp_path, capsys, text,
     assert analyze(bag, '--params', path, '--out', tmp_path / 'out') == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / 'out').exists()
-
-
-def test_later_parameter_files_override_earlier_ones(bag, robot, tmp_path):
-    slips = []
-    for radius in (0.087, 0.174):
-        last = tmp_path / 'last.yaml'
-        last.write_text(f'/**: {{ros__parameters: {{wheel_radius: {radius}}}}}')
-        out = tmp_path / str(radius)
-        assert analyze(bag, '--params', robot, '--params', last, '--no-figures', '--out', out) == 0
-        summary = json.loads((out / 'summary.json').read_text())
-        slips.append(summary['estimates']['wheel_slip']['left']['mean'])
-    assert slips[1] > slips[0] + 0.03  # twice the radius requires slip
-
-
-@pytest.mark.parametrize('words', [[], ['bag'], ['--out', 'out']])
-def test_an_incomplete_command_line_gives_status_two(words):
-    with pytest.raises(SystemExit) as exit_info:
-        analyze(*words)
-    assert exit_info.value.code == 2

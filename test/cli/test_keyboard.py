@@ -12,20 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Keys of a terminal: decoding, and a terminal that is restored however the program ends."""
+"""Driving by keys: decoding, the terminal, velocity commands, requests to stop."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 import io
 import os
+import signal
+import subprocess
+import sys
 import termios
 import time
 
 import pytest
-
 from smart_tire.cli import _keyboard
-from smart_tire.cli._keyboard import Key, Keyboard, KeyDecoder
+from smart_tire.cli._keyboard import (
+    ACCELERATION, BRAKING, FIRST_HOLD, Key, Keyboard, KeyDecoder, MAX_SCALE, MIN_SCALE,
+    REPEAT_HOLD, SIGNALS, STEP_FACTOR, StopRequest, Teleoperation, YAW_BRAKING, YAW_RATE)
 from smart_tire.errors import ParameterError
 
 ARROWS = [Key.FORWARD, Key.BACKWARD, Key.RIGHT, Key.LEFT]
@@ -128,3 +132,153 @@ def test_a_terminal_that_cannot_be_read_is_the_end(terminal, monkeypatch):
 def test_a_pipe_is_refused():
     with pytest.raises(ParameterError, match='not a terminal'):
         Keyboard(io.StringIO())
+
+
+PERIOD = 0.05  # s
+SPEED = 0.3    # m/s
+
+
+class Hand:
+    """Presses keys and collects one command per period."""
+
+    def __init__(self, speed=SPEED):
+        self.pilot, self.count, self.commands = Teleoperation(speed), 0, []
+
+    @property
+    def time(self):
+        return self.count * PERIOD
+
+    def wait(self, seconds, *, repeat=None):
+        """Step for ``seconds``; ``repeat`` is a key that repeats in each period."""
+        for _ in range(round(seconds / PERIOD)):
+            self.count += 1
+            if repeat:
+                self.pilot.press(repeat, self.time)
+            self.commands.append(self.pilot.step(self.time))
+        return self.commands[-1]
+
+    def hold(self, key, seconds, delay=0.5):
+        """Hold a key as a person does: pressed, a pause, repetitions."""
+        self.pilot.press(key, self.time)
+        self.wait(min(delay, seconds))
+        return self.wait(max(seconds - delay, 0.0), repeat=key)
+
+
+def test_times_and_limits_are_those_of_the_document():
+    assert (FIRST_HOLD, REPEAT_HOLD, STEP_FACTOR) == (0.75, 0.3, 1.1)
+    assert (BRAKING, YAW_BRAKING) == (1.6, 6.0)
+    assert (YAW_RATE, MIN_SCALE, MAX_SCALE) == (1.2, 0.2, 3.0)
+
+
+@pytest.mark.parametrize('key', [Key.FORWARD, Key.LEFT])
+def test_a_key_is_in_force_until_its_time_is_over_not_longer(key):
+    pilot = Teleoperation(10.0)
+    pilot.step(0.0)
+    pilot.press(key, 0.0)
+    for now in (0.1, 0.2, 0.3):
+        held = max(pilot.step(now))
+    pilot.press(key, 0.3)
+    for now in (0.4, 0.5, 0.59):
+        held = max(pilot.step(now))
+    assert max(pilot.step(0.6)) < held  # exactly the time-out after a repetition
+
+
+def test_a_held_key_drives_at_the_speed_without_a_gap():
+    hand = Hand()
+    assert hand.hold(Key.FORWARD, 3.0) == pytest.approx((SPEED, 0.0))
+    speeds = [speed for speed, _ in hand.commands]
+    assert speeds == sorted(speeds)  # no dip before the first repetition
+
+
+@pytest.mark.parametrize('key, sign', [(Key.FORWARD, 1.0), (Key.BACKWARD, -1.0)])
+def test_the_speed_decays_to_zero_after_the_last_repetition(key, sign):
+    hand = Hand()
+    hand.hold(key, 2.0)
+    held = hand.wait(REPEAT_HOLD - PERIOD)
+    assert held[0] == pytest.approx(sign * SPEED)
+    assert abs(hand.wait(2 * PERIOD)[0]) < SPEED
+    hand.wait(SPEED / BRAKING)
+    assert hand.wait(PERIOD) == (0.0, 0.0)
+
+
+def test_a_key_pressed_once_acts_until_the_first_repetition_is_overdue():
+    hand = Hand()
+    hand.pilot.press(Key.LEFT, 0.0)
+    assert hand.wait(FIRST_HOLD - PERIOD)[1] == pytest.approx(YAW_RATE)
+    assert hand.wait(0.5) == (0.0, 0.0)
+
+
+def test_changes_are_ramps():
+    hand = Hand(speed=1.0)
+    hand.hold(Key.FORWARD, 2.0)
+    hand.hold(Key.BACKWARD, 3.0)
+    speeds = [speed for speed, _ in hand.commands]
+    assert speeds[-1] == pytest.approx(-1.0)
+    steps = [after - before for before, after in zip([0.0, *speeds], speeds)]
+    assert max(steps) == pytest.approx(ACCELERATION * PERIOD)
+    assert min(steps) == pytest.approx(-BRAKING * PERIOD)
+    assert all(step >= -ACCELERATION * PERIOD - 1e-9
+               for step, speed in zip(steps, speeds) if speed < 0.0)
+
+
+def test_the_space_bar_stops_at_once_and_until_the_next_key():
+    hand = Hand()
+    hand.hold(Key.FORWARD, 2.0)
+    hand.pilot.press(Key.LEFT, hand.time)
+    hand.wait(0.2)
+    hand.pilot.press(Key.STOP, hand.time)
+    assert hand.wait(PERIOD) == (0.0, 0.0)
+    assert hand.wait(2.0) == (0.0, 0.0)
+    assert hand.hold(Key.FORWARD, 1.0)[0] > 0.0
+
+
+def test_a_held_key_for_turning_keeps_the_speed():
+    hand = Hand()
+    hand.hold(Key.FORWARD, 1.0)
+    assert hand.hold(Key.RIGHT, 3.0) == pytest.approx((SPEED, -YAW_RATE))
+    assert hand.hold(Key.FORWARD, 1.5) == pytest.approx((SPEED, 0.0))  # straight again
+
+
+def test_a_turn_does_not_revive_a_speed_that_has_ended():
+    hand = Hand()
+    hand.hold(Key.FORWARD, 1.0)
+    hand.wait(1.0)
+    assert hand.hold(Key.LEFT, 1.0)[0] == 0.0
+
+
+def test_speed_steps_have_limits():
+    hand = Hand()
+    hand.pilot.press(Key.FASTER, 0.0)
+    assert hand.pilot.limits == pytest.approx((SPEED * STEP_FACTOR, YAW_RATE * STEP_FACTOR))
+    for key, scale in ((Key.FASTER, MAX_SCALE), (Key.SLOWER, MIN_SCALE)):
+        for _ in range(100):
+            hand.pilot.press(key, 0.0)
+        assert hand.pilot.limits == pytest.approx((SPEED * scale, YAW_RATE * scale))
+    assert hand.wait(1.0) == (0.0, 0.0)  # these keys do not drive
+
+
+def test_a_pause_of_the_program_is_no_time_to_accelerate():
+    pilot = Teleoperation(1.0)
+    assert pilot.step(0.0) == (0.0, 0.0)
+    pilot.press(Key.FORWARD, 9.9)
+    assert pilot.step(10.0)[0] <= 0.1 * ACCELERATION + 1e-9
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_a_flag_and_the_handlers_return(number):
+    before = [signal.getsignal(one) for one in SIGNALS]
+    with StopRequest() as stopped:
+        assert not stopped
+        os.kill(os.getpid(), number)
+        assert stopped
+        os.kill(os.getpid(), number)  # repeated: nothing is interrupted
+    assert [signal.getsignal(one) for one in SIGNALS] == before
+
+
+def test_output_after_the_terminal_was_closed_is_discarded():
+    code = ('import os, signal; from smart_tire.cli._keyboard import StopRequest\n'
+            'with StopRequest() as stopped:\n'
+            '    print("before", flush=True); os.kill(os.getpid(), signal.SIGHUP)\n'
+            '    print("after", flush=True); assert stopped')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'before\n', '')

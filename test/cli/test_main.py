@@ -12,19 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command line: verbs, help and error messages."""
+"""The command line: verbs, help, errors, completion in the shell, ``ros2 smart_tire``."""
 
 from __future__ import annotations
 
+import argparse
 from importlib import import_module
+import os
+from pathlib import Path
 import platform
 import subprocess
 import sys
 
 import pytest
-
 import smart_tire
-from smart_tire.cli.main import main, VERBS
+from smart_tire.cli import recover
+from smart_tire.cli.main import main, SmartTireCommand, VERBS
 from smart_tire.errors import BagError, EstimatorError, ParameterError
 
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy', 'yaml')
@@ -129,3 +132,81 @@ def test_a_closed_output_pipe_is_not_an_error():
         process.stdout.close()
         assert process.stderr.read() == ''
     assert process.returncode == 141  # as after SIGPIPE
+
+
+ROOT = Path(smart_tire.__file__).parents[1]
+SEPARATOR = '\013'
+
+
+def completions(line, folder):
+    """Return what a shell is offered at the end of ``line``."""
+    answer = folder / 'completions'
+    subprocess.run(
+        [sys.executable, '-m', 'smart_tire.cli.main'], check=False, cwd=folder,
+        env={**os.environ, 'PYTHONPATH': str(ROOT), '_ARGCOMPLETE': '1', 'COMP_LINE': line,
+             'COMP_POINT': str(len(line)), '_ARGCOMPLETE_IFS': SEPARATOR,
+             '_ARGCOMPLETE_STDOUT_FILENAME': str(answer)})
+    return {word.strip() for word in answer.read_text().split(SEPARATOR)}
+
+
+def test_all_verbs_are_offered(tmp_path):
+    assert set(VERBS) <= completions('smart_tire ', tmp_path)
+    assert completions('smart_tire ana', tmp_path) == {'analyze'}
+
+
+@pytest.mark.parametrize(('line', 'offered'), [
+    ('smart_tire analyze --smo', {'--smooth'}),
+    ('smart_tire replay --wait', {'--wait', '--wait-for'}),
+    ('smart_tire identify g', {'gains', 'geometry'}),
+    ('smart_tire identify motor --li', {'--lifted'}),
+    ('smart_tire analyze my_b', {'my_bag/'}),
+    ('smart_tire analyze my_bag --params rob', {'robot.yaml'}),
+    ('smart_tire drive --path figure', {'figure_eight'}),
+    ('smart_tire drive --path my_', {'my_bag/'}),
+    ('smart_tire topics wheel_s', {'wheel_slip', 'wheel_states'})])
+def test_options_kinds_files_and_topics_are_completed(line, offered, tmp_path):
+    (tmp_path / 'my_bag').mkdir()
+    (tmp_path / 'robot.yaml').touch()
+    assert completions(line, tmp_path) == offered
+
+
+def test_global_completion_recognizes_the_command():
+    main = (ROOT / 'smart_tire' / 'cli' / 'main.py').read_text(encoding='utf-8')
+    assert 'PYTHON_ARGCOMPLETE_OK' in main[:1024]  # argcomplete reads no more
+
+
+def parsed(*words, argv=None):
+    """Parse a command line as ros2cli does."""
+    parser = argparse.ArgumentParser(prog='ros2')
+    extension = SmartTireCommand()
+    command = parser.add_subparsers().add_parser('smart_tire')
+    extension.add_arguments(command, 'ros2 smart_tire', argv=argv or ['ros2', *words])
+    return extension, parser, parser.parse_args(words)
+
+
+def test_a_verb_is_run_with_its_arguments(monkeypatch, tmp_path):
+    seen = []
+    monkeypatch.setattr(recover, 'run', lambda args: seen.append(args) or 3)
+    bag = tmp_path / 'drive.mcap'
+    bag.touch()
+    extension, parser, args = parsed('smart_tire', 'recover', str(bag), '--force')
+    assert extension.main(parser=parser, args=args) == 3
+    (given,) = seen
+    assert (given.bag, given.force) == (bag, True)
+
+
+def test_help_lists_all_verbs(capsys):
+    with pytest.raises(SystemExit):
+        parsed('smart_tire', '--help')
+    output = capsys.readouterr().out
+    assert output.startswith('usage: ros2 smart_tire ')
+    assert all(f'  {verb}' in output for verb in VERBS)
+
+
+def test_options_of_the_verb_being_completed_are_known(monkeypatch):
+    monkeypatch.setenv('_ARGCOMPLETE', '1')
+    monkeypatch.setenv('COMP_LINE', 'ros2 smart_tire replay --wa')
+    monkeypatch.setattr('sys.argv', ['ros2'])
+    parser = argparse.ArgumentParser()
+    SmartTireCommand().add_arguments(parser, 'ros2 smart_tire')
+    assert parser.parse_args(['replay', 'bag', '--wait', '3']).wait == 3.0

@@ -189,10 +189,3 @@ def test_messages_published_before_the_connection_are_counted(tmp_path):
     first = int.from_bytes(contents(tmp_path / 'bag')['/flood'][0][4:12], 'little')
     assert first > 100
     assert f'lost the first {first - 1} messages of /flood' in recorder.lines
-
-
-def test_an_existing_folder_is_a_usage_error(tmp_path):
-    with command('record', '--out', tmp_path) as recorder:
-        assert recorder.end() == 2
-    assert recorder.lines == [f'smart_tire record: {tmp_path} exists: choose another --out, '
-                              'or --force to replace it']

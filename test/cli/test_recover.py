@@ -53,18 +53,6 @@ def test_an_intact_bag_is_reported(tmp_path, capsys):
     assert 'no damage found' in capsys.readouterr().out
 
 
-def test_a_missing_bag_is_a_usage_error(tmp_path, capsys):
-    assert main(['recover', str(tmp_path / 'nowhere')]) == 2
-    assert 'nowhere: no such file or directory' in capsys.readouterr().err
-
-
-def test_an_existing_folder_is_not_overwritten(cut, capsys):
-    assert main(['recover', str(cut)]) == 0
-    assert main(['recover', str(cut)]) == 2
-    assert 'cut_recovered exists' in capsys.readouterr().err
-    assert main(['recover', str(cut), '--force']) == 0
-
-
 def test_the_input_bag_is_not_replaced_even_with_force(cut, capsys):
     content = (cut / 'cut_0.mcap').read_bytes()
     assert main(['recover', str(cut), '--out', str(cut), '--force']) == 2

@@ -12,31 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Existing results are replaced with --force only, and other files never."""
+"""Paths on the command line: inputs are checked, results replaced with --force only."""
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
 import subprocess
 import sys
 
 import pytest
-
 from smart_tire.bags import BagWriter
-from smart_tire.cli import demo
+from smart_tire.cli import demo as demo_verb
 from smart_tire.cli._options import (
-    FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
-from smart_tire.cli.main import main
-from smart_tire.errors import ParameterError
+    BAGS, check_paths, FIGURES, FILES, OUTPUTS, refuse_existing, refuse_existing_bag,
+    refuse_folder_of_bag, remove, remove_bag)
+from smart_tire.cli.main import main, new_parser, VERBS
+from smart_tire.errors import BagError, ParameterError
 
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
 INPUTS = ('BAG', 'OTHER', 'DATA.csv', 'P')  # empty files: a verb that reads one first reports it
 # Command line, existing file, and the path in the message.
 CASES = {
     'demo, bag': (['demo', '--out', 'OUT'], 'OUT/bag/bag_0.mcap', 'OUT/bag'),
-    'demo, figures': (['demo', '--out', 'OUT'], 'OUT/figures/slip.png', 'OUT/figures'),
-    'demo, summary': (['demo', '--out', 'OUT'], 'OUT/summary.json', 'OUT/summary.json'),
-    'drive, bag': (['drive', '--path', 'square', '--out', 'OUT'], 'OUT/bag/bag_0.mcap',
-                   'OUT/bag'),
     'drive, figure': (['drive', '--path', 'square', '--out', 'OUT'], 'OUT/path.png',
                       'OUT/path.png'),
     'analyze, estimates': (['analyze', 'BAG', '--out', 'OUT'],
@@ -45,20 +44,14 @@ CASES = {
                           'OUT/smoothed/smoothed_0.mcap', 'OUT/smoothed'),
     'analyze, summary': (['analyze', 'BAG', '--no-figures', '--out', 'OUT'],
                          'OUT/summary.json', 'OUT/summary.json'),
-    'analyze, figure': (['analyze', 'BAG', '--out', 'OUT'], 'OUT/path.png', 'OUT/path.png'),
     'analyze, one of two': (['analyze', 'BAG', 'OTHER', '--out', 'OUT'],
                             'OUT/OTHER/summary.json', 'OUT/OTHER/summary.json'),
     **{f'identify {kind}, {name}': (['identify', kind, 'BAG', '--out', 'OUT.yaml'], name, name)
        for kind in ('film', 'gains', 'geometry', 'icr', 'stiffness')
        for name in ('OUT.yaml', 'OUT.png')},
-    'identify film, default': (['identify', 'film', 'DATA.csv'], 'DATA_film.yaml',
-                               'DATA_film.yaml'),
     'identify icr, default': (['identify', 'icr', 'BAG'], 'BAG_icr.yaml', 'BAG_icr.yaml'),
-    'measure': (['measure', 'film', 'DATA.csv', '--params', 'P', '--out', 'OUT.csv'],
-                'OUT.csv', 'OUT.csv'),
     'measure, default': (['measure', 'film', 'DATA.csv', '--params', 'P'],
                          'DATA_measured.png', 'DATA_measured.png'),
-    'reproduce, report': (['reproduce', '--out', 'OUT'], 'OUT/report.html', 'OUT/report.html'),
     'reproduce, figure': (['reproduce', '--out', 'OUT'], 'OUT/paper_a_fig_4.png',
                           'OUT/paper_a_fig_4.png'),
     'record': (['record', '--out', 'OUT'], 'OUT/OUT_0.mcap', 'OUT'),
@@ -99,7 +92,7 @@ def test_an_existing_result_is_kept_and_named_in_one_line(words, file, named, he
 
 @pytest.mark.parametrize('case', [
     'demo, bag', 'analyze, summary', 'identify film, OUT.yaml', 'identify gains, OUT.yaml',
-    'measure', 'reproduce, report', 'record', 'recover'])
+    'measure, default', 'reproduce, figure', 'record', 'recover'])
 def test_existing_results_are_detected_before_slow_imports(case, here):
     words, file, _ = CASES[case]
     make(here / file)
@@ -190,8 +183,84 @@ def test_the_demo_deletes_its_own_files_only(here):
         'bag/metadata.yaml')]
     others = [make(here / 'out' / name) for name in (
         'notes.txt', 'figures/mine.png', 'logs/mine.log', 'more/summary.json')]
-    params = demo._prepare(here / 'out', 1)
+    params = demo_verb._prepare(here / 'out', 1)
     assert 'seed: 1' in params.read_text()
     assert {path for path in own if path.exists()} == {params}
     assert all(path.read_text() == 'mine' for path in others)
     assert not (here / 'out' / 'bag').exists()
+
+
+def path_arguments(parser: argparse.ArgumentParser) -> Iterator[str]:
+    """Yield the names of the arguments of a verb, and of its kinds, that are paths."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for kind in action.choices.values():
+                yield from path_arguments(kind)
+        elif action.type is Path:
+            yield action.dest
+
+
+@pytest.mark.parametrize('verb', VERBS)
+def test_every_path_is_checked(verb):
+    assert set(path_arguments(new_parser(verb))) <= {*BAGS, *FILES, *OUTPUTS}
+
+
+def checked(**arguments):
+    """Return the arguments after the check."""
+    args = argparse.Namespace(**arguments)
+    check_paths(args)
+    return vars(args)
+
+
+@pytest.fixture
+def demo(tmp_path):
+    """Return a folder with one bag below."""
+    (tmp_path / 'demo' / 'bag').mkdir(parents=True)
+    (tmp_path / 'demo' / 'bag' / 'metadata.yaml').touch()
+    return tmp_path / 'demo'
+
+
+def test_bags_in_folders_are_found_and_named_in_a_line_each(demo, capsys):
+    bag = demo / 'bag'
+    found = checked(bag=demo, bags=[bag, demo], lifted=[demo], rate=2.0, params=[], out=None)
+    assert found == {'bag': bag, 'bags': [bag, bag], 'lifted': [bag], 'rate': 2.0,
+                     'params': [], 'out': None}
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert err.splitlines() == [f'{demo}: reading the bag {bag}'] * 3
+
+
+@pytest.mark.parametrize('name', ['params', 'data'])
+def test_files_must_exist_given_alone_or_in_a_list(name, demo):
+    file = demo / 'bag' / 'metadata.yaml'
+    assert checked(**{name: file}) == {name: file}
+    assert checked(**{name: [file]}) == {name: [file]}
+    for missing in (demo / 'none', [file, demo / 'none']):
+        with pytest.raises(ParameterError, match='none: no such file'):
+            checked(**{name: missing})
+
+
+def test_the_output_must_be_writable(demo):
+    with pytest.raises(ParameterError, match='is not a folder'):
+        checked(out=demo / 'bag' / 'metadata.yaml' / 'out')
+
+
+def test_a_bag_is_checked_before_parameters_and_output(demo):
+    with pytest.raises(BagError):
+        checked(out=demo / 'bag' / 'metadata.yaml' / 'out', params=[demo / 'none'],
+                bags=[demo / 'none'])
+
+
+@pytest.mark.parametrize('words', [
+    ['analyze', 'nonsuch', '--out', 'x'], ['replay', 'nonsuch'], ['recover', 'nonsuch'],
+    *(['identify', kind, 'nonsuch'] for kind in (
+        'film', 'gains', 'geometry', 'icr', 'motor', 'stiffness')),
+    ['measure', 'film', 'nonsuch', '--params', 'nonsuch'],
+    ['analyze', '.', '--params', 'nonsuch', '--out', 'x']])
+def test_a_wrong_path_is_reported_before_anything_slow_is_imported(words, demo):
+    code = ('import sys; from smart_tire.cli.main import main; status = main(sys.argv[1:])\n'
+            f'print(status, [name for name in {SLOW} if name in sys.modules])')
+    done = subprocess.run([sys.executable, '-c', code, *words], capture_output=True, text=True,
+                          check=True, cwd=demo)
+    assert done.stdout == '2 []\n'
+    assert 'nonsuch: no such file' in done.stderr
