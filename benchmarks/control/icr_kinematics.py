@@ -26,7 +26,7 @@ import math
 
 from smart_tire.control.ground_motion import STANDSTILL_SPEED
 from smart_tire.control.slip_kinematics import (
-    Motion, Prior, SlipCoefficient, SlipKinematics, SPREAD, Velocity)
+    Motion, SlipCoefficient, SlipKinematics, Velocity)
 from smart_tire.control.trajectory_control import TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 
@@ -44,9 +44,9 @@ class IcrKinematics(SlipKinematics):
         first = half * (1.0 + (params.robot.wheelbase / params.robot.track_width) ** 2)
         limits = half, MAX_WIDENING * half
         self._left, self._right = (
-            SlipCoefficient(Prior(sign * first, SIGMA_Y, *sorted(sign * y for y in limits)),
-                            SPREAD) for sign in (1.0, -1.0))
-        self._ahead = SlipCoefficient(Prior(0.0, SIGMA_X, -MAX_X, MAX_X), SPREAD)
+            SlipCoefficient(sign * first, SIGMA_Y, *sorted(sign * y for y in limits))
+            for sign in (1.0, -1.0))
+        self._ahead = SlipCoefficient(0.0, SIGMA_X, -MAX_X, MAX_X)
         super().__init__(params)
 
     def reset(self) -> None:
@@ -66,7 +66,7 @@ class IcrKinematics(SlipKinematics):
         """Return commanded over reached speed and yaw rate, for wanted ones of the body."""
         return 1.0, (self._left.value - self._right.value) / self._effective_track
 
-    def heading_offset(self, v_x: float, yaw_rate: float) -> float:
+    def drift(self, v_x: float, yaw_rate: float) -> float:
         """Return the angle [rad] from the x axis of the body to its direction of travel."""
         return -math.atan(self._ahead.value * yaw_rate / math.copysign(
             max(abs(v_x), STANDSTILL_SPEED), v_x))
@@ -76,9 +76,9 @@ class IcrKinematics(SlipKinematics):
         """Correct the centers with motion and slip velocities [m/s] of a window."""
         _, v_y, yaw_rate = motion
         half, change = 0.5 * self._track * yaw_rate, duration / FADE
-        self._left.update(-yaw_rate, left - half, sigma, change, duration)
-        self._right.update(-yaw_rate, right + half, sigma, change, duration)
-        self._ahead.update(-yaw_rate, v_y, 0.0, change, duration)
+        self._left.correct(-yaw_rate, left - half, sigma, change, duration)
+        self._right.correct(-yaw_rate, right + half, sigma, change, duration)
+        self._ahead.correct(-yaw_rate, v_y, 0.0, change, duration)
 
 
 class IcrControl(TrajectoryControl):

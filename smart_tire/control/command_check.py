@@ -146,7 +146,7 @@ class VelocityMux:
                         for name, priority, timeout in inputs}
         self._order = sorted(self._inputs, key=lambda name: -self._inputs[name].priority)
 
-    def update(self, name: str, command: VelocityCommand, received_ns: int) -> None:
+    def set_command(self, name: str, command: VelocityCommand, received_ns: int) -> None:
         """Set the command of the input ``name`` and unblock it."""
         item = self._inputs[name]
         item.command, item.received_ns, item.blocked = command, received_ns, False

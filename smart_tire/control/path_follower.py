@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -31,11 +30,9 @@ HOLD_GAIN = 3.0    # 1/s, from the distance to the speed that holds the position
 MAX_HOLD_SPEED = 0.1  # m/s
 PROJECTION_WINDOW = 0.2   # m, in addition to twice the distance driven since the last step
 MAX_SETTLING = 1.0        # s, wait for standstill between maneuvers
-MIN_HEADING_SPEED = 0.05  # m/s; direction of the velocity at lower speeds is not defined
 MAX_ALIGN_FACTOR = 2.0    # of align_angle, while driving
 
 # v_x [m/s], yaw rate [rad/s] -> angle [rad] from the x axis to the velocity, modulo pi
-HeadingOffset = Callable[[float, float], float]
 
 
 class SpinControl:
@@ -96,7 +93,7 @@ class Conditions:
     dt: float  # s, until the next step
     limits: MotionLimits
     params: TrajectoryControllerParams
-    heading_offset: HeadingOffset
+    drift: float  # rad, from the x axis of the body to its direction of travel, forward
 
 
 class PathFollower:
@@ -225,7 +222,7 @@ class PathFollower:
         look_ahead = min(max(abs(self._v_x) * follower.look_ahead_time,
                              follower.min_look_ahead), follower.max_look_ahead)
         yaw = (point.heading - math.atan2(point.lateral, look_ahead)
-               - self._heading_offset(now, segment))
+               - now.drift - (0.0 if segment.direction == FORWARD else math.pi))
         error = wrap(yaw - now.motion.yaw)
         if self._must_align(error, follower.align_angle):
             return self._turn(now, yaw, ends=False)
@@ -238,14 +235,6 @@ class PathFollower:
         speed = limits.next_speed(wanted, abs(self._v_x), now.dt)
         yaw_rate = limits.next_yaw_rate(speed * curvature, self._yaw_rate, speed, now.dt)
         return segment.direction * speed, yaw_rate
-
-    def _heading_offset(self, now: Conditions, segment: Segment) -> float:
-        """Return the angle [rad] from the x axis of the body to its direction of travel."""
-        fast = abs(self._v_x) > MIN_HEADING_SPEED
-        v_x = segment.direction * max(abs(self._v_x), MIN_HEADING_SPEED)
-        drift = math.remainder(
-            now.heading_offset(v_x, self._yaw_rate if fast else 0.0), math.pi)
-        return drift if segment.direction == FORWARD else drift + math.pi
 
     def _must_align(self, error: float, limit: float) -> bool:
         """Return whether the direction of travel is corrected by turning in place."""

@@ -22,7 +22,6 @@ estimated slip; feedback of the reached velocity removes what they leave.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 import math
 
 from smart_tire.control.ground_motion import CLOCK_JUMP_NS, STANDSTILL_SPEED
@@ -43,23 +42,12 @@ MAX_SPEED_SHARE = 0.5         # of the wanted speed, by which the feedback chang
 MAX_YAW_SHARE = 0.3           # of the largest yaw rate, by which it changes the yaw rate at most
 SPREAD = 0.02                 # m/s, of slip velocities and v_y around the model, at the start
 TURNING_LENGTH = 0.2          # -, of the turning share, correlation length of tires
+# slip velocity over speed: mean, sigma and range of the prior, from firm ground to sand
+RESISTANCE = 0.01, 0.15, -0.05, 0.5
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; the most in narrow turns on sand
 MAX_COMPLIANCE = 4.0          # over that of the calibrated ground
 
 Motion = tuple[float, float, float]  # v_x, v_y [m/s], yaw rate [rad/s]
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Value of a coefficient before any measurement, its standard deviation and range."""
-
-    mean: float
-    sigma: float
-    low: float
-    high: float
-
-
-RESISTANCE = Prior(0.01, 0.15, -0.05, 0.5)  # slip velocity over speed, from firm ground to sand
 
 
 class SlipCoefficient:
@@ -73,37 +61,38 @@ class SlipCoefficient:
     estimates as well as what the linear model leaves out.
     """
 
-    def __init__(self, prior: Prior, spread: float) -> None:
-        self._prior, self._first_spread = prior, spread
+    def __init__(self, mean: float, sigma: float, low: float, high: float) -> None:
+        """Begin with the prior ``mean``; the value remains within ``low`` and ``high``."""
+        self._mean, self._prior_variance, self._range = mean, sigma ** 2, (low, high)
         self.reset()
 
     def reset(self) -> None:
-        """Return to the prior, and to the first ``spread`` [m/s] of the innovations."""
-        self.value, self._variance = self._prior.mean, self._prior.sigma ** 2
-        self._spread2 = self._first_spread ** 2
+        """Return to the prior."""
+        self.value, self._variance, self._spread2 = self._mean, self._prior_variance, SPREAD ** 2
 
     def after(self, change: float) -> float:
         """Return the value that is expected after a ``change`` since the last update."""
-        return self._prior.mean + math.exp(-change) * (self.value - self._prior.mean)
+        return self._mean + math.exp(-change) * (self.value - self._mean)
 
-    def update(self, regressor: float, measured: float, sigma: float, change: float,
-               duration: float) -> None:
+    def correct(self, regressor: float, measured: float, sigma: float, change: float,
+                duration: float) -> None:
         """
         Advance by ``change`` within ``duration`` [s], and correct with a measurement [m/s].
 
         Innovations beyond ``GATE`` times their spread are clipped; so one outlier changes little,
         while another ground widens the spread and is learned.
         """
-        prior, kept = self._prior, math.exp(-2.0 * change)
+        kept = math.exp(-2.0 * change)
         self.value = self.after(change)
-        self._variance = kept * self._variance + (1.0 - kept) * prior.sigma ** 2
+        self._variance = kept * self._variance + (1.0 - kept) * self._prior_variance
         if not math.isfinite(regressor * regressor + measured):
             return
         limit = GATE * max(math.sqrt(self._spread2), MIN_SPREAD)
         innovation = min(max(measured - self.value * regressor, -limit), limit)
         noise = max(self._spread2, sigma * sigma, MIN_SPREAD * MIN_SPREAD)
         gain = self._variance * regressor / (self._variance * regressor * regressor + noise)
-        self.value = min(max(self.value + gain * innovation, prior.low), prior.high)
+        low, high = self._range
+        self.value = min(max(self.value + gain * innovation, low), high)
         self._variance *= 1.0 - gain * regressor
         share = min(duration / SPREAD_TIME, 1.0)
         self._spread2 += share * (innovation * innovation - self._spread2)
@@ -172,11 +161,11 @@ class SlipKinematics:
         self._track, self._wheelbase = robot.track_width, robot.wheelbase
         self._effective_track, self._fade_time = params.effective_track, params.friction.fade_time
         compliance = 0.25 * robot.mass / robot.tire.longitudinal_stiffness
-        self._resistance = SlipCoefficient(RESISTANCE, SPREAD)
+        self._resistance = SlipCoefficient(*RESISTANCE)
         self._widening = SlipCoefficient(
-            Prior(_prior_widening(params), WIDENING_SIGMA, 0.0, MAX_WIDENING), SPREAD)
+            _prior_widening(params), WIDENING_SIGMA, 0.0, MAX_WIDENING)
         self._compliance = SlipCoefficient(  # s2/m, slip angle over v_x and yaw rate
-            Prior(compliance, compliance, 0.0, MAX_COMPLIANCE * compliance), SPREAD)
+            compliance, compliance, 0.0, MAX_COMPLIANCE * compliance)
         self.reset()
 
     def reset(self) -> None:
@@ -244,7 +233,7 @@ class SlipKinematics:
         return (1.0 + self._resistance.after(aged),
                 (1.0 + widening) * self._track / self._effective_track)
 
-    def heading_offset(self, v_x: float, yaw_rate: float) -> float:
+    def drift(self, v_x: float, yaw_rate: float) -> float:
         """Return the angle [rad] from the x axis of the body to its direction of travel."""
         compliance = self._compliance.after(self._change(v_x, yaw_rate))
         return -math.atan(compliance * abs(v_x) * yaw_rate)
@@ -283,10 +272,10 @@ class SlipKinematics:
         aged = duration / self._fade_time
         change = aged + self._change(v_x, yaw_rate)
         self._turning = self._turning_share(v_x, yaw_rate)
-        self._resistance.update(v_x, 0.5 * (left + right), sigma, aged, duration)
-        self._widening.update(
+        self._resistance.correct(v_x, 0.5 * (left + right), sigma, aged, duration)
+        self._widening.correct(
             0.5 * self._track * yaw_rate, 0.5 * (right - left), sigma, change, duration)
-        self._compliance.update(-abs(v_x) * v_x * yaw_rate, v_y, 0.0, change, duration)
+        self._compliance.correct(-abs(v_x) * v_x * yaw_rate, v_y, 0.0, change, duration)
 
 
 def _prior_widening(params: TrajectoryControllerParams) -> float:

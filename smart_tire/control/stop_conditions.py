@@ -55,7 +55,7 @@ class Travel:
             self.clear()
         return (stamp_ns - self.stamps[-1]) / NS_PER_S if self.stamps else 0.0
 
-    def add(self, stamp_ns: int, forward: float, turning: float) -> None:
+    def extend(self, stamp_ns: int, forward: float, turning: float) -> None:
         """Add distances [m] since the latest sample."""
         before = self._sums[-1] if self._sums else (0.0, 0.0)
         self.stamps.append(stamp_ns)
@@ -98,7 +98,7 @@ class OdometryCheck:
         scale = self._radius * self._wheels.elapsed(sample.stamp_ns)
         left, right = (scale * fmean(_finite(sample.velocity[wheel] for wheel in side))
                        for side in (LEFT, RIGHT))
-        self._wheels.add(sample.stamp_ns, 0.5 * (right + left), 0.5 * (right - left))
+        self._wheels.extend(sample.stamp_ns, 0.5 * (right + left), 0.5 * (right - left))
 
     def add_motion(self, motion: Motion, stamp_ns: int) -> None:
         """Add a pose; the twist is not used."""
@@ -107,7 +107,7 @@ class OdometryCheck:
         last = last or motion
         turned = wrap(motion.yaw - last.yaw)
         heading = last.yaw + 0.5 * turned
-        self._odom.add(stamp_ns, (motion.x - last.x) * math.cos(heading)
+        self._odom.extend(stamp_ns, (motion.x - last.x) * math.cos(heading)
                        + (motion.y - last.y) * math.sin(heading), self._arm * turned)
 
     def fault(self, max_slip: float) -> str:

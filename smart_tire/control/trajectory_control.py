@@ -33,6 +33,7 @@ from smart_tire.samples import (
     WheelSample, WheelSlip)
 
 MAX_STEP_PERIODS = 4  # upper limit of the time step, in periods
+MIN_HEADING_SPEED = 0.05  # m/s; the direction of a slower motion is not known
 
 
 class State(IntEnum):
@@ -217,7 +218,7 @@ class TrajectoryControl:
                    else (1.0, 1.0))
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
         self._last = follower.step(
-            Conditions(motion, dt, limits, params, self._heading_offset))
+            Conditions(motion, dt, limits, params, self._drift()))
         reason = self._progress.check(follower, self._motion.motion, now_ns, params)
         if follower.finished or reason:
             self._end(State.STOPPED if reason else State.ARRIVED, reason, Cause.MOTION)
@@ -233,10 +234,11 @@ class TrajectoryControl:
         share = command_share(command, self.params)
         return (share * command[0], share * command[1]) if share else (0.0, 0.0)
 
-    def _heading_offset(self, v_x: float, yaw_rate: float) -> float:
-        if not self.params.slip_compensation:
+    def _drift(self) -> float:
+        """Return the angle [rad] of the motion to the body; at low speeds it is not defined."""
+        if not self.params.slip_compensation or abs(self._last[0]) <= MIN_HEADING_SPEED:
             return 0.0
-        return self._kinematics.heading_offset(v_x, yaw_rate)
+        return self._kinematics.drift(*self._last)
 
     def _time_step(self, now_ns: int, last_ns: int | None) -> float:
         period = 1.0 / self.params.rate

@@ -78,7 +78,7 @@ class WheelControl:
 
         ``stamp_ns`` is their timestamp, of any clock, ``position`` the angles [rad].
         """
-        self._feedback.add(velocity, now_ns, stamp_ns, position)
+        self._feedback.add_reading(velocity, now_ns, stamp_ns, position)
 
     def discard_measurement(self) -> None:
         """Discard the measured wheel speeds; no duty until the next ones."""
@@ -129,7 +129,7 @@ class WheelControl:
         if not self.motors_enabled:
             self._reset()
         a, b, c, d = (
-            servo.update(set_point, self._feedback, dt, now_ns, tire)
+            servo.step(set_point, self._feedback, dt, now_ns, tire)
             for servo, set_point, tire in zip(self._servos, set_points, self.traction.tires))
         return set_points, (a, b, c, d)
 

@@ -62,8 +62,8 @@ class WheelFeedback:
         self._lateness: deque[int] = deque(maxlen=ARRIVALS)  # ns, of arrivals after ``time_ns``
         self._readings: deque[Reading] = deque()
 
-    def add(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
-            position: Four | None = None) -> None:
+    def add_reading(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
+                    position: Four | None = None) -> None:
         """
         Add wheel speeds [rad/s] that arrived at ``now_ns``; ``stamp_ns`` is their timestamp.
 

@@ -169,8 +169,8 @@ class Pid:
         """Make up for a ``change`` of the feed-forward duty by its parameters."""
         self._integral -= change
 
-    def update(self, feed_forward: float, error: float, slope: float, dt: float, *,
-               current: bool = True) -> float:
+    def duty(self, feed_forward: float, error: float, slope: float, dt: float, *,
+             current: bool = True) -> float:
         """
         Return the duty after ``dt`` [s], within its limits of magnitude and rate.
 
@@ -231,8 +231,8 @@ class WheelServo:
         self._params, self._model = params, model
         self._pid.compensate(change)
 
-    def update(self, set_point: float, feedback: WheelFeedback, dt: float, now_ns: int,
-               tire: TireLoad | None = None) -> float:
+    def step(self, set_point: float, feedback: WheelFeedback, dt: float, now_ns: int,
+             tire: TireLoad | None = None) -> float:
         """
         Return the duty [-1, 1] for a set point [rad/s], ``dt`` [s] after the latest step.
 
@@ -259,7 +259,7 @@ class WheelServo:
         self._direction = reference.direction
         delay = feedback.delay(1.0 / params.rate)
         self._pid.set_gains(pid, self._model.limited(params.pid, delay))
-        duty = self._pid.update(
+        duty = self._pid.duty(
             self._model.duty(self._input, self._direction), self._error(reference, feedback),
             feedback.slope(self._wheel), dt, current=feedback.is_current(now_ns))
         reference.limit_input(self._input - self._pid.excess / self._model.speed_gain)

@@ -131,7 +131,7 @@ class SmartTireNode(Node, Generic[Params]):
         self.inputs[name] = counter
         convert = from_msg or topic.from_msg
         if required or announced:
-            self.input_log.add(name, lambda: counter.ok, required=required)
+            self.input_log.watch(name, lambda: counter.ok, required=required)
 
         def handle(msg: Any, *info: Any) -> None:
             try:

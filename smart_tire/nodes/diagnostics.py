@@ -176,7 +176,7 @@ class InputLog:
         self._since_ns = clock()     # start of the waiting time
         self._next_ns = WAIT_NS      # waiting time of the next line
 
-    def add(self, name: str, count: Callable[[], int], *, required: bool,
+    def watch(self, name: str, count: Callable[[], int], *, required: bool,
             excused: Callable[[], bool] = lambda: False) -> None:
         """Watch an input by its ``count`` of messages; silence is no news while ``excused``."""
         self._inputs.append((InputWatch(name, required), count, excused))

@@ -123,7 +123,7 @@ class DriverNode(SmartTireNode[Params]):
         self._source = source
         self._port = SerialPort(params.port, params.baud_rate, work, self._on_port_state)
         self.hardware_id = params.port
-        self.input_log.add(f'frames from {params.port}', lambda: source.frames_ok, required=True,
+        self.input_log.watch(f'frames from {params.port}', lambda: source.frames_ok, required=True,
                            excused=lambda: bool(self._port.problem))
 
     def start(self) -> None:

@@ -57,7 +57,7 @@ class SequenceGaps:
         self._initial_publishers = initial_publishers
         self._last: dict[bytes, int] = {}  # publisher -> latest sequence number
 
-    def add(self, info: Mapping[str, Any]) -> bool:
+    def count(self, info: Mapping[str, Any]) -> bool:
         """Add a received message; return whether the losses have reached 1, 2, 4, 8 ... now."""
         number = info.get('publication_sequence_number')
         if number is None:  # older distributions, and middleware without sequence numbers
@@ -201,7 +201,7 @@ class Recorder(SmartTireNode[RecorderParams]):
 
         def on_message(data: bytes, info: Mapping[str, Any]) -> None:
             write(name, now_ns(), data)
-            if gaps.add(info):
+            if gaps.count(info):
                 self.get_logger().warning(f'lost {gaps} messages of {name} so far')
 
         return on_message

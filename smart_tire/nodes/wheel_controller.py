@@ -102,7 +102,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             self.subscribe(name, on_estimate, reliability=self.params.reliability, announced=True)
 
     def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
-        self._mux.update(name, command, received_ns)
+        self._mux.set_command(name, command, received_ns)
 
     def _on_velocity_conflict(self, name: str, reason: str) -> None:
         if reason:

@@ -25,8 +25,7 @@ import pytest
 
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_library import figure_eight, line, reverse_parking, u_turn
-from smart_tire.control.slip_kinematics import (
-    Prior, SlipCoefficient, SlipKinematics, VelocityFeedback)
+from smart_tire.control.slip_kinematics import SlipCoefficient, SlipKinematics, VelocityFeedback
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import PathCheckParams
@@ -188,16 +187,16 @@ def test_feedback_ends_at_its_bound_and_leaves_it_at_once():
 
 @given(st.lists(st.tuples(HOSTILE, HOSTILE, HOSTILE), max_size=30))
 def test_a_coefficient_remains_in_its_range_and_finite(measurements):
-    coefficient = SlipCoefficient(Prior(0.5, 0.4, 0.0, 2.0), 0.02)
+    coefficient = SlipCoefficient(0.5, 0.4, 0.0, 2.0)
     for regressor, measured, sigma in measurements:
-        coefficient.update(regressor, measured, abs(sigma), 0.003, 0.08)
+        coefficient.correct(regressor, measured, abs(sigma), 0.003, 0.08)
         assert 0.0 <= coefficient.value <= 2.0
 
 
 def test_one_outlier_changes_a_coefficient_little():
-    coefficient = SlipCoefficient(Prior(0.5, 0.4, 0.0, 2.0), 0.02)
+    coefficient = SlipCoefficient(0.5, 0.4, 0.0, 2.0)
     for _ in range(50):
-        coefficient.update(0.2, 0.12, 0.0, 0.003, 0.08)
+        coefficient.correct(0.2, 0.12, 0.0, 0.003, 0.08)
     assert coefficient.value == pytest.approx(0.6, abs=0.01)
-    coefficient.update(0.2, 5.0, 0.0, 0.003, 0.08)
+    coefficient.correct(0.2, 5.0, 0.0, 0.003, 0.08)
     assert coefficient.value == pytest.approx(0.6, abs=0.1)

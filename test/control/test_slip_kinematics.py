@@ -230,9 +230,9 @@ def test_the_direction_of_travel_is_learned_from_the_lateral_speed(v_x, yaw_rate
     icr_x = math.copysign(0.03, v_x)  # the body slides outward, behind the direction of travel
     world = World(kinematics(), icr_x=icr_x)
     world.drive(v_x, yaw_rate, 3.0)
-    offset = world.kinematics.heading_offset(v_x, yaw_rate)
+    offset = world.kinematics.drift(v_x, yaw_rate)
     assert offset == pytest.approx(math.atan(-icr_x * yaw_rate / v_x), rel=0.15)
-    assert world.kinematics.heading_offset(v_x, 0.0) == 0.0
+    assert world.kinematics.drift(v_x, 0.0) == 0.0
 
 
 def test_older_odometry_is_ignored_and_another_clock_discards_all():

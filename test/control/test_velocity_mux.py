@@ -35,7 +35,7 @@ def test_without_a_command_nothing_is_selected(mux):
 
 
 def test_a_command_is_selected_until_its_own_time_out(mux):
-    mux.update('nav', SLOW, 0)
+    mux.set_command('nav', SLOW, 0)
     assert mux.selected(NS_PER_S) == ('nav', SLOW)
     assert mux.selected(NS_PER_S + 1) is None
 
@@ -44,14 +44,14 @@ def test_a_command_is_selected_until_its_own_time_out(mux):
 def test_the_higher_priority_is_selected_until_it_times_out(mux, order):
     commands = {'nav': FAST, 'joystick': SLOW}
     for name in order:
-        mux.update(name, commands[name], 0)
+        mux.set_command(name, commands[name], 0)
     assert mux.selected(NS_PER_S // 2) == ('joystick', SLOW)
     assert mux.selected(NS_PER_S // 2 + 1) == ('nav', FAST)
 
 
 def test_a_blocked_input_stops_the_robot_despite_inputs_of_lower_priority(mux):
-    mux.update('joystick', SLOW, 0)
-    mux.update('nav', FAST, 0)
+    mux.set_command('joystick', SLOW, 0)
+    mux.set_command('nav', FAST, 0)
     mux.block('joystick')
     assert mux.selected(0) is None
     mux.unblock('joystick')
@@ -59,25 +59,25 @@ def test_a_blocked_input_stops_the_robot_despite_inputs_of_lower_priority(mux):
 
 
 def test_a_blocked_input_has_no_effect_below_a_valid_one(mux):
-    mux.update('joystick', SLOW, 0)
+    mux.set_command('joystick', SLOW, 0)
     mux.block('nav')
     assert mux.selected(0) == ('joystick', SLOW)
     assert mux.selected(NS_PER_S) is None
 
 
 def test_blocking_discards_the_command_and_ends_with_the_next_one(mux):
-    mux.update('nav', FAST, 0)
+    mux.set_command('nav', FAST, 0)
     mux.block('nav')
     mux.unblock('nav')
     assert mux.selected(0) is None
     mux.block('nav')
-    mux.update('nav', SLOW, 1)
+    mux.set_command('nav', SLOW, 1)
     assert mux.selected(1) == ('nav', SLOW)
 
 
 def test_all_commands_can_be_discarded(mux):
-    mux.update('joystick', SLOW, 0)
-    mux.update('nav', FAST, 0)
+    mux.set_command('joystick', SLOW, 0)
+    mux.set_command('nav', FAST, 0)
     mux.discard()
     assert mux.selected(0) is None
 
@@ -86,6 +86,6 @@ def test_all_commands_can_be_discarded(mux):
 def test_priority_depends_on_the_number_not_on_the_name(names):
     low, high = names
     mux = VelocityMux([(low, 1, 1.0), (high, 2, 1.0)])
-    mux.update(high, FAST, 0)
-    mux.update(low, SLOW, 0)
+    mux.set_command(high, FAST, 0)
+    mux.set_command(low, SLOW, 0)
     assert mux.selected(0) == (high, FAST)

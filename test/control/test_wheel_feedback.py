@@ -31,7 +31,8 @@ def read(times, window=0.0, speeds=None, stamps=None):
     feedback = WheelFeedback(window)
     for index, time in enumerate(times):
         speed = speeds[index] if speeds else float(index)
-        feedback.add((speed, 0.0, 0.0, 7.0), time * MS, (stamps[index] if stamps else 0) * MS)
+        feedback.add_reading((speed, 0.0, 0.0, 7.0), time * MS,
+                             (stamps[index] if stamps else 0) * MS)
     return feedback
 
 
@@ -76,7 +77,7 @@ def feed(arrivals, stamps, positions, window=0.03):
     feedback = WheelFeedback(window)
     for arrival, stamp, position in zip(arrivals, stamps, positions, strict=True):
         # the speeds contradict the positions: they must not be used
-        feedback.add((1.0,) * 4, arrival * MS, stamp * MS, (position, 0.0, 0.0, -position))
+        feedback.add_reading((1.0,) * 4, arrival * MS, stamp * MS, (position, 0.0, 0.0, -position))
     return feedback
 
 
@@ -121,7 +122,7 @@ def test_timestamps_give_any_plausible_period(gap, period):
 def test_timestamps_closer_than_a_tenth_of_a_millisecond_are_not_plausible():
     feedback = WheelFeedback(0.0)
     for index in range(2):
-        feedback.add((1.0,) * 4, index * 60 * MS, 1 + index * MS // 20)
+        feedback.add_reading((1.0,) * 4, index * 60 * MS, 1 + index * MS // 20)
     assert feedback.period == pytest.approx(0.06)
 
 
@@ -146,9 +147,9 @@ def test_another_reading_of_the_same_time_replaces_the_latest():
 @pytest.mark.parametrize('wheel', range(4))
 def test_speeds_that_are_not_possible_are_ignored(bad, wheel):
     feedback = read([0, 50])
-    feedback.add(tuple(bad if index == wheel else 1.0 for index in range(4)), 100 * MS)
+    feedback.add_reading(tuple(bad if index == wheel else 1.0 for index in range(4)), 100 * MS)
     assert feedback.latest.arrived_ns == 50 * MS
-    feedback.add((100.0, -100.0, 0.0, 0.0), 100 * MS)
+    feedback.add_reading((100.0, -100.0, 0.0, 0.0), 100 * MS)
     assert feedback.latest.arrived_ns == 100 * MS
 
 
@@ -164,7 +165,7 @@ def test_discarded_readings_leave_their_period():
     assert feedback.latest is None and feedback.mean(0) is None
     assert not feedback.is_current(50 * MS)
     assert feedback.slope(0) == 0.0
-    feedback.add((3.0,) * 4, 500 * MS)
+    feedback.add_reading((3.0,) * 4, 500 * MS)
     assert feedback.mean(0) == (
         pytest.approx(3.0), 450 * MS - LINE_NS, 500 * MS - LINE_NS)
 

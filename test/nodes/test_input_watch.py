@@ -43,7 +43,7 @@ class Inputs:
 
     def add(self, name, *, required=True):
         self.counts[name] = 0
-        self.log.add(name, lambda: self.counts[name], required=required,
+        self.log.watch(name, lambda: self.counts[name], required=required,
                      excused=lambda: self.excuse)
 
     def run(self, seconds, **rates):

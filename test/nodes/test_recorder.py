@@ -68,29 +68,29 @@ def info(number, publisher=1):
 
 def test_gaps_in_the_sequence_numbers_of_a_publisher_are_lost_messages():
     gaps = SequenceGaps()
-    logged = [gaps.add(info(number)) for number in (7, 8, 10, 11, 13, 14, 16, 17, 21)]
+    logged = [gaps.count(info(number)) for number in (7, 8, 10, 11, 13, 14, 16, 17, 21)]
     assert gaps.lost == 1 + 1 + 1 + 3
     assert logged == [False, False, True, False, True, False, False, False, True]
-    assert not gaps.add(info(100, publisher=2))
-    assert not gaps.add(info(101, publisher=2))
-    assert not gaps.add(info(22))
+    assert not gaps.count(info(100, publisher=2))
+    assert not gaps.count(info(101, publisher=2))
+    assert not gaps.count(info(22))
     assert (gaps.newly_lost(), gaps.newly_lost()) == (6, 0)
 
 
 def test_first_messages_count_as_missed_for_new_publishers_only():
     gaps = SequenceGaps(initial_publishers={bytes([1])})
-    assert not gaps.add(info(1000, publisher=1))
-    assert gaps.add(info(4, publisher=2))
+    assert not gaps.count(info(1000, publisher=1))
+    assert gaps.count(info(4, publisher=2))
     assert (gaps.missed, gaps.lost, str(gaps)) == (3, 0, 'the first 3')
-    gaps.add(info(1002, publisher=1))
+    gaps.count(info(1002, publisher=1))
     assert (gaps.missed, gaps.lost, str(gaps)) == (3, 1, 'the first 3 and 1 later')
     assert gaps.newly_lost() == 4
 
 
 def test_middleware_without_sequence_numbers_reports_no_losses():
     gaps = SequenceGaps()
-    assert not gaps.add(info(None))
-    assert not gaps.add({'source_timestamp': 5})
+    assert not gaps.count(info(None))
+    assert not gaps.count({'source_timestamp': 5})
     assert gaps.lost == 0
 
 
@@ -109,7 +109,7 @@ def test_sequence_numbers_reveal_an_overflow_of_the_subscription_queue(node, exe
     gaps, numbers = SequenceGaps(), []
 
     def on_message(data, info):
-        gaps.add(info)
+        gaps.count(info)
         numbers.append(data[4])
 
     subscription = node.create_subscription(
