@@ -126,14 +126,13 @@ def _film_waveform(film: int, delay: float, position: Array, volts: Array, robot
     rest = float(np.median(volts[outside])) if outside.any() else robot.film.rest_voltage
     if model is None:
         return FilmWaveform(film, delay, rest, position, volts, np.empty(0), np.empty(0))
-    fits = []
-    for shift in robot.tire.contact_length * SHIFTS:
-        stretched = model(film, position - shift, 0.0)
-        bent = model(film, position - shift, 1.0) - stretched
-        above = volts - rest - stretched
-        peak = float(bent @ above) / max(float(bent @ bent), 1e-9)
-        fits.append((float(np.sum((above - peak * bent) ** 2)), shift, peak))
-    _, shift, peak = min(fits)
+    shifts = robot.tire.contact_length * SHIFTS
+    shifted = position - shifts[:, np.newaxis]  # a row for each shift
+    stretched, both = (model(film, shifted.ravel(), peak).reshape(shifted.shape)
+                       for peak in (0.0, 1.0))
+    bent, above = both - stretched, volts - rest - stretched
+    peaks = np.sum(bent * above, axis=1) / np.maximum(np.sum(bent ** 2, axis=1), 1e-9)
+    best = np.argmin(np.sum((above - peaks[:, np.newaxis] * bent) ** 2, axis=1))
     places = np.linspace(position[0], position[-1], CURVE_POINTS)
     return FilmWaveform(film, delay, rest, position, volts, places,
-                        rest + model(film, places - shift, peak))
+                        rest + model(film, places - shifts[best], float(peaks[best])))
