@@ -34,7 +34,6 @@ from smart_tire.calibration.stiffness import StiffnessFit
 from smart_tire.calibration.turning import IcrFit
 
 SHOWN_DURATION = 20.0  # s, where the yaw rate changes most, so that the latency is visible
-MAX_POINTS = 20_000    # per line, to limit the file size
 MM = 1e3
 ERRORS = 'Values are given with their standard errors.'
 
@@ -208,15 +207,9 @@ def _waveform_panel(example: Waveform) -> Panel:
                  f'{example.wheel.replace("_", " ")}, slip {example.slip:+.3f}')
 
 
-def _thinned(*series: Array) -> list[Array]:
-    step = max(len(series[0]) // MAX_POINTS, 1)
-    return [values[::step] for values in series]
-
-
 def write_fit(path: Path, time: Array, inputs: Array, measured: Array, fitted: Array, *,
               input_label: str, output_label: str) -> None:
     """Draw measured and fitted output over input and time, and the residual over time."""
-    time, inputs, measured, fitted = _thinned(time, inputs, measured, fitted)
     rest = measured - fitted
     size = 5.0 * float(np.quantile(np.abs(rest), 0.9))
     loop, over_time = (Panel([
@@ -235,10 +228,9 @@ def write_fit(path: Path, time: Array, inputs: Array, measured: Array, fitted: A
 def write_measurement(path: Path, time: Array, value: Array, sigma: Array,
                       reference: Array | None, *, label: str) -> None:
     """Draw the measured values with a two-sigma band, and the reference if given."""
-    time, value, sigma = _thinned(time, value, sigma)
     marks = [Mark(Curve(time, value, sigma), 'film ± 2σ')]
     if reference is not None:
-        marks.append(replace(truth_mark(Curve(time, *_thinned(reference))), label='reference'))
+        marks.append(replace(truth_mark(Curve(time, reference)), label='reference'))
     save(Figure(path.stem, 'Measurement with the film',
                 'Measurement with the film. Band: ± 2σ, where σ is its standard deviation.',
                 [[Panel(marks, TIME_LABEL, label)]]), path)

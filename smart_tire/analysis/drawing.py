@@ -28,7 +28,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Polygon
 import numpy as np
 
-from smart_tire.analysis.figure import COLORS, Figure, Mark, Panel, runs, SIGMAS
+from smart_tire.analysis.figure import COLORS, decimated, Figure, Mark, Panel, runs, SIGMAS
 
 BLUE, VERMILLION, ORANGE, SKY, INK, SHADE = (
     COLORS[name] for name in ('blue', 'vermillion', 'orange', 'sky', 'ink', 'shade'))
@@ -42,7 +42,6 @@ CAPTION_DENSITY = 15.5  # characters per inch in this size
 ENTRY_WIDTH, LETTER_WIDTH = 0.7, 0.07  # inch, in a legend
 LEGEND_HEIGHT = 1.2     # inch, of legend and caption
 SEGMENTED_WIDTH = 11.0  # inch, of a figure with segments
-BRIEF_SIZE = 3.0        # points, of the points in an overview
 
 
 def save(figure: Figure, path: Path) -> Path:
@@ -104,7 +103,7 @@ def draw_marks(ax: Axes, marks: Iterable[Mark], *, brief: bool = False) -> None:
 
 
 def _draw_line(ax: Axes, mark: Mark, label: str | None, brief: bool) -> None:
-    curve, color = mark.curve, COLORS[mark.color]
+    curve, color = decimated(mark.curve), COLORS[mark.color]
     if curve.sigma is not None:
         middle = np.where(np.isfinite(curve.y), 0.0, np.nan) if mark.around_zero else curve.y
         ax.fill_between(curve.x, middle - curve.reach, middle + curve.reach, color=color,
@@ -118,8 +117,8 @@ def _draw_points(ax: Axes, mark: Mark, label: str | None, brief: bool) -> None:
     curve, sigmas = mark.curve, (mark.curve.sigma, mark.x_sigma)
     y_bar, x_bar = (None if sigma is None or brief else SIGMAS * sigma for sigma in sigmas)
     ax.errorbar(curve.x, curve.y, yerr=y_bar, xerr=x_bar, color=COLORS[mark.color], fmt='o',
-                markersize=BRIEF_SIZE if brief else mark.width, markeredgewidth=0.0,
-                elinewidth=0.9, alpha=mark.opacity, label=label)
+                markersize=mark.width, markeredgewidth=0.0, elinewidth=0.9, alpha=mark.opacity,
+                label=label)
 
 
 def _draw_area(ax: Axes, mark: Mark, label: str | None, brief: bool) -> None:

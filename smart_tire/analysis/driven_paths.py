@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Paths that a robot was given, how it has driven them, and the simulated ground below."""
+"""
+Paths that a robot was given, how it has driven them, and the simulated ground below.
+
+A driven track is compared with its path such that progress never decreases: where a path crosses
+itself, as a figure-eight does, a point of the track is compared with the part of the path that
+belongs to it, not with the nearest one.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +28,8 @@ from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis.metrics import aligned, rotated
+from smart_tire.analysis.metrics import aligned, rms, rotated
 from smart_tire.analysis.summary import plain, Tree
-from smart_tire.analysis.tracking import tracking_score
 from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import State
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, specs
@@ -35,6 +40,8 @@ from smart_tire.samples import NS_PER_S, PathProgress, PlannedPath, Sample
 PATH = 'path'
 PATH_TOPICS = (PATH, 'path_progress')
 SIMULATOR = 'robot_simulator'
+SPACING = 0.01      # m between compared points of path and track
+MAX_POINTS = 3000   # of path and track each; longer ones are compared at a larger spacing
 FRAME = 'odom'  # of the estimates; a path in another frame is refused by the controller
 
 
@@ -178,3 +185,126 @@ def grounds_of(params: SimulatorParams) -> Grounds:
         GroundArea(patch.surface, rotated(np.array(
             [(patch.x[i] - x, patch.y[j] - y) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]),
             -yaw)) for patch in params.ground.patches))
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Comparison of a track with a path, one row per ``spacing`` of driven distance."""
+
+    position: Array   # (n, 2) m, of the track
+    driven: Array     # (n,) m, driven distance
+    progress: Array   # (n,) m along the path, never decreasing
+    error: Array      # (n,) m from the path, positive to the left of its direction
+
+
+@dataclass(frozen=True)
+class TrackingScore:
+    """Tracking errors over the driven distance; they do not depend on speed or standstill."""
+
+    path_length_m: float
+    driven_m: float
+    completed: float  # share of the path, 0 to 1
+    rms_m: float
+    max_m: float
+    end_m: float      # distance of the last point of the track from the end of the path
+
+
+def track(path: Array, position: Array) -> Tracking | None:
+    """
+    Return the comparison of the driven ``position`` (m, 2) with ``path`` (n, 2), both in m.
+
+    Each point of the track is assigned a point of the path such that progress never decreases
+    and the sum of the squared distances is minimal. None if the path has no length, or without
+    positions.
+    """
+    if not len(position) or not np.any(path != path[:1]):
+        return None
+    driven_length = float(np.sum(np.linalg.norm(np.diff(position, axis=0), axis=1)))
+    spacing = max(SPACING, max(path_length(path), driven_length) / MAX_POINTS)
+    wanted, along = resampled(path, spacing)
+    found = thinned(position, spacing)
+    index = assign(wanted, found)
+    error, progress = _project(wanted, along, found, index)
+    driven = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(found, axis=0), axis=1)))
+    return Tracking(found, driven, progress, error)
+
+
+def tracking_score(path: Array, position: Array) -> TrackingScore | None:
+    """Return the tracking errors of the driven ``position`` (m, 2); None as in ``track``."""
+    tracking = track(path, position)
+    if tracking is None:
+        return None
+    length = path_length(path)
+    return TrackingScore(
+        length, float(tracking.driven[-1]), min(1.0, float(tracking.progress[-1]) / length),
+        rms(tracking.error), float(np.max(np.abs(tracking.error))),
+        float(np.linalg.norm(position[-1] - path[-1])))
+
+
+def path_length(path: Array) -> float:
+    """Return the length [m] of a polyline (n, 2)."""
+    return float(np.sum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+
+
+def resampled(path: Array, spacing: float) -> tuple[Array, Array]:
+    """
+    Return points (k, 2) on a polyline and their distances (k,) [m] along it.
+
+    The vertices are kept, so no corner is cut; in between, points are at most ``spacing`` apart.
+    """
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    path = path[np.append(True, steps > 0.0)]
+    ends = np.append(0.0, np.cumsum(steps[steps > 0.0]))
+    along = np.concatenate([
+        np.linspace(begin, end, int(np.ceil((end - begin) / spacing)), endpoint=False)
+        for begin, end in zip(ends[:-1], ends[1:])] + [ends[-1:]])
+    return np.column_stack([np.interp(along, ends, column) for column in path.T]), along
+
+
+def thinned(position: Array, spacing: float) -> Array:
+    """Return the points that are at least ``spacing`` [m] from the one kept before."""
+    kept = [0]
+    for index, point in enumerate(position):
+        if np.hypot(*(point - position[kept[-1]])) >= spacing:
+            kept.append(index)
+    return position[kept]
+
+
+def assign(path: Array, position: Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """
+    Return the index into ``path`` (n, 2) of each ``position`` (m, 2), never decreasing.
+
+    The sum of the squared distances is minimal (dynamic programming); m * n cells of memory.
+    """
+    columns = np.arange(len(path))
+    best = np.empty((len(position), len(path)), np.int32)  # index with the least cost up to column
+    cost = np.zeros(len(path))
+    for row, point in enumerate(position):
+        least = np.minimum.accumulate(cost)
+        is_new = np.append(True, least[1:] < least[:-1])
+        best[row] = np.maximum.accumulate(np.where(is_new, columns, 0))
+        cost = least + np.sum((path - point) ** 2, axis=1)
+    index = np.empty(len(position), np.int64)
+    column = int(np.argmin(cost))
+    for row in range(len(position) - 1, -1, -1):
+        index[row] = column
+        column = int(best[row, column])
+    return index
+
+
+def _project(path: Array, along: Array, position: Array,
+             index: np.ndarray[tuple[int], np.dtype[np.int64]]) -> tuple[Array, Array]:
+    """Return the signed distance from the segments next to ``index``, and the progress."""
+    found = []
+    for first in (np.maximum(index - 1, 0), np.minimum(index, len(path) - 2)):
+        begin, step = path[first], path[first + 1] - path[first]
+        offset, size = position - begin, np.sum(step ** 2, axis=1)
+        share = np.clip(np.sum(offset * step, axis=1) / size, 0.0, 1.0)
+        away = offset - share[:, None] * step
+        side = np.where(step[:, 0] * offset[:, 1] - step[:, 1] * offset[:, 0] < 0.0, -1.0, 1.0)
+        found.append((side * np.linalg.norm(away, axis=1),
+                      along[first] + share * np.sqrt(size)))
+    (error, progress), (later_error, later_progress) = found
+    later = np.abs(later_error) < np.abs(error)
+    return (np.where(later, later_error, error),
+            np.maximum.accumulate(np.where(later, later_progress, progress)))

@@ -36,10 +36,11 @@ MAX_GAP = 0.5             # s without values, over which no line is drawn
 MAX_SLIP_SIGMA = 0.5
 COVERED = (1.0, 99.0)     # percentiles of the values that the axes must include
 AXIS_MARGIN = 0.2         # of the range of the values, above and below
-MIN_LONG_DURATION = 60.0  # s; longer recordings are also drawn in segments
-SEGMENT_DURATION = 15.0   # s
-MAX_SEGMENTS = 3
+SEGMENT_DURATION = 15.0   # s, of the parts of a long recording that are drawn in detail
+MAX_SEGMENTS = 3          # a recording is long if it is longer than these and one more
 ACTIVITY_STEP = 0.1       # s, grid on which the activity is summed
+MAX_POINTS = 5000         # of a curve
+CRITERIA = 4              # rows that are kept of each interval, see ``decimated``
 # Palette of Okabe and Ito, distinguishable with color vision deficiency.
 COLORS = {'blue': '#0072b2', 'vermillion': '#d55e00', 'orange': '#e69f00', 'sky': '#56b4e9',
           'green': '#009e73', 'purple': '#cc79a7', 'ink': '#222222', 'shade': '#8c8c8c'}
@@ -185,15 +186,14 @@ def segments(curves: Iterable[Curve], duration: float = SEGMENT_DURATION,
     """
     Return the time intervals [s] in which ``curves`` change most, at most ``count``, in order.
 
-    They do not overlap. Empty if the curves are not longer than ``MIN_LONG_DURATION`` together or
-    do not change.
+    They do not overlap. Empty if the curves are not long or do not change.
     """
     parts = [(curve.x[1:], np.abs(np.diff(curve.y))) for curve in curves if len(curve.x) > 1]
     if not parts:
         return []
     time, change = (np.concatenate(columns) for columns in zip(*parts))
     start, end = float(time.min()), float(time.max())
-    if end - start <= MIN_LONG_DURATION:
+    if end - start <= (MAX_SEGMENTS + 1) * SEGMENT_DURATION:
         return []
     cells = np.floor((time - start) / ACTIVITY_STEP).astype(int)
     activity = np.bincount(cells, np.nan_to_num(change))
@@ -206,3 +206,38 @@ def segments(curves: Iterable[Curve], duration: float = SEGMENT_DURATION,
         found.append((begin, begin + duration))
         total[max(first - width, 0):first + width] = 0.0
     return sorted(found)
+
+
+def decimated(curve: Curve, limit: int = MAX_POINTS) -> Curve:
+    """
+    Return at most ``limit`` rows of ``curve``, without the loss of extremes.
+
+    The curve is divided into intervals with equal numbers of values. Of each the smallest and the
+    largest value, the largest standard deviation and the first NaN, which interrupts the line, are
+    kept. Runs of NaN are shortened to one.
+    """
+    undefined = ~np.isfinite(curve.y)
+    rows = np.flatnonzero(~(undefined & np.append(True, undefined[:-1])))
+    if len(rows) <= limit:
+        return curve.at_rows(rows)
+    value, buckets = curve.y[rows], bucket_count(limit)
+    criteria = [_in_rows(one, buckets) for one in (
+        value, -value, curve.reach[rows], np.where(np.isfinite(value), math.nan, 1.0))]
+    offsets = np.arange(buckets) * criteria[0].shape[1]
+    kept = [(np.argmax(table, axis=1) + offsets)[np.isfinite(table.max(axis=1))]
+            for table in criteria]
+    kept.append(np.array([0, len(rows) - 1]))
+    return curve.at_rows(rows[np.unique(np.concatenate(kept))])
+
+
+def bucket_count(limit: int = MAX_POINTS) -> int:
+    """Return the number of intervals of a curve with at most ``limit`` points."""
+    return (limit - 2) // CRITERIA
+
+
+def _in_rows(values: Array, buckets: int) -> Array:
+    """Return ``values`` in rows of equal length, with -inf for NaN and at the end."""
+    width = -(-len(values) // buckets)
+    padded = np.full(buckets * width, -math.inf)
+    padded[:len(values)] = np.where(np.isfinite(values), values, -math.inf)
+    return padded.reshape(buckets, width)

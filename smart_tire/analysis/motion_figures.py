@@ -23,21 +23,19 @@ import math
 
 import numpy as np
 
-from smart_tire.analysis.driven_paths import DrivenPath, Grounds
+from smart_tire.analysis.driven_paths import DrivenPath, Grounds, track
 from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
 from smart_tire.analysis.figure import (
-    Curve, Figure, interrupted, Limits, limits, Mark, MAX_SLIP_SIGMA, observable, PAIR, Panel,
-    share_outside, SIGMAS, TIME_LABEL, truth_mark, TWO_SIGMA)
+    Curve, Figure, interrupted, Limits, limits, Mark, MAX_POINTS, MAX_SLIP_SIGMA, observable, PAIR,
+    Panel, share_outside, SIGMAS, TIME_LABEL, truth_mark, TWO_SIGMA)
 from smart_tire.analysis.metrics import aligned, SIDES
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.tracking import track
 from smart_tire.arrays import Array
 from smart_tire.recording import Recording, seconds
 from smart_tire.samples import NS_PER_S, WHEELS
 
 MIN_SLIP_MARGIN, MAX_SHOWN_SLIP = 0.1, 1.05  # -, of the slip axis
 ELLIPSES, ELLIPSE_POINTS = 12, 48            # along a path; of each
-MAX_PATH_POINTS = 5000
 SIDE_COLORS = {'left': 'blue', 'right': 'vermillion'}
 WHEEL_COLORS = dict(zip(WHEELS, ('blue', 'vermillion', 'sky', 'orange')))
 WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
@@ -191,7 +189,7 @@ def _dot(position: Array, label: str, color: str = 'ink') -> Mark:
     return Mark(Curve(position[:, 0], position[:, 1]), label, color, 'points', 6.0)
 
 
-def equidistant(position: Array, limit: int = MAX_PATH_POINTS) -> np.ndarray[
+def equidistant(position: Array, limit: int = MAX_POINTS) -> np.ndarray[
         tuple[int], np.dtype[np.intp]]:
     """Return at most ``limit`` rows of a path (n, 2), about equally spaced along it."""
     if len(position) <= limit:
@@ -257,7 +255,7 @@ def tracking_figure(drive: DrivenPath, grounds: Grounds | None = None) -> Figure
     shaded = () if grounds is None else grounds.areas
     colors = dict(zip(dict.fromkeys(area.surface for area in shaded), cycle(AREA_COLORS)))
     marks = [*wanted_marks([drive.wanted]), _path(drive.estimated, 'driven, estimate')]
-    marks += [truth_mark(Curve(*drive.true.T))] if len(drive.true) else []
+    marks += [truth_mark(_path(drive.true, '').curve)] if len(drive.true) else []
     marks += [_dot(drive.estimated[:1], 'start'), *(
         Mark(Curve(*area.corners.T), area.surface, colors[area.surface], 'area', opacity=0.13)
         for area in shaded)]

@@ -21,8 +21,8 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis import tracking
-from smart_tire.analysis.tracking import path_length, resampled, track, tracking_score
+from smart_tire.analysis import driven_paths
+from smart_tire.analysis.driven_paths import path_length, resampled, track, tracking_score
 
 STRAIGHT = np.array([[0.0, 0.0], [2.0, 0.0]])
 
@@ -110,7 +110,7 @@ def test_a_long_track_is_compared_at_a_larger_spacing():
     path = np.array([[0.0, 0.0], [300.0, 0.0]])
     driven = np.column_stack([np.linspace(0.0, 300.0, 20_000), np.full(20_000, 0.2)])
     result = track(path, driven)
-    assert len(result.error) <= tracking.MAX_POINTS + 1
+    assert len(result.error) <= driven_paths.MAX_POINTS + 1
     assert result.error == pytest.approx(0.2)
 
 

@@ -26,8 +26,8 @@ from typing import Any
 
 from plotly.offline import get_plotlyjs
 
-from smart_tire.analysis.figure import Figure, Segments
-from smart_tire.analysis.html_report.plots import bucket_count, height, MAX_POINTS, plotly_spec
+from smart_tire.analysis.figure import bucket_count, Figure, MAX_POINTS, Segments
+from smart_tire.analysis.html_report.plots import height, plotly_spec
 from smart_tire.analysis.tables import Table
 
 NARROW_COLUMNS = 3  # of a table that is not as wide as the page

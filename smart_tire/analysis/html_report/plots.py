@@ -27,12 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.analysis.figure import Curve, Figure, Mark, Panel, runs
+from smart_tire.analysis.figure import Curve, decimated, Figure, Mark, Panel, runs
 from smart_tire.analysis.summary import SIGNIFICANT_DIGITS
 from smart_tire.arrays import Array
 
-MAX_POINTS = 5000  # of a curve
-CRITERIA = 4       # rows that are kept of each interval, see ``decimated``
 PIXELS = 60        # px per inch of the height of a panel
 PANEL_GAP = 38     # px between two panels, for the title of the lower one
 TOP, BOTTOM = 62, 48  # px above the first panel, for title and legend, and below the last one
@@ -164,38 +162,3 @@ def numbers(values: Iterable[float], digits: int = SIGNIFICANT_DIGITS) -> list[f
 def times(values: Array) -> list[float]:
     """Return times [s] with a resolution of one millisecond."""
     return [round(value, 3) for value in values.tolist()]
-
-
-def decimated(curve: Curve, limit: int = MAX_POINTS) -> Curve:
-    """
-    Return at most ``limit`` rows of ``curve``, without the loss of extremes.
-
-    The curve is divided into intervals with equal numbers of values. Of each the smallest and the
-    largest value, the largest standard deviation and the first NaN, which interrupts the line, are
-    kept. Runs of NaN are shortened to one.
-    """
-    undefined = ~np.isfinite(curve.y)
-    rows = np.flatnonzero(~(undefined & np.append(True, undefined[:-1])))
-    if len(rows) <= limit:
-        return curve.at_rows(rows)
-    value, buckets = curve.y[rows], bucket_count(limit)
-    criteria = [_in_rows(one, buckets) for one in (
-        value, -value, curve.reach[rows], np.where(np.isfinite(value), math.nan, 1.0))]
-    offsets = np.arange(buckets) * criteria[0].shape[1]
-    kept = [(np.argmax(table, axis=1) + offsets)[np.isfinite(table.max(axis=1))]
-            for table in criteria]
-    kept.append(np.array([0, len(rows) - 1]))
-    return curve.at_rows(rows[np.unique(np.concatenate(kept))])
-
-
-def bucket_count(limit: int = MAX_POINTS) -> int:
-    """Return the number of intervals of a curve with at most ``limit`` points."""
-    return (limit - 2) // CRITERIA
-
-
-def _in_rows(values: Array, buckets: int) -> Array:
-    """Return ``values`` in rows of equal length, with -inf for NaN and at the end."""
-    width = -(-len(values) // buckets)
-    padded = np.full(buckets * width, -math.inf)
-    padded[:len(values)] = np.where(np.isfinite(values), values, -math.inf)
-    return padded.reshape(buckets, width)

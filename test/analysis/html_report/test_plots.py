@@ -19,8 +19,9 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis.figure import Curve, Figure, Mark, Panel, truth_mark
-from smart_tire.analysis.html_report.plots import decimated, MAX_POINTS, plotly_spec
+from smart_tire.analysis.figure import (
+    Curve, decimated, Figure, Mark, MAX_POINTS, Panel, truth_mark)
+from smart_tire.analysis.html_report.plots import plotly_spec
 
 CURVE = Curve(np.array([0.0, 1.0, 2.0, 3.00049]), np.array([1.0, 1.23456789, math.nan, 3.0]),
               np.array([0.5, 0.1, 0.2, 0.25]))
