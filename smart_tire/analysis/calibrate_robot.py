@@ -31,13 +31,11 @@ from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import PoseSeries, seconds, Stream
-from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, MotorCommand, WheelSample
 
 REFERENCES = ('ground_truth/odom', 'overhead/odom')  # in order of preference
 NO_REFERENCE, ANY_REFERENCE = 'none', 'any'
 MIN_READINGS = 20  # of each input
-OTHER_OF_SIDE = [2, 3, 0, 1]  # of each wheel, for one that is not measured
 
 
 @dataclass(frozen=True)
@@ -72,10 +70,7 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
     origin = int(min(imu.stamp_ns[0], wheels.stamp_ns[0]))
     imu, wheels = (stream.where(_in_range(stream.stamp_ns, origin, time_range))
                    for stream in (imu, wheels))
-    turn = matrix(*robot.imu.rotation)
-    record = ImuRecord(seconds(imu.stamp_ns, origin), imu['rate'] @ turn.T,
-                       imu['acceleration'] @ turn.T)
-    return Recording(record, _wheel_record(wheels, origin),
+    return Recording(ImuRecord.of(imu, origin, robot), WheelRecord.of(wheels, origin),
                      _pose_record(recording.poses(), origin, time_range) if topic else None,
                      _duty_record(recording.stream(MotorCommand).ordered, origin))
 
@@ -102,15 +97,6 @@ def _reference(bag: Bag, requested: str) -> str | None:
 def _in_range(stamps: Instants, origin: int, time_range: TimeRange) -> NDArray[np.bool_]:
     time = seconds(stamps, origin)
     return (time >= time_range.since) & (time <= time_range.until)
-
-
-def _wheel_record(wheels: Stream, origin: int) -> WheelRecord:
-    velocity, angles = (np.where(np.isnan(one), one[:, OTHER_OF_SIDE], one)
-                        for one in (wheels['velocity'], wheels['position']))
-    torques = wheels['effort']
-    return WheelRecord(seconds(wheels.stamp_ns, origin), velocity,
-                       None if np.isnan(angles).any() else angles,
-                       None if np.isnan(torques).all() else torques)
 
 
 def _duty_record(commands: Stream, origin: int) -> DutyRecord | None:

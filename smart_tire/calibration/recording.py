@@ -27,6 +27,9 @@ from scipy.interpolate import make_interp_spline
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.plausibility import speed_spikes
+from smart_tire.parameters import RobotParams
+from smart_tire.recording import seconds, Stream
+from smart_tire.rotation import matrix
 from smart_tire.samples import LEFT, RIGHT
 
 Mask = NDArray[np.bool_]
@@ -35,6 +38,7 @@ Record = TypeVar('Record', bound='Samples')
 
 MAX_POSITION_GAP = 2.0    # s; over longer gaps the change of position is not a mean speed
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
+OTHER_OF_SIDE = [2, 3, 0, 1]  # of each wheel, for one that is not measured
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
 
 
@@ -57,6 +61,13 @@ class ImuRecord(Samples):
     rate: Array   # (n, 3) rad/s
     force: Array  # (n, 3) m/s2, specific force
 
+    @classmethod
+    def of(cls, imu: Stream, origin_ns: int, robot: RobotParams) -> ImuRecord:
+        """Return the samples of a stream, with times from ``origin_ns`` on."""
+        turn = matrix(*robot.imu.rotation)
+        return cls(seconds(imu.stamp_ns, origin_ns), imu['rate'] @ turn.T,
+                   imu['acceleration'] @ turn.T)
+
 
 @dataclass(frozen=True)
 class WheelRecord(Samples):
@@ -66,6 +77,16 @@ class WheelRecord(Samples):
     velocity: Array         # (n, 4) rad/s, means over the periods that end at the timestamps
     position: Array | None  # (n, 4) rad, None unless every sample has positions
     torque: Array | None = None  # (n, 4) N m at the timestamps; NaN where not measured
+
+    @classmethod
+    def of(cls, wheels: Stream, origin_ns: int) -> WheelRecord:
+        """Return the samples of a stream; a wheel not measured moves like that of its side."""
+        velocity, angles = (np.where(np.isnan(one), one[:, OTHER_OF_SIDE], one)
+                            for one in (wheels['velocity'], wheels['position']))
+        torques = wheels['effort']
+        return cls(seconds(wheels.stamp_ns, origin_ns), velocity,
+                   None if np.isnan(angles).any() else angles,
+                   None if np.isnan(torques).all() else torques)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smart_tire.analysis.series import Floats
+from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire, strain_charge, tread_film
 from smart_tire.parameters import SimulatorParams
 from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
@@ -45,9 +45,9 @@ METHODS = ('exact', 'printed', 'paper')
 class Outline:
     """Fig. 8: one crossing without noise, over time since the film is fully in the patch."""
 
-    time: Floats                # s
-    bending: dict[str, Floats]  # V, by release convention
-    stretch: Floats             # V
+    time: Array                # s
+    bending: dict[str, Array]  # V, by release convention
+    stretch: Array             # V
     whole: float                # s, Delta t_L
     interval: float             # s, Delta t_a to the exact peak
     printed_interval: float     # s, (l + L - L_a) / r w
@@ -64,17 +64,17 @@ class Outline:
 class Signals:
     """Fig. 11: the films' voltages over a drive."""
 
-    time: Floats         # s
-    volts: Floats        # (n, 2) V
-    peaks: Floats        # (crossings, 2) V above the baseline, largest samples
+    time: Array         # s
+    volts: Array        # (n, 2) V
+    peaks: Array        # (crossings, 2) V above the baseline, largest samples
     lag: float           # s, of film 2 after film 1, mean
     expected_lag: float  # s, spacing over speed
     bump: float          # V, mean magnitude before film 1 enters the patch
 
     @property
-    def variation(self) -> Floats:
+    def variation(self) -> Array:
         """Return the range of each film's peaks over their mean."""
-        variation: Floats = np.ptp(self.peaks, axis=0) / self.peaks.mean(axis=0)
+        variation: Array = np.ptp(self.peaks, axis=0) / self.peaks.mean(axis=0)
         return variation
 
 
@@ -94,9 +94,9 @@ class Sweep:
     crossings: Crossings         # in traction
     braking: Crossings           # without a second peak
     lines: dict[float, Line]     # q_sm [V] over slip, by wheel speed [rpm]
-    ratios: dict[str, Floats]    # adhesion ratio of each crossing, by method
+    ratios: dict[str, Array]    # adhesion ratio of each crossing, by method
     slopes: dict[str, Line]      # of these over slip
-    friction: dict[str, Floats]  # mu of each crossing, NaN if not observable, by method
+    friction: dict[str, Array]  # mu of each crossing, NaN if not observable, by method
 
 
 def outline() -> Outline:
@@ -114,37 +114,37 @@ def outline() -> Outline:
         float(exact_stretch(OUTLINE_SLIP)), float(printed_stretch(OUTLINE_SLIP)))
 
 
-def stretch_volts(x: Floats, slip: Floats | float) -> Floats:
+def stretch_volts(x: Array, slip: Array | float) -> Array:
     """Return the stretch signal [V] of film 1 at ``x`` [m], for longitudinal slip."""
     return GAIN * strain_charge.overlap_integral(x, slip, slip, CRITICAL, LENGTH, PATCH)
 
 
-def exact_stretch(slip: Floats | float) -> Floats:
+def exact_stretch(slip: Array | float) -> Array:
     """Return the exact q_sm [V] of film 1."""
     adhesion = PATCH * brush_tire.adhesion_ratio(slip, MU, LOAD, STIFFNESS)
     return stretch_volts(strain_charge.peak_position(adhesion, LENGTH, PATCH), slip)
 
 
-def printed_stretch(slip: Floats | float) -> Floats:
+def printed_stretch(slip: Array | float) -> Array:
     """Return q_sm [V] of B(25), with the adhesion length at this slip."""
     adhesion = PATCH * brush_tire.adhesion_ratio(slip, MU, LOAD, STIFFNESS)
     return GAIN * LENGTH * (2.0 * adhesion - LENGTH) / (2.0 * PATCH) * np.asarray(slip)
 
 
-def printed_ratio(slip: Floats) -> Floats:
+def printed_ratio(slip: Array) -> Array:
     """Return the adhesion ratio of the printed map from exact peaks."""
     adhesion = PATCH * brush_tire.adhesion_ratio(slip, MU, LOAD, STIFFNESS)
     return ratio_of(strain_charge.peak_position(adhesion, LENGTH, PATCH), 'printed')
 
 
-def printed_excess(slip: Floats) -> Floats:
+def printed_excess(slip: Array) -> Array:
     """Return mu of the printed map over the true one, without noise."""
     ratio = brush_tire.adhesion_ratio(slip, MU, LOAD, STIFFNESS)
-    excess: Floats = (1.0 - ratio) / (1.0 - printed_ratio(slip))
+    excess: Array = (1.0 - ratio) / (1.0 - printed_ratio(slip))
     return excess
 
 
-def ratio_of(peak: Floats, method: str) -> Floats:
+def ratio_of(peak: Array, method: str) -> Array:
     """Return L_a / L from the peak position [m] by the ``exact`` or the ``printed`` map."""
     return strain_charge.adhesion_length(peak, LENGTH, PATCH, method) / PATCH
 
@@ -189,7 +189,7 @@ def sweep(crossings: Crossings) -> Sweep:
          for method in METHODS})
 
 
-def fit_line(x: Floats, y: Floats) -> Line:
+def fit_line(x: Array, y: Array) -> Line:
     """Return the regression line of the finite points."""
     finite = np.isfinite(x) & np.isfinite(y)
     x, y = x[finite], y[finite]

@@ -25,11 +25,12 @@ from numpy.typing import NDArray
 from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.metrics import SIDES, slip_scores, SlipScore
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
-from smart_tire.analysis.series import at, Floats, Series, Stamps
+from smart_tire.arrays import Array, Instants
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
+from smart_tire.recording import at, Recording
 from smart_tire.reproduction.experiments import Laboratory, Schedule
 from smart_tire.reproduction.printed_constraint import PrintedSlipEstimator
 from smart_tire.samples import (
@@ -47,12 +48,12 @@ PEAK_SEARCH_MARGIN = 0.004  # m before and after a crossing, in the search of ra
 class Run:
     """A drive: inputs, estimates and truth."""
 
-    inputs: Series
-    estimates: Series
-    printed: Series       # slips with B(7) as printed
-    truth: Series
-    acceleration: Floats  # (n,) m/s2, forward, of the IMU
-    stamp_ns: Stamps      # (n,) timestamps of the acceleration
+    inputs: Recording
+    estimates: Recording
+    printed: Recording       # slips with B(7) as printed
+    truth: Recording
+    acceleration: Array  # (n,) m/s2, forward, of the IMU
+    stamp_ns: Instants      # (n,) timestamps of the acceleration
     begin_ns: int         # end of the settling time
     end_ns: int
     origin_ns: int  # start of the wheels
@@ -65,7 +66,7 @@ def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: flo
         'seed': seed, 'ground.base': ground, 'ground.patches.names': [], 'film.wheels': [WHEEL]})
     pipeline, printed_filter = (
         Pipeline(EstimatorParams()), PrintedSlipEstimator(SlipEstimatorParams()))
-    inputs, estimates, printed, truth = Series(), Series(), Series(), Series()
+    inputs, estimates, printed, truth = Recording(), Recording(), Recording(), Recording()
     imu: list[tuple[int, float]] = []
     newest = 0
     for receive_ns, topic, sample in laboratory.drive(
@@ -96,7 +97,7 @@ def steady(left: float, right: float) -> Schedule:
     return [(STANDSTILL_TIME, left, right)]
 
 
-def side_slips(run: Run, estimates: Series) -> dict[str, SlipScore]:
+def side_slips(run: Run, estimates: Recording) -> dict[str, SlipScore]:
     """Return the slips of both sides in ``estimates`` after settling, against the truth."""
     scores = slip_scores(estimates.slips(), run.truth.slips(), [(run.begin_ns, run.end_ns)])
     return {side: scores[side] for side in SIDES}
@@ -106,21 +107,21 @@ def side_slips(run: Run, estimates: Series) -> dict[str, SlipScore]:
 class Crossings:
     """Film crossings, one row each (n,), with their truth."""
 
-    speed: Floats       # rpm, commanded
-    slip: Floats        # longitudinal, estimated
-    total_slip: Floats  # including lateral slip, estimated
-    load: Floats        # N, estimated
-    stretch: Floats     # V, q_sm of film 1 from the fitted waveform; NaN when braking
-    stretch_sigma: Floats
-    raw_stretch: Floats  # V, q_sm from raw samples as in the paper
-    peak: Floats         # m, x_m from the fitted waveform
-    peak_sigma: Floats
-    raw_peak: Floats  # m, x_m from raw samples
-    true_slip: Floats
-    true_total_slip: Floats
-    true_load: Floats
-    true_stretch: Floats  # V
-    true_ratio: Floats    # L_a / L
+    speed: Array       # rpm, commanded
+    slip: Array        # longitudinal, estimated
+    total_slip: Array  # including lateral slip, estimated
+    load: Array        # N, estimated
+    stretch: Array     # V, q_sm of film 1 from the fitted waveform; NaN when braking
+    stretch_sigma: Array
+    raw_stretch: Array  # V, q_sm from raw samples as in the paper
+    peak: Array         # m, x_m from the fitted waveform
+    peak_sigma: Array
+    raw_peak: Array  # m, x_m from raw samples
+    true_slip: Array
+    true_total_slip: Array
+    true_load: Array
+    true_stretch: Array  # V
+    true_ratio: Array    # L_a / L
 
     def __len__(self) -> int:
         return len(self.slip)
@@ -187,9 +188,9 @@ def raw_peaks(run: Run, crossing: Friction, speed: float) -> tuple[float, float]
 class StiffnessFit:
     """C_x from the acceleration in a straight drive."""
 
-    slip: Floats       # mean of the four wheels
-    force: Floats      # N per wheel, from the IMU, without its mean
-    effective: Floats  # slip times the brush tire's 1 - t + t^2 / 3, without its mean
+    slip: Array       # mean of the four wheels
+    force: Array      # N per wheel, from the IMU, without its mean
+    effective: Array  # slip times the brush tire's 1 - t + t^2 / 3, without its mean
     stiffness: float   # N
     sigma: float       # N
     lag: float         # s, of the speed over ground in the true slip behind that of the wheels
@@ -244,6 +245,6 @@ def stiffness(run: Run, mu: float) -> StiffnessFit:
     return StiffnessFit(slip, force, shape, value, math.sqrt(covariance[0, 0]), lag)
 
 
-def _blocks(values: Floats) -> Floats:
+def _blocks(values: Array) -> Array:
     whole = values[:values.size // BLOCK_SAMPLES * BLOCK_SAMPLES]
     return whole.reshape(-1, BLOCK_SAMPLES).mean(axis=1)

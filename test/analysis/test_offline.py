@@ -24,11 +24,11 @@ import pytest
 
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS
-from smart_tire.analysis.series import Series
 from smart_tire.analysis.summary import WHOLE
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.messages import topic_of
+from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
 
 pytestmark = pytest.mark.slow
@@ -90,7 +90,7 @@ def test_films_change_the_slip_by_the_ground_that_they_show(drive, params):
 
 def slips_of(events, params):
     """Return the slips estimated from ``events`` by the connected estimators."""
-    pipeline, series = Pipeline(params), Series()
+    pipeline, series = Pipeline(params), Recording()
     for _, topic, sample in events:
         if topic in INPUTS:
             for estimate in pipeline.update(sample):

@@ -31,8 +31,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Faults, Recording as Samples, seconds, Stream
-from smart_tire.rotation import matrix
+from smart_tire.recording import Faults, Recording as Samples, Stream
 import yaml
 
 READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands',
@@ -89,15 +88,8 @@ class CheckedRecording:
         if imu is None or wheels is None or min(len(imu.ordered),
                                                 len(wheels.ordered)) < MIN_READINGS:
             return None
-        imu, wheels = imu.ordered, wheels.ordered
-        turn, angles, torques = (
-            matrix(*self.robot.imu.rotation), wheels['position'], wheels['effort'])
-        return Recording(
-            ImuRecord(seconds(imu.stamp_ns, self.origin_ns), imu['rate'] @ turn.T,
-                      imu['acceleration'] @ turn.T),
-            WheelRecord(seconds(wheels.stamp_ns, self.origin_ns), wheels['velocity'],
-                        None if np.isnan(angles).any() else angles,
-                        None if np.isnan(torques).all() else torques))
+        return Recording(ImuRecord.of(imu.ordered, self.origin_ns, self.robot),
+                         WheelRecord.of(wheels.ordered, self.origin_ns))
 
     @cached_property
     def yaw_rate_fit(self) -> YawRateFit | None:

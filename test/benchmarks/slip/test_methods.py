@@ -26,10 +26,10 @@ from benchmarks.slip.odometry import as_inputs, fitted_track, gyro_odometry, whe
 from benchmarks.slip.plain_ekf import plain_ekf
 import numpy as np
 import pytest
-from smart_tire.analysis.series import at, PoseSeries
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams
+from smart_tire.recording import at, PoseSeries
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 from support.driving import drive, ramp, START_NS
 
