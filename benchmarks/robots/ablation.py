@@ -45,7 +45,7 @@ CONSTANTS: dict[str, tuple[Any, str, Any]] = {
     'transients of torques': (measurements, 'TRANSIENT_SHARE', 0.0),
     'different sides': (window, 'SIDES_DIFFER', math.inf),
     'changes of ground': (window, 'TRIED_EVIDENCE', math.inf),
-    'disturbances': (measurements, 'DISTURBANCE_TIME', -1.0)}
+    'disturbances': (window, 'DISTURBANCE_TIME', -1.0)}
 UNKNOWNS = (unknowns.Unknown.LATERAL_SHARE, unknowns.Unknown.LATERAL_RATIO,
             unknowns.Unknown.RADIUS, unknowns.Unknown.SLOPE_X, unknowns.Unknown.BEND_X,
             unknowns.Unknown.FALL, unknowns.Unknown.DELAY, unknowns.Unknown.COM_X,

@@ -20,7 +20,7 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from smart_tire.estimation.ground.window import LENGTH
+from smart_tire.estimation.ground.unknowns import LENGTH
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.estimator import EstimateRecord, SlipOutputBuilder
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother

@@ -116,7 +116,7 @@ class FrictionEstimator:
                 self._start()
             for item in block.samples:
                 if isinstance(item, (ImuSample, WheelSample, Odometry)):
-                    self._ground.add(item)
+                    self._ground.add_sample(item)
             for wheel, crossing in block.crossings:
                 self._add_crossing(wheel, crossing)
             if block.end_ns is not None:

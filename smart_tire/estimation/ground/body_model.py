@@ -29,13 +29,18 @@ Steps are implicit, by the second backward differentiation formula, with the sec
 ``|F| / |s|`` at the extrapolated velocity: stable at any speed, where explicit steps of a
 millisecond would be needed close to standstill.
 
-This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. The same
-equations for many runs at once, for robots without one: ``body_model_numpy``.
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. For robots
+without one the same equations stand here for many runs at once.
 """
 
 from __future__ import annotations
 
 from types import SimpleNamespace
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 
 try:
     import cython
@@ -53,8 +58,8 @@ COMPILED: bool = cython.compiled
 # parameters of a run; those of the ground before and after its change at CHANGE_STEP
 (OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE, CHANGE_STEP,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
- SIDE_FRICTION, SIDE_RESISTANCE, FALL, BEND_X, BEND_Y, START_U, START_V, START_W) = range(23)
-PARAMETERS = 23
+ SIDE_FRICTION, SIDE_RESISTANCE, FALL, BEND_X, BEND_Y, START_U, START_V, START_W,
+ PARAMETERS) = range(24)
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
 TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
@@ -227,3 +232,65 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             out[n, 6 + i] = grip[i] * (roll[i] - new_u + y[i] * new_w)
         last_u, last_v, last_w = u, v, w
         u, v, w = new_u, new_v, new_w
+
+
+def simulate_at_once(rolling: Array, offsets: Array, heading: Array, runs: Array, robot: Array,
+                     out: Array) -> None:
+    """Simulate all runs as ``simulate``, with numpy: for many runs where it is not compiled."""
+    step, mass, inertia, half_base, half_track, height, slip_floor, drag_floor, gravity = robot
+    p = runs.T[:, :, np.newaxis]  # (PARAMETERS, runs, 1): broadcasts with the wheels
+    x, y = half_base * AXLE_SIGNS - p[COM_X], half_track * SIDE_SIGNS - p[COM_Y]
+    sides, share, ratio = SIDE_SIGNS, p[LATERAL_SHARE], p[LATERAL_RATIO]
+    side_scales = [p[row] ** sides for row in (
+        SIDE_STIFFNESS, SIDE_FRICTION, SIDE_RESISTANCE)]
+    grounds = [[p[first + k] * scale for k, scale in enumerate(side_scales)]
+               for first in (OLD_STIFFNESS, STIFFNESS)]
+    level = 0.25 * mass * gravity * (1.0 + p[COM_X] / half_base * AXLE_SIGNS
+                                     + p[COM_Y] / half_track * sides)
+    by_x, by_y = (0.25 * mass * height / half_base * AXLE_SIGNS,
+                  0.25 * mass * height / half_track * sides)
+    now = p[START_U:START_W + 1].copy()  # (3, runs, 1): u, v, w
+    last, acceleration = now, np.zeros((2, len(runs), 1))
+    for n in range(len(rolling)):
+        rate = (1.5 if n else 1.0) / step
+        old = (2.0 * now - 0.5 * last if n else now) / step
+        u, v, w = 2.0 * now - last
+        cos, sin = heading[n]
+        rise = gravity * (p[SLOPE_X:SLOPE_Y + 1]
+                          + ((n + 0.5) / len(rolling) - 0.5) * p[BEND_X:BEND_Y + 1])
+        slope = np.stack([cos * rise[0] + sin * rise[1], cos * rise[1] - sin * rise[0]])
+        before = n < p[CHANGE_STEP]
+        stiffness, friction, resistance = (
+            np.where(before, *both) for both in zip(*grounds))
+        load = np.maximum(level - by_x * acceleration[0] - by_y * acceleration[1], 0.0)
+        drag = resistance * load
+        roll = p[RADIUS] * rolling[n] + offsets[:, n][:, [0, 1, 0, 1]]
+        v_x, v_y = u - y * w, v + x * w
+        scale = 1.0 / np.maximum(np.abs(roll), slip_floor)
+        total = np.hypot((roll - v_x) * scale, ratio * v_y * scale)
+        limit = friction * load
+        sliding = stiffness * total >= 3.0 * limit
+        t = stiffness * total / np.where(sliding, 1.0, 3.0 * limit)
+        fallen = 1.0 - p[FALL] * (1.0 - 3.0 * limit / np.where(
+            sliding, stiffness * total, 3.0 * limit + 1e-9))
+        grip = scale * np.where(sliding, limit * fallen / np.maximum(total, 1e-9),
+                                stiffness * (1.0 - t + t * t / 3.0))
+        drag_y = share * drag / np.maximum(np.hypot(v_x, v_y), drag_floor)
+        along = grip + drag_y + (1.0 - share) * drag / np.maximum(np.abs(v_x), drag_floor)
+        across = ratio * grip + drag_y
+        uu, vv, uw, vw, ww, bu, bw = (
+            total.sum(axis=1, keepdims=True) for total in (
+                along, across, -along * y, across * x, across * x * x + along * y * y,
+                grip * roll, -y * grip * roll))
+        uu, vv, ww = uu + mass * rate, vv + mass * rate, ww + inertia * rate
+        bu += mass * (old[0] + w * v - slope[0])
+        bv = mass * (old[1] - w * u - slope[1])
+        bw += inertia * old[2]
+        w = (bw - uw * bu / uu - vw * bv / vv) / (ww - uw * uw / uu - vw * vw / vv)
+        u, v = (bu - uw * w) / uu, (bv - vw * w) / vv
+        last, now = now, np.stack([u, v, w])
+        rates = rate * now - old
+        acceleration = np.stack([rates[0] - w * v + slope[0], rates[1] + w * u + slope[1]])
+        out[:, n, :FORCE] = np.concatenate(
+            [*now, *acceleration, rates[2]], axis=1)
+        out[:, n, FORCE:] = grip * (roll - u + y * w)

@@ -27,23 +27,20 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.ground.measurements import LOSS, MODEL_ERROR, Passage, WindowData
-from smart_tire.estimation.ground.unknowns import DYNAMIC, SIZE, Unknown
-from smart_tire.estimation.ground.window import GroundWindow, LENGTH, SETTLING, Solution
+from smart_tire.estimation.ground.measurements import LOSS, Passage, WindowData
+from smart_tire.estimation.ground.unknowns import (
+    CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
+    MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIZE, Unknown)
+from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
+from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Odometry, WHEELS, WheelSample
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-HOP_NS = 500_000_000  # of message time, between two windows
-MIN_DURATION = 1.5    # s, of the first window
-MAX_GAP = 0.6         # s, of a stream: after a longer one the window restarts
-MIN_WHEEL_SAMPLES = 5  # of a window: their jerk is smoothed
-KEPT_TIME = 1.0       # s before the window, of samples that are kept: smoothing, heading
-CURVE_ERROR = 0.03    # of mu: it varies with the slip where the tire is not a brush
-MAX_LN_SIGMA = 0.35   # of ln mu; above, mu is unknown
+HOP_NS = GROUND_STATE_PERIOD_NS  # between two windows
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +118,7 @@ class GroundEstimator:
         """Return whether films or motor torques have been measured."""
         return self.solution is not None and (self.films_used > 0 or self._shown)
 
-    def add(self, sample: ImuSample | WheelSample | Odometry) -> None:
+    def add_sample(self, sample: ImuSample | WheelSample | Odometry) -> None:
         """Add a sample; stamps of each kind must increase."""
         if self._origin_ns is None:
             self._origin_ns = sample.stamp_ns
@@ -168,7 +165,7 @@ class GroundEstimator:
         data = WindowData(np.array(self._imu), np.array(self._wheels), self._passages)
         before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
         try:
-            self.solution = self._window.update(data, begin, end, end - before)
+            self.solution = self._window.solve(data, begin, end, end - before)
         except np.linalg.LinAlgError:  # no numbers can be trusted: from the prior again
             self.failures += 1
             self._window, self.solution = GroundWindow(self._robot), None

@@ -30,38 +30,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimation.ground import body_model as model, body_model_numpy
+from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
-    DYNAMIC, GAINS, GROUND, MOTORS, OFFSETS, OLD_GROUND, SIZE, START, Unknown)
+    BLOCK, BLOCK_TIME, DYNAMIC, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND, LEAST_FORCE,
+    LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS, OFFSETS, OLD_GROUND,
+    SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import rate_weights, smoothed
-from smart_tire.models.vehicle.drive import friction_torque
-from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
+from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
+from smart_tire.models.vehicle.skid_steer import (
+    AXLE_SIGNS, MIN_LOAD, normal_loads, SIDE_SIGNS, SLIP_FLOOR)
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import GRAVITY
+from smart_tire.samples import GRAVITY, WHEELS
 
-TIME_STEP = 0.016        # s, of the model
-BLOCK = 8                # steps of a block mean
-BLOCK_TIME = TIME_STEP * BLOCK
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
-STREAMS = 7
-LOSS = 4                 # column of ``Measurements.at``
-UNMEASURED = 1e6         # standard deviation of a block without measurement
-SLIP_FLOOR = 0.05        # m/s, least denominator of a slip
-DRAG_FLOOR = 0.02        # m/s, below which rolling resistance is in proportion to the speed
-MODEL_ERROR = 0.05       # of forces, yaw rates and torques: shape of the tire curve, uneven tires
-MODEL_TIME = 1.0         # s, correlation time of the errors of the model
-LEAST_FORCE = 0.3        # m/s2, on which that share is taken at least; torques: the same force
-TIMING_ERROR = 0.006     # s, of the model: relaxation length, latencies that differ
-TORQUE_NOISE = 0.05      # N m, of one torque measurement: ripple; of small robots
-TRANSIENT_SHARE = 0.3    # of the change of acceleration within a wheel period: error of torques
-FILM_SLIP_ERROR = 0.02, 0.002        # relative and absolute error of a film's slip
-FILM_RATIO_ERROR, LEAST_RATIO = 0.04, 0.1  # relative error of a normalized slip, taken on at least
-MAX_RATIO = 1.5          # normalized slip: beyond, a waveform does not change
+STREAMS = TORQUE + len(WHEELS)
+SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)  # columns of ``Measurements.at``
 PASSAGE_STEPS = np.arange(-3, 3)  # around a passage, over which its motion is averaged: 0.1 s
-MIN_LOAD = 0.1           # N, of a lifted wheel
-LEAST_FRICTION = 0.2     # share of the friction that is left at the largest slip, at least
-SLIDING_WEIGHT = 10.0    # of a passage in full sliding: sigma over its slip along slip / t
-
 
 Interval = tuple[float, float]  # s
 
@@ -105,6 +89,7 @@ class Measurements:
     def __init__(self, robot: RobotParams, data: WindowData, begin: float, first: float,
                  end: float) -> None:
         self._robot, motor = robot, robot.motor
+        self._torque_noise, _ = torque_errors(motor)
         blocks = int((end - begin) / BLOCK_TIME + 1e-6)
         self.begin = begin = end - blocks * BLOCK_TIME
         self.times: Array = begin + TIME_STEP * np.arange(1.0, blocks * BLOCK + 1.0)
@@ -138,8 +123,8 @@ class Measurements:
             np.abs(radius * self._moving), SLIP_FLOOR)
         self.robot_constants = np.array([
             TIME_STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase,
-            0.5 * robot.track_width, robot.center_of_mass[2] + radius, SLIP_FLOOR, DRAG_FLOOR,
-            GRAVITY])
+            0.5 * robot.track_width, robot.center_of_mass[2] + radius, SLIP_FLOOR,
+            DRY_FRICTION_SPEED, GRAVITY])
         self._delayed = radius * 0.5 * (self.acceleration[:, :2] + self.acceleration[:, 2:])
 
     @property
@@ -183,7 +168,7 @@ class Measurements:
         offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
-        simulate = model.simulate if model.COMPILED else body_model_numpy.simulate
+        simulate = model.simulate if model.COMPILED else model.simulate_at_once
         simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
         return Motion(states, self.at(self.passages, x, change, states))
 
@@ -253,7 +238,7 @@ class Measurements:
         white[FORCE_X:TORQUE] = np.hypot(
             white[FORCE_X:TORQUE], robot.imu.accel_noise / np.sqrt(imu))
         white[TORQUE:] = np.sqrt(
-            white[TORQUE:] ** 2 + TORQUE_NOISE ** 2 / np.maximum(self.torque_count, 1)
+            white[TORQUE:] ** 2 + self._torque_noise ** 2 / np.maximum(self.torque_count, 1)
             + (TRANSIENT_SHARE * effective * self.spread.T) ** 2
             + (self._torque_by_speed * np.sqrt(np.diag(difference))) ** 2)
         white[:TORQUE, self.imu_count == 0] = UNMEASURED
@@ -303,7 +288,7 @@ class Measurements:
         ``x`` (runs, SIZE), ``change`` (runs,) [s] and ``states`` as in ``simulate``.
         """
         if not passages:
-            return np.empty((len(x), 0, 5))
+            return np.empty((len(x), 0, VALUES))
         times, wheel = np.array([(one.time, one.wheel) for one in passages]).T
         wheel = wheel.astype(int)
         near = np.clip(np.searchsorted(self.times, times)[:, np.newaxis] + PASSAGE_STEPS,

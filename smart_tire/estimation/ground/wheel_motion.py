@@ -29,9 +29,8 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.ground.unknowns import JERK_DENSITY, SMOOTHINGS
 
-JERK_DENSITY = 3.0  # (rad/s3)^2 s, white jerk of a speed-controlled wheel
-ITERATIONS = 4      # of the weights
 # mean of the wheels, side difference, axle difference, and the remaining one: orthogonal
 MODES = 0.25 * np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
@@ -66,7 +65,7 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
     variance = (jitter * rate) ** 2 + step ** 2 / 4.0
     measured = np.apply_along_axis(np.diag, 0, 1.0 / variance).transpose(2, 0, 1)  # (4, n, n)
     weight, found = np.ones(n - 3), y
-    for _ in range(ITERATIONS):
+    for _ in range(SMOOTHINGS):
         prior = (jerk.T * weight) @ jerk
         found = np.linalg.solve(prior + measured, (y / variance).T[:, :, np.newaxis])[:, :, 0].T
         weight = 2.0 / (1.0 + np.sum((jerk @ found) ** 2, axis=1))

@@ -41,22 +41,10 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
     disturbed, Interval, Measurements, Motion, Passage, STREAMS, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DYNAMIC, GROUND, initial, OLD_GROUND, OWN, Prior, priors, SIDES, SIZE, START, Unknown)
+    CANDIDATES, CHANGE_EVIDENCE, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, FREEDOM,
+    GROUND, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors, SIDES,
+    SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
 from smart_tire.parameters.robot import RobotParams
-
-LENGTH = 3.0       # s, of the window
-SETTLING = 0.5     # s before, in which the model forgets its start
-ITERATIONS = 2     # Gauss-Newton steps at most; twice as many on an unknown ground
-CONVERGED = 0.1    # of a standard deviation: no further step
-FREEDOM = 5.0      # degrees of freedom of the Student distribution
-MAX_STEP = 0.7     # change of the ground in one step; beyond, the model is not linear
-CANDIDATES = 0.5, 1.0, 1.5  # s before the end: times of a change of ground
-DISTURBANCE_TIME = 1.0  # s, of a push, a lifted wheel
-TRANSITION_TIME = 0.3   # s after a change, not used: the axles follow one another, a robot length
-CHANGE_EVIDENCE = 25.0  # twice the log likelihood ratio of a change of ground ...
-TRIED_EVIDENCE = 8.0    # ... and of one that is tried
-DECISION_TIME = 2.75    # s after a change, at which one that is not accepted is dropped
-SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior grows
 
 
 class Rows(NamedTuple):
@@ -153,7 +141,7 @@ class Whitening:
 
 
 class GroundWindow:
-    """The window of one robot; ``update`` moves it on."""
+    """The window of one robot; ``solve`` moves it on."""
 
     def __init__(self, robot: RobotParams) -> None:
         self._robot, self._rows = robot, priors(robot)
@@ -163,7 +151,7 @@ class GroundWindow:
         self._rival: Hypothesis | None = None
         self.changes = 0  # of the ground
 
-    def update(self, data: WindowData, begin: float, end: float, hop: float) -> Solution:
+    def solve(self, data: WindowData, begin: float, end: float, hop: float) -> Solution:
         """Return the estimate from samples of ``begin`` to ``end`` [s], ``hop`` after the last."""
         first = max(begin, end - LENGTH)
         measurements = Measurements(self._robot, data, begin, first, end)

@@ -35,15 +35,17 @@ from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance, SEN
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, DOUBT_TIME, ESTIMATED, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND,
     GROUND_SIGMAS, ImuReading, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SLIP_SPEED,
-    MIN_VARIANCE, MODEL_TIME, N, NOISE_LEARNING_TIME, SILENT_TIME, SLIP_VELS, State, STEP_SPEED,
+    MIN_VARIANCE, MODEL_TIME, N, NOISE_LEARNING_TIME, SILENT_PERIODS, SLIP_VELS, State, STEP_SPEED,
     SUDDEN, UNKNOWN_GROUND)
 from smart_tire.estimation.slip.tire_forces import TireForces
+from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.models.vehicle.drive import torque_errors, traction_force
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import Four, GroundState
+from smart_tire.samples import Four, GroundState, NS_PER_S
 from smart_tire.uncertain import Uncertain
 
 LOGARITHMS = 0, 1, 4      # of the ground as given: ln C_x, ln mu, ln C_y / C_x
+SILENT_TIME = SILENT_PERIODS * GROUND_STATE_PERIOD_NS / NS_PER_S  # s
 SPREAD = np.diag(np.square(GROUND_SIGMAS[:3]))
 FOLLOWED = SENSORS_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0

@@ -117,16 +117,13 @@ NIS_GAIN = 0.05               # of a new value in the published NIS
 
 # forces on a given ground
 MIN_SLIP_SPEED = 0.1          # m/s, of wheels; below, forces and noise do not follow slip ratios
-SLIP_FLOOR = 0.05             # m/s, smallest denominator of a slip
-MIN_RESISTED_SPEED = 0.02     # m/s, below which rolling resistance is proportional to the speed
-MIN_LOAD = 0.1                # N, of a wheel that is lifted
 BALANCE_SIGMA = 0.03          # m/s2, lasting error of the balance, assumed; all rows
 FORCE_ERROR = 0.07            # of traction forces: torque constant, tire curve, assumed; jumps
 MODEL_TIME = 0.3              # s, of lasting errors, and of compared innovations: a robot length
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 STEP_SPEED = 0.02             # m/s, change of a side's speed that hides a change of the ground
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; ice
-SILENT_TIME = 1.25            # s without ground_state, 2.5 periods, after which it ends ...
+SILENT_PERIODS = 2.5          # without ground_state, after which it ends ...
 EXPIRY_TIME = 5.0             # s, ... within this time
 # another ground: C_x, mu [ln], rolling resistance, its lateral share, C_y / C_x [ln], center of
 # mass; jumps

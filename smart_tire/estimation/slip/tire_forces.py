@@ -35,8 +35,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip import state
 from smart_tire.estimation.slip.state import N, State
+from smart_tire.models.vehicle import skid_steer
+from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four
@@ -62,8 +63,8 @@ cython.declare(
     ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
     LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
     LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int)
-SLIP_FLOOR, MIN_RESISTED_SPEED = state.SLIP_FLOOR, state.MIN_RESISTED_SPEED
-MIN_LOAD = state.MIN_LOAD
+SLIP_FLOOR, MIN_LOAD = skid_steer.SLIP_FLOOR, skid_steer.MIN_LOAD
+MIN_RESISTED_SPEED = DRY_FRICTION_SPEED  # below it, rolling resistance is linear, too
 SQRT_3 = 3.0 ** 0.5  # of the points of a Gauss-Hermite quadrature
 V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L = map(int, (
     State.V_X, State.V_Y, State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y,

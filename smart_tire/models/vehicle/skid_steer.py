@@ -28,6 +28,8 @@ import numpy as np
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.samples import GRAVITY
 
+SLIP_FLOOR = 0.05   # m/s, smallest denominator of a slip in force balances; near standstill
+MIN_LOAD = 0.1      # N, least load that a tire force is computed with, of a lifted wheel
 SIDE_SIGNS = np.array([1.0, -1.0, 1.0, -1.0])  # +1 for left wheels
 AXLE_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])   # +1 for front wheels
 

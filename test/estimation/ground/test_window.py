@@ -71,7 +71,7 @@ def run(samples, robot=ROBOT, passages=()):
     for sample in samples:
         if not isinstance(sample, (ImuSample, WheelSample)):
             continue
-        estimator.add(sample)
+        estimator.add_sample(sample)
         while waiting and waiting[0][0] <= sample.stamp_ns:
             estimator.add_passage(*waiting.pop(0))
         solution = estimator.advance(sample.stamp_ns)
@@ -189,15 +189,15 @@ def test_odometry_serves_in_place_of_the_imu_until_there_is_one(samples):
     passages = true_passages(samples)
     for sample in samples:
         if isinstance(sample, (Odometry, WheelSample)):
-            estimator.add(sample)
+            estimator.add_sample(sample)
             while passages and passages[0][0] <= sample.stamp_ns:
                 estimator.add_passage(*passages.pop(0))
             solution = estimator.advance(sample.stamp_ns)
             found += [] if solution is None else [solution]
     assert estimator.state(found[-1]).stiffness.value == pytest.approx(STIFFNESS, rel=0.3)
     before = len(estimator._imu)
-    estimator.add(next(s for s in samples if isinstance(s, ImuSample)))
-    estimator.add(replace(next(s for s in samples if isinstance(s, Odometry)),
+    estimator.add_sample(next(s for s in samples if isinstance(s, ImuSample)))
+    estimator.add_sample(replace(next(s for s in samples if isinstance(s, Odometry)),
                           stamp_ns=samples[-1].stamp_ns + 10_000_000))
     assert len(estimator._imu) == before
 
@@ -243,7 +243,7 @@ def measurements(samples):
     estimator = GroundEstimator(ROBOT, 0.02)
     for sample in samples:
         if isinstance(sample, (ImuSample, WheelSample)):
-            estimator.add(sample)
+            estimator.add_sample(sample)
     passage = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
     data = WindowData(np.array(estimator._imu), np.array(estimator._wheels), [passage])
     return Measurements(ROBOT, data, 5.5, 6.0, 9.0)
@@ -342,14 +342,14 @@ def test_readings_before_a_counter_reset_are_not_used(samples):
 
 
 def test_a_window_without_solution_is_counted_and_the_next_starts_again(samples, monkeypatch):
-    update, calls = GroundWindow.update, []
+    update, calls = GroundWindow.solve, []
 
     def failing(window, *arguments):
         calls.append(window)
         if len(calls) == 5:
             raise np.linalg.LinAlgError('not positive definite')
         return update(window, *arguments)
-    monkeypatch.setattr(GroundWindow, 'update', failing)
+    monkeypatch.setattr(GroundWindow, 'solve', failing)
     estimator, found = run(samples)
     assert estimator.failures == estimator.status['ground_failures'] == 1
     assert len(found) == len(calls) - 1 and calls[5] is not calls[4]
