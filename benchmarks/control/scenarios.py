@@ -20,6 +20,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
+from benchmarks.control import paths
 from benchmarks.control.icr_kinematics import IcrControl
 from benchmarks.control.other_plant import other_robot
 from benchmarks.control.robot_stack import StackParams
@@ -47,12 +48,12 @@ PATHS: Mapping[str, tuple[str, PlannedPath]] = {
     'figure_eight': ('figure-eight', path_library.figure_eight(0.7)),
     'square': ('square', path_library.square(2.0)),
     'lane_change': ('lane change', path_library.lane_change(3.0, 1.0)),
-    'u_turn_30': ('U-turn 0.3 m', path_library.u_turn(0.3)),
-    'u_turn_40': ('U-turn 0.4 m', path_library.u_turn(0.4)),
-    'u_turn_50': ('U-turn 0.5 m', path_library.u_turn(0.5)),
-    'slalom': ('slalom', path_library.slalom(2.0, 0.4)),
-    'spiral': ('spiral', path_library.spiral(0.3, 4.0)),
-    'reverse_parking': ('reverse parking', path_library.reverse_parking(0.5))}
+    'u_turn_30': ('U-turn 0.3 m', paths.u_turn(0.3)),
+    'u_turn_40': ('U-turn 0.4 m', paths.u_turn(0.4)),
+    'u_turn_50': ('U-turn 0.5 m', paths.u_turn(0.5)),
+    'slalom': ('slalom', paths.slalom(2.0, 0.4)),
+    'spiral': ('spiral', paths.spiral(0.3, 4.0)),
+    'reverse_parking': ('reverse parking', paths.reverse_parking(0.5))}
 # s, m: look-ahead with which the ideal kinematics track each path best on concrete and sand:
 # python -m benchmarks.control.look_ahead
 BEST_LOOK_AHEAD: dict[str, tuple[float, float]] = {
