@@ -128,7 +128,8 @@ def status_findings(heard: Heard) -> Iterator[Finding]:
 
 def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
     """Listen; yield the findings on the graph."""
-    from smart_tire.nodes.graph_checks import graph_findings, node_names, read_graph
+    from smart_tire.nodes.compat import node_names
+    from smart_tire.nodes.graph_checks import graph_findings, read_graph
     from smart_tire.nodes.observer import Observer
     from smart_tire.nodes.runner import NodeRunner
     name, listening = f'doctor_{os.getpid()}', [False]

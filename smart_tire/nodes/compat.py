@@ -129,9 +129,23 @@ def publisher_names(node: Node, topic: str) -> dict[bytes, str]:
 
     Those whose node is not discovered yet are left out: rcl gives them a placeholder as name.
     """
-    return {bytes(info.endpoint_gid): f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+    return {bytes(info.endpoint_gid): full_name(info)
             for info in node.get_publishers_info_by_topic(topic)
             if info.node_name != UNKNOWN_NODE}
+
+
+def full_name(info: Any) -> str:
+    """Return the fully qualified node name of an endpoint in the graph."""
+    if info.node_name == UNKNOWN_NODE:
+        return 'a node whose name is not discovered yet'
+    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def node_names(node: Node) -> list[str]:
+    """Return the fully qualified names of all other nodes, as often as there are nodes."""
+    return sorted(f'{space.rstrip("/")}/{name}'
+                  for name, space in node.get_node_names_and_namespaces()
+                  if name not in (node.get_name(), UNKNOWN_NODE))
 
 
 def plain_message(error: Exception) -> str:

@@ -31,7 +31,8 @@ from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic
 from smart_tire.nodes.command_input import without_idle
-from smart_tire.nodes.qos import latched
+from smart_tire.nodes.compat import full_name
+from smart_tire.nodes.qos import latched, matches
 from std_msgs.msg import Bool
 
 ORDERS = ('path', 'goal_pose')  # the latest one counts, whoever publishes it
@@ -40,7 +41,6 @@ ENVIRONMENT = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_
                'ROS_STATIC_PEERS', 'RMW_IMPLEMENTATION')
 DISCOVERY_TIMEOUT = 5.0  # s; usual on one host are 0.1 to 3
 SLOW_DISCOVERY = 3.5     # s
-UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 
 @dataclass(frozen=True)
@@ -111,20 +111,12 @@ def read_graph(node: Node) -> dict[str, TopicEnds]:
     own = node.get_fully_qualified_name()
 
     def ends(infos: Sequence[Any]) -> tuple[Endpoint, ...]:
-        found = (Endpoint(f'{info.node_namespace.rstrip("/")}/{info.node_name}', info.qos_profile)
-                 for info in infos)
+        found = (Endpoint(full_name(info), info.qos_profile) for info in infos)
         return tuple(end for end in found if end.node != own)
 
     return {name: TopicEnds(tuple(types), ends(node.get_publishers_info_by_topic(name)),
                             ends(node.get_subscriptions_info_by_topic(name)))
             for name, types in node.get_topic_names_and_types() if '/_' not in name}
-
-
-def node_names(node: Node) -> list[str]:
-    """Return the fully qualified names of all other nodes, once per node."""
-    return sorted(f'{space.rstrip("/")}/{name}'
-                  for name, space in node.get_node_names_and_namespaces()
-                  if name not in (node.get_name(), UNKNOWN_NODE))
 
 
 def graph_findings(graph: Mapping[str, TopicEnds], nodes: Sequence[str]) -> Iterator[Finding]:
@@ -166,16 +158,10 @@ def _type_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
                       'correct the node that publishes or subscribes to it')
 
 
-def reaches(publisher: Endpoint, subscription: Endpoint) -> bool:
-    """Return whether the profiles are compatible."""
-    verdict, _ = qos_check_compatible(publisher.profile, subscription.profile)
-    return bool(verdict != QoSCompatibility.ERROR)
-
-
 def _qos_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
     for publisher in ends.publishers:
         for subscription in ends.subscriptions:
-            if any(reaches(publisher, other) for other in ends.subscriptions
+            if any(matches(publisher.profile, other.profile) for other in ends.subscriptions
                    if other.node == subscription.node):
                 continue  # a node may subscribe with several profiles
             verdict, reason = qos_check_compatible(publisher.profile, subscription.profile)

@@ -44,14 +44,14 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from smart_tire.nodes.compat import has_matched
+from smart_tire.messages import stamp_of
+from smart_tire.nodes.compat import full_name, has_matched
 from smart_tire.samples import NS_PER_S
 from std_msgs.msg import String
 
 TOPIC = '/_replay_lockstep'
 CONTROL_DEPTH = 1000  # control messages; with two followers, fewer than ten are in transit
 ACK_TIMEOUT = Duration(seconds=2)  # for control messages in transit at the end
-UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # rmw's name while only an endpoint has been discovered
 MAX_STEPS_AHEAD = 2   # steps published before the first of them is acknowledged
 
 Entry = tuple[str, int]  # topic, stamp [ns] of a message
@@ -339,19 +339,6 @@ class Leader:
             self._feedback[control.number] += [
                 (topic, stamp_ns) for topic, stamp_ns in control.entries
                 if topic in outputs and topic in needed]
-
-
-def full_name(info: Any) -> str:
-    """Return the fully qualified node name of an endpoint in the graph."""
-    if info.node_name == UNKNOWN_NODE:
-        return 'a node whose name is not discovered yet'
-    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-
-
-def stamp_of(message: Any) -> int:
-    """Return the stamp [ns] in the header of ``message``."""
-    stamp = message.header.stamp
-    return int(stamp.sec * NS_PER_S + stamp.nanosec)
 
 
 def stamp_in(data: bytes) -> int:

@@ -17,11 +17,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy, qos_check_compatible, QoSCompatibility, QoSProfile, ReliabilityPolicy)
 
 from smart_tire.messages import find_topic, TOPICS
 from smart_tire.samples import WHEELS
+
+if TYPE_CHECKING:
+    from smart_tire.bags import Channel
 
 SENSOR_SPAN = 2.0     # s of a sensor stream in the queue of a publisher
 RATE_RESERVE = 5      # own subscriptions queue SENSOR_SPAN at this multiple of the nominal rate
@@ -29,7 +34,7 @@ ESTIMATE_DEPTH = 250  # messages, 2 s at 125 Hz
 COMMAND_DEPTH = 1     # messages: only the latest command is used
 OTHER_DEPTH = 100     # messages: ground truth, overhead camera, diagnostics
 MIN_RECORDED_DEPTH = 100  # messages of any topic: all commands count, not only the latest
-FOREIGN_DEPTH = 1000  # messages of a topic that is not in TOPICS, while the disk is busy
+FOREIGN_DEPTH = 1000  # messages of a topic that is not in TOPICS, or of a burst in a bag
 LATCHED = ('path', 'friction_map', 'tf_static')
 READ_BY_ESTIMATORS = ('imu/data', 'wheel_states', 'tire_samples', 'wheel_slip', 'odom')
 
@@ -98,6 +103,29 @@ def order_profiles(name: str) -> list[QoSProfile]:
     volatile = subscriber_qos(name)
     volatile.durability = DurabilityPolicy.VOLATILE
     return [latched(), volatile]
+
+
+def replayer_qos(published: str, channel: Channel, messages: int, rate: float) -> QoSProfile:
+    """
+    Return the profile to replay a topic of ``messages`` as ``published``.
+
+    Its queue is sized for ``rate``, a multiple of the recorded one, and for bursts in the bag.
+    """
+    ours = find_topic(published)
+    if 'transient_local' in channel.qos:
+        profile = latched()
+        profile.depth = min(max(1, messages), FOREIGN_DEPTH)
+        return profile
+    profile = (publisher_qos(channel.topic) if ours is None else
+               publisher_qos(ours.name, rate=max(1.0, rate) * ours.rate, wheels=len(WHEELS)))
+    profile.depth = max(profile.depth, FOREIGN_DEPTH)
+    return profile
+
+
+def matches(offered: QoSProfile, requested: QoSProfile) -> bool:
+    """Return whether a publisher and a subscription with these profiles are compatible."""
+    verdict, _ = qos_check_compatible(offered, requested)
+    return bool(verdict != QoSCompatibility.ERROR)
 
 
 def matching_qos(name: str, offers: list[QoSProfile]) -> QoSProfile:

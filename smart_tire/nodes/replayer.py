@@ -30,17 +30,15 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
-from smart_tire.bags import Bag, BagTopic
-from smart_tire.messages import find_topic
+from smart_tire.bags import Bag
 from smart_tire.nodes.command_line import ros_arguments
-from smart_tire.nodes.compat import message_class, new_executor
-from smart_tire.nodes.lockstep import full_name, Leader, MAX_STEPS_AHEAD, stamp_in
-from smart_tire.nodes.qos import latched, publisher_qos
-from smart_tire.samples import NS_PER_S, WHEELS
+from smart_tire.nodes.compat import full_name, message_class, new_executor, node_names
+from smart_tire.nodes.lockstep import Leader, MAX_STEPS_AHEAD, stamp_in
+from smart_tire.nodes.qos import matches, replayer_qos
+from smart_tire.samples import NS_PER_S
 
 CLOCK_RATE = 100.0                  # Hz, of /clock
 PACING_TOLERANCE_NS = 500_000       # ns that a message may be early: fewer, longer sleeps
@@ -54,7 +52,6 @@ MAX_TOPIC_MESSAGES = 50             # of one topic in a step: three steps fit in
 PROGRESS_PERIOD = 0.5               # s between reports of the progress
 STEP_TIMEOUT = 15.0                 # s for the estimators to complete a step
 ACK_TIMEOUT = Duration(seconds=2)   # for subscribers to acknowledge the last messages
-QUEUE_DEPTH = 1000                  # messages of a publisher: a bag may contain long bursts
 
 Progress = Callable[[float], None]  # s since the start of the bag
 Event = tuple[int, str, bytes]      # time of reception [ns], topic ('': /clock), message
@@ -101,7 +98,7 @@ class Replayer:
             else:
                 published = renamed.get(name, name)
                 self._publishers[name] = node.create_publisher(
-                    cls, published, replay_qos(topic, rate, published))
+                    cls, published, replayer_qos(published, topic.channel, topic.messages, rate))
                 self.result.counts[name] = 0
         self._topics = {name: publisher.topic_name for name, publisher in self._publishers.items()}
         self._awaited = [resolved(node, name) for name in awaited]
@@ -163,16 +160,12 @@ class Replayer:
         for name in self._awaited:
             if name not in subscribers:
                 reasons[name] = ('subscribes to none of ' + ', '.join(self._topics.values())
-                                 if name in self._node_names() else 'is not running')
+                                 if name in node_names(self._node) else 'is not running')
         unmatched = self._unmatched_topics()
         for name, topics in subscribers.items():
             if (name in self._awaited or name in followers) and (late := topics & unmatched):
                 reasons.setdefault(name, f'is not matched on {", ".join(sorted(late))}')
         return reasons
-
-    def _node_names(self) -> set[str]:
-        return {f'{namespace.rstrip("/")}/{name}'
-                for name, namespace in self._node.get_node_names_and_namespaces()}
 
     def _subscribers_of_replay(self) -> dict[str, set[str]]:
         """Return node -> replayed topics that it subscribes to."""
@@ -310,29 +303,6 @@ class Replayer:
 def resolved(node: Node, name: str) -> str:
     """Return the fully qualified name of a node; a relative name is in the own namespace."""
     return name if name.startswith('/') else f'{node.get_namespace().rstrip("/")}/{name}'
-
-
-def matches(offered: QoSProfile, requested: QoSProfile) -> bool:
-    """Return whether a reliable publisher matches a subscription."""
-    return (requested.durability != DurabilityPolicy.TRANSIENT_LOCAL
-            or offered.durability == DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-def replay_qos(topic: BagTopic, rate: float, published: str) -> QoSProfile:
-    """
-    Return the profile to replay a topic as ``published``.
-
-    Its queue is sized for ``rate`` and for bursts.
-    """
-    ours = find_topic(published)
-    if 'transient_local' in topic.channel.qos:
-        transient = latched()
-        transient.depth = min(max(1, topic.messages), QUEUE_DEPTH)
-        return transient
-    found = (publisher_qos(topic.channel.topic) if ours is None else
-             publisher_qos(ours.name, rate=max(1.0, rate) * ours.rate, wheels=len(WHEELS)))
-    found.depth = max(found.depth, QUEUE_DEPTH)
-    return found
 
 
 def clock_message(now_ns: int) -> Clock:

@@ -23,9 +23,9 @@ from smart_tire.bags.cdr import Decoder
 from smart_tire.findings import Level
 from smart_tire.messages import TOPICS
 from smart_tire.nodes import graph_checks
-from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.compat import message_class, node_names
 from smart_tire.nodes.graph_checks import (
-    discovery_time, Endpoint, graph_findings, node_names, read_graph, TopicEnds)
+    discovery_time, Endpoint, graph_findings, read_graph, TopicEnds)
 from smart_tire.nodes.observer import Observer, state_of
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import NodeRunner

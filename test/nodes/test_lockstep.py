@@ -20,8 +20,9 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import Imu
+from smart_tire.messages import stamp_of
 from smart_tire.nodes.lockstep import (
-    ControlMessage, Follower, Leader, MAX_STEPS_AHEAD, stamp_in, stamp_of, TOPIC)
+    ControlMessage, Follower, Leader, MAX_STEPS_AHEAD, stamp_in, TOPIC)
 from std_msgs.msg import String
 from support.waiting import wait_for
 
