@@ -36,6 +36,7 @@ from smart_tire.calibration.reference import (
     fit_gyro_scale, fit_radius, RadiusFit, usable_reference)
 from smart_tire.calibration.results import Found, Quantity, SIGNIFICANT_SIGMAS
 from smart_tire.calibration.sensor_noise import fit_jitter, fit_rest, motion_noise, RestFit
+from smart_tire.calibration.turning import MAX_TRACK_SIGMA
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
@@ -46,7 +47,7 @@ LATENCY, JITTER, TRACK = 'wheel latency', 'timestamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, STATIC_IMU = 'rolling radius', 'gyro scale', 'IMU at standstill'
 ROLL, PITCH, ROTATION = 'mounting roll', 'mounting pitch', 'imu.rotation'
 MAX_LATENCY_SIGMA = 0.03   # s, standard error above which a latency is refused: half of 16 Hz
-MAX_RADIUS_SIGMA, MAX_TRACK_SIGMA = 0.02, 0.1  # relative, above which a value is refused
+MAX_RADIUS_SIGMA = 0.02    # relative, above which a radius is refused
 HALF_FACTOR = 2.0          # of these limits, for half of a recording
 MIN_RESTS = 2              # in each half: one alone may be on a slope
 MAX_NOISE_RATIO = 1.2      # of the noise in motion over that at rest
@@ -256,9 +257,9 @@ def _add_track(found: Geometry, robot: RobotParams) -> None:
 
 
 def add_rest(found: Geometry, rests: Sequence[Recording], moving: Sequence[Recording],
-             robot: RobotParams) -> Uncertain:
+             robot: RobotParams) -> None:
     """
-    Add noise and mounting of the IMU from the longest rest; return the gyro bias about z.
+    Add noise and mounting of the IMU from the longest rest.
 
     The estimators need the noise of the motion: that at rest is not written if vibration, in
     recordings ``moving``, exceeds it.
@@ -270,7 +271,7 @@ def add_rest(found: Geometry, rests: Sequence[Recording], moving: Sequence[Recor
         fits += [fit] if fit is not None else []
     if not fits:
         found.refused.setdefault(STATIC_IMU, 'no recording at rest')
-        return Uncertain(0.0, robot.imu.gyro_bias)
+        return
     found.refused.pop(STATIC_IMU, None)
     found.rest = fit = max(fits, key=lambda one: one.seconds)
     for axis, bias in zip('xyz', fit.gyro_bias):
@@ -296,7 +297,6 @@ def add_rest(found: Geometry, rests: Sequence[Recording], moving: Sequence[Recor
             f'roll {fit.roll.value:.4f} and pitch {fit.pitch.value:.4f} rad are below '
             f'{SIGNIFICANT_SIGMAS:g} standard errors of {fit.roll.sigma:.2g} rad: bias and slope '
             'of the ground')
-    return fit.gyro_bias[2]
 
 
 def combine(parts: Iterable[Geometry]) -> Geometry:

@@ -39,7 +39,7 @@ from smart_tire.calibration.results import CONTRADICTION_SIGMAS
 from smart_tire.calibration.sensor_noise import fit_jitter
 from smart_tire.calibration.stiffness import identify_stiffness, StiffnessFit
 from smart_tire.calibration.turning import (
-    combine as combine_icr, fit_turn_track, IcrFit, identify_icr)
+    combine as combine_icr, effective_track, IcrFit, identify_icr)
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams, specs
 from smart_tire.parameters.calibration_file import Identified, Value
@@ -202,17 +202,12 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
     the recordings. Nothing is raised: a value that cannot be identified is kept, with the reason.
     """
     found, imu = Calibration(robot), Geometry()
-    bias = add_rest(imu, inputs.rest, [*inputs.straight, *inputs.turns], robot)
+    add_rest(imu, inputs.rest, [*inputs.straight, *inputs.turns], robot)
     _add(found, imu.parameters(robot), REST)
     for name in ('imu.gyro_noise', 'imu.accel_noise', 'imu.rotation'):
         found.keep(name, imu.kept.get(name) or imu.refused.get(STATIC_IMU, ''))
     _add_jitter(found, inputs)
-    latency = _add_turn_latency(found, inputs)
-    track = found.attempt([TRACK], lambda: fit_turn_track(
-        _needed(inputs.turns, 'with turns'), found.robot, bias))
-    if track is not None:
-        found.add(Finding(TRACK, *track.track, TURNS, f'for wheel_radius '
-                          f'{robot.wheel_radius:g} m; {track.spread:.2g} m between turns'))
+    latency = _add_turns(found, inputs)
     found.attempt([STIFFNESS, STIFFNESS_SIGMA], lambda: _add_stiffness(found, inputs, latency))
     found.attempt(['motor.torque_constant'], lambda: _add_motor(found, inputs))
     found.icr = found.attempt(['icr_x'], lambda: combine_icr(
@@ -267,12 +262,13 @@ def _add_jitter(found: Calibration, inputs: Inputs) -> None:
     found.keep(JITTER, '; '.join(dict.fromkeys(reasons)) or 'no recording in motion')
 
 
-def _add_turn_latency(found: Calibration, inputs: Inputs) -> Uncertain | None:
-    """Return the latency that turns show, and add it if its standard error is small enough."""
-    latency = found.attempt([LATENCY], lambda: weighted_mean(
-        [fit_yaw_rate(one, found.robot).latency for one in _needed(inputs.turns, 'with turns')]))
-    if latency is None:
+def _add_turns(found: Calibration, inputs: Inputs) -> Uncertain | None:
+    """Add track and latency, if its standard error is small enough; return the latency."""
+    fits = found.attempt([LATENCY, TRACK], lambda: [
+        fit_yaw_rate(one, found.robot) for one in _needed(inputs.turns, 'with turns')])
+    if fits is None:
         return None
+    latency, radius = weighted_mean([fit.latency for fit in fits]), found.robot.wheel_radius
     if not inputs.positions:
         found.keep(LATENCY, NO_POSITIONS)
     elif latency.sigma > MAX_LATENCY_SIGMA:
@@ -280,6 +276,9 @@ def _add_turn_latency(found: Calibration, inputs: Inputs) -> Uncertain | None:
                             f'{MAX_LATENCY_SIGMA:g} s')
     else:
         found.add(Finding(LATENCY, *latency, TURNS, 'wheel speed difference against gyro'))
+    track = found.attempt([TRACK], lambda: effective_track(fits, Uncertain(radius, 0.0)))
+    if track is not None:
+        found.add(Finding(TRACK, *track, TURNS, f'for wheel_radius {radius:g} m'))
     return latency
 
 

@@ -24,9 +24,8 @@ position of the reference, is an error of S of the same size. S is not quite con
 sideways to carry the centripetal force, so it moves forward with the square of the speed. The
 spread of S between turns is reported as well.
 
-The effective track is the rolled difference of the sides over the change of yaw. In the steady
-part of a turn neither latency nor the lag of the body matters, so each turn gives a value whose
-error is that of gyro and encoders.
+The effective track is the speed difference of the sides over the yaw rate, without the lag of the
+body (``latency``); on one ground all turns have the same.
 """
 
 from __future__ import annotations
@@ -38,22 +37,22 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.latency import CORRELATION_TIME, moving_intervals, yaw_motion
-from smart_tire.calibration.recording import period, Recording, Signal
+from smart_tire.calibration.latency import (
+    CORRELATION_TIME, moving_intervals, yaw_motion, YawRateFit)
+from smart_tire.calibration.recording import Mask, Recording, Signal
 from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
 from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Prior, regression, Rows
+from smart_tire.numerics.robust import mad_sigma
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
-from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 DISPLACEMENT_INTERVAL = 0.5   # s, of the displacements of the reference: shorter than a turn
 MIN_YAW_RATE = 0.1            # rad/s, of a turn
 TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate changes
-SETTLING = 0.7                # s of a turn before it is steady, and before it ends
-MIN_YAW, MIN_TOTAL_YAW = 1.0, 2.0  # rad, in the steady part of a turn, and in a recording
+MIN_TOTAL_YAW = 2.0           # rad, in a recording
 MAX_ICR_SIGMA = 0.2           # wheelbases, standard error above which S is not reported
 MAX_TRACK_SIGMA = 0.05        # relative standard error above which a track is refused
 MAX_GROUND_SPREAD = 0.1       # relative, between turns: tires on other ground
@@ -99,22 +98,11 @@ class IcrFit:
                            note='standard error and spread over the wheelbase')]
 
 
-@dataclass(frozen=True)
-class TurnTrack:
-    """Effective track, and that of each turn."""
-
-    track: Uncertain  # m, for the configured wheel_radius
-    turns: Array      # (n,) m
-    spread: float     # m, standard deviation between turns
-
-
-def turns_of(recording: Recording) -> list[Turn]:
-    """Return begin and end [s] of the turns (constant sign of the yaw rate)."""
-    imu = recording.imu
-    smooth = Signal(imu.time, imu.rate[:, 2]).centered_mean(imu.time, TURN_MARGIN)
-    sign = np.where(np.abs(smooth) > MIN_YAW_RATE, np.sign(smooth), 0.0)
+def turns_of(time: Array, yaw_rate: Array) -> list[Turn]:
+    """Return begin and end [s] of the turns (constant sign of the yaw rate [rad/s]), (n,) each."""
+    sign = np.where(np.abs(yaw_rate) > MIN_YAW_RATE, np.sign(yaw_rate), 0.0)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1, [len(sign)]])
-    return [(float(imu.time[first]), float(imu.time[last - 1]))
+    return [(float(time[first]), float(time[last - 1]))
             for first, last in zip(edges[:-1], edges[1:]) if sign[first]]
 
 
@@ -124,7 +112,8 @@ def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
 
     Raises EstimatorError with both reasons if neither does.
     """
-    gyro, turns = Signal(recording.imu.time, recording.imu.rate[:, 2]), turns_of(recording)
+    time, gyro = recording.imu.time, Signal(recording.imu.time, recording.imu.rate[:, 2])
+    turns = turns_of(time, gyro.centered_mean(time, TURN_MARGIN))
     total = float(np.abs(np.diff(gyro.integral(np.array(turns).reshape(-1, 2)))).sum())
     if total < MIN_TOTAL_YAW:
         raise EstimatorError(
@@ -180,23 +169,14 @@ def _accelerations(recording: Recording, robot: RobotParams) -> tuple[Rows, Prio
 def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn],
              robot: RobotParams) -> IcrFit:
     """Return S of the recording and of each turn; raise EstimatorError if not observable."""
-    of_turn = np.array([(rows.time > begin - TURN_MARGIN) & (rows.time < end + TURN_MARGIN)
-                        for begin, end in turns])
-    lags, selected = rows.lags(CORRELATION_TIME), np.asarray(of_turn.any(axis=0))
+    selected = np.any([_near(turn, rows.time) for turn in turns], axis=0)
     if selected.sum() < 2 * len(prior.mean):
         raise EstimatorError(f'{int(selected.sum())} intervals in turns')
-    rows = rows.where(selected)
+    lags, rows = rows.lags(CORRELATION_TIME), rows.where(selected)
     fit = regression(rows, prior, lags=lags)
     estimate, regressor = fit.estimate(0), rows.matrix[:, 0]
     response = rows.target - rows.matrix[:, 1:] @ fit.values[1:]
-    found = []
-    for inside, (begin, end) in zip(of_turn[:, selected], turns):
-        weight = (regressor / fit.row_sigma)[inside]
-        information = float(weight @ weight)
-        if information > 0.0 and end - begin > TURN_MARGIN and inside.sum() > 2:
-            value = float(weight @ (response / fit.row_sigma)[inside]) / information
-            found.append((0.5 * (begin + end), value, information ** -0.5))
-    time, value, sigma = np.array(found).reshape(-1, 3).T
+    time, value, sigma = _per_turn(turns, rows.time, regressor, response, fit.row_sigma)
     spread = _spread(value, sigma)
     # S depends on the speed: all turns count, and the mean of others would differ by the spread
     mean = float(np.average(value, weights=1.0 / (sigma ** 2 + spread ** 2))) if (
@@ -209,6 +189,25 @@ def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn]
     return IcrFit(icr, source, spread, time, value, sigma, regressor, response, unit)
 
 
+def _near(turn: Turn, time: Array, margin: float = TURN_MARGIN) -> Mask:
+    begin, end = turn
+    return np.asarray((time > begin - margin) & (time < end + margin))
+
+
+def _per_turn(turns: Sequence[Turn], time: Array, regressor: Array, response: Array,
+              sigma: Array, margin: float = TURN_MARGIN) -> Array:
+    """Return time [s], value and standard error (3, k) of response over regressor in turns."""
+    found = []
+    for turn in turns:
+        inside = _near(turn, time, margin)
+        weight = (regressor / sigma)[inside]
+        information = float(weight @ weight)
+        if information > 0.0 and turn[1] - turn[0] > TURN_MARGIN and inside.sum() > 2:
+            value = float(weight @ (response / sigma)[inside]) / information
+            found.append((0.5 * sum(turn), value, information ** -0.5))
+    return np.array(found).reshape(-1, 3).T
+
+
 def _spread(values: Array, sigmas: Array) -> float:
     """Return the standard deviation of values beyond their standard errors; 0 if there is none."""
     if len(values) < 2:
@@ -219,62 +218,32 @@ def _spread(values: Array, sigmas: Array) -> float:
         (values - mean) ** 2 - sigmas ** 2, weights=weight))))
 
 
-def fit_turn_track(recordings: Sequence[Recording], robot: RobotParams,
-                   gyro_bias: Uncertain) -> TurnTrack:
+def effective_track(fits: Sequence[YawRateFit], radius: Uncertain) -> Uncertain:
     """
-    Return the effective track of the turns in ``recordings``, all with the same ``gyro_bias``.
+    Return the effective track [m] of long turns in ``fits``, for a wheel ``radius`` [m].
 
-    Raises EstimatorError without turns in both directions, or if their tracks differ by much more
-    than their errors: the track depends on the ground.
+    It is the total of the rolled difference over that of the yaw; the spread between turns is a
+    part of the standard error. Raises EstimatorError if that is large, or without turns in both
+    directions, or if turns differ by much: the track depends on the ground.
     """
-    turns = np.array([turn for recording in recordings
-                      for turn in _steady_turns(recording, robot, gyro_bias)]).reshape(-1, 4)
-    time, duration, yaw, rolled = turns.T
-    left, right = (yaw > 0.0).sum(), (yaw < 0.0).sum()
-    if min(left, right) < 1:
-        raise EstimatorError(f'{left} steady turns to the left and {right} to the right of '
-                             f'{MIN_YAW:g} rad or more, expected at least one each')
-    tracks = rolled / yaw
-    spread, typical = float(np.std(tracks, ddof=1)), float(np.median(tracks))
-    if not typical > 0.0:
-        raise EstimatorError('the yaw rate does not follow the wheel difference: are left and '
-                             'right swapped?')
-    if spread > MAX_GROUND_SPREAD * typical:
-        values = ', '.join(f'{value:.2f}' for value in tracks)
+    turns = [(fit.wheel_difference[inside], fit.yaw_rate[inside]) for fit in fits
+             for turn in turns_of(fit.time, fit.yaw_rate)
+             if (inside := _near(turn, fit.time, 0.0)).any()]
+    left = sum(rate.sum() > 0.0 for _, rate in turns)
+    if not 0 < left < len(turns):
+        raise EstimatorError(f'{left} turns to the left and {len(turns) - left} to the '
+                             'right, expected at least one each')
+    difference, yaw = (np.array([np.abs(one[i].sum()) for one in turns]) for i in range(2))
+    slope = float(difference.sum() / yaw.sum())
+    noise = [rate - rolled / slope for rolled, rate in turns]
+    spread = math.sqrt(np.average((difference / yaw / slope - 1.0) ** 2, weights=yaw))
+    if spread > MAX_GROUND_SPREAD:
+        values = ', '.join(f'{radius.value * one:.2f}' for one in difference / yaw)
         raise EstimatorError(f'the turns give {values} m: several grounds in one recording')
-    count = math.tau / robot.encoder.counts_per_revolution * robot.wheel_radius
-    noise = robot.imu.gyro_noise * np.sqrt(duration * max(
-        period(recording.imu.time) for recording in recordings))            # rad
-    late = math.sqrt(2.0) * robot.encoder.stamp_jitter / duration           # relative
-    sigma = np.sqrt((typical * noise) ** 2 + (rolled * late) ** 2 + count ** 2)
-    # the error of the gyro bias is common to all turns
-    weight = np.append(1.0 / sigma, 1.0 / max(gyro_bias.sigma, 1e-9))
-    matrix = np.vstack([np.column_stack([yaw, typical * duration]), [0.0, 1.0]]) * weight[:, None]
-    covariance = np.linalg.inv(matrix.T @ matrix)
-    value = float((covariance @ matrix.T @ (np.append(rolled, 0.0) * weight))[0])
-    track = Uncertain(value, math.sqrt(covariance[0, 0] + spread ** 2 / len(tracks)))
-    if track.sigma > MAX_TRACK_SIGMA * track.value:
-        raise EstimatorError(f'standard error of {track.sigma / track.value:.0%}, expected at '
-                             f'most {MAX_TRACK_SIGMA:.0%}')
-    return TurnTrack(track, tracks, spread)
-
-
-def _steady_turns(recording: Recording, robot: RobotParams,
-                  gyro_bias: Uncertain) -> list[tuple[float, float, float, float]]:
-    """Return begin [s], duration [s], yaw [rad] and rolled difference [m] of steady turns."""
-    imu, wheels, found = recording.imu, recording.wheels, []
-    gyro = Signal(imu.time, imu.rate[:, 2] - gyro_bias.value)
-    angle = wheels.position if wheels.position is not None else np.concatenate([
-        np.zeros((1, 4)), np.cumsum(wheels.velocity[1:] * np.diff(wheels.time)[:, None], axis=0)])
-    difference = robot.wheel_radius * (angle[:, RIGHT].mean(axis=1) - angle[:, LEFT].mean(axis=1))
-    for begin, end in turns_of(recording):
-        inside = np.flatnonzero((wheels.time > begin + SETTLING) & (wheels.time < end - SETTLING))
-        if len(inside) < 2:
-            continue
-        ends = inside[[0, -1]]
-        time = wheels.time[ends] - robot.encoder.latency
-        (duration,), (yaw,), (rolled,) = (
-            np.diff(values).tolist() for values in (time, gyro.integral(time), difference[ends]))
-        if abs(yaw) >= MIN_YAW:
-            found.append((begin, duration, yaw, rolled))
-    return found
+    relative = math.hypot(
+        mad_sigma(np.concatenate(noise)) * math.sqrt(sum(map(len, noise))) / float(yaw.sum()),
+        radius.sigma / radius.value, spread / math.sqrt(len(turns)))
+    if relative > MAX_TRACK_SIGMA:
+        raise EstimatorError(f'standard error of {relative:.0%}, expected at most '
+                             f'{MAX_TRACK_SIGMA:.0%}')
+    return Uncertain(slope * radius.value, relative * slope * radius.value)

@@ -64,9 +64,8 @@ class Fits:
             'fit_jitter': lambda one, robot: self.log('jitter', robot, Uncertain(0.002, 1e-4)),
             'fit_yaw_rate': lambda one, robot: self.log(
                 'latency', robot, SimpleNamespace(latency=self.latency)),
-            'fit_turn_track': lambda some, robot, bias: self.log(
-                ('track', bias), robot, SimpleNamespace(track=Uncertain(0.57, 0.002),
-                                                        spread=0.004)),
+            'effective_track': lambda fits, radius: self.log(
+                'track', None, Uncertain(0.57, 0.002)),
             'check_one_ground': lambda some, robot, sigma: None,
             'identify_stiffness': lambda some, robot, sigma: self.log(
                 ('stiffness', sigma), robot, self.stiffness),
@@ -109,7 +108,7 @@ def test_each_identification_uses_the_results_of_the_former_ones(fits):
     assert fits.names == ['rest', 'jitter', 'latency', 'track', 'stiffness', 'motor', 'icr']
     assert fits.robot('jitter').imu.accel_noise == 0.049
     assert fits.robot('latency').encoder.stamp_jitter == 0.002
-    assert ('track', BIAS) in [name for name, _ in fits.calls]
+    assert found.get('effective_track').value == 0.57
     assert ('stiffness', 0.004) in [name for name, _ in fits.calls]
     assert fits.robot('stiffness').encoder.latency == 0.02
     assert fits.robot('motor').encoder.latency == pytest.approx(0.018)
@@ -186,7 +185,7 @@ def _kept_tilt(fits):
 def test_turns_on_several_grounds_refuse_track_and_stiffness(fits, monkeypatch):
     def several(*_):
         raise EstimatorError('the turns give 0.57, 0.84 m: several grounds in one recording')
-    monkeypatch.setattr(sequence, 'fit_turn_track', several)
+    monkeypatch.setattr(sequence, 'effective_track', several)
     found = calibrate(everything(), ROBOT)
     assert 'several grounds' in found.kept['effective_track']
     assert 'several grounds' in found.kept['tire.longitudinal_stiffness']

@@ -20,8 +20,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from smart_tire.calibration.latency import fit_yaw_rate
 from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
-from smart_tire.calibration.turning import combine, fit_turn_track, identify_icr
+from smart_tire.calibration.turning import combine, effective_track, identify_icr
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain
@@ -126,42 +127,36 @@ def turning(tracks, rates, *, bias=0.0, noise=0.01, latency=0.0, seed=0, positio
                      WheelRecord(time + latency, velocity, angle if positions else None))
 
 
+def track_of(run):
+    return effective_track([fit_yaw_rate(run, ROBOT)], Uncertain(ROBOT.wheel_radius, 0.0))
+
+
 @pytest.mark.parametrize('positions', [True, False])
 def test_the_track_is_that_of_the_turns_within_its_standard_error(positions):
     errors = []
-    for seed in range(20):
+    for seed in range(10):
         bias = 0.01 * float(np.random.default_rng([seed, 1]).standard_normal())
-        run = turning([0.57] * 4, [0.6, -0.6, 1.0, -1.0], bias=bias, seed=seed,
-                      latency=0.02, positions=positions)
-        fit = fit_turn_track([run], ROBOT, Uncertain(0.0, 0.01))
-        errors.append((fit.track.value - 0.57) / fit.track.sigma)
-        assert fit.track.sigma < 0.01 and len(fit.turns) == 4
+        track = track_of(turning([0.57] * 4, [0.6, -0.6, 1.0, -1.0], bias=bias, seed=seed,
+                                 latency=0.02, positions=positions))
+        errors.append((track.value - 0.57) / track.sigma)
+        assert track.sigma < 0.01
     assert np.sqrt(np.mean(np.square(errors))) < 1.3
 
 
-def test_a_known_gyro_bias_is_removed_from_each_turn():
-    run = turning([0.57] * 2, [0.6, -0.6], bias=0.05, noise=0.0)
-    fit = fit_turn_track([run], ROBOT, Uncertain(0.05, 0.001))
-    assert fit.turns == pytest.approx([0.57, 0.57], abs=0.002)
-    assert fit.spread < 0.002
+def test_an_error_of_the_radius_is_one_of_the_track():
+    fits = [fit_yaw_rate(turning([0.57] * 2, [0.6, -0.6]), ROBOT)]
+    track = effective_track(fits, Uncertain(2.0 * ROBOT.wheel_radius, 0.04 * ROBOT.wheel_radius))
+    assert track.value == pytest.approx(1.14, rel=0.01)
+    assert track.sigma == pytest.approx(0.02 * 1.14, rel=0.1)
 
 
 def test_tracks_of_several_grounds_are_refused_with_their_values():
-    run = turning([0.57, 0.57, 0.84, 0.84], [0.6, -0.6, 0.6, -0.6])
+    rates = [0.6, -0.6, 0.6, -0.6]
     with pytest.raises(EstimatorError, match='0.57, 0.57, 0.84, 0.84 m: several grounds'):
-        fit_turn_track([run], ROBOT, Uncertain(0.0, 0.01))
-    slightly = turning([0.57, 0.57, 0.60, 0.60], [0.6, -0.6, 0.6, -0.6])
-    assert fit_turn_track([slightly], ROBOT, Uncertain(0.0, 0.01)).spread > 0.015
+        track_of(turning([0.57, 0.57, 0.84, 0.84], rates, noise=1e-4))
+    assert track_of(turning([0.57, 0.57, 0.60, 0.60], rates)).sigma > 0.007  # half the spread
 
 
-@pytest.mark.parametrize('rates, message', [
-    ([0.6, 0.6], '2 steady turns to the left and 0 to the right'),
-    ([0.12, -0.12], '0 steady turns'), ([0.0], '0 steady turns')])
-def test_turns_in_one_direction_or_too_little_yaw_are_refused(rates, message):
-    with pytest.raises(EstimatorError, match=message):
-        fit_turn_track([turning([0.57] * len(rates), rates)], ROBOT, Uncertain(0.0, 0.01))
-
-
-def test_swapped_sides_are_refused():
-    with pytest.raises(EstimatorError, match='left and right swapped'):
-        fit_turn_track([turning([-0.57] * 2, [0.6, -0.6])], ROBOT, Uncertain(0.0, 0.01))
+def test_turns_in_one_direction_are_refused():
+    with pytest.raises(EstimatorError, match='2 turns to the left and 0 to the right'):
+        track_of(turning([0.57] * 2, [0.6, 0.6]))
