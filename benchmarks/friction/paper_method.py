@@ -22,15 +22,11 @@ interval between the raw peaks of film 1 by Fig. 8, a map and B(22).
 from __future__ import annotations
 
 from smart_tire.arrays import Array
-from smart_tire.models.tire import brush_tire, strain_charge
-from smart_tire.parameters import FrictionEstimatorParams, RobotParams
+from smart_tire.models.tire import brush_tire
+from smart_tire.parameters import RobotParams
+from smart_tire.reproduction import two_peaks
 
-EXACT_MAP, PRINTED_MAP = MAPS = 'exact', 'printed'
-
-
-def two_peaks(robot: RobotParams, which: str) -> FrictionEstimatorParams:
-    """Return the parameters of an estimator that reports the interval between the peaks."""
-    return FrictionEstimatorParams(method='two_peaks', map=which, robot=robot)
+EXACT_MAP, PRINTED_MAP = MAPS = tuple(two_peaks.MAPS)
 
 
 def friction_from_peaks(interval: Array, speed: Array, total_slip: Array, load: Array,
@@ -41,7 +37,7 @@ def friction_from_peaks(interval: Array, speed: Array, total_slip: Array, load: 
     NaN outside the range of the map ``which``.
     """
     patch = robot.tire.contact_length
-    adhesion = strain_charge.adhesion_length(
-        patch - speed * interval, robot.film.length, patch, which) / patch
+    adhesion = two_peaks.MAPS[which](
+        patch - speed * interval, robot.film.length, patch) / patch
     return brush_tire.friction_from_adhesion(
         adhesion, total_slip, load, robot.tire.longitudinal_stiffness)

@@ -37,7 +37,7 @@ from benchmarks.friction.crossings import (
 from benchmarks.friction.figures import bound_figure, friction_figure
 from benchmarks.friction.grid import all_cases, Case, quick_cases
 from benchmarks.friction.monte_carlo import run_case
-from benchmarks.friction.paper_method import friction_from_peaks, MAPS, two_peaks
+from benchmarks.friction.paper_method import friction_from_peaks, MAPS
 from benchmarks.friction.scenarios import GROUND_SCENARIOS, SURFACE_SCENARIOS
 from benchmarks.harness import Benchmark, Column, figure_table, Job, milli, percent, Rows, save
 from benchmarks.motion import (
@@ -49,9 +49,9 @@ import numpy as np
 from rich.table import Table
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.estimation import streams
-from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.simulation import GroundParams
+from smart_tire.reproduction.two_peaks import two_peaks
 from smart_tire.samples import Friction, NS_PER_S, Sample
 from smart_tire.simulation.offline import Event
 
@@ -224,10 +224,8 @@ def single_run(name: str, seed: int, rows: Crossings, truths: Truths, robot: Rob
     inputs = [sample for _, topic, sample in events
               if streams.FRICTION.inputs.get(type(sample)) == topic]
     for which in MAPS:
-        estimator = FrictionEstimator(two_peaks(robot, which))
-        found = [*(one for sample in inputs for one in estimator.update(sample)),
-                 *estimator.finish()]
-        peaks = match_rows(truths, [one for one in found if isinstance(one, Friction)], wheel)
+        found = two_peaks(inputs, FrictionEstimatorParams(robot=robot), which)
+        peaks = match_rows(truths, found, wheel)
         errors[which] = Errors.without_sigma(friction_from_peaks(
             peaks.value['peak_interval'], peaks.speed, peaks.value['total_slip'],
             peaks.value['normal_load'], robot, which) / peaks.true[SINGLE] - 1.0)

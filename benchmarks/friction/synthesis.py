@@ -24,9 +24,9 @@ from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmSamples, PatchCrossing)
 from smart_tire.estimation.ground.estimator import WheelState
-from smart_tire.models.film.signal_chain import SignalChain
-from smart_tire.models.tire import bump_shapes, tread_film
+from smart_tire.models.tire import tread_film
 from smart_tire.samples import NS_PER_S
+from smart_tire.simulation.films import bump, SignalChain
 from smart_tire.uncertain import Uncertain
 
 BUMP_RANGE = min(ERRORS.bumps), max(ERRORS.bumps)
@@ -48,8 +48,7 @@ class CrossingSynthesizer:
         self._gain_error = film.stretch_gain_tolerance if gain_error is None else gain_error
         self._rng = np.random.default_rng(seed)
         self._detector = CrossingDetector(self._robot)
-        self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
-                                  rest_voltage=film.rest_voltage)
+        self._chain = SignalChain(film)
 
     def crossing(self) -> PatchCrossing:
         """Return the next crossing at a time of 1 s; the reference distance is 0."""
@@ -101,7 +100,7 @@ class CrossingSynthesizer:
         """Return the bumps with heights ``before`` and ``after`` the contact."""
         case, first = self._case, relative < 0.0
         offset = np.abs(relative) - half - np.where(first, *case.bump_distance)
-        return np.where(first, before, after) * bump_shapes.bump(
+        return np.where(first, before, after) * bump(
             offset, np.where(first, *case.bump_width), case.bump_shape)
 
     def _detect(self, one: FilmSamples, position: float) -> Detection | None:

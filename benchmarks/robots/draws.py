@@ -46,7 +46,7 @@ from benchmarks.scenarios import Leg, sequence, STANDSTILL
 from benchmarks.terrain import on_slopes
 import numpy as np
 from smart_tire.analysis.pipeline import EstimatorParams
-from smart_tire.models.tire import bump_shapes
+from smart_tire.simulation.films import BUMP_HALF_WIDTHS
 from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams)
 from smart_tire.parameters.robot import FilmParams, TireParams
@@ -136,7 +136,7 @@ DISTRIBUTIONS: Mapping[str, Distribution] = {
         'uniform', (0.008, 0.015), 0.010, 'm', 'paper B, Fig. 11(b)', 2),
     'bump_width': Distribution(
         'uniform', (0.007, 0.013), 0.009, 'm', 'paper B, Fig. 11(b)', 2),
-    'bump_shape': Distribution('uniform', (0.0, len(bump_shapes.SHAPES)), 0.0, '-', 'index')}
+    'bump_shape': Distribution('uniform', (0.0, len(BUMP_HALF_WIDTHS)), 0.0, '-', 'index')}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,7 +316,7 @@ def _errors(value: Values) -> SensorErrorParams:
     low, high = sorted(value['bump_height'])
     return SensorErrorParams(bumps=(low, high), bump_distance=value['bump_distance'],
                              bump_width=value['bump_width'],
-                             bump_shape=bump_shapes.SHAPES[int(value['bump_shape'][0])])
+                             bump_shape=tuple(BUMP_HALF_WIDTHS)[int(value['bump_shape'][0])])
 
 
 def _disturbances(row: Row, duration: float, rng: np.random.Generator) -> tuple[

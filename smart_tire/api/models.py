@@ -24,13 +24,13 @@ import numpy as np
 from smart_tire.api.params import Params
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.film_file import FilmParams, read_params
+from smart_tire.estimation.film.files import FilmParams, read_params
 from smart_tire.estimation.film.measure import FilmMeasurement, measure
 from smart_tire.models import validation
 from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
 from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.models.tire import brush_tire
-from smart_tire.models.tire.tread_film import crossing_voltage, RECOVERY, RELEASES
+from smart_tire.models.tire.tread_film import crossing_voltage, RELEASES
 from smart_tire.samples import WHEELS
 
 __all__ = ['BrushTire', 'BucklingFilm', 'FilmMeasurement', 'FilmParams', 'FilmSensor', 'TreadFilm']
@@ -140,7 +140,7 @@ class TreadFilm:
     bending_alpha: float = 67.0    #: 1/m, shape of entry and exit, B(14)
     stretch_gain: float = 307.5    #: V/m, output per overlap integral of B(23)
     release: str = 'fig8'          #: 'fig8' (opposite peak at the exit) or 'state' (none)
-    recovery: float = RECOVERY     #: m of travel in which the opposite peak decays by e
+    recovery: float = 0.005        #: m of travel in which the opposite peak decays by e
 
     def __post_init__(self) -> None:
         for name in 'length', 'contact_length', 'bending_alpha', 'recovery':

@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
-from smart_tire.estimation.friction.slip_variation import slip_variation, UNKNOWN_CHANGE_SIGMA
+from smart_tire.estimation.friction.constants import CHANGE_SIGMA
+from smart_tire.estimation.friction.waveform_method import slip_variation
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
@@ -136,7 +137,7 @@ class CrossingCollector:
         change = slope * length / crossing.speed
         spread = slip_variation(crossing, length)
         change_sigma = math.hypot(MIN_CHANGE_SIGMA, CHANGE_ERROR_SHARE * change,
-                                  max(spread.change.sigma - UNKNOWN_CHANGE_SIGMA, 0.0))
+                                  max(spread.change.sigma - CHANGE_SIGMA, 0.0))
         yield CrossingWithSlip(
             found.wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
             slip, math.hypot(residual, spread.residual), Uncertain(change, change_sigma),

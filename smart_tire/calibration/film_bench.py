@@ -39,13 +39,12 @@ from scipy.integrate import cumulative_trapezoid
 from smart_tire.arrays import Array
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.estimation.film.denoise import DEAD_BAND_NOISE_FACTOR, smoothed, without_spikes
-from smart_tire.estimation.film.film_file import AMPLIFIER, FilmParams, PRODUCTS
-from smart_tire.estimation.film.recording import FilmRecording
+from smart_tire.estimation.film.files import AMPLIFIER, FilmParams, FilmRecording, PRODUCTS
+from smart_tire.estimation.film.measure import (
+    DEAD_BAND_NOISE_FACTOR, smoothed, without_spikes)
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.elastica import TOUCHING_STROKE
-from smart_tire.models.film.monotone_branches import (
-    Branches, dead_band_branches, relaxation, relaxation_at_starts)
+from smart_tire.models.film.hysteresis import Branches, monotone_branches, relaxed
 from smart_tire.numerics.least_squares import nonlinear_fit, Prior, regression, Rows
 from smart_tire.numerics.robust import mad_sigma, noise_level
 from smart_tire.parameters.calibration_file import write_text
@@ -114,7 +113,7 @@ class _Model:
 
     def __init__(self, time: Array, v: Array, output: Array, dead_band: float) -> None:
         self._v, self._path = v, np.concatenate([v[:1], v])
-        self._branches = dead_band_branches(self._path, dead_band)
+        self._branches = monotone_branches(self._path, dead_band)
         _check_loop(self._path, self._branches)
         self._elapsed = time - time[0]
         self._center = float(np.median(output))  # decorrelates the integral from the drift
@@ -122,12 +121,9 @@ class _Model:
 
     def columns(self, alpha_gain: float) -> Array:
         """Return the factors (n, 3) of a K, b K and the initial state."""
-        def relaxed(limit: float, z: float) -> Array:
-            begin = float(self._path[0])
-            starts = relaxation_at_starts(self._path, self._branches, alpha_gain, limit, z, begin)
-            return relaxation(self._path, self._branches, alpha_gain, limit, starts, begin)
-        h = -relaxed(1.0 / alpha_gain, 0.0)
-        return np.column_stack([self._v - h, h, relaxed(0.0, 1.0)])
+        h, initial = (relaxed(self._path, self._branches, alpha_gain, limit, z)
+                      for limit, z in ((-1.0 / alpha_gain, 0.0), (0.0, 1.0)))
+        return np.column_stack([self._v - h, h, initial])
 
     def slow(self) -> Array:
         """Return the factors (n, 3) of offset, drift and corner, of which the last two mix."""

@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.crossing_collector import CrossingWithSlip
+from smart_tire.estimation.friction.constants import LOG_ALPHA_SIGMA
 from smart_tire.estimation.friction.waveform_fit import (
-    CrossingSlipPrior, LOG_ALPHA_SIGMA, WaveformFit, WaveformFitter)
+    CrossingSlipPrior, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.parameters import RobotParams
@@ -92,14 +93,14 @@ class ObservationFitter:
         slip = crossing.slip.value
         fit = fitter.fit(samples, CrossingSlipPrior(
             Uncertain(slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
-        first, shape = fit, None if fit is None else fitter.shape(fit)
+        first = fit
         if fit is not None and gains:
             fit = fitter.fit(samples, CrossingSlipPrior(
                 Uncertain(slip, EXACT_SLIP_SIGMA), crossing.change), _with_slip(fit, slip))
         if fit is None or not self._plausible(fit, crossing.wheel):
             return None
-        if first is not None and shape is not None:
-            self._shapes[crossing.wheel].update(*shape, excess=first.excess)
+        if first is not None:
+            self._shapes[crossing.wheel].correct(*first.shape, excess=first.excess)
         count = len(samples.films)
         rows, value = _rows(fit, crossing.direction, gains)
         raw = fit.covariance / fit.excess

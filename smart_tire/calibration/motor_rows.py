@@ -35,7 +35,7 @@ from smart_tire.calibration.recording import (
     DutyRecord, Indices, Mask, MOTION_MARGIN, period, Recording, rotation_increments, Samples)
 from smart_tire.calibration.sensor_noise import GROUND_SLOPE_SIGMA, stationary_intervals
 from smart_tire.errors import EstimatorError
-from smart_tire.models.tire.shared_slip import linear_tire_force
+from smart_tire.models.tire.brush_tire import linear_tire_force
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams

@@ -25,7 +25,7 @@ from smart_tire.cli._options import add_force, positive, refuse_existing
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
-    from smart_tire.estimation.film.recording import FilmRecording
+    from smart_tire.estimation.film.files import FilmRecording
     from smart_tire.models.film.buckling_film import BucklingFilm
 
 NAME = 'film'
@@ -62,8 +62,7 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
     from smart_tire.analysis.calibration_figures import write_fit
     from smart_tire.calibration.film_bench import identify_film, write_params
-    from smart_tire.estimation.film.film_file import PRODUCTS
-    from smart_tire.estimation.film.recording import COLUMNS, read_recording
+    from smart_tire.estimation.film.files import COLUMNS, PRODUCTS, read_recording
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
     recording = read_recording(args.data, columns)
     film = _film(args, recording)

@@ -54,9 +54,8 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
     import numpy as np
     from smart_tire.analysis.calibration_figures import write_measurement
-    from smart_tire.estimation.film.film_file import read_params
+    from smart_tire.estimation.film.files import read_columns, read_params, write_columns
     from smart_tire.estimation.film.measure import measure
-    from smart_tire.estimation.film.recording import read_columns, write_columns
     params = read_params(args.params)
     time, charge, *rest = read_columns(args.data, _columns(args), only=False)
     try:
@@ -82,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _columns(args: argparse.Namespace) -> list[str]:
-    from smart_tire.estimation.film.recording import header_of
+    from smart_tire.estimation.film.files import header_of
     if args.columns is None:
         return REQUIRED_COLUMNS + [REFERENCE_COLUMN] * (REFERENCE_COLUMN in header_of(args.data))
     columns: list[str] = args.columns.split(',')

@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 def laboratory() -> Laboratory:
     """Return the simulated test stand and robot."""
     from smart_tire.arrays import Array
-    from smart_tire.estimation.film.recording import FilmRecording
+    from smart_tire.estimation.film.files import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
     from smart_tire.reproduction.experiments import Laboratory, Specimen
     from smart_tire.simulation.film_test_stand import FilmTestStand

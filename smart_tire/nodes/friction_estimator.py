@@ -39,8 +39,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     Subscribes to ``imu/data``, ``wheel_states``, ``tire_samples`` and, where wheels but no IMU
     are received, ``odom``; publishes ``tire_friction``, ``ground_state`` and ``/diagnostics``.
 
-    Parameters: ``reorder_window``, ``method``, ``map``, ``load_sigma``, ``reliability``, and those
-    of the robot.
+    Parameters: ``reorder_window``, ``load_sigma``, ``reliability``, and those of the robot.
     """
 
     def __init__(self) -> None:

@@ -63,23 +63,8 @@ class FrictionEstimatorParams:
 
     reorder_window: float = param(
         0.06, 's', 'span of message timestamps that are sorted before use', (0.0, 1.0))
-    method: str = param(
-        'waveform', '-', 'fit of the whole waveform, or the method of paper B',
-        choices=('waveform', 'two_peaks'))
-    map: str = param(  # noqa: A003
-        'exact', '-', 'two_peaks only: peak interval to adhesion length, exact or as printed',
-        choices=('exact', 'printed'))
     load_sigma: float = param(
         0.02, '-', 'relative standard deviation of a wheel load: uneven ground, suspension',
         (0.0, 1.0))
     reliability: str = reliability()
     robot: RobotParams = inlined(RobotParams)
-
-    def __post_init__(self) -> None:
-        film, patch = self.robot.film, self.robot.tire.contact_length
-        if self.method == 'two_peaks' and film.length >= patch:
-            raise ValueError(f'method: two_peaks needs a film.length ({film.length} m) below '
-                             f'tire.contact_length ({patch} m)')
-        if self.method == 'two_peaks' and film.release != 'fig8':
-            raise ValueError(f'method: two_peaks needs film.release fig8, not {film.release}: '
-                             'the second peak occurs only with fig8')

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.film.recording import FilmRecording
+from smart_tire.estimation.film.files import FilmRecording
 from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
 from smart_tire.models.film.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
 from smart_tire.parameters import SimulatorParams

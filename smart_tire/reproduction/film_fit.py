@@ -23,8 +23,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_bench import identify_film
-from smart_tire.estimation.film.film_file import FilmParams
-from smart_tire.estimation.film.recording import FilmRecording
+from smart_tire.estimation.film.files import FilmParams, FilmRecording
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import respond, TABLE_I_GAIN
 from smart_tire.reproduction.experiments import Laboratory, Specimen, specimen

@@ -24,6 +24,7 @@ from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire, strain_charge, tread_film
 from smart_tire.parameters import SimulatorParams
 from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
+from smart_tire.reproduction.two_peaks import MAPS
 from smart_tire.samples import GRAVITY, NS_PER_S
 
 LENGTH, PATCH = ROBOT.film.length, ROBOT.tire.contact_length  # m, l and L
@@ -146,14 +147,14 @@ def printed_excess(slip: Array) -> Array:
 
 def ratio_of(peak: Array, method: str) -> Array:
     """Return L_a / L from the peak position [m] by the ``exact`` or the ``printed`` map."""
-    return strain_charge.adhesion_length(peak, LENGTH, PATCH, method) / PATCH
+    return MAPS[method](peak, LENGTH, PATCH) / PATCH
 
 
 def signals(run: Run) -> Signals:
     """Return the film voltages of a drive at ``SIGNAL_SPEED``."""
     stamps, volts = run.inputs.films(WHEEL)
     baseline, speed = ROBOT.film.rest_voltage, SIGNAL_SPEED
-    reach = 0.5 * (ROBOT.film.spacing + LENGTH + PATCH) + 2.0 * tread_film.BUMP_DISTANCE  # m
+    reach = 0.5 * (ROBOT.film.spacing + LENGTH + PATCH) + 2.0 * tread_film.BUMP_DISTANCE * LENGTH
     peaks, lags, bumps = [], [], []
     for crossing in run.estimates.crossings:
         window = np.abs(stamps - crossing.stamp_ns) < reach / speed * NS_PER_S

@@ -31,10 +31,10 @@ from scipy.signal import lfilter
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.recording import FilmRecording
+from smart_tire.estimation.film.files import FilmRecording
 from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
-from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
-from smart_tire.models.film.monotone_branches import series
+from smart_tire.models.film.hysteresis import (
+    DuhemParams, respond, series, TABLE_I, TABLE_I_GAIN)
 
 OVERSAMPLING = 8  # steps of the amplifier per sample
 ZERO_ALLOWED = ('low_corner', 'charge_noise', 'laser_noise')

@@ -22,9 +22,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from smart_tire.arrays import Array
-from smart_tire.models.film.signal_chain import SignalChain
-from smart_tire.models.tire import brush_tire, bump_shapes, tread_film
+from smart_tire.arrays import Array, ArrayLike
+from smart_tire.models.tire import brush_tire, tread_film
+from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
@@ -32,6 +32,79 @@ from smart_tire.simulation.plant import Plant
 
 VARIATION_PERIOD = 1021       # revolutions after which the variation of the films repeats
 TAIL_RECOVERY_LENGTHS = 12.0  # recovery lengths after which the release signal is below 10 uV
+# of bumps, by shape: inner and outer half width at half height over the full width at half height
+BUMP_HALF_WIDTHS = {'raised_cosine': (0.5, 0.5), 'gaussian': (0.5, 0.5),
+                    'asymmetric': (0.3, 0.7), 'exponential': (0.25, 0.75)}
+NEGLIGIBLE_BUMP = 1e-5        # height at the end of shapes that do not vanish
+
+
+@dataclass(frozen=True, slots=True)
+class SignalChain:
+    """
+    Rest voltage and A/D converter of the films, as in paper B, IV.
+
+    >>> chain = SignalChain(FilmParams())
+    >>> counts = chain.counts(np.array([0.5, 2.0]))
+    >>> print(counts, chain.max_count, chain.volts(counts).round(3))
+    [ 666 1023] 1023 [0.498 1.65 ]
+    """
+
+    film: FilmParams
+
+    @property
+    def max_count(self) -> int:
+        """Largest count, that of ``voltage_range``."""
+        return (1 << self.film.bits) - 1
+
+    def counts(self, volts: Array) -> npt.NDArray[np.int64]:
+        """Return the counts for an output ``volts`` [V] above rest, clipped to the range."""
+        scale = self.max_count / self.film.voltage_range
+        return np.clip(np.rint((self.film.rest_voltage + volts) * scale), 0,
+                       self.max_count).astype(np.int64)
+
+    def volts(self, counts: npt.NDArray[np.int64]) -> Array:
+        """Return the output above rest [V] at the center of a count."""
+        step = self.film.voltage_range / self.max_count
+        return np.asarray(counts * step - self.film.rest_voltage)
+
+
+def bump(offset: ArrayLike, width: ArrayLike, shape: str = 'raised_cosine') -> Array:
+    """
+    Return a bump of height 1 at ``offset`` [m], the distance beyond its center from the patch.
+
+    ``width`` [m] is the full width at half height. ``shape`` is ``raised_cosine``, ``gaussian``,
+    ``asymmetric`` (raised cosines, wider on the side away from the patch) or ``exponential`` (a
+    raised cosine that decays exponentially away from the patch). Arguments broadcast.
+
+    >>> print(bump([-0.010, -0.004, 0.0, 0.006], 0.009, 'gaussian').round(3))
+    [0.033 0.578 1.    0.292]
+    """
+    inner, outer = BUMP_HALF_WIDTHS[shape]
+    offset = np.asarray(offset, dtype=float)
+    whole = 2.0 * np.where(offset < 0.0, inner, outer) * np.asarray(width, dtype=float)
+    if shape == 'gaussian':
+        return np.asarray(np.exp(-4.0 * math.log(2.0) * (offset / whole)**2))
+    scale = math.pi / whole
+    value: Array = 0.5 + 0.5 * np.cos(np.minimum(np.maximum(scale * offset, -math.pi), math.pi))
+    if shape == 'exponential':
+        decay = np.exp(-2.0 * math.log(2.0) * np.maximum(offset, 0.0) / whole)
+        value = np.where(offset > 0.0, decay, value)
+    return value
+
+
+def bump_extent(distance: float, width: float, shape: str = 'raised_cosine') -> float:
+    """
+    Return the distance [m] from the patch beyond which a bump is negligible.
+
+    >>> print(f'{bump_extent(0.010, 0.009):.3f} m')
+    0.019 m
+    """
+    outer = BUMP_HALF_WIDTHS[shape][1] * width
+    if shape == 'gaussian':
+        return distance + outer * math.sqrt(-math.log2(NEGLIGIBLE_BUMP))
+    if shape == 'exponential':
+        return distance - outer * math.log2(NEGLIGIBLE_BUMP)
+    return distance + 2.0 * outer
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +160,7 @@ class FilmSampler:
         self._node, self._robot, self._rng = node, params.robot, rng
         self._index = WHEELS.index(wheel)
         film = params.robot.film
-        self._chain = SignalChain(bits=film.bits, voltage_range=film.voltage_range,
-                                  rest_voltage=film.rest_voltage)
+        self._chain = SignalChain(film)
         first_angle = rng.uniform(0.0, math.tau)
         # rad, wheel angles at which films 1, 2, ... are at the patch center
         self.center_angles = tuple(
@@ -156,8 +228,8 @@ class _Films:
         self._errors = params.errors
         self._half_crossing = 0.5 * (tire.contact_length + film.length)
         self._reach = self._half_crossing + max(
-            TAIL_RECOVERY_LENGTHS * tread_film.RECOVERY,
-            *(bump_shapes.extent(distance, width, params.errors.bump_shape) for distance, width
+            TAIL_RECOVERY_LENGTHS * tread_film.RECOVERY * film.length,
+            *(bump_extent(distance, width, params.errors.bump_shape) for distance, width
               in zip(params.errors.bump_distance, params.errors.bump_width)))
         self._reverse = np.zeros((len(center_angles), 1), dtype=bool)
 
@@ -199,7 +271,7 @@ class _Films:
         before = (past < 0.0) != reverse
         distance, width = (np.where(before, *values)
                            for values in (errors.bump_distance, errors.bump_width))
-        return bump_shapes.bump(np.abs(past) - (self._half_crossing + distance), width,
+        return bump(np.abs(past) - (self._half_crossing + distance), width,
                                 errors.bump_shape)
 
     def _direction(self, near: npt.NDArray[np.bool_],

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from smart_tire.calibration.film_bench import identify
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.estimation.film.denoise import smoothed
+from smart_tire.estimation.film.measure import smoothed
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.models.film.hysteresis import DuhemParams, respond
 from support.film_bench import several_loops, TRUE

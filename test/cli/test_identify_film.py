@@ -21,8 +21,8 @@ import argparse
 import pytest
 from smart_tire.cli import identify
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.film_file import read_params
-from smart_tire.estimation.film.recording import write_columns, write_recording
+from smart_tire.estimation.film.files import read_params
+from smart_tire.estimation.film.files import write_columns, write_recording
 from support.film_bench import one_loop, several_loops
 
 

@@ -23,7 +23,7 @@ import pytest
 from smart_tire.calibration.film_bench import identify_film, write_params
 from smart_tire.cli import measure
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.recording import read_columns, write_columns, write_recording
+from smart_tire.estimation.film.files import read_columns, write_columns, write_recording
 from smart_tire.models.film.buckling_film import FILMS
 from support.film_bench import several_loops
 

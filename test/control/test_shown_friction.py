@@ -22,9 +22,9 @@ import math
 import pytest
 
 from smart_tire.control.ground_knowledge import MAX_FRICTION, RAISE_SHARE, ShownFriction
-from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, NS_PER_S, WheelSample
+from support.torques import required_torque
 
 ROBOT, V_X, PERIOD = RobotParams(), 1.0, 0.01
 LOAD = ROBOT.mass * GRAVITY / 4.0
@@ -34,8 +34,8 @@ def shown(force, slip, *, prior=0.2, drag=0.0, seconds=1.0, aimed=0.2, effort=Tr
     """Return the friction after driving with a ``force`` over the weight at a slip."""
     friction, acceleration = ShownFriction(ROBOT, prior), GRAVITY * (force - drag)
     omega = V_X / (1.0 - slip) / ROBOT.wheel_radius
-    torque = float(required_torque(force * LOAD, omega, acceleration / ROBOT.wheel_radius, LOAD,
-                                   ROBOT.motor, ROBOT.wheel_radius))
+    torque = float(required_torque(
+        force * LOAD, omega, acceleration / ROBOT.wheel_radius, LOAD, ROBOT))
     for step in range(round(seconds / PERIOD)):
         friction.add_wheels(WheelSample(round(step * PERIOD * NS_PER_S), (omega,) * 4, None,
                                            (torque,) * 4 if effort else None), V_X, 0.0)

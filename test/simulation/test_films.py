@@ -16,13 +16,18 @@
 
 import math
 
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.parameters.robot import FilmParams
+from smart_tire.protocol import tire_payload
 from smart_tire.samples import FRICTION_QUANTITIES
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
-from smart_tire.simulation.films import FilmSampler, patch_position, WheelTrace
+from smart_tire.simulation.films import (
+    bump, bump_extent, BUMP_HALF_WIDTHS, FilmSampler, NEGLIGIBLE_BUMP, patch_position, SignalChain,
+    WheelTrace)
 from smart_tire.simulation.truth import CrossingTruth
 from smart_tire.uncertain import UNKNOWN
 
@@ -273,3 +278,44 @@ def test_crossings_do_not_depend_on_batch_boundaries():
         films, truth, _ = new_films(**{'radio.batch': batch})
         return roll(films, truth, Rolling(lambda t: 0.4 + 0.2 * math.sin(3.0 * t)), 6.0)[1]
     assert run(16)[:4] == run(7)[:4] == run(1)[:4] != []
+
+
+@pytest.mark.parametrize('shape', BUMP_HALF_WIDTHS)
+@pytest.mark.parametrize('width', [0.005, 0.015])
+def test_a_bump_has_height_1_at_its_center_and_the_configured_width_at_half_height(shape, width):
+    offset = np.linspace(-0.05, 0.1, 150_001)
+    value = bump(offset, width, shape)
+    assert offset[value.argmax()] == pytest.approx(0.0, abs=2e-6)
+    assert value.max() == pytest.approx(1.0)
+    assert np.ptp(offset[value > 0.5]) == pytest.approx(width, abs=5e-6)
+    assert np.abs(np.diff(value)).max() < 1e-3
+
+
+@pytest.mark.parametrize('shape', BUMP_HALF_WIDTHS)
+def test_a_bump_is_negligible_beyond_its_extent(shape):
+    beyond = bump_extent(0.012, 0.009, shape) - 0.012
+    assert bump(beyond, 0.009, shape) <= 1.0001 * NEGLIGIBLE_BUMP
+    assert bump(0.9 * beyond, 0.009, shape) > NEGLIGIBLE_BUMP
+
+
+@pytest.mark.parametrize('shape', ['asymmetric', 'exponential'])
+def test_skewed_bumps_are_wider_on_the_side_away_from_the_patch(shape):
+    offset = np.linspace(-0.03, 0.03, 6001)
+    wide = offset[bump(offset, 0.01, shape) > 0.5]
+    assert wide.max() > 2.0 * -wide.min() > 0.004
+
+
+@given(st.floats(-3.0, 3.0), st.integers(4, 16))
+def test_counts_are_clipped_and_quantization_errors_at_most_half_a_count(volts, bits):
+    chain = SignalChain(FilmParams(bits=bits))
+    counts = chain.counts(np.array([volts, volts + 0.1]))
+    assert 0 <= counts[0] <= counts[1] <= chain.max_count == 2**bits - 1
+    limited = min(max(volts, -1.65), 1.65)
+    assert abs(float(chain.volts(counts)[0]) - limited) <= 0.5 * 3.3 / chain.max_count + 1e-12
+
+
+def test_counts_agree_with_the_radio_payload():
+    chain, counts = SignalChain(FilmParams()), np.arange(1024)
+    np.testing.assert_array_equal(chain.counts(chain.volts(counts)), counts)
+    np.testing.assert_allclose(
+        chain.volts(counts) + 1.65, [tire_payload.volts(code) for code in counts.tolist()])

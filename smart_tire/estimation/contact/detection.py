@@ -33,7 +33,7 @@ from smart_tire.parameters.robot import RobotParams
 
 SEARCH_STEP = 0.0025   # m, between tried center positions
 TABLE_STEP = 1e-4      # m, between entries of the waveform table
-RELEASE_TAIL = 12.0 * tread_film.RECOVERY  # m, after which the release has decayed
+RELEASE_TAIL = 12.0 * tread_film.RECOVERY  # film lengths, after which it has decayed
 MAX_SEARCH_SAMPLES = 60  # longer segments are decimated for the search
 NORMALIZED_SLIPS = np.array([0.15, 0.5, 1.0])  # -, total slip / critical slip of the templates
 ENTRY_SHARE = 0.75     # of the film length: before, the signal is small and disturbed by bumps
@@ -55,7 +55,7 @@ class CrossingDetector:
         self._variance = film.sample_variance
         # tables of the bending output, and of the stretch output per slip for NORMALIZED_SLIPS
         self._table_begin = -film.length - TABLE_STEP
-        x = np.arange(self._table_begin, patch + RELEASE_TAIL, TABLE_STEP)
+        x = np.arange(self._table_begin, patch + RELEASE_TAIL * film.length, TABLE_STEP)
         t = NORMALIZED_SLIPS[:, np.newaxis]
         strain = strain_charge.overlap_integral(x, t, t, 1.0, film.length, patch) / t
         first, second = tread_film.RELEASE_WEIGHTS.values()

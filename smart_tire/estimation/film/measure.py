@@ -17,7 +17,8 @@ Measurement with a film: charge -> inverse hysteresis -> stroke -> deflection, e
 
 The recording must begin with the film flat and stationary and the amplifier settled, like the
 zeroing of a sensor. A fresh film has no charge then; the charge of a used one is unknown within
-the hysteresis band, which the sigma includes as an unknown offset.
+the hysteresis band, which the sigma includes as an unknown offset. Signals are smoothed first, as
+the operator remembers every reversal.
 """
 
 from __future__ import annotations
@@ -27,20 +28,26 @@ import math
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import median_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.denoise import DEAD_BAND_NOISE_FACTOR, smoothed, without_spikes
-from smart_tire.estimation.film.film_file import FilmParams
-from smart_tire.estimation.film.recording import check_series
+from smart_tire.estimation.film.files import check_series, FilmParams
 from smart_tire.models.film import elastica
-from smart_tire.models.film.hysteresis import DuhemParams
-from smart_tire.models.film.hysteresis_inverse import invert
-from smart_tire.models.film.monotone_branches import dead_band_branches
+from smart_tire.models.film.hysteresis import DuhemParams, invert, monotone_branches
+from smart_tire.numerics.robust import noise_level
 
-TENSION_SIGMAS = 4.0              # beyond flat: the film is under tension, not buckled
-EDGE_NOISE_FACTOR = 2.67          # noise of a smoothed signal at its first sample over that inside
-REVERSAL_NOISE_FACTOR = 2.0**0.5  # a branch is measured from its reversal, which has noise, too
+# value, unit, meaning; origin; the run that needs it
+DEAD_BAND_NOISE_FACTOR = 10.0  # of the noise; derived: white noise of 1e5 samples spans 9; all
+MAX_SPIKE_SAMPLES, SPIKE_THRESHOLD = 2, 4.0  # width; times the fast changes; assumed; spikes
+WINDOW_LENGTHS = (81, 61, 41, 31, 21, 15, 11, 7)  # samples; assumed; the largest that fits, all
+POLYNOMIAL_ORDER = 3  # differs from 2 at the ends only, where 2 would bend a start at standstill
+MAX_REVERSAL_BIAS = 0.3  # of the noise, at reversals; assumed: not rounded off; corners
+MAX_POWER_RATIO = 1.2  # of the slow residuals over those of noise alone; assumed; corners
+TENSION_SIGMAS = 4.0  # beyond flat: the film is under tension, not buckled; assumed; tension
+EDGE_NOISE_FACTOR = 2.67  # of a smoothed signal at its first sample; derived from the filter; all
+REVERSAL_NOISE_FACTOR = 2.0**0.5  # derived: a branch is measured from its reversal; all
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ def measure(time: Array, charge: Array, params: FilmParams, *, used: bool = Fals
 
 def _slope(y: Array, v: Array, operator: DuhemParams, band: float) -> Array:
     """Return dy / dv on the branch of each sample: b - s alpha z of A(17)."""
-    branches = dead_band_branches(np.concatenate([[0.0], y]), band)
+    branches = monotone_branches(np.concatenate([[0.0], y]), band)
     slope: Array = operator.b - branches.signs[branches.numbers] * operator.alpha * (
         y - operator.a * v)
     return np.maximum(slope, 2.0 * operator.b - operator.a)
@@ -132,3 +139,33 @@ def _to_deflection(time: Array, v: Array, sigma: Array, params: FilmParams) -> F
     sigma = sigma / np.abs(elastica.charge_slope(stroke)) * per_stroke
     return FilmMeasurement(time, np.where(valid, params.film.deflection(stroke), np.nan),
                            np.where(valid, sigma, np.inf))
+
+
+def without_spikes(signal: Array) -> tuple[Array, int]:
+    """Return the signal with spikes replaced by the local median, and their number."""
+    width = 2 * MAX_SPIKE_SAMPLES + 1
+    smooth = median_filter(signal, width, mode='nearest')
+    speed_scale = np.quantile(np.abs(signal[width:] - signal[:-width]), 0.95)
+    spikes = np.abs(signal - smooth) > SPIKE_THRESHOLD * speed_scale
+    return np.where(spikes, smooth, signal), int(spikes.sum())
+
+
+def smoothed(signal: Array) -> tuple[Array, float]:
+    """Return the signal smoothed as much as its shape allows, and the remaining noise."""
+    noise = noise_level(signal)
+    reversals = monotone_branches(signal, DEAD_BAND_NOISE_FACTOR * noise)
+    for window in WINDOW_LENGTHS:
+        if window > signal.size // 4:
+            continue
+        smooth: Array = savgol_filter(signal, window, POLYNOMIAL_ORDER, mode='interp')
+        kernel = savgol_coeffs(window, POLYNOMIAL_ORDER)
+        # residuals that last a third of the window: averaged noise, or a smoothed-out bend
+        averaging = np.full(window // 3, 1.0 / (window // 3))
+        averaged = np.convolve(signal - smooth, averaging, 'same')
+        noise_response = np.convolve((np.arange(window) == window // 2) - kernel, averaging)
+        if (np.mean(averaged**2) <= MAX_POWER_RATIO * noise**2 * np.sum(noise_response**2)
+                and all(abs(np.mean(averaged[reversals.starts[reversals.signs[1:] == sign]]))
+                        <= MAX_REVERSAL_BIAS * noise
+                        for sign in (-1.0, 1.0) if sign in reversals.signs[1:])):
+            return smooth, noise * float(kernel[window // 2])**0.5
+    return signal, noise

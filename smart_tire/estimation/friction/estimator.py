@@ -26,25 +26,26 @@ from dataclasses import dataclass
 
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.crossing_method import MethodResult
-from smart_tire.estimation.friction.output import OutputBuilder, stamp_of
-from smart_tire.estimation.friction.waveform_fit import WaveformFit
+from smart_tire.estimation.friction.constants import MAX_WAIT_NS
+from smart_tire.estimation.friction.output import friction_record, stamp_of
+from smart_tire.estimation.friction.waveform_method import FilmResult, WaveformMethod
 from smart_tire.estimation.ground.estimator import GroundEstimator, WheelState
 from smart_tire.estimation.ground.window import Solution
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import (
-    Friction, GroundState, ImuSample, NS_PER_S, Odometry, Sample, WheelSample)
-
-MAX_WAIT_NS = 2 * NS_PER_S  # of a crossing for a window; then its record is without one
+    Friction, GroundState, ImuSample, Odometry, Sample, WheelSample)
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluatedCrossing:
-    """One patch crossing with the fit behind its estimates."""
+    """One patch crossing with what its estimates come from."""
 
     friction: Friction
-    waveform: WaveformFit | None  # None if no waveform was fitted, or if it is implausible
-    surface_changed: bool         # the ground has changed since the crossing before
+    crossing: PatchCrossing
+    result: FilmResult | None  # None if no waveform was fitted, or if it is implausible
+    state: WheelState
+    surface_changed: bool      # the ground has changed since the crossing before
 
 
 OnCrossing = Callable[[EvaluatedCrossing], None]
@@ -56,7 +57,7 @@ class _Pending:
 
     wheel: str
     crossing: PatchCrossing
-    result: MethodResult | None
+    result: FilmResult | None
 
 
 class FrictionEstimator:
@@ -81,7 +82,8 @@ class FrictionEstimator:
         self._ground = GroundEstimator(robot, self._params.load_sigma)
         self._pending: list[_Pending] = []
         self._changes = dict.fromkeys(robot.film.wheels, 0)  # of the ground, at the last crossing
-        self._outputs = {wheel: OutputBuilder(wheel, self._params) for wheel in robot.film.wheels}
+        self._methods = {wheel: WaveformMethod(wheel, robot) for wheel in robot.film.wheels}
+        self._friction: dict[str, Uncertain] = dict.fromkeys(robot.film.wheels, UNKNOWN)
 
     @property
     def late(self) -> Counter[str]:
@@ -118,26 +120,20 @@ class FrictionEstimator:
                 if isinstance(item, (ImuSample, WheelSample, Odometry)):
                     self._ground.add_sample(item)
             for wheel, crossing in block.crossings:
-                self._add_crossing(wheel, crossing)
+                self._measure(wheel, crossing)
             if block.end_ns is not None:
                 found += self._solved(block.end_ns)
         return found
 
-    def _add_crossing(self, wheel: str, crossing: PatchCrossing) -> None:
+    def _measure(self, wheel: str, crossing: PatchCrossing) -> None:
         self.crossings += 1
         self.crossings_lost += crossing.samples is None
-        method = self._outputs[wheel].method
-        result = None if method.needs_slip else method.measure(crossing)
+        result = self._methods[wheel].measure(crossing)
         self._pending.append(_Pending(wheel, crossing, result))
-        self._add_passage(wheel, crossing, result)
-
-    def _add_passage(self, wheel: str, crossing: PatchCrossing,
-                     result: MethodResult | None) -> None:
         if result is not None:
-            films = result.films_only
-            self._ground.add_passage(
-                stamp_of(crossing, result), wheel, films.slip, films.normalized_slip,
-                films.white_cov + films.systematic_cov, result.sliding)
+            slips = result.slips
+            self._ground.add_passage(stamp_of(crossing, result), wheel, slips.slip,
+                                     slips.normalized_slip, slips.covariance, result.sliding)
 
     def _solved(self, now_ns: int, *, last: bool = False) -> list[Friction | GroundState]:
         """Return the estimates of a window up to ``now_ns``, if one is due."""
@@ -161,15 +157,12 @@ class FrictionEstimator:
         wheel, crossing, result = pending.wheel, pending.crossing, pending.result
         state = WheelState() if solution is None else self._ground.wheel_state(
             solution, crossing.stamp_ns, wheel)
-        output = self._outputs[wheel]
-        if output.method.needs_slip:
-            result = output.method.measure(crossing, state.slip)
-            self._add_passage(wheel, crossing, result)
-        friction = output.build(crossing, result, state)
+        friction = friction_record(
+            wheel, self._params.robot.tire.contact_length, crossing, result, state)
+        self._friction[wheel] = state.friction
         changes, self._changes[wheel] = self._changes[wheel], self._ground.changes
         self._on_crossing(EvaluatedCrossing(
-            friction, None if result is None else result.waveform,
-            self._ground.changes > changes))
+            friction, crossing, result, state, self._ground.changes > changes))
         return friction
 
     def status(self) -> dict[str, str | int | float]:
@@ -180,8 +173,7 @@ class FrictionEstimator:
             'foreign_samples': feed.foreign_samples, 'clock_resets': feed.clock_resets,
             **{f'dropped.{topic}': count for topic, count in feed.dropped.items()},
             **self._ground.status}
-        for wheel, output in self._outputs.items():
-            mu, sigma = output.friction
+        for wheel, (mu, sigma) in self._friction.items():
             shown[f'{wheel}_friction'] = f'{mu:.3f} +- {sigma:.3f}' if mu == mu else 'unknown'
             shown[f'{wheel}_segments_undetected'] = feed.undetected(wheel)
         return shown

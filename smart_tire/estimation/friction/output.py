@@ -12,62 +12,54 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Assembly of one ``Friction`` record per patch crossing."""
+"""The ``Friction`` record of a patch crossing, and friction from a single one."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.brush_inversion import friction_estimate, SlipFit
-from smart_tire.estimation.friction.crossing_method import MethodResult
-from smart_tire.estimation.friction.methods import make_method
+from smart_tire.estimation.friction import constants as c
+from smart_tire.estimation.friction.waveform_method import FilmResult, SlipFit
 from smart_tire.estimation.ground.estimator import WheelState
-from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-MAX_SLIP_SIGMA = 0.3   # of ``film_slip``; above, it is unknown
-MAX_RATIO_SIGMA = 0.3  # of the adhesion ratio; above, it is unknown
+
+def friction_record(wheel: str, contact_length: float, crossing: PatchCrossing,
+                    result: FilmResult | None, state: WheelState) -> Friction:
+    """Return the record of ``crossing``, while the wheel was in ``state``."""
+    total = _product(state.normalized_slip, state.critical_slip)
+    found = {} if result is None else _of_films(result, state, total, contact_length)
+    return Friction(
+        stamp_of(crossing, result), wheel, slip=state.slip, total_slip=total,
+        normal_load=state.load, stiffness=state.stiffness,
+        friction_coefficient=state.friction, critical_slip=state.critical_slip,
+        traction_force=state.traction_force, **found)
 
 
-class OutputBuilder:
-    """Builds the records of one wheel's crossings."""
-
-    def __init__(self, wheel: str, params: FrictionEstimatorParams) -> None:
-        self._wheel, self._length = wheel, params.robot.tire.contact_length
-        self.method = make_method(wheel, params)
-        self.friction = UNKNOWN  # latest friction coefficient, from all crossings
-
-    def build(self, crossing: PatchCrossing, result: MethodResult | None, state: WheelState
-              ) -> Friction:
-        """Return the record of ``crossing``, while the wheel was in ``state``."""
-        total = _product(state.normalized_slip, state.critical_slip)
-        self.friction = state.friction
-        found = {} if result is None else self._measured(result, state, total)
-        return Friction(
-            stamp_of(crossing, result), self._wheel, slip=state.slip, total_slip=total,
-            normal_load=state.load, stiffness=state.stiffness,
-            friction_coefficient=state.friction, critical_slip=state.critical_slip,
-            traction_force=state.traction_force, **found)
-
-    def _measured(self, result: MethodResult, state: WheelState, total: Uncertain
-                  ) -> dict[str, Uncertain]:
-        """Return the quantities that need the films."""
-        films = result.films_only
-        known, ratio = films.slip_sigma < MAX_SLIP_SIGMA, _adhesion_ratio(films)
-        return {'film_slip': Uncertain(films.slip, films.slip_sigma) if known else UNKNOWN,
-                'adhesion_ratio': ratio,
-                'adhesion_length': Uncertain(
-                    ratio.value * self._length, ratio.sigma * self._length),
-                'stretch_voltage': result.stretch_voltage, 'peak_interval': result.peak_interval,
-                'friction_coefficient_single': _single(films, total, state)}
-
-
-def stamp_of(crossing: PatchCrossing, result: MethodResult | None) -> int:
+def stamp_of(crossing: PatchCrossing, result: FilmResult | None) -> int:
     """Return the instant [ns] at which the films are at the patch's middle."""
     shift = 0.0 if result is None else result.shift / crossing.speed
     return crossing.stamp_ns + round(shift * NS_PER_S)
+
+
+def _of_films(result: FilmResult, state: WheelState, total: Uncertain, contact_length: float
+              ) -> dict[str, Uncertain]:
+    """Return the quantities that need the films."""
+    films, ratio = result.slips, UNKNOWN
+    if films.normalized_slip_sigma < c.MAX_SIGMA:
+        ratio = Uncertain(min(max(1.0 - films.normalized_slip, 0.0), 1.0),
+                          films.normalized_slip_sigma)
+    return {'film_slip': Uncertain(films.slip, films.slip_sigma)
+            if films.slip_sigma < c.MAX_SIGMA else UNKNOWN,
+            'adhesion_ratio': ratio,
+            'adhesion_length': Uncertain(
+                ratio.value * contact_length, ratio.sigma * contact_length),
+            'stretch_voltage': result.stretch_voltage, 'peak_interval': result.peak_interval,
+            'friction_coefficient_single': _single(films, total, state)}
 
 
 def _single(films: SlipFit, total: Uncertain, state: WheelState) -> Uncertain:
@@ -78,7 +70,7 @@ def _single(films: SlipFit, total: Uncertain, state: WheelState) -> Uncertain:
     """
     if not (total.value > 0.0 and state.load.value > 0.0 and state.stiffness.value > 0.0):
         return UNKNOWN
-    covariance = films.white_cov + films.systematic_cov
+    covariance = films.covariance
     gain = float(covariance[0, 1] / (covariance[0, 0] + state.slip.sigma ** 2))
     ratio = films.normalized_slip + gain * (state.slip.value - films.slip)
     sigma = math.sqrt(max(float(covariance[1, 1]) - gain * float(covariance[0, 1]), 0.0))
@@ -90,17 +82,33 @@ def _single(films: SlipFit, total: Uncertain, state: WheelState) -> Uncertain:
         state.load, state.stiffness, total))))
 
 
+def friction_estimate(inverse_mu: float, sigma: float, likely: float = math.nan) -> Uncertain:
+    """
+    Return mu from 1 / mu with its ``sigma``.
+
+    Posterior median and deviation with a log-normal prior, since the reciprocal of a noisy 1 / mu
+    would be arbitrarily large. UNKNOWN where the measurement adds little to the prior, on a
+    typical surface and on one with friction ``likely``. That decision must not depend on the
+    measured value: keeping only the low outcomes of noisy measurements would bias mu low.
+    """
+    if sigma < c.NEGLIGIBLE_PRIOR_SIGMA * inverse_mu:
+        return Uncertain(1.0 / inverse_mu, sigma / inverse_mu**2)
+    lowest = min(c.PRIOR_MEDIAN, likely if math.isfinite(likely) else c.PRIOR_MEDIAN)
+    if not sigma * lowest < c.MAX_INVERSE_SIGMA:
+        return UNKNOWN
+    grid = c.MU_GRID
+    weight = np.exp(-0.5 * ((np.log(grid / c.PRIOR_MEDIAN) / c.PRIOR_LOG_SIGMA)**2
+                            + ((1.0 / grid - inverse_mu) / sigma)**2))
+    cumulative = np.cumsum(weight)
+    if not cumulative[-1] > 0.0:
+        return UNKNOWN
+    mu = float(grid[np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+    return Uncertain(mu, math.sqrt(float(weight @ (grid - mu)**2) / float(cumulative[-1])))
+
+
 def _product(first: Uncertain, second: Uncertain) -> Uncertain:
     """Return the product of two independent quantities, UNKNOWN if one of them is."""
     if not math.isfinite(first.value * second.value):
         return UNKNOWN
     return Uncertain(first.value * second.value, math.hypot(
         first.value * second.sigma, first.sigma * second.value))
-
-
-def _adhesion_ratio(fit: SlipFit) -> Uncertain:
-    """Return the adhesion ratio, UNKNOWN where its standard deviation is too large."""
-    sigma = fit.normalized_slip_sigma
-    if not sigma < MAX_RATIO_SIGMA:
-        return UNKNOWN
-    return Uncertain(min(max(1.0 - fit.normalized_slip, 0.0), 1.0), sigma)

@@ -28,40 +28,24 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.errors import EstimatorError
 from smart_tire.estimation.contact.records import CrossingSamples
-from smart_tire.estimation.friction.levenberg_marquardt import (
-    FitResult, HUBER_THRESHOLD, inverse_spd, LevenbergMarquardt, Prior, upper_median)
+from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_model import (
     BUMPS, film_index, PerFilm, SHAPE, Shared, WaveformModel)
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
+from smart_tire.numerics.levenberg_marquardt import (
+    FitResult, HUBER_THRESHOLD, inverse_spd, LevenbergMarquardt, Prior, upper_median)
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain
-
-MIN_SAMPLES = 8          # of a film; priors make up for what they do not determine
-CENTER_SIGMA = 0.005     # m, of a film's detected center
-BASELINE_SIGMA = 0.01    # V, of the tracked baseline
-BENDING_SIGMA = 0.5      # relative, of the bending peak: varies by cycle, poorly calibrated
-BUMP_SHARE, BUMP_SHARE_SIGMA = 0.12, 0.12  # of the bending peak; 0.10 to 0.15 in Fig. 11(b)
-LOG_RECOVERY_SIGMA = 0.5  # of ln of the recovery length of some millimeters
-LOG_ALPHA_SIGMA = 0.03   # of ln of the bending shape parameter: assumed
-SLIP_SIGMA = 1.0         # -, of the weak prior on slip
-PRIOR_NORMALIZED_SLIP, NORMALIZED_SLIP_SIGMA = 0.3, 3.0  # of the weak prior
-TYPICAL_SLIP = 0.08      # -, slip at which the start value is at most the prior's normalized slip
-MIN_START_NORMALIZED_SLIP = 0.1
-RESTART_EXCESS = 1.5     # mean square of normalized residuals that triggers a second start
-ROUGH_REDUCTION = 3.0    # chi-squared; smallest reduction in the fit with fixed bumps
-MIN_SLIP = 0.02          # -, below which a relative change of slip is undefined
-MIN_GAIN_SIGMA = 1e-6    # relative, of gains that are given as exact
 
 
 @dataclass(frozen=True, slots=True)
 class CrossingSlipPrior:
     """Prior on slip and its change within a crossing, from other sources than the films."""
 
-    slip: Uncertain = Uncertain(0.0, SLIP_SIGMA)  # -, at the reference
-    change: Uncertain = Uncertain(0.0, 0.0)       # -, of the slip over a contact length
+    slip: Uncertain = Uncertain(0.0, c.SLIP_SIGMA)  # -, at the reference
+    change: Uncertain = Uncertain(0.0, 0.0)         # -, of the slip over a contact length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +65,7 @@ class WaveformFit:
     systematic_cov: Array
     residual_rms: float  # V
     excess: float        # mean square of residuals over that of the noise, at least 1
+    result: FitResult
 
     @property
     def slip(self) -> Uncertain:
@@ -104,6 +89,18 @@ class WaveformFit:
         return Uncertain(float(self.parameters[index]),
                          math.sqrt(max(float(self.covariance[index, index]), 0.0)))
 
+    @property
+    def shape(self) -> tuple[Array, Array]:
+        """Return the shape of release and bumps, if fitted, and the information of its data."""
+        result, prior = self.result, self.result.prior
+        own = prior.rows(np.arange(SHAPE.start, SHAPE.stop))
+        # residuals of a wrong model carry less information than noise
+        hessian = prior.precision + (result.hessian - prior.precision) / self.excess
+        covariance = inverse_spd(hessian)[own]
+        correction = covariance @ (prior.precision @ (prior.value - result.p)[prior.free])
+        information = inverse_spd(covariance[:, own]) - prior.precision[own[:, np.newaxis], own]
+        return result.p[SHAPE] + (1.0 - 1.0 / self.excess) * correction, information
+
 
 class WaveformFitter:
     """
@@ -121,83 +118,52 @@ class WaveformFitter:
         self._robot, film = robot, robot.film
         self._gains, self._bending = tuple(gains), tuple(bending)
         tolerance = film.stretch_gain_tolerance if gain_sigma is None else gain_sigma
-        self._gain_sigma = max(tolerance, MIN_GAIN_SIGMA)
+        self._gain_sigma = max(tolerance, c.MIN_GAIN_SIGMA)
         self._length_sigma = length_sigma
         self._shape = shape
-        self._variance = film.sample_variance
-        self._samples: CrossingSamples | None = None  # of the last fit
-        self._solver: LevenbergMarquardt
-        self._last: tuple[WaveformFit, FitResult] | None = None
 
-    def fit(self, samples: CrossingSamples, prior: CrossingSlipPrior = CrossingSlipPrior(),
+    def fit(self, samples: CrossingSamples, slips: CrossingSlipPrior = CrossingSlipPrior(),
             start: WaveformFit | None = None) -> WaveformFit | None:
         """
         Return the fit of ``samples``, None where a film has too few of them.
 
         A fit of the same samples with another prior is a good ``start``.
         """
-        if min(len(film.distance) for film in samples.films) < MIN_SAMPLES:
+        if min(len(film.distance) for film in samples.films) < c.MIN_SAMPLES:
             return None
-        if samples is not self._samples:
-            self._solver = LevenbergMarquardt(self._model(samples), samples.films, self._variance)
-            self._samples, self._last = samples, None
-        if start is not None:
-            last = self._last
-            # the model is already evaluated where the last fit ended
-            p = last[1].point.p if last and last[0] is start else start.parameters
-            return self._solve(samples, self._prior(samples, prior, float(p[Shared.SLIP])), p)
-        p = self._start(samples)
+        solver = LevenbergMarquardt(
+            self._model(samples),
+            np.concatenate([one.volts for one in samples.films]),
+            np.concatenate([one.rail for one in samples.films]), self._robot.film.sample_variance)
+        p = self._start(samples) if start is None else start.parameters
+        slip = float(p[Shared.SLIP])
         # the prior of a relative change of slip is that of the detected slip for all starts
-        whole = self._prior(samples, prior, float(p[Shared.SLIP]))
-        best = self._solve_in_steps(samples, whole, p), self._last
-        for slip in (-float(p[Shared.SLIP]), 0.0):
-            if best[0].excess <= RESTART_EXCESS:
+        prior = self._prior(samples, slips, slip)
+        if start is not None:
+            return self._evaluate(samples, solver.run(p, prior))
+        best = self._solve(samples, solver, prior, p)
+        for other in (-slip, 0.0):
+            if best.excess <= c.RESTART_EXCESS:
                 break
             p = p.copy()
-            p[Shared.SLIP] = slip
-            if not slip:  # the release has a wrong share, which the detector takes for slip
-                p[Shared.NORM_SLIP] = MIN_START_NORMALIZED_SLIP
-            best = min(best, (self._solve_in_steps(samples, whole, p), self._last),
-                       key=lambda found: found[0].excess)
-        found, self._last = best
-        return found
+            p[Shared.SLIP] = other
+            if not other:  # the release has a wrong share, which the detector takes for slip
+                p[Shared.NORM_SLIP] = c.MIN_NORMALIZED_SCALE
+            best = min(best, self._solve(samples, solver, prior, p), key=lambda fit: fit.excess)
+        return best
 
-    def _solve_in_steps(self, samples: CrossingSamples, prior: Prior, p: Array) -> WaveformFit:
+    def _solve(self, samples: CrossingSamples, solver: LevenbergMarquardt, prior: Prior, p: Array
+               ) -> WaveformFit:
         """Fit with the bumps as learned before all parameters: far from the minimum it is fast."""
-        if self._shape is None:
-            return self._solve(samples, prior, p)
-        return self._solve(samples, prior, self._solver.run(
-            p, prior.without(BUMPS), ROUGH_REDUCTION).point.p)
-
-    def _solve(self, samples: CrossingSamples, prior: Prior, p: Array) -> WaveformFit:
-        result = self._solver.run(p, prior)
-        found = _waveform_fit(samples, result)
-        self._last = found, result
-        return found
-
-    def shape(self, fit: WaveformFit) -> tuple[Array, Array]:
-        """
-        Return the shape of release and bumps by ``fit``, and the information of its data.
-
-        ``fit`` must be the last one of this fitter.
-        """
-        if self._shape is None or self._last is None or self._last[0] is not fit:
-            raise EstimatorError('the shape is available for the last fit only, if it is fitted')
-        result = self._last[1]
-        prior = result.prior
-        own = np.searchsorted(prior.free, np.arange(SHAPE.start, SHAPE.stop))
-        # residuals of a wrong model carry less information than noise
-        hessian = prior.precision + (result.hessian - prior.precision) / fit.excess
-        covariance = inverse_spd(hessian)[own]
-        correction = covariance @ (prior.precision @ (prior.value - result.p)[prior.free])
-        information = inverse_spd(covariance[:, own]) - self._shape.prior.precision
-        return result.p[SHAPE] + (1.0 - 1.0 / fit.excess) * correction, information
+        if self._shape is not None:
+            rough = solver.run(p, prior.without(BUMPS), c.ROUGH_REDUCTION).point
+            return self._evaluate(samples, solver.run(rough, prior))
+        return self._evaluate(samples, solver.run(p, prior))
 
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return the fitted output [V] above baseline at each sample, film by film."""
-        samples = fit.samples
-        output, _ = self._model(samples).linearized(fit.parameters)
-        ends = np.cumsum([len(film.distance) for film in samples.films])[:-1]
+        output, _ = self._model(fit.samples).linearized(fit.parameters)
+        ends = np.cumsum([len(film.distance) for film in fit.samples.films])[:-1]
         return np.split(output, ends)
 
     def _model(self, samples: CrossingSamples) -> WaveformModel:
@@ -210,65 +176,66 @@ class WaveformFitter:
         if self._shape is not None:
             p[SHAPE] = self._shape.prior.value
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
-            bump = BUMP_SHARE * self._bending[film.film]
+            bump = c.BUMP_SHARE * self._bending[film.film]
             p[film_index(i, PerFilm.CENTER):film_index(i, PerFilm.GAIN)] = (
                 detection.center, 0.0, detection.bending, bump, bump)
         slip, normalized_slip = np.mean([(detection.slip, detection.normalized_slip)
                                          for detection in samples.detections], axis=0).tolist()
         # at a small slip the waveform hardly depends on normalized slip, which is likely small
-        likely = max(PRIOR_NORMALIZED_SLIP * abs(slip) / TYPICAL_SLIP, MIN_START_NORMALIZED_SLIP)
+        likely = max(c.PRIOR_NORMALIZED_SLIP * abs(slip) / c.TYPICAL_SLIP, c.MIN_NORMALIZED_SCALE)
         p[Shared.SLIP], p[Shared.NORM_SLIP] = slip, min(normalized_slip, likely)
         return p
 
-    def _prior(self, samples: CrossingSamples, prior: CrossingSlipPrior, slip: float) -> Prior:
+    def _prior(self, samples: CrossingSamples, slips: CrossingSlipPrior, slip: float) -> Prior:
         """Return the prior on all parameters; ``slip`` is that of the start."""
         count, errors = len(samples.films), samples.errors
         value, sigma = np.zeros((2, film_index(count, PerFilm.CENTER) + len(errors.shape_sigmas)))
-        scale = math.copysign(max(abs(slip), MIN_SLIP), slip)  # CHANGE is relative
-        value[:Shared.SCALE] = prior.slip.value, PRIOR_NORMALIZED_SLIP, prior.change.value / scale
+        scale = math.copysign(max(abs(slip), c.MIN_SLIP), slip)  # CHANGE is relative
+        value[:Shared.SCALE] = (
+            slips.slip.value, c.PRIOR_NORMALIZED_SLIP, slips.change.value / scale)
         sigma[:len(Shared)] = (
-            prior.slip.sigma, NORMALIZED_SLIP_SIGMA, prior.change.sigma / abs(scale),
-            errors.scale_sigma, LOG_ALPHA_SIGMA, self._length_sigma)
+            slips.slip.sigma, c.NORMALIZED_SLIP_SIGMA, slips.change.sigma / abs(scale),
+            errors.scale_sigma, c.LOG_ALPHA_SIGMA, self._length_sigma)
         sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
         if self._shape is not None:
             value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             peak, block = self._bending[film.film], slice(
                 film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
-            value[block] = (detection.center, 0.0, peak, BUMP_SHARE * peak, BUMP_SHARE * peak,
-                            0.0, 0.0)
-            sigma[block] = (CENTER_SIGMA, BASELINE_SIGMA, BENDING_SIGMA * peak,
-                            BUMP_SHARE_SIGMA * peak, BUMP_SHARE_SIGMA * peak, self._gain_sigma,
-                            LOG_RECOVERY_SIGMA)
+            bump = c.BUMP_SHARE * peak
+            value[block] = detection.center, 0.0, peak, bump, bump, 0.0, 0.0
+            sigma[block] = (
+                c.CENTER_SIGMA * self._robot.film.length, c.BASELINE_SIGMA, c.BENDING_SIGMA * peak,
+                bump, bump, self._gain_sigma, c.LOG_RECOVERY_SIGMA)
         free = np.flatnonzero(sigma > 0.0)
-        precision = np.diag(sigma[free]**-2)
-        systematic = [Shared.SLIP, *(film_index(i, PerFilm.GAIN) for i in range(count))]
+        prior = Prior(value, np.diag(sigma[free]**-2), free)
         if self._shape is not None:
-            shape = np.searchsorted(free, np.arange(SHAPE.start, SHAPE.stop))
-            precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
-            systematic += range(SHAPE.start, SHAPE.stop)
-        return Prior(value, precision, free, np.array(systematic, dtype=np.intp))
+            shape = prior.rows(np.arange(SHAPE.start, SHAPE.stop))
+            prior.precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
+        return prior
 
-
-def _waveform_fit(samples: CrossingSamples, result: FitResult) -> WaveformFit:
-    """Return the fitted parameters with their covariance."""
-    p, prior, used = result.p, result.prior, result.weight > 0.0
-    residual, weight = result.point.residual[used], result.weight[used]
-    inverse = inverse_spd(result.hessian)
-    # the priors determine part of the parameters, the samples the remaining ones
-    fitted = len(prior.free) - float(np.sum(inverse * prior.precision))
-    freedom = max(len(residual) - fitted, 1.0)
-    # outliers count by their weight, a wrong model with the whole median of its residuals
-    squares = residual * residual
-    normalized = weight * squares
-    excess = max(1.0, float(np.minimum(normalized, HUBER_THRESHOLD**2).sum()) / freedom,
-                 upper_median(normalized) * MAD_TO_SIGMA**2)
-    covariance = np.zeros((len(p), len(p)))
-    covariance[prior.free[:, np.newaxis], prior.free] = inverse
-    both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
-    gain = both[:, prior.systematic]
-    rows = np.searchsorted(prior.free, prior.systematic)
-    systematic = gain @ prior.precision[rows[:, np.newaxis], rows] @ gain.T
-    white = excess * (both[:, [Shared.SLIP, Shared.NORM_SLIP]] - systematic)
-    return WaveformFit(samples, p, excess * covariance, white, systematic,
-                       math.sqrt(float(squares.sum()) / len(squares)), excess)
+    def _evaluate(self, samples: CrossingSamples, result: FitResult) -> WaveformFit:
+        """Return the fitted parameters with their covariance."""
+        p, prior, used = result.p, result.prior, result.weight > 0.0
+        residual, weight = result.point.residual[used], result.weight[used]
+        inverse = inverse_spd(result.hessian)
+        # the priors determine part of the parameters, the samples the remaining ones
+        fitted = len(prior.free) - float(np.sum(inverse * prior.precision))
+        freedom = max(len(residual) - fitted, 1.0)
+        # outliers count by their weight, a wrong model with the whole median of its residuals
+        squares = residual * residual
+        normalized = weight * squares
+        excess = max(1.0, float(np.minimum(normalized, HUBER_THRESHOLD**2).sum()) / freedom,
+                     upper_median(normalized) * MAD_TO_SIGMA**2)
+        covariance = np.zeros((len(p), len(p)))
+        covariance[prior.free[:, np.newaxis], prior.free] = inverse
+        # the slip prior, gains and shape have the same errors in all crossings
+        both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
+        same = np.array([Shared.SLIP, *(film_index(i, PerFilm.GAIN)
+                                        for i in range(len(samples.films))),
+                         *(range(SHAPE.start, SHAPE.stop) if self._shape is not None else ())])
+        gain, rows = both[:, same], prior.rows(same)
+        systematic = gain @ prior.precision[rows[:, np.newaxis], rows] @ gain.T
+        white = excess * (both[:, [Shared.SLIP, Shared.NORM_SLIP]] - systematic)
+        return WaveformFit(samples, p, excess * covariance, white, systematic,
+                           math.sqrt(float(squares.sum()) / len(squares)), excess, result)

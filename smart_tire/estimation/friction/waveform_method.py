@@ -12,18 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Waveform method: slip and normalized slip from a fit of a crossing's whole waveform."""
+"""
+Slip and normalized slip of a patch crossing, from a fit of its whole waveform.
+
+The films measure two quantities: their stretch, which is proportional to longitudinal slip through
+the calibrated gains, and the normalized slip t = total slip / critical slip. Both together show
+``mu / C_x = |s| / (3 F_z t)`` only, B(22).
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 
+from smart_tire.arrays import Array
+from smart_tire.estimation.contact.detection import MAX_RESIDUAL, PLAUSIBLE_BENDING
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.brush_inversion import flag_full_sliding, SlipFit
-from smart_tire.estimation.friction.crossing_method import MethodResult
-from smart_tire.estimation.friction.slip_variation import slip_variation
+from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
@@ -32,20 +39,67 @@ from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
-PLAUSIBLE_BENDING = (0.3, 3.0)  # range of the bending peak over its nominal value
-MAX_RESIDUAL = 0.2       # of the bending peak, rms
-MAX_CENTER_SIGMA = 0.003  # m, of a film's center
-MAX_PEAK_SIGMA = 0.3     # of the contact length, of x_m
-CURVATURE_SHARE = 0.5    # of the squared relative change of slip: error of the linear model
-MIN_SLIP_SCALE = 0.01    # -, below which a relative change is undefined
-MIN_NORMALIZED_SCALE = 0.1  # -, of normalized slip, in the same role
-SLOPE_STEP = 1e-3        # -, of normalized slip, for a finite difference
+
+@dataclass(frozen=True, slots=True)
+class SlipFit:
+    """
+    Slip and normalized slip of one crossing with the covariances (2, 2) of their errors.
+
+    Noise may make a small normalized slip negative.
+    """
+
+    slip: float             # -, B(3)'s lambda
+    normalized_slip: float  # -, total slip / critical slip
+    white_cov: Array        # independent between revolutions
+    systematic_cov: Array   # of gains and of the slip estimator
+
+    @property
+    def covariance(self) -> Array:
+        """Return the covariance (2, 2) of all errors."""
+        return self.white_cov + self.systematic_cov
+
+    @property
+    def slip_sigma(self) -> float:
+        """Return the standard deviation of ``slip``."""
+        return math.sqrt(self.covariance[0, 0])
+
+    @property
+    def normalized_slip_sigma(self) -> float:
+        """Return the standard deviation of ``normalized_slip``."""
+        return math.sqrt(self.covariance[1, 1])
+
+
+@dataclass(frozen=True, slots=True)
+class FilmResult:
+    """What the films show of one crossing, before load and stiffness are used."""
+
+    slips: SlipFit
+    shift: float   # m, by which the crossing was later than detected
+    sliding: bool  # the whole patch slides: only slip over normalized slip is determined
+    stretch_voltage: Uncertain = UNKNOWN  # V, of film 1
+    peak_interval: Uncertain = UNKNOWN    # s, of film 1
+    waveform: WaveformFit | None = None   # None if the method fits none
+
+
+@dataclass(frozen=True, slots=True)
+class SlipVariation:
+    """Linear change of slip over a contact length, and rms residual from it."""
+
+    change: Uncertain
+    residual: float
+
+
+def slip_variation(crossing: PatchCrossing, contact_length: float) -> SlipVariation:
+    """Return the variation of slip that the change of wheel speed in ``crossing`` allows."""
+    speed_change = max(crossing.speed_change - c.SPEED_CHANGE_NOISE, 0.0)
+    return SlipVariation(
+        Uncertain(0.0, math.hypot(c.CHANGE_SIGMA, c.SLIP_CHANGE_SHARE * speed_change
+                                  * contact_length / crossing.distance)),
+        c.SLIP_RESIDUAL_SHARE * speed_change)
 
 
 class WaveformMethod:
     """Estimates slip and normalized slip of one wheel's crossings by waveform fits."""
-
-    needs_slip = False
 
     def __init__(self, wheel: str, robot: RobotParams) -> None:
         self._film, self._patch = robot.film, robot.tire.contact_length
@@ -53,7 +107,7 @@ class WaveformMethod:
         self.shape = ShapeEstimator()
         self._fitter = WaveformFitter(robot, self._gains, self._bending, shape=self.shape)
 
-    def measure(self, crossing: PatchCrossing, slip: Uncertain = UNKNOWN) -> MethodResult | None:
+    def measure(self, crossing: PatchCrossing) -> FilmResult | None:
         """Return what the films show of ``crossing``, None if its waveform is implausible."""
         if crossing.samples is None:
             return None
@@ -61,20 +115,20 @@ class WaveformMethod:
         fit = self._fitter.fit(crossing.samples, CrossingSlipPrior(change=variation.change))
         if fit is None or not self._plausible(fit):
             return None
-        shape = self._fitter.shape(fit)
         varied = _with_slip_variation(fit, variation.residual)
         found = flag_full_sliding(varied, fit.white_cov)
-        self.shape.update(*shape, excess=fit.excess, speed_change=crossing.speed_change)
-        return MethodResult(found, self._shift(fit), found is not varied,
-                            *self._peaks(fit, crossing), waveform=fit)
+        self.shape.correct(*fit.shape, excess=fit.excess, speed_change=crossing.speed_change)
+        return FilmResult(found, self._shift(fit), found is not varied,
+                          *self._peaks(fit, crossing), waveform=fit)
 
     def _plausible(self, fit: WaveformFit) -> bool:
         low, high = PLAUSIBLE_BENDING
         for i, film in enumerate(fit.samples.films):
             bending = fit.film_parameter(i, PerFilm.BENDING).value
+            center = fit.film_parameter(i, PerFilm.CENTER)
             if not (low < bending / self._bending[film.film] < high
                     and fit.residual_rms < MAX_RESIDUAL * bending
-                    and fit.film_parameter(i, PerFilm.CENTER).sigma < MAX_CENTER_SIGMA):
+                    and center.sigma < c.MAX_CENTER_SIGMA * self._film.length):
                 return False
         return True
 
@@ -93,20 +147,16 @@ class WaveformMethod:
         slip, t = fit.slip.value, fit.normalized_slip
         if fit.samples.films[0].film or length >= self._patch or slip <= 0.0 or t.value <= 0.0:
             return UNKNOWN, UNKNOWN
-
-        def position(normalized_slip: float) -> float:
-            adhesion = max(1.0 - normalized_slip, 0.0) * self._patch
-            return float(strain_charge.peak_position(adhesion, length, self._patch))
-
-        x_m = position(t.value)
-        slope = (position(t.value + SLOPE_STEP) - position(t.value - SLOPE_STEP)) / (
-            2.0 * SLOPE_STEP)
-        if slope * t.sigma > MAX_PEAK_SIGMA * self._patch:
+        around = t.value + c.SLOPE_STEP * np.array([-1.0, 0.0, 1.0])
+        below, x_m, above = strain_charge.peak_position(
+            np.maximum(1.0 - around, 0.0) * self._patch, length, self._patch).tolist()
+        sigma = (above - below) / (2.0 * c.SLOPE_STEP) * t.sigma  # m, of x_m
+        if sigma > c.MAX_SIGMA * self._patch:
             return UNKNOWN, UNKNOWN
         scale = fit.shared(Shared.SCALE)
         interval = (self._patch - x_m) / (crossing.speed * (1.0 + scale.value))
-        sigma = math.hypot(slope * t.sigma / crossing.speed, scale.sigma * interval)
-        return self._stretch_voltage(fit, x_m), Uncertain(interval, sigma)
+        return self._stretch_voltage(fit, x_m), Uncertain(
+            interval, math.hypot(sigma / crossing.speed, scale.sigma * interval))
 
     def _stretch_voltage(self, fit: WaveformFit, x_m: float) -> Uncertain:
         """Return the stretch output [V] of film 1 at position ``x_m`` [m]."""
@@ -130,8 +180,24 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     adds a deviation of second order.
     """
     slip, normalized_slip = fit.slip.value, fit.normalized_slip.value
-    scale = max(abs(slip), MIN_SLIP_SCALE)
+    scale = max(abs(slip), c.MIN_SLIP_SCALE)
     change = fit.shared(Shared.CHANGE)
-    growth = math.hypot(CURVATURE_SHARE * (change.value**2 + change.sigma**2), residual / scale)
-    sigma = growth * np.array([scale, max(abs(normalized_slip), MIN_NORMALIZED_SCALE)])
+    growth = math.hypot(c.CURVATURE_SHARE * (change.value**2 + change.sigma**2), residual / scale)
+    sigma = growth * np.array([scale, max(abs(normalized_slip), c.MIN_NORMALIZED_SCALE)])
     return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
+
+
+def flag_full_sliding(fit: SlipFit, fit_cov: Array) -> SlipFit:
+    """
+    Return ``fit``, inflated along slip / normalized slip if the whole patch may slide.
+
+    The waveform then determines that ratio only. Whether both are correlated is judged by
+    ``fit_cov`` (2, 2), the white covariance before additions that would hide the correlation.
+    """
+    correlation = fit_cov[0, 1] * math.copysign(1.0, fit.slip)
+    upper = fit.normalized_slip + c.FULL_SLIDING_SIGMAS * math.sqrt(fit.white_cov[1, 1])
+    if (upper < c.FULL_SLIDING_ONSET or correlation
+            < c.MIN_RATIO_CORRELATION * math.sqrt(fit_cov[0, 0] * fit_cov[1, 1])):
+        return fit
+    both = np.array([fit.slip, fit.normalized_slip])
+    return replace(fit, white_cov=fit.white_cov + np.outer(both, both))

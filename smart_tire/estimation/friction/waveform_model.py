@@ -29,13 +29,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.models.tire import bump_splines, strain_charge, tread_film
+from smart_tire.estimation.friction.constants import (
+    MAX_CENTER_STEP, MIN_NORMALIZED_SLIP, NORMALIZED_SLIP_RANGE)
+from smart_tire.models.tire import strain_charge, tread_film
+from smart_tire.models.tire.tread_film import PADDING
 from smart_tire.parameters.robot import RobotParams
-
-MIN_NORMALIZED_SLIP = 0.01  # -, the model is linear below: noise may make the parameter negative
 
 
 class Shared(IntEnum):
@@ -68,7 +70,7 @@ class PerFilm(IntEnum):
     RECOVERY = 6  # -, ln of the recovery length over its nominal value
 
 
-KNOTS, PADDING = len(bump_splines.KNOTS), bump_splines.PADDING
+KNOTS = len(tread_film.KNOTS)
 # of the parameter vector: release, then deviations of the bumps before and after the contact from
 # their nominal shape over their height
 SHAPE = slice(len(Shared), len(Shared) + len(Release) + 2 * KNOTS)
@@ -106,6 +108,7 @@ class WaveformModel:
         self._gain = np.array([gains[one.film] for one in films])[self._index]
         self._distance = np.concatenate([one.distance for one in films])
         self._columns = np.arange(len(self._distance))
+        self._recovery = tread_film.RECOVERY * robot.film.length
         # from the reference, in contact lengths
         self._relative = (self._distance - reference) / self._patch
         self._own = slice(SHAPE.stop, film_index(len(films), PerFilm.CENTER))
@@ -114,7 +117,7 @@ class WaveformModel:
         self._by_release = np.array([other - self._release, [1.0, 0.0]])
         low, high = float(self._distance.min()), float(self._distance.max())
         even = (2.0 * self._distance - low - high) / max(high - low, self._patch)
-        self._polynomials = _legendre(even, warps)
+        self._polynomials = legvander(even, warps + 1).T[2:]
 
     def linearized(self, p: Array) -> tuple[Array, Array]:
         """
@@ -123,7 +126,7 @@ class WaveformModel:
         Shapes are (n,) and (m, n) for n samples of all films.
         """
         films = p[self._own].reshape(-1, len(PerFilm)).copy()
-        films[:, PerFilm.RECOVERY] = tread_film.RECOVERY * np.exp(films[:, PerFilm.RECOVERY])
+        films[:, PerFilm.RECOVERY] = self._recovery * np.exp(films[:, PerFilm.RECOVERY])
         center, offset, peak, before, after, gain, recovery = films.T.take(self._index, axis=1)
         scale, alpha, length = p[Shared.SCALE:len(Shared)].tolist()
         alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
@@ -159,13 +162,22 @@ class WaveformModel:
             jacobian[rows, low:high] = block[:, low:high]
         return offset + peak * bend.value + strain.volts - height * bump.value, jacobian
 
+    def moved(self, p: Array, step: Array) -> Array:
+        """Return ``p`` after ``step``, shortened if a film center would move too far."""
+        largest = float(np.abs(step[self._own][PerFilm.CENTER::len(PerFilm)]).max())
+        limit = MAX_CENTER_STEP * self._film.length
+        moved: Array = p + step * min(1.0, limit / max(largest, limit))
+        low, high = NORMALIZED_SLIP_RANGE
+        moved[Shared.NORM_SLIP] = min(max(float(moved[Shared.NORM_SLIP]), low), high)
+        return moved
+
     def _bumps(self, x: Array, patch: float, p: Array, before: Array, after: Array,
                jacobian: Array) -> tread_film.Bumps:
         """Return the bumps of height 1; write the rows of their shape into ``jacobian``."""
         nominal = tread_film.bumps(x, self._film.length, patch)
         second = nominal.after
         outside = np.where(second, x - patch, -self._film.length - x)
-        basis = bump_splines.splines(outside)
+        basis = tread_film.splines(outside, self._film.length)
         padded = np.zeros((2, KNOTS + 2 * PADDING))
         padded[:, PADDING:-PADDING] = p[BUMPS].reshape(2, KNOTS)
         index = basis.knot + second * padded.shape[1]
@@ -200,12 +212,3 @@ class WaveformModel:
                     out=jacobian[Shared.CHANGE])
         return StrainPart(volts, by_gain, factor * overlap.by_position,
                           factor * overlap.by_contact_length)
-
-
-def _legendre(x: Array, count: int) -> Array:
-    """Return the Legendre polynomials of order 2 to ``count`` + 1 at ``x``, (count, n)."""
-    values = np.empty((count + 2, len(x)))
-    values[0], values[1] = 1.0, x
-    for k in range(2, count + 2):
-        values[k] = ((2 * k - 1) / k) * x * values[k - 1] - ((k - 1) / k) * values[k - 2]
-    return values[2:]

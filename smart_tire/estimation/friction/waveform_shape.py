@@ -27,24 +27,10 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.friction.levenberg_marquardt import inverse_spd
+from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_model import KNOTS, Release, SHAPE
-from smart_tire.models.tire import bump_splines
-
-SHARE_SIGMA, SIZE_SIGMA = 0.2, 0.1  # -, of the release, about the configured convention
-BUMP_SIGMA = 0.6            # of a bump's shape over its height, outside the contact
-LEAK_LENGTH = 0.004         # m inside the contact, in which that decays by e
-CORRELATION_LENGTH = 0.003  # m, of the deviations from the nominal shape of a bump
-UNCORRELATED_SIGMA = 0.03   # of the shape, uncorrelated between knots
-RANDOM_WALK_SHARE = 0.001   # of the initial standard deviations, random walk per crossing
-# of a crossing's information that is used: the errors of its samples over distance are correlated
-INFORMATION_SHARE = 0.5
-# relative change of the wheel speed in a crossing that halves the information: the slip changes,
-# too, in a way that the fit takes for a shape
-STEADY_SPEED_CHANGE = 0.02
-OUTLIER_SIGMAS = 5.0        # of the squared innovation, beyond which a crossing has less weight
-POOR_EXCESS = 2.0         # of a fit that contradicts the shape
-MAX_OUTLIERS = 3            # consecutive, after which the shape has changed
+from smart_tire.models.tire import tread_film
+from smart_tire.numerics.levenberg_marquardt import inverse_spd
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,8 +50,8 @@ class ShapeEstimator:
         self._outliers = 0
         self.prior = ShapePrior(np.zeros(len(self._initial)), inverse_spd(self._covariance))
 
-    def update(self, value: Array, information: Array, *, excess: float = 1.0,
-               speed_change: float = 0.0) -> None:
+    def correct(self, value: Array, information: Array, *, excess: float = 1.0,
+                speed_change: float = 0.0) -> None:
         """
         Correct with the estimate ``value`` of a crossing and the information matrix of its data.
 
@@ -78,34 +64,33 @@ class ShapeEstimator:
         # the squared innovation relative to the prior, and its limit
         square = float(innovation @ prior.precision @ innovation)
         freedom = max(float(np.sum(information * inverse_spd(whole))), 1.0)
-        limit = freedom + OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
-        poor = square > limit or excess > POOR_EXCESS and speed_change < STEADY_SPEED_CHANGE
+        limit = freedom + c.OUTLIER_SIGMAS * math.sqrt(2.0 * freedom)
+        poor = square > limit or excess > c.POOR_EXCESS and speed_change < c.STEADY_SPEED_CHANGE
         self._outliers = self._outliers + 1 if poor else 0
-        if self._outliers == MAX_OUTLIERS:
+        if self._outliers == c.MAX_OUTLIERS:
             self._outliers = 0
             self._set(prior.value, self._covariance + self._initial)
             return
-        weight = INFORMATION_SHARE * limit / max(square, limit) / (
-            1.0 + (speed_change / STEADY_SPEED_CHANGE)**2)
+        weight = c.INFORMATION_SHARE * limit / max(square, limit) / (
+            1.0 + (speed_change / c.STEADY_SPEED_CHANGE)**2)
         posterior = inverse_spd(prior.precision + weight * information)
         self._set(prior.value + weight * posterior @ (whole @ innovation), posterior)
 
     def _set(self, value: Array, covariance: Array) -> None:
-        self._covariance = covariance + RANDOM_WALK_SHARE**2 * self._initial
+        self._covariance = covariance + c.RANDOM_WALK_SHARE**2 * self._initial
         self.prior = ShapePrior(value, inverse_spd(self._covariance))
 
 
 def initial_covariance() -> Array:
     """Return the covariance of the shape before any crossing."""
-    knots = bump_splines.KNOTS
-    sigma = BUMP_SIGMA * np.exp(np.minimum(knots, 0.0) / LEAK_LENGTH)
-    distance = (knots[:, np.newaxis] - knots) / CORRELATION_LENGTH
-    bump = np.outer(sigma, sigma) * np.exp(-0.5 * distance**2) + UNCORRELATED_SIGMA**2 * np.eye(
+    knots = tread_film.KNOTS
+    sigma = c.BUMP_SIGMA * np.exp(np.minimum(knots, 0.0) / c.LEAK_LENGTH)
+    distance = (knots[:, np.newaxis] - knots) / c.CORRELATION_LENGTH
+    bump = np.outer(sigma, sigma) * np.exp(-0.5 * distance**2) + c.UNCORRELATED_SIGMA**2 * np.eye(
         KNOTS)
+    release = np.diag([c.SHARE_SIGMA**2, c.SIZE_SIGMA**2])
+    assert list(Release) == [Release.SHARE, Release.SIZE]
     covariance = np.zeros((SHAPE.stop - SHAPE.start,) * 2)
-    covariance[Release.SHARE, Release.SHARE] = SHARE_SIGMA**2
-    covariance[Release.SIZE, Release.SIZE] = SIZE_SIGMA**2
-    first, second = (slice(len(Release) + i * KNOTS, len(Release) + (i + 1) * KNOTS)
-                     for i in range(2))
-    covariance[first, first] = covariance[second, second] = bump
+    for begin, block in ((0, release), (2, bump), (2 + KNOTS, bump)):
+        covariance[begin:begin + len(block), begin:begin + len(block)] = block
     return covariance

@@ -29,16 +29,20 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
-from smart_tire.errors import ParameterError
-from smart_tire.models.film import elastica, elastica_with_weight, printed_elastica
+from smart_tire.models import validation
+from smart_tire.models.film import elastica, elastica_with_weight
 from smart_tire.samples import GRAVITY
 
 # stroke over deflection / L: A(8b) needs half of the end displacement for each half of the film,
 # but delta = Delta / L is printed
 STROKE_FACTOR = {'exact': 0.5, 'printed': 1.0}
-CHARGE_MODELS: dict[str, Callable[[ArrayLike], Array]] = {
-    'exact': elastica.charge, 'printed': printed_elastica.charge,
-    'linear': printed_elastica.linear_charge}
+# Q_en / K of a stroke delta, from the flat film: A(9), A(15) and A(16); and with weight
+CHARGE_MODELS: dict[str, Callable[[Array], Array]] = {
+    'exact': elastica.charge,
+    'printed': lambda delta: -0.5 * delta * (1.0 + delta),
+    'linear': lambda delta: -0.5 * delta}
+WEIGHT_SIGNS = {'arched': 1.0, 'hanging': -1.0}
+MODELS = (*CHARGE_MODELS, *WEIGHT_SIGNS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +54,8 @@ class Material:
     density: float = 1780.0  # kg/m3
 
     def __post_init__(self) -> None:
-        _check_positive(self, 'd31', 'c11', 'density')
+        for name in ('d31', 'c11', 'density'):
+            validation.positive(name, getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,10 +78,9 @@ class BucklingFilm:
     convention: str = 'exact'
 
     def __post_init__(self) -> None:
-        _check_positive(self, 'length', 'width', 'thickness')
-        if self.convention not in STROKE_FACTOR:
-            raise ParameterError(
-                f'convention is {self.convention!r}, expected one of {", ".join(STROKE_FACTOR)}')
+        for name in ('length', 'width', 'thickness'):
+            validation.positive(name, getattr(self, name))
+        validation.one_of('convention', self.convention, tuple(STROKE_FACTOR))
 
     @property
     def half_length(self) -> float:
@@ -119,24 +123,13 @@ class BucklingFilm:
         Raises ParameterError for another model or a deflection out of range.
         """
         stroke = self.stroke(deflection)
-        if model in ('arched', 'hanging'):
-            weight = self.weight if model == 'arched' else -self.weight
-            return elastica_with_weight.solve(stroke, weight).charge
-        if model not in CHARGE_MODELS:
-            raise ParameterError(f'model is {model!r}, expected one of '
-                                 f'{", ".join([*CHARGE_MODELS, "arched", "hanging"])}')
-        return CHARGE_MODELS[model](stroke)
+        if validation.one_of('model', model, MODELS) in CHARGE_MODELS:
+            return CHARGE_MODELS[model](stroke)
+        return elastica_with_weight.solve(stroke, WEIGHT_SIGNS[model] * self.weight).charge
 
     def deflection_from_charge(self, charge: ArrayLike) -> Array:
         """Return the deflection [m] for a charge Q_en / K in (-1, 0], the inverse of ``exact``."""
         return self.deflection(elastica.stroke_from_charge(charge))
-
-
-def _check_positive(record: object, *names: str) -> None:
-    for name in names:
-        value = getattr(record, name)
-        if not (math.isfinite(value) and value > 0.0):
-            raise ParameterError(f'{name} is {value}, expected a positive number')
 
 
 # the films of paper A

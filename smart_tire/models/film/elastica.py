@@ -29,13 +29,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ellipe, ellipj, ellipk, elliprd
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-
-Flags = npt.NDArray[np.bool_]
 
 EULER_LOAD = np.pi**2           # load of the flat film
 TOUCHING_STROKE = 0.8486515096  # from which a weightless film touches itself
@@ -80,17 +77,6 @@ def checked_stroke(stroke: ArrayLike) -> Array:
     return array
 
 
-def touches(stroke: ArrayLike) -> Flags:
-    """
-    Return whether the film touches itself, where the model ends: from a stroke of 0.849.
-
-    >>> print(touches([0.84, 0.85]))
-    [False  True]
-    """
-    flags: Flags = np.asarray(checked_stroke(stroke) >= TOUCHING_STROKE)
-    return flags
-
-
 def stroke_of(parameter: ArrayLike) -> Array:
     """
     Return the stroke for the parameter m = k^2 of the elliptic integrals, A(8).
@@ -124,18 +110,6 @@ def load(stroke: ArrayLike) -> Array:
     """
     force: Array = 4.0 * _integrals(parameter_of(stroke))[0]**2
     return force
-
-
-def height(stroke: ArrayLike) -> Array:
-    """
-    Return the height y(1) of the arch.
-
-    >>> print(f'{height(0.1):.4f}')
-    0.3898
-    """
-    m = parameter_of(stroke)
-    top: Array = 2.0 * np.sqrt(m) / _integrals(m)[0]
-    return top
 
 
 def shape(stroke: ArrayLike, s: ArrayLike) -> Shape:

@@ -29,11 +29,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
+import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models.film import elastica
-from smart_tire.models.film.elastica import EULER_LOAD, Flags, Shape
+from smart_tire.models.film.elastica import EULER_LOAD
 
 NODE_COUNT = 40
 BLOCK_SIZE = 256            # films that are solved together; limits the size of the matrices
@@ -51,29 +52,17 @@ _SUM: Array = chebyshev.chebval(
     2.0 * NODES - 1.0, chebyshev.chebint(_TO_SERIES, scl=0.5, lbnd=-1.0)).T
 _TWICE: Array = _SUM @ _SUM
 GREEN: Array = _TWICE - np.outer(NODES, _TWICE[-1])
-GREEN_SLOPE: Array = _SUM - _TWICE[-1]
 INTEGRAL_WEIGHTS: Array = _SUM[-1]  # weights of the integral from 0 to 1
 
 
 @dataclass(frozen=True)
 class HeavyFilm:
-    """
-    Solutions; arrays have the shape of stroke and weight, ``theta`` has one more axis.
-
-    >>> print(f'{solve(0.05, 0.3).height:.4f}', solve(0.05, 0.3).at(0.5).theta.round(4))
-    0.2800 [0.4503]
-    """
+    """Solutions; arrays have the shape of stroke and weight, ``theta`` has one more axis."""
 
     stroke: Array
     weight: Array
     load: Array   # f
     theta: Array  # (..., POINTS) rad at NODES
-
-    @property
-    def height(self) -> Array:
-        """Height y(1) of the arch."""
-        top: Array = np.sin(self.theta) @ INTEGRAL_WEIGHTS
-        return top
 
     @property
     def charge(self) -> Array:
@@ -82,24 +71,6 @@ class HeavyFilm:
         lift = self.weight * ((NODES * np.sin(self.theta)) @ INTEGRAL_WEIGHTS)
         value: Array = (thrust + lift) / EULER_LOAD - 1.0
         return value
-
-    @property
-    def shape(self) -> Shape:
-        """Shape at ``NODES``."""
-        curvature = _bending(self.theta, self.load[..., None], self.weight[..., None])
-        return Shape(np.broadcast_to(NODES, self.theta.shape), np.cos(self.theta) @ _SUM.T,
-                     np.sin(self.theta) @ _SUM.T, self.theta, curvature @ GREEN_SLOPE.T)
-
-    def at(self, s: ArrayLike) -> Shape:
-        """Return the shape (..., n) at arc lengths ``s`` (n,); ParameterError outside [0, 1]."""
-        s = np.asarray(s, dtype=float).reshape(-1)
-        if not ((s >= 0.0) & (s <= 1.0)).all():
-            raise ParameterError(f's spans {s.min()} to {s.max()}, expected 0 to 1')
-        between = chebyshev.chebvander(2.0 * s - 1.0, NODE_COUNT - 1) @ _TO_SERIES
-        nodes = self.shape
-        x, y, theta, curvature = (values @ between.T for values in (
-            nodes.x, nodes.y, nodes.theta, nodes.curvature))
-        return Shape(np.broadcast_to(s, theta.shape), x, y, theta, curvature)
 
 
 def solve(stroke: ArrayLike, weight: ArrayLike) -> HeavyFilm:
@@ -151,7 +122,7 @@ def _continued(stroke: Array, weight: Array) -> tuple[Array, Array]:
 
 
 def _newton(stroke: Array, weight: Array, theta: Array, load: Array
-            ) -> tuple[Flags, Array, Array]:
+            ) -> tuple[npt.NDArray[np.bool_], Array, Array]:
     """Return which films converged near their start, and their theta and load."""
     start, w = theta, weight[:, None]
     # over the largest theta; otherwise an almost flat film has a row of almost zeros

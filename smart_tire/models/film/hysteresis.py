@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Duhem hysteresis of the film, A(17): ``dy = alpha |du| (a u - y) + b du``.
+Duhem hysteresis of the film, A(17): ``dy = alpha |du| (a u - y) + b du``, and its exact inverse.
 
 With ``z = y - a u`` it reads ``dz = -alpha |du| z - (a - b) du``: linear, and on a branch of one
 direction s = +-1 that starts at (u0, z0), with g = (a - b) / alpha,
@@ -21,6 +21,15 @@ direction s = +-1 that starts at (u0, z0), with g = (a - b) / alpha,
 the initial z decays, since the band ``|z| <= g`` attracts all states. ``u`` is the paper's Q_en
 and ``y`` its Q_e in coulomb, but any units can be used: ``alpha`` is in 1/u, ``a`` and ``b`` in
 y/u.
+
+The inverse goes branch by branch, too. With ``c = g + s z0``, ``m = alpha c / a`` and
+``r = alpha |y - y0| / a`` the input distance ``x = alpha |u - u0|`` solves
+``x - m (1 - exp(-x)) = r``: ``x = r + m + W(-m exp(-(r + m)))`` with the principal branch of the
+Lambert W function. Inside the band 0 <= m <= 1 and the solution is unique. Outside it a branch of
+the operator is not monotone, two inputs have the same output, and ParameterError is raised.
+
+A branch starts at a turning point and contains every sample up to the next turning point, which is
+the last sample of its branch. ``path`` (n + 1,) is the signal (n,) preceded by its start point.
 """
 
 from __future__ import annotations
@@ -29,11 +38,16 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+import numpy.typing as npt
+from scipy.special import lambertw
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models.film.monotone_branches import (
-    dead_band_branches, monotone_branches, relaxation, relaxation_at_starts, series)
+from smart_tire.models import validation
+
+BAND_TOLERANCE = 1e-9  # relative to the band: rounding of a state on its border
+
+Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +64,7 @@ class DuhemParams:
 
     def __post_init__(self) -> None:
         for name in ('alpha', 'a', 'b'):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ParameterError(f'{name} is {value}, expected a positive number')
+            validation.positive(name, getattr(self, name))
         if not self.a > self.b >= 0.5 * self.a:
             raise ParameterError(f'b is {self.b}, expected a > b >= a / 2 with a = {self.a}')
 
@@ -66,39 +78,98 @@ TABLE_I = DuhemParams(alpha=0.15e9, a=0.54, b=0.28)  # 1/C, -, -: paper A, Table
 TABLE_I_GAIN = 34.47e-9                              # C, K there
 
 
-class Duhem:
+@dataclass(frozen=True)
+class Branches:
+    """Branches of a path; the first one starts at ``path[0]``."""
+
+    starts: Indices  # of each branch after the first: index of its turning point in the path
+    signs: Array     # of each branch: +1 rising, -1 falling, 0 constant since the beginning
+    numbers: Indices  # of each sample: number of its branch
+
+
+def series(name: str, values: ArrayLike) -> Array:
     """
-    Duhem operator of A(17) with its state (u, y), for inputs in chunks.
+    Return a signal as an array (n,); raise ParameterError unless it is finite with one axis.
 
-    The output of a sample is computed from the turning point at which its branch started, so the
-    division of the input into chunks does not change the output, not even by rounding.
-
-    >>> operator = Duhem(TABLE_I)
-    >>> print(operator.update([4e-9, 8e-9]), operator.update([4e-9]))
-    [1.37794017e-09 3.10873663e-09] [2.2773044e-09]
+    >>> series('u', [0.0, 1.0, float('nan')])
+    Traceback (most recent call last):
+    ...
+    smart_tire.errors.ParameterError: u[2] is nan, expected finite numbers
     """
+    array = validation.finite(name, values)
+    if array.ndim > 1:
+        raise ParameterError(f'{name} has shape {array.shape}, expected one axis')
+    return array.reshape(-1)
 
-    def __init__(self, params: DuhemParams, u: float = 0.0, y: float = 0.0) -> None:
-        self.params = params
-        self.reset(u, y)
 
-    def reset(self, u: float = 0.0, y: float = 0.0) -> None:
-        """Restart at (u, y), which may lie outside the band."""
-        self._u, y = (float(series(name, value)[0]) for name, value in (('u', u), ('y', y)))
-        self._begin, self._begin_z, self._sign = self._u, y - self.params.a * self._u, 0.0
+def monotone_branches(path: Array, dead_band: float = 0.0) -> Branches:
+    """
+    Return the branches of ``path`` between reversals larger than ``dead_band``.
 
-    def update(self, u: ArrayLike) -> Array:
-        """Advance by the samples ``u`` (n,); return y (n,). ParameterError unless finite."""
-        u = series('u', u)
-        path = np.concatenate([[self._u], u])
-        p, branches = self.params, monotone_branches(path, self._sign)
-        starts = relaxation_at_starts(path, branches, p.alpha, p.band, self._begin_z, self._begin)
-        z = relaxation(path, branches, p.alpha, p.band, starts, self._begin)
-        if branches.starts.size:
-            self._begin = float(path[branches.starts[-1]])
-            self._begin_z = float(starts[-1])
-        self._u, self._sign = float(path[-1]), float(branches.signs[-1])
-        return p.a * u + z
+    With noise a branch is not monotone; reversals of at most the dead band stay on it. A turning
+    point is confirmed by later samples only, so this is for complete recordings. Raises
+    ParameterError unless the dead band is finite and not negative.
+
+    >>> path = np.array([0.0, 1.0, 0.9, 2.0, 1.0, 1.1, 0.0])
+    >>> print(monotone_branches(path, 0.2).starts, monotone_branches(path).starts)
+    [0 3] [0 1 2 3 4 5]
+    """
+    if not 0.0 <= dead_band < np.inf:
+        raise ParameterError(f'dead_band is {dead_band}, expected zero or a positive number')
+    # candidates: ends of the path, and samples before a step of the opposite direction
+    steps = np.sign(np.diff(path))
+    moving = np.flatnonzero(steps)
+    reverses = np.diff(steps[moving], prepend=0.0) != 0.0
+    corners = np.unique(np.concatenate([[0], moving[reverses], [path.size - 1]]))
+    starts, signs = _reversals(path[corners].tolist(), dead_band)
+    indices = corners[starts].astype(np.intp)
+    numbers = np.zeros(path.size - 1, dtype=np.intp)
+    np.add.at(numbers, indices[indices < numbers.size], 1)
+    return Branches(indices, np.array([0.0, *signs]), np.cumsum(numbers))
+
+
+def _reversals(values: list[float], dead_band: float) -> tuple[list[int], list[float]]:
+    """Return indices of reversals above the dead band, and the directions after them."""
+    starts: list[int] = []
+    signs: list[float] = []
+    low = high = 0
+    for index, value in enumerate(values):
+        if value > values[high]:
+            high = index
+        if value < values[low]:
+            low = index
+        sign = signs[-1] if signs else 0.0
+        if sign <= 0.0 and value - values[low] > dead_band:
+            starts.append(low)
+            signs.append(1.0)
+            high = low = index
+        elif sign >= 0.0 and values[high] - value > dead_band:
+            starts.append(high)
+            signs.append(-1.0)
+            high = low = index
+    return starts, signs
+
+
+def relaxed(path: Array, branches: Branches, alpha: float, limit: float, z: float) -> Array:
+    """
+    Return z (n,) at each sample, for ``dz = -alpha |du| z - alpha limit du``, A(17).
+
+    ``z`` is that at ``path[0]``. The only loop is over turning points: the z at the start of each
+    branch follows from that of the branch before.
+
+    >>> path = np.array([0.0, 5.0, 10.0, 0.0])
+    >>> print(relaxed(path, monotone_branches(path), 0.15, 1.733, 0.0).round(3))
+    [-0.914 -1.346  1.046]
+    """
+    corners = path[np.concatenate([[0], branches.starts])]
+    shares, starts = np.expm1(-alpha * np.abs(np.diff(corners))), [z]
+    for share, pull in zip(shares.tolist(), (branches.signs[:-1] * limit).tolist()):
+        z += (z + pull) * share
+        starts.append(z)
+    start, pull = np.array(starts)[branches.numbers], (branches.signs * limit)[branches.numbers]
+    found: Array = start + (start + pull) * np.expm1(
+        -alpha * np.abs(path[1:] - corners[branches.numbers]))
+    return found
 
 
 def respond(u: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (0.0, 0.0),
@@ -113,11 +184,65 @@ def respond(u: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (
     >>> print(respond([4e-9, 8e-9, 4e-9], TABLE_I))
     [1.37794017e-09 3.10873663e-09 2.27730440e-09]
     """
-    if dead_band == 0.0:
-        return Duhem(params, *start).update(u)
     path = np.concatenate([[start[0]], series('u', u)])
-    branches = dead_band_branches(path, dead_band)
-    z = start[1] - params.a * start[0]
-    starts = relaxation_at_starts(path, branches, params.alpha, params.band, z, start[0])
-    return params.a * path[1:] + relaxation(path, branches, params.alpha, params.band, starts,
-                                            start[0])
+    return params.a * path[1:] + relaxed(
+        path, monotone_branches(path, dead_band), params.alpha, params.band,
+        start[1] - params.a * start[0])
+
+
+def invert(y: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (0.0, 0.0),
+           dead_band: float = 0.0) -> Array:
+    """
+    Return the input u (n,) of A(17) for a complete output y (n,), from the state ``start`` (u, y).
+
+    ``dead_band`` (in y): reversals of at most this size are noise and stay on their branch.
+    Without it noise drives the state through small loops until the large loop has decayed.
+    Raises ParameterError for a start outside the band and values that are not finite.
+
+    >>> print(invert([1.0, 2.0, 1.0], DuhemParams(alpha=0.15, a=0.54, b=0.28)).round(3))
+    [3.022 5.509 1.316]
+    """
+    path = np.concatenate([[start[1]], series('y', y)])
+    branches, z = monotone_branches(path, dead_band), _inside_band(params, *start)
+    scale, band, numbers = params.alpha / params.a, params.band, branches.numbers
+    corners, starts = path[np.concatenate([[0], branches.starts])], [z]
+    for rise, sign in zip(scale * np.abs(np.diff(corners)), branches.signs[:-1].tolist()):
+        reach = band + sign * z
+        z += sign * reach * math.expm1(-float(input_distance(rise, np.array(scale * reach))))
+        starts.append(z)
+    signs, begin = branches.signs[numbers], np.array(starts)[numbers]
+    reach = band + signs * begin
+    x = input_distance(scale * np.abs(path[1:] - corners[numbers]), scale * reach)
+    u: Array = (path[1:] - begin - signs * reach * np.expm1(-x)) / params.a
+    return u
+
+
+def _inside_band(params: DuhemParams, u: float, y: float) -> float:
+    """Return z = y - a u of A(17); raise ParameterError if it lies outside the band."""
+    z, band = y - params.a * u, params.band
+    rounding = BAND_TOLERANCE * max(band, abs(y))
+    if not abs(z) <= band + rounding:
+        raise ParameterError(
+            f'the state u = {u}, y = {y} has y - a u = {z}, outside the band of +-{band}: '
+            'several inputs have this output there, so there is no inverse')
+    return min(max(z, -band), band)
+
+
+def input_distance(r: Array, m: Array) -> Array:
+    """
+    Return the solution x >= 0 of ``x - m (1 - exp(-x)) = r`` for r >= 0 and 0 <= m <= 1; arrays.
+
+    >>> print(input_distance(np.array([0.1, 1.0]), np.array([0.5, 1.0])).round(4))
+    [0.1841 1.8414]
+    """
+    linear = 1.0 - m
+    # lower bound: root of (1 - m) x + m x^2 / 2 = r, exact for small x
+    with np.errstate(divide='ignore', invalid='ignore'):
+        bound = 2.0 * r / (linear + np.sqrt(linear * linear + 2.0 * m * r))
+        # scipy's W is NaN at -1 / e itself, where fmax selects the lower bound
+        x = np.fmax(bound, r + m + lambertw(-m * np.exp(-(r + m))).real)
+        # r + m + W cancels; two Newton steps on the equation itself restore the digits
+        for _ in range(2):
+            decay = np.expm1(-x)
+            x = np.maximum(x - (x + m * decay - r) / (1.0 - m - m * decay), r)
+    return np.where(r > 0.0, x, 0.0)

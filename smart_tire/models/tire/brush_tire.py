@@ -27,6 +27,9 @@ import numpy as np
 from smart_tire.arrays import Array, ArrayLike
 
 MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical slip
+MAX_FORCE_SHARE = 0.995  # of friction times load; a common slip is not observable above
+MAX_ITERATIONS = 30      # of Newton's method, which converges from below
+FORCE_TOLERANCE = 1e-9   # relative
 
 
 def slip_vector(rolling_speed: ArrayLike, v_x: ArrayLike, v_y: ArrayLike, *,
@@ -129,3 +132,32 @@ def brush_force(s_x: ArrayLike, s_y: ArrayLike, mu: ArrayLike, load: ArrayLike,
         sliding = np.where(magnitude > 0.0, limit / magnitude, 0.0)
     slope = np.where(xi > 0.0, np.asarray(stiffness) * (1.0 + xi + xi * xi) / 3.0, sliding)
     return slope * s_x, slope * s_y
+
+
+def linear_tire_force(force: ArrayLike, friction: float, loads: ArrayLike) -> Array:
+    """
+    Return C_x times the common slip [N] at which the wheels have the total ``force`` [N].
+
+    Inverse of the sum of ``brush_force``, B(22), over the wheels, for longitudinal slip
+    and without knowledge of C_x: the force that each wheel would have without sliding. ``loads``
+    [N] has the shape (wheels, ...), where ``force`` has (...); positive when driving. The force is
+    limited to ``MAX_FORCE_SHARE`` of ``friction`` (mu) times load.
+
+    >>> print(f'{float(linear_tire_force(20.0, 0.47, [18.0, 18.0, 35.0, 35.0])):.2f} N')
+    6.00 N
+    """
+    force = np.asarray(force, dtype=float)
+    limits = friction * np.maximum(np.asarray(loads, dtype=float), 0.0)
+    target = np.minimum(np.abs(force), MAX_FORCE_SHARE * limits.sum(axis=0))
+    # mu F_z (1 - xi^3) with xi = 1 - C_x s / (3 mu F_z): concave, so Newton never overshoots
+    slip = target / len(limits)
+    for _ in range(MAX_ITERATIONS):
+        with np.errstate(divide='ignore', invalid='ignore'):
+            share = np.where(limits > 0.0, slip / (3.0 * limits), 1.0)
+        xi = np.maximum(1.0 - share, 0.0)
+        square = xi * xi  # much faster than a power of three
+        missing = target - (limits * (1.0 - square * xi)).sum(axis=0)
+        slip = slip + missing / np.maximum(square.sum(axis=0), 1e-12)
+        if np.all(missing <= FORCE_TOLERANCE * np.maximum(target, FORCE_TOLERANCE)):
+            break
+    return np.asarray(np.copysign(slip, force))

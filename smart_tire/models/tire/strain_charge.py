@@ -13,13 +13,18 @@
 # limitations under the License.
 
 """
-Charge of the strained film, B(23) and B(24), its maximum, and what the maximum determines.
+Strain of the tread and charge of the strained film: B(17) to B(24).
+
+The paper calls two quantities stress: B(20) is the traction of the ground on the tread, whereas
+the stress of the film is ``c11`` times its strain. The "strain" of B(21) is a displacement over L,
+not a gradient; its transfer to the film is a fitted gain. With a pressure that is a parabola over
+the patch, that displacement depends on position and normalized slip only.
 
 Charges are given as the overlap integral [m]: B(21)'s displacement over L, integrated over the
-part of the film inside the patch. Times ``transfer`` [C/m] it is a charge, times the stretch gain
-[V/m] a voltage. ``x`` [m] is the travel of the film's trailing edge past the leading edge of the
-patch: the film covers ``[x, x + film_length]``, the patch ``[0, contact_length]``. Everything is
-exact and in closed form; ``printed_strain_charge`` has the formulas of the paper.
+part of the film inside the patch. Times the stretch gain [V/m] it is a voltage. ``x`` [m] is the
+travel of the film's trailing edge past the leading edge of the patch: the film covers
+``[x, x + film_length]``, the patch ``[0, contact_length]``. Everything is exact and in closed form
+and holds for braking and lateral slip; ``smart_tire.reproduction`` has the formulas of the paper.
 """
 
 from __future__ import annotations
@@ -27,15 +32,41 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models import validation
 from smart_tire.models.tire import brush_tire
-from smart_tire.models.tire.contact_strain import displacement, METHODS, MIN_NORMALIZED_SLIP
 
-Flags = npt.NDArray[np.bool_]
+MIN_NORMALIZED_SLIP = 1e-300  # -, replaces zero, whose inverse is not a number
+
+
+class Displacement(NamedTuple):
+    """Displacement of the tread over L per unit slip, and its integral; arrays of one shape."""
+
+    value: Array     # -
+    integral: Array  # -, antiderivative over xi, up to a constant that depends on t only
+    slid: Array      # -, its part in the sliding zone; the derivative by t is -slid / t
+
+
+def displacement(xi: Array, normalized_slip: Array | float) -> Displacement:
+    """
+    Return the displacement of B(21) over L per unit slip, and its integral over xi, B(23).
+
+    ``min(xi, xi (1 - xi) / t)``: B(17) in the adhesion zone, the friction limit behind it. ``xi``
+    [-] from 0 to 1 is the position in the patch over L, from its leading edge;
+    ``normalized_slip`` t > 0 is a number or broadcasts to its shape.
+
+    >>> part = displacement(np.array([0.5, 0.9]), 0.2)
+    >>> print(part.value, f'{np.diff(part.integral)[0]:.4f}')
+    [0.5  0.45] 0.2583
+    """
+    inverse, behind = 1.0 / normalized_slip, 1.0 - xi
+    sticking = np.minimum(xi, np.maximum(1.0 - normalized_slip, 0.0))  # up to xi_a of B(22)
+    # behind it the integral of r (1 - r) / t over r = 1 - xi
+    sliding = np.minimum(behind, normalized_slip)
+    slid = sliding * sliding * (sliding * (1.0 / 3.0) - 0.5) * inverse
+    return Displacement(np.minimum(xi, xi * behind * inverse), 0.5 * sticking * sticking + slid,
+                        slid)
 
 
 class Overlap(NamedTuple):
@@ -45,30 +76,6 @@ class Overlap(NamedTuple):
     by_position: Array         # -, by x
     by_contact_length: Array   # -, by L
     by_normalized_slip: Array  # m
-
-
-class StrainPeak(NamedTuple):
-    """Maximum of the strain charge of a film over its position; arrays of one shape."""
-
-    position: Array    # m, x_m
-    integral: Array    # m, q_sm over the transfer; negative when braking
-    observable: Flags  # whether x_m depends on the adhesion length, hence determines it
-
-
-def transfer(width: ArrayLike, d31: ArrayLike, c11: ArrayLike) -> Array:
-    """
-    Return ``d31 c11 b`` [C/m], charge per overlap integral, from m, C/N and Pa.
-
-    With constants of PVDF and the paper's amplifier of 0.5 mV/pC the range of 3.3 V would be
-    exceeded a hundredfold: only a small part of B(21) reaches a film, so its gain is fitted.
-    Raises ParameterError unless all arguments are positive.
-
-    >>> print(f'{transfer(0.003, 23e-12, 3e9) * 1e6:.0f} uC/m')
-    207 uC/m
-    """
-    product: Array = (validation.positive('width', width) * validation.positive('d31', d31)
-                      * validation.positive('c11', c11))
-    return product
 
 
 def overlap(x: Array, normalized_slip: Array | float, film_length: float,
@@ -135,69 +142,21 @@ def peak_position(adhesion_length: ArrayLike, film_length: float, contact_length
     return np.where(stuck <= plateau, plateau, 0.5 * (stuck + root) - film_length)
 
 
-def adhesion_length(x_m: ArrayLike, film_length: float, contact_length: float,
-                    method: str = 'exact') -> Array:
+def adhesion_length(x_m: ArrayLike, film_length: float, contact_length: float) -> Array:
     """
     Return the adhesion length L_a [m] from the peak position x_m = L - r w dt_a [m] of B(24).
 
-    ``exact`` inverts ``peak_position``: NaN up to its plateau at ``(L - l) / 2``. Above ``L - l``,
+    The inverse of ``peak_position``: NaN up to its plateau at ``(L - l) / 2``. Above ``L - l``,
     which only measurement errors of x_m reach, it continues beyond L, since clipping would bias
-    a mean. ``printed`` is the paper's ``L_a = x_m + l``, far too short where much of the patch
-    slides. Raises ParameterError for another method or a film longer than the patch.
+    a mean. Raises ParameterError for a film longer than the patch.
 
-    >>> for method in ('exact', 'printed'):
-    ...     print(f'{adhesion_length(0.0208, 0.020, 0.046, method) * 1e3:.1f} mm')
+    >>> print(f'{adhesion_length(0.0208, 0.020, 0.046) * 1e3:.1f} mm')
     35.8 mm
-    40.8 mm
     """
     _check_shorter(film_length, contact_length)
     x = np.asarray(x_m, dtype=float)
-    if validation.one_of('method', method, METHODS) == 'printed':
-        return x + film_length
     x = np.where(x > 0.5 * (contact_length - film_length), x, np.nan)
     return ((x + film_length)**2 - film_length * contact_length) / x
-
-
-def peak(slip: ArrayLike, total_slip: ArrayLike, critical_slip: ArrayLike, film_length: float,
-         contact_length: float) -> StrainPeak:
-    """
-    Return position x_m [m] and overlap integral q_sm [m] of the largest strain charge, B(25).
-
-    Slips as for ``overlap_integral``, both evaluated exactly. The peak does not determine the
-    adhesion length where that is at most ``(L - l) / 2``, nor without slip. A film longer than
-    the patch has its maximum over an interval of positions, whose center is returned; it responds
-    to the whole patch, ``L F_x / (2 C_x)``. Raises ParameterError for arguments out of range.
-
-    >>> print(f'{peak(0.1, 0.13, 0.7143, 0.020, 0.046).integral * 1e3:.3f} mm')
-    1.291 mm
-    """
-    check_lengths(film_length, contact_length)
-    slip = validation.finite('slip', slip)
-    total = np.abs(validation.finite('total_slip', total_slip))
-    limit = validation.not_negative('critical_slip', critical_slip, infinite=True)
-    validation.fitting(slip=slip, total_slip=total, critical_slip=limit)
-    slip, total, limit = np.broadcast_arrays(slip, np.maximum(total, np.abs(slip)), limit)
-    stuck = contact_length * np.maximum(1.0 - brush_tire.normalized_slip(total, limit), 0.0)
-    center = 0.5 * (contact_length - film_length)
-    shorter = film_length < contact_length
-    position = (peak_position(stuck, film_length, contact_length) if shorter
-                else np.full(stuck.shape, center))
-    integral = overlap_integral(position, slip, total, limit, film_length, contact_length)
-    return StrainPeak(position, integral, shorter & (stuck > center) & (slip != 0.0))
-
-
-def check_lengths(film_length: float, contact_length: float) -> None:
-    """
-    Raise ParameterError unless both lengths [m] are single positive numbers.
-
-    >>> check_lengths(-0.020, 0.046)
-    Traceback (most recent call last):
-    ...
-    smart_tire.errors.ParameterError: film_length is -0.02, expected above zero
-    """
-    for name, value in (('film_length', film_length), ('contact_length', contact_length)):
-        if validation.positive(name, value).ndim:
-            raise ParameterError(f'{name} has shape {np.shape(value)}, expected one number')
 
 
 def _check_shorter(film_length: float, contact_length: float) -> None:

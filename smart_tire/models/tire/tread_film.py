@@ -13,13 +13,16 @@
 # limitations under the License.
 
 """
-Output of a film in the tread during one patch crossing, with derivatives: Fig. 8 of paper B.
+Output of a film in the tread during one patch crossing, with derivatives: B(15), Fig. 8.
 
 ``x`` [m] is the travel of the film's trailing edge past the leading edge of the patch: the film
 covers ``[x, x + film_length]``, the patch ``[0, contact_length]``, in the direction of motion. The
 output above rest is ``bending_peak * bending + stretch_gain * slip * overlap - height * bumps``,
 with ``overlap`` from ``strain_charge``. Everything is exact and in closed form; derivatives of
 clipped parts are those on the inner side of the clip.
+
+There is no theory of recovery and bumps: their lengths are shares of the film length that fit
+Fig. 11(b), and the shape of the bumps is a spline that must be learned.
 """
 
 from __future__ import annotations
@@ -33,16 +36,33 @@ import numpy.typing as npt
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.models import validation
 from smart_tire.models.tire.strain_charge import overlap_integral
-from smart_tire.models.tire.tread_bending import bending_shape
 
 # Weights of the two parts of the release: an opposite charge -n(u) for the flattened length u that
 # has left, and the loss n(l - u) - 1 of the charge
 RELEASE_WEIGHTS = {'fig8': (2.0, 0.0), 'state': (0.0, 1.0)}
 RELEASES = tuple(RELEASE_WEIGHTS)
-RECOVERY = 0.005         # m of travel in which the fig8 release decays by e; Fig. 11(b)
-BUMP_DISTANCE = 0.01     # m from begin or end of the contact to the center of a bump; Fig. 11(b)
-BUMP_HALF_WIDTH = 0.009  # m, below the distance: a bump ends before the contact begins
+RECOVERY = 0.25          # film lengths of travel in which the fig8 release decays by e
+BUMP_DISTANCE = 0.5      # film lengths from begin or end of the contact to the center of a bump
+BUMP_HALF_WIDTH = 0.45   # film lengths, below the distance: a bump ends before the contact begins
 MAX_DECAY = 700.0        # recovery lengths for which the exponential does not underflow
+# (z - tanh(z)) / z^3 in powers of z^2, highest first, and z up to which it is exact to rounding
+LAG_SERIES = (-21844.0 / 6081075.0, 1382.0 / 155925.0, -62.0 / 2835.0, 17.0 / 315.0, -2.0 / 15.0,
+              1.0 / 3.0)
+MAX_LAG_SERIES_H = 0.1
+# of the spline, in film lengths outside the patch; they cover the bumps and the begin and end of
+# the contact, into which a wide bump extends
+KNOT_SPACING = 0.1   # resolves a slope over 3 mm
+KNOTS = KNOT_SPACING * np.arange(-4, 16)
+ORDER = 4    # number of B-splines that are not zero at a position
+PADDING = 3  # B-splines beyond each end, whose coefficients are zero
+
+
+class BendingShape(NamedTuple):
+    """Normalized bending charge n(u) = q_b(u) / q_b(l) and its derivatives; shape of ``u``."""
+
+    value: Array           # -, 0 to 1
+    by_flat_length: Array  # per m of u
+    by_alpha: Array        # per 1/m of alpha
 
 
 class Bending(NamedTuple):
@@ -54,6 +74,14 @@ class Bending(NamedTuple):
     by_alpha: Array           # per 1/m of alpha in B(15)
     by_recovery: Array        # per m of recovery length
     by_release: tuple[Array, Array]  # per weight of the two parts of the release
+
+
+class Splines(NamedTuple):
+    """Cubic B-splines that are not zero at n positions, and their derivatives."""
+
+    knot: npt.NDArray[np.intp]  # (ORDER, n), index in ``KNOTS`` plus ``PADDING``
+    value: Array                # (ORDER, n)
+    by_outside: Array           # (ORDER, n), per m
 
 
 class Bumps(NamedTuple):
@@ -68,7 +96,7 @@ class Bumps(NamedTuple):
 def crossing_voltage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike,
                      critical_slip: ArrayLike, film_length: float, contact_length: float,
                      bending_peak: ArrayLike, bending_alpha: float, stretch_gain: ArrayLike,
-                     release: str = 'fig8', recovery: float = RECOVERY,
+                     release: str = 'fig8', recovery: float | None = None,
                      reverse: npt.ArrayLike = False) -> Array:
     """
     Return the output of the amplifier above rest [V] at the positions ``x`` [m], without bumps.
@@ -76,8 +104,9 @@ def crossing_voltage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike,
     ``slip`` is the slip ratio of B(3), positive when driving, in both directions; ``total_slip``
     and ``critical_slip`` are magnitudes. ``bending_peak`` [V] is q_bm, ``stretch_gain`` [V/m] the
     output per overlap integral of B(23). ``release`` is ``fig8`` (an opposite peak that decays by
-    e in ``recovery`` [m] of travel) or ``state`` (zero at release); ParameterError otherwise. In
-    ``reverse`` the film enters at the other edge: ``x -> L - l - x``. Arguments broadcast.
+    e in ``recovery`` [m] of travel, by default ``RECOVERY``) or ``state`` (zero at release);
+    ParameterError otherwise. In ``reverse`` the film enters at the other edge:
+    ``x -> L - l - x``. Arguments broadcast.
 
     >>> volts = crossing_voltage(
     ...     [0.0, 0.02, 0.046], slip=0.1, total_slip=0.13, critical_slip=0.7143,
@@ -95,21 +124,54 @@ def crossing_voltage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike,
     return volts
 
 
+def bending_shape(flat_length: Array, film_length: float, alpha: float) -> BendingShape:
+    """
+    Return the normalized charge of B(15) and its derivatives; that by u is B(16).
+
+    Where the contact flattens tread and film they are a beam under tension on two supports:
+    ``d4w/dx4 - alpha^2 d2w/dx2 = p_0 / A_3``, B(11) to B(14). The charge is proportional to the
+    difference of the slopes of w at both ends, hence to ``h - tanh(h)`` with ``h = alpha u / 2``.
+    Its size depends on unknown constants of the tread and is a fitted number.
+
+    ``flat_length`` u [m] is the flattened length of a film of length ``film_length`` [m], clipped
+    to [0, l]; ``alpha`` > 0 [1/m] is that of B(14).
+
+    >>> print(bending_shape(np.array([0.005, 0.010, 0.020]), 0.020, 67.0).value.round(3))
+    [0.018 0.141 1.   ]
+    """
+    u = np.minimum(np.maximum(flat_length, 0.0), film_length)
+    h = 0.5 * alpha * film_length
+    series = h < MAX_LAG_SERIES_H
+    lag, growth = _lag_and_growth(0.5 * alpha * u, series)
+    full_lag, full_growth = map(float, _lag_and_growth(np.asarray(h), series))
+    scale, shape = 0.5 / full_lag, lag / full_lag
+    by_alpha = scale * (u * growth - (film_length * full_growth) * shape)
+    return BendingShape(shape, (scale * alpha) * growth * (u == flat_length), by_alpha)
+
+
+def _lag_and_growth(h: Array, series: bool) -> tuple[Array, Array]:
+    """Return ``h - tanh(h)`` of B(15), also as ``series``, and its derivative tanh(h)^2, B(16)."""
+    tanh, square = np.tanh(h), h * h
+    return h * square * np.polyval(LAG_SERIES, square) if series else h - tanh, tanh * tanh
+
+
 def bending(x: Array, film_length: float, contact_length: float, alpha: float,
-            release: str | tuple[float, float] = 'fig8', recovery: Array | float = RECOVERY
+            release: str | tuple[float, float] = 'fig8', recovery: Array | float | None = None
             ) -> Bending:
     """
     Return the bending part at the positions ``x`` (n,) [m], for a bending peak of 1, B(15).
 
     ``alpha`` [1/m] is that of B(14). ``release`` is one of ``RELEASES`` or two weights, of which
     ``RELEASE_WEIGHTS`` are examples; an output other than 0 at the end of the contact decays by e
-    in ``recovery`` [m], a number or (n,). Raises ParameterError for an unknown release.
+    in ``recovery`` [m], a number or (n,), by default ``RECOVERY``. Raises ParameterError for an
+    unknown release.
 
     >>> print(bending(np.array([-0.01, 0.01, 0.046]), 0.020, 0.046, 67.0).value.round(3))
     [ 0.141  1.    -1.   ]
     """
     if isinstance(release, str):
         release = RELEASE_WEIGHTS[validation.one_of('release', release, RELEASES)]
+    recovery = RECOVERY * film_length if recovery is None else recovery
     opposite, lost = release
     end = opposite + lost - 1.0  # of the contact, minus the output there
     flat = np.empty((3, *np.shape(x)))
@@ -144,8 +206,41 @@ def bumps(x: Array, film_length: float, contact_length: float) -> Bumps:
     """
     past = x - 0.5 * (contact_length - film_length)
     after = past > 0.0
-    edge = 0.5 * (contact_length + film_length) + BUMP_DISTANCE
-    scale = math.pi / BUMP_HALF_WIDTH
+    edge = 0.5 * (contact_length + film_length) + BUMP_DISTANCE * film_length
+    scale = math.pi / (BUMP_HALF_WIDTH * film_length)
     phase = np.minimum(np.maximum(scale * (np.abs(past) - edge), -math.pi), math.pi)
     slope = np.copysign(0.5 * scale, -past) * np.sin(phase)
     return Bumps(0.5 + 0.5 * np.cos(phase), slope, -slope * after, after)
+
+
+def splines(outside: Array, film_length: float) -> Splines:
+    """
+    Return the B-splines at ``outside`` (n,) [m], the distance of the film from the patch.
+
+    They are the deviation of the bumps from their nominal shape. ``outside`` is negative while
+    the film is in the patch. There are ``PADDING`` splines before
+    the first and after the last knot, so that ``knot`` is valid everywhere.
+
+    >>> parts = splines(np.array([0.0, 0.005]), 0.020)
+    >>> print(parts.value.round(3).tolist())
+    [[0.167, 0.021], [0.667, 0.479], [0.167, 0.479], [0.0, 0.021]]
+    >>> print(KNOTS[parts.knot[1] - PADDING].round(1))
+    [0.  0.2]
+    """
+    spacing = KNOT_SPACING * film_length
+    position = outside / spacing + (PADDING - 1.0 - KNOTS[0] / KNOT_SPACING)
+    position = np.minimum(np.maximum(position, 0.0), len(KNOTS) + 2.0 * PADDING - ORDER + 1.0)
+    first = position.astype(np.intp)
+    first = np.minimum(first, len(KNOTS) + 2 * PADDING - ORDER)
+    x = position - first
+    rest = 1.0 - x
+    square, rest_square = x * x, rest * rest
+    cube, rest_cube = x * square, rest * rest_square
+    value, slope = np.empty((2, ORDER, len(x)))
+    value[0], value[3] = rest_cube, cube
+    value[1], value[2] = 4.0 - 6.0 * square + 3.0 * cube, 4.0 - 6.0 * rest_square + 3.0 * rest_cube
+    value /= 6.0
+    slope[0], slope[3] = -rest_square, square
+    slope[1], slope[2] = 3.0 * square - 4.0 * x, 4.0 * rest - 3.0 * rest_square
+    slope *= 0.5 / spacing
+    return Splines(first + np.arange(ORDER)[:, np.newaxis], value, slope)

@@ -99,41 +99,6 @@ def traction_force(torque: ArrayLike, speed: ArrayLike, acceleration: ArrayLike,
     return np.asarray((np.asarray(torque, dtype=float) - used) / radius)
 
 
-def required_torque(force: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, load: ArrayLike,
-                    losses: Losses, radius: float) -> Array:
-    """
-    Return the motor torque at the wheel [N m] for a traction force: inverse of traction_force.
-
-    ``force`` is in N, ``speed`` in rad/s, ``acceleration`` of the wheel in rad/s2, ``load`` in N,
-    ``radius`` in m.
-
-    >>> from types import SimpleNamespace
-    >>> losses = SimpleNamespace(coulomb_friction=0.15, viscous_friction=0.0, axle_friction=0.015,
-    ...                          inertia=0.008)
-    >>> print(f'{required_torque(5.46, 10.0, 5.0, 26.7, losses, 0.087):.2f} N m')
-    0.70 N m
-    """
-    used = friction_torque(speed, load, losses, radius) + losses.inertia * np.asarray(acceleration)
-    return np.asarray(radius * np.asarray(force, dtype=float) + used)
-
-
-def motor_current(duty: ArrayLike, speed: ArrayLike, *, stall_torque: float, free_speed: float,
-                  torque_constant: float) -> Array:
-    """
-    Return the current [A] of a brushed motor at a duty [-1, 1] and a wheel speed [rad/s].
-
-    ``stall_torque`` [N m] is that of full duty at standstill, ``free_speed`` [rad/s] the wheel
-    speed at full duty without any torque, ``torque_constant`` [N m/A] torque over current, all at
-    the wheel. A motor that turns faster than its duty drives it brakes: the current is negative.
-
-    >>> print(motor_current([0.5, 0.5], [10.0, 12.0], stall_torque=5.0, free_speed=22.0,
-    ...                     torque_constant=1.2).round(3))
-    [ 0.189 -0.189]
-    """
-    share = np.asarray(duty, dtype=float) - np.asarray(speed, dtype=float) / free_speed
-    return np.asarray(stall_torque / torque_constant * share)
-
-
 def measured_torque(current: float, duty: float, speed: float, *, torque_constant: float,
                     current_sign: str) -> float:
     """

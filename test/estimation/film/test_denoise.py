@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.film.denoise import smoothed, without_spikes
+from smart_tire.estimation.film.measure import smoothed, without_spikes
 from smart_tire.numerics.robust import noise_level
 
 TIME = np.arange(4000) * 1e-3

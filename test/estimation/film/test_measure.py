@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 from smart_tire.calibration.film_bench import identify_film
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.film_file import FilmParams
+from smart_tire.estimation.film.files import FilmParams
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine

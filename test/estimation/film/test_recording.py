@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.recording import (
+from smart_tire.estimation.film.files import (
     COLUMNS, FilmRecording, read_recording, write_recording)
 
 TIME = np.arange(30) * 0.01

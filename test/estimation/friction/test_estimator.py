@@ -303,35 +303,6 @@ def test_a_single_film_is_sufficient():
     assert found[-1].adhesion_ratio.value == pytest.approx(1.0 - 0.13 / CRITICAL, rel=0.05)
 
 
-def test_the_printed_map_gives_twice_the_friction_and_two_peaks_scatter():
-    truth, fitted, _ = simulated(70, CURVES, 17.0)
-    exact, printed = (simulated(70, CURVES, 17.0, method='two_peaks', map=name)[1]
-                      for name in ('exact', 'printed'))
-    ratio = np.nanmedian([(1.0 - e.adhesion_ratio.value) / (1.0 - p.adhesion_ratio.value)
-                          for p, e in zip(printed, exact)])
-    assert 1.7 < ratio < 2.3
-    error, fitted_error = (np.array([
-        f.adhesion_ratio.value - t.adhesion_ratio.value for t, f in paired(truth, found)
-        if f is not None and t.slip.value > 0.05]) for found in (exact, fitted))
-    assert np.nanstd(error) > 5.0 * np.nanstd(fitted_error)
-    sigma = np.array([f.adhesion_ratio.sigma for t, f in paired(truth, exact)
-                      if f is not None and t.slip.value > 0.05])
-    assert 0.5 < np.sqrt(np.nanmean((error / sigma)**2)) < 2.0
-
-
-def test_the_two_peak_method_has_no_adhesion_ratio_when_braking_but_slip_and_load():
-    truth, found, _ = simulated(71, CURVES, 12.0, method='two_peaks')
-    braking = [(t, f) for t, f in paired(truth, found)
-               if f is not None and t.slip.value < -0.05 and math.isfinite(f.slip.value)]
-    assert len(braking) > 5
-    for true, crossing in braking:
-        for name in ('friction_coefficient_single', 'adhesion_ratio', 'stretch_voltage',
-                     'peak_interval'):
-            assert crossing.quantity(name) == UNKNOWN, name
-        assert crossing.slip.value == pytest.approx(true.slip.value, abs=0.02)
-        assert crossing.normal_load.value == pytest.approx(true.normal_load.value, rel=0.05)
-
-
 def test_samples_of_other_wheels_are_counted_and_other_types_are_refused():
     _, estimator = estimate([TireSample(START_NS, 'rear_left', (1.65, 1.65)),
                              WheelSample(START_NS + 10**8, (0.0,) * 4)])
@@ -340,31 +311,22 @@ def test_samples_of_other_wheels_are_counted_and_other_types_are_refused():
         estimator.update(WheelSlip(START_NS, (0.0,) * 4, (0.0,) * 4, (1.0,) * 4))
 
 
-@pytest.mark.parametrize('values', [{'film.length': 0.05}, {'film.release': 'state'}], ids=str)
-def test_two_peaks_are_refused_for_configurations_without_them(values):
-    build(FrictionEstimatorParams, values)
-    with pytest.raises(ValueError, match='two_peaks'):
-        build(FrictionEstimatorParams, {'method': 'two_peaks', **values})
-
-
-def simulated(seed, schedule, duration, motion='imu/data', method='waveform', **values):
+def simulated(seed, schedule, duration, motion='imu/data', **values):
     """
     Return true crossings, estimated ones and states of the ground; ``values`` of the simulation.
 
-    ``motion`` is the topic of the motion, empty for none; ``map`` and ``film.*`` also configure
-    the estimator.
+    ``motion`` is the topic of the motion, empty for none; ``film.*`` also configures the
+    estimator.
     """
-    return _simulated(seed, tuple(schedule), duration, motion, method, tuple(values.items()))
+    return _simulated(seed, tuple(schedule), duration, motion, tuple(values.items()))
 
 
 @cache
-def _simulated(seed, schedule, duration, motion, method, values):
-    own = {key: value for key, value in values if key == 'map' or key[:5] == 'film.'}
-    events = drive(seed, schedule, duration, tuple(
-        (key, value) for key, value in values if key != 'map'))
+def _simulated(seed, schedule, duration, motion, values):
+    own = {key: value for key, value in values if key[:5] == 'film.'}
+    events = drive(seed, schedule, duration, values)
     truth = [s for _, topic, s in events if topic == 'ground_truth/tire_friction']
-    estimator = FrictionEstimator(build(
-        FrictionEstimatorParams, {'method': method, **BOTH_WHEELS, **own}))
+    estimator = FrictionEstimator(build(FrictionEstimatorParams, {**BOTH_WHEELS, **own}))
     found = [one for _, topic, s in events if topic in (motion, 'tire_samples', 'wheel_states')
              for one in estimator.update(s)] + estimator.finish()
     return truth, *([one for one in found if isinstance(one, kind)]
@@ -542,7 +504,6 @@ def test_each_crossing_is_passed_on_with_its_fit():
     estimates = [estimate for sample in rolled(course, 4.0)
                  for estimate in estimator.update(sample)] + estimator.finish()
     assert [crossing.friction for crossing in found] == estimates
-    assert sum(crossing.waveform is not None for crossing in found) >= 3
-    fitted = [crossing for crossing in found if crossing.waveform is not None]
-    assert all(len(crossing.waveform.samples.films) == 2 for crossing in fitted)
+    fits = [crossing.result.waveform for crossing in found if crossing.result is not None]
+    assert len(fits) >= 3 and all(len(fit.samples.films) == 2 for fit in fits)
     assert not any(crossing.surface_changed for crossing in found)

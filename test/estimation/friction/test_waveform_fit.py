@@ -23,7 +23,8 @@ import numpy as np
 import pytest
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
-from smart_tire.estimation.friction.waveform_fit import CrossingSlipPrior, WaveformFitter
+from smart_tire.estimation.friction.waveform_fit import (
+    CrossingSlipPrior, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import PerFilm, Shared
 from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain

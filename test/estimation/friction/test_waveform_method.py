@@ -20,11 +20,12 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.contact.records import CrossingSamples, Detection, PatchCrossing
-from smart_tire.estimation.friction.output import OutputBuilder
-from smart_tire.estimation.friction.waveform_method import WaveformMethod
+from smart_tire.estimation.friction.constants import CHANGE_SIGMA
+from smart_tire.estimation.friction.output import friction_record
+from smart_tire.estimation.friction.waveform_method import slip_variation, WaveformMethod
 from smart_tire.estimation.ground.estimator import WheelState
 from smart_tire.models.tire import strain_charge
-from smart_tire.parameters import build, FrictionEstimatorParams, RobotParams
+from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from support.crossings import crossing_samples, WHEEL
 
@@ -56,11 +57,13 @@ def wheel_state(slip=0.1, sigma=1e-4, normalized_slip=0.18):
         Uncertain(critical * stiffness / (3.0 * load), 0.0), Uncertain(critical, 0.0))
 
 
+def record(crossing, state):
+    return friction_record(WHEEL, L, crossing, measure(crossing), state)
+
+
 def single_error(crossing, state):
     """Return the error of mu of a single crossing: relative, and over its sigma."""
-    builder = OutputBuilder(WHEEL, FrictionEstimatorParams(robot=ROBOT))
-    mu, sigma = builder.build(
-        crossing, builder.method.measure(crossing), state).friction_coefficient_single
+    mu, sigma = record(crossing, state).friction_coefficient_single
     true = state.friction.value
     return mu / true - 1.0, (mu - true) / sigma
 
@@ -71,9 +74,7 @@ def normalized_error(fit, normalized_slip=0.18):
 
 def test_film_slip_and_adhesion_ratio_are_published_independently_of_the_state():
     crossing = simulated(np.random.default_rng(0))
-    builder = OutputBuilder(WHEEL, FrictionEstimatorParams(robot=ROBOT))
-    result = builder.method.measure(crossing)
-    records = [builder.build(crossing, result, state)
+    records = [record(crossing, state)
                for state in (WheelState(), wheel_state(0.1), wheel_state(0.2))]
     for name in ('film_slip', 'adhesion_ratio', 'adhesion_length'):
         assert records[0].quantity(name) == records[1].quantity(name) == records[2].quantity(name)
@@ -82,12 +83,10 @@ def test_film_slip_and_adhesion_ratio_are_published_independently_of_the_state()
 
 
 def test_an_unknown_state_leaves_the_quantities_of_the_motion_unknown():
-    crossing = simulated(np.random.default_rng(0))
-    builder = OutputBuilder(WHEEL, FrictionEstimatorParams(robot=ROBOT))
-    record = builder.build(crossing, builder.method.measure(crossing), WheelState())
+    found = record(simulated(np.random.default_rng(0)), WheelState())
     for name in ('slip', 'total_slip', 'normal_load', 'stiffness', 'friction_coefficient',
                  'friction_coefficient_single', 'critical_slip', 'traction_force'):
-        assert record.quantity(name) == UNKNOWN, name
+        assert found.quantity(name) == UNKNOWN, name
 
 
 @pytest.mark.parametrize('slip, normalized_slip', [(0.1, 0.18), (-0.25, 0.45)])
@@ -95,7 +94,7 @@ def test_film_slip_and_normalized_slip_have_consistent_sigmas_and_correlation(
         slip, normalized_slip):
     rng, errors, correlations = np.random.default_rng(8), [], []
     for _ in range(150):
-        fit = measure(simulated(rng, slip=slip, normalized_slip=normalized_slip)).films_only
+        fit = measure(simulated(rng, slip=slip, normalized_slip=normalized_slip)).slips
         errors.append(((fit.slip - slip) / fit.slip_sigma,
                        -normalized_error(fit, normalized_slip)))
         covariance = fit.white_cov[0, 1] + fit.systematic_cov[0, 1]
@@ -122,7 +121,7 @@ def test_a_slip_of_the_motion_determines_mu_where_the_films_determine_a_ratio():
     for slip, normalized_slip in ((0.5, 1.5), (-0.27, 1.6)):
         crossings = [simulated(rng, slip=slip, normalized_slip=normalized_slip)
                      for _ in range(20)]
-        assert measure(crossings[0]).films_only.slip_sigma > 0.5 * abs(slip)
+        assert measure(crossings[0]).slips.slip_sigma > 0.5 * abs(slip)
         errors = [single_error(one, wheel_state(slip, 0.005, normalized_slip))[0]
                   for one in crossings]
         assert np.median(np.abs(errors)) < 0.1
@@ -151,13 +150,13 @@ def test_there_are_no_peaks_when_braking_or_with_a_film_longer_than_the_patch():
     robot = build(RobotParams, {'film.length': 0.05})
     long = measure(simulated(rng, robot=robot), robot)
     assert long.stretch_voltage == long.peak_interval == UNKNOWN
-    assert long.films_only.normalized_slip == pytest.approx(0.18, rel=0.15)
+    assert long.slips.normalized_slip == pytest.approx(0.18, rel=0.15)
 
 
 def test_without_film_1_there_are_no_peaks_but_friction():
     result = measure(simulated(np.random.default_rng(5), films=(1,)))
     assert result.stretch_voltage == result.peak_interval == UNKNOWN
-    assert result.films_only.normalized_slip == pytest.approx(0.18, rel=0.15)
+    assert result.slips.normalized_slip == pytest.approx(0.18, rel=0.15)
 
 
 def test_the_shift_is_from_the_detection_to_the_fitted_center():
@@ -175,14 +174,14 @@ def test_at_a_surface_edge_the_result_is_one_surface_or_has_a_large_sigma(slip, 
     for _ in range(60):
         crossing = simulated(rng, slip=slip, normalized_slip=first, other_normalized_slip=other,
                              edge=rng.uniform(-0.035, 0.065))
-        fit = measure(crossing).films_only
+        fit = measure(crossing).slips
         neither += min(abs(normalized_error(fit, first)), abs(normalized_error(fit, other))) > 3.0
     assert neither <= 9
 
 
 def test_a_change_of_speed_increases_the_sigma_of_film_slip():
     crossing = simulated(np.random.default_rng(8))
-    steady, changing = (measure(one).films_only
+    steady, changing = (measure(one).slips
                         for one in (crossing, patch_crossing(crossing.samples, 0.25)))
     assert changing.slip_sigma > 3.0 * steady.slip_sigma
 
@@ -190,7 +189,7 @@ def test_a_change_of_speed_increases_the_sigma_of_film_slip():
 @pytest.mark.parametrize('growth', [0.15, -0.15])
 def test_a_change_of_slip_within_a_crossing_does_not_bias_the_result(growth):
     rng = np.random.default_rng(10)
-    errors = [normalized_error(measure(simulated(rng, growth=growth)).films_only)
+    errors = [normalized_error(measure(simulated(rng, growth=growth)).slips)
               for _ in range(60)]
     assert np.mean(np.square(errors)) < 1.5
 
@@ -211,5 +210,12 @@ def test_the_result_does_not_depend_on_errors_of_the_detection():
     exact, other = (measure(patch_crossing(CrossingSamples(
         samples.films, detections, 0.0))) for detections in (samples.detections, shifted))
     for name, share in (('normalized_slip', 0.01), ('slip', 0.02)):
-        assert getattr(other.films_only, name) == pytest.approx(
-            getattr(exact.films_only, name), rel=share)
+        assert getattr(other.slips, name) == pytest.approx(
+            getattr(exact.slips, name), rel=share)
+
+
+def test_a_change_of_wheel_speed_allows_a_change_of_slip():
+    steady, changing = (slip_variation(patch_crossing(None, change), L) for change in (0.0, 0.21))
+    assert steady.change == (0.0, CHANGE_SIGMA)
+    assert steady.residual == 0.0 and changing.residual == pytest.approx(0.05 * 0.2)
+    assert changing.change.sigma == pytest.approx(np.hypot(CHANGE_SIGMA, 0.5 * 0.2 * L / 0.1))

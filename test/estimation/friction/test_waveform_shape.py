@@ -23,10 +23,10 @@ from benchmarks.friction.grid import Case, OTHER_SHAPES, WHEEL
 from benchmarks.friction.synthesis import CrossingSynthesizer
 import numpy as np
 import pytest
+from smart_tire.estimation.friction.constants import MAX_OUTLIERS
 from smart_tire.estimation.friction.waveform_method import WaveformMethod
 from smart_tire.estimation.friction.waveform_model import Release
-from smart_tire.estimation.friction.waveform_shape import (
-    initial_covariance, MAX_OUTLIERS, ShapeEstimator)
+from smart_tire.estimation.friction.waveform_shape import initial_covariance, ShapeEstimator
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +42,7 @@ def results(case, count, seed, method=None):
 
 
 def normalized_slips(found):
-    return np.array([one.films_only.normalized_slip for one in found])
+    return np.array([one.slips.normalized_slip for one in found])
 
 
 @cache
@@ -76,7 +76,7 @@ def test_sigmas_are_consistent_from_the_first_crossing_on(title):
     case, errors = Case(slip=0.06, **OTHER_SHAPES[title]), []
     for seed in range(30):
         for one in results(case, 4, 100 + seed):
-            films = one.films_only
+            films = one.slips
             errors.append((
                 (films.normalized_slip - case.normalized_slip) / films.normalized_slip_sigma,
                 (films.slip - case.slip) / films.slip_sigma))
@@ -92,9 +92,9 @@ def test_a_release_between_the_conventions_is_learned(slip, share, release):
     method = WaveformMethod(WHEEL, case.robot)
     found = results(case, 20, 3, method)
     assert method.shape.prior.value[Release.SHARE] == pytest.approx(share, abs=0.03)
-    errors = [((one.films_only.normalized_slip - case.normalized_slip)
-               / one.films_only.normalized_slip_sigma,
-               (one.films_only.slip - slip) / one.films_only.slip_sigma) for one in found]
+    errors = [((one.slips.normalized_slip - case.normalized_slip)
+               / one.slips.normalized_slip_sigma,
+               (one.slips.slip - slip) / one.slips.slip_sigma) for one in found]
     assert np.all(np.mean(np.square(errors), axis=0) < 2.0)
 
 
@@ -130,7 +130,7 @@ def test_an_estimate_is_weighted_by_its_information():
         prior = shape.prior
         posterior = prior.value + np.linalg.solve(
             prior.precision + information, information @ (measured - prior.value))
-        shape.update(posterior, information)
+        shape.correct(posterior, information)
     error = shape.prior.value - truth
     assert np.sqrt(np.mean(error**2)) < 0.02
     # sigmas are too large, because only a share of the information is used
@@ -139,7 +139,7 @@ def test_an_estimate_is_weighted_by_its_information():
 
 def test_a_crossing_without_information_changes_nothing():
     shape = ShapeEstimator()
-    shape.update(shape.prior.value, np.zeros((SIZE, SIZE)))
+    shape.correct(shape.prior.value, np.zeros((SIZE, SIZE)))
     assert np.all(shape.prior.value == 0.0)
     np.testing.assert_allclose(
         np.linalg.inv(shape.prior.precision), initial_covariance(), rtol=1e-4, atol=1e-6)
@@ -149,13 +149,13 @@ def test_outliers_have_less_weight_until_they_persist():
     shape, exact = ShapeEstimator(), np.eye(SIZE) / 0.01**2
     zero = np.zeros(SIZE)
     for _ in range(10):
-        shape.update(zero, exact)
+        shape.correct(zero, exact)
     far = zero.copy()
     far[Release.SHARE] = 0.2
     for count in range(1, MAX_OUTLIERS):
-        shape.update(shape.prior.value + far, exact)
+        shape.correct(shape.prior.value + far, exact)
         assert abs(shape.prior.value[Release.SHARE]) < 0.1 * count
     wide = 1.0 / math.sqrt(shape.prior.precision[Release.SHARE, Release.SHARE])
     assert wide < 0.02
-    shape.update(shape.prior.value + far, exact)
+    shape.correct(shape.prior.value + far, exact)
     assert 1.0 / math.sqrt(shape.prior.precision[Release.SHARE, Release.SHARE]) > 5.0 * wide

@@ -26,8 +26,8 @@ from smart_tire.estimation.slip.kalman import GYRO_HELD, SENSORS_HELD
 from smart_tire.estimation.slip.motion import MotionModel, wheel_slip_ratio
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, initial_state, N, State
 from smart_tire.estimation.slip.tire_forces import brush_force, TireForces
+from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import slip_ratio
-from smart_tire.models.vehicle.tire_forces import wheel_forces
 from smart_tire.parameters import SlipEstimatorParams
 from support.compiled import load_source
 
@@ -177,13 +177,15 @@ def test_the_jacobian_of_the_tractions_is_their_derivative(kind):
 
 @pytest.mark.parametrize('slip', [(0.05, 0.0), (0.1, -0.04), (-0.3, 0.2), (0.9, 0.1)])
 def test_the_brush_force_is_that_of_the_vehicle_model(slip):
-    rolling, load, stiffness, mu = 1.0, 26.7, 52.7, 0.47
-    one = np.ones(1)
-    model = wheel_forces(rolling * one, (rolling - slip[0]) * one, -slip[1] * one, load * one,
-                         stiffness, mu / stiffness, floor=0.05)
-    assert brush_force(*slip, stiffness, mu * load) == pytest.approx((
-        model.x[0], model.y[0], -model.x_by_v_x[0], -model.x_by_v_y[0], -model.y_by_v_y[0],
-        model.x_by_log_ratio[0], model.y_by_log_ratio[0]))
+    load, stiffness, mu, step = 26.7, 52.7, 0.47, 1e-6
+
+    def force(s_x, s_y, log_friction=0.0):
+        return np.array(brush_tire.brush_force(
+            s_x, s_y, mu * np.exp(log_friction), load, stiffness))
+    by_x, by_y, by_friction = ((force(*at + change) - force(*at - change)) / (2.0 * step)
+                               for at in [np.array([*slip, 0.0])] for change in step * np.eye(3))
+    assert brush_force(*slip, stiffness, mu * load) == pytest.approx(
+        (*force(*slip), by_x[0], by_x[1], by_y[1], *by_friction), rel=1e-6, abs=1e-6)
 
 
 def test_the_scalar_slip_ratio_agrees_with_the_vectorized_one():

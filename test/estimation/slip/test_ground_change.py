@@ -26,9 +26,9 @@ from smart_tire.estimation.slip.ground import GroundChange, MotorTorques
 from smart_tire.estimation.slip.kalman import KalmanFilter
 from smart_tire.estimation.slip.state import GROUND, N, State, SUDDEN
 from smart_tire.estimation.slip.tire_forces import brush_force
-from smart_tire.models.vehicle.drive import required_torque
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
+from support.torques import required_torque
 
 ROBOT = RobotParams()
 PERIOD = 0.0625  # s, of the wheels
@@ -140,8 +140,8 @@ def test_the_force_of_an_uncertain_slip_is_the_mean_force(slip, spread):
 
 def torques_of(forces, speeds, loads):
     """Return the motor torques [N m] for traction forces [N]."""
-    return tuple(required_torque(forces, np.array(speeds) / ROBOT.wheel_radius, 0.0, loads,
-                                 ROBOT.motor, ROBOT.wheel_radius).tolist())
+    return tuple(required_torque(
+        forces, np.array(speeds) / ROBOT.wheel_radius, 0.0, loads, ROBOT).tolist())
 
 
 def test_traction_forces_follow_from_motor_torques_that_are_measured():

@@ -100,3 +100,36 @@ def test_friction_from_the_adhesion_ratio_is_the_inverse():
     (-0.1, 0.1, 26.7), (np.nan, 0.1, 26.7)])
 def test_friction_is_nan_where_the_adhesion_ratio_does_not_determine_it(ratio, slip, load):
     assert np.isnan(brush_tire.friction_from_adhesion(ratio, slip, load, C_X))
+
+
+LOADS = np.array([18.0, 18.0, 35.0, 35.0])[:, np.newaxis]  # N, of an accelerating robot
+
+
+def total_force(slip, friction):
+    return brush_tire.brush_force(slip, 0.0, friction, LOADS, C_X)[0].sum(axis=0)
+
+
+@pytest.mark.parametrize('friction', [0.1, 0.47, 2.0])
+def test_the_linear_force_is_the_inverse_of_the_brush_tire(friction):
+    slip = np.linspace(-0.9, 0.9, 61) * 3.0 * friction * LOADS.min() / C_X
+    found = brush_tire.linear_tire_force(total_force(slip, friction), friction, LOADS)
+    assert found / C_X == pytest.approx(slip, rel=1e-6)
+
+
+def test_front_wheels_may_slide_fully_while_rear_wheels_adhere():
+    slip = np.array([1.05 * 3.0 * 0.3 * LOADS.min() / C_X])
+    found = brush_tire.linear_tire_force(total_force(slip, 0.3), 0.3, LOADS)
+    assert found / C_X == pytest.approx(slip, rel=1e-6)
+
+
+def test_a_force_beyond_friction_is_limited():
+    limit = brush_tire.MAX_FORCE_SHARE * 0.47 * LOADS.sum()
+    found = brush_tire.linear_tire_force([limit, 3.0 * limit, -1e3 * limit], 0.47, LOADS)
+    assert found == pytest.approx(found[0] * np.array([1.0, 1.0, -1.0]))
+    assert np.isfinite(found).all()
+
+
+def test_a_lifted_wheel_has_no_force():
+    lifted = np.array([0.0, 0.0, 53.0, 53.0])[:, np.newaxis]
+    others = brush_tire.linear_tire_force([4.0], 0.47, lifted[2:])
+    assert brush_tire.linear_tire_force([4.0], 0.47, lifted) == pytest.approx(others)

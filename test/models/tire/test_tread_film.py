@@ -20,6 +20,8 @@ import numpy as np
 import pytest
 
 from smart_tire.models.tire import tread_film
+from smart_tire.models.tire.tread_film import KNOTS, PADDING, splines
+from smart_tire.simulation.films import bump, BUMP_HALF_WIDTHS
 
 L, FILM, ALPHA = 0.046, 0.020, 67.0  # m, m, 1/m: paper B, Table I
 CRITICAL = 3.0 * 0.47 * 26.7 / 52.7
@@ -70,7 +72,7 @@ def test_derivatives_of_the_bumps_agree_with_finite_differences():
 @pytest.mark.parametrize('film', [FILM, 0.07])
 @pytest.mark.parametrize('slip, total', [(0.1, 0.13), (-0.2, 0.25), (0.9, 1.2)])
 def test_a_crossing_is_continuous_and_starts_and_ends_at_rest(release, film, slip, total):
-    x = np.linspace(-film - 0.02, L + 0.1, 200_001)
+    x = np.linspace(-film - 0.02, L + 6.0 * film, 200_001)
     volts = tread_film.crossing_voltage(x, slip=slip, total_slip=total, release=release,
                                         **{**CROSSING, 'film_length': film})
     assert np.abs(np.diff(volts)).max() < 1e-3
@@ -133,26 +135,11 @@ def test_driving_and_braking_differ_by_twice_the_strain_part():
     assert np.abs(drive - brake).max() > 0.3
 
 
-def test_more_slip_than_the_critical_one_changes_nothing():
-    x = positions()
-    some, more = (tread_film.crossing_voltage(x, slip=s, total_slip=s, **CROSSING)
-                  for s in (CRITICAL, 9.0))
-    np.testing.assert_allclose(more, some, atol=1e-12)
-
-
 def test_reverse_mirrors_the_position_and_so_repeats_the_signal_in_time():
     x = np.linspace(-0.05, 0.09, 300)
     options = {'slip': 0.1, 'total_slip': 0.12, **CROSSING}
     back = tread_film.crossing_voltage(L - FILM - x, reverse=True, **options)
     np.testing.assert_allclose(back, tread_film.crossing_voltage(x, **options), atol=1e-12)
-
-
-def test_arguments_broadcast():
-    x, slip = np.linspace(-0.02, 0.05, 7), np.array([[0.1], [-0.2]])
-    volts = tread_film.crossing_voltage(x, slip=slip, total_slip=0.2, **CROSSING)
-    assert volts.shape == (2, 7)
-    one = tread_film.crossing_voltage(x[3], slip=-0.2, total_slip=0.2, **CROSSING)
-    assert float(one) == pytest.approx(volts[1, 3])
 
 
 def test_bumps_peak_one_centimeter_outside_and_vanish_during_the_contact():
@@ -171,3 +158,85 @@ def test_an_unknown_release_is_rejected():
         tread_film.bending(positions(), FILM, L, ALPHA, 'fig9')
     with pytest.raises(ValueError, match='fig9'):
         tread_film.crossing_voltage(0.0, slip=0.1, total_slip=0.1, release='fig9', **CROSSING)
+
+
+@pytest.mark.parametrize('alpha', [1e-3, 1.0, 67.0, 5e3])
+def test_the_bending_shape_increases_from_zero_to_one(alpha):
+    shape = tread_film.bending_shape(np.linspace(-0.01, FILM + 0.01, 301), FILM, alpha).value
+    assert shape[0] == 0.0 and shape[-1] == 1.0 and np.all(np.diff(shape) >= 0.0)
+
+
+def test_the_bending_shape_is_b15_and_for_a_stiff_tread_a_cube():
+    u = np.linspace(0.002, FILM, 50)
+    grown, whole = np.exp(67.0 * u), FILM - 2.0 / 67.0 * np.tanh(0.5 * 67.0 * FILM)
+    printed = u - 2.0 / 67.0 * (grown - 1.0) / (grown + 1.0)
+    np.testing.assert_allclose(tread_film.bending_shape(u, FILM, 67.0).value, printed / whole,
+                               rtol=1e-9)
+    np.testing.assert_allclose(tread_film.bending_shape(u, FILM, 0.01).value, (u / FILM)**3,
+                               rtol=1e-7)
+
+
+@pytest.mark.parametrize('alpha', [3.0, 9.9, 10.1, 67.0, 300.0])
+def test_derivatives_of_the_bending_shape_agree_with_finite_differences(alpha):
+    u, step = np.linspace(-0.0047, FILM + 0.0049, 60), 1e-7
+
+    def value(u, alpha):
+        return tread_film.bending_shape(u, FILM, alpha).value
+    part = tread_film.bending_shape(u, FILM, alpha)
+    by_u = (value(u + step, alpha) - value(u - step, alpha)) / (2.0 * step)
+    np.testing.assert_allclose(part.by_flat_length, by_u, atol=1e-4)
+    step = 1e-3 * alpha
+    by_alpha = (value(u, alpha + step) - value(u, alpha - step)) / (2.0 * step)
+    np.testing.assert_allclose(part.by_alpha, by_alpha, atol=1e-7)
+
+
+def evaluated(coefficients, outside):
+    """Return the spline with ``coefficients`` (knots,) and its derivative."""
+    padded = np.pad(coefficients, PADDING)
+    parts = splines(outside, FILM)
+    return tuple((padded[parts.knot] * part).sum(axis=0)
+                 for part in (parts.value, parts.by_outside))
+
+
+def test_the_splines_add_up_to_1_between_the_knots_and_vanish_far_outside():
+    between = np.linspace(FILM * KNOTS[1],
+                          FILM * KNOTS[-2], 333)
+    value, slope = evaluated(np.ones(len(KNOTS)), between)
+    np.testing.assert_allclose(value, 1.0, atol=1e-12)
+    np.testing.assert_allclose(slope, 0.0, atol=1e-9)
+    far = np.array([-10.0, FILM * KNOTS[0] - 0.0041, FILM * KNOTS[-1] + 0.0041, 10.0])
+    assert np.all(evaluated(np.ones(len(KNOTS)), far)[0] == 0.0)
+
+
+def test_the_derivatives_of_the_splines_agree_with_finite_differences():
+    coefficients, outside = np.sin(np.arange(len(KNOTS))), np.linspace(-0.015, 0.04, 1001)
+    (high, _), (low, _) = (evaluated(coefficients, outside + step) for step in (1e-7, -1e-7))
+    np.testing.assert_allclose(
+        evaluated(coefficients, outside)[1], (high - low) / 2e-7, atol=1e-2)
+
+
+@pytest.mark.parametrize('shape', BUMP_HALF_WIDTHS)
+@pytest.mark.parametrize('width, error', [(0.0055, 0.07), (0.009, 0.03), (0.0145, 0.01)])
+def test_bumps_of_all_shapes_are_represented(shape, width, error):
+    outside = np.linspace(FILM * KNOTS[0], FILM * KNOTS[-1], 500)
+    expected = bump(outside - 0.012, width, shape)
+    basis = np.array([evaluated(row, outside)[0] for row in np.eye(len(KNOTS))])
+    coefficients = np.linalg.lstsq(basis.T, expected, rcond=None)[0]
+    # no spline is exact at the cusp of the exponential shape, and at the last knot
+    smooth = (np.abs(outside - 0.012) > 0.003) | (shape != 'exponential')
+    inner = outside < FILM * KNOTS[-3]
+    difference = np.abs(evaluated(coefficients, outside)[0] - expected)
+    assert difference[smooth & inner].max() < error
+
+
+def test_all_lengths_of_the_model_scale_with_the_film():
+    x = positions()
+    for scale in (0.5, 3.0):
+        np.testing.assert_allclose(
+            tread_film.bumps(scale * x, scale * FILM, scale * L).value,
+            tread_film.bumps(x, FILM, L).value, atol=1e-9)
+        np.testing.assert_allclose(
+            tread_film.bending(scale * x, scale * FILM, scale * L, ALPHA / scale).value,
+            tread_film.bending(x, FILM, L, ALPHA).value, atol=1e-9)
+        np.testing.assert_allclose(splines(scale * x, scale * FILM).value,
+                                   splines(x, FILM).value, atol=1e-9)

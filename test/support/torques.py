@@ -12,20 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Choice of the method by its parameter."""
+"""Motor torques that drive wheels with given traction forces."""
 
 from __future__ import annotations
 
-import pytest
+import numpy as np
 
-from smart_tire.estimation.friction.methods import make_method
-from smart_tire.estimation.friction.two_peak_method import TwoPeakMethod
-from smart_tire.estimation.friction.waveform_method import WaveformMethod
-from smart_tire.parameters import build, FrictionEstimatorParams
+from smart_tire.models.vehicle.drive import friction_torque
+from smart_tire.parameters import RobotParams
 
 
-@pytest.mark.parametrize(('name', 'kind'), [
-    ('waveform', WaveformMethod), ('two_peaks', TwoPeakMethod)])
-def test_the_parameter_selects_the_method(name, kind):
-    params = build(FrictionEstimatorParams, {'method': name})
-    assert isinstance(make_method('front_right', params), kind)
+def required_torque(force, speed, acceleration, load, robot: RobotParams) -> np.ndarray:
+    """Return the torque [N m] for a force [N]; speed in rad/s, acceleration in rad/s2."""
+    friction = friction_torque(speed, load, robot.motor, robot.wheel_radius)
+    return np.asarray(robot.wheel_radius * np.asarray(force) + friction
+                      + robot.motor.inertia * np.asarray(acceleration))

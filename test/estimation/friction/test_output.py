@@ -22,8 +22,8 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.estimation.friction.brush_inversion import (
-    flag_full_sliding, friction_estimate, SlipFit)
+from smart_tire.estimation.friction.output import friction_estimate
+from smart_tire.estimation.friction.waveform_method import flag_full_sliding, SlipFit
 from smart_tire.uncertain import UNKNOWN
 
 NO_COV = np.zeros((2, 2))
@@ -83,7 +83,8 @@ def correlated(normalized_slip=0.85):
 
 
 def test_where_the_whole_patch_may_slide_only_the_ratio_is_determined():
-    inflated = flag_full_sliding(correlated())
+    fit = correlated()
+    inflated = flag_full_sliding(fit, fit.white_cov)
     assert inflated.slip_sigma > 0.3
     # conditioned on another slip
     slope = inflated.white_cov[0, 1] / inflated.white_cov[0, 0]
@@ -93,10 +94,10 @@ def test_where_the_whole_patch_may_slide_only_the_ratio_is_determined():
 def test_added_white_errors_do_not_hide_the_correlation():
     fit = correlated()
     varied = replace(fit, white_cov=fit.white_cov + 2.0 * np.diag(np.diag(fit.white_cov)))
-    assert flag_full_sliding(varied) is varied
+    assert flag_full_sliding(varied, varied.white_cov) is varied
     assert flag_full_sliding(varied, fit.white_cov).slip_sigma > 0.3
 
 
 def test_where_little_slides_the_fit_is_unchanged():
     for fit in (slip_fit(), correlated(normalized_slip=0.3)):
-        assert flag_full_sliding(fit) is fit
+        assert flag_full_sliding(fit, fit.white_cov) is fit

@@ -19,20 +19,28 @@ The highest sample is taken for the stretch peak at x_m, the lowest for the rele
 between them gives the adhesion length, by the exact or the printed map; slip is that of the motion
 of the robot. At 400 Hz the peaks have errors of some millimeters and 0.1 V, and only in traction
 do these two samples represent the two peaks.
+
+``two_peaks`` applies it to the crossings that the friction estimator of this package finds.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 
 import numpy as np
 
+from smart_tire.arrays import Array, ArrayLike
+from smart_tire.errors import ParameterError
 from smart_tire.estimation.contact.records import FilmSamples, PatchCrossing
-from smart_tire.estimation.friction.brush_inversion import SlipFit
-from smart_tire.estimation.friction.crossing_method import MethodResult
+from smart_tire.estimation.friction.estimator import EvaluatedCrossing, FrictionEstimator
+from smart_tire.estimation.friction.output import friction_record
+from smart_tire.estimation.friction.waveform_method import FilmResult, SlipFit
 from smart_tire.models.tire import strain_charge, tread_film
+from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import Friction, Sample
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 SEARCH_MARGIN = 0.005   # m of travel beyond the film inside the patch, in which peaks are searched
@@ -42,6 +50,21 @@ FLAT_TOP_SIGMAS = 2.0   # standard deviations of noise below the top, within whi
 SLOPE_STEP = 1e-4       # m, for a finite difference
 MIN_NORMALIZED_SLIP = 0.01  # below, there is no stretch peak
 UNIFORM_VARIANCE = 12.0  # a uniform distribution of width 1 has a variance of 1/12
+
+
+def printed_adhesion_length(x_m: ArrayLike, film_length: float, contact_length: float) -> Array:
+    """
+    Return the adhesion length of the paper, ``L_a = x_m + l`` [m], B(25).
+
+    It is far too short where much of the patch slides; ``strain_charge.adhesion_length`` is exact.
+
+    >>> print(f'{printed_adhesion_length(0.0208, 0.020, 0.046) * 1e3:.1f} mm')
+    40.8 mm
+    """
+    return np.asarray(x_m, dtype=float) + film_length
+
+
+MAPS = {'exact': strain_charge.adhesion_length, 'printed': printed_adhesion_length}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +78,46 @@ class FilmPeaks:
     peak_travel: Uncertain      # m, between the peaks
 
 
-class TwoPeakMethod:
-    """Estimates normalized slip of one wheel's crossings; ``map_name`` is the map of x_m."""
+def two_peaks(samples: Iterable[Sample], params: FrictionEstimatorParams,
+              map_name: str = 'exact') -> list[Friction]:
+    """
+    Return the crossings in ``samples``, in order of reception, by the method of the paper.
 
-    needs_slip = True
+    Load, slip and fused friction are those of ``FrictionEstimator``; ``map_name`` is ``exact`` or
+    ``printed``.
+    """
+    found: list[Friction] = []
+    robot = params.robot
+    methods = {wheel: TwoPeakMethod(wheel, robot, map_name) for wheel in robot.film.wheels}
+
+    def evaluate(one: EvaluatedCrossing) -> None:
+        wheel = one.friction.wheel
+        found.append(friction_record(
+            wheel, robot.tire.contact_length, one.crossing,
+            methods[wheel].measure(one.crossing, one.state.slip), one.state))
+
+    estimator = FrictionEstimator(params, evaluate)
+    for sample in samples:
+        estimator.update(sample)
+    estimator.finish()
+    return found
+
+
+class TwoPeakMethod:
+    """
+    Estimates normalized slip of one wheel's crossings; ``map_name`` is the map of x_m.
+
+    Raises ParameterError for films without two peaks.
+    """
 
     def __init__(self, wheel: str, robot: RobotParams, map_name: str) -> None:
-        self._film, self._patch, self._map_name = robot.film, robot.tire.contact_length, map_name
+        self._film, self._patch, self._map = robot.film, robot.tire.contact_length, MAPS[map_name]
+        if robot.film.length >= self._patch:
+            raise ParameterError(f'two peaks need a film.length ({robot.film.length} m) below '
+                                 f'tire.contact_length ({self._patch} m)')
+        if robot.film.release != 'fig8':
+            raise ParameterError(f'two peaks need film.release fig8, not {robot.film.release}: '
+                                 'the second peak occurs only with fig8')
         self._gains = robot.film.gains(wheel)
         half_inside = 0.5 * (self._patch - robot.film.length)
         half_crossing = 0.5 * (self._patch + robot.film.length)
@@ -73,7 +129,7 @@ class TwoPeakMethod:
                                   robot.film.bending_alpha).value
         self._release_slope = float(np.mean(np.abs(np.diff(bend)))) / SLOPE_STEP
 
-    def measure(self, crossing: PatchCrossing, slip: Uncertain = UNKNOWN) -> MethodResult | None:
+    def measure(self, crossing: PatchCrossing, slip: Uncertain) -> FilmResult | None:
         """Return the result of ``crossing``, None unless in traction with both peaks sampled."""
         if crossing.samples is None or not slip.value > 0.0:
             return None
@@ -88,7 +144,7 @@ class TwoPeakMethod:
         gains = self._film.stretch_gain_tolerance * film_slip
         films_only = SlipFit(film_slip, normalized_slip, white,
                              np.diag([gains**2 / len(found), 0.0]))
-        return MethodResult(
+        return FilmResult(
             films_only, 0.0, False, *self._reported_peaks(crossing, found[0]))
 
     def _peaks(self, film: FilmSamples, center: float, slip: float) -> FilmPeaks | None:
@@ -123,8 +179,7 @@ class TwoPeakMethod:
 
     def _adhesion_length(self, between: float) -> float:
         """Return the adhesion length [m] from the travel between the peaks, NaN if undefined."""
-        return float(strain_charge.adhesion_length(
-            self._patch - between, self._film.length, self._patch, self._map_name))
+        return float(self._map(self._patch - between, self._film.length, self._patch))
 
     def _stretch_per_slip(self, x: float, normalized_slip: float) -> float:
         return float(strain_charge.overlap_integral(

@@ -13,53 +13,62 @@
 # limitations under the License.
 
 """
-Levenberg-Marquardt fit of one crossing, with priors, Huber weights and clipped samples.
+Levenberg-Marquardt least squares with priors, Huber weights and clipped samples.
 
-A clipped sample is used only while the model is below the rail.
+For few parameters and some hundred samples, many times a second: LAPACK is called directly, and
+products stay below the size from which BLAS uses threads, which is many times slower. A clipped
+sample is used only while the model is below the rail.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv, dpotrf, dtrtri
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.friction.waveform_model import (
-    film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.numerics.robust import huber_weights, MAD_TO_SIGMA
 
-Indices = NDArray[np.intp]
-
-MAX_POSITION_STEP = 0.003     # m, of a film center in one iteration
-SLIDING_RANGE = (-5.0, 10.0)  # -, limits far beyond observable values
 MAX_ITERATIONS = 15
-INITIAL_DAMPING = 1e-4                          # of the diagonal of the Hessian
-DAMPING_INCREASE, DAMPING_DECREASE = 10.0, 0.1  # factors after a failed and a successful step
-MAX_DAMPING = 1e6
+INITIAL_DAMPING, MAX_DAMPING = 1e-4, 1e6  # of the diagonal of the Hessian
+DAMPING_FACTOR = 10.0       # after a failed step, its inverse after a successful one
 MIN_COST_REDUCTION = 0.03   # chi-squared; a step with a smaller expected reduction is the last
 HUBER_THRESHOLD = 3.0       # sigmas, beyond which a sample has lower weight
 MAX_PRODUCT_SIZE = 200_000  # multiplications; OpenBLAS uses threads from 4 * 65536 on
 
+Indices = NDArray[np.intp]
+
+
+class Model(Protocol):
+    """Model of the samples."""
+
+    def linearized(self, p: Array) -> tuple[Array, Array]:
+        """Return output (n,) and Jacobian (m, n) for the parameters ``p`` (m,)."""
+
+    def moved(self, p: Array, step: Array) -> Array:
+        """Return ``p`` after ``step``, which may be shortened to a valid range."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """Prior of the parameters of a crossing; a sigma of 0 fixes a parameter."""
+    """Gaussian prior of the parameters; those that are not ``free`` are fixed."""
 
     value: Array
     precision: Array     # inverse covariance (free, free) of the fitted parameters
     free: Indices        # of the fitted parameters
-    systematic: Indices  # of parameters with the same error in all crossings
 
     def without(self, fixed: slice) -> Prior:
         """Return the prior with the parameters ``fixed`` at their values."""
         kept = (self.free < fixed.start) | (self.free >= fixed.stop)
         return replace(self, precision=self.precision[kept][:, kept], free=self.free[kept])
+
+    def rows(self, parameters: Indices) -> Indices:
+        """Return the rows of free ``parameters`` in the precision."""
+        return np.searchsorted(self.free, parameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +76,7 @@ class Point:
     """Parameters with residuals and derivatives of the model."""
 
     p: Array
-    residual: Array  # V, (n,)
+    residual: Array  # (n,)
     jacobian: Array  # (m, n), by all m parameters
 
 
@@ -78,38 +87,35 @@ class FitResult:
     p: Array
     point: Point
     prior: Prior
-    weight: Array   # (n,), of the samples [1/V^2]
+    weight: Array   # (n,), of the samples, over their variance
     hessian: Array  # by the free parameters
 
 
 class LevenbergMarquardt:
     """
-    Minimizes the weighted residuals of all ``films`` of one crossing from a given start.
+    Minimizes the weighted residuals of ``observed`` (n,) with noise of ``variance``.
 
-    The model is not evaluated again if the start is the point where the last fit ended.
-    ``variance`` [V^2] is that of a sample's noise.
+    ``rail`` (n,) is 1 where a sample is clipped at the upper rail, -1 at the lower, else 0.
     """
 
-    def __init__(self, model: WaveformModel, films: Sequence[FilmSamples],
+    def __init__(self, model: Model, observed: Array, rail: NDArray[np.int8],
                  variance: float) -> None:
-        self._model, self._variance = model, variance
-        self._counts = [len(one.distance) for one in films]
-        self._volts = np.concatenate([one.volts for one in films])
-        self._rail = np.concatenate([one.rail for one in films])
-        self._clips = bool(self._rail.any())
-        self._last: Point | None = None
+        self._model, self._observed, self._variance = model, observed, variance
+        self._rail, self._clips = rail, bool(rail.any())
 
-    def run(self, p: Array, prior: Prior, min_reduction: float = MIN_COST_REDUCTION) -> FitResult:
+    def run(self, start: Array | Point, prior: Prior,
+            min_reduction: float = MIN_COST_REDUCTION) -> FitResult:
         """
-        Return the fit from start ``p``; fixed parameters take the value of ``prior``.
+        Return the fit; fixed parameters take the value of ``prior``, as they must have in a point.
 
         A step whose expected reduction of the cost is below ``min_reduction`` is the last.
         """
-        start = prior.value.copy()
-        start[prior.free] = p[prior.free]
-        point = self._last
-        if point is None or point.p is not p or np.any(start != p):
-            point = self._at(start)
+        if isinstance(start, Point):
+            point = start
+        else:
+            p = prior.value.copy()
+            p[prior.free] = start[prior.free]
+            point = self._at(p)
         damping = INITIAL_DAMPING
         for _ in range(MAX_ITERATIONS):
             weight = self._weights(point)
@@ -123,12 +129,11 @@ class LevenbergMarquardt:
             if moved is None:
                 break
             point = moved
-        self._last = point
         return FitResult(parameters, point, prior, weight, hessian)
 
     def _at(self, p: Array) -> Point:
         output, jacobian = self._model.linearized(p)
-        return Point(p, self._volts - output, jacobian)
+        return Point(p, self._observed - output, jacobian)
 
     def _step(self, point: Point, prior: Prior, weight: Array, hessian: Array, gradient: Array,
               damping: float, min_reduction: float) -> tuple[Array, Point | None, float]:
@@ -142,46 +147,41 @@ class LevenbergMarquardt:
         while damping < MAX_DAMPING:
             damped = hessian.copy()
             damped.reshape(-1)[::len(damped) + 1] *= 1.0 + damping
-            step = solve_spd(damped, gradient)
-            p = self._moved(point.p, prior, step)
+            step, whole = solve_spd(damped, gradient), np.zeros_like(point.p)
+            whole[prior.free] = step
+            p = self._model.moved(point.p, whole)
             if float(gradient @ step) < min_reduction:
                 return p, None, damping
             trial = self._at(p)
             if self._cost(trial, prior, weight) <= current_cost:
-                return p, trial, DAMPING_DECREASE * damping
-            damping *= DAMPING_INCREASE
+                return p, trial, damping / DAMPING_FACTOR
+            damping *= DAMPING_FACTOR
         return point.p, None, damping
 
-    def _moved(self, p: Array, prior: Prior, step: NDArray[np.floating]) -> Array:
-        """Return ``p`` after ``step``, shortened if a film center would move too far."""
-        full_step = np.zeros_like(p)
-        full_step[prior.free] = step
-        first, end = (film_index(i, PerFilm.CENTER) for i in (0, len(self._counts)))
-        position_steps = full_step[first:end:len(PerFilm)]
-        largest = max(map(abs, position_steps.tolist()))
-        scale = min(1.0, MAX_POSITION_STEP / max(largest, MAX_POSITION_STEP))
-        moved: Array = p + full_step * scale
-        low, high = SLIDING_RANGE
-        moved[Shared.NORM_SLIP] = min(max(float(moved[Shared.NORM_SLIP]), low), high)
-        return moved
-
     def _cost(self, point: Point, prior: Prior, weight: Array) -> float:
-        if self._clips:
-            weight = np.where(self._rail * point.residual < 0.0, 0.0, weight)
         deviation = (point.p - prior.value)[prior.free]
-        return float(weight @ (point.residual * point.residual)
+        return float(self._unclipped(point, weight) @ (point.residual * point.residual)
                      + deviation @ prior.precision @ deviation)
 
     def _weights(self, point: Point) -> Array:
         """Return 1 / variance with Huber's factor, 0 for samples beyond their rail."""
         size = np.abs(point.residual)
         sigma = max(math.sqrt(self._variance), MAD_TO_SIGMA * upper_median(size))
-        weight = huber_weights(size, HUBER_THRESHOLD * sigma) / self._variance
-        return np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips else weight
+        return self._unclipped(point, huber_weights(size, HUBER_THRESHOLD * sigma)
+                               / self._variance)
+
+    def _unclipped(self, point: Point, weight: Array) -> Array:
+        return (np.where(self._rail * point.residual < 0.0, 0.0, weight) if self._clips
+                else weight)
 
 
 def solve_spd(matrix: Array, right: Array) -> NDArray[np.floating]:
-    """Return matrix^-1 @ right of a positive definite matrix, with little overhead."""
+    """
+    Return matrix^-1 @ right of a positive definite matrix, with little overhead.
+
+    >>> solve_spd(np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([3.0, 3.0]))
+    array([1., 1.])
+    """
     _, solution, failed = dposv(matrix, right)
     return np.linalg.solve(matrix, right) if failed else solution
 
@@ -191,6 +191,9 @@ def inverse_spd(matrix: Array) -> Array:
     Return the inverse of a positive definite matrix.
 
     For the size of these matrices LAPACK's own inverses use threads, which is many times slower.
+
+    >>> inverse_spd(np.diag([4.0, 16.0])).tolist()
+    [[0.25, 0.0], [0.0, 0.0625]]
     """
     factor, failed = dpotrf(matrix)
     if failed:
@@ -204,6 +207,9 @@ def gram(jacobian: Array, weight: Array) -> Array:
     Return jacobian @ diag(weight) @ jacobian.T, for a jacobian (m, n) and weights (n,).
 
     Computed in blocks below the size from which BLAS uses threads, which is ten times slower.
+
+    >>> gram(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([1.0, 3.0])).tolist()
+    [[13.0, 6.0], [6.0, 3.0]]
     """
     weighted, part = jacobian * weight, max(MAX_PRODUCT_SIZE // len(jacobian)**2, 1)
     total = weighted[:, :part] @ jacobian[:, :part].T
@@ -213,5 +219,10 @@ def gram(jacobian: Array, weight: Array) -> Array:
 
 
 def upper_median(values: Array) -> float:
-    """Return the upper median; for short arrays ten times as fast as numpy.median."""
+    """
+    Return the upper median; for short arrays ten times as fast as numpy.median.
+
+    >>> upper_median(np.array([4.0, 1.0, 3.0, 2.0]))
+    3.0
+    """
     return float(np.sort(values)[len(values) // 2])

@@ -12,23 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of a film on a bench: deflection and charge over time, and their CSV files."""
+"""Files of a film: recordings on a bench (CSV), and the parameters of a calibrated film (YAML)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import csv
 from dataclasses import dataclass
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
-from smart_tire.models.film.monotone_branches import series
+from smart_tire.models.film.buckling_film import BucklingFilm
+from smart_tire.models.film.hysteresis import DuhemParams, series
+from smart_tire.uncertain import MAX_RELATIVE_SIGMA
+import yaml
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
+PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
+AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
 MIN_SAMPLES = 20  # of a recording
+# of the calibrated range; assumed: linear errors of undetermined products end there
+EXTRAPOLATION_FACTOR = 1.5
 
 
 @dataclass(frozen=True)
@@ -125,3 +133,64 @@ def _numbers(path: Path, line: int, row: list[str], width: int) -> list[float]:
         return [float(field) for field in row]
     except ValueError as error:
         raise ParameterError(f'{path}: line {line}: {error}') from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmParams:
+    """Parameters of a calibrated film, as ``measure`` requires them."""
+
+    film: BucklingFilm | None  # None: the input is that of the operator itself
+    alpha_gain: float          # 1 / unit of the input
+    a_gain: float              # C / unit of the input
+    b_gain: float
+    low_corner: float   # Hz, 0 if no amplifier was found
+    drift: float        # C/s, in addition to the discharge of the amplifier
+    covariance: Array   # (5, 5) of the five
+    span: float         # range of the input in the calibration
+    noise: float        # C, of one sample
+    model_error: float  # C, rms of the residuals without noise
+
+    @property
+    def max_input(self) -> float:
+        """Return the largest valid input: little beyond the range if a product is undetermined."""
+        products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
+        determined = np.sqrt(np.diag(self.covariance)[:3]) <= MAX_RELATIVE_SIGMA * np.abs(products)
+        return math.inf if determined.all() else EXTRAPOLATION_FACTOR * self.span
+
+    @property
+    def operator(self) -> DuhemParams:
+        """Return the operator from the normalized input to the charge; raise ParameterError."""
+        return DuhemParams(alpha=self.alpha_gain, a=self.a_gain, b=self.b_gain)
+
+
+def read_params(path: Path) -> FilmParams:
+    """Return the parameters in a file of ``write_params``; raise ParameterError if invalid."""
+    try:
+        tree = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ParameterError(f'{path}: not valid YAML: {error}') from error
+    try:
+        return _params(tree)
+    except KeyError as error:
+        raise ParameterError(f'{path}: {error.args[0]} is missing') from error
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f'{path}: {error}') from error
+
+
+def _params(tree: Mapping[str, Any]) -> FilmParams:
+    film = tree['film']
+    values = {name: float(tree[group][name]['value'])
+              for group, names in (('products', PRODUCTS), ('amplifier', AMPLIFIER))
+              for name in names}
+    values.update({name: float(tree[name]) for name in ('span', 'noise', 'model_error')})
+    covariance = np.array(tree['covariance'], dtype=float)
+    if covariance.shape != (5, 5) or not np.isfinite([*values.values(), *covariance.flat]).all():
+        raise ParameterError('products, amplifier, covariance (5 x 5), span, noise and '
+                             'model_error must be finite numbers')
+    return FilmParams(
+        film=None if film is None else BucklingFilm(
+            length=film['length_m'], width=film['width_m'], thickness=film['thickness_m'],
+            convention=film['convention']),
+        covariance=covariance, **values)

@@ -19,9 +19,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.friction.levenberg_marquardt import LevenbergMarquardt, Prior
 from smart_tire.estimation.friction.waveform_model import (
     film_index, PerFilm, Shared, WaveformModel)
+from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd, LevenbergMarquardt, Prior
 from smart_tire.parameters import RobotParams
 from support.crossings import crossing_samples, WHEEL
 
@@ -40,6 +40,9 @@ class CountingModel:
         self.evaluations += 1
         return self._model.linearized(p)
 
+    def moved(self, p, step):
+        return self._model.moved(p, step)
+
 
 def prior_of(count, slip_sigma=1e-3):
     """Return a prior for ``count`` films, with fixed contact length and bending shape."""
@@ -52,19 +55,21 @@ def prior_of(count, slip_sigma=1e-3):
         value[block] = i * ROBOT.film.spacing, 0.0, peak, 0.12 * peak, 0.12 * peak, 0.0, 0.0
         sigma[block] = 0.005, 0.01, 0.5, 0.1, 0.1, 0.03, 0.5
     free = np.flatnonzero(sigma)
-    return Prior(value, np.diag(sigma[free]**-2), free, np.array([Shared.SLIP]))
+    return Prior(value, np.diag(sigma[free]**-2), free)
 
 
 def setup(seed):
     seen = crossing_samples(
         np.random.default_rng(seed), ROBOT, slip=SLIP, normalized_slip=NORM_SLIP)
     model = CountingModel(seen)
-    return LevenbergMarquardt(model, seen.films, ROBOT.film.sample_variance), model, seen
+    volts, rail = (np.concatenate([getattr(one, name) for one in seen.films])
+                   for name in ('volts', 'rail'))
+    return LevenbergMarquardt(model, volts, rail, ROBOT.film.sample_variance), model
 
 
 @pytest.mark.parametrize('seed', range(8))
 def test_it_converges_to_the_minimum_in_few_evaluations(seed):
-    fit, model, _ = setup(seed)
+    fit, model = setup(seed)
     prior = prior_of(2)
     end = fit.run(prior.value, prior)
     assert model.evaluations <= 7
@@ -76,10 +81,20 @@ def test_it_converges_to_the_minimum_in_few_evaluations(seed):
 
 
 def test_fixed_parameters_stay_and_a_known_point_is_not_evaluated_again():
-    fit, model, _ = setup(10)
+    fit, model = setup(10)
     end = fit.run(prior_of(2).value, prior_of(2))
     assert end.p[Shared.LENGTH] == end.p[Shared.ALPHA] == 0.0
     before = model.evaluations
-    other = fit.run(end.point.p, prior_of(2, 2e-3))
+    other = fit.run(end.point, prior_of(2, 2e-3))
     assert model.evaluations - before <= 2
     assert other.p[Shared.NORM_SLIP] == pytest.approx(end.p[Shared.NORM_SLIP], abs=0.01)
+
+
+def test_products_and_inverses_are_those_of_numpy_for_any_size():
+    rng = np.random.default_rng(1)
+    for count in (3, 1000, 3000):
+        jacobian, weight = rng.standard_normal((40, count)), rng.uniform(0.5, 2.0, count)
+        product = jacobian * weight @ jacobian.T
+        np.testing.assert_allclose(gram(jacobian, weight), product, rtol=1e-9, atol=1e-9)
+        regular = product + np.eye(40)
+        np.testing.assert_allclose(inverse_spd(regular) @ regular, np.eye(40), atol=1e-8)
