@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -51,7 +52,8 @@ def crossing_samples(
     samples = [_film_samples(rng, robot, film, i, slip, (normalized_slip, other, edge), speed,
                              gain_error, growth, spread, scale, bending)
                for i, film in enumerate(films)]
-    detector = CrossingDetector(robot)
+    nominal = replace(robot, film=replace(robot.film, length=round(robot.film.length, 3)))
+    detector = CrossingDetector(nominal)
     detections = []
     for i, film in enumerate(samples):
         unclipped, center = film.rail == 0, i * robot.film.spacing
