@@ -46,12 +46,12 @@ from benchmarks.scenarios import Leg, sequence, STANDSTILL
 from benchmarks.terrain import on_slopes
 import numpy as np
 from smart_tire.analysis.pipeline import EstimatorParams
-from smart_tire.simulation.films import BUMP_HALF_WIDTHS
 from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams)
 from smart_tire.parameters.robot import FilmParams, TireParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams, SensorErrorParams
 from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
+from smart_tire.simulation.films import BUMP_HALF_WIDTHS
 from smart_tire.simulation.offline import Event, simulate
 from smart_tire.simulation.plant import LOAD_TRANSFER_TIME
 
