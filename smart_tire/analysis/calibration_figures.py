@@ -17,13 +17,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from smart_tire.analysis.drawing import save
-from smart_tire.analysis.figure import Curve, Figure, Mark, PAIR, Panel, TIME_LABEL, truth_mark
+from smart_tire.analysis.figure import Curve, Figure, Mark, PAIR, Panel, TIME_LABEL
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_gains import FilmGain, GainFit, Waveform
 from smart_tire.calibration.geometry import Geometry
@@ -230,7 +229,7 @@ def write_measurement(path: Path, time: Array, value: Array, sigma: Array,
     """Draw the measured values with a two-sigma band, and the reference if given."""
     marks = [Mark(Curve(time, value, sigma), 'film ± 2σ')]
     if reference is not None:
-        marks.append(replace(truth_mark(Curve(time, reference)), label='reference'))
+        marks.append(Mark(Curve(time, reference), 'reference', 'ink', width=1.1, dashed=True))
     save(Figure(path.stem, 'Measurement with the film',
                 'Measurement with the film. Band: ± 2σ, where σ is its standard deviation.',
                 [[Panel(marks, TIME_LABEL, label)]]), path)

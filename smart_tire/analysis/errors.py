@@ -18,14 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
 from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, limits, Mark, observable, Panel, TIME_LABEL)
 from smart_tire.analysis.friction_metrics import column, is_informative, Matches
-from smart_tire.analysis.metrics import aligned, Score, score
+from smart_tire.analysis.metrics import aligned, Score, score, twist_errors
 from smart_tire.arrays import Array
 from smart_tire.recording import at, Recording, seconds
 from smart_tire.samples import WHEELS
@@ -80,14 +79,11 @@ def pose_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[
                     np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
 
 
-def twist_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[ErrorCurve]:
+def twist_error_curves(estimates: Recording, truth: Recording, origin_ns: int
+                       ) -> list[ErrorCurve]:
     """Return the errors of the velocities; empty without true velocities."""
-    own, true = estimates.poses(), truth.poses()
-    known = np.isfinite(true.twist[:, 0])
-    stamps = true.stamp_ns[known]
-    return _columns(TWIST_NAMES, seconds(stamps, origin_ns),
-                    at(stamps, own.stamp_ns, own.twist) - true.twist[known],
-                    np.sqrt(at(stamps, own.stamp_ns, own.twist_variance)))
+    stamps, error, sigma = twist_errors(estimates.poses(), truth.poses())
+    return _columns(TWIST_NAMES, seconds(stamps, origin_ns), error, sigma)
 
 
 def slip_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[ErrorCurve]:
@@ -157,7 +153,7 @@ def histogram_figure(groups: Mapping[str, Sequence[ErrorCurve]]) -> Figure | Non
     centers = 0.5 * (edges[:-1] + edges[1:])
     marks = []
     for (name, errors), color in zip(groups.items(), GROUP_COLORS):
-        values = np.array(list(chain.from_iterable(one.normalized for one in errors)))
+        values = np.concatenate([np.empty(0), *(one.normalized for one in errors)])
         counts = np.histogram(np.clip(values, edges[0], edges[-1]), edges)[0]
         if len(values):
             marks.append(Mark(Curve(centers, counts / (len(values) * BIN_WIDTH)), name, color,

@@ -126,9 +126,10 @@ class Figure:
         return list(dict.fromkeys(panel for row in self.rows for panel in row if panel))
 
 
-def truth_mark(curve: Curve, steps: Literal['', 'mid', 'post'] = '') -> Mark:
-    """Return the dashed line of the ground truth."""
-    return Mark(curve, 'truth', 'ink', width=1.1, dashed=True, steps=steps)
+def truth_marks(curve: Curve, steps: Literal['', 'mid', 'post'] = '') -> list[Mark]:
+    """Return the dashed line of the ground truth, without errors; none if it is not known."""
+    return [Mark(Curve(curve.x, curve.y), 'truth', 'ink', width=1.1, dashed=True, steps=steps)
+            ] if len(curve.x) else []
 
 
 def runs(known: NDArray[np.bool_]) -> Iterator[slice]:

@@ -16,8 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 import math
 from pathlib import Path
 
@@ -26,7 +25,7 @@ import numpy as np
 from smart_tire.analysis.crossing import crossing_waveform, CrossingWaveform
 from smart_tire.analysis.drawing import save
 from smart_tire.analysis.figure import (
-    Curve, Figure, interrupted, limits, Mark, PAIR, Panel, share_outside, TIME_LABEL, truth_mark,
+    Curve, Figure, interrupted, limits, Mark, PAIR, Panel, share_outside, TIME_LABEL, truth_marks,
     TWO_SIGMA)
 from smart_tire.analysis.friction_metrics import (
     column, is_informative, kind_of, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
@@ -38,6 +37,7 @@ from smart_tire.samples import Friction, WHEELS
 
 MAX_FRICTION = 1.2      # upper end of the friction axis
 MAX_CROSSING_GAP = 5.0  # s between two crossings, over which no line is drawn
+SINGLE = 'single crossing ± 2σ'
 
 
 def write_figures(directory: Path, result: Result, robot: RobotParams) -> list[Path]:
@@ -49,55 +49,39 @@ def write_figures(directory: Path, result: Result, robot: RobotParams) -> list[P
             for figure in figures if figure is not None]
 
 
-@dataclass(frozen=True)
-class FrictionCurve:
-    """Friction of one wheel, one value per revolution; NaN leaves a gap."""
-
-    single: Curve
-    fused: Curve
-    truth: Curve  # empty without ground truth
-
-    @property
-    def marks(self) -> list[Mark]:
-        """Return single estimates with bars, fused ones with a band, and the truth."""
-        return [Mark(self.single, 'single crossing ± 2σ', 'orange', 'points', 4.0),
-                Mark(self.fused, 'fused ± 2σ', width=1.6),
-                *([truth_mark(self.truth, 'mid')] if len(self.truth.x) else [])]
+def friction_marks(single: Curve, fused: Curve, truth: Curve) -> list[Mark]:
+    """Return single estimates with bars, fused ones with a band, and the truth."""
+    return [Mark(single, SINGLE, 'orange', 'points', 4.0), Mark(fused, 'fused ± 2σ', width=1.6),
+            *truth_marks(truth, 'mid')]
 
 
-def friction_curve(wheel: str, estimates: Recording, truth: Recording,
-                   origin_ns: int) -> FrictionCurve:
-    """Return the friction of ``wheel``; uninformative single estimates are NaN."""
-    single, fused, reference = (
-        _crossing_curve(of_wheel(series.crossings, wheel), name, origin_ns)
-        for series, name in ((estimates, 'friction_coefficient_single'),
-                             (estimates, 'friction_coefficient'), (truth, 'friction_coefficient')))
-    assert single.sigma is not None
-    known = is_informative(single.y, single.sigma)
-    return FrictionCurve(
-        Curve(single.x, np.where(known, single.y, math.nan), single.sigma),
-        interrupted(fused, MAX_CROSSING_GAP),
-        interrupted(Curve(reference.x, reference.y), MAX_CROSSING_GAP))
+def _curve(crossings: Sequence[Friction], name: str, origin_ns: int) -> Curve:
+    """Return a quantity of ``crossings``; uninformative single estimates are NaN."""
+    value, sigma = column(crossings, name), column(crossings, name, sigmas=True)
+    if name == 'friction_coefficient_single':
+        value[~is_informative(value, sigma)] = math.nan
+    return Curve(seconds(stamps_of(crossings), origin_ns), value, sigma)
 
 
-def _crossing_curve(crossings: Sequence[Friction], name: str, origin_ns: int) -> Curve:
-    return Curve(seconds(stamps_of(crossings), origin_ns), column(crossings, name),
-                 column(crossings, name, sigmas=True))
-
-
-def film_wheels(result: Result) -> list[str]:
-    """Return the wheels with crossings."""
-    found = {one.wheel for one in result.estimates.crossings}
-    return [wheel for wheel in WHEELS if wheel in found]
+def _crossing_panels(result: Result, label: str, top: float,
+                     marks: Callable[[Sequence[Friction], Sequence[Friction]], list[Mark]]
+                     ) -> list[list[Panel]]:
+    """Return a panel of each wheel with crossings, with ``marks`` of its own and true ones."""
+    return [[Panel(marks(own, of_wheel(result.truth.crossings, wheel)), TIME_LABEL, label,
+                   wheel.replace('_', ' '), y_limits=(0.0, top))]
+            for wheel in WHEELS if (own := of_wheel(result.estimates.crossings, wheel))]
 
 
 def friction_figure(result: Result) -> Figure | None:
     """Return friction per crossing, one panel per instrumented wheel; None without crossings."""
-    curves = {wheel: friction_curve(wheel, result.estimates, result.truth, result.origin_ns)
-              for wheel in film_wheels(result)}
-    if not curves:
-        return None
-    single = np.concatenate([curve.single.y for curve in curves.values()])
+    def marks(own: Sequence[Friction], true: Sequence[Friction]) -> list[Mark]:
+        return friction_marks(
+            _curve(own, 'friction_coefficient_single', result.origin_ns),
+            *(interrupted(_curve(several, 'friction_coefficient', result.origin_ns),
+                          MAX_CROSSING_GAP) for several in (own, true)))
+
+    rows = _crossing_panels(result, 'friction coefficient [-]', MAX_FRICTION, marks)
+    single = np.concatenate([np.empty(0), *(panel.marks[0].curve.y for panel, in rows)])
     outside = share_outside([single], 0.0, MAX_FRICTION)
     return Figure(
         'friction', 'Friction coefficient per patch crossing of each instrumented wheel',
@@ -106,52 +90,40 @@ def friction_figure(result: Result) -> Figure | None:
         f'Not drawn: {np.isnan(single).sum()} of {len(single)} single crossings that are '
         f'uninformative (σ above {100.0 * MAX_RELATIVE_SIGMA:.0f} % of the value). '
         f'{100.0 * outside:.1f} % of the others are outside of the axes.',
-        [[Panel(curve.marks, TIME_LABEL, 'friction coefficient [-]', wheel.replace('_', ' '),
-                y_limits=(0.0, MAX_FRICTION))] for wheel, curve in curves.items()],
-        (9.0, 2.6), result.segments)
+        rows, (9.0, 2.6), result.segments) if rows else None
 
 
 def adhesion_figure(result: Result) -> Figure | None:
     """Return the adhesion ratio of each instrumented wheel; None without crossings."""
-    panels = []
-    for wheel in film_wheels(result):
-        own, true = (_crossing_curve(of_wheel(series.crossings, wheel), 'adhesion_ratio',
-                                     result.origin_ns)
-                     for series in (result.estimates, result.truth))
-        marks = [Mark(own, 'single crossing ± 2σ', 'orange', 'points', 4.0)]
-        if len(true.x):
-            marks.append(truth_mark(interrupted(Curve(true.x, true.y), MAX_CROSSING_GAP)))
-        panels.append(Panel(marks, TIME_LABEL, 'adhesion ratio [-]', wheel.replace('_', ' '),
-                            y_limits=(0.0, 1.1)))
+    def marks(own: Sequence[Friction], true: Sequence[Friction]) -> list[Mark]:
+        first, second = (_curve(several, 'adhesion_ratio', result.origin_ns)
+                         for several in (own, true))
+        return [Mark(first, SINGLE, 'orange', 'points', 4.0),
+                *truth_marks(interrupted(second, MAX_CROSSING_GAP))]
+
+    rows = _crossing_panels(result, 'adhesion ratio [-]', 1.1, marks)
     return Figure(
         'adhesion', 'Adhesion ratio per patch crossing of each instrumented wheel',
         'Share of the contact patch in which the tread adheres to the ground: 1 without sliding. '
-        f'Bars: {TWO_SIGMA}{DASHED if result.truth.crossings else ""}',
-        [[panel] for panel in panels]) if panels else None
+        f'Bars: {TWO_SIGMA}{DASHED if result.truth.crossings else ""}', rows) if rows else None
 
 
 def ground_figure(result: Result) -> Figure | None:
     """Return stiffness and rolling resistance of the ground; None without."""
-    ground = result.estimates.grounds()
-    if not len(ground.stamp_ns):
-        return None
-    time = seconds(ground.stamp_ns, result.origin_ns)
-    own = [interrupted(Curve(time, ground.value[:, i], ground.sigma[:, i]), MAX_CROSSING_GAP)
-           for i in range(2)]
-    marks = [[Mark(curve, ESTIMATE)] for curve in own]
-    crossings = sorted(result.truth.crossings, key=lambda one: one.stamp_ns)
-    if crossings:
-        true = _crossing_curve(crossings, 'stiffness', result.origin_ns)
-        marks[0].append(truth_mark(Curve(true.x, true.y), 'post'))
+    ground, crossings = result.estimates.grounds(), result.truth.crossings
+    true = _curve(sorted(crossings, key=lambda one: one.stamp_ns), 'stiffness', result.origin_ns)
+    time, rows = seconds(ground.stamp_ns, result.origin_ns), []
+    for i, (label, title, truth) in enumerate((
+            ('C_x [N]', 'longitudinal stiffness', truth_marks(true, 'post')),
+            ('rolling resistance [-]', 'rolling resistance', []))):
+        own = interrupted(Curve(time, ground.value[:, i], ground.sigma[:, i]), MAX_CROSSING_GAP)
+        rows.append([Panel([Mark(own, ESTIMATE), *truth], TIME_LABEL, label, title,
+                           y_limits=limits([own.y - own.reach, own.y + own.reach], 0.01))])
     return Figure(
         'ground', 'Stiffness and rolling resistance of the ground over time',
         'Longitudinal stiffness C_x of a tire on the present ground, and rolling resistance as a '
         f'share of the load. Bands: {TWO_SIGMA}{DASHED if crossings else ""}',
-        [[Panel(several, TIME_LABEL, label, title, y_limits=limits(
-            [curve.y - curve.reach, curve.y + curve.reach], 0.01))]
-         for several, curve, label, title in zip(
-             marks, own, ('C_x [N]', 'rolling resistance [-]'),
-             ('longitudinal stiffness', 'rolling resistance'))])
+        rows) if len(time) else None
 
 
 def waveform_marks(waveform: CrossingWaveform) -> list[Mark]:

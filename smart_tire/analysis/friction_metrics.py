@@ -22,8 +22,9 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
-from smart_tire.analysis.metrics import Score, score
+from smart_tire.analysis.metrics import median, Score, score
 from smart_tire.arrays import Array, Instants
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import UNKNOWN
@@ -62,33 +63,18 @@ class FrictionScore:
 def match(estimates: Iterable[Friction], truths: Iterable[Friction],
           tolerance: float = MAX_STAMP_DIFFERENCE) -> Matches:
     """Return the pairs of true crossings and nearest estimates within ``tolerance`` [s]."""
-    truths = sorted(truths, key=lambda crossing: crossing.stamp_ns)
-    estimates = sorted(estimates, key=lambda crossing: crossing.stamp_ns)
-    candidates = sorted((abs(e.stamp_ns - t.stamp_ns), i, j)
-                        for wheel in {truth.wheel for truth in truths}
-                        for i, t, j, e in _candidates(truths, estimates, wheel, tolerance))
-    partner: dict[int, int] = {}
-    taken: set[int] = set()
-    for _, i, j in candidates:
-        if i not in partner and j not in taken:
-            partner[i] = j
-            taken.add(j)
-    pairs = [(truth, estimates[partner[i]] if i in partner else None)
-             for i, truth in enumerate(truths)]
-    return Matches(pairs, [e for j, e in enumerate(estimates) if j not in taken])
-
-
-def _candidates(truths: Sequence[Friction], estimates: Sequence[Friction], wheel: str,
-                tolerance: float) -> Iterable[tuple[int, Friction, int, Friction]]:
-    same_wheel = [(j, e) for j, e in enumerate(estimates) if e.wheel == wheel]
-    stamps = np.array([e.stamp_ns for _, e in same_wheel], np.int64)
+    truths, estimates = (sorted(several, key=lambda one: one.stamp_ns)
+                         for several in (truths, estimates))
+    apart = np.abs(np.subtract.outer(stamps_of(truths), stamps_of(estimates)))
+    other_wheel = np.not_equal.outer(*(np.array([one.wheel for one in several], str)
+                                       for several in (truths, estimates)))
     reach = round(tolerance * NS_PER_S)
-    for i, truth in enumerate(truths):
-        if truth.wheel == wheel:
-            first = np.searchsorted(stamps, truth.stamp_ns - reach)
-            last = np.searchsorted(stamps, truth.stamp_ns + reach, side='right')
-            for j, estimate in same_wheel[first:last]:
-                yield i, truth, j, estimate
+    cost = np.where(other_wheel | (apart > reach), 2 * reach, apart)  # two of these: no match
+    partner = {int(i): int(j) for i, j in zip(*linear_sum_assignment(cost)) if cost[i, j] <= reach}
+    taken = set(partner.values())
+    return Matches([(truth, estimates[partner[i]] if i in partner else None)
+                    for i, truth in enumerate(truths)],
+                   [one for j, one in enumerate(estimates) if j not in taken])
 
 
 def kind_of(truth: Friction) -> str:
@@ -122,9 +108,9 @@ def friction_score(pairs: Sequence[tuple[Friction, Friction | None]]) -> Frictio
     return FrictionScore(
         len(pairs), sum(estimate is not None for estimate in estimates), int(usable.sum()),
         float(usable.sum()) / len(pairs) if pairs else math.nan,
-        _median(np.abs(relative)), _median(relative),
+        median(np.abs(relative)), median(relative),
         single_score.within_one, single_score.within_two,
-        _median(np.abs(fused - true) / true), fused_score.within_two,
+        median(np.abs(fused - true) / true), fused_score.within_two,
         score(adhesion, column(estimates, 'adhesion_ratio', sigmas=True)))
 
 
@@ -148,8 +134,3 @@ def stamps_of(crossings: Sequence[Friction]) -> Instants:
 def is_informative(value: Array, sigma: Array) -> NDArray[np.bool_]:
     """Return which values are finite with a relative sigma below ``MAX_RELATIVE_SIGMA``."""
     return np.isfinite(value) & (sigma < MAX_RELATIVE_SIGMA * np.abs(value))
-
-
-def _median(values: Array) -> float:
-    values = values[np.isfinite(values)]
-    return float(np.median(values)) if len(values) else math.nan

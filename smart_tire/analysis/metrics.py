@@ -32,6 +32,7 @@ from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WHEELS
 MIN_DISTANCE_STEP = 0.05
 RELATIVE_POSE_INTERVAL_NS = NS_PER_S  # over which relative pose errors are taken
 SIDES = {'left': LEFT, 'right': RIGHT}
+TWIST = 'v_x', 'v_y', 'yaw_rate'
 Intervals = Mapping[str, Sequence[tuple[int, int]]]  # name -> time intervals [ns]
 
 
@@ -87,9 +88,20 @@ def score(error: Array, sigma: Array) -> Score:
                  float(np.mean(normalized <= 1.0)), float(np.mean(normalized <= 2.0)))
 
 
+def mean(values: Array) -> float:
+    """Return the mean; NaN without values."""
+    return float(np.mean(values)) if len(values) else math.nan
+
+
 def rms(values: Array) -> float:
     """Return the root mean square; NaN without values."""
-    return float(np.sqrt(np.mean(values ** 2))) if len(values) else math.nan
+    return math.sqrt(mean(values ** 2))
+
+
+def median(values: Array) -> float:
+    """Return the median of the finite ``values``; NaN without any."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else math.nan
 
 
 def slip_scores(estimate: SlipSeries, truth: SlipSeries,
@@ -175,12 +187,15 @@ def pose_score(estimate: PoseSeries, truth: PoseSeries) -> PoseScore | None:
     end = float(distances[-1])
     length = distance(true[:, :2])
     step_position, step_yaw = _relative_errors(estimated, true, stamp_ns)
+    twist_ns, twist, sigma = twist_errors(estimate, truth)
     return PoseScore(
         float(stamp_ns[-1] - stamp_ns[0]) / NS_PER_S, length, rms(distances), end,
         float(distances.max()), 100.0 * end / length if length else math.nan,
         _normalized(error[:, :2], covariance[:, :2, :2]),
         score(error[:, 2], np.sqrt(covariance[:, 2, 2])), float(error[-1, 2]),
-        step_position, step_yaw, _twist(estimate, truth))
+        step_position, step_yaw,
+        {name: score(twist[:, i], sigma[:, i]) for i, name in enumerate(TWIST)}
+        if len(twist_ns) else None)
 
 
 def _normalized(error: Array, covariance: Array) -> float:
@@ -206,15 +221,12 @@ def _relative_errors(estimated: Array, true: Array, stamp_ns: Instants) -> tuple
     return rms(np.linalg.norm(error[:, :2], axis=1)), rms(error[:, 2])
 
 
-def _twist(estimate: PoseSeries, truth: PoseSeries) -> dict[str, Score] | None:
+def twist_errors(estimate: PoseSeries, truth: PoseSeries) -> tuple[Instants, Array, Array]:
+    """Return the errors of v_x, v_y and yaw rate, and their sigmas, where the truth is known."""
     known = np.isfinite(truth.twist[:, 0])
-    if not known.any():
-        return None
     stamps = truth.stamp_ns[known]
-    error = at(stamps, estimate.stamp_ns, estimate.twist) - truth.twist[known]
-    sigma = np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_variance))
-    return {name: score(error[:, i], sigma[:, i])
-            for i, name in enumerate(('v_x', 'v_y', 'yaw_rate'))}
+    return (stamps, at(stamps, estimate.stamp_ns, estimate.twist) - truth.twist[known],
+            np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_variance)))
 
 
 def stamp_score(stamp_ns: Instants, true_ns: Instants, sigma: float) -> Score:

@@ -27,7 +27,7 @@ from smart_tire.analysis.driven_paths import DrivenPath, Grounds, track
 from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
 from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, Limits, limits, Mark, MAX_POINTS, MAX_SLIP_SIGMA, observable, PAIR,
-    Panel, share_outside, SIGMAS, TIME_LABEL, truth_mark, TWO_SIGMA)
+    Panel, share_outside, SIGMAS, TIME_LABEL, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.metrics import aligned, SIDES
 from smart_tire.analysis.result import Result
 from smart_tire.arrays import Array
@@ -42,6 +42,7 @@ WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
 AREA_COLORS = 'sky', 'orange', 'vermillion', 'blue'
 DASHED = ' Dashed: ground truth.'
 ESTIMATE = 'estimate ± 2σ'
+NONE = Curve(np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def side_marks(curves: Sequence[SlipCurve]) -> list[Mark]:
     """Return the slip of both sides, as in paper B, Fig. 10."""
     return [*(Mark(one.estimate, f'{one.name} side ± 2σ', SIDE_COLORS[one.name])
               for one in curves),
-            *(truth_mark(one.truth) for one in curves if len(one.truth.x))]
+            *(mark for one in curves for mark in truth_marks(one.truth))]
 
 
 def slip_figure(result: Result) -> Figure | None:
@@ -108,8 +109,7 @@ def wheel_slip_figure(result: Result) -> Figure | None:
     return Figure(
         'slip', 'Longitudinal slip ratio of each wheel over time',
         f'Longitudinal slip ratio, positive in traction. {caption} Double-click to show all.',
-        [[_slip_panel([Mark(one.estimate, ESTIMATE),
-                       *([truth_mark(one.truth)] if len(one.truth.x) else [])],
+        [[_slip_panel([Mark(one.estimate, ESTIMATE), *truth_marks(one.truth)],
                       one.name.replace('_', ' '), (low, high))] for one in curves])
 
 
@@ -155,7 +155,7 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
     for label, one in poses.items():
         marks += [_ellipses(one.pose[:, :2], one.pose_covariance, colors[label]),
                   _path(one.pose, label, colors[label])]
-    marks += [truth_mark(_path(true, '').curve)] if len(true) else []
+    marks += truth_marks(_path(true, '').curve)
     marks += [_dot(first.pose[:1], 'start'), _dot(first.pose[-1:], 'end', 'shade')]
     panel = Panel(marks, 'x [m]', 'y [m]', equal=True)
     caption = ('Path in the frame odom, which starts at (0, 0)'
@@ -222,9 +222,8 @@ def velocity_figure(result: Result) -> Figure | None:
     panels = []
     for i, ((name, unit), title) in enumerate(zip(
             TWIST_NAMES, ('forward velocity v_x', 'lateral velocity v_y', 'yaw rate'))):
-        marks = [Mark(interrupted(Curve(time, poses.twist[:, i], sigma[:, i])), ESTIMATE)]
-        if known:
-            marks.append(truth_mark(interrupted(Curve(true_time, true.twist[:, i]))))
+        marks = [Mark(interrupted(Curve(time, poses.twist[:, i], sigma[:, i])), ESTIMATE),
+                 *truth_marks(interrupted(Curve(true_time, true.twist[:, i])) if known else NONE)]
         panels.append(Panel(marks, TIME_LABEL, f'{name} [{unit}]', title,
                             y_limits=limits([poses.twist[:, i], true.twist[:, i]], 0.05)))
     return Figure('velocity', 'Forward velocity, lateral velocity and yaw rate over time',
@@ -255,7 +254,7 @@ def tracking_figure(drive: DrivenPath, grounds: Grounds | None = None) -> Figure
     shaded = () if grounds is None else grounds.areas
     colors = dict(zip(dict.fromkeys(area.surface for area in shaded), cycle(AREA_COLORS)))
     marks = [*wanted_marks([drive.wanted]), _path(drive.estimated, 'driven, estimate')]
-    marks += [truth_mark(_path(drive.true, '').curve)] if len(drive.true) else []
+    marks += truth_marks(_path(drive.true, '').curve)
     marks += [_dot(drive.estimated[:1], 'start'), *(
         Mark(Curve(*area.corners.T), area.surface, colors[area.surface], 'area', opacity=0.13)
         for area in shaded)]
@@ -268,14 +267,11 @@ def tracking_figure(drive: DrivenPath, grounds: Grounds | None = None) -> Figure
 
 
 def _tracking_errors(drive: DrivenPath) -> list[Mark]:
-    errors = [(found, is_truth) for positions, is_truth in (
-        (drive.estimated, False), (drive.true, True))
-        if (found := track(drive.wanted, positions)) is not None]
-    end = max((float(found.driven[-1]) for found, _ in errors), default=1.0)
-    return [Mark(Curve(np.array([0.0, end]), np.zeros(2)), '', 'shade', width=1.0), *(
-        truth_mark(Curve(found.driven, found.error)) if is_truth else
-        Mark(Curve(found.driven, found.error), 'driven, estimate', width=1.6)
-        for found, is_truth in errors)]
+    own, true = (NONE if found is None else Curve(found.driven, found.error) for found in (
+        track(drive.wanted, positions) for positions in (drive.estimated, drive.true)))
+    ends = np.array([0.0, max(own.x.max(initial=0.0), true.x.max(initial=0.0))])
+    return [Mark(Curve(ends, np.zeros(2)), '', 'shade', width=1.0),
+            Mark(own, 'driven, estimate', width=1.6), *truth_marks(true)]
 
 
 def _tracking_caption(has_truth: bool, grounds: Grounds | None) -> Iterator[str]:

@@ -25,8 +25,8 @@ import numpy as np
 
 from smart_tire.analysis.friction_metrics import (
     column, friction_scores, is_informative, match, Matches)
-from smart_tire.analysis.metrics import distance, Intervals, pose_score, SIDES, slip_scores, within
-from smart_tire.arrays import Array
+from smart_tire.analysis.metrics import (
+    distance, Intervals, mean, median, pose_score, rms, SIDES, slip_scores, within)
 from smart_tire.recording import Recording
 from smart_tire.samples import Friction, GROUND_ESTIMATES, WHEELS
 
@@ -64,25 +64,15 @@ def estimates_tree(estimates: Recording) -> Tree:
         for side, wheels in SIDES.items():
             ratio, sigma = slips.ratio[:, wheels], slips.sigma[:, wheels]
             moving = np.isfinite(ratio)
-            tree['wheel_slip'][side] = {'mean': _mean(ratio[moving]),
-                                        'mean_sigma': _mean(sigma[moving])}
+            tree['wheel_slip'][side] = {'mean': mean(ratio[moving]),
+                                        'mean_sigma': mean(sigma[moving])}
     if len((ground := estimates.grounds()).stamp_ns):
         tree['ground_state'] = {'messages': len(ground.stamp_ns), **{
-            name: {'median': _median(value), 'median_sigma': _median(sigma)}
+            name: {'median': median(value), 'median_sigma': median(sigma)}
             for name, value, sigma in zip(GROUND_ESTIMATES, ground.value.T, ground.sigma.T)}}
     tree['tire_friction'] = {wheel: _wheel_tree(own) for wheel in WHEELS
                              if (own := [p for p in estimates.crossings if p.wheel == wheel])}
     return plain(tree)
-
-
-def _mean(values: Array) -> float:
-    return float(np.mean(values)) if len(values) else math.nan
-
-
-def _median(values: Array) -> float:
-    """Return the median of the finite ``values``; NaN without any."""
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if len(finite) else math.nan
 
 
 def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
@@ -90,7 +80,7 @@ def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
     usable = is_informative(single, column(crossings, 'friction_coefficient_single', sigmas=True))
     last = max(crossings, key=lambda crossing: crossing.stamp_ns)
     return {'crossings': len(crossings), 'informative': int(usable.sum()),
-            'median_single': float(np.median(single[usable])) if usable.any() else math.nan,
+            'median_single': median(single[usable]),
             'last_fused': last.friction_coefficient.value,
             'last_fused_sigma': last.friction_coefficient.sigma}
 
@@ -123,8 +113,7 @@ def _friction_tree(matches: Matches, intervals: Intervals) -> Tree:
     parts = {name: [matches.pairs[i] for i in np.flatnonzero(within(stamps, interval))]
              for name, interval in intervals.items()}
     return {'false_crossings': len(matches.false),
-            'stamp': {'mean_s': _mean(offsets), 'sigma_s': float(np.std(offsets))
-                      if len(offsets) else math.nan},
+            'stamp': {'mean_s': mean(offsets), 'sigma_s': rms(offsets - mean(offsets))},
             WHOLE: friction_scores(matches.pairs),
             **{name: friction_scores(pairs) for name, pairs in parts.items()}}
 

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -82,17 +83,16 @@ class PathLayer:
         self._estimate = _Strip(recorder, 'path/estimate', 'estimate', ESTIMATE)
         self._truth = _Strip(recorder, 'path/truth', 'truth', TRUTH)
         self._wanted: PlannedPath | GoalPose | None = None  # not shown yet
-        self._pose: tuple[float, float, float] | None = None  # latest estimate
-        self._frame: tuple[float, float, float] | None = None  # of the truth in odom
+        self._pose: tuple[complex, float] | None = None  # latest estimate
+        self._frame: tuple[complex, complex] | None = None  # of the truth in odom
         self._waiting: list[Odometry] = []
         self._shown_ns: int | None = None
         self._extent = np.zeros((2, 2))  # m, lowest and highest x, y of the grid
 
     def add_odometry(self, sample: Odometry) -> None:
         """Add an estimated pose."""
-        x, y, _ = sample.position
-        yaw = euler(sample.orientation)[2]
-        self._pose = x, y, yaw
+        self._pose = place, yaw = _pose(sample)
+        x, y = place.real, place.imag
         if self._wanted is not None:
             self._show_wanted(self._wanted, sample.stamp_ns)
         self._estimate.add(sample.stamp_ns, x, y)
@@ -107,19 +107,17 @@ class PathLayer:
 
     def add_truth(self, sample: Odometry) -> None:
         """Add a true pose."""
-        if self._frame is None:
-            if self._pose is None:
-                self._waiting.append(sample)
-                return
-            self._frame = _frame(self._pose, sample)
-            self._release()
-        self._add_moved(sample, self._frame)
+        self._waiting.append(sample)
+        if self._frame is None and self._pose is not None:
+            (place, yaw), (true_place, true_yaw) = self._pose, _pose(sample)
+            turn = cmath.rect(1.0, yaw - true_yaw)
+            self._frame = place - turn * true_place, turn
+        if self._frame is not None:
+            self._release(*self._frame)
 
     def finish(self) -> None:
         """Send what is left, at the end of the recording."""
-        if self._frame is None:
-            self._frame = 0.0, 0.0, 0.0
-            self._release()
+        self._release(0.0, 1.0)
         if self._wanted is not None and self._wanted.stamp_ns:
             self._show_wanted(self._wanted, self._wanted.stamp_ns)
         self._estimate.finish()
@@ -138,18 +136,13 @@ class PathLayer:
             self._cover(*corner.tolist())
         self._wanted = None
 
-    def _release(self) -> None:
-        waiting, self._waiting = self._waiting, []
-        for sample in waiting:
-            self.add_truth(sample)
-
-    def _add_moved(self, sample: Odometry, frame: tuple[float, float, float]) -> None:
-        x_0, y_0, turn = frame
-        x, y, _ = sample.position
-        cos, sin = math.cos(turn), math.sin(turn)
-        moved = x_0 + cos * x - sin * y, y_0 + sin * x + cos * y
-        self._truth.add(sample.stamp_ns, *moved)
-        self._cover(*moved)
+    def _release(self, origin: complex, turn: complex) -> None:
+        """Show the true poses that wait, in a frame with ``origin`` and rotation in odom."""
+        for sample in self._waiting:
+            moved = origin + turn * _pose(sample)[0]
+            self._truth.add(sample.stamp_ns, moved.real, moved.imag)
+            self._cover(moved.real, moved.imag)
+        self._waiting.clear()
 
     def _show_pose(self, sample: Odometry, x: float, y: float, yaw: float) -> None:
         position = np.array([x, y])
@@ -191,10 +184,7 @@ class PathLayer:
             radii=rr.Radius.ui_points(1.0)))
 
 
-def _frame(pose: tuple[float, float, float], truth: Odometry) -> tuple[float, float, float]:
-    """Return origin and rotation of the frame of ``truth``, which is at ``pose`` in odom."""
-    x, y, yaw = pose
-    turn = yaw - euler(truth.orientation)[2]
-    true_x, true_y, _ = truth.position
-    cos, sin = math.cos(turn), math.sin(turn)
-    return x - cos * true_x + sin * true_y, y - sin * true_x - cos * true_y, turn
+def _pose(sample: Odometry) -> tuple[complex, float]:
+    """Return the place x + iy [m] and the yaw [rad]."""
+    x, y, _ = sample.position
+    return complex(x, y), euler(sample.orientation)[2]

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.errors import (
-    ErrorCurve, friction_errors, pose_errors, slip_errors, twist_errors)
+    ErrorCurve, friction_errors, pose_errors, slip_errors, twist_error_curves)
 from smart_tire.analysis.figure import Curve
 from smart_tire.analysis.friction_metrics import match
 from smart_tire.recording import Recording
@@ -53,8 +53,8 @@ def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
 
 
 def test_errors_need_an_overlap_and_a_true_twist():
-    assert twist_errors(driven(1.1), driven(1.0), 0)[0].curve.y == pytest.approx(0.1)
-    assert twist_errors(driven(1.1), driven(1.0, known=False), 0) == []
+    assert twist_error_curves(driven(1.1), driven(1.0), 0)[0].curve.y == pytest.approx(0.1)
+    assert twist_error_curves(driven(1.1), driven(1.0, known=False), 0) == []
     assert pose_errors(driven(1.0), Recording(), 0) == []
     assert slip_errors(driven(1.0), Recording(), 0) == []
 

@@ -22,7 +22,7 @@ import pytest
 from smart_tire.analysis.drawing import render
 from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, limits, Mark, MAX_SLIP_SIGMA, observable, Panel, runs, segments,
-    share_outside, truth_mark)
+    share_outside, truth_marks)
 
 LINE = Curve(np.arange(3.0), np.array([1.0, 2.0, math.nan]), np.array([0.1, 0.2, 0.3]))
 
@@ -98,7 +98,7 @@ def drawn(rows, **options):
 
 def test_a_panel_has_bands_bars_labels_and_one_legend_that_covers_no_data():
     line, points = Mark(LINE, 'estimate'), Mark(LINE, 'single', kind='points')
-    figure = drawn([[panel(line, points, truth_mark(LINE))], [panel(line)]])
+    figure = drawn([[panel(line, points, *truth_marks(LINE))], [panel(line)]])
     first = figure.axes[0]
     assert (first.get_xlabel(), first.get_ylabel(), first.get_title()) == (
         '', 'value [m]', 'A title')  # the label of x is below the last row only

@@ -26,7 +26,7 @@ from smart_tire.analysis.bag_params import BAG, BagParams, FILES
 from smart_tire.analysis.driven_paths import PATH
 from smart_tire.analysis.errors import (
     error_figure, ErrorCurve, friction_errors, histogram_figure, pose_errors, slip_errors,
-    twist_errors)
+    twist_error_curves)
 from smart_tire.analysis.figure import MAX_SLIP_SIGMA
 from smart_tire.analysis.figures import adhesion_figure, friction_figure, ground_figure
 from smart_tire.analysis.friction_metrics import (
@@ -144,7 +144,7 @@ def _errors(result: Result, summary: Tree) -> Section:
     estimates, truth, origin = result.estimates, result.truth, result.origin_ns
     groups: dict[str, list[ErrorCurve]] = {
         'pose': pose_errors(estimates, truth, origin),
-        'velocity': twist_errors(estimates, truth, origin),
+        'velocity': twist_error_curves(estimates, truth, origin),
         'slip': slip_errors(estimates, truth, origin),
         'friction': friction_errors(match(estimates.crossings, truth.crossings), origin)}
     return Section('errors', 'Errors', 'Errors against ground truth', _known(

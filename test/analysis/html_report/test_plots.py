@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.figure import (
-    Curve, decimated, Figure, Mark, MAX_POINTS, Panel, truth_mark)
+    Curve, decimated, Figure, Mark, MAX_POINTS, Panel, truth_marks)
 from smart_tire.analysis.html_report.plots import plotly_spec
 
 CURVE = Curve(np.array([0.0, 1.0, 2.0, 3.00049]), np.array([1.0, 1.23456789, math.nan, 3.0]),
@@ -58,8 +58,8 @@ def test_points_without_value_are_left_out_and_bars_are_two_standard_deviations(
 
 
 def test_panels_share_time_and_legend():
-    found = spec(truth_mark(CURVE, 'mid'), panels=2, y_limits=(0.0, 4.0))
-    band, first, _, second = found['data']
+    found = spec(*truth_marks(CURVE, 'mid'), panels=2, y_limits=(0.0, 4.0))
+    first, second = found['data']
     assert (first['showlegend'], second['showlegend']) == (True, False)
     assert first['line']['dash'] == 'dash' and first['line']['shape'] == 'hvh'
     layout = found['layout']
