@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hypothesis import given, settings, strategies as st
 import pytest
-
 from smart_tire.drivers.tire_receiver import SensorNode, TireStream
 from smart_tire.protocol.tire_payload import encode_batch, SATURATED, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
@@ -82,37 +82,34 @@ def test_a_single_channel_gives_one_voltage(node):
     assert [sample.volts for sample in samples] == [(0.0,), (3.3,)]
 
 
-def test_lost_batches_are_counted_and_leave_a_gap(node):
-    samples = feed(node, *((count, batch(count)) for count in (0, 1, 2, 5, 6, 10)))
-    assert node.lost == 5
-    assert node.batches == 6
-    gap = samples[48].stamp_ns - samples[47].stamp_ns
-    assert gap == pytest.approx(2_500_000 + 2 * SPAN_US * 1000, rel=0.01)
+@st.composite
+def orders(draw):
+    """Return the numbers of batches in the order of arrival: some lost, repeated or late."""
+    keys = [(count + shift, count) for count in range(30) for shift in draw(st.sampled_from(
+        [(0.0,)] * 12 + [(), (0.0, 0.5), (1.5,), (3.5,), (0.0, 2.5), (1.5, 2.5)]))]
+    return [count for _, count in sorted(keys)]
 
 
-@pytest.mark.parametrize('changes', [{'sequence': 65530}, {'timer_us': 2**32 - 200_000},
-                                     {'sequence': 65530, 'timer_us': 2**32 - 100_000}])
-def test_sequence_and_timer_may_wrap(node, changes):
-    samples = feed(node, *((count, batch(count, **changes)) for count in range(20)))
-    steps = [b.stamp_ns - a.stamp_ns for a, b in zip(samples, samples[1:])]
-    assert steps == [pytest.approx(2_500_000, rel=0.01)] * len(steps)
-    assert node.lost == node.resets == 0
-
-
-def test_duplicates_are_counted_and_dropped(node):
-    samples = feed(node, (0, batch(0)), (0, batch(0)), (1, batch(1)), (1, batch(0)),
-                   (1, batch(1)), (2, batch(2)))
-    assert len(samples) == 3 * 16
-    assert node.duplicates == 3
-    assert node.lost == node.resets == 0
-
-
-def test_sequence_and_timer_may_wrap_with_the_same_batch(node):
-    changes = {'sequence': 65536 - 10, 'timer_us': 2**32 - 10 * SPAN_US}
-    samples = feed(node, *((count, batch(count, **changes)) for count in range(20)))
-    steps = [b.stamp_ns - a.stamp_ns for a, b in zip(samples, samples[1:])]
-    assert steps == [pytest.approx(2_500_000, rel=0.01)] * len(steps)
-    assert node.lost == node.resets == 0
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(orders(), st.sampled_from([100, 65536, 65536 - 10]), st.sampled_from([0, 9, 10, 40]))
+def test_each_batch_is_delivered_once_with_the_times_of_its_conversions(order, sequence, timer):
+    """Batches are lost, late and repeated while sequence and timer wrap."""
+    node = SensorNode('front_right', latency_ns=5_000_000)
+    newest, seen, late, repeated = -1, set(), 0, 0
+    for count in order:
+        late += count < newest and count not in seen
+        repeated += count in seen
+        newest = max(count, newest)
+        one = batch(count, sequence=sequence % 65536, timer_us=2**32 - timer * SPAN_US)
+        samples = node.samples(replace(one, timer_us=one.timer_us % 2**32), arrival(newest))
+        assert len(samples) == 16 * (count not in seen)
+        seen.add(count)
+        for index, sample in enumerate(samples):
+            true_ns = HOST_NS + count * SPAN_US * 1000 + index * 2_500_000
+            assert sample.stamp_ns == pytest.approx(true_ns, abs=50_000)
+    lost = len(set(range(order[0], newest + 1)) - seen) if order else 0
+    assert (node.batches, node.lost, node.late, node.duplicates, node.resets) == (
+        len(seen), lost, late, repeated, 0)
 
 
 @pytest.mark.parametrize('jump', [-90, 1000, 40_000])
@@ -124,30 +121,6 @@ def test_losses_at_a_sequence_jump_are_bounded_by_the_elapsed_time(node, jump):
     assert node.lost == 3
     stamps = [sample.stamp_ns for sample in samples]
     assert stamps == sorted(stamps)
-
-
-@pytest.mark.parametrize('changes', [
-    {}, {'sequence': 65536 - 10, 'timer_us': 2**32 - 10 * SPAN_US}, {'sequence': 0}])
-@pytest.mark.parametrize('first', [0, 5, 9, 10])
-@pytest.mark.parametrize('by', [1, 3])
-def test_late_batches_cause_neither_resets_nor_losses(node, changes, first, by):
-    order = [*range(first), *range(first + 1, first + 1 + by), first, *range(first + 1 + by, 20)]
-    samples = feed(node, *((max(count, slot), batch(count, **changes))
-                           for slot, count in enumerate(order)))
-    assert len(samples) == 20 * 16
-    assert (node.resets, node.lost, node.duplicates, node.late) == (0, 0, 0, 1)
-    slot_of = {count: slot for slot, count in enumerate(order)}
-    stamps = [sample.stamp_ns for count in range(20)
-              for sample in samples[16 * slot_of[count]:16 * (slot_of[count] + 1)]]
-    assert stamps == sorted(set(stamps))
-    assert stamps[-1] - stamps[0] == pytest.approx((20 * 16 - 1) * 2_500_000, abs=1_000_000)
-
-
-def test_a_late_batch_that_arrives_twice_is_delivered_once(node):
-    samples = feed(node, (0, batch(0)), (2, batch(2)), (2, batch(1)), (3, batch(1)),
-                   (3, batch(3)))
-    assert len(samples) == 4 * 16
-    assert (node.lost, node.late, node.duplicates, node.resets) == (0, 1, 1, 0)
 
 
 def test_a_timer_that_jumps_back_in_its_first_second_is_a_reset(node):

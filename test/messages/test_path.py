@@ -12,22 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages of path following: what is read, and what is refused with which field."""
+"""Messages of path following: what is read, from messages and bytes, and what is refused."""
 
 from __future__ import annotations
 
 import math
+import struct
 
+from hypothesis import given, settings, strategies as st
 import pytest
 from smart_tire.bags.cdr import empty
 from smart_tire.control.trajectory_control import State
 from smart_tire.errors import MessageError
 from smart_tire.messages.path import (
-    goal_from_msg, goal_to_msg, path_from_msg, path_to_msg, progress_from_msg, progress_to_msg,
-    STATES)
+    goal_from_msg, goal_to_msg, path_from_bytes, path_from_msg, path_to_msg, progress_from_msg,
+    progress_to_msg, STATES)
 from smart_tire.samples import GoalPose, NAN, PathProgress, PlannedPath
 
-PATH = PlannedPath(5, 'odom', ((1.0, 2.0, 0.5), (3.0, -4.0, -3.0), (0.0, 0.0, NAN)))
+LIMIT = 100  # poses
+PATH = PlannedPath(1_000_000_005, 'odom', ((1.0, 2.0, 0.5), (3.0, -4.0, -3.0), (0.0, 0.0, NAN)))
 
 
 @pytest.fixture
@@ -49,10 +52,8 @@ def set_orientation(pose, xyzw):
 
 
 def test_position_and_yaw_of_each_pose_are_read(path):
-    assert path_from_msg(path).poses[0] == pytest.approx((1.0, 2.0, 0.5))
-    assert path_from_msg(path).poses[1] == pytest.approx((3.0, -4.0, -3.0))
-    assert path_from_msg(path).poses[2][:2] == (0.0, 0.0)
-    assert math.isnan(path_from_msg(path).poses[2][2])
+    for found, expected in zip(path_from_msg(path).poses, PATH.poses, strict=True):
+        assert found == pytest.approx(expected, nan_ok=True)
 
 
 def test_a_written_path_has_stamp_and_frame_in_each_pose(path):
@@ -140,3 +141,77 @@ def test_an_invalid_progress_is_refused(fields):
 
 def test_the_states_are_those_of_the_controller():
     assert list(STATES) == [int(state) for state in State]
+
+
+def serialized(poses=PATH.poses, frame='odom', order='<', count=None):
+    """Return a Path as CDR, written from the specification."""
+    body = b''
+
+    def align(size):
+        return bytes(-len(body) % size)
+
+    def header(text):
+        data = text.encode() + b'\0'
+        return align(4) + struct.pack(order + 'iII', 1, 5, len(data)) + data
+
+    body += header(frame)
+    body += align(4) + struct.pack(order + 'I', len(poses) if count is None else count)
+    for x, y, yaw in poses:
+        body += header(frame)
+        turn = (0.0, 0.0) if math.isnan(yaw) else (math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+        body += align(8) + struct.pack(order + '7d', x, y, 0.0, 0.0, 0.0, *turn)
+    return {'<': b'\0\1\0\0', '>': b'\0\0\0\0'}[order] + body
+
+
+@pytest.mark.parametrize('order', '<>')
+@pytest.mark.parametrize('frame', ['', 'odom', 'a_map', 'robot/odom'])
+def test_a_path_is_read_in_both_byte_orders_with_any_alignment(order, frame):
+    path = path_from_bytes(serialized(order=order, frame=frame), LIMIT)
+    assert (path.stamp_ns, path.frame) == (1_000_000_005, frame)
+    for found, expected in zip(path.poses, PATH.poses, strict=True):
+        assert found == pytest.approx(expected, nan_ok=True)
+
+
+def test_the_bytes_of_ros_are_read():
+    serialization = pytest.importorskip('rclpy.serialization')
+    from smart_tire.nodes.compat import message_class
+    message = path_to_msg(message_class('nav_msgs/msg/Path')(), PATH)
+    data = serialization.serialize_message(message)
+    assert repr(path_from_bytes(data, 3)) == repr(path_from_bytes(serialized(), 3))
+
+
+@pytest.mark.parametrize('count', [LIMIT + 1, 20_000, 2**32 - 1])
+def test_too_many_poses_are_refused_by_their_number_before_they_are_read(count):
+    with pytest.raises(MessageError, match=rf'path: {count} poses, expected at most 100 '):
+        path_from_bytes(serialized(count=count), LIMIT)
+
+
+def test_a_field_that_is_not_allowed_is_named():
+    with pytest.raises(MessageError, match=r'poses\[1\].pose.position is \[nan'):
+        path_from_bytes(serialized(((0.0, 0.0, 0.0), (NAN, 0.0, 0.0))), LIMIT)
+
+
+def test_every_truncation_is_refused():
+    data = serialized()
+    for size in range(len(data)):
+        with pytest.raises(MessageError, match='path: '):
+            path_from_bytes(data[:size], LIMIT)
+
+
+@settings(max_examples=1000, deadline=None, derandomize=True)
+@given(st.lists(st.tuples(st.integers(0, len(serialized()) - 1), st.integers(0, 255)),
+                min_size=1, max_size=4))
+def test_damaged_bytes_give_a_path_or_are_refused(changes):
+    damaged = bytearray(serialized())
+    for index, byte in changes:
+        damaged[index] = byte
+    try:
+        assert len(path_from_bytes(bytes(damaged), LIMIT).poses) <= LIMIT
+    except MessageError as error:
+        assert str(error).startswith('path: ')
+
+
+@pytest.mark.parametrize('data', [b'', b'\0', b'\0\7\0\0' + bytes(100), b'garbage' * 100])
+def test_other_encapsulations_are_refused(data):
+    with pytest.raises(MessageError, match='encapsulation is .*, expected 0000 or 0001'):
+        path_from_bytes(data, LIMIT)
