@@ -86,23 +86,15 @@ def test_no_drive_is_stopped(surface, cases, currents):
                      currents=currents).trips(20.0) == []
 
 
-@pytest.mark.parametrize('rate', [50.0, 100.0, 200.0])
-def test_no_drive_is_stopped_at_other_rates(rate):
-    for case in range(3):
-        assert Drive(random_drive(case, 10.0), seed=case, rate=rate).trips(10.0) == []
-
-
-def test_no_drive_is_stopped_if_the_boards_report_no_braking_currents():
-    for case in range(6):
-        assert Drive(random_drive(case, 20.0), seed=case,
-                     braking_currents=False).trips(20.0) == []
-
-
-@pytest.mark.parametrize('degrees', [-8.0, 8.0])
-def test_no_drive_on_a_slope_is_stopped(degrees):
-    for case in range(5):
-        assert Drive(random_drive(case, 20.0), seed=case, robot=robot_of(case),
-                     slope=math.radians(degrees)).trips(20.0) == []
+@pytest.mark.parametrize(('cases', 'seconds', 'options'), [
+    *((3, 10.0, {'rate': rate}) for rate in (50.0, 100.0, 200.0)),
+    (6, 20.0, {'braking_currents': False}),  # the boards report none
+    *((5, 20.0, {'slope': math.radians(degrees)}) for degrees in (-8.0, 8.0))])
+def test_no_drive_is_stopped_in_other_conditions(cases, seconds, options):
+    for case in range(cases):
+        robot = robot_of(case) if 'slope' in options else None
+        assert Drive(random_drive(case, seconds), seed=case, robot=robot,
+                     **options).trips(seconds) == []
 
 
 def test_a_robot_held_on_a_slope_is_not_stopped():

@@ -33,6 +33,7 @@ pytestmark = pytest.mark.safety
 GOOD = encode_reply(128, READ_TIMEOUT, 2)
 CURRENTS = encode_reply(128, READ_CURRENTS, -10, 150)  # begins like an acknowledgement
 BAD_CURRENTS = CURRENTS[:-1] + bytes((CURRENTS[-1] ^ 1,))
+ENCODERS = encode_reply(128, READ_ENCODERS, 7, 8)
 BAD = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))
 
 
@@ -172,23 +173,18 @@ def test_the_reply_behind_a_late_one_is_found(request_of_duty, reply, answer):
     assert line.bytes_skipped == len(CURRENTS)
 
 
-def test_the_reply_behind_the_late_ones_of_two_boards_is_found():
-    other = encode_reply(129, READ_CURRENTS, 0, 0)
-    line, port = line_on(b'', b'', CURRENTS + other + b'\xff')
-    for address in (128, 129):
+@pytest.mark.parametrize(('asked', 'replies', 'request_of_duty', 'answer'), [
+    ((128, 129), (CURRENTS + encode_reply(129, READ_CURRENTS, 0, 0) + b'\xff',),
+     (128, SET_DUTY, 0, 0), ()),
+    ((128,), (b'', CURRENTS + 2 * ENCODERS), (128, READ_ENCODERS), (7, 8)),
+    ((128,), (b'', CURRENTS + b'\xff\xff'), (128, SET_DUTY, 0, 0), ())])
+def test_the_reply_behind_late_ones_of_two_boards_or_of_a_repetition_is_found(
+        asked, replies, request_of_duty, answer):
+    line, _ = line_on(*[b''] * len(asked), *replies)
+    for address in asked:
         line.ask(address, READ_CURRENTS, 0.01)
-    line.exchange(128, SET_DUTY, 0, 0)
-    assert not line.retried
-
-
-def test_the_reply_to_a_repeated_request_behind_late_ones_is_found():
-    encoders = encode_reply(128, READ_ENCODERS, 7, 8)
-    line, port = line_on(b'', b'', CURRENTS + encoders + encoders)
-    line.ask(128, READ_CURRENTS, 0.01)
-    assert line.exchange(128, READ_ENCODERS) == (7, 8)
-    line, port = line_on(b'', b'', CURRENTS + b'\xff\xff')
-    line.ask(128, READ_CURRENTS, 0.01)
-    assert line.exchange(128, SET_DUTY, 0, 0) == ()
+    assert line.exchange(*request_of_duty) == answer
+    assert line.retried == (len(replies) > 1)
 
 
 def test_the_second_reply_to_a_repeated_request_is_no_acknowledgement():
@@ -219,21 +215,18 @@ def test_a_reply_of_the_same_board_ends_the_wait_for_a_late_one():
     assert time.monotonic() - began < 0.003
 
 
-def test_a_late_reply_that_has_come_ends_the_wait_for_it():
-    line, port = line_on(b'', CURRENTS + b'\xff', b'\xff\x00')
+@pytest.mark.parametrize(('replies', 'requests', 'retried'), [
+    # a late reply that has come: a byte behind an acknowledgement is of no concern
+    ((CURRENTS + b'\xff', b'\xff\x00'), [(129, SET_DUTY, 0, 0)] * 2, False),
+    # a reply of another board does not end the wait
+    ((encode_reply(129, READ_TIMEOUT, 2), b'\xff\x00', b'\xff'),
+     [(129, READ_TIMEOUT), (128, SET_DUTY, 0, 0)], True)])
+def test_a_late_reply_that_has_come_ends_the_wait_for_it(replies, requests, retried):
+    line, _ = line_on(b'', *replies)
     line.ask(128, READ_CURRENTS, 0.01)
-    line.exchange(129, SET_DUTY, 0, 0)
-    line.exchange(129, SET_DUTY, 0, 0)  # a byte behind an acknowledgement is of no concern
-    assert not line.retried
-
-
-def test_a_reply_of_another_board_does_not():
-    other = encode_reply(129, READ_TIMEOUT, 2)
-    line, port = line_on(b'', other, b'\xff\x00', b'\xff')
-    line.ask(128, READ_CURRENTS, 0.01)
-    line.exchange(129, READ_TIMEOUT)
-    line.exchange(128, SET_DUTY, 0, 0)
-    assert line.retried
+    for request in requests:
+        line.exchange(*request)
+    assert line.retried == retried
 
 
 def test_a_probe_is_a_single_request_and_needs_a_quiet_line():
