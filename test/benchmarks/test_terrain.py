@@ -75,14 +75,6 @@ def test_the_mounting_of_the_imu_is_applied():
     assert force[-1, 0] == pytest.approx(-GRAVITY * math.sin(math.atan(0.1)))
 
 
-def test_a_bump_begins_and_ends_level_and_at_the_same_height():
-    x = np.linspace(0.0, 10.0, 10001)
-    slope, across = speed_bump(0.05, 1.0, 5.0)(x, 0.0 * x)
-    height = np.cumsum(slope) * 1e-3
-    assert height.max() == pytest.approx(0.05, rel=0.01) and abs(height[-1]) < 1e-6
-    assert np.all(across == 0.0)
-
-
 def test_hills_have_the_given_spread_along_both_axes():
     x, y = np.random.default_rng(1).uniform(-500.0, 500.0, (2, 4000))
     spreads = [np.std(rolling_hills(0.02, (5.0, 30.0), seed)(x, y), axis=1)

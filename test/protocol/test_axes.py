@@ -46,11 +46,6 @@ def test_a_vector_has_the_same_world_direction_in_both_conventions(euler, vector
     assert flip_quaternion(flip_quaternion(attitude)) == pytest.approx(attitude, abs=1e-15)
 
 
-def test_positive_yaw_in_ned_points_the_x_axis_from_north_to_east():
-    attitude = quaternion(0.0, 0.0, math.pi / 2.0)
-    assert rotate(attitude, (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
-
-
 def test_specific_force_at_rest_is_positive_on_z_in_rep_103():
     sample = sample_from_flipped(7, (0.0, 0.0, -9.81), (0.1, 0.2, 0.3), None)
     assert sample.stamp_ns == 7

@@ -15,7 +15,6 @@
 """VectorNav binary output, against the messages of test/data/frames/vectornav_binary.txt."""
 
 from dataclasses import replace
-import math
 import struct
 
 from hypothesis import given, settings, strategies as st
@@ -45,13 +44,6 @@ def test_a_message_yields_its_body_and_is_reproduced_by_the_encoder(frame):
     assert body == body_of(frame)
     assert body[0] == frame['groups']
     assert vectornav.encode_frame(body) == frame.data
-
-
-@each_frame('vectornav_binary', 'groups')
-def test_the_header_gives_the_size_of_the_payload(frame):
-    body = body_of(frame)
-    header = 1 + 2 * frame['groups'].bit_count()
-    assert vectornav.payload_size(body[:header]) == len(body) - header
 
 
 @each_frame('vectornav_binary', 'yaw_pitch_roll')
@@ -124,17 +116,6 @@ def test_a_header_with_undefined_fields_is_invalid(header):
     (body_of(FRAMES['default_fields'])[:-1], 'has 34 bytes, expected 35')])
 def test_an_invalid_body_is_refused_with_the_reason(body, message):
     with pytest.raises(FrameError, match=message):
-        decode_binary(body)
-
-
-@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf, 3e38])
-@pytest.mark.parametrize('part, name', [
-    ('acceleration', 'acceleration'), ('rate', 'angular rate'), ('orientation', 'orientation')])
-@pytest.mark.parametrize('fields', [Field.ACCEL | Field.ANGULAR_RATE, Field.IMU])
-def test_a_value_that_no_sensor_measures_is_refused_by_name(value, part, name, fields):
-    numbers = (value, *getattr(SAMPLE, part)[1:])
-    body = encode_binary(0, replace(SAMPLE, **{part: numbers}), fields | Field.QUATERNION)
-    with pytest.raises(FrameError, match=name):
         decode_binary(body)
 
 

@@ -20,7 +20,6 @@ import math
 from hypothesis import given, settings, strategies as st
 import pytest
 from smart_tire.errors import FrameError
-from smart_tire.protocol import vectornav_ascii
 from smart_tire.protocol.vectornav_ascii import (
     AsciiDeframer, checksum, crc_digits, decode_ymr, encode_sentence, encode_ymr)
 from smart_tire.samples import ImuSample
@@ -145,10 +144,3 @@ def test_a_value_that_no_sensor_measures_is_refused_by_name(index, field, messag
     fields[index] = field
     with pytest.raises(FrameError, match=message):
         decode_ymr(b','.join([header, *fields]))
-
-
-def test_a_sentence_without_end_does_not_fill_the_buffer():
-    deframer = AsciiDeframer()
-    assert list(deframer.extract(b'$' + b'1' * vectornav_ascii.MAX_SENTENCE_LENGTH)) == []
-    assert deframer.bad_frames == 1
-    assert deframer.skipped_bytes == 1 + vectornav_ascii.MAX_SENTENCE_LENGTH

@@ -54,13 +54,6 @@ def test_a_receive_packet_decodes_to_its_documented_fields(frame):
     assert xbee.encode_receive_packet(packet_of(frame)) == body_of(frame)
 
 
-@pytest.mark.parametrize('name', [name for name, frame in frames('xbee').items()
-                                  if frame['frame_type'] != 0x90])
-def test_a_frame_of_another_type_is_not_decoded_as_a_receive_packet(name):
-    with pytest.raises(FrameError, match='XBee'):
-        xbee.decode_receive_packet(body_of(frames('xbee')[name]))
-
-
 def test_the_data_of_a_receive_packet_is_the_tire_payload():
     (body,) = XBeeDeframer().extract(frames('xbee')['receive_packet_tire_batch'].data)
     payload = frames('tire_payload')['escaped_bytes'].data

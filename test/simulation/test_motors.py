@@ -59,21 +59,6 @@ def test_motor_torques_and_wheel_speeds_give_the_traction_of_the_brush_tire(visc
             np.testing.assert_allclose(force, brush, atol=0.05)
 
 
-def test_the_forces_of_the_motors_accelerate_the_robot():
-    params = params_of(**EXACT)
-    plant = plant_of(params)
-    for _ in range(1500):
-        before, load = list(plant.wheel_speed), list(plant.load)
-        plant.step([0.5] * 4)
-        speed = np.array(plant.wheel_speed)
-        force = drive.traction_force(plant.motor_torque, speed, (speed - before) / TIME_STEP,
-                                     load, params.robot.motor, params.robot.wheel_radius)
-        drag = 0.015 * sum(load)
-        if plant.v_x > 0.4:
-            assert force.sum() - drag == pytest.approx(
-                params.robot.mass * plant.acceleration[0], rel=2e-3)
-
-
 def efforts(params, **options):
     """Return torques [N m] (n, 4) and times [s] of the wheel samples of a simulation."""
     samples = [sample for _, topic, sample in simulate(params, SCHEDULE, 5.0, **options)
@@ -120,24 +105,13 @@ def test_errors_are_those_of_the_parameters():
     assert abs(friction.mean() - 1.0) < 0.02
 
 
-def test_torques_are_left_out_on_request_and_change_nothing_else():
-    params = params_of(**{'film.wheels': ['front_left']})
-    with_torque = simulate(params, SCHEDULE, 2.0)
-    without = simulate(params, SCHEDULE, 2.0, torque=False)
-    assert all(sample.effort is None for _, topic, sample in without if topic == 'wheel_states')
-    assert len(with_torque) == len(without)
-    for (ns, topic, sample), (other_ns, other_topic, other) in zip(with_torque, without):
-        assert (ns, topic, sample.stamp_ns) == (other_ns, other_topic, other.stamp_ns)
-        if topic == 'wheel_states':
-            assert sample.velocity == other.velocity and sample.effort is not None
-        elif topic == 'imu/data':
-            assert sample == other
-
-
-def test_errors_of_motors_leave_the_noise_of_other_sensors_unchanged():
-    still = [(0.0, 0, 0)]
-    with_errors = simulate(params_of(), still, 1.0)
-    exact = simulate(params_of(**EXACT), still, 1.0)
+@pytest.mark.parametrize('values, options', [({}, {'torque': False}), (EXACT, {})])
+def test_torques_and_errors_of_motors_leave_the_other_sensors_unchanged(values, options):
+    still, film = [(0.0, 0, 0)], {'film.wheels': ['front_left']}
+    expected = simulate(params_of(**film), still, 1.0)
+    found = simulate(params_of(**film, **values), still, 1.0, **options)
+    efforts = {sample.effort is None for _, topic, sample in found if topic == 'wheel_states'}
+    assert efforts == {bool(options)}
     for topic in ('imu/data', 'tire_samples'):
-        assert ([event for event in with_errors if event[1] == topic]
-                == [event for event in exact if event[1] == topic])
+        assert ([event for event in found if event[1] == topic]
+                == [event for event in expected if event[1] == topic])

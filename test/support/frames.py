@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from typing import Any
 import pytest
 
 FOLDER = Path(__file__).resolve().parents[1] / 'data' / 'frames'
-ORIGINS = ('published', 'recorded', 'computed')
 
 
 @dataclass
@@ -74,13 +72,6 @@ def each_frame(file: str, *keys: str) -> pytest.MarkDecorator:
     if not chosen:
         raise ValueError(f'{file}.txt has no frame with values {keys}')
     return pytest.mark.parametrize('frame', chosen, ids=str)
-
-
-def all_frames() -> Iterator[tuple[str, Frame]]:
-    """Yield the file name, without its extension, and the frame of all frames."""
-    for path in sorted(FOLDER.glob('*.txt')):
-        for frame in frames(path.stem).values():
-            yield path.stem, frame
 
 
 def _literals(text: str) -> dict[str, Any]:
