@@ -321,15 +321,6 @@ def test_a_command_is_sent_at_once_and_ends_at_its_time_out(rig):
         assert running.reports == ['motors stopped: no motor command for 0.25 s']
 
 
-def test_zero_is_sent_at_once_when_the_gate_stops(rig):
-    with Running(rig, rate=1.0) as running:
-        running.drive(0.5)
-        asked = time.monotonic()
-        running.gate.engage(time.monotonic_ns())
-        running.motors.wake()
-        assert running.stopped(asked) < 0.03
-
-
 def test_the_motors_stop_with_the_program(rig):
     with Running(rig) as running:
         running.drive(0.5)
@@ -339,14 +330,6 @@ def test_the_motors_stop_with_the_program(rig):
         assert running.stopped(ended) < 0.1
         assert not running.gate.enabled
         assert running.reports == []  # a regular end is not reported
-
-
-def test_the_first_request_to_each_board_is_zero_duty(rig):
-    with Running(rig) as running:
-        requests = rig.record(running.began).requests
-        for address in ADDRESSES:
-            first = next(request for _, request in requests if request.address == address)
-            assert (first.command, first.values) == (SET_DUTY, (0, 0))
 
 
 def test_waiting_costs_no_cpu_time(rig):
@@ -375,29 +358,25 @@ def test_the_ages_of_readings_restart_when_the_port_is_reopened(rig):
         port.close()
 
 
-def test_the_boards_get_their_time_out_before_any_duty(rig):
+def test_the_boards_get_zero_and_their_time_out_before_any_duty(rig):
     with Running(rig, board_timeout=0.25) as running:
         running.drive(0.3)
         record = rig.record(running.began)
         for address in ADDRESSES:
+            first = next(request for _, request in record.requests if request.address == address)
+            assert (first.command, first.values) == (SET_DUTY, (0, 0))
             for command in (SET_TIMEOUT, READ_TIMEOUT, READ_STATUS, READ_BATTERY):
                 assert record.times(command, address)[0] < record.first_duty()
         assert rig.state().timeouts == (3, 3)  # 0.1 s, rounded up
 
 
-def test_duties_are_sent_continuously_without_commands(rig):
-    with Running(rig, rate=1.0) as running:
-        pause(1.0)
-        record = rig.record(running.began)
-        for address in ADDRESSES:
-            assert np.max(np.diff(record.times(SET_DUTY, address))) < 0.03 + SLACK
-
-
-def test_the_duty_is_repeated_while_a_command_is_in_force(rig):
+@pytest.mark.parametrize('commanded', [False, True])
+def test_duties_are_sent_continuously_with_and_without_commands(rig, commanded):
     with Running(rig, rate=1.0, command_timeout=1.0) as running:
-        running.gate.command((0.2,) * 4, time.monotonic_ns())
         asked = time.monotonic()
-        running.motors.wake()
+        if commanded:
+            running.gate.command((0.2,) * 4, time.monotonic_ns())
+            running.motors.wake()
         pause(0.8)
         for address in ADDRESSES:
             assert np.max(np.diff(rig.record(asked).times(SET_DUTY, address))) < 0.03 + SLACK
@@ -428,8 +407,10 @@ def test_a_missing_or_damaged_reply_stops_both_boards(rig, faults):
         assert not record.after(record.first_zero()).driven()
         assert running.motors.faults == 1
         assert len(running.reports) == 1
-        zeros = [when for address in ADDRESSES for when in record.times(SET_DUTY, address)
-                 if when >= record.first_zero() - 0.01]
+        each = [[when for when in record.times(SET_DUTY, address)
+                 if when >= record.first_zero() - 0.01] for address in ADDRESSES]
+        zeros = sum(each, [])
+        assert abs(min(each[0]) - min(each[1])) < 0.005  # to both boards at once
         quiet = [when for when in record.bytes_at if when > max(zeros)]
         assert 0.15 < max(zeros) - min(zeros) < 0.25 + SLACK
         assert len(zeros) < 40
@@ -441,18 +422,6 @@ def test_a_missing_or_damaged_reply_stops_both_boards(rig, faults):
                 if when > max(zeros)} == {READ_TIMEOUT}
         rig.fail()
         running.drive(0.4)
-
-
-def test_zero_is_sent_to_both_boards_at_once_after_a_fault(rig):
-    with Running(rig) as running:
-        running.drive(0.4)
-        failed = rig.fail(mute={128})
-        running.stopped(failed)
-        record = rig.record(failed)
-        first = [min(when for when, request in record.requests if request.command == SET_DUTY
-                     and request.address == address and request.values == (0, 0))
-                 for address in ADDRESSES]
-        assert abs(first[0] - first[1]) < 0.005
 
 
 def test_a_line_that_recovers_at_once_is_used_again_without_the_silence(rig):
