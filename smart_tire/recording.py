@@ -162,7 +162,7 @@ class _Table:
         self.width = width
         self.stamps, self.received, self.values = array('q'), array('q'), array('d')
 
-    def add(self, stamp_ns: int, receive_ns: int, row: Row) -> None:
+    def append(self, stamp_ns: int, receive_ns: int, row: Row) -> None:
         """Append one row; missing numbers at its end are NaN."""
         if len(row) != self.width:
             if len(row) > self.width:
@@ -247,9 +247,9 @@ class Recording:
         self._streams: dict[tuple[type, str], Stream] = {}  # of the tables, when last asked for
         self._order = array('H')  # index of its table for each sample
         for sample in samples:
-            self.add(sample)
+            self.add_sample(sample)
 
-    def add(self, sample: Sample, receive_ns: int | None = None) -> None:
+    def add_sample(self, sample: Sample, receive_ns: int | None = None) -> None:
         """Add a sample, by default received at its timestamp."""
         kind = type(sample)
         if kind is Friction:
@@ -262,7 +262,7 @@ class Recording:
         if table is None:
             table = self._tables[key] = _Table(len(row))
             self._index[key] = len(self._index)
-        table.add(sample.stamp_ns, sample.stamp_ns if receive_ns is None else receive_ns, row)
+        table.append(sample.stamp_ns, sample.stamp_ns if receive_ns is None else receive_ns, row)
         self._order.append(self._index[key])
 
     def stream(self, kind: type, wheel: str = '') -> Stream:

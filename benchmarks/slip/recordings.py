@@ -109,7 +109,7 @@ def read(path: Path) -> tuple[list[Sample], RecordedTruth]:
     with Bag(path) as bag:
         for _, topic, sample in bag.samples(TOPICS):
             if topic == TRUTH:
-                truth.add(sample)
+                truth.add_sample(sample)
             else:
                 samples.append(sample)
     poses = truth.poses()

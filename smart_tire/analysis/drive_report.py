@@ -80,7 +80,8 @@ def read_run(path: Path, intervals: Intervals | None = None) -> Run:
             log.add(receive_ns, sample)
             if topic == 'odom':
                 ages.append((receive_ns, receive_ns - sample.stamp_ns))
-            (truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs).add(sample)
+            part = truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs
+            part.add_sample(sample)
         counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
         result = Result(estimates, inputs, truth, wanted=log.wanted(), intervals=intervals or {})
         return Run(path, result, log, bag.span_ns, counts, np.array(ages).reshape(-1, 2))

@@ -110,7 +110,7 @@ class EstimateWriter:
         """Write estimates; the first one creates the bag."""
         for estimate in estimates:
             self.empty = False
-            self.estimates.add(estimate)
+            self.estimates.add_sample(estimate)
             if self._folder is None:
                 continue
             if self._writer is None:
@@ -150,7 +150,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
                 estimates = stage.update(sample)
                 writers[0].write(receive_ns, estimates)
                 if smooth:
-                    smoothed.add(receive_ns, estimates)
+                    smoothed.hold(receive_ns, estimates)
         if isinstance(slip, SmoothedSlip):
             with closing(slip):
                 for share, receive_ns, records in smoothed.merged(slip):
@@ -180,7 +180,7 @@ class _Smoothed:
         self._received = array('q')  # receive time of each odometry
         self._others: list[tuple[int, EstimateRecord]] = []
 
-    def add(self, receive_ns: int, estimates: Iterable[EstimateRecord]) -> None:
+    def hold(self, receive_ns: int, estimates: Iterable[EstimateRecord]) -> None:
         """Add estimates of the filter."""
         for estimate in estimates:
             if isinstance(estimate, Odometry):
@@ -210,11 +210,11 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
         for count, (receive_ns, topic, sample) in enumerate(
                 bag.samples((*INPUTS, *TRUTHS, PATH))):
             if topic in TRUTHS:
-                contents.truth.add(sample, receive_ns)
+                contents.truth.add_sample(sample, receive_ns)
             elif topic == PATH:
                 contents.paths.add(receive_ns, sample)
             else:
-                contents.inputs.add(sample, receive_ns)
+                contents.inputs.add_sample(sample, receive_ns)
                 forwarded += [(receive_ns, item) for item in stage.update(sample)]
             if count % BATCH_SIZE == 0:
                 yield StageBatch((receive_ns - start) / max(1, end - start), forwarded)

@@ -93,9 +93,9 @@ def smooth(params: SlipEstimatorParams, samples: Iterable[Sample]) -> FilteredAn
     for sample in samples:
         if isinstance(sample, (ImuSample, WheelSample, GroundState)):
             for estimate in slip.update(sample):
-                both.filtered.add(estimate)
+                both.filtered.add_sample(estimate)
     for estimates in slip.smoothed():
         for estimate in estimates:
-            both.smoothed.add(estimate)
+            both.smoothed.add_sample(estimate)
     slip.close()
     return both

@@ -240,7 +240,7 @@ def as_recording(received: Iterable[tuple[int, str, Sample]], params: Params | N
     """Return samples, with receive time [ns] and topic, in order of their reception."""
     samples, truth = Samples(), Samples()
     for receive_ns, topic, sample in received:
-        (truth if topic.startswith(TRUTH) else samples).add(sample, receive_ns)
+        (truth if topic.startswith(TRUTH) else samples).add_sample(sample, receive_ns)
     imu, wheels = samples.stream(ImuSample), samples.stream(WheelSample)
     films = samples.of(TireSample)
     return Recording(

@@ -42,7 +42,7 @@ def estimate(recording: Recording, params: Params | None = None) -> Estimates:
     pipeline = Pipeline((params or recording.params or Params()).estimators)
     found = Samples(one for item in recording.received() for one in pipeline.update(item.sample))
     for one in pipeline.finish():
-        found.add(one)
+        found.add_sample(one)
     return estimates_of(found)
 
 

@@ -197,7 +197,7 @@ class McapFile:
             if end > len(data):
                 break
             if opcode == Opcode.MESSAGE and length >= MESSAGE_HEAD:
-                run.add(MESSAGE.unpack_from(data, offset)[4], offset, end)
+                run.extend(MESSAGE.unpack_from(data, offset)[4], offset, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._read(Block(0, 0, offset, end - offset, frozenset(), is_chunk=False), None)
             elif opcode == Opcode.METADATA:
@@ -282,7 +282,7 @@ class _MessageRun:
     def messages(self) -> int:
         return len(self._times)
 
-    def add(self, ns: int, start: int, end: int) -> None:
+    def extend(self, ns: int, start: int, end: int) -> None:
         if not self._times:
             self._start = start
         self._times.append(ns)

@@ -267,7 +267,7 @@ class Bag:
         """
         found, (start, end) = Recording(), self.span_ns
         for count, (receive_ns, _, sample) in enumerate(self.samples(wanted, restamp=restamp)):
-            found.add(sample, receive_ns)
+            found.add_sample(sample, receive_ns)
             if count % PROGRESS_MESSAGES == 0:
                 progress((receive_ns - start) / max(1, end - start))
         return found

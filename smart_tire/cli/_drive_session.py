@@ -71,7 +71,7 @@ class Following:
     """
     The progress of one path; times are seconds of one steady clock.
 
-    ``update`` raises RobotError if the controller does not answer, falls silent, or does not
+    ``end_state`` raises RobotError if the controller does not answer, falls silent, or does not
     arrive in the time of a mean speed of ``MIN_MEAN_SPEED``. ``remaining`` is the distance [m]
     that was reported last.
     """
@@ -89,7 +89,7 @@ class Following:
         self._latest: PathProgress | None = None
         self._started = False
 
-    def update(self, report: PathProgress | None, time: float) -> State | None:
+    def end_state(self, report: PathProgress | None, time: float) -> State | None:
         """Return the state in which the path has ended, None while it is followed."""
         if report is not None and report is not self._latest:
             self._latest, self._heard = report, time
@@ -223,7 +223,7 @@ class Session:
         self.lateness = 0.0
         while state is None:
             self.spin(SHOW_PERIOD)
-            state = following.update(self.pilot.progress, time.monotonic())
+            state = following.end_state(self.pilot.progress, time.monotonic())
             oldest_ns = min(sample.stamp_ns for sample in (self.pilot.odometry, self.pilot.wheels)
                             if sample is not None)
             self.lateness = max(self.lateness, (self.pilot.now_ns() - oldest_ns) / NS_PER_S)

@@ -75,7 +75,7 @@ class KeyDecoder:
     def __init__(self) -> None:
         self._pending = ''
 
-    def feed(self, data: bytes) -> list[Key]:
+    def decode(self, data: bytes) -> list[Key]:
         """Return the keys in ``data``, in order; others are ignored."""
         text, keys = self._pending + data.decode('latin-1'), []
         self._pending = ''
@@ -134,7 +134,7 @@ class Keyboard:
             data = os.read(self._number, 4096)
         except OSError:  # closed
             return [Key.QUIT]
-        return self._decoder.feed(data) if data else [Key.QUIT]
+        return self._decoder.decode(data) if data else [Key.QUIT]
 
 
 @dataclass

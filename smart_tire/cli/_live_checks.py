@@ -64,7 +64,7 @@ class Listened:
         if topic not in self.readers:
             self.readers[topic] = SampleReader(topic, self.faults)
         if (sample := self.readers[topic](data)) is not None:
-            self.samples.add(sample, receive_ns)
+            self.samples.add_sample(sample, receive_ns)
 
 
 @dataclass

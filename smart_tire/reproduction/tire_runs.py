@@ -73,19 +73,19 @@ def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: flo
             params, schedule, STANDSTILL_TIME + duration):
         newest = receive_ns
         if topic.startswith('ground_truth/'):
-            truth.add(sample)
+            truth.add_sample(sample)
             continue
         if isinstance(sample, ImuSample):
             imu.append((sample.stamp_ns, sample.acceleration[0]))
-        inputs.add(sample)
+        inputs.add_sample(sample)
         for estimate in (found := pipeline.update(sample)):
-            estimates.add(estimate)
+            estimates.add_sample(estimate)
         for item in (*found, sample):
             if isinstance(item, (ImuSample, WheelSample, GroundState)):
                 for estimate in printed_filter.update(item):
-                    printed.add(estimate)
+                    printed.add_sample(estimate)
     for estimate in pipeline.finish():
-        estimates.add(estimate)
+        estimates.add_sample(estimate)
     stamps = np.array([stamp for stamp, _ in imu], np.int64)
     origin = int(stamps[0]) + round(STANDSTILL_TIME * NS_PER_S)
     return Run(inputs, estimates, printed, truth, np.array([a for _, a in imu]), stamps,

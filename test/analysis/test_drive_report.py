@@ -47,7 +47,7 @@ def received(log, offset_ns=0, lost=()):
     for k, batch in enumerate(read_conversions(log)):
         if not batch.dropped and k not in lost:
             for stamp in batch.stamp_ns:
-                series.add(TireSample(int(stamp) + offset_ns, 'front_left', (1.65, 1.65)))
+                series.add_sample(TireSample(int(stamp) + offset_ns, 'front_left', (1.65, 1.65)))
     return series
 
 

@@ -50,8 +50,8 @@ def poses(y=0.0, yaw=0.0, until=10.0):
     for seconds in np.arange(0.0, until, 0.02):
         x = SPEED * max(seconds - 2.0, 0.0)
         own_y = y * min(x, 1.0)
-        series.add(odometry(seconds, math.cos(yaw) * x - math.sin(yaw) * own_y,
-                            math.sin(yaw) * x + math.cos(yaw) * own_y, yaw))
+        series.add_sample(odometry(seconds, math.cos(yaw) * x - math.sin(yaw) * own_y,
+                                   math.sin(yaw) * x + math.cos(yaw) * own_y, yaw))
     return series.poses()
 
 

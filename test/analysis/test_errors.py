@@ -36,9 +36,9 @@ def driven(speed, slip=0.1, sigma=0.02, known=True):
     twist = COVARIANCE if known else (-1.0, *(0.0,) * 35)
     for i in range(20):
         stamp = round(0.1 * i * NS_PER_S)
-        series.add(Odometry(stamp, (0.1 * i * speed, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
-                            (speed, 0.0, 0.0), (0.0, 0.0, 0.0), COVARIANCE, twist))
-        series.add(WheelSlip(stamp, (slip,) * 4, (0.0,) * 4, (sigma,) * 4))
+        series.add_sample(Odometry(stamp, (0.1 * i * speed, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
+                                   (speed, 0.0, 0.0), (0.0, 0.0, 0.0), COVARIANCE, twist))
+        series.add_sample(WheelSlip(stamp, (slip,) * 4, (0.0,) * 4, (sigma,) * 4))
     return series
 
 

@@ -44,14 +44,14 @@ def driven():
     """Return four seconds of poses and slips, and crossings at 1, 2 and 3 s."""
     series = Recording()
     for i in range(400):
-        series.add(Odometry(ns(0.01 * i), (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
-                            (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), SPREAD, SPREAD))
-        series.add(WheelSlip(ns(0.01 * i), (0.1, -0.1) * 2, (0.0,) * 4, (0.02,) * 4))
+        series.add_sample(Odometry(ns(0.01 * i), (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
+                                   (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), SPREAD, SPREAD))
+        series.add_sample(WheelSlip(ns(0.01 * i), (0.1, -0.1) * 2, (0.0,) * 4, (0.02,) * 4))
     for time, slip, sigma in ((1.0, 0.10, 0.05), (2.0, 0.12, 0.9), (3.0, 0.2, 0.05)):
-        series.add(Friction(
+        series.add_sample(Friction(
             ns(time), 'front_left', friction_coefficient=Uncertain(0.47, 0.03),
             friction_coefficient_single=Uncertain(0.5, sigma), slip=Uncertain(slip, 0.0)))
-    series.add(GroundState(ns(1.0), Uncertain(50.0, 5.0)))
+    series.add_sample(GroundState(ns(1.0), Uncertain(50.0, 5.0)))
     return series
 
 
@@ -59,9 +59,9 @@ def measured():
     """Return four seconds of film voltages and wheel speeds."""
     series = Recording()
     for i in range(1600):
-        series.add(TireSample(ns(i / 400), 'front_left', (1.65 + 0.001 * i, 1.65)))
+        series.add_sample(TireSample(ns(i / 400), 'front_left', (1.65 + 0.001 * i, 1.65)))
     for i in range(64):
-        series.add(WheelSample(ns(i / 16), (OMEGA,) * 4))
+        series.add_sample(WheelSample(ns(i / 16), (OMEGA,) * 4))
     return series
 
 
@@ -73,7 +73,7 @@ def only(crossings=(), slips=()):
     series = Recording()
     series.crossings = list(crossings)
     for slip in slips:
-        series.add(slip)
+        series.add_sample(slip)
     return series
 
 
@@ -113,7 +113,7 @@ def test_every_axis_has_a_unit_and_every_band_an_explanation():
 def test_each_interval_has_a_slip_panel_and_determines_the_axis():
     estimates = driven()
     for k in range(100):
-        estimates.add(WheelSlip(ns(4.0 + 0.01 * k), (0.9,) * 4, (0.0,) * 4, (0.02,) * 4))
+        estimates.add_sample(WheelSlip(ns(4.0 + 0.01 * k), (0.9,) * 4, (0.0,) * 4, (0.02,) * 4))
     intervals = {name: [(ns(start), ns(start + 1.0))] for name, start in
                  (('concrete', 0.0), ('sand', 1.0), ('sand again', 2.0))}
     figure = slip_figure(result(estimates=estimates, intervals=intervals))
@@ -155,7 +155,7 @@ def test_ground_truth_is_drawn_if_available():
 @pytest.mark.parametrize('slip', [1.0, math.nan])
 def test_neither_a_spike_nor_an_undefined_slip_changes_the_slip_axis(slip):
     spiky = driven()
-    spiky.add(WheelSlip(ns(4.0), (slip,) * 4, (0.0,) * 4, (0.02,) * 4))
+    spiky.add_sample(WheelSlip(ns(4.0), (slip,) * 4, (0.0,) * 4, (0.02,) * 4))
     low, high = slip_figure(result(estimates=spiky)).panels[0].y_limits
     assert -0.3 < low < -0.1 and 0.1 < high < 0.3
     low, high = slip_figure(Result(only(slips=[WheelSlip(
@@ -197,7 +197,7 @@ def test_a_long_recording_has_segments_where_the_wheels_change():
     inputs = Recording()
     for i in range(1200):
         turning = 200 <= i < 250 or 900 <= i < 950
-        inputs.add(WheelSample(ns(0.1 * i), (OMEGA + (i % 2 if turning else 0.0),) * 4))
+        inputs.add_sample(WheelSample(ns(0.1 * i), (OMEGA + (i % 2 if turning else 0.0),) * 4))
     found = result(inputs=inputs)
     assert len(found.segments) == 2
     assert slip_figure(found).segments == friction_figure(found).segments == found.segments

@@ -94,7 +94,7 @@ def slips_of(events, params):
     for _, topic, sample in events:
         if topic in INPUTS:
             for estimate in pipeline.update(sample):
-                series.add(estimate)
+                series.add_sample(estimate)
     return series.slips().ratio
 
 

@@ -117,7 +117,7 @@ def filtered_errors(latency):
         series = Recording()
         for sample in run.samples:
             for estimate in estimator.update(sample):
-                series.add(estimate)
+                series.add_sample(estimate)
         found.append(errors(run, ground, series)['slip'])
     return (np.concatenate([error for error, _ in found]),
             np.concatenate([error / sigma for error, sigma in found]))

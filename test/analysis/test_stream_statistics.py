@@ -62,10 +62,10 @@ def test_equal_timestamps_have_no_rate(indices):
 def test_wheels_that_share_a_topic_are_evaluated_separately():
     inputs = Recording()
     for i, stamp in enumerate(stamps(range(100)).tolist()):
-        inputs.add(TireSample(stamp, 'front_left', (1.65, 1.65)))
+        inputs.add_sample(TireSample(stamp, 'front_left', (1.65, 1.65)))
         if i not in (50, 51):
-            inputs.add(TireSample(stamp + 700_000, 'front_right', (1.65, 1.65)))
-        inputs.add(ImuSample(stamp, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
+            inputs.add_sample(TireSample(stamp + 700_000, 'front_right', (1.65, 1.65)))
+        inputs.add_sample(ImuSample(stamp, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
     found = input_stats(inputs)
     assert found['tire_samples'].messages == 198
     assert found['tire_samples'].rate_hz == pytest.approx(400.0)

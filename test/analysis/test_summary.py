@@ -37,16 +37,17 @@ def run(slip_error=0.0, mu_factor=1.0):
     series = Recording()
     for i in range(1000):
         stamp = EPOCH + i * SECOND // 100
-        series.add(Odometry(stamp, (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.5, 0.0, 0.0),
-                            (0.0, 0.0, 0.0), SPREAD, SPREAD))
+        series.add_sample(Odometry(
+            stamp, (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.5, 0.0, 0.0), (0.0, 0.0, 0.0),
+            SPREAD, SPREAD))
         slip = math.nan if i < 100 else 0.1 + slip_error
-        series.add(WheelSlip(stamp, (slip,) * 4, (0.0,) * 4, (0.02,) * 4))
+        series.add_sample(WheelSlip(stamp, (slip,) * 4, (0.0,) * 4, (0.02,) * 4))
     for i in range(20):
         mu = (0.47 if i < 10 else 0.3) * mu_factor
-        series.add(Friction(EPOCH + i * SECOND // 2, 'front_left',
-                            friction_coefficient=Uncertain(mu, 0.05),
-                            friction_coefficient_single=Uncertain(mu, 0.05),
-                            slip=Uncertain(0.1, 0.0)))
+        series.add_sample(Friction(EPOCH + i * SECOND // 2, 'front_left',
+                                   friction_coefficient=Uncertain(mu, 0.05),
+                                   friction_coefficient_single=Uncertain(mu, 0.05),
+                                   slip=Uncertain(0.1, 0.0)))
     return series
 
 
@@ -74,7 +75,7 @@ def test_estimates_are_summarized_without_ground_truth():
 def test_the_ground_is_summarized_by_medians():
     series = run()
     for i, stiffness in enumerate((50.0, 25.0, 26.0)):
-        series.add(GroundState(
+        series.add_sample(GroundState(
             EPOCH + i, Uncertain(stiffness, 2.0), rolling_resistance=Uncertain(0.05, 0.01),
             friction_coefficient=Uncertain(0.5, 0.1) if i else UNKNOWN))
     ground = estimates_tree(series)['ground_state']
@@ -96,10 +97,11 @@ def test_without_ground_truth_there_are_no_errors():
 
 def test_errors_are_computed_for_the_available_ground_truth():
     truth = Recording()
-    truth.add(Odometry(EPOCH, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0),
-                       (0.0, 0.0, 0.0), (0.0,) * 36, (-1.0,) * 36))
-    truth.add(Odometry(EPOCH + SECOND, (0.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0),
-                       (0.0, 0.0, 0.0), (0.0,) * 36, (-1.0,) * 36))
+    truth.add_sample(Odometry(EPOCH, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0),
+                              (0.0, 0.0, 0.0), (0.0,) * 36, (-1.0,) * 36))
+    truth.add_sample(Odometry(
+        EPOCH + SECOND, (0.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
+        (0.0,) * 36, (-1.0,) * 36))
     tree = truth_tree(run(), truth)
     assert list(tree) == ['pose']
     assert tree['pose']['twist'] is None

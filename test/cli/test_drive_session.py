@@ -44,7 +44,7 @@ def run(*reports, length=1.0):
     """Return the result of the last of ``reports`` (seconds after the begin, state or None)."""
     following, result = Following(length, BEGIN), None
     for seconds, state in reports:
-        result = following.update(None if state is None else report(state), BEGIN + seconds)
+        result = following.end_state(None if state is None else report(state), BEGIN + seconds)
     return result
 
 
@@ -64,21 +64,21 @@ def test_a_report_about_the_path_before_is_no_result(old):
 def test_on_a_busy_host_all_times_are_longer():
     following = Following(1.0, BEGIN, patience=10.0)
     arrived = report(State.ARRIVED)
-    assert following.update(arrived, BEGIN + 10.0 * OLD_REPORT_TIME - 0.1) is None
-    assert following.update(arrived, BEGIN + 10.0 * OLD_REPORT_TIME + 0.1) == State.ARRIVED
+    assert following.end_state(arrived, BEGIN + 10.0 * OLD_REPORT_TIME - 0.1) is None
+    assert following.end_state(arrived, BEGIN + 10.0 * OLD_REPORT_TIME + 0.1) == State.ARRIVED
     idle = report(State.IDLE)
-    assert Following(1.0, BEGIN, patience=10.0).update(idle, BEGIN + 10.0 * ANSWER_TIME) is None
-    assert following.update(report(State.FOLLOWING), BEGIN + 15.0) is None
-    assert following.update(None, BEGIN + 15.0 + 10.0 * SILENCE_TIME) is None
+    assert Following(1.0, BEGIN, patience=10.0).end_state(idle, BEGIN + 10.0 * ANSWER_TIME) is None
+    assert following.end_state(report(State.FOLLOWING), BEGIN + 15.0) is None
+    assert following.end_state(None, BEGIN + 15.0 + 10.0 * SILENCE_TIME) is None
     with pytest.raises(RobotError, match='does not report'):
-        following.update(None, BEGIN + 15.1 + 10.0 * SILENCE_TIME)
+        following.end_state(None, BEGIN + 15.1 + 10.0 * SILENCE_TIME)
 
 
 def test_the_latest_distance_that_was_reported_is_kept():
     following = Following(2.0, BEGIN)
     assert following.remaining == 2.0
     for distance, state in ((1.5, State.FOLLOWING), (NAN, State.FOLLOWING), (NAN, State.STOPPED)):
-        following.update(PathProgress(0, distance, NAN, int(state)), BEGIN + 1.0)
+        following.end_state(PathProgress(0, distance, NAN, int(state)), BEGIN + 1.0)
     assert following.remaining == 1.5
 
 
@@ -93,10 +93,10 @@ def test_silence_is_an_error():
         since = first[0][0] if first else 0.0
         following = Following(1.0, BEGIN)
         latest = report(State.FOLLOWING) if first else None
-        following.update(latest, BEGIN + since)
-        assert following.update(latest, BEGIN + since + SILENCE_TIME - 0.01) is None
+        following.end_state(latest, BEGIN + since)
+        assert following.end_state(latest, BEGIN + since + SILENCE_TIME - 0.01) is None
         with pytest.raises(RobotError, match='does not report'):
-            following.update(latest, BEGIN + since + SILENCE_TIME + 0.01)
+            following.end_state(latest, BEGIN + since + SILENCE_TIME + 0.01)
 
 
 def test_the_time_is_limited_by_a_mean_speed():

@@ -54,25 +54,25 @@ def settings(stream):
     b'\x1b[A\x1b[B\x1b[C\x1b[D', b'\x1bOA\x1bOB\x1bOC\x1bOD', b'wsda', b'WSDA',
     b'\x1b[1;2A\x1b[1;5Bda', b'x\x1b[5~\x1b[Z7wsda'])
 def test_arrows_and_letters_are_decoded_and_others_ignored(data):
-    assert KeyDecoder().feed(data) == ARROWS
+    assert KeyDecoder().decode(data) == ARROWS
 
 
 def test_a_sequence_may_be_split_anywhere():
     data = b'\x1b[Aq\x1bOB+'
     for first in range(len(data)):
         decoder = KeyDecoder()
-        keys = decoder.feed(data[:first]) + decoder.feed(data[first:])
+        keys = decoder.decode(data[:first]) + decoder.decode(data[first:])
         assert keys == [Key.FORWARD, Key.QUIT, Key.BACKWARD, Key.FASTER]
 
 
 def test_a_sequence_that_was_completed_is_not_decoded_again():
     decoder = KeyDecoder()
-    assert decoder.feed(b'\x1b[') == [] and decoder.feed(b'A') == [Key.FORWARD]
-    assert decoder.feed(b'q') == [Key.QUIT] and decoder.feed(b'') == []
+    assert decoder.decode(b'\x1b[') == [] and decoder.decode(b'A') == [Key.FORWARD]
+    assert decoder.decode(b'q') == [Key.QUIT] and decoder.decode(b'') == []
 
 
 def test_escape_before_a_letter_is_no_sequence():
-    assert KeyDecoder().feed(b'\x1bw ') == [Key.FORWARD, Key.STOP]
+    assert KeyDecoder().decode(b'\x1bw ') == [Key.FORWARD, Key.STOP]
 
 
 def test_keys_arrive_without_enter_and_are_not_echoed(terminal):

@@ -56,7 +56,7 @@ def recording(events: Iterable[Event], robot: RobotParams | None = None) -> Chec
     """Return ``events`` as input of the checks."""
     samples = Recording()
     for receive_ns, _, sample in events:
-        samples.add(sample, receive_ns)
+        samples.add_sample(sample, receive_ns)
     return CheckedRecording(robot or RobotParams(), samples)
 
 

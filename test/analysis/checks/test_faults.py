@@ -79,7 +79,7 @@ def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
             sample, rate=(0.0, 0.0, 1e4 if index < invalid else 0.0)))
         msg.header.frame_id = 'base_imu'
         if (received := read(encode(msg))) is not None:
-            samples.add(received, index)
+            samples.add_sample(received, index)
     checked = CheckedRecording(RobotParams(), samples, faults)
     text = texts(messages.check_rejected(checked))
     assert f'{level} imu/data: {invalid} of 500 messages are invalid' in text and 'rad/s' in text

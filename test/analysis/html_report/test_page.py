@@ -236,7 +236,7 @@ def estimated():
     """Return slips of which a quarter is undefined and a quarter unknown, and three crossings."""
     series = Recording()
     for i, (ratio, sigma) in enumerate(((0.1, 0.5), (0.1, 0.1), (math.nan, 1.0), (1.0, 0.6))):
-        series.add(WheelSlip(i, (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
+        series.add_sample(WheelSlip(i, (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
     series.crossings = [
         Friction(i, 'front_left', friction_coefficient_single=single)
         for i, single in enumerate((Uncertain(0.5, 0.1), Uncertain(0.5, 0.4), UNKNOWN))]
