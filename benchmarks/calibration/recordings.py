@@ -32,7 +32,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.bags import BagWriter
-from smart_tire.calibration.guide import Leg, leg_schedule, REST_LEGS, STRAIGHT_LEGS, TURN_LEGS
+from smart_tire.calibration.guide import Leg, leg_schedule, LEGS
 from smart_tire.calibration.stiffness import ACCEL_SCALE_SIGMA
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSlip
@@ -88,8 +88,8 @@ def guided(seed: int, *, films: bool = True) -> Simulated:
         'encoder.stamp_jitter': float(rng.uniform(*JITTER_RANGE)),
         'ground.names': ['ground'], 'ground.friction': [0.47], 'ground.stiffness': [stiffness],
         'ground.drag': [0.015], 'ground.base': 'ground', 'ground.patches.names': []}, films=films)
-    steps = {'rest': REST_LEGS, 'straight': (*STRAIGHT_LEGS, (1.0, 0.0, 0.0)),
-             'turns': (*TURN_LEGS, (1.0, 0.0, 0.0))}
+    steps = {'rest': LEGS['rest'], 'straight': (*LEGS['straight'], (1.0, 0.0, 0.0)),
+             'turns': (*LEGS['turns'], (1.0, 0.0, 0.0))}
     legs, end = leg_schedule([leg for step in steps.values() for leg in step])
     scale = 1.0 + ACCEL_SCALE_SIGMA * float(rng.standard_normal())
     events = [_pitched(event, scale) for event in simulate(params, legs, end)]

@@ -54,7 +54,7 @@ def calibrated_run(route: str, seed: int, *, films: bool = True) -> Run:
     with TemporaryDirectory() as folder:
         found = calibrate_bags(write_bags(Path(folder), run), EstimatorParams(), '').calibration
     errors, relative = {}, {}
-    for one in found.findings:
+    for one in found.found.values():
         if one.sigma is None or one.name not in run.truth:
             continue
         value, sigma = np.atleast_1d(one.value), np.atleast_1d(one.sigma)

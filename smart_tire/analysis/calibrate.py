@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -112,8 +112,8 @@ def _text(found: Calibration, bags: Bags, params: EstimatorParams, date: str) ->
             for name, reason in found.kept.items()]
     return identified_text(
         [f'Calibrated on {date} by smart_tire calibrate.', *kept],
-        [Identified(one.name, one.value, one.sigma, source(one.step, one.note)).rounded()
-         for one in found.findings])
+        [replace(one, note=source(one.step, one.note)).rounded()
+         for one in found.found.values()])
 
 
 def present_values(params: EstimatorParams) -> dict[str, Any]:

@@ -26,16 +26,15 @@ from smart_tire.calibration.sequence import LIFTED, REST, STRAIGHT, TURNS
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
 Leg = tuple[float, float, float]  # duration [s], rpm of the left and of the right wheels
-PAUSE = 1.0  # s of standstill between two legs
 
-REST_DURATION = 10.0     # s of uninterrupted rest
-STARTS = 6               # from rest, in each direction
-YAW = 2.0 * math.pi      # rad, in each direction
-LIFTED_DURATION = 8.0    # s of wheel rotation, in each direction
+PAUSE = 1.0              # s of standstill between two legs
+MAX_SPEED = 1.3          # m/s, of the surface of a wheel
+FREE_SPACE_MARGIN = 0.5  # m, free space around the path
+PATH_STEP = 0.02         # s
+TRACK_FACTORS = (1.0, 2.0)  # effective track over the geometric one: tight and wide turns
 WHEEL_AT_REST = 0.05     # rad/s
 WHEEL_IN_MOTION = 2.0    # rad/s, of a start: slower ones hardly slip
 BODY_AT_REST = 0.1       # rad/s, about any axis
-MAX_STRAIGHT_YAW_RATE = 0.15  # rad/s, means over a sample of the wheels
 TURN_RATE = 0.15         # rad/s, of a turn
 
 INSTRUCTIONS: Mapping[str, str] = {
@@ -60,24 +59,11 @@ def turn(left: float, right: float, duration: float) -> tuple[Leg, ...]:
     return (duration, left, right), stop, (duration, right, left), stop
 
 
-REST_LEGS: tuple[Leg, ...] = ((12.0, 0.0, 0.0),)
-
-STRAIGHT_LEGS: tuple[Leg, ...] = (
-    *shuttle(110.0, 1.4), *shuttle(60.0, 1.8), *shuttle(140.0, 1.1)) * 3
-
-TURN_LEGS: tuple[Leg, ...] = (
-    *turn(90.0, 30.0, 6.0), *turn(60.0, 15.0, 6.0), *turn(-45.0, 45.0, 5.0))
-
-LIFTED_LEGS: tuple[Leg, ...] = tuple(
-    leg for rpm in (40.0, 80.0, 120.0) for leg in shuttle(rpm, 4.0))
-
-MAX_SPEED = 1.3      # m/s, of the surface of a wheel
-
-FREE_SPACE_MARGIN = 0.5  # m, free space around the path
-
-PATH_STEP = 0.02     # s
-
-TRACK_FACTORS = (1.0, 2.0)  # effective track over the geometric one: tight and wide turns
+LEGS: Mapping[str, tuple[Leg, ...]] = {
+    REST: ((12.0, 0.0, 0.0),),
+    STRAIGHT: (*shuttle(110.0, 1.4), *shuttle(60.0, 1.8), *shuttle(140.0, 1.1)) * 3,
+    TURNS: (*turn(90.0, 30.0, 6.0), *turn(60.0, 15.0, 6.0), *turn(-45.0, 45.0, 5.0)),
+    LIFTED: tuple(leg for rpm in (40.0, 80.0, 120.0) for leg in shuttle(rpm, 4.0))}
 
 
 def limited(legs: Sequence[Leg], wheel_radius: float) -> list[Leg]:
@@ -125,135 +111,96 @@ class Progress:
 
 
 class Watch:
-    """Progress of a step; ``update`` takes the samples in order of their reception."""
+    """Progress of a step, from the samples of IMU and wheels while it is recorded."""
+
+    needed = 0.0  # in each direction
+    text = ''     # of the progress: {0} and {1} are what was seen in both directions
+    warning = ''
+    wrong = False  # whether the motion contradicts the step at present
 
     def __init__(self) -> None:
-        self.yaw_rate = 0.0    # rad/s, latest
-        self.wheels = 0.0      # rad/s, mean of the latest
-        self.fastest = 0.0     # rad/s, of the latest wheels
-        self.tilting = 0.0     # rad/s, largest rate about any axis
-        self._last_ns: dict[type, int] = {}
+        self.yaw_rate = self.tilting = 0.0  # rad/s, latest; the largest about any axis
+        self.wheels = self.fastest = 0.0    # rad/s, latest: mean, largest magnitude
+        self.seen = {1: 0.0, -1: 0.0}       # direction -> what counts
+        self._last_ns: int | None = None
 
-    def update(self, sample: Sample) -> None:
+    def take(self, sample: Sample) -> None:
         """Take a sample; others than those of IMU and wheels are ignored."""
-        if not isinstance(sample, (ImuSample, WheelSample)):
-            return
-        last = self._last_ns.get(type(sample), sample.stamp_ns)
-        self._last_ns[type(sample)] = sample.stamp_ns
-        elapsed = max((sample.stamp_ns - last) / NS_PER_S, 0.0)
         if isinstance(sample, ImuSample):
             self.yaw_rate, self.tilting = sample.rate[2], max(map(abs, sample.rate))
-            self.imu_moved(elapsed)
-        else:
+        elif isinstance(sample, WheelSample):
             self.wheels = sum(sample.velocity) / len(sample.velocity)
             self.fastest = max(map(abs, sample.velocity))
-            self.wheels_moved(elapsed)
+            last = sample.stamp_ns if self._last_ns is None else self._last_ns
+            self._last_ns = sample.stamp_ns
+            self.count(max((sample.stamp_ns - last) / NS_PER_S, 0.0))
 
-    def imu_moved(self, elapsed: float) -> None:
-        """Take the latest rates, ``elapsed`` [s] after the previous ones."""
-
-    def wheels_moved(self, elapsed: float) -> None:
-        """Take the latest wheel speeds, ``elapsed`` [s] after the previous ones."""
+    def count(self, elapsed: float) -> None:
+        """Count what is seen in the ``elapsed`` [s] until the latest wheel sample."""
+        raise NotImplementedError
 
     @property
     def progress(self) -> Progress:
         """Return how far the step is."""
-        raise NotImplementedError
+        return Progress(min(self.seen.values()) >= self.needed, self.text.format(
+            *self.seen.values()), self.warning if self.wrong else '')
 
 
 class RestWatch(Watch):
-    """Rest without interruption."""
+    """Rest without interruption [s]."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._rest = 0.0  # s
+    needed, text = 10.0, 'at rest for {0:.0f} of 10 s'
+    warning = 'the robot moves: the time starts again'
 
-    def wheels_moved(self, elapsed: float) -> None:
+    def count(self, elapsed: float) -> None:
         """Count the rest; motion starts it again."""
-        moving = self.fastest > WHEEL_AT_REST or self.tilting > BODY_AT_REST
-        self._rest = 0.0 if moving else self._rest + elapsed
-
-    @property
-    def progress(self) -> Progress:
-        """Return the seconds of rest."""
-        moving = self.fastest > WHEEL_AT_REST or self.tilting > BODY_AT_REST
-        return Progress(self._rest >= REST_DURATION,
-                        f'at rest for {self._rest:.0f} of {REST_DURATION:.0f} s',
-                        'the robot moves: the time starts again' if moving else '')
+        self.wrong = self.fastest > WHEEL_AT_REST or self.tilting > BODY_AT_REST
+        self.seen = dict.fromkeys((1, -1), 0.0 if self.wrong else self.seen[1] + elapsed)
 
 
 class StraightWatch(Watch):
-    """Straight starts from rest, and stops, in both directions."""
+    """Straight starts from rest, and stops."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.starts = {1: 0, -1: 0}  # direction -> complete starts and stops
-        self._direction, self._straight = 0, True
+    needed, text = 6, 'starts and stops: {0:.0f} forward, {1:.0f} back, of 6 each'
+    warning = 'the robot turns: this start does not count'
+    _direction = 0
 
-    def wheels_moved(self, elapsed: float) -> None:
+    def count(self, elapsed: float) -> None:
         """Count starts that end in a stop without a turn."""
-        turning = abs(self.yaw_rate) > MAX_STRAIGHT_YAW_RATE
+        turning = abs(self.yaw_rate) > TURN_RATE
         if self._direction == 0:
             if self.fastest > WHEEL_IN_MOTION:
-                self._direction, self._straight = (1 if self.wheels > 0.0 else -1), not turning
+                self._direction, self.wrong = (1 if self.wheels > 0.0 else -1), turning
         elif self.fastest < WHEEL_AT_REST:
-            self.starts[self._direction] += self._straight
-            self._direction = 0
+            self.seen[self._direction] += not self.wrong
+            self._direction, self.wrong = 0, False
         else:
-            self._straight &= not turning
-
-    @property
-    def progress(self) -> Progress:
-        """Return the starts and stops in both directions."""
-        forward, back = self.starts[1], self.starts[-1]
-        warning = '' if self._straight or not self._direction else (
-            'the robot turns: this start does not count')
-        return Progress(min(forward, back) >= STARTS,
-                        f'starts and stops: {forward} forward, {back} back, of {STARTS} each',
-                        warning)
+            self.wrong |= turning
 
 
 class TurnWatch(Watch):
-    """Turns in both directions."""
+    """Turns [degrees]."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.yaw = {1: 0.0, -1: 0.0}  # direction -> rad
+    needed, text = 360.0, 'turned {0:.0f} degrees to the left, {1:.0f} to the right, of 360 each'
 
-    def imu_moved(self, elapsed: float) -> None:
-        """Add the yaw of turns."""
+    def count(self, elapsed: float) -> None:
+        """Count the yaw of turns."""
         if abs(self.yaw_rate) > TURN_RATE and self.fastest > WHEEL_AT_REST:
-            self.yaw[1 if self.yaw_rate > 0.0 else -1] += abs(self.yaw_rate) * elapsed
-
-    @property
-    def progress(self) -> Progress:
-        """Return the yaw in both directions."""
-        left, right = (math.degrees(self.yaw[sign]) for sign in (1, -1))
-        return Progress(min(self.yaw.values()) >= YAW, f'turned {left:.0f} degrees to the left, '
-                        f'{right:.0f} to the right, of {math.degrees(YAW):.0f} each')
+            self.seen[1 if self.yaw_rate > 0.0 else -1] += math.degrees(
+                abs(self.yaw_rate) * elapsed)
 
 
 class LiftedWatch(Watch):
-    """Wheels rotate in both directions while the body is at rest."""
+    """Rotation of the wheels while the body is at rest [s]."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.rotated = {1: 0.0, -1: 0.0}  # direction -> s
+    needed, text = 8.0, 'wheels rotated {0:.0f} s forward, {1:.0f} s back, of 8 s each'
+    warning = 'the robot turns: are the wheels off the ground?'
 
-    def wheels_moved(self, elapsed: float) -> None:
+    def count(self, elapsed: float) -> None:
         """Count the time of rotation with the body at rest."""
-        if self.fastest > WHEEL_IN_MOTION and abs(self.yaw_rate) < BODY_AT_REST:
-            self.rotated[1 if self.wheels > 0.0 else -1] += elapsed
-
-    @property
-    def progress(self) -> Progress:
-        """Return the time of rotation in both directions."""
-        forward, back = self.rotated[1], self.rotated[-1]
-        warning = 'the robot turns: are the wheels off the ground?' if (
-            abs(self.yaw_rate) > BODY_AT_REST) else ''
-        return Progress(min(forward, back) >= LIFTED_DURATION,
-                        f'wheels rotated {forward:.0f} s forward, {back:.0f} s back, of '
-                        f'{LIFTED_DURATION:.0f} s each', warning)
+        self.wrong = abs(self.yaw_rate) > BODY_AT_REST
+        if self.fastest > WHEEL_IN_MOTION and not self.wrong:
+            self.seen[1 if self.wheels > 0.0 else -1] += elapsed
 
 
 WATCHES: Mapping[str, Callable[[], Watch]] = {
@@ -300,11 +247,11 @@ class Guide:
         """Return the progress of the step while it is recorded."""
         return None if self.watch is None else self.watch.progress
 
-    def update(self, sample: Sample) -> list[Action]:
+    def take(self, sample: Sample) -> list[Action]:
         """Take a sample; a complete step ends."""
         if self.watch is None:
             return []
-        self.watch.update(sample)
+        self.watch.take(sample)
         return self.finish() if self.watch.progress.done else []
 
     def key(self, key: Key) -> list[Action]:

@@ -22,7 +22,7 @@ recording that contains several of these parts can be given for each of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TypeVar
@@ -42,7 +42,7 @@ from smart_tire.calibration.turning import (
     combine as combine_icr, effective_track, IcrFit, identify_icr)
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams, specs
-from smart_tire.parameters.calibration_file import Identified, Value
+from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import Uncertain, weighted_mean
 
@@ -63,14 +63,10 @@ Gains = Callable[[RobotParams], Sequence[Identified]]
 
 
 @dataclass(frozen=True)
-class Finding:
-    """An identified parameter."""
+class Finding(Identified):
+    """An identified parameter, and the step of the sequence whose recordings it comes from."""
 
-    name: str            # as in the parameter files
-    value: Value
-    sigma: Value | None  # standard error; None for a value that is one itself
-    step: str            # of the sequence, whose recordings it comes from
-    note: str = ''
+    step: str = ''
 
 
 @dataclass
@@ -78,7 +74,7 @@ class Calibration:
     """Identified values in the order of identification; reasons of the values that are kept."""
 
     robot: RobotParams
-    findings: list[Finding] = field(default_factory=list)
+    found: dict[str, Finding] = field(default_factory=dict)
     kept: dict[str, str] = field(default_factory=dict)  # parameter -> reason
     notes: list[str] = field(default_factory=list)
     stiffness: StiffnessFit | None = None  # the fits, for figures
@@ -96,28 +92,21 @@ class Calibration:
 
     def keep(self, name: str, reason: str) -> None:
         """Keep the value of a parameter, unless it has been identified."""
-        if self.get(name) is None:
+        if name not in self.found:
             self.kept.setdefault(name, reason)
 
-    def add(self, finding: Finding) -> None:
-        """Add a value, in place of an earlier one; all later identifications use it."""
-        self.findings = [one for one in self.findings if one.name != finding.name]
-        self.findings.append(finding)
-        self.kept.pop(finding.name, None)
-        if finding.name in specs(RobotParams):
-            self.robot = with_value(self.robot, finding.name, finding.value)
-
-    def get(self, name: str) -> Finding | None:
-        """Return the identified value of a parameter, None if there is none."""
-        return next((one for one in self.findings if one.name == name), None)
-
-
-def with_value(robot: RobotParams, name: str, value: Any) -> RobotParams:
-    """Return ``robot`` with another value of the parameter ``name``."""
-    group, _, own = name.rpartition('.')
-    if not group:
-        return replace(robot, **{own: value})
-    return replace(robot, **{group: replace(getattr(robot, group), **{own: value})})
+    def accept(self, step: str, *items: Identified) -> None:
+        """Take values, in place of earlier ones; all later identifications use them."""
+        for item in items:
+            self.found.pop(item.name, None)  # the order is that of the identifications
+            self.found[item.name] = Finding(**vars(item), step=step)
+            self.kept.pop(item.name, None)
+            if item.name in specs(RobotParams):
+                group, _, own = item.name.rpartition('.')
+                value: Any = {own: item.value}
+                if group:
+                    value = {group: replace(getattr(self.robot, group), **value)}
+                self.robot = replace(self.robot, **value)
 
 
 def check_one_ground(recordings: Sequence[Recording], robot: RobotParams,
@@ -203,7 +192,7 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
     """
     found, imu = Calibration(robot), Geometry()
     add_rest(imu, inputs.rest, [*inputs.straight, *inputs.turns], robot)
-    _add(found, imu.parameters(robot), REST)
+    found.accept(REST, *imu.parameters(robot))
     for name in ('imu.gyro_noise', 'imu.accel_noise', 'imu.rotation'):
         found.keep(name, imu.kept.get(name) or imu.refused.get(STATIC_IMU, ''))
     _add_jitter(found, inputs)
@@ -213,17 +202,13 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
     found.icr = found.attempt(['icr_x'], lambda: combine_icr(
         [identify_icr(one, found.robot) for one in _needed(inputs.turns, 'with turns')]))
     if found.icr is not None:
-        _add(found, found.icr.parameters(found.robot), TURNS)
+        found.accept(TURNS, *found.icr.parameters(found.robot))
     if gains is not None:
-        _add(found, found.attempt(['film.stretch_gain'], lambda: gains(found.robot)) or (), TURNS)
+        found.accept(TURNS, *(found.attempt(
+            ['film.stretch_gain'], lambda: gains(found.robot)) or ()))
     found.attempt(['wheel_radius'], lambda: _add_radius(found, inputs))
     found.keep('imu.position', 'only its distance from the centers of rotation is observable')
     return found
-
-
-def _add(found: Calibration, items: Iterable[Identified], step: str) -> None:
-    for item in items:
-        found.add(Finding(item.name, item.value, item.sigma, step, item.note))
 
 
 def _needed(recordings: Sequence[Recording], what: str) -> Sequence[Recording]:
@@ -242,8 +227,8 @@ def _add_radius(found: Calibration, inputs: Inputs) -> None:
     radius = parts.get(RADIUS)
     if radius is None:
         raise EstimatorError(parts.refused[RADIUS])
-    found.add(Finding('wheel_radius', *radius, STRAIGHT, 'against the reference poses'))
-    found.add(Finding('wheel_radius_sigma', radius.sigma / radius.value, None, STRAIGHT))
+    found.accept(STRAIGHT, Identified('wheel_radius', *radius, 'against the reference poses'),
+                 Identified('wheel_radius_sigma', radius.sigma / radius.value))
 
 
 def _add_jitter(found: Calibration, inputs: Inputs) -> None:
@@ -257,7 +242,7 @@ def _add_jitter(found: Calibration, inputs: Inputs) -> None:
             except EstimatorError as error:
                 reasons.append(str(error))
         if values:
-            found.add(Finding(JITTER, *weighted_mean(values), step))
+            found.accept(step, Identified(JITTER, *weighted_mean(values)))
             return
     found.keep(JITTER, '; '.join(dict.fromkeys(reasons)) or 'no recording in motion')
 
@@ -275,10 +260,10 @@ def _add_turns(found: Calibration, inputs: Inputs) -> Uncertain | None:
         found.keep(LATENCY, f'standard error of {latency.sigma:.2g} s, expected at most '
                             f'{MAX_LATENCY_SIGMA:g} s')
     else:
-        found.add(Finding(LATENCY, *latency, TURNS, 'wheel speed difference against gyro'))
+        found.accept(TURNS, Identified(LATENCY, *latency, 'wheel speed difference against gyro'))
     track = found.attempt([TRACK], lambda: effective_track(fits, Uncertain(radius, 0.0)))
     if track is not None:
-        found.add(Finding(TRACK, *track, TURNS, f'for wheel_radius {radius:g} m'))
+        found.accept(TURNS, Identified(TRACK, *track, f'for wheel_radius {radius:g} m'))
     return latency
 
 
@@ -289,9 +274,9 @@ def _add_stiffness(found: Calibration, inputs: Inputs, latency: Uncertain | None
     Raises EstimatorError if the ground changes, or if turns contradict the latency.
     """
     recordings = _needed(inputs.straight, 'of straight starts and stops')
-    known = found.get(LATENCY)
-    sigma = known.sigma if known is not None else UNKNOWN_LATENCY_SIGMA
-    assert isinstance(sigma, float)
+    sigma = UNKNOWN_LATENCY_SIGMA
+    if LATENCY in found.found and latency is not None:
+        sigma = latency.sigma
     if 'several grounds' in found.kept.get(TRACK, ''):
         raise EstimatorError(f'{found.kept[TRACK]}: C_x is that of a tire on one ground')
     check_one_ground(recordings, found.robot, sigma)
@@ -305,12 +290,13 @@ def _add_stiffness(found: Calibration, inputs: Inputs, latency: Uncertain | None
             f'starts and stops give a latency of {late.value:.3f} ± {late.sigma:.2g} s, turns '
             f'{latency.value:.3f} ± {latency.sigma:.2g} s: the wheels slip in one of them')
     if inputs.positions and late.sigma <= MAX_LATENCY_SIGMA:
-        found.add(Finding(LATENCY, *late, STRAIGHT, 'fitted together with C_x'))
+        found.accept(STRAIGHT, Identified(LATENCY, *late, 'fitted together with C_x'))
     C_x, found.stiffness = result.stiffness, result
-    found.add(Finding(STIFFNESS, *C_x, STRAIGHT,
-                      f'for a mass of {found.robot.mass:g} kg, on the recorded ground'))
-    found.add(Finding(STIFFNESS_SIGMA, C_x.sigma / C_x.value, None, STRAIGHT,
-                      'relative standard error of C_x on that ground'))
+    found.accept(
+        STRAIGHT, Identified(STIFFNESS, *C_x, f'for a mass of {found.robot.mass:g} kg, on the '
+                             'recorded ground'),
+        Identified(STIFFNESS_SIGMA, C_x.sigma / C_x.value,
+                   note='relative standard error of C_x on that ground'))
 
 
 def _add_motor(found: Calibration, inputs: Inputs) -> None:
@@ -318,7 +304,7 @@ def _add_motor(found: Calibration, inputs: Inputs) -> None:
         _needed(inputs.straight, 'of straight starts and stops'), inputs.lifted, found.robot)
     for item in fit.parameters():
         step = LIFTED if item.name.startswith('motor.') and 'torque' not in item.name else STRAIGHT
-        _add(found, [item], step)
+        found.accept(step, item)
     for name, parameter in ((CONSTANT, 'motor.torque_constant'), (INERTIA, 'motor.inertia')):
         if name in fit.refused:
             found.keep(parameter, fit.refused[name])

@@ -28,17 +28,14 @@ import sys
 from typing import Any
 
 from smart_tire.calibration.guide import (
-    Action, Guide, INSTRUCTIONS, Key, Leg, LIFTED_LEGS, limited, reach, REST_LEGS, STRAIGHT_LEGS,
-    TURN_LEGS)
-from smart_tire.calibration.sequence import LIFTED, REST, STRAIGHT, TURNS
+    Action, Guide, INSTRUCTIONS, Key, Leg, LEGS, limited, reach)
+from smart_tire.calibration.sequence import LIFTED
 from smart_tire.cli._options import refuse_existing_bag, remove_bag
 from smart_tire.cli._stack import Stack
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Sample
 
-LEGS: dict[str, tuple[Leg, ...]] = {
-    REST: REST_LEGS, STRAIGHT: STRAIGHT_LEGS, TURNS: TURN_LEGS, LIFTED: LIFTED_LEGS}
 SPIN_TIME = 0.1          # s between two looks at keyboard and progress
 INPUT_TIMEOUT = 10.0     # s until the first samples of IMU and wheels
 RECORDER_TIMEOUT = 15.0  # s until the recorder has subscribed to the wheels
@@ -140,9 +137,9 @@ class Session:
         self._seen.add(type(sample).__name__)
         # a driven step ends with its last leg, also if less would do
         if self._drive and self.guide.watch is not None:
-            self.guide.watch.update(sample)
+            self.guide.watch.take(sample)
         else:
-            self._actions += self.guide.update(sample)
+            self._actions += self.guide.take(sample)
 
     def run(self, stack: Stack, runner: Any) -> None:
         """Carry out all steps."""

@@ -120,7 +120,7 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
                             names=settings.names)
     found = result.calibration
     print_calibration(found)
-    if not found.findings:
+    if not found.found:
         print('nothing could be identified from these recordings: no file is written')
         return NOT_IDENTIFIED
     args.out.mkdir(parents=True, exist_ok=True)
@@ -133,9 +133,8 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
 
 def print_calibration(found: Calibration) -> None:
     """Print the identified values, and the reasons of those that are kept."""
-    from smart_tire.parameters.calibration_file import Identified
-    for one in found.findings:
-        shown = Identified(one.name, one.value, one.sigma).rounded()
+    for one in found.found.values():
+        shown = one.rounded()
         error = '' if shown.sigma is None else f' ± {shown.sigma}'
         print(f'{one.name:34}{shown.value}{error}  {one.step}'
               + (f', {one.note}' if one.note else ''))

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import pytest
 from smart_tire.calibration.guide import (
-    Action, Guide, INSTRUCTIONS, Key, leg_schedule, LiftedWatch, limited, reach, REST_DURATION,
-    REST_LEGS, RestWatch, STARTS, STRAIGHT_LEGS, StraightWatch, TURN_LEGS, TurnWatch)
+    Action, Guide, INSTRUCTIONS, Key, leg_schedule, LEGS, LiftedWatch, limited, reach, RestWatch,
+    StraightWatch, TurnWatch, WATCHES)
 from smart_tire.calibration.sequence import REST, STEPS, STRAIGHT, TURNS
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 
@@ -40,7 +40,7 @@ class Robot:
             stamp = round(self.steps * PERIOD * NS_PER_S)
             for sample in (ImuSample(stamp, (0.0, 0.0, 9.81), (0.0, 0.0, yaw_rate)),
                            WheelSample(stamp, (wheels,) * 4)):
-                actions += self.target.update(sample) or []
+                actions += self.target.take(sample) or []
         return actions
 
 
@@ -49,9 +49,9 @@ def test_rest_ends_by_itself_after_ten_seconds_and_motion_starts_it_again():
     robot = Robot(guide)
     assert robot.move(20.0) == []  # waiting for the user: nothing is recorded
     assert guide.key(Key.GO) == [Action.RECORD]
-    assert robot.move(REST_DURATION - 1.0) == [] and not guide.progress.warning
+    assert robot.move(RestWatch.needed - 1.0) == [] and not guide.progress.warning
     assert robot.move(0.2, wheels=1.0) == [] and 'again' in guide.progress.warning
-    assert robot.move(REST_DURATION - 1.0) == [] and not guide.progress.warning
+    assert robot.move(RestWatch.needed - 1.0) == [] and not guide.progress.warning
     assert robot.move(2.0) == [Action.KEEP]
     assert guide.step is None and guide.recorded == [REST]
 
@@ -67,7 +67,7 @@ def test_a_body_that_rocks_is_not_at_rest():
 def test_straight_counts_complete_starts_in_both_directions_but_not_turns():
     watch = StraightWatch()
     robot = Robot(watch)
-    for _ in range(STARTS):
+    for _ in range(StraightWatch.needed):
         robot.move(1.0, wheels=8.0)
         assert not watch.progress.done
         robot.move(0.5)
@@ -76,12 +76,12 @@ def test_straight_counts_complete_starts_in_both_directions_but_not_turns():
     robot.move(0.5)
     robot.move(1.0, wheels=-1.0)  # too slow for slip
     robot.move(0.5)
-    assert watch.starts == {1: STARTS, -1: 0}
-    for _ in range(STARTS):
+    assert watch.seen == {1: StraightWatch.needed, -1: 0}
+    for _ in range(StraightWatch.needed):
         assert not watch.progress.done
         robot.move(1.0, wheels=-8.0)
         robot.move(0.5)
-    assert watch.progress.done and watch.starts == {1: STARTS, -1: STARTS}
+    assert watch.progress.done and watch.seen == {1: 6, -1: 6}
 
 
 def test_turns_need_a_full_circle_in_each_direction_with_rotating_wheels():
@@ -89,9 +89,9 @@ def test_turns_need_a_full_circle_in_each_direction_with_rotating_wheels():
     robot = Robot(watch)
     robot.move(20.0, wheels=0.0, yaw_rate=1.0)  # carried by hand
     robot.move(20.0, wheels=5.0, yaw_rate=0.05)
-    assert watch.yaw == {1: 0.0, -1: 0.0}
+    assert watch.seen == {1: 0.0, -1: 0.0}
     robot.move(6.5, wheels=5.0, yaw_rate=1.0)
-    assert not watch.progress.done and watch.yaw[1] == pytest.approx(6.5, abs=0.1)
+    assert not watch.progress.done and watch.seen[1] == pytest.approx(372.0, abs=6.0)
     robot.move(6.5, wheels=5.0, yaw_rate=-1.0)
     assert watch.progress.done
 
@@ -132,11 +132,11 @@ def test_every_step_has_an_instruction():
 
 
 def test_driven_legs_return_to_rest_and_keep_below_the_speed_limit():
-    for legs in (REST_LEGS, STRAIGHT_LEGS, TURN_LEGS):
+    for legs in LEGS.values():
         assert legs[-1][1:] == (0.0, 0.0)
-    schedule, end = leg_schedule(REST_LEGS)
-    assert schedule == [(0.0, 0.0, 0.0)] and end == REST_LEGS[0][0] > REST_DURATION
-    small, large = (max(abs(leg[1]) for leg in limited(STRAIGHT_LEGS, radius))
+    schedule, end = leg_schedule(LEGS[REST])
+    assert schedule == [(0.0, 0.0, 0.0)] and end == LEGS[REST][0][0] > RestWatch.needed
+    small, large = (max(abs(leg[1]) for leg in limited(LEGS[STRAIGHT], radius))
                     for radius in (0.087, 0.3))
     assert small == 140.0
     assert large * 0.3 * 2.0 * 3.14159 / 60.0 == pytest.approx(1.3, abs=1e-3)
@@ -144,15 +144,16 @@ def test_driven_legs_return_to_rest_and_keep_below_the_speed_limit():
 
 def test_the_announced_space_contains_the_path():
     assert reach(((2.0, 60.0, 60.0),), 0.1, 0.4) == pytest.approx(1.757, abs=0.01)
-    assert reach(REST_LEGS, 0.1, 0.4) == 0.5
-    wide = reach(TURN_LEGS, 0.087, 0.38)
+    assert reach(LEGS[REST], 0.1, 0.4) == 0.5
+    wide = reach(LEGS[TURNS], 0.087, 0.38)
     assert 2.0 < wide < 6.0
 
 
-def test_driven_steps_satisfy_their_watches():
-    for legs, watch in ((STRAIGHT_LEGS, StraightWatch()), (TURN_LEGS, TurnWatch())):
-        robot = Robot(watch)
-        for duration, left, right in legs:
-            wheels = 0.5 * (left + right) * 0.105 or abs(left) * 0.05
-            robot.move(duration, wheels, (right - left) * 0.105 * 0.087 / 0.57)
-        assert watch.progress.done
+@pytest.mark.parametrize('step', [STRAIGHT, TURNS])
+def test_driven_steps_satisfy_their_watches(step):
+    watch = WATCHES[step]()
+    robot = Robot(watch)
+    for duration, left, right in LEGS[step]:
+        wheels = 0.5 * (left + right) * 0.105 or abs(left) * 0.05
+        robot.move(duration, wheels, (right - left) * 0.105 * 0.087 / 0.57)
+    assert watch.progress.done

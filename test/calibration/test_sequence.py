@@ -108,14 +108,14 @@ def test_each_identification_uses_the_results_of_the_former_ones(fits):
     assert fits.names == ['rest', 'jitter', 'latency', 'track', 'stiffness', 'motor', 'icr']
     assert fits.robot('jitter').imu.accel_noise == 0.049
     assert fits.robot('latency').encoder.stamp_jitter == 0.002
-    assert found.get('effective_track').value == 0.57
+    assert found.found['effective_track'].value == 0.57
     assert ('stiffness', 0.004) in [name for name, _ in fits.calls]
     assert fits.robot('stiffness').encoder.latency == 0.02
     assert fits.robot('motor').encoder.latency == pytest.approx(0.018)
     assert fits.robot('icr').tire.longitudinal_stiffness == 50.0
-    latency = found.get('encoder.latency')
+    latency = found.found['encoder.latency']
     assert latency.step == 'straight' and latency.sigma == pytest.approx(2.0 ** 0.5 * 1e-3)
-    assert found.get('tire.longitudinal_stiffness_sigma').value == pytest.approx(0.04)
+    assert found.found['tire.longitudinal_stiffness_sigma'].value == pytest.approx(0.04)
     assert found.kept['motor.torque_constant'] == 'too few starts'
     assert found.notes == ['one motor differs']
 
@@ -128,7 +128,7 @@ def test_films_are_identified_last_with_the_identified_robot(fits):
 
 def test_without_recordings_all_values_are_kept_with_their_reasons():
     found = calibrate(Inputs(), ROBOT)
-    assert not found.findings and found.robot == ROBOT
+    assert not found.found and found.robot == ROBOT
     for name, reason in (
             ('imu.gyro_noise', 'no recording at rest'), ('encoder.latency', 'no recording'),
             ('tire.longitudinal_stiffness', 'no recording of straight starts and stops'),
@@ -141,7 +141,7 @@ def test_without_recordings_all_values_are_kept_with_their_reasons():
 def test_a_latency_with_a_large_standard_error_is_only_a_prior(fits):
     fits.latency = Uncertain(0.02, 0.016)
     found = calibrate(Inputs(turns=[recording()]), ROBOT)
-    assert found.get('encoder.latency') is None
+    assert 'encoder.latency' not in found.found
     assert 'standard error of 0.016 s, expected at most 0.015' in found.kept['encoder.latency']
 
 
@@ -150,9 +150,9 @@ def test_latencies_of_turns_and_starts_that_contradict_refuse_the_stiffness(fits
     fits.stiffness = SimpleNamespace(**{**vars(STIFFNESS),
                                         'latency_error': Uncertain(-0.03, 0.001)})
     found = calibrate(everything(), ROBOT)
-    assert found.get('tire.longitudinal_stiffness') is None
+    assert 'tire.longitudinal_stiffness' not in found.found
     assert 'slip in one of them' in found.kept['tire.longitudinal_stiffness']
-    assert found.get('encoder.latency').step == 'turns'
+    assert found.found['encoder.latency'].step == 'turns'
 
 
 def test_velocities_without_positions_give_no_latency(fits):
@@ -166,12 +166,12 @@ def test_a_robot_that_vibrates_keeps_the_noise_of_the_accelerometer(fits):
     one = recording(vibration=0.2)
     found = calibrate(Inputs([one], [one], [one]), ROBOT)
     assert 'in motion' in found.kept['imu.accel_noise']
-    assert found.get('imu.gyro_noise') is not None
+    assert 'imu.gyro_noise' in found.found
 
 
 def test_a_significant_tilt_is_written_with_its_standard_error(fits):
     fits.static = SimpleNamespace(**{**vars(STATIC), 'pitch': Uncertain(0.1, 0.01)})
-    tilt = calibrate(Inputs([recording()]), ROBOT).get('imu.rotation')
+    tilt = calibrate(Inputs([recording()]), ROBOT).found['imu.rotation']
     assert tilt.value == pytest.approx((0.001, 0.1, 0.0), abs=1e-3)
     assert tilt.sigma == (0.01, 0.01, 0.0)
     assert 'below 3 standard errors' in _kept_tilt(fits)
