@@ -28,7 +28,7 @@ from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TractionParams, WheelControllerParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, GroundState, NS_PER_S, Odometry
-from smart_tire.uncertain import Uncertain, UNKNOWN
+from smart_tire.uncertain import Uncertain
 
 RADIUS = RobotParams().wheel_radius
 ROBOT = RobotParams(center_of_mass=(0.0, 0.0, -RADIUS))  # its wheel loads do not change
@@ -182,36 +182,12 @@ def test_the_standard_deviation_of_the_speed_counts(v_x, monkeypatch):
             pytest.approx([1.0 / 0.94] * 4))
 
 
-BAD = [
-    ground(math.nan, math.inf), ground(0.4, math.inf), ground(-0.4), ground(0.0),
-    ground(0.4, load=math.nan), ground(0.4, load=1e-9), ground(0.4, load=1e9),
-    ground(0.4, mu=math.nan), ground(0.4, mu=2.0), ground(0.4, mu=-0.1),
-    replace(ground(0.4), friction_coefficient=UNKNOWN),
-    replace(ground(0.4), stiffness_friction_correlation=1.1)]
-
-
-@pytest.mark.parametrize('bad', BAD)
-def test_implausible_ground_is_ignored(bad):
-    assert rolling(control(bad), FAST) == pytest.approx([1.0 / 0.9] * 4)
-    assert rolling(control(ground(0.4), bad), FAST) == (
-        pytest.approx([1.0 / (1.0 - MEASURED)] * 4, rel=1e-6))
-
-
 def test_a_robot_without_films_uses_the_friction_that_it_shows():
     traction = TractionControl(PARAMS, replace(ROBOT, film=replace(ROBOT.film, wheels=())))
     traction.add_odometry(odometry())
     traction.limit((1.0 / RADIUS,) * 4, NOW_NS, 0.0)
     traction.set_ground(ground(0.4))
     assert rolling(traction, FAST) == pytest.approx([1.0 / 0.9] * 4)
-
-
-def test_ground_measured_too_far_back_is_unknown():
-    driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 401)]
-    for distance, slip in ((1.4, MEASURED), (1.3, 0.1)):
-        traction = control(ground(0.4), *driven, params=replace(
-            PARAMS, fade_distance=distance, fade_time=1e3))
-        assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
-            [1.0 / (1.0 - slip)] * 4, rel=1e-3)
 
 
 TRACK = 0.38 + 0.26 ** 2 / 0.38  # m, of wheels that roll freely in a turn
@@ -358,15 +334,6 @@ def test_the_acceleration_is_at_most_that_of_known_friction():
     assert 4.0 / 0.8 < rear < (4.0 + GRAVITY * (0.1 + 0.2) * 0.1) / (1.0 - 0.2 * 1.26)
 
 
-def test_the_latest_measurement_holds():
-    traction = control(ground(0.2))
-    for step in range(1, 11):
-        traction.add_odometry(odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000))
-    traction.set_ground(ground(0.4, stamp_ns=NOW_NS + 100_000_000))
-    assert rolling(traction, FAST, NOW_NS + 100_000_000) == pytest.approx(
-        [1.0 / (1.0 - MEASURED)] * 4, rel=1e-2)
-
-
 def test_a_stop_begins_at_the_set_points_from_before_the_limit_was_active():
     traction = TractionControl(PARAMS, ROBOT)
     traction.limit((1.0 / RADIUS,) * 4, NOW_NS, 0.0)
@@ -409,17 +376,6 @@ def test_a_start_is_not_prevented_by_a_yaw_rate(yaw_rate):
             odometry(0.0, stamp_ns=NOW_NS + step * 10_000_000, yaw_rate=yaw_rate))
         speeds = rolling(traction, FAST, NOW_NS + step * 10_000_000)
     assert speeds == pytest.approx([0.02] * 4, abs=1e-3)
-
-
-@pytest.mark.parametrize('yaw_rate', [0.0, 0.5, -0.5])
-def test_a_stop_ends_at_standstill_whatever_the_yaw_rate_is(yaw_rate):
-    traction, period_ns = control(), NS_PER_S // 100
-    for step in range(1, 301):
-        traction.add_odometry(
-            odometry(1.0, stamp_ns=NOW_NS + step * period_ns, yaw_rate=yaw_rate))
-        speeds = rolling(traction, STOPPED, NOW_NS + step * period_ns, 0.01)
-    assert speeds == [0.0] * 4
-    assert traction.tires == (None,) * 4
 
 
 def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_slip():

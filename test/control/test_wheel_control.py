@@ -23,7 +23,7 @@ import pytest
 
 from smart_tire.control.drive_model import drive_model
 from smart_tire.control.wheel_control import WheelControl
-from smart_tire.parameters.control import PidParams, TractionParams, WheelControllerParams
+from smart_tire.parameters.control import PidParams, WheelControllerParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
 PARAMS = WheelControllerParams(wheel_states_timeout=0.5)
@@ -287,12 +287,6 @@ def test_parameters_can_change_while_running():
     control = started()
     control.set_params(replace(PARAMS, pid=PidParams(limit=0.1)))
     assert max(control.step(AHEAD, 0)[1]) <= 0.1
-
-
-def test_new_parameters_reach_the_traction_control():
-    control, params = started(), replace(PARAMS, traction=TractionParams(enabled=True))
-    control.set_params(params)
-    assert control.traction.params is params.traction
 
 
 def test_the_derivative_brakes_wheels_that_accelerate():

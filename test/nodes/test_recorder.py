@@ -40,11 +40,6 @@ def test_the_recorder_requests_the_strictest_profile_that_all_publishers_offer()
     assert matching_qos('/a', [RELIABLE, BEST_EFFORT]).reliability == ReliabilityPolicy.BEST_EFFORT
 
 
-@pytest.mark.parametrize('name', ['/tire_samples', '/field/robot/tire_samples'])
-def test_queues_of_the_recorder_hold_two_seconds_of_all_wheels_at_five_times_the_rate(name):
-    assert matching_qos(name, [RELIABLE]).depth == 4 * 4000
-
-
 @pytest.mark.parametrize(('had', 'needs', 'new'), [
     ([RELIABLE], [RELIABLE, RELIABLE], False),
     ([RELIABLE], [RELIABLE, BEST_EFFORT], True),

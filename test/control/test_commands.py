@@ -1,0 +1,140 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Validity of commands: age, queuing, several publishers; choice among the inputs."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from smart_tire.control.command_check import (
+    check_age, MAX_SEQUENCE_GAP, MIN_STALL_NS, PublisherMonitor, QUEUE_DRAIN_NS, SequenceTracker,
+    StallDetector, VelocityMux)
+from smart_tire.errors import CommandError, LateCommandError
+from smart_tire.samples import NS_PER_S, VelocityCommand
+
+NOW = 1_700_000_000 * NS_PER_S
+HALF = NS_PER_S // 2
+MARGINS = st.sampled_from((-NS_PER_S, -1, 0, 1, NS_PER_S))  # ns, around a limit
+INPUTS = (('b', 2, 0.5), ('a', 7, 1.0), ('c', 5, 0.25))
+
+
+@pytest.mark.parametrize(('age', 'waited', 'text'), [
+    (HALF + 1, 0, 'cmd_vel: 0.5 s old, expected at most 0.5 s'),
+    (-HALF - 1, 0, 'cmd_vel: 0.5 s ahead, expected at most 0.5 s'),
+    (0, 10 * NS_PER_S, 'cmd_vel: 10 s old, expected at most 0.5 s')])
+def test_the_reason_names_topic_age_and_limit(age, waited, text):
+    with pytest.raises(LateCommandError) as error:
+        check_age('cmd_vel', NOW - age, NOW, waited, 0.5)
+    assert str(error.value) == text
+
+
+@given(st.booleans(), MARGINS, st.sampled_from((0, HALF - 1, HALF, HALF + 1)), MARGINS,
+       st.sampled_from((0.25, 0.5, math.inf)))
+def test_the_age_counts_from_the_earlier_one_of_timestamp_and_arrival(
+        stamped, late, waited, margin, timeout):
+    limit = round(min(timeout, 0.5) * NS_PER_S)
+    age = limit + margin if late else margin - HALF  # around being too old, or too far ahead
+    wanted = max(age, waited) if stamped else waited
+    if wanted <= limit and (not stamped or age >= -HALF):
+        assert check_age('x', stamped * (NOW - age), NOW, waited, 0.5, timeout) == wanted
+    else:
+        with pytest.raises(LateCommandError):
+            check_age('x', stamped * (NOW - age), NOW, waited, 0.5, timeout)
+
+
+def test_a_negative_timestamp_is_refused_even_near_the_epoch():
+    with pytest.raises(CommandError, match='negative'):
+        check_age('cmd_vel', -1, 0, 0, 0.5)
+
+
+def test_messages_right_after_a_stall_may_be_queued():
+    stall = StallDetector(0)
+    stall.tick(MIN_STALL_NS)
+    assert stall.stalls == 0
+    assert not stall.may_be_queued(MIN_STALL_NS)
+    resumed = 2 * MIN_STALL_NS + 1
+    stall.tick(resumed)
+    assert stall.stalls == 1
+    assert stall.may_be_queued(resumed)
+    assert stall.may_be_queued(resumed + QUEUE_DRAIN_NS - 1)
+    assert not stall.may_be_queued(resumed + QUEUE_DRAIN_NS)
+    stall.tick(resumed + MIN_STALL_NS)
+    assert stall.stalls == 1
+
+
+def test_the_stall_threshold_is_between_executor_delays_and_the_maximum_age():
+    assert 0.1 <= MIN_STALL_NS / NS_PER_S <= 0.25
+    assert QUEUE_DRAIN_NS >= 0.05 * NS_PER_S
+
+
+@given(st.lists(st.tuples(st.sampled_from('abc'), st.sampled_from(
+    (0, 1, HALF, NS_PER_S, NS_PER_S + 1)))))
+def test_publishers_conflict_while_several_have_sent_within_the_window(messages):
+    monitor, now_ns, latest = PublisherMonitor(NS_PER_S), 0, {}
+    for publisher, pause in messages:
+        now_ns += pause
+        monitor.record(publisher, now_ns)
+        latest[publisher] = now_ns
+        active = [one for one, sent in latest.items() if now_ns - sent <= NS_PER_S]
+        assert sorted(monitor.conflicting(now_ns)) == (sorted(active) if len(active) > 1 else [])
+
+
+@pytest.mark.parametrize(('numbers', 'publishers'), [
+    ((7, 8, 9, 20, 21, 21 + MAX_SEQUENCE_GAP), [0] * 6),  # with or without losses
+    ((500, 1, 501, 2, 502, 3), [0, 1, 0, 1, 0, 1]), ((100, 50, 101, 51, 103), [0, 1, 0, 1, 0]),
+    ((5, 5, 6 + MAX_SEQUENCE_GAP), [0, 1, 2])])
+def test_a_number_that_continues_no_sequence_is_another_publisher(numbers, publishers):
+    tracker = SequenceTracker()
+    assert [tracker.publisher(number) for number in numbers] == publishers
+
+
+def test_the_maximum_gap_covers_seconds_of_losses_but_not_minutes():
+    assert 200 <= MAX_SEQUENCE_GAP <= 2000  # of 16 to 200 per second
+
+
+@given(st.lists(st.tuples(
+    st.sampled_from(('set', 'set', 'block', 'unblock', 'discard')), st.sampled_from('abc'),
+    st.sampled_from((0, NS_PER_S // 4, NS_PER_S // 4 + 1, HALF)))))
+def test_the_valid_input_with_the_highest_priority_is_selected_unless_one_above_it_is_blocked(
+        steps):
+    mux, now_ns, held = VelocityMux(list(INPUTS)), 0, {}  # name -> command and time, or blocked
+    for action, name, pause in steps:
+        now_ns += pause
+        if action == 'set':
+            held[name] = VelocityCommand(now_ns, 0.1, 0.0), now_ns
+            mux.set_command(name, *held[name])
+        elif action == 'discard':
+            held = {one: state for one, state in held.items() if state == 'blocked'}
+            mux.discard()
+        elif action == 'block':
+            held[name] = 'blocked'
+            mux.block(name)
+        else:
+            if held.get(name) == 'blocked':
+                del held[name]
+            mux.unblock(name)
+        wanted = None
+        for other, timeout in (('a', 1.0), ('c', 0.25), ('b', 0.5)):  # by priority
+            state = held.get(other)
+            if state == 'blocked':
+                break
+            if state is not None and now_ns - state[1] <= timeout * NS_PER_S:
+                wanted = other, state[0]
+                break
+        assert mux.selected(now_ns) == wanted
