@@ -13,304 +13,314 @@
 # limitations under the License.
 
 """
-Mutation test of the safety path: one change of its source at a time must make a test fail.
+Mutation test: one change of the source at a time must make a test fail.
 
-``make mutants`` runs it. Mutants known to be equivalent are listed with the reason in
-``test/equivalent_mutants.txt``, in the format in which survivors are printed.
+``make mutants`` runs it on the safety path, ``--room NAME`` on a folder of ``smart_tire``. The
+tests of a file are those of the mirrored folder that have its name or import it, or of other
+folders if there are none, and ``PROCESS_TESTS``. They run in a copy of the checkout until the
+first one fails.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 from collections import Counter, defaultdict
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from concurrent import futures
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+import hashlib
+import os
 from pathlib import Path
-import queue
 import re
-import shlex
+import resource
+import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
+from typing import Any
 
-from support.imported_files import reached
-from support.mutant_runs import stages, Tests, Verdict, Workplace
-from support.mutants import Mutant, mutants, sample
+from support.imported_files import imported, reached
 
-# Source files -> test files that must kill their mutants. Both are glob patterns; pytest options
-# may follow a test file. A surviving mutant takes the time of all its tests: at most about one
-# minute per source file, so that a run takes less than an hour.
-SAFETY_PATH: Mapping[str, tuple[str, ...]] = {
-    'smart_tire/protocol/deframer.py': ('test/protocol/test_*.py',),
-    'smart_tire/protocol/roboclaw.py': (
-        'test/protocol/test_roboclaw.py', 'test/simulation/test_device_emulators.py',
-        'test/drivers/test_roboclaw_pair.py -k "duties or low or restarted"'),
-    'smart_tire/control/*.py': ('test/control/*.py',),
-    'smart_tire/drivers/roboclaw_line.py': ('test/drivers/test_roboclaw_line.py',),
-    'smart_tire/drivers/wheel_encoder.py': ('test/drivers/test_wheel_encoder.py',),
-    'smart_tire/drivers/roboclaw_pair.py': ('test/drivers/test_roboclaw_pair.py',),
-    'smart_tire/nodes/command_input.py': (
-        'test/safety/test_commands.py', 'test/safety/test_publishers.py -k "motor_commands"'),
-    'smart_tire/nodes/motor_driver.py': (
-        'test/nodes/test_drivers.py -k "motor or board"', 'test/safety/test_emergency_stop.py',
-        'test/safety/test_publishers.py -k "motor_commands"'),
-    'smart_tire/nodes/wheel_controller.py': (
-        'test/nodes/test_wheel_controller.py',
-        'test/safety/test_publishers.py -k "wheel_states or cmd_vel"'),
-    'smart_tire/nodes/trajectory_controller.py': ('test/nodes/test_trajectory_controller.py',),
-    'smart_tire/cli/_keyboard.py': ('test/cli/test_keyboard.py',),
-    'smart_tire/cli/_drive_session.py': ('test/cli/test_drive_session.py',),
-}
 ROOT = Path(__file__).resolve().parents[1]
-EQUIVALENT = 'test/equivalent_mutants.txt'
-# location, original, mutant and reason; a reason may have further, indented lines
-ENTRY = re.compile(r'(\S+?)(?: (.*))?: (\w+)\n- (.*)\n\+ (.*)\n= (.*(?:\n  .*)*)(?:\n|$)')
-REQUIRED_SCORE = 0.9  # share of killed mutants, without equivalent ones
+SAFETY = 'safety'  # name of the safety path among the rooms
+SAFETY_PATH = (
+    'smart_tire/protocol/deframer.py', 'smart_tire/protocol/roboclaw.py',
+    'smart_tire/control/*.py', 'smart_tire/drivers/roboclaw_*.py',
+    'smart_tire/drivers/wheel_encoder.py', 'smart_tire/nodes/command_input.py',
+    'smart_tire/nodes/motor_driver.py', 'smart_tire/nodes/*_controller.py',
+    'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py')
+PROCESS_TESTS = {  # source file -> tests that import it in other processes only
+    'smart_tire/nodes/command_input.py': ['test/safety/test_commands.py'],
+    'smart_tire/nodes/motor_driver.py': ['test/safety/test_emergency_stop.py'],
+    'smart_tire/nodes/wheel_controller.py': ['test/safety/test_publishers.py']}
+REQUIRED_SCORE = 0.9       # share of killed mutants of the safety path
+NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
+PYTEST = '-m', 'pytest', '-x', '-q', '-rfE', '--tb=no', '-p', 'no:cacheprovider'
+MAX_TIME = 900.0           # s, of the tests of a file without a mutant
+TIMEOUT_FACTOR, GRACE = 3.0, 20.0  # time-out over the time without a mutant, and beyond it [s]
+MAX_MEMORY = 2 << 30       # bytes per process; an endless loop may fill a list
+FAILED = re.compile(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', re.MULTILINE)
 
-Key = tuple[str, str, str, str, str]
-
-
-class MutationError(Exception):
-    """The mutation test cannot be run."""
-
-
-def main(words: Sequence[str] | None = None, root: Path = ROOT,
-         table: Mapping[str, tuple[str, ...]] = SAFETY_PATH) -> int:
-    """Run the mutation test; return 1 if too many mutants survive, 2 if it cannot be run."""
-    options = arguments(words)
-    begin = time.monotonic()
-    try:
-        plan = {file: tests for file, tests in test_plan(root, table).items()
-                if not options.only or any(Path(file).match(name) for name in options.only)}
-        found = [mutant for file in plan
-                 for mutant in mutants(file, (root / file).read_text(encoding='utf-8'))]
-        chosen = survivors_of(options.rerun, found) if options.rerun else \
-            sample(found, options.sample, options.seed)
-        known = read_equivalents(root / EQUIVALENT)
-        for line in stale(known, plan, {key(mutant) for mutant in found}):
-            print(line)
-        print(f'{len(chosen)} of {len(found)} mutants in {len(plan)} files', flush=True)
-        if options.list:
-            print('\n'.join(f'{mutant.id} {block(mutant)}' for mutant in chosen))
-            return 0
-        todo = [mutant for mutant in chosen if key(mutant) not in known]
-        verdicts = evaluate_all(root, todo, plan, options)
-    except MutationError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
-    complete = len(verdicts) == len(todo)
-    verdicts += [Verdict(mutant, 'equivalent', 0.0, known[key(mutant)])
-                 for mutant in chosen if key(mutant) in known]
-    score = conclude(verdicts, time.monotonic() - begin, options.report)
-    return 2 if not complete else int(score < REQUIRED_SCORE)
+SWAPS: dict[type[ast.AST], type[Any]] = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn,
+    ast.NotIn: ast.In, ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult, ast.Mod: ast.FloorDiv, ast.And: ast.Or, ast.Or: ast.And,
+    ast.LShift: ast.RShift, ast.RShift: ast.LShift, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
+    ast.BitXor: ast.BitOr}
+FUNCTIONS = {'min': 'max', 'max': 'min', 'any': 'all', 'all': 'any', 'ceil': 'floor',
+             'floor': 'ceil'}
+# Parts without influence on the behavior: types, texts, debug representations.
+SKIPPED_FIELDS = {'annotation', 'returns', 'decorator_list', 'type_params'}
+SKIPPED = re.compile(
+    r'import |from |f[\'"]|def __(repr|str)__|if (typing\.)?TYPE_CHECKING|if __name__|'
+    r'[\w.()]*log(ger|ging)?(\(\))?\.(debug|info|warning|error|critical|exception)\(')
 
 
-def arguments(words: Sequence[str] | None) -> argparse.Namespace:
-    """Return the options on the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--sample', type=int, default=300, metavar='N',
-                        help='number of mutants, a random choice of all (%(default)s)')
-    parser.add_argument('--seed', type=int, default=1, help='seed of the sample (%(default)s)')
-    parser.add_argument('--jobs', type=int, default=2, help='parallel runs (%(default)s)')
-    parser.add_argument('--only', metavar='FILE', action='append',
-                        help='only mutants of this source file or pattern; may be repeated')
-    parser.add_argument('--list', action='store_true', help='print the mutants and exit')
-    parser.add_argument('--report', type=Path, metavar='FILE', help='write a table in Markdown')
-    parser.add_argument('--rerun', type=Path, metavar='FILE',
-                        help='run only the survivors of this report')
-    parser.add_argument('--minutes', type=float, default=60.0,
-                        help='time limit (%(default)s); exit status 2 if it is exceeded')
-    parser.add_argument('--grace', type=float, default=20.0, metavar='SECONDS',
-                        help='time-out beyond three times the time of the tests (%(default)s)')
-    return parser.parse_args(words)
+@dataclass(frozen=True)
+class Mutant:
+    """One changed source."""
+
+    file: str    # relative to the root of the checkout
+    line: int
+    begin: int   # of the changed expression or statement, in bytes
+    old: str
+    new: str
+    number: int  # of the same change in the file, from 0
+
+    def rank(self, seed: int) -> str:
+        """Return a pseudo-random sort key that does not depend on other mutants or lines."""
+        key = f'{seed} {self.file} {self.old} {self.new} {self.number}'
+        return hashlib.sha256(key.encode()).hexdigest()
+
+    def applied(self, source: bytes) -> bytes:
+        """Return the source with the change."""
+        end = self.begin + len(self.old.encode())
+        return source[:self.begin] + self.new.encode() + source[end:]
+
+    def __str__(self) -> str:
+        return ' '.join(f'{self.file}:{self.line}: {self.old} -> {self.new}'.split())
 
 
-def test_plan(root: Path, table: Mapping[str, tuple[str, ...]]) -> dict[str, list[Tests]]:
-    """
-    Return source file -> pytest arguments of each of its test files.
-
-    Of the test files that match a pattern, those that import the source file, themselves or
-    through others: the others cannot distinguish a mutant from it.
-    """
-    plan: dict[str, list[Tests]] = {}
-    for pattern, entries in table.items():
-        for source in files(root, pattern):
-            tests = [(file, *options) for name, *options in map(shlex.split, entries)
-                     for file in files(root, name) if Path(file).name.startswith('test_')
-                     and ('*' not in name or source in reached(root, file))]
-            plan[source] = list(dict.fromkeys([*plan.get(source, []), *tests]))
-    return plan
-
-
-def files(root: Path, pattern: str) -> list[str]:
-    """Return the files that match, relative to ``root``."""
-    found = sorted(path.relative_to(root).as_posix() for path in root.glob(pattern))
-    if not found:
-        raise MutationError(f'no file matches {pattern}')
+def mutants(file: str, source: str) -> list[Mutant]:
+    """Return all mutants of a source."""
+    text, starts, same = source.encode(), [0], Counter[tuple[str, str]]()  # ast counts bytes
+    for line in text.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    found = []
+    for node in nodes(ast.parse(source)):
+        for target, new in changes(node):
+            begin = starts[target.lineno - 1] + target.col_offset
+            end = starts[target.end_lineno - 1] + target.end_col_offset
+            old = text[begin:end].decode()
+            found.append(Mutant(file, target.lineno, begin, old, new, same[old, new]))
+            same[old, new] += 1
     return found
 
 
-def key(mutant: Mutant) -> Key:
-    """Return the key of a mutant in the list of equivalent ones."""
-    return mutant.file, mutant.function, mutant.operator, mutant.old, mutant.new
+def nodes(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the nodes that may be changed, outer ones first."""
+    if isinstance(node, (ast.stmt, ast.JoinedStr)) and SKIPPED.match(ast.unparse(node)):
+        return
+    yield node
+    for name, value in ast.iter_fields(node):
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST) and name not in SKIPPED_FIELDS:
+                yield from nodes(child)
 
 
-def block(mutant: Mutant) -> str:
-    """Return a mutant in the format of the list of equivalent ones."""
-    location = ' '.join(filter(None, [mutant.file, mutant.function]))
-    return f'{location}: {mutant.operator}\n- {mutant.old}\n+ {mutant.new}\n'
+def changes(node: Any) -> Iterator[tuple[Any, str]]:
+    """Yield node and new text of each change of ``node`` itself."""
+    if isinstance(node, ast.Compare):
+        for index, op in enumerate(node.ops):
+            ops = [*node.ops[:index], SWAPS[type(op)](), *node.ops[index + 1:]]
+            yield node, with_fields(node, ops=ops)
+    elif isinstance(node, (ast.BoolOp, ast.BinOp, ast.AugAssign)) and type(node.op) in SWAPS:
+        text = with_fields(node, op=SWAPS[type(node.op)]())
+        yield node, f'({text})' if isinstance(node, ast.BinOp) else text
+    elif isinstance(node, ast.UnaryOp) and not isinstance(node.op, ast.UAdd):
+        yield node, f'({ast.unparse(node.operand)})'
+    elif isinstance(node, ast.Constant):
+        yield from ((node, repr(other)) for other in other_values(node.value))
+    elif isinstance(node, ast.Call):
+        yield from call_changes(node)
+    elif isinstance(node, ast.Return) and node.value is not None:
+        yield node, 'return None'
+    elif is_deletable(node):
+        yield node, 'pass'
+    for test in ([node.test] if isinstance(node, (ast.If, ast.While, ast.IfExp)) else
+                 node.ifs if isinstance(node, ast.comprehension) else []):
+        yield test, f'not ({ast.unparse(test)})'
 
 
-def read_equivalents(path: Path) -> dict[Key, str]:
-    """Return the equivalent mutants with their reasons."""
-    known: dict[Key, str] = {}
-    text = path.read_text(encoding='utf-8') if path.exists() else ''
-    rest = re.sub(r'(?m)^#.*\n', '', text).lstrip()
-    while rest:
-        match = ENTRY.match(rest)
-        if match is None:
-            raise MutationError(f'{path.name}: expected location, -, +, = reason:\n'
-                                + '\n'.join(rest.splitlines()[:4]))
-        file, function, operator, old, new, reason = match.groups('')
-        if (found := (file, function, operator, old, new)) in known:
-            raise MutationError(f'{path.name}: listed twice: {file} {function}: {operator}')
-        known[found] = ' '.join(reason.split())
-        rest = rest[match.end():].lstrip()
-    return known
+def other_values(value: object) -> list[object]:
+    """Return values that may stand in place of a constant."""
+    if isinstance(value, bool):
+        return [not value]
+    if isinstance(value, int):
+        return [value + 1, value * 10 or -1]
+    if isinstance(value, float):
+        return [value * 2.0 or 1.0, value / 10.0]
+    return [value[:-1] + bytes((value[-1] ^ 1,))] if isinstance(value, bytes) and value else []
 
 
-def stale(known: Iterable[Key], plan: Container[str], keys: Container[Key]) -> list[str]:
-    """Return the listed mutants of the files of ``plan`` that no longer exist."""
-    return [f'{EQUIVALENT}: mutant no longer exists: {" ".join(entry)}'
-            for entry in known if entry[0] in plan and entry not in keys]
+def call_changes(node: ast.Call) -> Iterator[tuple[ast.AST, str]]:
+    """Swap functions, remove ``abs``, omit keyword arguments that may have a default."""
+    name = getattr(node.func, 'id', getattr(node.func, 'attr', ''))
+    if name == 'abs':
+        yield node, f'({ast.unparse(node.args[0])})'
+    elif name in FUNCTIONS:
+        yield node.func, re.sub(rf'{name}$', FUNCTIONS[name], ast.unparse(node.func))
+    for keyword in node.keywords:
+        if keyword.arg is not None:
+            yield node, with_fields(node, keywords=[
+                other for other in node.keywords if other is not keyword])
 
 
-def evaluate_all(root: Path, todo: list[Mutant], plan: Mapping[str, list[Tests]],
-                 options: argparse.Namespace) -> list[Verdict]:
-    """Return the verdicts on the mutants; incomplete after the time limit."""
-    verdicts: list[Verdict] = []
-    killers: defaultdict[object, Counter[str]] = defaultdict(Counter)
-    with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
-        workplaces = [Workplace(root, Path(folder, str(index))) for index in range(options.jobs)]
-        free: queue.SimpleQueue[Workplace] = queue.SimpleQueue()
-        pool = futures.ThreadPoolExecutor(options.jobs)
+def is_deletable(node: ast.AST) -> bool:
+    """Return whether a statement can be omitted without an undefined name."""
+    if isinstance(node, ast.Expr):
+        return not isinstance(node.value, ast.Constant)  # a docstring
+    if isinstance(node, ast.Assign):
+        return all(isinstance(target, (ast.Attribute, ast.Subscript)) for target in node.targets)
+    return isinstance(node, (ast.Delete, ast.Raise, ast.Break, ast.Continue))
+
+
+def with_fields(node: ast.AST, **values: object) -> str:
+    """Return the text of ``node`` with other fields."""
+    return ast.unparse(type(node)(**{**dict(ast.iter_fields(node)), **values}))
+
+
+def sources(root: Path, room: str) -> list[str]:
+    """Return the files of a room that are not compiled."""
+    patterns = SAFETY_PATH if room == SAFETY else (f'smart_tire/{room}/**/*.py',)
+    found = {path for pattern in patterns for path in root.glob(pattern)
+             if not any(path.parent.glob(f'{path.stem}.*.so'))}
+    return sorted(path.relative_to(root).as_posix() for path in found)
+
+
+def tests_of(root: Path, source: str) -> list[str]:
+    """Return the test files of a source, the likely ones first."""
+    folder = Path(source).parent.as_posix().replace('smart_tire', 'test', 1)
+    own = f'test_{Path(source).stem.strip("_")}.py'
+
+    def rank(test: str) -> tuple[bool, bool, str]:
+        return Path(test).name != own, source not in imported(root, test), test
+    found = [path.relative_to(root).as_posix() for path in root.glob('test/**/test_*.py')]
+    mirrored = [test for test in found if test.startswith(f'{folder}/')
+                and (Path(test).name == own or source in reached(root, test))]
+    others = [test for test in found if source in imported(root, test)]
+    return sorted(mirrored or others, key=rank) + PROCESS_TESTS.get(source, [])
+
+
+class Workplace:
+    """A copy of the checkout ``root`` in ``folder``, for one test run at a time."""
+
+    def __init__(self, root: Path, folder: Path, count: int) -> None:
+        self.tree, self._count = folder / 'tree', count
+        self._mark = f'MUTANT_TREE={self.tree}'
+        self._known: dict[str, tuple[list[str], float]] = {}
+        shutil.copytree(root, self.tree, ignore=shutil.ignore_patterns(*NOT_COPIED))
+
+    def run(self, arguments: Sequence[str], timeout: float) -> tuple[int | None, str]:
+        """Return exit status, None after a time-out, and output; end all started processes."""
+        name, _, value = self._mark.partition('=')
+        environment = {**os.environ, name: value, 'PYTHONPATH': str(self.tree),
+                       'TEST_PATIENCE': '15', 'PYTHONDONTWRITEBYTECODE': '1'}
+        with tempfile.TemporaryFile() as log:
+            process = subprocess.Popen(
+                [sys.executable, *arguments], cwd=self.tree, env=environment,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
+            resource.prlimit(process.pid, resource.RLIMIT_DATA, (MAX_MEMORY, MAX_MEMORY))
+            try:
+                status = process.wait(timeout)
+            except subprocess.TimeoutExpired:
+                status = None
+            finally:
+                self._end_processes()
+                process.wait()
+            log.seek(0)
+            return status, log.read().decode(errors='replace')
+
+    def _end_processes(self) -> None:
+        """End all processes started here, including those in their own session."""
+        for path in Path('/proc').glob('[0-9]*/environ'):
+            try:
+                if self._mark.encode() in path.read_bytes().split(b'\0'):
+                    os.kill(int(path.parent.name), signal.SIGKILL)
+            except OSError:
+                pass  # ended, or another user's process
+
+    def passing(self, source: str) -> tuple[list[str], float]:
+        """Return the test files of ``source`` that pass, at most ``count``, and their time [s]."""
+        if source not in self._known:
+            chosen, failed = tests_of(self.tree, source)[:self._count], ['']
+            while chosen and failed:
+                begin = time.monotonic()
+                status, output = self.run([*PYTEST, *chosen], MAX_TIME)
+                failed = [test for test in chosen if status and f' {test}' in output]
+                chosen = [] if status and not failed else [
+                    test for test in chosen if test not in failed]
+            self._known[source] = chosen, time.monotonic() - begin if chosen else 0.0
+        return self._known[source]
+
+    def evaluate(self, mutant: Mutant) -> str:
+        """Return 'survived', 'untested', or what killed the mutant."""
+        tests, seconds = self.passing(mutant.file)
+        path = self.tree / mutant.file
+        original = path.read_bytes()
+        if not tests:
+            return 'untested'
+        path.write_bytes(mutant.applied(original))
         try:
-            sources = sorted({mutant.file for mutant in todo})
-            times = baseline(pool, workplaces, sources,
-                             sorted({tests for file in sources for tests in plan[file]}))
-            for workplace in workplaces:
-                free.put(workplace)
-
-            def evaluate(mutant: Mutant) -> Verdict:
-                workplace, function = free.get(), (mutant.file, mutant.function)
-                likely = dict(killers[function].most_common(2)
-                              + killers[mutant.file].most_common(2))
-                try:
-                    needed = {tests: times[tests] for tests in plan[mutant.file]}
-                    verdict = workplace.evaluate(mutant, stages(needed, likely), options.grace)
-                finally:
-                    free.put(workplace)
-                if '::' in verdict.killer:
-                    killers[function][verdict.killer] += 1
-                    killers[mutant.file][verdict.killer] += 1
-                return verdict
-
-            begin = time.monotonic()
-            jobs = [pool.submit(evaluate, mutant) for mutant in todo]
-            for done in futures.as_completed(jobs, options.minutes * 60.0):
-                verdicts.append(done.result())
-                print(progress(verdicts, len(todo), time.monotonic() - begin), flush=True)
-        except (KeyboardInterrupt, futures.TimeoutError):
-            print(f'stopped: {len(todo) - len(verdicts)} mutants without result', file=sys.stderr)
+            status, output = self.run([*PYTEST, *tests], TIMEOUT_FACTOR * seconds + GRACE)
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for workplace in workplaces:
-                workplace.close()
-            pool.shutdown()
-    return verdicts
+            path.write_bytes(original)
+        if status == 0:
+            return 'survived'
+        failed = FAILED.search(output)
+        return 'time-out' if status is None else failed[1] if failed else f'exit {status}'
 
 
-def baseline(pool: futures.ThreadPoolExecutor, workplaces: list[Workplace], sources: list[str],
-             needed: list[Tests]) -> dict[Tests, float]:
-    """Run the tests without a mutant in all copies in parallel; return their times [s]."""
-    def run(workplace: Workplace) -> list[float]:
-        for root in {source.split('/')[0] for source in sources}:
-            script = f'import {root}; print({root}.__path__[0])'
-            path = workplace.run(('-c', script)).output.strip()
-            if Path(path) != workplace.tree / root:
-                raise MutationError(f'tests import {root} from {path}')
-        times = []
-        for tests in needed:
-            run = workplace.test(tests)
-            if run.status != 0:
-                raise MutationError(f'{shlex.join(tests)} fails without a mutant:\n{run.output}')
-            times.append(run.seconds)
-        return times
-
-    times = dict(zip(needed, map(max, zip(*pool.map(run, workplaces)))))
-    for tests, seconds in sorted(times.items(), key=lambda item: item[1]):
-        print(f'{seconds:7.1f} s  {shlex.join(tests)}', flush=True)
-    return times
-
-
-def progress(verdicts: Sequence[Verdict], total: int, elapsed: float) -> str:
-    """Return a line with the latest verdict and the remaining time."""
-    latest, done = verdicts[-1], len(verdicts)
-    left = elapsed / done * (total - done)
-    killer = f' ({latest.killer})' if latest.killer else ''
-    return (f'[{done:3}/{total}, {left / 60:4.1f} min left] {latest.result:9} '
-            f'{latest.seconds:6.1f} s  {where(latest.mutant)} {latest.mutant.operator}{killer}')
-
-
-def where(mutant: Mutant) -> str:
-    """Return file and line."""
-    return f'{mutant.file}:{mutant.line}'
-
-
-def conclude(verdicts: list[Verdict], elapsed: float, report: Path | None) -> float:
-    """Print survivors and totals and return the score."""
-    verdicts.sort(key=lambda verdict: (verdict.mutant.file, verdict.mutant.line))
-    for verdict in verdicts:
-        if verdict.result == 'survived':
-            print(f'\nsurvived: {where(verdict.mutant)}\n{block(verdict.mutant)}', end='')
-    count = Counter(verdict.result for verdict in verdicts)
-    killed = count['killed'] + count['timed out']
-    score = killed / (killed + count['survived']) if killed + count['survived'] else 1.0
-    totals = (f'{killed} killed ({count["timed out"]} by time-out), {count["survived"]} survived, '
-              f'{count["equivalent"]} equivalent; score {score:.1%}, '
-              f'required {REQUIRED_SCORE:.0%}; {elapsed / 60:.1f} min')
-    print(f'\n{totals}')
-    if report:
-        survivors = [verdict for verdict in verdicts if verdict.result == 'survived']
-        others = [verdict for verdict in verdicts if verdict.result != 'survived']
-        report.write_text('\n'.join([
-            totals, '\n## Survivors\n', *table_rows(survivors), '\n## Others\n',
-            *table_rows(others), '']), encoding='utf-8')
-    return score
-
-
-def table_rows(verdicts: Iterable[Verdict]) -> Iterator[str]:
-    """Yield the lines of a table in Markdown."""
-    yield '| id | result | location | operator | original | mutant | killed by, or reason |'
-    yield '|---|---|---|---|---|---|---|'
-    for verdict in verdicts:
-        mutant = verdict.mutant
-        cells = (mutant.id, verdict.result, f'{where(mutant)} {mutant.function}', mutant.operator,
-                 f'`{mutant.old}`', f'`{mutant.new}`', verdict.killer)
-        yield '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |'
-
-
-def survivors_of(report: Path, found: Iterable[Mutant]) -> list[Mutant]:
-    """Return the mutants that survived according to a report."""
-    ids = set(re.findall(r'(?m)^\| (\w+) \| survived \|', report.read_text(encoding='utf-8')))
-    chosen = [mutant for mutant in found if mutant.id in ids]
-    for missing in sorted(ids - {mutant.id for mutant in chosen}):
-        print(f'{report.name}: mutant no longer exists: {missing}')
-    return chosen
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the mutation test; return 1 if too many mutants of the safety path survive."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--room', action='append', metavar='NAME',
+                        help='folder of smart_tire; may be repeated (default: the safety path)')
+    parser.add_argument('--sample', type=int, default=100, metavar='N',
+                        help='number of mutants of each room, chosen at random (%(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='seed of the sample (%(default)s)')
+    parser.add_argument('--minutes', type=float, default=60.0, help='time limit (%(default)s)')
+    parser.add_argument('--files', type=int, default=8, metavar='N',
+                        help='number of test files for one mutant (%(default)s)')
+    parser.add_argument('--root', type=Path, default=ROOT, metavar='DIR',
+                        help='checkout, e.g. of another version (default: this one)')
+    options = parser.parse_args(words)
+    root = options.root.resolve()
+    end, verdicts = time.monotonic() + 60.0 * options.minutes, defaultdict[str, Counter[str]](
+        Counter)
+    with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
+        workplace = Workplace(root, Path(folder), options.files)
+        for room in options.room or [SAFETY]:
+            found = [mutant for file in sources(root, room)
+                     for mutant in mutants(file, (root / file).read_text(encoding='utf-8'))]
+            for mutant in sorted(found, key=lambda one: one.rank(options.seed))[:options.sample]:
+                if time.monotonic() > end:
+                    print('stopped by the time limit')
+                    break
+                result = workplace.evaluate(mutant)
+                kind = result if result in ('survived', 'untested') else 'killed'
+                verdicts[room][kind] += 1
+                print(f'{kind:8} {mutant}' + (f' ({result})' if kind == 'killed' else ''),
+                      flush=True)
+    for room, count in verdicts.items():
+        print(f'{room}: {count["killed"]} of {count.total()} killed, {count["untested"]} untested')
+    count = verdicts[SAFETY]
+    return int(count['killed'] < REQUIRED_SCORE * count.total())
 
 
 if __name__ == '__main__':
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # clean up as after Ctrl-C
-    signal.signal(signal.SIGINT, signal.default_int_handler)   # ignored in the background
     sys.exit(main())

@@ -12,225 +12,98 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Mutation test: generated mutants, the sample of them, and their verdicts."""
+"""Mutation test: changes of a source, their sample, and verdicts on a small checkout."""
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
-import re
-import textwrap
 
 import mutation
 import pytest
-from support.mutant_runs import stages, Workplace
-from support.mutants import mutants, sample
 
 pytestmark = pytest.mark.slow
 
-CHANGES = [  # body of a function, operator, expected replacements of the line
-    ('return [a < b]', 'comparison', {'return [a <= b]'}),
-    ('return [a >= b]', 'comparison', {'return [a > b]'}),
-    ('return [a == b]', 'comparison', {'return [a != b]'}),
-    ('return [a is b]', 'comparison', {'return [a is not b]'}),
-    ('return [a not in b]', 'comparison', {'return [a in b]'}),
-    ('return [a < b <= c]', 'comparison', {'return [a <= b <= c]', 'return [a < b < c]'}),
-    ('return a + b', 'arithmetic', {'return a - b'}),
-    ('return (a-b) * c', 'arithmetic', {'return (a + b) * c', 'return (a - b) / c'}),
-    ('return a // b % c', 'arithmetic', {'return a * b % c', 'return a // b // c'}),
-    ('a -= b', 'arithmetic', {'a += b'}),
-    ('return -a', 'arithmetic', {'return a'}),
-    ('return a * -(b - c)', 'arithmetic',
-     {'return a / -(b - c)', 'return a * (b - c)', 'return a * -(b + c)'}),
-    ('return a << b', 'bitwise', {'return (a >> b)'}),
-    ('return a & b == c', 'bitwise', {'return (a | b) == c'}),
-    ('return a ^ b & c', 'bitwise', {'return (a | b & c)', 'return a ^ (b | c)'}),
-    ('return ~a', 'bitwise', {'return a'}),
-    ('return [a and b or c]', 'boolean', {'return [(a and b) and c]', 'return [a or b or c]'}),
-    ('return b and not (a or c)', 'boolean',
-     {'return b or not (a or c)', 'return b and (a or c)', 'return b and not (a and c)'}),
-    ('if a < b: c()', 'condition', {'if not (a < b): c()'}),
-    ('while a: b()', 'condition', {'while not a: b()'}),
-    ('return b if a else c', 'condition', {'return b if not a else c'}),
-    ('return [b for b in a if b]', 'condition', {'return [b for b in a if not b]'}),
-    ('if a == b: c()', 'condition', set()),  # same as the operator comparison
-    ('if not a: c()', 'condition', set()),
-    ('return [10]', 'constant', {'return [11]', 'return [9]', 'return [0]'}),
-    ('return [1]', 'constant', {'return [2]', 'return [0]'}),
-    ('return [0.25]', 'constant', {'return [0.5]', 'return [0.125]', 'return [0.0]'}),
-    ('return [0.0]', 'constant', {'return [1.0]'}),
-    ('return [True]', 'constant', {'return [False]'}),
-    (r"return [b'\xff\x00']", 'constant', {r"return [b'\xff\x01']"}),
-    ("return ['>hB', '>B', '> a']", 'constant', {"return ['<hB', '>B', '> a']"}),
-    ('return [0.25]', 'bound', set()),
-    ('a.b()', 'statement', {'pass'}),
-    ('a.b = c', 'statement', {'pass'}),
-    ('a[b]: int = c', 'statement', {'pass'}),
-    ('e = c', 'statement', set()),  # the name would be undefined
-    ('a = c', 'statement', {'pass'}),
-    ('d = a; d = c', 'statement', {'pass; d = c', 'd = a; pass'}),
-    ('del a[b]', 'statement', {'pass'}),
-    ('raise a', 'statement', {'pass'}),
-    ('for b in a: return', 'statement', {'for b in a: pass'}),
-    ('for b in a: continue', 'statement', set()),  # last statement of the loop: equivalent
-    ('return a', 'return', {'return None'}),
-    ('return a < b', 'return', {'return None', 'return not (a < b)'}),
-    ('return None', 'return', set()),
-    ('return min(a, b)', 'function', {'return max(a, b)'}),
-    ('return abs(a - b) < c', 'function', {'return (a - b) < c'}),
-    ('return math.ceil(a)', 'function', {'return math.floor(a)'}),
-    ('return all(a)', 'function', {'return any(a)'}),
-    ('return a(b, timeout=c)', 'argument', {'return a(b)'}),
-]
+CHANGES = [  # statement, its changes
+    ('x = a < b <= c', {'x = a <= b <= c', 'x = a < b < c'}),
+    ('x = a not in b', {'x = a in b'}),
+    ('x = (a-b) * c', {'x = ((a - b) / c)', 'x = ((a + b)) * c'}),
+    ('x = -a', {'x = (a)'}),
+    ('x = a and not b', {'x = a or not b', 'x = a and (b)'}),
+    ('if a: b()', {'if not (a): b()', 'if a: pass'}),
+    ('x = [b for b in a if b]', {'x = [b for b in a if not (b)]'}),
+    ('x = b if a else c', {'x = b if not (a) else c'}),
+    ('x = 10', {'x = 11', 'x = 100'}),
+    ('x = 0.5', {'x = 1.0', 'x = 0.05'}),
+    ('x = True', {'x = False'}),
+    (r"x = b'\xff\x00'", {r"x = b'\xff\x01'"}),
+    ('a.b(c=d)', {'pass', 'a.b()'}),
+    ('a.b = c', {'pass'}),
+    ('a -= b', {'a += b'}),
+    ('raise a', {'pass'}),
+    ('return a', {'return None'}),
+    ('x = min(abs(a), b)', {'x = max(abs(a), b)', 'x = min((a), b)'}),
+    ('x = math.ceil(a)', {'x = math.floor(a)'}),
+    ('"""Text of 3 words."""', set()),
+    ('from a import b', set()),
+    ("logger.warning('%d', a + 1)", set()),
+    ("x = f'{a + 1}'", set()),
+    ('x: Literal[3] = a', set())]
 
 
-def of(source: str, operator: str = '') -> list:
-    """Return the mutants of one operator, or of all."""
-    return [mutant for mutant in mutants('some.py', source) if operator in ('', mutant.operator)]
+def applied(source):
+    return [mutant.applied(source.encode()).decode()
+            for mutant in mutation.mutants('some.py', source)]
 
 
-@pytest.mark.parametrize('body, operator, expected', CHANGES)
-def test_an_operator_yields_exactly_these_changes(body, operator, expected):
-    source = f'# Maß\ndef f(a, b, c):\n    d = a\n    {body}  # why  \n\n'
-    made = [mutant for mutant in of(source, operator) if mutant.line == 4]
-    assert {mutant.source for mutant in made} \
-        == {source.replace(f'    {body}', f'    {text}') for text in expected}
-    assert {(mutant.old, mutant.new) for mutant in made} == {(body, text) for text in expected}
+@pytest.mark.parametrize('statement, expected', CHANGES)
+def test_a_statement_has_exactly_these_changes(statement, expected):
+    source = f'# Maß\ndef f(a, b, c):\n    {statement}  # why\n'
+    assert set(applied(source)) == {source.replace(statement, text) for text in expected}
 
 
-def test_constants_and_defaults_are_scaled_by_a_factor_of_ten():
-    source = textwrap.dedent("""\
-        TIMEOUT = 0.5
-
-        class Limits:
-            gap: int = field(20)
-
-            def wait(self, seconds=2.0, *, cycles: int = 30):
-                return cycles * 40
-        """)
-    assert {mutant.new for mutant in of(source, 'bound')} == {
-        'TIMEOUT = 5.0', 'TIMEOUT = 0.05', 'gap: int = field(200)', 'gap: int = field(2)',
-        'def wait(self, seconds=20.0, *, cycles: int = 30):',
-        'def wait(self, seconds=0.2, *, cycles: int = 30):',
-        'def wait(self, seconds=2.0, *, cycles: int = 300):',
-        'def wait(self, seconds=2.0, *, cycles: int = 3):'}
-
-
-def test_code_without_influence_on_behavior_is_not_mutated():
-    assert of('''
-"""Text of 3 words."""
-from typing import TYPE_CHECKING, Literal
-import sys
-if TYPE_CHECKING:
-    limit = 3
-
-@dataclass(frozen=True)
-class Thing:
-    """Text."""
-    size: Literal[3]
-
-    def __init__(self, a: Literal[4]) -> Literal[5]:
-        """Text."""
-        self.size = a
-        self.get_logger().warning(f'{a + 1}', 3)
-        logging.error('%d', a + 1)
-        logger.info(min(a, 7))
-
-    def __repr__(self):
-        return f'{self.size + 1}'
-
-if __name__ == '__main__':
-    sys.exit(1)
-''') == []
-
-
-def test_mutants_with_the_same_bytecode_are_left_out():
-    assert of('def f(a):\n    return\n') == []
-    assert {mutant.new for mutant in of('def f(a):\n    return [0]\n', 'constant')} \
-        == {'return [1]', 'return [-1]'}
-
-
-def test_the_identity_of_a_mutant_does_not_depend_on_its_line():
-    source = 'class A:\n    def f(self, a):\n        if a: a.go()\n        else: a.go()\n'
-    moved = f'import os\n\n\n{source}'.replace('if a: a.go()', 'if a: a.go()  # at once')
-    assert [mutant.line + 3 for mutant in of(source)] == [mutant.line for mutant in of(moved)]
-    assert of(source) == of(moved)
-    assert [mutant.id for mutant in of(source)] == [mutant.id for mutant in of(moved)]
-    twice = of('def f(a):\n    a.go()\n    a.go()\n')
-    assert [mutant.function for mutant in twice] == ['f', 'f #2']
-
-
-LARGE = ''.join(f'def f{number}(a):\n    return {number} + a.b < 3\n\n' for number in range(40))
-SMALL = 'def g(a):\n    return not a and a.b(3)\n'
-
-
-def test_a_sample_depends_on_seed_and_sources_only():
-    found = [*mutants('large.py', LARGE), *mutants('small.py', SMALL)]
-    chosen = sample(found, 30, seed=1)
-    assert sample(found[::-1], 30, seed=1) == chosen
-    assert sample(found, 30, seed=2) != chosen
-    assert sample(found, 10_000, seed=1) == sorted(found, key=chosen_order)
-    edited = mutants('large.py', LARGE.replace(' 7 + a.b', ' 7 + a.c'))
-    again = sample([*edited, *mutants('small.py', SMALL)], 30, seed=1)
-    assert len(set(chosen) & set(again)) >= 29
-
-
-def chosen_order(mutant):
-    """Return the sort key of a sample."""
-    return mutant.file, mutant.line, mutant.rank(1)
-
-
-def test_files_and_operators_have_proportional_shares_of_a_sample():
-    chosen = sample([*mutants('large.py', LARGE), *mutants('small.py', SMALL)], 30, seed=1)
-    assert len(chosen) == len(set(chosen)) == 30
-    per_file = Counter(mutant.file for mutant in chosen)
-    assert 5 <= per_file['small.py'] <= 6
-    both = [*mutants('a.py', LARGE), *mutants('b.py', LARGE.partition('def f20')[0])]
-    shares = Counter(mutant.file for mutant in sample(both, 30, seed=1))
-    assert 19 <= shares['a.py'] <= 21
-    operators = Counter(mutant.operator for mutant in chosen if mutant.file == 'large.py')
-    assert operators.keys() == {'comparison', 'arithmetic', 'constant', 'return'}
-    assert max(operators.values()) - min(operators.values()) <= 1
+def test_the_sample_depends_on_the_seed_but_not_on_the_line():
+    source = 'def f(a):\n    return 3 + a.b < 3\n'
+    ranks = [[one.rank(seed) for one in mutation.mutants('f.py', text)]
+             for seed, text in ((1, source), (1, f'import os\n\n{source}'), (2, source))]
+    assert ranks[0] == ranks[1] != ranks[2]
+    assert len(set(ranks[0])) == len(ranks[0])  # equal changes differ by their number
 
 
 TOY = {
-    'toy/__init__.py': '',
-    'toy/clock.py': 'def late(age, limit):\n    return age > limit\n',
-    'toy/main.py': 'import sys, toy.clock\nprint(toy.clock.late(*map(int, sys.argv[1:])))\n',
-    'toy/loop.py': 'def drain(items):\n    while items: items.pop()\n    return [not items]\n',
-    'test/test_clock.py': """
+    'smart_tire/__init__.py': '',
+    'smart_tire/clock/late.py': 'def late(age, limit):\n    return age > limit\n',
+    'smart_tire/clock/main.py': 'import sys\nfrom smart_tire.clock.late import late\n'
+                                'print(late(*map(int, sys.argv[1:])))\n',
+    'smart_tire/clock/drain.py': 'def drain(items):\n    while items:\n        items.pop()\n',
+    'test/clock/test_late.py': """
 import subprocess
 import sys
+import smart_tire.clock.late
 
 def test_in_another_process():
     subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'],
                      start_new_session=True)
-    result = subprocess.run([sys.executable, '-m', 'toy.main', '3', '2'], capture_output=True,
-                          cwd='/')
+    result = subprocess.run([sys.executable, '-m', 'smart_tire.clock.main', '3', '2'],
+                            capture_output=True)
     assert result.stdout == b'True\\n'
 """,
-    'test/test_loop.py': """
-from toy.loop import drain
-
-def test_drain():
-    assert drain([1, 2]) == [True]
-""",
-}
-TABLE = {'toy/clock.py': ('test/test_clock.py',), 'toy/loop.py': ('test/test_loop.py -k drain',)}
+    'test/clock/test_drain.py': 'from smart_tire.clock.drain import drain\n\n'
+                                'def test_drain():\n    drain([1, 2])\n',
+    'test/clock/test_broken.py': 'from smart_tire.clock.drain import drain\n\n'
+                                 'def test_broken():\n    assert False\n'}
 
 
 @pytest.fixture
 def toy(tmp_path, monkeypatch):
     """Return a checkout with a package and tests."""
-    root = tmp_path / 'toy_checkout'
     for name, text in TOY.items():
-        (root / name).parent.mkdir(parents=True, exist_ok=True)
-        (root / name).write_text(text)
-    monkeypatch.setenv('TOY', str(root))  # inherited by all child processes
-    return root
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setenv('TOY', str(tmp_path))  # inherited by all child processes
+    return tmp_path
 
 
-def remaining_processes(toy: Path) -> list[Path]:
+def remaining_processes(toy):
     """Return the processes started by tests of ``toy`` that are still running."""
     found = []
     for path in Path('/proc').glob('[0-9]*/environ'):
@@ -242,115 +115,47 @@ def remaining_processes(toy: Path) -> list[Path]:
     return found
 
 
-def test_child_processes_use_the_mutant_and_survivors_are_printed(toy, tmp_path, capsys):
-    report = tmp_path / 'report.md'
-    assert mutation.main(['--only', 'clock.py', '--report', str(report)], toy, TABLE) == 1
+def test_tests_are_those_of_the_mirrored_folder_that_import_the_file(toy):
+    assert mutation.tests_of(toy, 'smart_tire/clock/drain.py') == [
+        'test/clock/test_drain.py', 'test/clock/test_broken.py']
+    assert mutation.tests_of(toy, 'smart_tire/clock/main.py') == []
+    (toy / 'smart_tire/clock/late.cpython.so').write_text('')  # compiled: not mutated
+    assert mutation.sources(toy, 'clock') == ['smart_tire/clock/drain.py',
+                                              'smart_tire/clock/main.py']
+
+
+def test_mutants_reach_processes_hang_or_survive_and_broken_tests_are_left_out(
+        toy, capsys, monkeypatch):
+    monkeypatch.setattr(mutation, 'GRACE', 3.0)
+    assert mutation.main(['--room', 'clock', '--root', str(toy)]) == 0
     output = capsys.readouterr().out
-    assert '3 of 3 mutants in 1 files' in output
-    assert 'survived: toy/clock.py:2\ntoy/clock.py late: comparison\n' \
-        '- return age > limit\n+ return age >= limit\n' in output
-    assert '2 killed (0 by time-out), 1 survived, 0 equivalent; score 66.7%' in output
-    assert (toy / 'toy/clock.py').read_text() == TOY['toy/clock.py']
-    assert not remaining_processes(toy)
-    listed = re.search(r'toy/clock.py late: comparison\n- .*\n\+ .*\n', output)[0]
-    (toy / 'test/equivalent_mutants.txt').write_text(
-        f'# Reasons.\n\n{listed}= never called\n  at the limit\n')
-    assert mutation.main(['--rerun', str(report)], toy, TABLE) == 0
-    assert '0 killed (0 by time-out), 0 survived, 1 equivalent' in capsys.readouterr().out
-
-
-def test_a_mutant_that_hangs_is_killed_by_the_time_out(toy, capsys):
-    words = ['--only', 'toy/loop.py', '--grace', '2']
-    assert mutation.main(words, toy, TABLE) == 0
-    output = capsys.readouterr().out
-    assert re.search(r'timed out .* toy/loop.py:2 statement', output)
-    assert '(test/test_loop.py::test_drain)' in output
-    assert ' 0 survived' in output
+    for line in ('survived smart_tire/clock/late.py:2: age > limit -> age >= limit',
+                 'killed   smart_tire/clock/late.py:2: return age > limit -> return None '
+                 '(test/clock/test_late.py::test_in_another_process)',
+                 'killed   smart_tire/clock/drain.py:3: items.pop() -> pass (time-out)',
+                 'survived smart_tire/clock/drain.py:2: items -> not (items)',
+                 'untested smart_tire/clock/main.py'):
+        assert line in output
+    assert 'clock: 2 of 7 killed, 3 untested' in output
+    assert (toy / 'smart_tire/clock/late.py').read_text() == TOY['smart_tire/clock/late.py']
     assert not remaining_processes(toy)
 
 
-def test_the_original_is_restored_after_a_mutant(toy, tmp_path):
-    workplace = Workplace(toy, tmp_path / 'copy')
-    mutant = mutants('toy/clock.py', TOY['toy/clock.py'])[0]
-    verdict = workplace.evaluate(mutant, [(('test/test_loop.py',), 1.0)], 20.0)
-    assert verdict.result == 'survived'  # that test does not import it
-    assert (workplace.tree / 'toy/clock.py').read_text() == TOY['toy/clock.py']
+def test_a_sample_is_limited_and_so_is_the_time(toy, capsys):
+    mutation.main(['--room', 'clock', '--root', str(toy), '--minutes', '0', '--sample', '1'])
+    assert 'stopped by the time limit' in capsys.readouterr().out
 
 
-def test_fast_files_run_first_and_together_then_tests_that_killed_others():
-    times = {('b.py',): 1.0, ('slow.py',): 9.0, ('a.py',): 2.0, ('c.py', '-k', 'x'): 2.5}
-    assert stages(times, ['slow.py::test_1', 'a.py::test_2']) == [
-        (('a.py', 'b.py'), 3.0), (('slow.py::test_1',), 11.5), (('c.py', '-k', 'x'), 2.5),
-        (('slow.py',), 9.0)]
-    assert stages({('slow.py',): 9.0}) == [(('slow.py',), 9.0)]
+@pytest.mark.parametrize('kind, status', [('killed', 0), ('survived', 1)])
+def test_the_safety_path_requires_a_share_of_killed_mutants(toy, monkeypatch, kind, status):
+    monkeypatch.setattr(mutation, 'SAFETY_PATH', ('smart_tire/clock/late.py',))
+    monkeypatch.setattr(mutation.Workplace, 'evaluate', lambda self, mutant: kind)
+    assert mutation.main(['--root', str(toy)]) == status
 
 
-def test_a_mutant_that_exhausts_memory_is_stopped(toy, tmp_path):
-    run = Workplace(toy, tmp_path / 'copy').run(('-c', 'bytearray(4 << 30)'))
-    assert run.status == 1
-    assert 'MemoryError' in run.output
-
-
-def test_failures_without_a_mutant_and_invalid_tables_are_errors(toy, capsys):
-    (toy / 'test/test_loop.py').write_text('def test_drain():\n    assert False\n')
-    assert mutation.main(['--only', 'loop.py', '--jobs', '1'], toy, TABLE) == 2
-    assert 'fails without a mutant' in capsys.readouterr().err
-    assert mutation.main([], toy, {'toy/clock.py': ('test/test_none.py',)}) == 2
-    assert 'no file matches test/test_none.py' in capsys.readouterr().err
-
-
-def test_a_run_is_stopped_after_the_time_limit_with_partial_results(toy, capsys):
-    assert mutation.main(['--only', 'loop.py', '--minutes', '0'], toy, TABLE) == 2
-    captured = capsys.readouterr()
-    assert re.search(r'stopped: \d mutants without result', captured.err)
-    assert 'score' in captured.out
-    assert not remaining_processes(toy)
-
-
-def test_equivalent_mutants_that_no_longer_exist_are_reported(toy, capsys):
-    (toy / 'test/equivalent_mutants.txt').write_text(
-        'toy/clock.py late: comparison\n- return age < limit\n+ return age <= limit\n= no\n')
-    mutation.main(['--list'], toy, TABLE)
-    assert 'mutant no longer exists: toy/clock.py late comparison' in capsys.readouterr().out
-    (toy / 'test/equivalent_mutants.txt').write_text('toy/clock.py late: comparison\n')
-    assert mutation.main(['--list'], toy, TABLE) == 2
-
-
-def test_entries_need_no_blank_line_between_them_but_are_not_repeated(tmp_path):
-    entry = 'toy/clock.py late: comparison\n- return age < limit\n+ return age <= limit\n= no\n'
-    file = tmp_path / 'equivalent.txt'
-    file.write_text(f'# Reasons.\n\n{entry}  reason\n{entry.replace("late", "early")}')
-    known = mutation.read_equivalents(file)
-    assert [(function, reason) for (_, function, *_), reason in known.items()] == [
-        ('late', 'no reason'), ('early', 'no')]
-    file.write_text(f'{entry}\n{entry}')
-    with pytest.raises(mutation.MutationError, match='listed twice: toy/clock.py late'):
-        mutation.read_equivalents(file)
-    file.write_text(f'{entry}one line more\n')
-    with pytest.raises(mutation.MutationError, match='one line more'):
-        mutation.read_equivalents(file)
-
-
-def test_every_equivalent_mutant_in_the_file_still_exists():
-    known = mutation.read_equivalents(mutation.ROOT / mutation.EQUIVALENT)
-    plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
-    assert known
-    assert {file for file, *_ in known} <= plan.keys()
-    keys = {mutation.key(mutant) for file in {file for file, *_ in known}
-            for mutant in mutants(file, (mutation.ROOT / file).read_text(encoding='utf-8'))}
-    assert mutation.stale(known, plan, keys) == []
-
-
-def test_every_pattern_of_the_safety_path_matches_files():
-    plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
-    assert {'smart_tire/protocol/roboclaw.py', 'smart_tire/control/wheel_servo.py'} <= plan.keys()
-    assert all(plan.values())
-
-
-def test_of_a_pattern_those_files_run_that_import_the_source():
-    plan = mutation.test_plan(mutation.ROOT, mutation.SAFETY_PATH)
-    assert plan['smart_tire/control/command_check.py'] == [('test/control/test_commands.py',)]
-    chosen = plan['smart_tire/control/wheel_servo.py']
-    assert ('test/control/test_wheel_servo.py',) in chosen
-    assert ('test/control/test_wheel_control.py',) in chosen  # through other modules
-    assert ('test/control/test_path_plan.py',) not in chosen
+def test_every_source_of_the_safety_path_has_tests():
+    for source in mutation.sources(mutation.ROOT, mutation.SAFETY):
+        assert mutation.tests_of(mutation.ROOT, source), source
+    assert all((mutation.ROOT / test).exists()
+               for tests in mutation.PROCESS_TESTS.values() for test in tests)
+    assert all(list(mutation.ROOT.glob(pattern)) for pattern in mutation.SAFETY_PATH)

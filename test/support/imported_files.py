@@ -27,14 +27,14 @@ def reached(root: Path, file: str) -> frozenset[str]:
     """Return ``file`` and all files that it imports, relative to ``root``."""
     found, todo = {file}, [file]
     while todo:
-        new = set(_imported(root, todo.pop())) - found
+        new = set(imported(root, todo.pop())) - found
         found |= new
         todo += new
     return frozenset(found)
 
 
 @cache
-def _imported(root: Path, file: str) -> tuple[str, ...]:
+def imported(root: Path, file: str) -> tuple[str, ...]:
     """Return the files imported by ``file``; tests import from ``root`` and ``root/test``."""
     places = [(root / folder / name.replace('.', '/')).with_suffix('.py')
               for name in _names(ast.parse((root / file).read_text(encoding='utf-8')))
