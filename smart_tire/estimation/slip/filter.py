@@ -42,11 +42,10 @@ from smart_tire.estimation.slip.kalman import (
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.state import (
     ACCEL_ERROR_SIGMA, BLIND_ACCEL_DENSITY, BLIND_CORRELATION_TIME, BLIND_RATE_SHARE, HISTORY,
-    ICR_WALK_SHARE, ImuReading, ImuStep, initial_state, LATERAL_TIME, MAX_WHEEL_NOISE,
-    MIN_POSE_SIGMA, MIN_SLIDING_TIME, MIN_SLOPE, N, NIS_GAIN, NOISE_LEARNING_TIME, OUTLIER_SIGMAS,
+    ICR_WALK_SHARE, ImuReading, ImuStep, initial_state, LATERAL_TIME, MAX_WHEEL_NOISE, MIN_SIGMA,
+    MIN_SLIDING_TIME, MIN_SLOPE, N, NIS_GAIN, NOISE_LEARNING_TIME, OUTLIER_SIGMAS,
     RESISTANCE_SHARE, SLIP_CHANGE_SHARE, SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS,
-    State, STEADY_SIGMAS, STRAIGHT_RATE, TRAVEL_SIGMA, TRAVELS, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED,
-    WHEEL_SPEED_SIGMA, ZERO_VELOCITY_SIGMA)
+    SPEED_SIGMA, State, STEADY_SIGMAS, STRAIGHT_RATE, TRAVELS, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Four, GRAVITY
 
@@ -111,7 +110,7 @@ class SlipFilter:
             sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
             for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
         self._wheel_noise = LearnedVariance(
-            WHEEL_SPEED_SIGMA, WHEEL_SPEED_SIGMA, NOISE_LEARNING_TIME)
+            SPEED_SIGMA, SPEED_SIGMA, NOISE_LEARNING_TIME)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
@@ -150,7 +149,7 @@ class SlipFilter:
 
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
-        self.kalman.set_states([State.X, State.Y, State.YAW], 0.0, MIN_POSE_SIGMA)
+        self.kalman.set_states([State.X, State.Y, State.YAW], 0.0, MIN_SIGMA)
 
     def predict(self, time: float, step: ImuStep) -> None:
         """Predict to ``time`` [s] through a step of the IMU."""
@@ -236,7 +235,7 @@ class SlipFilter:
         if moving:
             self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
             self._wheel_noise.add_square(min(
-                self._wheel_noise.variance * nis, (MAX_WHEEL_NOISE * WHEEL_SPEED_SIGMA) ** 2), dt)
+                self._wheel_noise.variance * nis, (MAX_WHEEL_NOISE * SPEED_SIGMA) ** 2), dt)
             self._learn_slip(W, dt, independent)
         self._restart_travel(wheels, sides, lag, change, W)
 
@@ -331,7 +330,7 @@ class SlipFilter:
         x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
         rates = self.motion.rolling_rates(x, W)
         for i, (travel, slip) in enumerate(zip(TRAVELS, SLIP_VELS)):
-            Q[travel, travel] = TRAVEL_SIGMA ** 2
+            Q[travel, travel] = MIN_SIGMA ** 2
             if wheels.from_positions:
                 x[travel] -= wheels.duration * sides[i]
                 F[travel, State.RADIUS] = -wheels.duration * wheels.side_speeds[i]
@@ -361,7 +360,7 @@ class SlipFilter:
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""
         for row in (State.V_X, State.V_Y, *SLIP_VELS):
-            self._correct_state(row, 0.0, ZERO_VELOCITY_SIGMA)
+            self._correct_state(row, 0.0, SPEED_SIGMA)
 
     def correct_gyro_bias(self, rate: float, sigma: float) -> None:
         """Correct with the mean measured yaw ``rate`` [rad/s] at standstill."""

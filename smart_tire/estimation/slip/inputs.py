@@ -24,10 +24,10 @@ import math
 
 from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradicted
 from smart_tire.estimation.slip.state import (
-    BIAS_TREND_SIGMAS, BIAS_WINDOW, DRIVE_JERK, ImuReading, ImuStep, INITIAL_IMU_PERIOD,
+    BIAS_WINDOW, DRIVE_JERK, ImuReading, ImuStep, INITIAL_IMU_PERIOD,
     INITIAL_WHEEL_PERIOD, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES,
-    PERIOD_GAIN, QUIET_NOISE_RATIO, QUIET_TIME, RESIDUAL_GAIN, TURN_TIME, UNWINDING_SHARE,
-    UNWINDING_TIME, VIBRATION_TIME, YAW_ACCEL_TIME)
+    PERIOD_GAIN, QUIET_NOISE_RATIO, QUIET_TIME, TURN_TIME, UNWINDING_SHARE, UNWINDING_TIME,
+    VIBRATION_TIME, YAW_ACCEL_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, ImuSample, WheelSample
@@ -216,8 +216,7 @@ class WheelOdometry:
         self.side_speeds = left, right
         self.independent = self.independent or left != right
         self.wheel_residual = tuple(  # type: ignore[assignment]
-            old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)
-            for i, old in enumerate(self.wheel_residual))
+            speed - self.side_speeds[i % 2] for i, speed in enumerate(speeds))
         # both ends are uniform over a count; a side is the mean of its encoders
         variance = (self._count / duration) ** 2 / (6.0 * self._encoders)
         return WheelSpeeds(duration, speeds, self.side_speeds, variance, from_positions)
@@ -231,7 +230,7 @@ class StationaryInterval:
     sigma: float            # rad/s, of that mean, due to noise
     unwinding_sigma: float  # rad/s, of a residual yaw motion, correlated over about a second
     duration: float         # s
-    rate_settled: bool      # the yaw rate is constant, so that it is the gyro bias
+    rate_settled: bool      # it has lasted for all of that mean, which is the gyro bias
 
 
 class ZeroVelocityDetector:
@@ -274,13 +273,9 @@ class ZeroVelocityDetector:
         if self._quiet_since is None:
             self._quiet_since = time
         duration = time - self._quiet_since
-        rates = list(self._rates)
-        half = len(rates) // 2
-        trend = abs(_mean(rates[half:]) - _mean(rates[:half]))
-        settled = duration >= BIAS_WINDOW - QUIET_TIME and (
-            trend < BIAS_TREND_SIGMAS * 2.0 * self._noise / math.sqrt(len(rates)))
-        return StationaryInterval(_mean(rates), self._noise / math.sqrt(len(rates)),
-                                  self._unwinding_sigma(time), duration, settled)
+        return StationaryInterval(
+            _mean(self._rates), self._noise / math.sqrt(len(self._rates)),
+            self._unwinding_sigma(time), duration, duration >= BIAS_WINDOW - QUIET_TIME)
 
     def _peak_yaw_rate(self) -> float:
         """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""

@@ -73,13 +73,11 @@ TRAVELS = (State.TRAVEL_L, State.TRAVEL_R)
 ICRS = (State.ICR_L, State.ICR_R)
 
 # prior
-MIN_POSE_SIGMA = 1e-4         # m, rad: the origin is exact, but P must not be singular
-TRAVEL_SIGMA = 1e-5           # m, of a new travel, for the same reason
+MIN_SIGMA = 1e-5              # m, rad: origin and new travel are exact, but P must be regular
 INITIAL_SPEED_SIGMA = 0.5     # m/s, assumed; start_in_motion
 INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, common and half the difference, assumed; start_in_motion
 ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: effective tracks of
 # 1 to 2.2 times the track are published for skid-steer robots; field
-SIDE_DIFFERENCE_SHARE = 0.3   # of that sigma: both sides are alike, assumed; field
 
 # process noise
 SPEED_RANDOM_WALK = 0.002      # m/s per sqrt(s), errors of the planar model, assumed
@@ -105,13 +103,13 @@ NOISE_LEARNING_TIME = 5.0      # s, of wheels and torques, assumed; field, jumps
 # corrections
 OUTLIER_SIGMAS = 3.0          # beyond, variances grow with the square (Huber); pushes
 MAX_NIS = OUTLIER_SIGMAS ** 2  # of an innovation that a level is learned from
-WHEEL_SPEED_SIGMA = 0.003     # m/s, of a side, beyond quantization and stamps, assumed; learned
+SPEED_SIGMA = 0.003           # m/s, of a side, beyond quantization and stamps, or of a robot that
+# stands, assumed; learned
+MIN_SLIDING_TIME = 0.05       # s, in which locked wheels slide at the standstill speed at least
 MAX_WHEEL_NOISE = 30.0        # times that, at most; field
 STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise
-MIN_SLIDING_TIME = 0.05       # s, in which locked wheels slide at the standstill speed at least
 LATERAL_TIME = 0.5            # s, correlation time of the lateral speed about the ICR, assumed
 UNKNOWN_SPEED = 100.0         # m/s, sigma of a side difference that is not measured
-ZERO_VELOCITY_SIGMA = 0.003   # m/s, of a robot that stands
 HISTORY = 1.5                 # s, of predicted wheel speeds: beyond the largest encoder latency
 NIS_GAIN = 0.05               # of a new value in the published NIS
 
@@ -143,14 +141,12 @@ YAW_ACCEL_TIME = 0.03         # s, of the yaw acceleration: three samples at 100
 IMU_DROPOUT = 0.1             # s without IMU samples (or 3 periods), then predict by the wheels
 INITIAL_WHEEL_PERIOD = 0.05   # s, assumed for the velocities of the first sample
 MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differenced
-RESIDUAL_GAIN = 0.5           # of a new sample in the smoothed wheel residual
 
 # standstill
 QUIET_TIME = 0.4              # s for which the IMU must have been quiet
-BIAS_WINDOW = 1.0             # s over which the yaw rate must be constant to be the gyro bias
+BIAS_WINDOW = 1.0             # s, of the mean yaw rate at standstill, which is the gyro bias
 MIN_QUIET_SAMPLES = 4         # in the quiet time
 QUIET_NOISE_RATIO = 3.0       # of the IMU's noise, a smaller standard deviation is quiet
-BIAS_TREND_SIGMAS = 2.5       # between the means of two halves of a constant yaw rate
 UNWINDING_SHARE = 0.1         # of the last yaw rate, right after the wheels have stopped ...
 UNWINDING_TIME = 1.5          # s, ... and its decay time; simulated tires with linear springs
 MAX_STATIONARY_WHEEL_SPEED = 0.01  # m/s; one encoder count gives less
@@ -183,13 +179,13 @@ class ImuStep(NamedTuple):
 def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
     """Return state (N,) and covariance (N, N) of a robot at the origin of ``odom``."""
     robot = params.robot
-    x, sigma = [0.0] * N, np.full(N, MIN_POSE_SIGMA)
+    x, sigma = [0.0] * N, np.full(N, MIN_SIGMA)
     sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
     sigma[State.V_X] = sigma[State.V_Y] = INITIAL_SPEED_SIGMA
     sigma[State.GYRO_BIAS_Z] = robot.imu.gyro_bias
     sigma[State.ACCEL_BIAS_X] = sigma[State.ACCEL_BIAS_Y] = math.hypot(
         robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
-    sigma[list(TRAVELS)] = TRAVEL_SIGMA
+    sigma[list(TRAVELS)] = MIN_SIGMA
     x[State.ICR_X], sigma[State.ICR_X] = params.icr_x, params.icr_x_sigma * robot.wheelbase
     sigma[State.RADIUS] = max(robot.wheel_radius_sigma, 1e-9)
     sigma[State.IMU_X] = max(robot.imu.position_sigma, 1e-9)
@@ -200,6 +196,5 @@ def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
     P = np.diag(sigma ** 2)
     common, difference = (one ** 2 for one in INITIAL_SLIP_SIGMAS)
     P[np.ix_(SLIP_VELS, SLIP_VELS)] = common + difference * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    P[State.ICR_L, State.ICR_R] = P[State.ICR_R, State.ICR_L] = spread ** 2 * (
-        1.0 - 0.5 * SIDE_DIFFERENCE_SHARE ** 2)
+    P[State.ICR_L, State.ICR_R] = P[State.ICR_R, State.ICR_L] = 0.5 * spread ** 2
     return x, P
