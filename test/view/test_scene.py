@@ -29,8 +29,7 @@ from smart_tire.samples import (
     VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
-from smart_tire.view.recorder import Recorder
-from smart_tire.view.recorder import TRUTH, WHEEL_COLORS
+from smart_tire.view.recorder import Recorder, TRUTH, WHEEL_COLORS
 
 START = 1_700_000_000_000_000_000  # ns; times in the viewer are those since the first sample
 MS = 1_000_000
@@ -49,29 +48,67 @@ def slip(time_ms, ratio, sigma, velocity=0.0):
     return WheelSlip(START + time_ms * MS, ratio, (velocity,) * 4, sigma)
 
 
-def test_slip_has_bounds_of_two_sigmas_and_gaps_where_it_is_not_observable(recorded):
-    def feed(scene):
-        scene.add('wheel_slip', slip(0, (0.1, 0.2, math.nan, 0.4), (0.01, math.inf, 1.0, 0.0)))
-        scene.add('wheel_slip', slip(8, (0.2, 0.2, 0.3, 0.4), (0.02, 0.49, 0.51, 0.02)))
-        scene.add('ground_truth/wheel_slip', slip(5, (0.11, 0.2, 0.3, math.nan), (0.0,) * 4))
+SHOWN = [  # topic, sample, path -> shown values; None is a gap
+    ('wheel_slip', slip(0, (0.1, 0.2, math.nan, 0.4), (0.01, math.inf, 1.0, 0.51)), {
+        'slip/front_left/estimate': [0.1, 0.08, 0.12], 'slip/front_right/estimate': [None] * 3,
+        'slip/rear_left/estimate': [None] * 3, 'slip/rear_right/estimate': [None, None, None]}),
+    ('ground_truth/wheel_slip', slip(0, (0.11, 0.2, 0.3, math.nan), (0.0,) * 4), {
+        'slip/front_left/truth': [0.11], 'slip/rear_right/truth': [None]}),
+    ('tire_friction', Friction(
+        START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05),
+        friction_coefficient_single=Uncertain(0.6, 0.1), stiffness=Uncertain(50.0, 5.0),
+        traction_force=Uncertain(4.0, 1.0)), {
+            'friction/front_left/fused': [0.5, 0.4, 0.6], 'friction/front_left/single': [0.6],
+            'friction/front_left/single_bound/down': [0.4],
+            'friction/front_left/single_bound/up': [0.8],
+            'traction/front_left/crossing': [4.0], 'stiffness/front_left': [50.0]}),
+    ('ground_truth/tire_friction', Friction(
+        START, 'front_left', friction_coefficient=Uncertain(0.47, 0.0)), {
+            'friction/front_left/truth': [0.47]}),
+    ('ground_state', GroundState(START, Uncertain(52.0, 3.0),
+                                 rolling_resistance=Uncertain(0.02, 0.004)), {
+        'stiffness/ground': [52.0, 46.0, 58.0],
+        'rolling_resistance/ground': [0.02, 0.012, 0.028]}),
+    ('cmd_vel', VelocityCommand(START, 0.6, -0.3), {
+        'body/velocity/command': [0.6], 'body/yaw_rate/command': [-0.3]}),
+    ('odom', odometry(0, 0.0, v_x=0.5, variance=0.01), {
+        'body/velocity/estimate': [0.5, 0.3, 0.7]}),
+    ('wheel_commands', WheelCommand(START, (1.0, 2.0, 3.0, 4.0)), {
+        'wheels/set_point/rear_left': [3.0]}),
+    ('motor_commands', MotorCommand(START, (0.1, 0.2, 0.3, 0.4)), {
+        'wheels/duty/rear_right': [0.4]}),
+    ('wheel_states', WheelSample(START, (5.0,) * 4, effort=(0.5, math.nan, 0.7, 0.8)), {
+        'wheels/torque/front_left': [0.5], 'wheels/torque/front_right': [None],
+        'wheels/speed/rear_left': [5.0]}),
+    ('path_progress', PathProgress(START, 2.5, -0.125, 1), {
+        'progress/state': [1.0], 'progress/cross_track_error': [-0.125],
+        'progress/remaining_distance': [2.5]}),
+    ('path_progress', PathProgress(START, math.nan, math.nan, 2), {
+        'progress/state': [2.0], 'progress/cross_track_error': [None]})]
 
-    found = recorded(feed)
-    times, values = zip(*found.scalars('slip/front_left/estimate'))
-    assert times == (0, 8 * MS)
-    assert values[0] == pytest.approx([0.1, 0.08, 0.12])
-    assert values[1] == pytest.approx([0.2, 0.16, 0.24])
-    unknown, uncertain = (one for _, one in found.scalars('slip/front_right/estimate'))
-    assert np.isnan(unknown).all() and uncertain[0] == 0.2
-    assert all(np.isnan(one).all() for _, one in found.scalars('slip/rear_left/estimate'))
-    assert found.scalars('slip/front_left/truth') == [(5 * MS, [0.11])]
-    assert np.isnan(found.scalars('slip/rear_right/truth')[0][1]).all()
+
+@pytest.mark.parametrize(('topic', 'sample', 'shown'), SHOWN, ids=[row[0] for row in SHOWN])
+def test_values_are_shown_with_bounds_of_two_sigmas_and_gaps(recorded, topic, sample, shown):
+    found = recorded(lambda scene: scene.add(topic, sample))
+    for path, expected in shown.items():
+        [(time, values)] = found.scalars(path)
+        assert time == 0
+        assert [None if math.isnan(value) else value for value in values] == [
+            None if value is None else pytest.approx(value) for value in expected], path
+
+
+def test_of_an_unknown_friction_no_single_point_is_shown(recorded):
+    found = recorded(lambda scene: scene.add('tire_friction', Friction(START, 'front_left')))
+    assert np.isnan(found.scalars('friction/front_left/fused')[0][1]).all()
+    for path in ('friction/front_left/single', 'friction/front_left/single_bound/up',
+                 'traction/front_left/crossing', 'stiffness/front_left'):
+        assert found.scalars(path) == []
 
 
 def test_series_have_names_with_units_and_the_color_of_their_wheel(recorded):
     def feed(scene):
-        scene.add('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4))
-        scene.add('wheel_states', WheelSample(START, (1.0, 2.0, 3.0, 4.0)))
-        scene.add('ground_truth/wheel_slip', slip(0, (0.1,) * 4, (0.0,) * 4))
+        for topic, sample, _ in SHOWN:
+            scene.add(topic, sample)
 
     found = recorded(feed)
     for wheel in WHEELS:
@@ -81,57 +118,13 @@ def test_series_have_names_with_units_and_the_color_of_their_wheel(recorded):
         assert found.static(speed, 'SeriesLines:names') == [f'{wheel}, measured [rad/s]']
         assert rgb(found, speed) == rgb(found, f'slip/{wheel}/estimate') == WHEEL_COLORS[wheel]
         assert rgb(found, f'slip/{wheel}/truth') == TRUTH
+    for path in ('body/velocity/command', 'wheels/set_point/rear_left'):
+        assert found.static(path, 'SeriesLines:interpolation_mode')
 
 
 def rgb(found, path):
     color = found.static(path, 'SeriesLines:colors')[0]
     return color >> 24 & 255, color >> 16 & 255, color >> 8 & 255
-
-
-def test_friction_is_shown_fused_and_single_and_unknown_values_are_left_out(recorded):
-    def feed(scene):
-        scene.add('tire_friction', Friction(
-            START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05),
-            friction_coefficient_single=Uncertain(0.6, 0.1), stiffness=Uncertain(50.0, 5.0),
-            traction_force=Uncertain(4.0, 1.0)))
-        scene.add('tire_friction', Friction(START + 100 * MS, 'front_left'))
-        scene.add('ground_truth/tire_friction', Friction(
-            START, 'front_left', friction_coefficient=Uncertain(0.47, 0.0)))
-        scene.add('ground_state', GroundState(
-            START, Uncertain(52.0, 3.0), rolling_resistance=Uncertain(0.02, 0.004)))
-
-    found = recorded(feed)
-    fused = found.scalars('friction/front_left/fused')
-    assert fused[0][1] == pytest.approx([0.5, 0.4, 0.6])
-    assert fused[1][0] == 100 * MS and np.isnan(fused[1][1]).all()
-    assert found.scalars('friction/front_left/single') == [(0, [0.6])]
-    assert found.scalars('friction/front_left/single_bound/down')[0][1] == pytest.approx([0.4])
-    assert found.scalars('friction/front_left/single_bound/up')[0][1] == pytest.approx([0.8])
-    assert found.scalars('friction/front_left/truth') == [(0, [0.47])]
-    assert found.scalars('traction/front_left/crossing') == [(0, [4.0])]
-    assert found.scalars('stiffness/front_left') == [(0, [50.0])]
-    assert found.scalars('stiffness/ground')[0][1] == pytest.approx([52.0, 46.0, 58.0])
-    assert found.scalars('rolling_resistance/ground')[0][1] == pytest.approx([0.02, 0.012, 0.028])
-
-
-def test_commands_are_shown_as_steps_next_to_what_the_robot_does(recorded):
-    def feed(scene):
-        scene.add('cmd_vel', VelocityCommand(START, 0.6, -0.3))
-        scene.add('odom', odometry(10, 0.0, v_x=0.5, variance=0.01))
-        scene.add('wheel_commands', WheelCommand(START, (1.0, 2.0, 3.0, 4.0)))
-        scene.add('motor_commands', MotorCommand(START, (0.1, 0.2, 0.3, 0.4)))
-        scene.add('wheel_states', WheelSample(START, (5.0,) * 4, effort=(0.5, math.nan, 0.7, 0.8)))
-
-    found = recorded(feed)
-    assert found.scalars('body/velocity/command') == [(0, [0.6])]
-    assert found.scalars('body/yaw_rate/command') == [(0, [-0.3])]
-    assert found.scalars('body/velocity/estimate')[0][1] == pytest.approx([0.5, 0.3, 0.7])
-    for path in ('body/velocity/command', 'wheels/set_point/rear_left'):
-        assert found.static(path, 'SeriesLines:interpolation_mode')
-    assert found.scalars('wheels/set_point/rear_left') == [(0, [3.0])]
-    assert found.scalars('wheels/duty/rear_right') == [(0, [0.4])]
-    assert found.scalars('wheels/torque/front_left') == [(0, [0.5])]
-    assert np.isnan(found.scalars('wheels/torque/front_right')[0][1]).all()
 
 
 def test_the_true_path_starts_at_the_estimated_pose(recorded):
@@ -231,18 +224,6 @@ def test_a_wanted_path_and_a_goal_are_shown_from_the_next_estimate_on(recorded):
     assert [np.array(points).tolist() for _, points in goals] == [[[2.0, -1.0]], [[1.0, 1.0]], []]
 
 
-def test_the_progress_is_shown_with_gaps_where_no_path_is_followed(recorded):
-    def feed(scene):
-        scene.add('path_progress', PathProgress(START, 2.5, -0.125, 1))
-        scene.add('path_progress', PathProgress(START + 250 * MS, math.nan, math.nan, 2))
-
-    found = recorded(feed)
-    assert found.scalars('progress/state') == [(0, [1.0]), (250 * MS, [2.0])]
-    for name, value in ('cross_track_error', -0.125), ('remaining_distance', 2.5):
-        (_, first), (_, second) = found.scalars(f'progress/{name}')
-        assert first == [value] and math.isnan(second[0])
-
-
 def test_every_topic_of_the_interface_is_shown(recorded):
     shown = []
     recorded(lambda scene: shown.extend(scene.topics))
@@ -265,8 +246,11 @@ def test_a_lost_batch_interrupts_the_line_of_a_film(recorded):
     def feed(scene):
         for i, stamp_ns in enumerate(stamps):
             scene.add('tire_samples', TireSample(stamp_ns, 'front_left', (i % 2, 1.0)))
+            scene.add('tire_samples', TireSample(stamp_ns, 'rear_left', (1.65, 1.65)))
 
-    rows = recorded(feed).scalars('films/front_left/film_1')
+    found = recorded(feed)
+    assert len(found.scalars('films/rear_left/film_2')) < 8  # at rest: thinned, on its own
+    rows = found.scalars('films/front_left/film_1')
     gaps = [time for time, (value,) in rows if math.isnan(value)]
     assert gaps == [29 * period + 1]
     assert len(rows) == len(stamps) + 1  # a signal of 1 V: no sample is left out
@@ -346,15 +330,3 @@ def test_times_count_from_the_first_stamp_also_for_late_samples():
     track.add(START - 5 * MS, 1.0)
     recorder.flush()
     assert recorder.stream.times == [0, -5 * MS]
-
-
-def test_films_of_a_wheel_keep_their_own_blocks(recorded):
-    def feed(scene):
-        for i in range(5):
-            for wheel in ('front_left', 'front_right'):
-                scene.add('tire_samples', TireSample(
-                    START + i * 2_500_000, wheel, (1.65, 1.65)))
-
-    found = recorded(feed)
-    for wheel in ('front_left', 'front_right'):
-        assert [t for t, _ in found.scalars(f'films/{wheel}/film_2')] == [0]
