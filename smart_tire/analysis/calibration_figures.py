@@ -67,7 +67,8 @@ def write_geometry(path: Path, found: Geometry) -> bool:
     return _write(
         path, 'Encoder latency, effective track and rolling radius',
         f'{ERRORS} The yaw rate is shown in the {SHOWN_DURATION:.0f} s in which it changes most; '
-        'an interval is the time between two wheel messages, or between reference poses.', rows)
+        'an interval is the time between two wheel messages, or between reference poses.', rows,
+        (10.4 / max(len(panels), 1), 3.8))
 
 
 def _delay_panel(fit: YawRateFit) -> Panel:

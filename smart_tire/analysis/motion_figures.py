@@ -172,7 +172,7 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
             'that the estimator reports (of the position: along the longest axis of its ellipse). '
             'If it is right, about 95 % of the heading errors are inside.')
     return Figure('path', 'Path of the robot in the plane, estimate and ground truth', caption,
-                  rows, (5.0, 2.5) if len(rows) > 1 else (6.0, 4.6))
+                  rows, (5.0, 2.5) if len(rows) > 1 else (6.0, 4.6 if errors else 7.6))
 
 
 def wanted_marks(paths: Sequence[Array]) -> list[Mark]:
