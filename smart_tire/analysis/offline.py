@@ -35,8 +35,7 @@ from smart_tire.analysis.pipeline import (
 from smart_tire.analysis.prefetch import prefetch
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.smoothing import SmoothedSlip
-from smart_tire.analysis.stream_statistics import input_stats
-from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
+from smart_tire.analysis.summary import estimates_tree, input_stats, plain, Tree, truth_tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError

@@ -15,9 +15,8 @@
 """Reading, crash-safe writing and recovery of rosbag2 bags, without ROS."""
 
 from smart_tire.bags.metadata import Channel, Qos
-from smart_tire.bags.missing import check_inputs
 from smart_tire.bags.reader import Bag, BagTopic, PARAMETERS_KEY, SampleReader
-from smart_tire.bags.topic_names import STANDARD_NAMES, TopicNames
+from smart_tire.bags.topic_names import check_inputs, STANDARD_NAMES, TopicNames
 from smart_tire.bags.writer import BagWriter, channel_of, recover, Recovery
 
 __all__ = [

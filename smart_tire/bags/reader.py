@@ -35,7 +35,8 @@ from types import TracebackType
 from smart_tire.bags.cdr import Decoder, Encoder
 from smart_tire.bags.metadata import add_warning, Channel, Message
 from smart_tire.bags.opening import OpenFiles
-from smart_tire.bags.topic_names import candidates, match_by_name, STANDARD_NAMES, TopicNames
+from smart_tire.bags.topic_names import (
+    candidates, match_by_name, RECOGNIZED, STANDARD_NAMES, TopicNames, WHEELS_TOPIC)
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
     find_topic, NodeStatus, OtherJointsError, resolved_joints, stamp_of, statuses_from_msg, TOPICS,
@@ -46,9 +47,6 @@ from smart_tire.samples import Four, MotorCommand, NS_PER_S, Sample, WheelSample
 
 DIAGNOSTICS, DIAGNOSTICS_TYPE = 'diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'
 PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS parameter file
-WHEELS_TOPIC = 'wheel_states'
-# Topics that are recognized by their type, and what else must hold.
-RECOGNIZED = {'imu/data': '', WHEELS_TOPIC: ' with joints of wheels'}
 PROGRESS_MESSAGES = 1000  # between two reports of progress
 MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
 # Of recordings from before wheel_states.effort was a torque; it was the duty of the motors.

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from smart_tire.analysis.stream_statistics import input_stats, stream_stats
+from smart_tire.analysis.summary import input_stats, stream_stats
 from smart_tire.recording import Recording
 from smart_tire.samples import ImuSample, TireSample
 
