@@ -16,22 +16,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import accumulate
 import math
+import os
 from pathlib import Path
 import re
 import time
+from types import MappingProxyType
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._keyboard import Key, Keyboard, StopRequest, Teleoperation
+from smart_tire.cli._options import remove
 from smart_tire.cli._path_file import length, Poses
 from smart_tire.cli._progress import Progress
-from smart_tire.cli._stack import NODES, RECORDER, RobotError, Stack, START_TIMEOUT
+from smart_tire.cli._stack import (
+    isolated_environment, NODES, PORTS, RECORDER, RobotError, Stack, START_TIMEOUT)
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.errors import ParameterError
 from smart_tire.rotation import euler
@@ -279,6 +283,32 @@ class Session:
         stopped = '  EMERGENCY STOP' if self.pilot.emergency_stop else ''
         return (f'command {command[0]:+.2f} m/s, {command[1]:+.2f} rad/s '
                 f'(keys: {limits[0]:.2f} m/s, {limits[1]:.2f} rad/s){stopped}\n{KEYS_HELP}')
+
+
+@contextmanager
+def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
+            stopped: StopRequest | None = None, *, simulated: bool = True,
+            arguments: Mapping[str, Sequence[str]] = MappingProxyType({})) -> Iterator[Session]:
+    """
+    Start the simulator and all nodes, unless the robot runs, and ``pilot``; stop all at the end.
+
+    ``params`` are parameter files of all nodes, ``arguments`` more of single ones.
+    """
+    from smart_tire.nodes.runner import NodeRunner
+    environment = isolated_environment() if simulated else dict(os.environ)
+    os.environ.update(environment)  # the pilot is in this process
+    files = [word for file in params for word in ('--params-file', str(file))]
+    with Stack(out / 'logs', environment) as stack:
+        for node in NODES if simulated else ():
+            stack.node(node, params, *arguments.get(node, ()))
+        with NodeRunner(pilot, ['--ros-args', *files] if simulated else None) as runner:
+            session = Session(stack, runner, stopped)
+            if simulated:
+                session.await_nodes()
+            yield session
+        stack.stop_in_order()
+    if simulated:
+        remove(out / 'ports', PORTS)
 
 
 def follow_resuming(session: Session, name: str, poses: Poses,

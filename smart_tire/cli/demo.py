@@ -23,7 +23,6 @@ from functools import partial
 from importlib import import_module
 import json
 import math
-import os
 from pathlib import Path
 import signal
 import sys
@@ -34,7 +33,7 @@ from smart_tire.cli._options import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import (
-    isolated_environment, NODES, PORTS, RECORDER, remove_traces, RobotError, Stack, UNITS,
+    NODES, remove_traces, RobotError, UNITS,
     write_parameters)
 from smart_tire.samples import NS_PER_S
 
@@ -113,13 +112,11 @@ def run(args: argparse.Namespace) -> int:
         import_module('smart_tire.view.viewer')  # is it installed?
     # Importing rclpy may restart Python, so it must come before any child and any output.
     from smart_tire.nodes.pilot import Pilot
-    from smart_tire.nodes.runner import NodeRunner
     print(f'starting {len(NODES)} nodes and a recorder', flush=True)
     from smart_tire.analysis.drive_report import evaluate_demo
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     params = _prepare(out, args.seed)
-    intervals = _drive(out, params, partial(NodeRunner, partial(Pilot, 'demo_driver')),
-                       view=args.view)
+    intervals = _drive(out, params, partial(Pilot, 'demo_driver'), view=args.view)
     print('evaluating the recording', flush=True)
     with Progress('smart_tire demo'):
         summary = evaluate_demo(
@@ -140,27 +137,17 @@ def _prepare(out: Path, seed: int) -> Path:
         'trajectory_controller': {'max_speed': PATH_SPEED}})
 
 
-def _drive(out: Path, params: Path, runner_class: Callable[[list[str]], Any], *,
-           view: bool = False) -> Legs:
-    """Start all processes, drive both acts, stop all; return the time intervals of the legs."""
+def _drive(out: Path, params: Path, pilot: Callable[[], Any], *, view: bool) -> Legs:
+    """Drive both acts and record them; return the time intervals of the legs."""
     from smart_tire.cli._dashboard import Dashboard
-    from smart_tire.cli._drive_session import Session
-    environment = isolated_environment()
-    os.environ.update(environment)  # the node runner is in this process
-    with Stack(out / 'logs', environment) as stack:
-        stack.start(RECORDER, 'smart_tire.cli.main', 'record', '--out', str(out / 'bag'))
+    from smart_tire.cli._drive_session import started
+    with started(out, [params], pilot) as session:
         if view:
-            stack.start_viewer('--params', str(params))
-        for node in NODES:
-            stack.node(node, [params])
-        with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
-            session = Session(stack, runner)
-            session.await_nodes()
-            with Dashboard() as dashboard:
-                intervals = _drive_legs(session, dashboard)
-                _drive_paths(session, dashboard)
-        stack.stop_in_order()
-    remove(out / 'ports', PORTS)
+            session.stack.start_viewer('--params', str(params))
+        session.record(out / 'bag')
+        with Dashboard() as dashboard:
+            intervals = _drive_legs(session, dashboard)
+            _drive_paths(session, dashboard)
     return intervals
 
 

@@ -30,7 +30,7 @@ from typing import Any, TYPE_CHECKING
 from smart_tire.cli._keyboard import Keyboard, StopRequest
 from smart_tire.cli._options import (
     add_force, positive, refuse_existing, refuse_existing_bag, remove, remove_bag)
-from smart_tire.cli._stack import isolated_environment, NODES, Stack
+from smart_tire.cli._stack import NODES
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -95,13 +95,10 @@ def run(args: argparse.Namespace) -> int:
         import_module('smart_tire.view.viewer')  # is it installed?
     # Importing rclpy may restart Python, so it must come before any child and any output.
     from smart_tire.nodes.pilot import Pilot
-    from smart_tire.nodes.runner import NodeRunner
     _announce(args, poses)
     _remove_results(args.out)
-    arrived = True
-    with StopRequest() as stopped, _session(
-            args, partial(NodeRunner, partial(Pilot, f'smart_tire_drive_{os.getpid()}')),
-            stopped) as session, session.ending():
+    pilot, arrived = partial(Pilot, f'smart_tire_drive_{os.getpid()}'), True
+    with StopRequest() as stopped, _session(args, pilot, stopped) as session, session.ending():
         arrived = _follow(args, session, poses) if poses else _teleoperate(args, session)
     _report(args)
     return ARRIVED if arrived else NOT_ARRIVED
@@ -174,36 +171,26 @@ def _remove_results(out: Path) -> None:
 
 
 @contextmanager
-def _session(args: argparse.Namespace, runner_class: Callable[[list[str] | None], Any],
+def _session(args: argparse.Namespace, pilot: Callable[[], Any],
              stopped: StopRequest) -> Iterator[Session]:
-    """Start recorder and, unless the robot runs, simulator and nodes; stop all at the end."""
-    from smart_tire.cli import _stack as simulated
-    from smart_tire.cli._drive_session import Session
-    environment = dict(os.environ) if args.robot else isolated_environment()
-    os.environ.update(environment)  # the node runner is in this process
+    """Start the nodes unless the robot runs, and the recorder; stop all at the end."""
+    from smart_tire.cli._drive_session import started
+    from smart_tire.cli._stack import write_parameters
     params = [] if args.robot else [
-        simulated.write_parameters(args.out, FILES[0], args.seed, {}), *args.params]
-    words = [word for file in params for word in ('--params-file', str(file))]
-    with Stack(args.out / 'logs', environment) as stack:
-        speed = ('-p', f'max_speed:={float(args.speed)}') if args.speed and args.path else ()
-        for node in () if args.robot else NODES:
-            stack.node(node, params, *(speed if node == FOLLOWER else ()))
-        with runner_class(None if args.robot else ['--ros-args', *words]) as runner:
-            session = Session(stack, runner, stopped)
-            if not args.robot:
-                session.await_nodes()
-            session.await_robot(*(('path', FOLLOWER) if args.path else (
-                'cmd_vel', 'wheel_controller')))
-            if args.keyboard:
-                session.refuse_other_driver()
-            if args.view:
-                stack.start_viewer(*(word for file in params
-                                      for word in ('--params', str(file))))
-            session.record(args.out / 'bag')
-            yield session
-        stack.stop_in_order()
-    if not args.robot:
-        remove(args.out / 'ports', simulated.PORTS)
+        write_parameters(args.out, FILES[0], args.seed, {}), *args.params]
+    speed = ('-p', f'max_speed:={float(args.speed)}') if args.speed and args.path else ()
+    with started(args.out, params, pilot, stopped, simulated=not args.robot,
+                 arguments={FOLLOWER: speed}) as session:
+        if args.path:
+            session.await_robot('path', FOLLOWER)
+        else:
+            session.await_robot('cmd_vel', 'wheel_controller')
+            session.refuse_other_driver()
+        if args.view:
+            session.stack.start_viewer(*(word for file in params
+                                         for word in ('--params', str(file))))
+        session.record(args.out / 'bag')
+        yield session
 
 
 def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
