@@ -122,18 +122,17 @@ def _columns(names: Sequence[tuple[str, str]], time_s: Array, error: Array,
             for i, (name, unit) in enumerate(names)]
 
 
-def error_panel(errors: Sequence[ErrorCurve], colors: Mapping[str, str],
-                title: str = '') -> Panel:
+def error_panel(errors: Sequence[ErrorCurve], colors: Mapping[str, str], title: str = '',
+                bottom: float | None = None) -> Panel:
     """Return the panel of an error of several estimates, whose labels have ``colors``."""
     curves = [interrupted(one.curve) for one in errors]
     marks = [Mark(curve, label, color, around_zero=True)
              for curve, (label, color) in zip(curves, colors.items())]
     bands = [sign * curve.reach[np.isfinite(curve.y)] for curve in curves for sign in (1.0, -1.0)]
     low, high = limits([*(curve.y for curve in curves), *bands], 1e-4)
-    never_negative = all(np.nanmin(curve.y) >= 0.0 for curve in curves)
     one = errors[0]
     return Panel(marks, TIME_LABEL, f'{one.name} error [{one.unit or "-"}]', title,
-                 y_limits=(0.0 if never_negative else low, high))
+                 y_limits=(low if bottom is None else bottom, high))
 
 
 def error_figure(name: str, title: str, errors: Sequence[ErrorCurve]) -> Figure | None:

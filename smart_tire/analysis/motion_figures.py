@@ -166,7 +166,8 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
     if errors and len(true):
         found = [(position_error(*both), pose_errors(*both)[2]) for both in (
             (series, result.truth, result.origin_ns) for series in result.labeled.values())]
-        rows = [[panel, error_panel(several, colors)] for several in zip(*found)]
+        rows = [[panel, error_panel(several, colors, bottom=bottom)]
+                for several, bottom in zip(zip(*found), (0.0, None))]
         caption += (
             ' Right: errors against ground truth; shaded: 2σ, where σ is the standard deviation '
             'that the estimator reports (of the position: along the longest axis of its ellipse). '

@@ -144,7 +144,7 @@ class Layout:
             origin=f'contact/{wheel}', visual_bounds=rrb.VisualBounds2D(
                 x_range=(-CONTACT_WIDTH, CONTACT_WIDTH),
                 y_range=(-CONTACT_HEIGHT, CONTACT_HEIGHT)),
-            name=f'Crossing, {wheel}: V over mm, samples and fit')
+            name=f'Crossing, {wheel}: V over mm, samples and model')
 
     def _plot(self, name: str, origin: str, *, contents: Sequence[str] = ('$origin/**',),
               bounds: tuple[float, float] | None = None, legend: bool = True) -> rrb.View:
