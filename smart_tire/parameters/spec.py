@@ -148,9 +148,6 @@ def named(cls: type, default: tuple[Any, ...], meaning: str) -> Any:
     return field(default=default, metadata={'instances of': cls, 'meaning': meaning})
 
 
-Names = Callable[[str, tuple[str, ...]], Iterable[str]]  # list parameter, its default -> names
-
-
 def specs(cls: type, values: Mapping[str, Any] | None = None) -> dict[str, Spec]:
     """
     Return name -> Spec of every parameter of ``cls``, in order of declaration.
@@ -158,34 +155,31 @@ def specs(cls: type, values: Mapping[str, Any] | None = None) -> dict[str, Spec]
     ``values`` (flat names) hold the lists of names of ``named`` fields that differ from the
     defaults.
     """
-    given = {} if values is None else values
-
-    def names(parameter: str, default: tuple[str, ...]) -> Iterable[str]:
-        return _instance_names(parameter, given.get(parameter, default))
-
-    return {spec.name: spec for spec in _walk(cls, '', names)}
+    return {spec.name: spec for spec in _walk(cls, '', values or {})}
 
 
-def _walk(cls: type, prefix: str, names: Names, live: bool = False) -> Iterator[Spec]:
+def _walk(cls: type, prefix: str, given: Mapping[str, Any] | None,
+          live: bool = False) -> Iterator[Spec]:
+    """Yield the parameters; instances are those that ``given`` lists, ``*`` for None."""
     for item in fields(cls):
         metadata = item.metadata
         if 'class' in metadata:
             inner = f'{prefix}{item.name}.' if metadata['prefix'] else prefix
-            yield from _walk(metadata['class'], inner, names, metadata['live'])
+            yield from _walk(metadata['class'], inner, given, metadata['live'])
         elif 'instances of' in metadata:
-            yield from _walk_instances(item, f'{prefix}{item.name}.', names)
+            yield from _walk_instances(item, f'{prefix}{item.name}.', given)
         elif 'unit' in metadata:
             yield Spec(prefix + item.name, _kind(str(item.type)), item.default,
                        **{'live': live, **metadata})
 
 
-def _walk_instances(item: Any, prefix: str, names: Names) -> Iterator[Spec]:
-    defaults = {instance.name: instance for instance in item.default}
-    yield Spec(prefix + NAMES, 'str[]', tuple(defaults), '-', item.metadata['meaning'],
-               instances=True)
-    for name in names(prefix + NAMES, tuple(defaults)):
+def _walk_instances(item: Any, prefix: str, given: Mapping[str, Any] | None) -> Iterator[Spec]:
+    defaults, parameter = {instance.name: instance for instance in item.default}, prefix + NAMES
+    yield Spec(parameter, 'str[]', tuple(defaults), '-', item.metadata['meaning'], instances=True)
+    for name in (ANY_NAME,) if given is None else _instance_names(
+            parameter, given.get(parameter, tuple(defaults))):
         inner = f'{prefix}{name}.'
-        for spec in _walk(item.metadata['instances of'], inner, names):
+        for spec in _walk(item.metadata['instances of'], inner, given):
             leaf = spec.name.removeprefix(inner)
             yield replace(spec, default=getattr(defaults.get(name), leaf, spec.default))
 
@@ -207,7 +201,7 @@ def _instance_names(parameter: str, names: Any) -> tuple[str, ...]:
 
 def known_names(classes: Iterable[type]) -> set[str]:
     """Return the parameter names of ``classes``, with ``*`` for the names of ``named`` fields."""
-    return {spec.name for cls in classes for spec in _walk(cls, '', lambda *_: (ANY_NAME,))}
+    return {spec.name for cls in classes for spec in _walk(cls, '', None)}
 
 
 def is_known(name: str, known: Iterable[str]) -> bool:
@@ -236,8 +230,8 @@ def build(cls: type[Params], values: Mapping[str, Any]) -> Params:
     for name in values:
         if not is_known(name, known):
             raise unknown_name_error(name, known)
-    checked = {name: described[name].check(value) for name, value in values.items()
-               if name in described}
+    checked = {name: spec.check(values[name]) if name in values else spec.default
+               for name, spec in described.items()}
     try:
         return _fill(cls, '', checked)
     except ParameterError:
@@ -269,18 +263,9 @@ def _fill(cls: type[Params], prefix: str, values: Mapping[str, Any], **chosen: A
             inner = f'{name}.' if metadata['prefix'] else prefix
             chosen[item.name] = _fill(metadata['class'], inner, values)
         elif 'instances of' in metadata:
-            chosen[item.name] = _fill_instances(item, f'{name}.', values)
-        elif name in values and 'unit' in metadata:
+            chosen[item.name] = tuple(
+                _fill(metadata['instances of'], f'{name}.{instance}.', values, name=instance)
+                for instance in values[f'{name}.{NAMES}'])
+        elif 'unit' in metadata:
             chosen[item.name] = values[name]
     return cls(**chosen)
-
-
-def _fill_instances(item: Any, prefix: str, values: Mapping[str, Any]) -> tuple[Any, ...]:
-    defaults = {instance.name: instance for instance in item.default}
-    cls, instances = item.metadata['instances of'], []
-    for name in values.get(prefix + NAMES, tuple(defaults)):
-        inner = f'{prefix}{name}.'
-        default = {inner + spec.name: getattr(defaults[name], spec.name)
-                   for spec in specs(cls).values()} if name in defaults else {}
-        instances.append(_fill(cls, inner, {**default, **values}, name=name))
-    return tuple(instances)
