@@ -26,11 +26,12 @@ import sys
 
 from benchmarks.harness import machine, parse_no_arguments, run_benchmark
 import numpy as np
+
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_bench import identify_film
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.simulation.film_test_stand import FilmTestStand, sine
+from smart_tire.reproduction.film_test_stand import FilmTestStand, sine
 
 SAMPLE_RATE = 500.0                            # Hz
 IDENTIFICATION_MOTION = (0.012, 1.0, 60.0)     # m peak to peak, Hz, s

@@ -59,7 +59,7 @@ def laboratory() -> Laboratory:
     from smart_tire.estimation.film.files import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
     from smart_tire.reproduction.experiments import Laboratory, Specimen
-    from smart_tire.simulation.film_test_stand import FilmTestStand
+    from smart_tire.reproduction.film_test_stand import FilmTestStand
     from smart_tire.simulation.offline import simulate
 
     def bench(specimen: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:

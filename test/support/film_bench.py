@@ -19,7 +19,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
-from smart_tire.simulation.film_test_stand import FilmTestStand, sine, sines
+from smart_tire.reproduction.film_test_stand import FilmTestStand, sine, sines
 
 TRUE = {'alpha_gain': TABLE_I.alpha * TABLE_I_GAIN, 'a_gain': TABLE_I.a * TABLE_I_GAIN,
         'b_gain': TABLE_I.b * TABLE_I_GAIN}

@@ -26,7 +26,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.files import FilmParams
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine
+from smart_tire.reproduction.film_test_stand import FilmTestStand, ramps, sine
 from support.film_bench import RATE, several_loops, TRUE
 
 pytestmark = pytest.mark.slow

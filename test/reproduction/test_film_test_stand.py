@@ -20,11 +20,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
-from smart_tire.simulation.film_test_stand import FilmTestStand, ramps, sine, sines
+from smart_tire.reproduction.film_test_stand import FilmTestStand, ramps, sine, sines
 
 IDEAL = FilmTestStand(low_corner=0.0, high_corner=1e6, charge_noise=0.0, laser_noise=0.0, bits=32)
 SETTLED = 100  # samples after the step
