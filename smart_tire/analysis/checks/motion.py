@@ -34,12 +34,11 @@ from smart_tire.analysis.checks.sensors import SPEED_UNITS, unit_of
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     fit_speed_changes, moving_intervals, PITCHING_ERROR, TURN_SLIP, yaw_motion)
-from smart_tire.calibration.recording import Recording, side_slip, Signal
+from smart_tire.calibration.recording import side_slip, Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding
 from smart_tire.numerics.least_squares import Prior, regression, Rows
-from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Uncertain
+from smart_tire.uncertain import Uncertain, weighted_mean
 
 SIGMAS = 3.0              # standard errors beyond which a value is a contradiction
 MIN_DIFFERENCE = 0.1      # relative, of a parameter that is reported
@@ -73,10 +72,9 @@ class LateralFit:
 
 def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a yaw rate without wheel difference, or one of the opposite sign."""
-    motion = recording.motion
-    if motion is None:
+    intervals = _driving(recording)
+    if recording.motion is None:
         return
-    intervals = _intervals(motion, recording.robot)
     if intervals is None:
         yield finding('not_driving', 'wheel_states', action='' if recording.live else
                       'record a drive with turns, starts and stops')
@@ -113,21 +111,13 @@ def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
 
 def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a wheel radius that contradicts the accelerometer, or reversed wheels or x axis."""
-    motion, robot = recording.motion, recording.robot
-    if motion is None:
-        return
-    data = _intervals(motion, robot)
+    data, robot = _driving(recording), recording.robot
     if data is None or np.mean(data.mean ** 2) < 0.25 * np.mean(data.difference ** 2):
         return  # mostly turns in place: the wheels' mean is small, and what it loses in slip
-    latency = _latency(recording)
-    found = [radius for radius in (_speed_change_radius(motion, robot),
-                                   _lateral_radius(motion, robot, latency)) if radius is not None]
+    found = _radii(recording)
     if not found:
         return
-    weights = np.array([1.0 / radius.sigma ** 2 for radius in found])
-    value = float(np.sum(weights * [radius.value for radius in found]) / weights.sum())
-    spread = max(abs(radius.value - value) for radius in found)  # includes what neither models
-    sigma = math.hypot(1.0 / math.sqrt(float(weights.sum())), 0.5 * spread)
+    value, sigma = weighted_mean(found)  # the scatter includes what neither of them models
     error = value - robot.wheel_radius
     slip = MAX_SLIP * robot.wheel_radius if error < 0.0 else 0.0
     if abs(error) <= max(SIGMAS * sigma, MIN_DIFFERENCE * robot.wheel_radius) + slip:
@@ -163,8 +153,7 @@ def _turning_lag(recording: CheckedRecording) -> float:
     The wheels yield a moment C_x W^2 / v per yaw rate that they are ahead of the body, so that it
     follows with the time constant I_z v / (C_x W^2). To the fit this looks like early timestamps.
     """
-    robot = recording.robot
-    intervals = None if recording.motion is None else _intervals(recording.motion, robot)
+    robot, intervals = recording.robot, _driving(recording)
     if intervals is None:
         return 0.0
     speed = robot.wheel_radius * float(np.sqrt(np.mean(intervals.mean ** 2)))
@@ -174,10 +163,7 @@ def _turning_lag(recording: CheckedRecording) -> float:
 
 def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a position of the IMU that contradicts the lateral force in turns."""
-    if recording.motion is None:
-        return
-    robot = recording.robot
-    fit = lateral_fit(recording.motion, robot, _latency(recording))
+    robot, fit = recording.robot, lateral_fit(recording)
     if fit is None:
         return
     tolerance_x = max(MIN_LEVER_ERROR, 0.5 * robot.wheelbase)  # of the center of rotation
@@ -190,9 +176,10 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
                           sigma=lever.sigma, configured=configured)
 
 
-def lateral_fit(motion: Recording, robot: RobotParams, latency: float) -> LateralFit | None:
+def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
     """Return radius and lever arms from the lateral force; None without turns."""
-    data = _intervals(motion, robot, latency)
+    robot, late = recording.robot, recording.yaw_rate_fit
+    data = _driving(recording, robot.encoder.latency if late is None else late.latency.value)
     if data is None or float(np.sqrt(np.mean(data.yaw_rate ** 2))) < MIN_YAW_RATE:
         return None
     W, slip = data.yaw_rate, side_slip(data.mean, 0.5 * np.abs(data.difference))
@@ -208,26 +195,19 @@ def lateral_fit(motion: Recording, robot: RobotParams, latency: float) -> Latera
         float(np.std(matrix[:, RADIUS] * radius.value)))
 
 
-def _lateral_radius(motion: Recording, robot: RobotParams, latency: float) -> Uncertain | None:
-    fit = lateral_fit(motion, robot, latency)
-    if fit is None or not fit.radius.sigma < MAX_SIGMA * abs(fit.radius.value) or (
-            fit.signal < MIN_SIGNAL):
-        return None
-    return fit.radius
-
-
-def _speed_change_radius(motion: Recording, robot: RobotParams) -> Uncertain | None:
+def _radii(recording: CheckedRecording) -> list[Uncertain]:
+    """Return the rolling radii [m] that turns and changes of the speed determine."""
+    found, turns = [], lateral_fit(recording)
+    if turns is not None:
+        found.append((turns.radius, turns.signal))
     try:
-        fit = fit_speed_changes(motion, robot)
+        assert recording.motion is not None  # the robot drives
+        changes = fit_speed_changes(recording.motion, recording.robot)
+        found.append((changes.radius, float(np.std(changes.rolled))))
     except EstimatorError:
-        return None
-    radius, signal = fit.radius, float(np.std(fit.rolled))
-    return radius if radius.sigma < MAX_SIGMA * abs(radius.value) and signal > MIN_SIGNAL else None
-
-
-def _latency(recording: CheckedRecording) -> float:
-    fit = recording.yaw_rate_fit
-    return recording.robot.encoder.latency if fit is None else fit.latency.value
+        pass  # no changes of speed
+    return [radius for radius, signal in found
+            if radius.sigma < MAX_SIGMA * abs(radius.value) and signal > MIN_SIGNAL]
 
 
 @dataclass(frozen=True)
@@ -242,11 +222,13 @@ class _Intervals:
     lateral: Array           # (n,) m/s2
 
 
-def _intervals(motion: Recording, robot: RobotParams, latency: float = 0.0) -> _Intervals | None:
+def _driving(recording: CheckedRecording, latency: float = 0.0) -> _Intervals | None:
     """Return the intervals in which the robot drives, None if it does not."""
-    imu = motion.imu
+    if recording.motion is None:
+        return None
+    imu = recording.motion.imu
     try:
-        found = moving_intervals(motion, robot)
+        found = moving_intervals(recording.motion, recording.robot)
     except EstimatorError:
         return None
     begin, end, sides = found.begin - latency, found.end - latency, found.sides
