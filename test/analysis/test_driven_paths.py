@@ -28,8 +28,8 @@ from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.control.trajectory_control import State
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.recording import Recording
-from smart_tire.rotation import quaternion
-from smart_tire.samples import NAN, NS_PER_S, Odometry, PathProgress, PlannedPath
+from smart_tire.samples import NAN, NS_PER_S, PathProgress, PlannedPath
+from support.ideal_robot import odometry
 
 START = 1_700_000_000 * NS_PER_S
 SPEED = 0.5  # m/s
@@ -39,18 +39,13 @@ def stamp(seconds):
     return START + round(seconds * NS_PER_S)
 
 
-def odometry(seconds, x, y, yaw=0.0):
-    return Odometry(stamp(seconds), (x, y, 0.0), quaternion(0.0, 0.0, yaw), (0.0,) * 3,
-                    (0.0,) * 3, (0.0,) * 36, (0.0,) * 36)
-
-
 def poses(y=0.0, yaw=0.0, until=10.0):
     """Return a drive along x from 2 s on, in a frame that is turned by ``yaw``."""
     series = Recording()
     for seconds in np.arange(0.0, until, 0.02):
         x = SPEED * max(seconds - 2.0, 0.0)
         own_y = y * min(x, 1.0)
-        series.add_sample(odometry(seconds, math.cos(yaw) * x - math.sin(yaw) * own_y,
+        series.add_sample(odometry(stamp(seconds), math.cos(yaw) * x - math.sin(yaw) * own_y,
                                    math.sin(yaw) * x + math.cos(yaw) * own_y, yaw))
     return series.poses()
 

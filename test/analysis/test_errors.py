@@ -24,26 +24,18 @@ from smart_tire.analysis.errors import (
 from smart_tire.analysis.figure import Curve
 from smart_tire.analysis.friction_metrics import match
 from smart_tire.recording import Recording
-from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain
+from support.driving import driven
 
-COVARIANCE = tuple(0.04 if i % 7 == 0 else 0.0 for i in range(36))
 
-
-def driven(speed, slip=0.1, sigma=0.02, known=True):
+def drive(speed, **options):
     """Return two seconds of straight driving at ``speed`` [m/s]."""
-    series = Recording()
-    twist = COVARIANCE if known else (-1.0, *(0.0,) * 35)
-    for i in range(20):
-        stamp = round(0.1 * i * NS_PER_S)
-        series.add_sample(Odometry(stamp, (0.1 * i * speed, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
-                                   (speed, 0.0, 0.0), (0.0, 0.0, 0.0), COVARIANCE, twist))
-        series.add_sample(WheelSlip(stamp, (slip,) * 4, (0.0,) * 4, (sigma,) * 4))
-    return series
+    return driven(20, 10.0, speed=speed, variance=0.04, **options)
 
 
 def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
-    x, y, heading = pose_errors(driven(1.1), driven(1.0), 0)
+    x, y, heading = pose_errors(drive(1.1), drive(1.0), 0)
     assert (x.name, x.unit, heading.unit) == ('x', 'm', 'rad')
     assert x.curve.y == pytest.approx(0.1 * x.curve.x)
     assert y.curve.y == pytest.approx(0.0) and heading.curve.y == pytest.approx(0.0)
@@ -53,18 +45,18 @@ def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
 
 
 def test_errors_need_an_overlap_and_a_true_twist():
-    assert twist_error_curves(driven(1.1), driven(1.0), 0)[0].curve.y == pytest.approx(0.1)
-    assert twist_error_curves(driven(1.1), driven(1.0, known=False), 0) == []
-    assert pose_errors(driven(1.0), Recording(), 0) == []
-    assert slip_errors(driven(1.0), Recording(), 0) == []
+    assert twist_error_curves(drive(1.1), drive(1.0), 0)[0].curve.y == pytest.approx(0.1)
+    assert twist_error_curves(drive(1.1), drive(1.0, twist=False), 0) == []
+    assert pose_errors(drive(1.0), Recording(), 0) == []
+    assert slip_errors(drive(1.0), Recording(), 0) == []
 
 
 def test_slip_errors_count_where_slip_is_observable():
-    errors = slip_errors(driven(1.0, slip=0.2), driven(1.0, slip=0.1), 0)
+    errors = slip_errors(drive(1.0, slip=0.2), drive(1.0, slip=0.1), 0)
     assert [one.name for one in errors] == [
         'slip front left', 'slip front right', 'slip rear left', 'slip rear right']
     assert errors[0].score.mean == pytest.approx(0.1)
-    unknown = slip_errors(driven(1.0, slip=1.0, sigma=0.6), driven(1.0), 0)
+    unknown = slip_errors(drive(1.0, slip=1.0, sigma=0.6), drive(1.0), 0)
     assert unknown[0].score.count == 0 and not len(unknown[0].normalized)
 
 

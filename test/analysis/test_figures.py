@@ -27,26 +27,22 @@ from smart_tire.analysis.result import Result
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Recording
 from smart_tire.samples import (
-    Friction, GroundState, NS_PER_S, Odometry, TireSample, WheelSample, WheelSlip)
+    Friction, GroundState, NS_PER_S, TireSample, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
+from support.driving import driven
 
 EPOCH = 1_700_000_000 * NS_PER_S
 ROBOT = RobotParams()
 OMEGA = 2.0 * math.pi  # rad/s, 60 rpm
-SPREAD = tuple(0.01 if i % 7 == 0 else 0.0 for i in range(36))
 
 
 def ns(time_s):
     return EPOCH + round(time_s * NS_PER_S)
 
 
-def driven():
+def estimated():
     """Return four seconds of poses and slips, and crossings at 1, 2 and 3 s."""
-    series = Recording()
-    for i in range(400):
-        series.add_sample(Odometry(ns(0.01 * i), (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
-                                   (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), SPREAD, SPREAD))
-        series.add_sample(WheelSlip(ns(0.01 * i), (0.1, -0.1) * 2, (0.0,) * 4, (0.02,) * 4))
+    series = driven(begin_ns=EPOCH, slip=(0.1, -0.1) * 2)
     for time, slip, sigma in ((1.0, 0.10, 0.05), (2.0, 0.12, 0.9), (3.0, 0.2, 0.05)):
         series.add_sample(Friction(
             ns(time), 'front_left', friction_coefficient=Uncertain(0.47, 0.03),
@@ -66,7 +62,8 @@ def measured():
 
 
 def result(**changes):
-    return Result(**{'estimates': driven(), 'inputs': measured(), 'truth': driven(), **changes})
+    return Result(**{'estimates': estimated(), 'inputs': measured(), 'truth': estimated(),
+                     **changes})
 
 
 def only(crossings=(), slips=()):
@@ -111,7 +108,7 @@ def test_every_axis_has_a_unit_and_every_band_an_explanation():
 
 
 def test_each_interval_has_a_slip_panel_and_determines_the_axis():
-    estimates = driven()
+    estimates = estimated()
     for k in range(100):
         estimates.add_sample(WheelSlip(ns(4.0 + 0.01 * k), (0.9,) * 4, (0.0,) * 4, (0.02,) * 4))
     intervals = {name: [(ns(start), ns(start + 1.0))] for name, start in
@@ -125,7 +122,7 @@ def test_each_interval_has_a_slip_panel_and_determines_the_axis():
 
 
 def test_filtered_and_smoothed_motion_is_drawn_and_friction_once():
-    found = result(smoothed=driven())
+    found = result(smoothed=estimated())
     assert titles(slip_figure(found)) == ['filtered', 'smoothed']
     assert titles(friction_figure(found)) == ['front left']
     path, *errors = path_figure(found).panels
@@ -137,7 +134,7 @@ def test_filtered_and_smoothed_motion_is_drawn_and_friction_once():
 
 def test_wanted_paths_are_below_the_others():
     wanted = [np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 1.0]])]
-    for truth in (driven(), Recording()):
+    for truth in (estimated(), Recording()):
         marks = path_figure(result(truth=truth, wanted=wanted)).panels[0].marks
         assert [(mark.label, mark.curve.x.tolist()) for mark in marks[:2]] == [
             ('wanted', path[:, 0].tolist()) for path in wanted]
@@ -146,7 +143,7 @@ def test_wanted_paths_are_below_the_others():
 def test_ground_truth_is_drawn_if_available():
     for draw in (slip_figure, wheel_slip_figure, friction_figure, adhesion_figure,
                  velocity_figure):
-        for truth, expected in ((driven(), True), (Recording(), False)):
+        for truth, expected in ((estimated(), True), (Recording(), False)):
             figure = draw(result(truth=truth))
             assert ('truth' in labels(figure.panels[0])) == expected
             assert ('Dashed' in figure.caption) == expected
@@ -154,7 +151,7 @@ def test_ground_truth_is_drawn_if_available():
 
 @pytest.mark.parametrize('slip', [1.0, math.nan])
 def test_neither_a_spike_nor_an_undefined_slip_changes_the_slip_axis(slip):
-    spiky = driven()
+    spiky = estimated()
     spiky.add_sample(WheelSlip(ns(4.0), (slip,) * 4, (0.0,) * 4, (0.02,) * 4))
     low, high = slip_figure(result(estimates=spiky)).panels[0].y_limits
     assert -0.3 < low < -0.1 and 0.1 < high < 0.3
@@ -201,7 +198,7 @@ def test_a_long_recording_has_segments_where_the_wheels_change():
     found = result(inputs=inputs)
     assert len(found.segments) == 2
     assert slip_figure(found).segments == friction_figure(found).segments == found.segments
-    assert result().segments == Result(driven()).segments == []
+    assert result().segments == Result(estimated()).segments == []
 
 
 def test_a_path_is_thinned_at_equal_distances_and_keeps_its_ends():
@@ -214,7 +211,7 @@ def test_a_path_is_thinned_at_equal_distances_and_keeps_its_ends():
 
 
 def test_the_crossing_shown_is_one_in_traction_with_median_slip():
-    crossings = driven().crossings
+    crossings = estimated().crossings
     crossings.append(Friction(ns(3.5), 'front_left', slip=Uncertain(-0.12, 0.0)))
     assert next(typical_crossings(crossings)).slip.value == 0.12
     assert [p.slip.value for p in typical_crossings([

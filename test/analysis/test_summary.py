@@ -26,22 +26,17 @@ from smart_tire.analysis.summary import estimates_tree, plain, surfaces, truth_t
 from smart_tire.recording import Recording
 from smart_tire.samples import Friction, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
+from support.driving import driven
 
 EPOCH = 1_700_000_000_000_000_000
 SECOND = 1_000_000_000
-SPREAD = tuple(0.01 if i % 7 == 0 else 0.0 for i in range(36))
 
 
 def run(slip_error=0.0, mu_factor=1.0):
     """Return ten seconds of straight driving on surfaces with friction 0.47 and 0.3."""
-    series = Recording()
-    for i in range(1000):
-        stamp = EPOCH + i * SECOND // 100
-        series.add_sample(Odometry(
-            stamp, (0.005 * i, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.5, 0.0, 0.0), (0.0, 0.0, 0.0),
-            SPREAD, SPREAD))
-        slip = math.nan if i < 100 else 0.1 + slip_error
-        series.add_sample(WheelSlip(stamp, (slip,) * 4, (0.0,) * 4, (0.02,) * 4))
+    series = driven(1000, begin_ns=EPOCH, slip=0.1 + slip_error)
+    for stamp_ns in range(EPOCH, EPOCH + SECOND, SECOND // 100):  # of equal ones the last counts
+        series.add_sample(WheelSlip(stamp_ns, (math.nan,) * 4, (0.0,) * 4, (0.02,) * 4))
     for i in range(20):
         mu = (0.47 if i < 10 else 0.3) * mu_factor
         series.add_sample(Friction(EPOCH + i * SECOND // 2, 'front_left',

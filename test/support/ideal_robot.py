@@ -26,14 +26,14 @@ from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import GoalPose, NAN, NS_PER_S, Odometry, PlannedPath
 
-ZERO_COVARIANCE = (0.0,) * 36
 IDEAL = TrajectoryControllerParams(slip_compensation=False)
 
 
-def odometry(stamp_ns, x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0):
-    """Return odometry without covariance."""
+def odometry(stamp_ns, x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, *, variance=0.0):
+    """Return odometry with the same ``variance`` of all components."""
+    covariance = tuple(variance if i % 7 == 0 else 0.0 for i in range(36))
     return Odometry(stamp_ns, (x, y, 0.0), quaternion(0.0, 0.0, yaw), (v_x, 0.0, 0.0),
-                    (0.0, 0.0, yaw_rate), ZERO_COVARIANCE, ZERO_COVARIANCE)
+                    (0.0, 0.0, yaw_rate), covariance, covariance)
 
 
 def path(*points, frame='odom'):

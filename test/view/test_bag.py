@@ -24,11 +24,11 @@ from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import BagWriter
 from smart_tire.errors import BagError
 from smart_tire.messages import topic_of
-from smart_tire.samples import ImuSample, Odometry, WheelSample, WheelSlip
+from smart_tire.samples import ImuSample, WheelSample, WheelSlip
 from smart_tire.view.bag import find_recording, Recording, show
+from support import ideal_robot
 
 START = 1_700_000_000_000_000_000
-FLAT = (0.0,) * 36
 
 
 class FakeScene:
@@ -65,8 +65,7 @@ def sensors(count=100):
 
 
 def odometry(x, stamp_ns=START):
-    return Odometry(stamp_ns, (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3, FLAT,
-                    FLAT)
+    return ideal_robot.odometry(stamp_ns, x)
 
 
 def slip(stamp_ns=START):

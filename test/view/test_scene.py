@@ -25,23 +25,19 @@ from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import build, FrictionEstimatorParams
 from smart_tire.samples import (
-    Friction, GoalPose, GroundState, MotorCommand, Odometry, PathProgress, PlannedPath, TireSample,
+    Friction, GoalPose, GroundState, MotorCommand, PathProgress, PlannedPath, TireSample,
     VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
 from smart_tire.view.recorder import Recorder, TRUTH, WHEEL_COLORS
+from support import ideal_robot
 
 START = 1_700_000_000_000_000_000  # ns; times in the viewer are those since the first sample
 MS = 1_000_000
 
 
 def odometry(time_ms, x, y=0.0, *, yaw=0.0, v_x=1.0, variance=0.0):
-    twist = [0.0] * 36
-    pose = [0.0] * 36
-    twist[0], pose[0], pose[7] = variance, variance, variance
-    return Odometry(START + time_ms * MS, (x, y, 0.0),
-                    (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)), (v_x, 0.0, 0.0),
-                    (0.0, 0.0, 0.0), tuple(pose), tuple(twist))
+    return ideal_robot.odometry(START + time_ms * MS, x, y, yaw, v_x, variance=variance)
 
 
 def slip(time_ms, ratio, sigma, velocity=0.0):
