@@ -49,6 +49,7 @@ MIN_VARIATION = 0.3       # standard deviation over rms of a wheel difference th
 MAX_SIGMA = 0.3           # relative standard error above which a value says nothing
 MIN_YAW_RATE = 0.1        # rad/s rms of a recording with turns
 MIN_CORRELATION = 0.5     # of yaw rate and wheel difference, in magnitude, to see their sign
+MIN_FOLLOWING = 0.95      # correlation of both that shows a delay; 0.99 on land, 0.86 on ice
 MIN_TRACK_RATIO, MAX_TRACK_RATIO = 0.9, 4.0  # effective over geometric track: skid-steer 1 to 3
 DEGREES = 180.0 / math.pi
 DEGREE_RATIO = 12.0       # yaw rate over that of the wheels; 57 / 4 with the largest track
@@ -137,7 +138,8 @@ def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps of the wheels that are later or earlier than configured."""
     fit, robot = recording.yaw_rate_fit, recording.robot
     if fit is None or float(np.std(fit.wheel_difference)) < MIN_VARIATION * float(
-            np.sqrt(np.mean(fit.wheel_difference ** 2))):
+            np.sqrt(np.mean(fit.wheel_difference ** 2))) or (
+            np.corrcoef(fit.yaw_rate, fit.wheel_difference)[0, 1] < MIN_FOLLOWING):
         return
     error = fit.latency.value - robot.encoder.latency
     lag = _turning_lag(recording) if error < 0.0 else 0.0
