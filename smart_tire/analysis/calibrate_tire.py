@@ -25,7 +25,7 @@ from smart_tire.analysis.calibrate_robot import TimeRange
 from smart_tire.analysis.pipeline import FrictionStage, SlipStage
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
-from smart_tire.calibration.crossing_collector import CrossingCollector, CrossingWithSlip
+from smart_tire.calibration.film_crossings import CrossingCollector, CrossingWithSlip
 from smart_tire.calibration.film_gains import GainFit
 from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError

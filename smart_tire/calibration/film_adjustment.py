@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film_observations import GainObservation
+from smart_tire.calibration.film_crossings import GainObservation
 from smart_tire.numerics.least_squares import posterior, Prior
 from smart_tire.numerics.robust import huber_weights
 from smart_tire.parameters import RobotParams

@@ -40,8 +40,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.files import AMPLIFIER, FilmParams, FilmRecording, PRODUCTS
-from smart_tire.estimation.film.measure import (
-    DEAD_BAND_NOISE_FACTOR, smoothed, without_spikes)
+from smart_tire.estimation.film.measure import DEAD_BAND_NOISE_FACTOR, smoothed, without_spikes
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import Branches, monotone_branches, relaxed

@@ -29,9 +29,9 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.crossing_collector import CrossingWithSlip
 from smart_tire.calibration.film_adjustment import adjust, Adjustment
-from smart_tire.calibration.film_observations import GainObservation, ObservationFitter
+from smart_tire.calibration.film_crossings import (
+    CrossingWithSlip, GainObservation, ObservationFitter)
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import mad_sigma, winsorized_mean

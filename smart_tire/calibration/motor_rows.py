@@ -32,7 +32,8 @@ from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import (
-    DutyRecord, Indices, Mask, MOTION_MARGIN, period, Recording, rotation_increments, Samples)
+    covered, DutyRecord, Indices, Mask, MAX_IMU_GAP, MOTION_MARGIN, period, Recording,
+    rotation_increments, Samples)
 from smart_tire.calibration.sensor_noise import GROUND_SLOPE_SIGMA, stationary_intervals
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire.brush_tire import linear_tire_force
@@ -47,7 +48,7 @@ MIN_SPEED = 0.1          # m/s at the circumference; at lower speeds static fric
 TYPICAL_FRICTION = 0.45  # -, mu of firm ground; assumed
 MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
 MAX_LENGTHENING = 1.25   # of a window against its number of periods; beyond, a sample is missing
-MAX_IMU_GAP, MAX_TORQUE_GAP = 0.05, 0.15  # s; over longer gaps a signal is not known
+MAX_TORQUE_GAP = 0.15    # s; over longer gaps the torque is not known
 COMMAND_DELAY = 0.003    # s from a command's timestamp until the boards apply it; assumed
 EDGE_MARGIN = 0.006      # s around a change of the duty, in which the duty in force is uncertain
 DELAY_STEP = 0.01        # s, for derivatives with respect to a delay
@@ -111,14 +112,6 @@ class _Windows:
         time = self.time[known]
         means = self.mean(CubicSpline(time, value[known]).antiderivative(2)(self.time))
         return np.where(covered(time, self.begin, self.end, max_gap), means, np.nan)
-
-
-def covered(time: Array, begin: Array, end: Array, max_gap: float) -> Mask:
-    """Return whether samples at ``time`` cover intervals without a gap longer than ``max_gap``."""
-    gaps = np.append(0, np.cumsum(np.diff(time) > max_gap))
-    first = np.clip(np.searchsorted(time, begin, 'right') - 1, 0, len(time) - 1)
-    last = np.clip(np.searchsorted(time, end), 0, len(time) - 1)
-    return np.asarray((begin >= time[0]) & (end <= time[-1]) & (gaps[first] == gaps[last]))
 
 
 def motor_rows(recording: Recording, robot: RobotParams) -> MotorRows:

@@ -39,6 +39,7 @@ Record = TypeVar('Record', bound='Samples')
 MAX_POSITION_GAP = 2.0    # s; over longer gaps the change of position is not a mean speed
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
 OTHER_OF_SIDE = [2, 3, 0, 1]  # of each wheel, for one that is not measured
+MAX_IMU_GAP = 0.05        # s between IMU samples; over longer gaps they are not integrated
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
 
 
@@ -243,6 +244,14 @@ def _merged(gap: Array, complete: Mask, min_duration: float) -> tuple[Indices, I
             first, length = index + 1, 0.0
     first_last = np.array(rows, dtype=int).reshape(-1, 2)
     return first_last[:, 0], first_last[:, 1]
+
+
+def covered(time: Array, begin: Array, end: Array, max_gap: float) -> Mask:
+    """Return whether samples at ``time`` cover intervals without a gap longer than ``max_gap``."""
+    gaps = np.append(0, np.cumsum(np.diff(time) > max_gap))
+    first = np.clip(np.searchsorted(time, begin, 'right') - 1, 0, len(time) - 1)
+    last = np.clip(np.searchsorted(time, end), 0, len(time) - 1)
+    return np.asarray((begin >= time[0]) & (end <= time[-1]) & (gaps[first] == gaps[last]))
 
 
 def side_slip(mean: Array, half_difference: Array) -> Array:

@@ -107,10 +107,11 @@ def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
         float(1.0 - fresh.mean()))
 
 
-def stationary_intervals(wheels: WheelRecord, robot: RobotParams) -> list[tuple[float, float]]:
-    """Return begin and end [s] of times with all wheels stationary."""
-    limit = MAX_STATIONARY_WHEEL_SPEED / robot.wheel_radius
-    still = np.concatenate([[0], np.abs(wheels.velocity).max(axis=1) < limit, [0]])
+def stationary_intervals(wheels: WheelRecord, robot: RobotParams,
+                         limit: float = MAX_STATIONARY_WHEEL_SPEED) -> list[tuple[float, float]]:
+    """Return begin and end [s] of times with all wheels slower than ``limit`` [m/s]."""
+    still = np.concatenate([
+        [0], np.abs(wheels.velocity).max(axis=1) < limit / robot.wheel_radius, [0]])
     begin, end = (np.flatnonzero(np.diff(still) == sign) for sign in (1, -1))
     return list(zip(wheels.time[begin].tolist(), wheels.time[end - 1].tolist()))
 

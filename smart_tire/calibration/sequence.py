@@ -36,7 +36,7 @@ from smart_tire.calibration.latency import fit_yaw_rate
 from smart_tire.calibration.motor import CONSTANT, identify_motor, INERTIA, MotorFit
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS
-from smart_tire.calibration.sensor_noise import fit_jitter
+from smart_tire.calibration.sensor_noise import fit_jitter, stationary_intervals
 from smart_tire.calibration.stiffness import identify_stiffness, StiffnessFit
 from smart_tire.calibration.turning import (
     combine as combine_icr, effective_track, IcrFit, identify_icr)
@@ -48,8 +48,7 @@ from smart_tire.uncertain import Uncertain, weighted_mean
 
 Fit = TypeVar('Fit')
 
-MIN_PART = 12.0         # s
-STANDSTILL_SPEED = 0.02    # rad/s, of stationary wheels
+MIN_PART = 6.0          # s, of a recording that is compared with its other part
 MAX_SLIDING_SHARE = 0.3    # of the time in motion, beyond the critical slip
 
 REST, STRAIGHT, TURNS, LIFTED = 'rest', 'straight', 'turns', 'lifted'
@@ -117,7 +116,7 @@ def check_one_ground(recordings: Sequence[Recording], robot: RobotParams,
     The parts of a recording are its halves, divided at a standstill.
     """
     fits = []
-    for part in (part for recording in recordings for part in parts_of(recording)):
+    for part in (part for recording in recordings for part in parts_of(recording, robot)):
         try:
             fits.append(identify_stiffness([part], robot, latency_sigma))
         except EstimatorError:
@@ -136,17 +135,14 @@ def differ(first: Uncertain, second: Uncertain) -> bool:
         first.sigma, second.sigma)
 
 
-def parts_of(recording: Recording) -> list[Recording]:
+def parts_of(recording: Recording, robot: RobotParams) -> list[Recording]:
     """Return the halves of a recording, divided at the standstill next to its middle."""
-    wheels = recording.wheels
-    if np.ptp(wheels.time) < 2.0 * MIN_PART:
-        return []
-    still = wheels.time[np.abs(wheels.velocity).max(axis=1) < STANDSTILL_SPEED]
-    middle = 0.5 * float(wheels.time[0] + wheels.time[-1])
-    if not len(still):
-        return []
-    cut = float(still[np.argmin(np.abs(still - middle))])
-    if min(cut - wheels.time[0], wheels.time[-1] - cut) < 0.5 * MIN_PART:
+    time = recording.wheels.time
+    middle = 0.5 * float(time[0] + time[-1])
+    cuts = [min(max(middle, begin), end) for begin, end in stationary_intervals(
+        recording.wheels, robot)]
+    cut = min(cuts, key=lambda one: abs(one - middle), default=time[0])
+    if min(cut - time[0], time[-1] - cut) < MIN_PART:
         return []
     return [_between(recording, -math.inf, cut), _between(recording, cut, math.inf)]
 

@@ -54,7 +54,6 @@ from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
 
 LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IMU; assumed
-RADIUS_ERROR_SIGMA = 0.02   # relative, of the rolling radius; assumed
 STIFFNESS_FACTOR = 100.0    # per sigma, uninformative
 DRAG = 0.015, 0.15          # of the weight, and its sigma: firm ground, and up to deep sand
 FRICTION = 0.45, 2.0        # median of mu, and factor per sigma of grounds; assumed
@@ -372,7 +371,7 @@ def _result(motions: Sequence[_Motion], fit: Fit, wheels: Sequence[tuple[Array, 
         Common.STIFFNESS, Common.FRICTION, Common.DRAG))
     return StiffnessFit(
         # a wrong radius scales all speeds, and thereby the forces
-        Uncertain(stiffness, stiffness * math.hypot(RADIUS_ERROR_SIGMA, C_x.sigma)),
+        Uncertain(stiffness, stiffness * math.hypot(robot.wheel_radius_sigma, C_x.sigma)),
         Uncertain(friction, friction * mu.sigma),
         Uncertain(weight * drag.value, weight * drag.sigma), fit.estimate(Common.LATENCY_ERROR),
         len(motions), sum(float(np.ptp(motion.segment.stamps)) for motion in motions),

@@ -25,15 +25,14 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import Recording, Signal, wheel_intervals, WheelIntervals
+from smart_tire.calibration.recording import (
+    covered, Indices, Mask, MAX_IMU_GAP, period, Recording, Signal, wheel_intervals,
+    WheelIntervals)
+from smart_tire.calibration.sensor_noise import stationary_intervals
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
-
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 MIN_INTERVAL = 0.05    # s; shorter intervals between wheel samples are merged
 MIN_SPEED = 0.2        # m/s; at lower speeds the brush model does not apply: static friction
@@ -44,7 +43,6 @@ SETTLING_TIME = 0.4         # s after the wheels have stopped, until the body is
 MAX_STANDSTILL = 2.0        # s, before and after the motion of a segment
 MIN_SEGMENT_INTERVALS = 6   # in motion
 MAX_SEGMENT_INTERVALS = 2000
-MAX_IMU_GAP = 0.05          # s between IMU samples; over longer gaps the speed is not integrated
 GRID_MARGIN = 0.06          # s of IMU samples before and after the wheel intervals
 
 
@@ -94,12 +92,10 @@ def _is_straight(intervals: WheelIntervals, speed: Array, recording: Recording,
     begin, end = (time - robot.encoder.latency for time in (intervals.begin, intervals.end))
     lever = 0.5 * math.hypot(robot.wheelbase, robot.track_width)
     lateral_speed = lever * np.abs(rate.mean(begin, end))
-    margin = MAX_IMU_GAP + GRID_MARGIN
-    covered = (begin > imu.time[0] + margin) & (end < imu.time[-1] - margin)
-    for index in np.flatnonzero(np.diff(imu.time) > MAX_IMU_GAP):
-        covered &= (end < imu.time[index] - margin) | (begin > imu.time[index + 1] + margin)
     limit = np.maximum(MAX_TURN_SHARE * np.abs(speed), MAX_TURN_SPEED)
-    return covered & (half_difference < limit) & (lateral_speed < limit)
+    margin = MAX_IMU_GAP + GRID_MARGIN
+    return covered(imu.time, begin - margin, end + margin, MAX_IMU_GAP) & (
+        half_difference < limit) & (lateral_speed < limit)
 
 
 def _contiguous(straight: Mask, intervals: WheelIntervals, speed: Array) -> Iterator[Indices]:
@@ -125,17 +121,15 @@ def _segment(intervals: WheelIntervals, speed: Array, recording: Recording,
     time, force = imu.time[inside], force[inside]
     noise = max(robot.imu.accel_noise, noise_level(force, 3))
     return StraightSegment(time, force, noise, stamps, speed * intervals.duration,
-                           _stationary(time, stamps, speed))
+                           _stationary(time, recording, robot))
 
 
-def _stationary(time: Array, stamps: Array, speed: Array) -> Mask:
-    """Return a mask of the grid points at which the robot is stationary."""
-    stationary = np.zeros(len(time), bool)
-    still, begin = np.abs(speed) < STANDSTILL_SPEED, math.inf
-    for index, quiet in enumerate(still.tolist()):
-        begin = min(begin, stamps[index]) if quiet else math.inf
-        # without the last interval: the robot may start to move in it
-        if quiet and index + 1 < len(still) and still[index + 1]:
-            settled = begin if index == 0 or begin == stamps[0] else begin + SETTLING_TIME
-            stationary |= (time > max(settled, stamps[index])) & (time <= stamps[index + 1])
+def _stationary(time: Array, recording: Recording, robot: RobotParams) -> Mask:
+    """Return a mask of the times at which the robot is stationary."""
+    wheels, stationary = recording.wheels, np.zeros(len(time), bool)
+    for begin, end in stationary_intervals(wheels, robot, STANDSTILL_SPEED):
+        begin += SETTLING_TIME if begin > wheels.time[0] else 0.0
+        # without the last period: the robot may start to move in it
+        stationary |= (time > begin - robot.encoder.latency) & (
+            time <= end - period(wheels.time) - robot.encoder.latency)
     return stationary

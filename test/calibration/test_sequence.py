@@ -214,15 +214,15 @@ def test_equal_parts_and_parts_without_a_value_are_one_ground(monkeypatch):
 
 def test_a_recording_is_divided_at_a_standstill_next_to_its_middle():
     one = recording()
-    assert sequence.parts_of(one) == []  # never at rest
+    assert sequence.parts_of(one, ROBOT) == []  # never at rest
     velocity = one.wheels.velocity.copy()
     velocity[500:520] = 0.0  # 31.25 s
     stopped = replace(one, wheels=replace(one.wheels, velocity=velocity))
-    first, second = sequence.parts_of(stopped)
+    first, second = sequence.parts_of(stopped, ROBOT)
     assert first.wheels.time[-1] == second.wheels.time[0] == 31.25
     assert first.imu.time[-1] <= 31.25 <= second.imu.time[0]
     assert len(first.imu.time) + len(second.imu.time) >= len(one.imu.time)
-    assert sequence.parts_of(recording(speed=0.0, seconds=20.0)) == []
+    assert sequence.parts_of(recording(speed=0.0, seconds=11.0), ROBOT) == []
 
 
 def test_wheels_that_slide_while_straight_are_refused():

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from smart_tire.calibration.crossing_collector import CrossingWithSlip
+from smart_tire.calibration.film_crossings import CrossingWithSlip
 from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S

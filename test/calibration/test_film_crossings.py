@@ -20,7 +20,7 @@ from dataclasses import replace
 import math
 
 import pytest
-from smart_tire.calibration.crossing_collector import CrossingCollector
+from smart_tire.calibration.film_crossings import CrossingCollector
 from smart_tire.calibration.film_gains import identify_gains
 from smart_tire.samples import TireSample, WheelSample
 from support.rolling import (
