@@ -114,7 +114,8 @@ def mutants(file: str, source: str) -> list[Mutant]:
         for target, new in changes(node):
             begin = starts[target.lineno - 1] + target.col_offset
             end = starts[target.end_lineno - 1] + target.end_col_offset
-            old = text[begin:end].decode()
+            if (old := text[begin:end].decode()) == new:
+                continue
             found.append(Mutant(file, target.lineno, begin, old, new, same[old, new]))
             same[old, new] += 1
     return found

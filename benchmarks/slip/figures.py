@@ -30,7 +30,7 @@ from smart_tire.recording import seconds
 SHOWN_PERCENT = 1.0, 99.0  # of the true slips inside the axis limits; excludes spikes
 SLIP_MARGIN = 0.1          # -
 COLORS = (drawing.BLUE, drawing.VERMILLION, drawing.BLUE, drawing.VERMILLION, drawing.SHADE,
-          drawing.ORANGE, '#009e73', '#cc79a7')  # of METHODS
+          drawing.ORANGE)  # of METHODS
 MAX_SHOWN_ERROR = 5.0      # of a method, over that of the estimator under test
 
 

@@ -23,12 +23,10 @@ import time
 from benchmarks.events import has_efforts, without_efforts
 from benchmarks.motion import as_estimate, Estimate
 from benchmarks.scoring import mean
-from benchmarks.slip.odometry import as_inputs, fitted_track, gyro_odometry, wheel_odometry
-from benchmarks.slip.plain_ekf import plain_ekf
+from benchmarks.slip.odometry import as_inputs, gyro_odometry, wheel_odometry
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.recording import PoseSeries
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSample
 
 NIS_PERIOD = 0.1  # s, between two values of the innovation statistic
@@ -37,26 +35,18 @@ LIVE_TORQUE, SMOOTHED_TORQUE = 'live_torque', 'smoothed_torque'  # only if torqu
 METHODS = {
     LIVE: 'live', SMOOTHED: 'smoothed',
     LIVE_TORQUE: 'live, with torque', SMOOTHED_TORQUE: 'smoothed, with torque',
-    'wheels': 'wheels, geometric track', 'wheels_fitted': 'wheels, best-fit track',
-    'gyro': 'gyro + wheels', 'plain_ekf': 'robot_localization-style EKF'}
+    'wheels': 'wheels', 'gyro': 'gyro + wheels'}
 
 
-def compare_methods(samples: Sequence[Sample], params: SlipEstimatorParams,
-                    truth: PoseSeries) -> dict[str, Estimate]:
-    """
-    Return the estimates of ``METHODS`` from ``samples`` in order of reception.
-
-    The track of two methods for comparison is fitted to ``truth``.
-    """
-    inputs = as_inputs(samples, params.robot)
-    track, plain = fitted_track(inputs, truth), without_efforts(samples)
+def compare_methods(samples: Sequence[Sample], params: SlipEstimatorParams
+                    ) -> dict[str, Estimate]:
+    """Return the estimates of ``METHODS`` from ``samples`` in order of reception."""
+    inputs, plain = as_inputs(samples, params.robot), without_efforts(samples)
     return {
         LIVE: live_estimate(plain, params), SMOOTHED: smoothed_estimate(plain, params),
         **({LIVE_TORQUE: live_estimate(samples, params),
             SMOOTHED_TORQUE: smoothed_estimate(samples, params)} if has_efforts(samples) else {}),
-        'wheels': wheel_odometry(inputs, params.robot.track_width),
-        'wheels_fitted': wheel_odometry(inputs, track),
-        'gyro': gyro_odometry(inputs), 'plain_ekf': plain_ekf(inputs, track)}
+        'wheels': wheel_odometry(inputs), 'gyro': gyro_odometry(inputs)}
 
 
 def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Estimate:

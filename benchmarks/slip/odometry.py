@@ -16,8 +16,7 @@
 Dead reckoning by wheels, and by gyroscope and wheels, for comparison.
 
 The methods get the best possible inputs: angles instead of speeds, speeds by central differences
-(not causal), the gyroscope bias from the initial standstill. The fitted track is fitted to the
-ground truth of the same run.
+(not causal), the gyroscope bias from the initial standstill.
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ import math
 
 from benchmarks.motion import Estimate, side_means
 import numpy as np
-from smart_tire.analysis.metrics import aligned
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import slip_ratio
@@ -40,7 +38,6 @@ from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 STANDSTILL_MARGIN = 0.3        # s, before the first motion, excluded from the standstill
 MIN_STANDSTILL_DURATION = 0.5  # s, for the estimation of biases
 MAX_STANDSTILL_SPEED = 0.01    # m/s, of a stationary wheel
-MIN_SIDE_DIFFERENCE = 0.1  # m, of the rolled distances, for fitting a track
 MAX_GAP = 5.0              # s, bridged by linear interpolation
 
 
@@ -51,7 +48,6 @@ class Inputs:
     robot: RobotParams
     imu_ns: Instants
     rate: Array         # (n,) rad/s about z of base_link
-    force: Array        # (n, 2) m/s2, specific force along x and y of base_link
     wheel_ns: Instants     # corrected for the known latency
     travel: Array       # (m, 2) m, rolled distance of left and right side
     stationary: int      # number of IMU samples before the robot first moves
@@ -75,8 +71,7 @@ def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
         angles = _integrated(wheel_ns, wheels['velocity'])
     travel = robot.wheel_radius * side_means(angles)
     rotation = matrix(*robot.imu.rotation)
-    force, rate = imu['acceleration'] @ rotation.T, imu['rate'] @ rotation.T
-    return Inputs(robot, imu.stamp_ns, rate[:, 2], force[:, :2], wheel_ns, travel,
+    return Inputs(robot, imu.stamp_ns, (imu['rate'] @ rotation.T)[:, 2], wheel_ns, travel,
                   _stationary_count(imu.stamp_ns, wheel_ns, travel))
 
 
@@ -96,25 +91,13 @@ def _stationary_count(imu_ns: Instants, wheel_ns: Instants, travel: Array) -> in
     return count if long_enough else 0
 
 
-def wheel_odometry(inputs: Inputs, track: float) -> Estimate:
-    """Return the odometry of a differential drive with ``track`` [m]."""
-    travel, rolling = inputs.travel, inputs.rolling
+def wheel_odometry(inputs: Inputs) -> Estimate:
+    """Return the odometry of a differential drive with the track of the wheels."""
+    travel, rolling, track = inputs.travel, inputs.rolling, inputs.robot.track_width
     difference = travel[:, 1] - travel[:, 0]
     yaw = (difference - difference[0]) / track
     rate = (rolling[:, 1] - rolling[:, 0]) / track
     return _dead_reckoning(inputs, inputs.wheel_ns, yaw, travel.mean(axis=1), rate, rolling)
-
-
-def fitted_track(inputs: Inputs, truth: PoseSeries) -> float:
-    """Return the track [m] that fits the true heading best in the least squares sense."""
-    estimate = wheel_odometry(inputs, 1.0)  # for which yaw is the difference of the sides
-    estimated, true, _ = aligned(truth, estimate.poses)
-    if not len(estimated):
-        return inputs.robot.track_width
-    difference, turned = estimated[:, 2] - estimated[0, 2], true[:, 2] - true[0, 2]
-    if np.ptp(difference) < MIN_SIDE_DIFFERENCE:
-        return inputs.robot.track_width
-    return float(difference @ difference / (difference @ turned))
 
 
 def gyro_odometry(inputs: Inputs) -> Estimate:
@@ -143,17 +126,6 @@ def _dead_reckoning(inputs: Inputs, stamps: Instants, yaw: Array, distance: Arra
     unknown = np.full((len(yaw), 3, 3), math.nan)
     poses = PoseSeries(stamps, np.column_stack([x, y, yaw]), twist, unknown, unknown[:, 0])
     half = 0.5 * inputs.robot.track_width
-    return Estimate(poses, side_slips(stamps, rolling, np.column_stack(
-        [v_x - half * rate, v_x + half * rate]), inputs.robot.slip.standstill_speed))
-
-
-def side_slips(stamps: Instants, rolling: Array, ground: Array, standstill: float,
-               ground_sigma: Array | None = None) -> SlipSeries:
-    """Return slips from r w and v_x (n, 2) of the sides; sigmas from ``ground_sigma`` if given."""
-    ratio = slip_ratio(rolling, ground, standstill)
-    sigma = np.full_like(ratio, math.nan)
-    if ground_sigma is not None:
-        sigma = np.minimum(ground_sigma / np.maximum(np.abs(rolling), 1e-9), 1.0)
-    sigma = np.where(np.isnan(ratio), 1.0, sigma)
-    sides = [0, 1, 0, 1]
-    return SlipSeries(stamps, ratio[:, sides], sigma[:, sides])
+    ratio = slip_ratio(rolling, np.column_stack([v_x - half * rate, v_x + half * rate]),
+                       inputs.robot.slip.standstill_speed)[:, [0, 1, 0, 1]]
+    return Estimate(poses, SlipSeries(stamps, ratio, np.full_like(ratio, math.nan)))

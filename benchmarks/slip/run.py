@@ -46,10 +46,9 @@ DEGREES = 57.29577951308232  # per rad
 NOTES = """\
 steady: |r w| > 0.1 m/s, t > 3 s, more than 0.4 s from any |dw/dt| > 1.5 rad/s2; on the straight
 run instead all times, against truth averaged over 125 ms; NaN while the true slip is defined
-counts as 1. position: error in percent of the distance. Best-fit tracks are fitted to the ground
-truth of each run, also the track of the EKF. NEES: normalized error squared, 1 if consistent; NIS:
-normalized innovation squared. Ratios of recordings are to wheels and gyroscope, for v_y and slip
-to zero.
+counts as 1. position: error in percent of the distance. NEES: normalized error squared, 1 if
+consistent; NIS: normalized innovation squared. Ratios of recordings are to wheels and gyroscope,
+for v_y and slip to zero.
 """
 ERRORS = (
     Column('slip L\nsteady', 'slip_left.rms', 4), Column('R\nsteady', 'slip_right.rms', 4),
@@ -86,8 +85,7 @@ def run_scenario(name: str, seed: int, out: Path) -> list[Run]:
     scenario = RUNS[name]
     events = scenario.events(seed)
     truth = as_truth(truth_of(events), scenario.robot)
-    estimates = compare_methods(
-        inputs_of(events), SlipEstimatorParams(robot=scenario.robot), truth.poses)
+    estimates = compare_methods(inputs_of(events), SlipEstimatorParams(robot=scenario.robot))
     if seed == DRAWN_SEED:
         save(run_figure(scenario.title, estimates, truth), out / f'{name}.png')
     return [score_motion(name, seed, estimate, truth, prefix=f'{method}.',

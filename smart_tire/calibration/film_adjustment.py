@@ -33,7 +33,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_crossings import GainObservation
@@ -212,7 +212,7 @@ class _Adjuster:
             found, covariance = posterior(matrix * scale[:, None], value * scale,
                                           Prior(np.zeros(len(prior)), prior))
             squares = np.bincount(of, (value - matrix @ found) ** 2)
-            excess = max(1.0, float(np.median(squares / chi2.median(dof))))
+            excess = max(1.0, float(np.median(squares / chdtri(dof, 0.5))))
             weight = huber_weights(np.sqrt(squares / (dof * excess)), HUBER_THRESHOLD) / excess
             ratio = _slip_variance_ratio(found[own:], np.diag(covariance)[own:], ratio)
             segment_weight = huber_weights(found[own:] / math.sqrt(ratio), HUBER_THRESHOLD)
