@@ -52,28 +52,18 @@ def test_the_time_is_unknown_before_enough_polls():
     assert timing.poll_time == 0.0 and timing.excess(200.0) == ''
 
 
-def test_boards_without_currents_have_no_part_for_them():
-    assert polled(MIN_EXCHANGES, currents=False).poll_time == pytest.approx(2 * 3.5e-3)
-
-
-def test_a_few_exchanges_that_a_busy_host_delayed_do_not_count():
-    timing = polled(MAX_EXCHANGES)
-    for _ in range(MAX_EXCHANGES // 2):
-        timing.record(READ_ENCODERS, 500 * MS)
-    timing.record(SET_DUTY, 500 * MS)
-    assert timing.poll_time == pytest.approx(2 * 4.5e-3)
-
-
-def test_the_time_follows_a_line_that_has_become_slower():
-    timing = polled(MAX_EXCHANGES)
-    for _ in range(MAX_EXCHANGES // 2 + 1):
-        timing.record(READ_ENCODERS, 5 * MS)
-    timing.record(SET_DUTY, round(1.5 * MS))
-    assert timing.poll_time == pytest.approx(2 * 7.5e-3)
-
-
-def test_other_commands_are_no_part_of_a_poll():
-    timing = polled(MIN_EXCHANGES)
-    timing.record(READ_STATUS, 900 * MS)
-    timing.record(SET_DUTY, round(1.5 * MS))
-    assert timing.poll_time == pytest.approx(2 * 4.5e-3)
+@pytest.mark.parametrize(('polls', 'later', 'seconds'), [
+    (MIN_EXCHANGES, [], 9e-3),
+    # a few exchanges that a busy host delayed do not count
+    (MAX_EXCHANGES, [(READ_ENCODERS, 500.0)] * (MAX_EXCHANGES // 2) + [(SET_DUTY, 500.0)], 9e-3),
+    # a line that has become slower
+    (MAX_EXCHANGES, [(READ_ENCODERS, 5.0)] * (MAX_EXCHANGES // 2 + 1) + [(SET_DUTY, 1.5)], 15e-3),
+    # another command is no part of a poll
+    (MIN_EXCHANGES, [(READ_STATUS, 900.0), (SET_DUTY, 1.5)], 9e-3)])
+def test_the_time_is_that_of_the_median_exchanges(polls, later, seconds):
+    timing = polled(polls)
+    for command, milliseconds in later:
+        timing.record(command, round(milliseconds * MS))
+    assert timing.poll_time == pytest.approx(seconds)
+    without = polled(polls, currents=False)
+    assert without.poll_time == pytest.approx(7e-3)  # boards that do not report them

@@ -124,8 +124,9 @@ def test_frames_with_invalid_numbers_are_rejected_and_decoding_continues(protoco
     stream, rng = imu_stream(protocol), np.random.default_rng(3)
     for index in range(300):
         assert list(stream.receive(nasty_frame(protocol, rng), HOST_NS + index)) == []
-    assert (stream.frames_ok, stream.frames_bad) == (0, 300)
+    assert (stream.frames_ok, stream.frames_bad, stream.last_ok_ns) == (0, 300, 0)
     assert len(list(stream.receive(frame(protocol, 0), HOST_NS + 300))) == 1
+    assert (stream.frames_ok, stream.frames_bad, stream.last_ok_ns) == (1, 300, HOST_NS + 300)
 
 
 @every_protocol

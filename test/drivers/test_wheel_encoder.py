@@ -161,3 +161,24 @@ def test_a_reset_discards_the_readings_from_before():
     motor.run(0.5, 0.0, 0.2)
     motor.check.reset()
     assert motor.run(0.5, 0.0, 1.0)[1] > 0.2
+
+
+@both_directions
+@pytest.mark.parametrize(('own', 'other', 'seconds', 'lags'), [  # duty, rad/s
+    ((0.4, 1.0), (0.25, 4.0), 0.625, True), ((0.4, 0.0), (0.25, 0.5), 0.625, True),
+    pytest.param((0.4, 1.0), (0.25, 4.0), 0.4375, False, id='too early'),
+    pytest.param((0.34, 1.0), (0.25, 4.0), 0.625, False, id='under hardly more duty'),
+    pytest.param((0.4, 1.61), (0.25, 4.0), 0.625, False, id='hardly slower'),
+    pytest.param((0.4, 0.1), (0.25, 0.49), 0.625, False, id='the other one hardly rolls'),
+    pytest.param((0.4, -0.1), (0.25, 4.0), 0.625, False, id='in the other direction')])
+def test_a_wheel_that_lags_behind_the_other_one_of_its_side_is_a_fault(
+        sign, own, other, seconds, lags):
+    motors = Motor(sign), Motor(sign)
+    for motor, (duty, speed) in zip(motors, (own, other)):
+        for _ in range(round(seconds / DT) + 1):
+            motor.run(duty, speed, DT)  # readings go on behind a fault of this wheel alone
+    found = motors[0].check.lag(motors[1].check)
+    assert bool(found) == lags
+    assert motors[1].check.lag(motors[0].check) == ''
+    if lags:
+        assert f'under duty {sign * own[0]:.2f}' in found
