@@ -26,7 +26,7 @@ from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS
 from smart_tire.analysis.summary import WHOLE
 from smart_tire.bags import Bag
-from smart_tire.errors import BagError, ParameterError
+from smart_tire.errors import BagError
 from smart_tire.messages import topic_of
 from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
@@ -177,15 +177,6 @@ def test_an_imu_at_twenty_hertz_suffices(bag_of, drive, params, tmp_path):
     assert run.summary['against_truth']['pose']['position_rms_m'] < 0.3
 
 
-@pytest.mark.parametrize('name', ['{}', '/{}', '/robot_7/{}'])
-def test_topic_names_may_have_a_slash_or_a_namespace(bag_of, drive, params, tmp_path, name):
-    events = [event for event in drive if event[1] != 'tire_samples'][:600]
-    run = analyze(bag_of(tmp_path / 'bag', events, name.format), tmp_path / 'out', params)
-    assert set(run.summary['inputs']) == {'imu/data', 'wheel_states'}
-    assert run.summary['estimates']['odom']['messages'] > 100
-    assert run.summary['against_truth']['pose'] is not None
-
-
 def test_topics_of_a_second_robot_are_reported_as_skipped(bag_of, drive, params, tmp_path):
     both = [event for event in drive if event[1] != 'tire_samples'][:900]
     other = [(ns, topic, sample, '/zwei/') for ns, topic, sample in of_topics(both, 'imu/data')]
@@ -264,14 +255,6 @@ def test_nothing_is_written_if_nothing_can_be_estimated(bag_of, drive, params, t
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_second_analysis_replaces_the_first(bag_of, drive, params, tmp_path):
-    bag = bag_of(tmp_path / 'bag', of_topics(drive, 'imu/data', 'wheel_states')[:500])
-    first = analyze(bag, tmp_path / 'out', params).summary
-    assert analyze(bag, tmp_path / 'out', params).summary == first
-    assert sorted(path.name for path in (tmp_path / 'out' / 'estimates').iterdir()) == [
-        'estimates_0.mcap', 'metadata.yaml']
-
-
 def test_other_files_in_the_output_folder_are_never_deleted(bag_of, drive, params, tmp_path):
     bag = bag_of(tmp_path / 'bag', of_topics(drive, 'imu/data', 'wheel_states')[:500])
     analyze(bag, tmp_path / 'out', params)
@@ -334,43 +317,8 @@ def test_progress_includes_the_smoother(smoothed):
     assert shares[0] < 0.01 and 0.5 in shares and shares[-1] == 1.0
 
 
-def test_smoothing_without_imu_gives_the_same_estimates(bag_of, drive, params, tmp_path):
-    events = of_topics(drive, 'wheel_states', 'tire_samples')
-    run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params, smooth=True)
-    assert run.summary['smoothed']['estimates'] == run.summary['estimates']
-
-
-@pytest.mark.parametrize('kept', [('imu/data',), ()])
-def test_nothing_is_smoothed_if_nothing_can_be_estimated(bag_of, drive, params, tmp_path, kept):
-    bag = bag_of(tmp_path / 'bag', of_topics(drive, *kept))
-    assert analyze(bag, tmp_path / 'out', params, smooth=True).summary is None
-    assert not (tmp_path / 'out').exists()
-
-
 def test_an_input_bag_in_the_smoothed_folder_is_not_overwritten(bag_of, drive, params, tmp_path):
     bag = bag_of(tmp_path / 'smoothed', of_topics(drive, 'imu/data', 'wheel_states')[:500])
     with pytest.raises(BagError, match='choose another'):
         analyze(bag, tmp_path, params, smooth=True)
     assert analyze(bag, tmp_path, params).summary is not None
-
-
-def test_progress_runs_from_zero_to_one(analyzed):
-    shares = analyzed[2]
-    assert shares == sorted(shares)
-    assert shares[0] < 0.01 and shares[-1] == 1.0
-
-
-def test_parameters_of_both_estimators_are_read_from_the_files(tmp_path):
-    path = tmp_path / 'robot.yaml'
-    path.write_text('/**: {ros__parameters: {wheel_radius: 0.1}}\n'
-                    'friction_estimator: {ros__parameters: {reorder_window: 0.1}}\n')
-    params = EstimatorParams.load([path])
-    assert params.robot.wheel_radius == params.friction.robot.wheel_radius == 0.1
-    assert (params.slip.reorder_window, params.friction.reorder_window) == (0.03, 0.1)
-
-
-def test_a_misspelled_parameter_is_rejected(tmp_path):
-    path = tmp_path / 'robot.yaml'
-    path.write_text('/**: {ros__parameters: {wheel_radios: 0.1}}')
-    with pytest.raises(ParameterError, match='wheel_radios.*wheel_radius'):
-        EstimatorParams.load([path])

@@ -100,10 +100,3 @@ def test_custom_data_in_an_sqlite_file_is_read(tmp_path):
         connection.commit()
     connection.close()
     assert custom_data(path) == {'params': TEXT}
-
-
-def test_metadata_before_version_six_has_no_custom_data(tmp_path):
-    bag = write_bag(tmp_path / 'bag', stream(0.1))
-    path = bag / 'metadata.yaml'
-    path.write_text(path.read_text().replace('custom_data: null', ''))
-    assert custom_data(bag) == {}

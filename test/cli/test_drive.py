@@ -156,12 +156,6 @@ def test_paths_begin_ahead_of_the_robot_and_have_a_scale(name):
     assert 1.0 < extent(path) < 5.0
 
 
-def test_the_scale_of_a_file_is_that_of_its_distances(tmp_path):
-    file = tmp_path / 'mine.csv'
-    file.write_text('x,y\n0,0\n1,0\n')
-    assert length(read_plan(str(file), 0.5)) == 0.5
-
-
 @pytest.mark.parametrize('end', [State.ARRIVED, State.STOPPED])
 def test_the_end_of_the_path_is_the_state_after_following(end, dashboard):
     pilot = Pilot([State.FOLLOWING, State.FOLLOWING, end])
