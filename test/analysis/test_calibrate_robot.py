@@ -22,7 +22,7 @@ from smart_tire.analysis.calibrate_robot import ANY_REFERENCE, read_recording, T
 from smart_tire.analysis.calibration_figures import write_geometry
 from smart_tire.calibration.geometry import Geometry, identify_geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
-from smart_tire.parameters import build, load_robot, RobotParams
+from smart_tire.parameters import build, RobotParams
 from support.identifying import turning_run, write_run
 
 ROBOT = RobotParams()
@@ -36,12 +36,6 @@ def run():
 @pytest.fixture(scope='module')
 def bag(run, tmp_path_factory):
     return write_run(tmp_path_factory.mktemp('identified') / 'run', run, 'ground_truth/odom')
-
-
-def test_latency_and_radius_are_identified_from_a_bag(bag):
-    found = identify_geometry(read_recording(bag, ROBOT, TimeRange(), ANY_REFERENCE), ROBOT)
-    for name, true in ((LATENCY, 0.07), (RADIUS, 0.087)):
-        assert found.get(name).value == pytest.approx(true, abs=3.5 * found.get(name).sigma)
 
 
 def test_only_the_given_time_range_is_read(bag):
@@ -74,12 +68,6 @@ def test_a_bag_with_too_few_inputs_is_rejected(run, tmp_path):
     run.samples[:] = run.samples[:30]
     with pytest.raises(EstimatorError, match='messages on wheel_states, expected at least 20'):
         read_recording(write_run(tmp_path / 'short', run), ROBOT, TimeRange())
-
-
-def test_the_robot_is_read_from_parameter_files(tmp_path):
-    path = tmp_path / 'robot.yaml'
-    path.write_text('/**: {ros__parameters: {wheel_radius: 0.3, effective_track: 1.0}}')
-    assert load_robot([path]).wheel_radius == 0.3
 
 
 def test_a_figure_is_written_if_there_is_a_fit(bag, tmp_path):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Gains, contact length and film positions: correct within their sigmas, or refused."""
+"""Gains, contact length, positions and angles of films: right within their sigmas, or refused."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.calibration.film_gains import identify_gains, volts_per_slip
+from smart_tire.calibration.film_gains import (
+    film_angle, identify_gains, LATENCY_SIGMA, volts_per_slip)
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters import RobotParams
@@ -33,6 +34,7 @@ NOMINAL = RobotParams()
 LENGTH, SPACING = 0.048, 0.0312  # m, against nominal 46 and 30 mm
 GAINS = (296.0, 251.0)           # V/m, against nominal 307.5 and 242.5
 TURN = (0.1,)
+SCATTER = 0.004  # rad, of an angle
 
 
 def robot(**film):
@@ -253,3 +255,46 @@ def test_volts_per_slip_is_the_peak_stretch_in_full_adhesion():
     x = np.linspace(-0.02, LENGTH, 20001)
     stretch = 300.0 * strain_charge.overlap_integral(x, 1e-3, 1e-3, np.inf, 0.02, LENGTH)
     assert volts_per_slip(300.0, 0.02, LENGTH) == pytest.approx(stretch.max() / 1e-3, rel=1e-4)
+
+
+def readings(seed, angle, speeds, latency=0.0):
+    """Return angle readings over many revolutions of the wheel."""
+    rng = np.random.default_rng(seed)
+    speeds = np.asarray(speeds)
+    turns = math.tau * np.arange(len(speeds))
+    return (angle + turns + latency * speeds + SCATTER * rng.standard_normal(len(speeds)),
+            speeds)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.001, 3.0, math.tau - 0.001])
+def test_angles_near_the_wrap_around_are_correct(angle):
+    found = film_angle(*readings(1, angle, [6.0] * 20))
+    assert 0.0 <= found.value < math.tau
+    assert abs(math.remainder(found.value - angle, math.tau)) < 3.0 * found.sigma
+
+
+@pytest.mark.parametrize('speeds', [[6.0] * 16, [4.0, 9.0] * 8, [8.0, -8.0] * 8], ids=str)
+def test_a_latency_is_estimated_from_several_speeds_or_included_in_the_sigma(speeds):
+    deviations = []
+    for seed in range(60):
+        latency = LATENCY_SIGMA * np.random.default_rng([seed, 1]).standard_normal()
+        found = film_angle(*readings(seed, 2.0, speeds, latency))
+        deviations.append((found.value - 2.0) / found.sigma)
+    assert 0.75 < math.sqrt(np.mean(np.square(deviations))) < 1.3
+    assert (found.sigma > 0.01) == (len(set(speeds)) == 1)
+
+
+def test_an_outlier_is_excluded():
+    angles, speeds = readings(3, 2.0, [8.0, -8.0] * 8)
+    spoiled = angles.copy()
+    spoiled[4] += 0.5
+    clean = film_angle(np.delete(angles, 4), np.delete(speeds, 4))
+    assert film_angle(spoiled, speeds).value == pytest.approx(clean.value, abs=1e-3)
+
+
+@pytest.mark.parametrize(('angles', 'reason'), [
+    ([1.0, 1.0], '2 crossings'), ([1.0, math.nan, 1.0, 1.0], 'without positions'),
+    ([0.2, 1.9, 3.0, 4.4, 5.8, 2.2], 'scatter')])
+def test_an_unobservable_angle_is_refused_with_the_reason(angles, reason):
+    with pytest.raises(EstimatorError, match=reason):
+        film_angle(angles, [6.0] * len(angles))
