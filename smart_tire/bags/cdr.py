@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Messages without ROS: definitions, hashes, empty messages, CDR encoder and decoder.
+Messages without ROS: definitions, hashes, empty messages, CDR, and samples from and to it.
 
 The decoder caches the byte layout per topic, five times as fast as rosbags. Consecutive messages
 of a topic differ in their numbers only: strings and array lengths repeat. rosbags decodes the
@@ -23,8 +23,9 @@ decoded by one ``struct``, which also checks that strings and lengths are equal.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from operator import itemgetter
 import struct
 from types import SimpleNamespace
@@ -37,6 +38,10 @@ from rosbags.typesys import get_typestore, Stores, TypesysError
 from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
+from smart_tire.messages import OtherJointsError, Topic, TOPICS, wheels_from_msg
+from smart_tire.parameters import JointParams, STANDARD_JOINTS
+from smart_tire.recording import Faults
+from smart_tire.samples import Sample, WheelSample
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
 STRUCT_CODES = {
@@ -236,3 +241,45 @@ class _Layout:
         pad = (HEADER_SIZE - self._offset) % align
         self._format.append(f'{pad}x')
         self._offset += pad
+
+
+class SampleDecoder:
+    """
+    Messages of a standard topic to samples; ``faults`` counts the invalid ones and the frames.
+
+    ``joints`` are the wheels in ``wheel_states``. With ``other_joints``, messages of that topic
+    with other joints are no fault.
+    """
+
+    def __init__(self, topic: str, faults: Faults, joints: JointParams = STANDARD_JOINTS,
+                 other_joints: bool = False) -> None:
+        self._topic, self._faults = topic, faults
+        self._frames = faults.frames.setdefault(topic, Counter())
+        self._ignored = (OtherJointsError,) if other_joints else ()
+        self._read, self._from_msg = Decoder(TOPICS[topic].type), TOPICS[topic].from_msg
+        if TOPICS[topic].sample is WheelSample:
+            self._from_msg = partial(wheels_from_msg, joints=joints)
+
+    def __call__(self, data: bytes) -> Sample | None:
+        """Return the sample in a message; None if there is none."""
+        try:
+            msg = self._read(data)
+            self._frames[msg.header.frame_id] += 1
+            return self._from_msg(msg)
+        except MessageError as error:
+            if not isinstance(error, self._ignored):
+                self._faults.reject(self._topic, error)
+            return None
+
+
+class SampleEncoder:
+    """Samples of a standard topic to messages; reuses one message object."""
+
+    def __init__(self, topic: Topic) -> None:
+        self._fill = topic.to_msg
+        self._msg: Any = empty(topic.type)
+        self._encode = Encoder(topic.type)
+
+    def __call__(self, sample: Sample) -> bytes:
+        """Return the message of a sample."""
+        return self._encode(self._fill(self._msg, sample))

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 import heapq
 from itertools import islice
 import math
@@ -32,15 +32,14 @@ from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
 
-from smart_tire.bags.cdr import Decoder, Encoder
+from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder
 from smart_tire.bags.metadata import add_warning, Channel, Message
 from smart_tire.bags.opening import OpenFiles
 from smart_tire.bags.topic_names import (
     candidates, match_by_name, RECOGNIZED, STANDARD_NAMES, TopicNames, WHEELS_TOPIC)
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    find_topic, NodeStatus, OtherJointsError, resolved_joints, stamp_of, statuses_from_msg, TOPICS,
-    wheels_from_msg)
+    find_topic, NodeStatus, resolved_joints, stamp_of, statuses_from_msg, TOPICS)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults, Recording
 from smart_tire.samples import Four, MotorCommand, NS_PER_S, Sample, WheelSample
@@ -58,35 +57,6 @@ MIN_SAMPLES = 5
 MIN_AGREEING = 0.8      # of the wheel samples; the driver limits some commands, e.g. in a stop
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
-
-
-class SampleReader:
-    """
-    Messages of a standard topic to samples; ``faults`` counts the invalid ones and the frames.
-
-    ``joints`` are the wheels in ``wheel_states``. With ``other_joints``, messages of that topic
-    with other joints are no fault.
-    """
-
-    def __init__(self, topic: str, faults: Faults, joints: JointParams = STANDARD_JOINTS,
-                 other_joints: bool = False) -> None:
-        self._topic, self._faults = topic, faults
-        self._frames = faults.frames.setdefault(topic, Counter())
-        self._ignored = (OtherJointsError,) if other_joints else ()
-        self._read, self._from_msg = Decoder(TOPICS[topic].type), TOPICS[topic].from_msg
-        if topic == WHEELS_TOPIC:
-            self._from_msg = partial(wheels_from_msg, joints=joints)
-
-    def __call__(self, data: bytes) -> Sample | None:
-        """Return the sample in a message; None if there is none."""
-        try:
-            msg = self._read(data)
-            self._frames[msg.header.frame_id] += 1
-            return self._from_msg(msg)
-        except MessageError as error:
-            if not isinstance(error, self._ignored):
-                self._faults.reject(self._topic, error)
-            return None
 
 
 @dataclass(frozen=True)
@@ -287,7 +257,7 @@ class Bag:
 
     def _samples(self, found: Mapping[str, str], faults: Faults
                  ) -> Iterator[tuple[int, str, Sample]]:
-        readers = {name: (standard, SampleReader(
+        readers = {name: (standard, SampleDecoder(
                        standard, faults, *self._joints_of(standard, name)))
                    for standard, name in found.items()}
         for receive_ns, channel, data in self.raw(readers):

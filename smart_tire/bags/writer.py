@@ -24,16 +24,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from smart_tire.bags.cdr import definition, empty, Encoder
+from smart_tire.bags.cdr import definition, SampleEncoder
 from smart_tire.bags.metadata import (
     Channel, Contents, metadata_text, Qos, qos_text, write_metadata)
 from smart_tire.bags.reader import Bag
 from smart_tire.errors import BagError
-from smart_tire.messages import Topic, TOPICS
+from smart_tire.messages import TOPICS
 from smart_tire.samples import Sample
 
 FLUSH_PERIOD_NS = 250_000_000       # of message time between chunks: half of the loss allowed
@@ -67,7 +66,7 @@ class BagWriter:
         self._contents = Contents(name, {}, ros_distro=ros_distro)
         self._channels: dict[str, tuple[int, Channel]] = {}
         self._schemas: dict[str, int] = {}
-        self._encoders: dict[str, _SampleEncoder] = {}
+        self._encoders: dict[str, SampleEncoder] = {}
         self._flushed_ns = self._metadata_ns = 0
         self._mcap = Writer(self._file, compression=CompressionType.ZSTD)
         self._mcap.start(profile='ros2', library='smart_tire')
@@ -126,11 +125,11 @@ class BagWriter:
 
     def write_sample(self, topic: str, receive_ns: int, sample: Sample) -> None:
         """Write a sample of a standard topic such as ``odom``."""
-        encoder = self._encoders.get(topic)
-        if encoder is None:
-            encoder = self._encoders[topic] = _SampleEncoder(TOPICS[topic])
-            self.add_topic(encoder.channel)
-        self.write(encoder.channel.topic, receive_ns, encoder(sample))
+        encode = self._encoders.get(topic)
+        if encode is None:
+            encode = self._encoders[topic] = SampleEncoder(TOPICS[topic])
+            self.add_topic(channel_of(topic, TOPICS[topic].type))
+        self.write(f'/{topic}', receive_ns, encode(sample))
 
     def flush(self) -> None:
         """Hand over all written data to the operating system."""
@@ -167,19 +166,6 @@ class BagWriter:
 
     def _write_error(self, error: OSError) -> BagError:
         return BagError(f'{self.directory}: cannot be written ({error.strerror})')
-
-
-class _SampleEncoder:
-    """Serializes the samples of one topic; reuses one message object."""
-
-    def __init__(self, topic: Topic) -> None:
-        self.channel = channel_of(topic.name, topic.type)
-        self._fill = topic.to_msg
-        self._msg: Any = empty(topic.type)
-        self._encode = Encoder(topic.type)
-
-    def __call__(self, sample: Sample) -> bytes:
-        return self._encode(self._fill(self._msg, sample))
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from smart_tire.messages import find_topic
 from smart_tire.recording import Faults, Recording
 
 if TYPE_CHECKING:
-    from smart_tire.bags import SampleReader
+    from smart_tire.bags import SampleDecoder
     from smart_tire.messages import NodeStatus
 
 SIMULATOR = 'robot_simulator'
@@ -56,13 +56,13 @@ class Listened:
 
     samples: Recording = field(default_factory=Recording)
     faults: Faults = field(default_factory=Faults)
-    readers: dict[str, SampleReader] = field(default_factory=dict)  # by topic
+    readers: dict[str, SampleDecoder] = field(default_factory=dict)  # by topic
 
     def on_message(self, topic: str, receive_ns: int, data: bytes) -> None:
         """Add a message of a standard topic."""
-        from smart_tire.bags import SampleReader
+        from smart_tire.bags import SampleDecoder
         if topic not in self.readers:
-            self.readers[topic] = SampleReader(topic, self.faults)
+            self.readers[topic] = SampleDecoder(topic, self.faults)
         if (sample := self.readers[topic](data)) is not None:
             self.samples.add_sample(sample, receive_ns)
 

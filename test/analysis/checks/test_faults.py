@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from smart_tire.analysis.checks import films, messages, motion, sensors
 from smart_tire.analysis.checks.recording import CheckedRecording
-from smart_tire.bags import SampleReader
+from smart_tire.bags import SampleDecoder
 from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
@@ -71,7 +71,7 @@ def test_another_number_of_films_is_an_error():
 @pytest.mark.parametrize('invalid, level', [(1, 'WARNING'), (10, 'ERROR')])
 def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
     samples, faults = Recording(), Faults()
-    read = SampleReader('imu/data', faults)
+    read = SampleDecoder('imu/data', faults)
     sample = clean()[0][2]
     topic, encode = TOPICS['imu/data'], Encoder(TOPICS['imu/data'].type)
     for index in range(500):
