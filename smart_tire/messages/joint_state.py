@@ -28,7 +28,7 @@ from typing import Any, cast
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
     bounded, finite, not_finite_error, set_joints, stamp_of, wheel_of)
-from smart_tire.messages.joint_names import wheel_layout, WheelLayout
+from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE, wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
     Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_WHEEL_SPEED,
@@ -38,7 +38,6 @@ from smart_tire.uncertain import Uncertain
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
 GROUND_CORRELATION = 'stiffness_friction_correlation'
 GROUND_QUANTITIES = *GROUND_ESTIMATES, GROUND_CORRELATION
-LAYOUT_CACHE_SIZE = 64  # lists of names; a robot has about ten
 
 
 def _values(msg: Any, field: str, topic: str) -> list[float]:
