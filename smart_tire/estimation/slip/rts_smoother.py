@@ -24,17 +24,18 @@ link, the affine map from the smoothed state after it to the one before it, with
 
 This Joseph form subtracts no covariances, so that ``P_s`` cannot become negative, errors of ``G``
 enter only to second order, and all links of a block are computed at once. Links between which
-there is no output are composed, so that the memory depends on the output rate alone: 4.6 kB for
-each output with 19 states, 2.1 GB for an hour at 125 Hz.
+there is no output are composed, so that the disk space depends on the output rate alone: 6 kB for
+each output with 19 states, 2.7 GB for an hour at 125 Hz.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+import os
 import pickle
 import tempfile
-from typing import Any, IO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,6 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.estimator import OutputContext
 
 BLOCK_SIZE = 1024      # transitions that become links together
-MAX_MEMORY = 1 << 26    # bytes before the file goes to disk; a few minutes of states fit
 REGULARIZATION = 1e-13  # share of each variance: keeps nearly equal states solvable
 
 
@@ -66,30 +66,18 @@ class SmoothedState:
     P: Array        # (N, N)
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Consecutive links in the spool; the backward pass overwrites them with states."""
-
-    offset: int   # of the links in the spool
-    links: int    # their number
-    outputs: int  # offset of the pairs of a state's index and its output context
-    end: tuple[Array, Array] | None  # x, P after the last link of a segment; None within one
-
-
 class RtsSmoother:
     """
     An ``EstimatorRecorder``: record the transitions of the filter, then read ``states``.
 
-    A few dozen megabytes stay in memory, the remaining data goes to a temporary file;
+    Blocks of links go to temporary files, which the backward pass overwrites with states;
     EstimatorError is raised if the disk is full.
     """
 
     def __init__(self, size: int) -> None:
-        self._size = size
-        self._upper = np.triu_indices(size)
-        self._packed = size + len(self._upper[0])  # numbers of a state and its covariance
-        self._spool = Spool()
-        self._blocks: list[Block] = []
+        self._folder = tempfile.TemporaryDirectory(prefix='smart_tire_')
+        # of each block, x, P after the last link of a segment; None within one
+        self._ends: list[tuple[Array, Array] | None] = []
         self._smoothed_blocks = 0  # that hold states already
         self._x, self._next_x = np.empty((2, BLOCK_SIZE, size))
         self._P, self._F, self._next_P = np.empty((3, BLOCK_SIZE, size, size))
@@ -104,8 +92,8 @@ class RtsSmoother:
         self._output_state: tuple[Array, Array] | None = None  # the present state, if output
 
     def close(self) -> None:
-        """Delete the temporary file."""
-        self._spool.close()
+        """Delete the temporary files."""
+        self._folder.cleanup()
 
     def restart(self) -> None:
         """Start a new segment: the next state does not depend on the previous ones."""
@@ -140,12 +128,9 @@ class RtsSmoother:
             backward_links(self._x[used], self._P[used], self._F[used], self._next_x[used],
                            self._next_P[used]), self._link[used])
         count = len(links.c)
-        numbers = np.concatenate(
-            [links.G.reshape(count, self._size ** 2), self._pack(links.c, links.C)], axis=1)
-        offset = self._spool.append(
-            numbers.tobytes(), reserve=(count + 1) * self._packed * numbers.itemsize)
         outputs = [item for item in self._outputs if item[0] < count or end is not None]
-        self._blocks.append(Block(offset, count, self._spool.append_items(outputs), end))
+        self._write(len(self._ends), (outputs, *links))
+        self._ends.append(end)
         self._outputs = [(0, context) for _, context in self._outputs[len(outputs):]]
         self._transitions, self._state = 0, 0
 
@@ -154,49 +139,39 @@ class RtsSmoother:
         self.restart()
         self._smooth()
         segment = 0
-        for block in self._blocks:
-            x, P = self._unpack(self._read(block.offset, block.links + 1, self._packed))
-            for index, context in self._spool.items(block.outputs):
+        for block, end in enumerate(self._ends):
+            outputs, x, P = self._read(block)
+            for index, context in outputs:
                 yield SmoothedState(segment, context, x[index].tolist(), P[index])
-            segment += block.end is not None
+            segment += end is not None
 
     def _smooth(self) -> None:
         """Replace all links by smoothed states, from the last to the first."""
         x, P = np.empty(0), np.empty(0)
-        for block in reversed(self._blocks[self._smoothed_blocks:]):
-            if block.end is not None:
-                x, P = block.end
-            n = block.links
-            G, c, C = self._links(block)
-            xs, Ps = np.empty((n + 1, self._size)), np.empty((n + 1, self._size, self._size))
-            xs[n], Ps[n] = x, P
-            for k in reversed(range(n)):
+        for block in reversed(range(self._smoothed_blocks, len(self._ends))):
+            x, P = self._ends[block] or (x, P)
+            outputs, G, c, C = self._read(block)
+            xs, Ps = np.concatenate([c, [x]]), np.concatenate([C, [P]])
+            for k in reversed(range(len(c))):
                 xs[k] = x = c[k] + G[k] @ x
                 Ps[k] = P = C[k] + G[k] @ P @ G[k].T
             Ps = 0.5 * (Ps + Ps.transpose(0, 2, 1))
             P = Ps[0]
-            self._spool.replace(block.offset, self._pack(xs, Ps).tobytes())
-        self._smoothed_blocks = len(self._blocks)
+            self._write(block, (outputs, xs, Ps))
+        self._smoothed_blocks = len(self._ends)
 
-    def _links(self, block: Block) -> Links:
-        square = self._size ** 2
-        numbers = self._read(block.offset, block.links, square + self._packed)
-        G = numbers[:, :square].reshape(-1, self._size, self._size)
-        return Links(G, *self._unpack(numbers[:, square:]))
+    def _write(self, block: int, content: tuple[Any, ...]) -> None:
+        folder = self._folder.name
+        try:
+            with open(os.path.join(folder, str(block)), 'wb') as file:
+                pickle.dump(content, file, pickle.HIGHEST_PROTOCOL)
+        except OSError as error:
+            raise EstimatorError(f'cannot write to {folder} ({error.strerror}); set TMPDIR to a '
+                                 'larger directory') from error
 
-    def _read(self, offset: int, rows: int, columns: int) -> Array:
-        data = self._spool.read(offset, rows * columns * np.dtype(float).itemsize)
-        return np.frombuffer(data).reshape(rows, columns)
-
-    def _pack(self, x: Array, P: Array) -> Array:
-        rows, columns = self._upper
-        return np.concatenate([x, P[:, rows, columns]], axis=1)
-
-    def _unpack(self, numbers: Array) -> tuple[Array, Array]:
-        rows, columns = self._upper
-        P = np.empty((len(numbers), self._size, self._size))
-        P[:, rows, columns] = P[:, columns, rows] = numbers[:, self._size:]
-        return numbers[:, :self._size], P
+    def _read(self, block: int) -> Any:
+        with open(os.path.join(self._folder.name, str(block)), 'rb') as file:
+            return pickle.load(file)
 
 
 def backward_links(x: Array, P: Array, F: Array, next_x: Array, next_P: Array) -> Links:
@@ -230,50 +205,3 @@ def compose_links(links: Links, group: NDArray[np.intp]) -> Links:
         C[longer] += first_G @ next_C @ first_G.transpose(0, 2, 1)
         G[longer] = first_G @ next_G
     return Links(G, c, C)
-
-
-class Spool:
-    """A temporary file, in memory while it is small; EstimatorError if the disk is full."""
-
-    def __init__(self) -> None:
-        self._file = _new_file()
-        self._end = 0
-
-    def close(self) -> None:
-        """Delete the file and its content."""
-        self._file.close()
-
-    def append(self, data: bytes, reserve: int = 0) -> int:
-        """Append ``data``, reserving at least ``reserve`` [bytes]; return its offset."""
-        offset = self._end
-        self.replace(offset, data)
-        self._end += max(len(data), reserve)
-        return offset
-
-    def append_items(self, items: Sequence[Any]) -> int:
-        """Append any picklable items; return their offset."""
-        return self.append(pickle.dumps(items, pickle.HIGHEST_PROTOCOL))
-
-    def replace(self, offset: int, data: bytes) -> None:
-        """Overwrite the block at ``offset`` with ``data``, which must fit what was reserved."""
-        try:
-            self._file.seek(offset)
-            self._file.write(data)
-        except OSError as error:
-            raise EstimatorError(
-                f'cannot write {offset + len(data)} bytes to {tempfile.gettempdir()} '
-                f'({error.strerror}); set TMPDIR to a larger directory') from error
-
-    def read(self, offset: int, size: int) -> bytes:
-        """Return ``size`` bytes from ``offset``."""
-        self._file.seek(offset)
-        return self._file.read(size)
-
-    def items(self, offset: int) -> Any:
-        """Return the items at ``offset``, as written by ``append_items``."""
-        self._file.seek(offset)
-        return pickle.load(self._file)
-
-
-def _new_file() -> IO[bytes]:
-    return tempfile.SpooledTemporaryFile(max_size=MAX_MEMORY, prefix='smart_tire_')

@@ -16,14 +16,11 @@
 
 from __future__ import annotations
 
-import tempfile
-
 import numpy as np
 import pytest
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.slip import rts_smoother
-from smart_tire.estimation.slip.rts_smoother import BLOCK_SIZE, RtsSmoother, Spool
+from smart_tire.estimation.slip.rts_smoother import BLOCK_SIZE, RtsSmoother
 
 SIZE = 3
 
@@ -142,10 +139,8 @@ def textbook(transitions, outputs, end):
     return [found[i] for i in outputs]
 
 
-@pytest.mark.parametrize('max_memory', [1, 1 << 30])
 @pytest.mark.parametrize('every', [1, 3, 700])
-def test_many_blocks_form_one_segment_in_memory_and_on_disk(monkeypatch, every, max_memory):
-    monkeypatch.setattr(rts_smoother, 'MAX_MEMORY', max_memory)
+def test_many_blocks_form_one_segment(every):
     rng, smoother = np.random.default_rng(every), RtsSmoother(2)
     x, P, F, Q = np.zeros(2), np.eye(2), np.array([[0.99, 0.1], [0.0, 0.98]]), 0.01 * np.eye(2)
     transitions, outputs = [], []
@@ -250,23 +245,9 @@ def test_measurements_after_the_last_output_are_used():
         assert_equal(state, mean, covariance)
 
 
-@pytest.mark.parametrize('max_memory', [1, 1 << 20])
-def test_blocks_can_be_read_in_any_order_and_replaced(monkeypatch, max_memory):
-    monkeypatch.setattr(rts_smoother, 'MAX_MEMORY', max_memory)
-    spool = Spool()
-    offsets = [spool.append(bytes([i]) * 100, reserve=150) for i in range(20)]
-    items = spool.append_items([('a', 1), ('b', 2)])
-    spool.replace(offsets[3], b'x' * 150)
-    assert spool.read(offsets[19], 100) == b'\x13' * 100
-    assert spool.read(offsets[3], 150) == b'x' * 150
-    assert spool.read(offsets[4], 100) == b'\x04' * 100
-    assert spool.items(items) == [('a', 1), ('b', 2)]
-    spool.close()
-
-
-def test_a_full_disk_raises_an_error_that_names_the_directory(monkeypatch):
-    monkeypatch.setattr(rts_smoother, 'MAX_MEMORY', 10)
-    monkeypatch.setattr(tempfile, 'tempdir', '/nowhere/at/all')
-    spool = Spool()
-    with pytest.raises(EstimatorError, match='cannot write 100 bytes to /nowhere/at/all'):
-        spool.append(b'x' * 100)
+def test_a_full_disk_raises_an_error_that_names_the_directory():
+    chain = Chain(6)
+    chain.drive_randomly(5)
+    chain.recorder.close()
+    with pytest.raises(EstimatorError, match='cannot write to .*TMPDIR'):
+        states(chain.recorder)
