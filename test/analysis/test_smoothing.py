@@ -94,7 +94,6 @@ def test_smoothed_sigmas_are_consistent(run_errors, name):
     assert rms(normalized) < 1.2
 
 
-@pytest.mark.xfail(reason='0.80 of the filter: it assumes optimal gains, the slip is considered')
 def test_smoothed_slips_do_not_lag_with_slow_and_late_wheel_samples():
     params = build(SlipEstimatorParams, {'encoder.latency': 0.2})
     found = []

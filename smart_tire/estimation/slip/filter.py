@@ -109,8 +109,7 @@ class SlipFilter:
         self._common, self._difference = (LearnedVariance(
             sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
             for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
-        self._wheel_noise = LearnedVariance(
-            SPEED_SIGMA, SPEED_SIGMA, NOISE_LEARNING_TIME)
+        self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, NOISE_LEARNING_TIME)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample

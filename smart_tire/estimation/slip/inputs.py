@@ -27,7 +27,7 @@ from smart_tire.estimation.slip.state import (
     BIAS_WINDOW, DRIVE_JERK, ImuReading, ImuStep, INITIAL_IMU_PERIOD,
     INITIAL_WHEEL_PERIOD, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES,
     PERIOD_GAIN, QUIET_NOISE_RATIO, QUIET_TIME, TURN_TIME, UNWINDING_SHARE, UNWINDING_TIME,
-    VIBRATION_TIME, YAW_ACCEL_TIME)
+    VIBRATION_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, ImuSample, WheelSample
@@ -49,7 +49,7 @@ class ImuInput:
         self.time: float | None = None          # s, of the last sample
         self.reading: ImuReading | None = None  # last one, or its substitute in a dropout
         self.period = INITIAL_IMU_PERIOD            # s, smoothed
-        self.yaw_accel = 0.0                    # rad/s2, smoothed
+        self.yaw_accel = 0.0                    # rad/s2
         self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``TURN_TIME``
         self._begin_rate = 0.0                  # rad/s, that at the begin of the step
         self.force: tuple[float, float] | None = None  # m/s2, without vibration
@@ -65,8 +65,7 @@ class ImuInput:
         self._measure_vibration(sample.acceleration[2], dt)
         if self.time is not None and self.reading is not None:
             self.period += PERIOD_GAIN * (dt - self.period)
-            self.yaw_accel += dt / (dt + YAW_ACCEL_TIME) * (
-                (reading.yaw_rate - self.reading.yaw_rate) / dt - self.yaw_accel)
+            self.yaw_accel = (reading.yaw_rate - self.reading.yaw_rate) / dt
         self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
         self.time, self.reading = time, reading
         return reading

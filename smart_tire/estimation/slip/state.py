@@ -137,7 +137,6 @@ PERIOD_GAIN = 0.02            # of a new sample in the smoothed period; assumed
 VIBRATION_TIME = 1.0          # s, of mean and variance of the vertical force; assumed
 TURN_TIME = 0.2               # s, in which tires build up the slip of a turn: 10 cm of travel
 DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; assumed
-YAW_ACCEL_TIME = 0.03         # s, of the yaw acceleration: three samples at 100 Hz
 IMU_DROPOUT = 0.1             # s without IMU samples (or 3 periods), then predict by the wheels
 INITIAL_WHEEL_PERIOD = 0.05   # s, assumed for the velocities of the first sample
 MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differenced
