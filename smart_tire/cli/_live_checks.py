@@ -109,7 +109,7 @@ def live_findings(args: argparse.Namespace, files: list[Path],
 
 def _ros_findings(seconds: float, files: list[Path], heard: Heard,
                   progress: Progress) -> Iterator[Finding]:
-    from smart_tire.nodes.graph_checks import discovery_findings, middleware_findings
+    from smart_tire.nodes.observer import discovery_findings, middleware_findings
     yield from middleware_findings()
     progress('two participants look for each other (up to 5 s)')
     yield from discovery_findings()
@@ -129,8 +129,7 @@ def status_findings(heard: Heard) -> Iterator[Finding]:
 def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
     """Listen; yield the findings on the graph."""
     from smart_tire.nodes.compat import node_names
-    from smart_tire.nodes.graph_checks import graph_findings, read_graph
-    from smart_tire.nodes.observer import Observer
+    from smart_tire.nodes.observer import graph_findings, Observer, read_graph
     from smart_tire.nodes.runner import NodeRunner
     name, listening = f'doctor_{os.getpid()}', [False]
 

@@ -12,22 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Nodes that pass what others publish to their owner: chosen samples, or all raw messages."""
+"""The ROS graph from outside: what others publish, and checks of nodes, topics and discovery."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+import os
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
+from std_msgs.msg import Bool
 
+from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, NodeStatus, statuses_from_msg, TOPICS
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import message_class
-from smart_tire.nodes.qos import matching_qos, requests_less, subscriber_qos
+from smart_tire.nodes.command_input import without_idle
+from smart_tire.nodes.compat import full_name, message_class
+from smart_tire.nodes.qos import latched, matches, matching_qos, requests_less, subscriber_qos
 from smart_tire.samples import Sample, WHEELS
 
 DISCOVERY_PERIOD = 0.3  # s between queries of the published topics
@@ -38,6 +48,12 @@ WITH_MANY_WHEELS = 'tire_samples', 'tire_friction'  # topics that several wheels
 OnSample = Callable[[str, Sample], None]
 OnStatus = Callable[[NodeStatus], None]
 OnMessage = Callable[[str, bytes], None]  # fully qualified topic, message in CDR
+ORDERS = ('path', 'goal_pose')  # the latest one counts, whoever publishes it
+OWNERS = {'motor_commands': 'wheel_controller', 'wheel_commands': 'wheel_controller'}
+ENVIRONMENT = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY',
+               'ROS_STATIC_PEERS', 'RMW_IMPLEMENTATION')
+DISCOVERY_TIMEOUT = 5.0  # s; usual on one host are 0.1 to 3
+SLOW_DISCOVERY = 3.5     # s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,3 +129,132 @@ def state_of(name: str) -> str:
     """Return which of ``STATES`` a topic is, in any namespace; '' if none."""
     last = name.rpartition('/')[2]
     return last if last in STATES else ''
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A publisher or subscription."""
+
+    node: str  # fully qualified
+    profile: QoSProfile
+
+
+@dataclass(frozen=True)
+class TopicEnds:
+    """All publishers and subscriptions of a topic."""
+
+    types: tuple[str, ...]
+    publishers: tuple[Endpoint, ...]
+    subscriptions: tuple[Endpoint, ...]
+
+
+def middleware_findings() -> Iterator[Finding]:
+    """Yield the middleware and the environment that decides which nodes find each other."""
+    given = ', '.join(f'{name}={os.environ[name]}' for name in ENVIRONMENT if name in os.environ)
+    yield Finding(Level.OK, 'ROS', f'{rclpy.get_rmw_implementation_identifier()}, domain '
+                  f'{os.environ.get("ROS_DOMAIN_ID") or 0}' + (f' ({given})' if given else ''))
+
+
+def discovery_findings() -> Iterator[Finding]:
+    """Yield whether two participants on this host find each other, and how long it takes."""
+    elapsed = discovery_time()
+    if elapsed is None:
+        yield Finding(Level.ERROR, 'ROS', 'two participants on this host do not find each other '
+                      f'within {DISCOVERY_TIMEOUT:g} s', 'discovery over loopback',
+                      'enable multicast (ip link set lo multicast on), check the firewall')
+    elif elapsed > SLOW_DISCOVERY:
+        yield Finding(Level.WARNING, 'ROS', f'discovery took {elapsed:.1f} s',
+                      f'at most {SLOW_DISCOVERY:g} s', 'check multicast and the load of the host')
+    else:
+        yield Finding(Level.OK, 'ROS', f'discovery over loopback works ({elapsed:.2f} s)')
+
+
+def discovery_time() -> float | None:
+    """Return after how long [s] a message reaches a second participant; None if never."""
+    received: list[Any] = []
+    start = time.monotonic()
+    contexts = [Context(), Context()]
+    nodes = []
+    for index, context in enumerate(contexts):
+        rclpy.init(args=[], context=context)
+        nodes.append(rclpy.create_node(f'doctor_{os.getpid()}_{index}', context=context,
+                                       enable_rosout=False, start_parameter_services=False))
+    topic = f'/_doctor_{os.getpid()}'
+    nodes[0].create_publisher(Bool, topic, latched()).publish(Bool(data=True))
+    nodes[1].create_subscription(Bool, topic, received.append, latched())
+    executor = SingleThreadedExecutor(context=contexts[1])
+    executor.add_node(nodes[1])
+    while not received and time.monotonic() - start < DISCOVERY_TIMEOUT:
+        executor.spin_once(timeout_sec=0.05)
+    elapsed = time.monotonic() - start
+    executor.shutdown()
+    for node, context in zip(nodes, contexts):
+        node.destroy_node()
+        context.try_shutdown()
+    return elapsed if received else None
+
+
+def read_graph(node: Node) -> dict[str, TopicEnds]:
+    """Return topic -> ends, without those of ``node`` itself and hidden topics."""
+    own = node.get_fully_qualified_name()
+
+    def ends(infos: Sequence[Any]) -> tuple[Endpoint, ...]:
+        found = (Endpoint(full_name(info), info.qos_profile) for info in infos)
+        return tuple(end for end in found if end.node != own)
+
+    return {name: TopicEnds(tuple(types), ends(node.get_publishers_info_by_topic(name)),
+                            ends(node.get_subscriptions_info_by_topic(name)))
+            for name, types in node.get_topic_names_and_types() if '/_' not in name}
+
+
+def graph_findings(graph: Mapping[str, TopicEnds], nodes: Sequence[str]) -> Iterator[Finding]:
+    """Yield what is wrong in the graph."""
+    counts: defaultdict[str, int] = defaultdict(int)
+    for name in nodes:
+        counts[name] += 1
+    for name, count in counts.items():
+        if count > 1:
+            yield Finding(Level.ERROR, name, f'{count} nodes have this name', 'one',
+                          'end one of them, or use namespaces')
+    for topic, ends in sorted(graph.items()):
+        yield from _command_findings(topic, ends)
+        yield from _type_findings(topic, ends)
+        yield from _qos_findings(topic, ends)
+
+
+def _command_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
+    topic = find_topic(name)
+    if topic is None or topic.quality != 'command' or topic.name in ORDERS:
+        return
+    publishers = without_idle(topic.name, [end.node for end in ends.publishers])
+    listed = ', '.join(sorted(publishers))
+    if len(publishers) > 1:
+        yield Finding(Level.ERROR, name, f'{len(publishers)} publishers: {listed}', 'one',
+                      'the motors stop while two of them send: end one, or configure '
+                      'cmd_vel_inputs')
+    owner = OWNERS.get(topic.name)
+    for publisher in publishers if owner else ():
+        if publisher.rpartition('/')[2] != owner:
+            yield Finding(Level.WARNING, name, f'is published by {publisher}', f'{owner}',
+                          'end this node unless it replaces the controller')
+
+
+def _type_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
+    topic = find_topic(name)
+    if topic is not None and ends.types != (topic.type,):
+        yield Finding(Level.ERROR, name, f'has the type {" and ".join(ends.types)}', topic.type,
+                      'correct the node that publishes or subscribes to it')
+
+
+def _qos_findings(name: str, ends: TopicEnds) -> Iterator[Finding]:
+    for publisher in ends.publishers:
+        for subscription in ends.subscriptions:
+            if any(matches(publisher.profile, other.profile) for other in ends.subscriptions
+                   if other.node == subscription.node):
+                continue  # a node may subscribe with several profiles
+            verdict, reason = qos_check_compatible(publisher.profile, subscription.profile)
+            if verdict == QoSCompatibility.ERROR:
+                yield Finding(Level.ERROR, name, f'{subscription.node} does not receive what '
+                              f'{publisher.node} sends: {reason.strip().rstrip(";")}',
+                              'compatible QoS', 'set reliability: best_effort of the subscriber, '
+                              'or publish reliably')

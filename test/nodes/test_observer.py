@@ -22,11 +22,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from smart_tire.bags.cdr import Decoder
 from smart_tire.findings import Level
 from smart_tire.messages import TOPICS
-from smart_tire.nodes import graph_checks
+from smart_tire.nodes import observer
 from smart_tire.nodes.compat import message_class, node_names
-from smart_tire.nodes.graph_checks import (
-    discovery_time, Endpoint, graph_findings, read_graph, TopicEnds)
-from smart_tire.nodes.observer import Observer, state_of
+from smart_tire.nodes.observer import (
+    discovery_time, Endpoint, graph_findings, Observer, read_graph, state_of, TopicEnds)
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import NodeRunner
 from smart_tire.samples import ImuSample
@@ -148,15 +147,15 @@ def test_an_observer_receives_from_all_namespaces_and_the_graph_is_read(graph):
 @pytest.mark.parametrize('elapsed, level', [
     (3.4, Level.OK), (3.6, Level.WARNING), (None, Level.ERROR)])
 def test_slow_and_failed_discovery_are_reported(monkeypatch, elapsed, level):
-    monkeypatch.setattr(graph_checks, 'discovery_time', lambda: elapsed)
-    finding, = graph_checks.discovery_findings()
+    monkeypatch.setattr(observer, 'discovery_time', lambda: elapsed)
+    finding, = observer.discovery_findings()
     assert finding.level is level
 
 
 def test_the_environment_of_discovery_is_named(monkeypatch):
     monkeypatch.setenv('ROS_DOMAIN_ID', '42')
     monkeypatch.setenv('ROS_LOCALHOST_ONLY', '1')
-    finding, = graph_checks.middleware_findings()
+    finding, = observer.middleware_findings()
     assert 'domain 42 (' in finding.found and 'ROS_LOCALHOST_ONLY=1' in finding.found
     assert finding.found.startswith('rmw_')
 
