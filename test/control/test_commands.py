@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 import pytest
 
@@ -111,6 +111,8 @@ def test_the_maximum_gap_covers_seconds_of_losses_but_not_minutes():
 @given(st.lists(st.tuples(
     st.sampled_from(('set', 'set', 'block', 'unblock', 'discard')), st.sampled_from('abc'),
     st.sampled_from((0, NS_PER_S // 4, NS_PER_S // 4 + 1, HALF)))))
+@example([('set', 'a', 0), ('block', 'a', 0), ('unblock', 'a', 0)])  # the command is discarded
+@example([('set', 'b', 0), ('block', 'a', 0), ('unblock', 'a', 0)])
 def test_the_valid_input_with_the_highest_priority_is_selected_unless_one_above_it_is_blocked(
         steps):
     mux, now_ns, held = VelocityMux(list(INPUTS)), 0, {}  # name -> command and time, or blocked
