@@ -30,7 +30,6 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
-from std_msgs.msg import Bool
 
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, NodeStatus, statuses_from_msg, TOPICS
@@ -39,6 +38,7 @@ from smart_tire.nodes.command_input import without_idle
 from smart_tire.nodes.compat import full_name, message_class
 from smart_tire.nodes.qos import latched, matches, matching_qos, requests_less, subscriber_qos
 from smart_tire.samples import Sample, WHEELS
+from std_msgs.msg import Bool
 
 DISCOVERY_PERIOD = 0.3  # s between queries of the published topics
 BOOL = 'std_msgs/msg/Bool'
