@@ -83,7 +83,7 @@ def report_name(bag: Path) -> str:
 def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     """Analyze one bag and write its report; return the exit status."""
     from smart_tire.analysis.html_report.content import report_of
-    from smart_tire.analysis.html_report.page import Facts, html_page
+    from smart_tire.analysis.html_report.page import html_page
     from smart_tire.analysis.offline import analyze
     with open_bag(bag, args) as (_, settings):
         pass
@@ -95,9 +95,10 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         for text in result.contents.skipped:
             print(f'  skipped: {text}')
         return NOTHING_ESTIMATED
-    facts = Facts(report_name(bag), str(bag.resolve()), date_text(result.contents.start_ns),
-                  f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC', smart_tire.__version__)
-    write_text(out, html_page(report_of(result, settings.source, facts)))
+    facts = [('Recorded', date_text(result.contents.start_ns)), ('Bag', str(bag.resolve())),
+             ('Report', f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC'),
+             ('Software', f'smart_tire {smart_tire.__version__}')]
+    write_text(out, html_page(report_of(result, settings.source, report_name(bag), facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
     return ESTIMATED
 

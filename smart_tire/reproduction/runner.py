@@ -22,11 +22,12 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from smart_tire.analysis import drawing
+from smart_tire.analysis.html_report import page
+from smart_tire.analysis.tables import Table
 from smart_tire.reproduction import (
     film_figures, film_fit, film_loops, paper_a_report, paper_b_report, tire_figures, tire_maps,
     tire_runs)
 from smart_tire.reproduction.experiments import Laboratory
-from smart_tire.reproduction.report_page import write_report
 from smart_tire.reproduction.report_section import Section
 from smart_tire.reproduction.tire_runs import Crossings, crossings, drive, steady
 
@@ -39,6 +40,7 @@ SWEEP_DURATION = 15.0                                                # s of each
 SLIP_DURATION = SIGNAL_DURATION = 18.0                               # s, Fig. 10 and 11
 STIFFNESS_DURATION = 20.0                                            # s
 FILM_SECTIONS, TIRE_SECTIONS = 6, 6
+TITLE = 'Reproduced figures and tables'
 INTRODUCTION = (
     'All figures and tables with data of the two papers, from the models of this package and '
     'simulated experiments with the parameters of the papers. Paper A: "A PVDF-Based Deformation '
@@ -54,15 +56,28 @@ def reproduce(laboratory: Laboratory, directory: Path, progress: Progress) -> Pa
     """Run the experiments, write a PNG file per section and the report; return its path."""
     directory.mkdir(parents=True, exist_ok=True)
     steps = _Steps(progress)
-    written = []
+    sections = []
     for section, figure in [*film_sections(laboratory, steps), *tire_sections(laboratory, steps)]:
         path = directory / f'{section.name}.png'
         figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
-        written.append((section, path))
+        sections.append(page_section(section, path))
     report = directory / 'report.html'
-    write_report(report, INTRODUCTION, written)
+    report.write_text(page.html_page(page.Report(TITLE, (), sections, INTRODUCTION)),
+                      encoding='utf-8')
     steps.start('done')
     return report
+
+
+def page_section(section: Section, picture: Path) -> page.Section:
+    """Return a section of the page, with the file of its figure."""
+    blocks: list[page.Block] = [page.Picture(section.title, picture)]
+    if section.rows:
+        blocks.append(Table('Numbers', ('quantity', 'paper', 'here'), section.rows, 3))
+    if section.agrees:
+        blocks += ['Agrees:', section.agrees]
+    if section.differs:
+        blocks += ['Differs, or cannot be compared:', page.Note(section.differs)]
+    return page.Section(section.name, section.title.split(':')[0], section.title, blocks)
 
 
 class _Steps:

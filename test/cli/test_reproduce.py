@@ -82,12 +82,12 @@ def test_the_report_needs_no_other_file(written):
 
 def test_the_report_contains_every_figure_with_its_text(written):
     text = (written / 'report.html').read_text(encoding='utf-8')
-    sections = re.findall(r'<section id="(\w+)">(.*?)</section>', text, re.DOTALL)
+    sections = re.findall(r'<section aria-labelledby="(\w+)">(.*?)</section>', text, re.DOTALL)
     assert [name for name, _ in sections] == list(PAGES)
     for name, section in sections:
         (picture,) = re.findall(r'base64,([^"]+)"', section)
         assert base64.b64decode(picture) == (written / f'{name}.png').read_bytes()
-        assert 'class="differs"' in section  # no figure can be matched in all
+        assert 'class="notes"' in section  # no figure can be matched in all
         assert section.count('<p>') >= 2
         assert 'nan' not in re.sub(r'base64,[^"]+', '', section).split()
 

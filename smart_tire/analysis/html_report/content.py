@@ -27,11 +27,11 @@ from smart_tire.analysis.driven_paths import PATH
 from smart_tire.analysis.errors import (
     error_figure, ErrorCurve, friction_errors, histogram_figure, pose_errors, slip_errors,
     twist_error_curves)
-from smart_tire.analysis.figure import MAX_SLIP_SIGMA
+from smart_tire.analysis.figure import bucket_count, MAX_POINTS, MAX_SLIP_SIGMA
 from smart_tire.analysis.figures import adhesion_figure, friction_figure, ground_figure
 from smart_tire.analysis.friction_metrics import (
     column, is_informative, match, MAX_RELATIVE_SIGMA, stamps_of)
-from smart_tire.analysis.html_report.page import Block, Facts, Folded, Report, Section
+from smart_tire.analysis.html_report.page import Block, Folded, Report, Section
 from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.motion_figures import (
     path_figure, velocity_figure, wheel_slip_figure, wheel_speed_figure)
@@ -48,16 +48,28 @@ from smart_tire.parameters.files import value_text
 from smart_tire.recording import seconds, SlipSeries
 from smart_tire.samples import Friction
 
+ABOUT = (
+    'Estimates are those of "smart_tire analyze" with the same parameters. Times are seconds '
+    'after the first estimate. σ is one standard deviation as reported by the estimator; bands, '
+    'bars and ellipses show 2σ.',
+    f'A curve has at most {MAX_POINTS} points. Where it has more values, the smallest and largest '
+    'value and the largest σ of each interval are kept, here of up to {interval:.2g} s, so that '
+    'extremes are shown, but less detail than in the bag. Every point is an original value. '
+    'Tables are computed from all values.',
+    'Drag to zoom, double-click to reset; plots over time have linked axes. This file makes no '
+    'network requests. The plots are drawn by plotly.js (MIT license), which it contains.')
 PARAMETER_HEAD = ('parameter', 'value', 'unit', 'from', 'node', 'meaning')
 DEFAULT, FROM_BAG, BOTH = 'default', 'the bag', 'both'
 PARAMETER_TITLES = {FILES: 'Parameters set in files; of several files the last one counts',
                     BAG: 'Parameters in the bag that differ from the default values'}
 
 
-def report_of(analysis: Analysis, used: BagParams, facts: Facts) -> Report:
+def report_of(analysis: Analysis, used: BagParams, name: str,
+              facts: Sequence[tuple[str, str]]) -> Report:
     """
     Return the report of ``analysis``, which used the parameters ``used``.
 
+    ``facts`` are labels and texts about the recording that the analysis does not know.
     Raises ValueError if nothing was estimated.
     """
     summary, result = analysis.summary, analysis.result
@@ -66,8 +78,10 @@ def report_of(analysis: Analysis, used: BagParams, facts: Facts) -> Report:
     sections = [_recording(analysis, summary), _motion(result, summary), _slip(result, summary),
                 _friction(result, summary), _errors(result, summary), _left_out(analysis, summary),
                 _parameters(used)]
-    return Report(facts, _tiles(summary), _notes(analysis, summary), sections,
-                  _time_range(result), result.segments)
+    start, end = _time_range(result)
+    about = [text.format(interval=(end - start) / bucket_count()) for text in ABOUT]
+    return Report(name, facts, sections, about, _tiles(summary), _notes(analysis, summary),
+                  (start, end), result.segments)
 
 
 def _notes(analysis: Analysis, summary: Tree) -> list[str]:

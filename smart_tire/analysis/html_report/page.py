@@ -16,47 +16,25 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 import json
+from pathlib import Path
 from string import Template
 from typing import Any
 
 from plotly.offline import get_plotlyjs
 
-from smart_tire.analysis.figure import bucket_count, Figure, MAX_POINTS, Segments
+from smart_tire.analysis.figure import Figure, Segments
 from smart_tire.analysis.html_report.plots import height, plotly_spec
 from smart_tire.analysis.tables import Table
 
 NARROW_COLUMNS = 3  # of a table that is not as wide as the page
-ABOUT = (
-    'Estimates are those of "smart_tire analyze" with the same parameters. Times are seconds '
-    'after the first estimate. σ is one standard deviation as reported by the estimator; bands, '
-    'bars and ellipses show 2σ.',
-    f'A curve has at most {MAX_POINTS} points. Where it has more values, the smallest and largest '
-    'value and the largest σ of each interval are kept, here of up to $interval s, so that '
-    'extremes are shown, but less detail than in the bag. Every point is an original value. '
-    'Tables are computed from all values.',
-    'Drag to zoom, double-click to reset; plots over time have linked axes. This file makes no '
-    'network requests. The plots are drawn by plotly.js (MIT license), which it contains.')
-
-
-@dataclass(frozen=True)
-class Facts:
-    """What the analysis does not know about its recording and itself."""
-
-    name: str       # of the bag
-    path: str
-    recorded: str   # date and time
-    created: str    # date and time of the report
-    version: str    # of the software
-
-    def items(self) -> list[tuple[str, str]]:
-        """Return what is written below the title: label, text."""
-        return [('Recorded', self.recorded), ('Bag', self.path), ('Report', self.created),
-                ('Software', f'smart_tire {self.version}')]
+NO_SCRIPT = ('<noscript><p class="error">The plots need JavaScript; the tables are complete '
+             'without it.</p></noscript>')
 
 
 @dataclass(frozen=True)
@@ -67,7 +45,22 @@ class Folded:
     table: Table
 
 
-Block = Figure | Table | Folded | str | list[str]
+@dataclass(frozen=True)
+class Picture:
+    """A PNG file, which the page contains."""
+
+    title: str  # what it shows, for readers who do not see it
+    path: Path
+
+
+@dataclass(frozen=True)
+class Note:
+    """Sentences that a reader should not miss."""
+
+    sentences: Sequence[str]
+
+
+Block = Figure | Table | Folded | Picture | Note | str | list[str]
 
 
 @dataclass(frozen=True)
@@ -84,39 +77,38 @@ class Section:
 class Report:
     """The whole report."""
 
-    facts: Facts
-    tiles: list[tuple[str, str, str]]  # label, value with unit, note
-    notes: list[str]                   # what a reader should know first
-    sections: list[Section]
-    time_range: tuple[float, float]    # s, of all plots over time
-    segments: Segments                 # proposed for a closer look
+    name: str
+    facts: Sequence[tuple[str, str]]   # label, text; below the title
+    sections: Sequence[Section]
+    about: Sequence[str]
+    tiles: Sequence[tuple[str, str, str]] = ()    # label, value with unit, note
+    notes: Sequence[str] = ()                     # what a reader should know first
+    time_range: tuple[float, float] = (0.0, 1.0)  # s, of all plots over time
+    segments: Segments = ()                       # proposed for a closer look
 
 
 def html_page(report: Report) -> str:
     """Return the report as the text of an HTML file."""
-    facts = report.facts
     links = [(section.anchor, section.short) for section in report.sections]
+    interactive = any(isinstance(block, Figure) for section in report.sections
+                      for block in section.blocks)
     return Template(_resource('page.html')).substitute(
-        name=escape(facts.name), version=escape(facts.version), css=_resource('page.css'),
+        name=escape(report.name), css=_resource('page.css'),
         range=escape(json.dumps(report.time_range)),
-        facts=_all('<div><dt>{}</dt><dd>{}</dd></div>', facts.items()),
+        facts=_all('<div><dt>{}</dt><dd>{}</dd></div>', report.facts),
         links=_all('<li><a href="#{}">{}</a></li>', [*links, ('about', 'About')]),
-        zoom=_zoom(report), notes=_notes(report.notes),
+        zoom=_zoom(report), notes=_note(report.notes) if report.notes else '',
         sections='\n'.join(_section(section, report.time_range) for section in report.sections),
         tiles=_all('<div><dt>{}</dt><dd class="value">{}</dd><dd>{}</dd></div>', report.tiles),
-        about=_about(report),
-        plotly=get_plotlyjs(), script=_resource('page.js'))
+        about=_all('<p>{}</p>', [[text] for text in report.about]),
+        noscript=NO_SCRIPT if interactive else '',
+        scripts=f'<script id="plotly">{get_plotlyjs()}</script>\n'
+                f'<script>\n{_resource("page.js")}</script>' if interactive else '')
 
 
 def _all(form: str, items: Sequence[Sequence[str]]) -> str:
     """Return the HTML ``form`` filled with the escaped texts of each item, in lines."""
     return '\n'.join(form.format(*map(escape, item)) for item in items)
-
-
-def _about(report: Report) -> str:
-    start, end = report.time_range
-    interval = f'{(end - start) / bucket_count():.2g}'
-    return _all('<p>{}</p>', [[Template(text).substitute(interval=interval)] for text in ABOUT])
 
 
 def script_json(value: Any) -> str:
@@ -139,9 +131,9 @@ def _zoom(report: Report) -> str:
                    [(json.dumps(limits), label) for label, limits in buttons]) + '</div>')
 
 
-def _notes(notes: Sequence[str]) -> str:
-    return ('<div class="notes" role="note">' + _all('<p>{}</p>', [[text] for text in notes])
-            + '</div>') if notes else ''
+def _note(sentences: Sequence[str]) -> str:
+    return ('<div class="notes" role="note">' + _all('<p>{}</p>', [[text] for text in sentences])
+            + '</div>')
 
 
 def _section(section: Section, time_range: tuple[float, float]) -> str:
@@ -159,6 +151,12 @@ def _block(block: Block, time_range: tuple[float, float]) -> str:
     if isinstance(block, Folded):
         return (f'<details>\n<summary>{escape(block.title)}</summary>\n{_table(block.table)}\n'
                 '</details>')
+    if isinstance(block, Picture):
+        image = b64encode(block.path.read_bytes()).decode('ascii')
+        return (f'<figure><img alt="{escape(block.title)}" src="data:image/png;base64,{image}">'
+                '</figure>')
+    if isinstance(block, Note):
+        return _note(block.sentences)
     if isinstance(block, str):
         return f'<p>{escape(block)}</p>'
     return '<ul>' + _all('<li>{}</li>', [[text] for text in block]) + '</ul>'

@@ -22,7 +22,7 @@ import pytest
 
 from smart_tire.analysis.bag_params import BagParams, FILES
 from smart_tire.analysis.html_report.content import report_of
-from smart_tire.analysis.html_report.page import Facts, html_page
+from smart_tire.analysis.html_report.page import html_page
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import BagWriter, channel_of
@@ -65,8 +65,8 @@ def used(params):
 @pytest.fixture(scope='session')
 def report(analysis, used):
     """Return the report of the analysis."""
-    return report_of(analysis, used, Facts(
-        ODD_NAME, '/bags/drive', '2026-01-02 03:04:05 UTC', '2026-02-03 04:05 UTC', '1.2.3'))
+    return report_of(analysis, used, ODD_NAME, [
+        ('Recorded', '2026-01-02 03:04:05 UTC'), ('Software', 'smart_tire 1.2.3')])
 
 
 @pytest.fixture(scope='session')

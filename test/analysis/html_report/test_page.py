@@ -26,7 +26,8 @@ import pytest
 
 from smart_tire.analysis.figure import Figure
 from smart_tire.analysis.html_report.content import left_out_table, report_of, skipped_lines
-from smart_tire.analysis.html_report.page import Facts, Folded, html_page, script_json
+from smart_tire.analysis.html_report.page import (
+    Folded, html_page, Note, Picture, Report, script_json, Section)
 from smart_tire.analysis.html_report.plots import plotly_spec
 from smart_tire.analysis.offline import Analysis, analyze, BagContents
 from smart_tire.analysis.result import Result
@@ -117,7 +118,7 @@ def test_a_report_without_some_topics_has_all_sections(missing, events, used, tm
             if topic not in missing:
                 writer.write_sample(topic, receive_ns, sample)
     run = analyze(tmp_path / 'bag', None, used.params)
-    outline = Outline(html_page(report_of(run, used, Facts('bag', '', '', '', ''))))
+    outline = Outline(html_page(report_of(run, used, 'bag', ())))
     assert [values['id'] for tag, values in outline.tags if tag == 'h2'] == SECTIONS
     skipped = ' '.join(outline.texts['li'])
     for topic in missing[:2]:
@@ -126,7 +127,7 @@ def test_a_report_without_some_topics_has_all_sections(missing, events, used, tm
 
 def test_a_recording_without_estimates_has_no_report(used):
     with pytest.raises(ValueError, match='nothing was estimated'):
-        report_of(Analysis(), used, Facts('bag', '', '', '', ''))
+        report_of(Analysis(), used, 'bag', ())
 
 
 def test_nothing_is_loaded_from_elsewhere(outline):
@@ -229,6 +230,15 @@ def test_every_kind_is_counted_with_its_reason():
         ('single crossings of front left', 'friction not observable, such as at low slip',
          '1 of 3'),
         ('single crossings of front left', 'uninformative', '1 of 3')]
+
+
+def test_a_page_of_pictures_contains_them_and_no_plotly(tmp_path):
+    (tmp_path / 'a.png').write_bytes(b'PNG')
+    page = html_page(Report('a name', (), [Section('a', 'A', 'A: b', [
+        Picture('a "picture"', tmp_path / 'a.png'), Note(['it <differs>'])])], ['introduction']))
+    assert len(page) < 20_000 and 'introduction' in page
+    assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,UE5H">' in page
+    assert '<div class="notes" role="note"><p>it &lt;differs&gt;</p></div>' in page
 
 
 def test_what_the_reader_warned_of_is_not_left_out_again():
