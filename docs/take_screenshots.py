@@ -30,7 +30,7 @@ import time
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from smart_tire.analysis.bag_params import bag_params
+from smart_tire.analysis.pipeline import bag_params
 from smart_tire.bags import Bag
 from smart_tire.paths import find_bag
 from smart_tire.view.bag import find_recording, show

@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The estimators connected as in the nodes, without ROS."""
+"""The estimators connected as in the nodes, without ROS, and their parameters."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.errors import ParameterError
@@ -30,16 +30,20 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
     SlipEstimatorParams, specs)
-from smart_tire.parameters.files import blocks_in, values_for
-from smart_tire.parameters.files import snapshot_text
-from smart_tire.parameters.spec import values_of
+from smart_tire.parameters.files import Block, blocks_in, snapshot_text, values_for
+from smart_tire.parameters.spec import is_known, values_of
 from smart_tire.samples import (
     Friction, GroundState, Icr, ImuSample, Odometry, Sample, WheelSample, WheelSlip)
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.summary import Tree
+    from smart_tire.bags import Bag
 
 INPUTS, ESTIMATES = streams.INPUTS, streams.ESTIMATES
 TRUTHS = tuple(f'ground_truth/{name}' for name in ('odom', 'wheel_slip', 'tire_friction'))
 
 EstimateRecord = Odometry | WheelSlip | Icr | GroundState | Friction
+FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,72 @@ class EstimatorParams:
     def robot(self) -> RobotParams:
         """Return the robot parameters of the slip estimator."""
         return self.slip.robot
+
+
+@dataclass(frozen=True)
+class BagParams:
+    """Parameters of the estimators and where they are from."""
+
+    params: EstimatorParams
+    source: str                      # FILES, BAG or DEFAULTS
+    origins: tuple[str, ...] = ()    # files, or nodes whose parameters the bag carries
+    overridden: bool = False         # the bag carries parameters, which the files replace
+    unknown: tuple[str, ...] = ()    # names in the bag that no node of this version has
+
+    @property
+    def tree(self) -> Tree:
+        """Return the source of the parameters for the summary."""
+        if self.source == DEFAULTS:
+            return {'source': DEFAULTS}
+        return {'source': self.source,
+                'files' if self.source == FILES else 'nodes': list(self.origins)}
+
+    @property
+    def origin(self) -> str:
+        """Return the source of the parameters as text."""
+        names = ', '.join(self.origins)
+        if self.source == FILES:
+            return names + (' (instead of those in the bag)' if self.overridden else '')
+        if self.source == BAG:
+            return 'from the bag' + (f' (recorded with {names})' if names else '')
+        return 'defaults (the bag carries none; --params FILE gives others)'
+
+    def lines(self) -> Iterator[str]:
+        """Yield the source of the parameters and warnings about it, as text."""
+        yield f'parameters: {self.origin}'
+        if self.unknown:
+            yield (f'warning: parameters in the bag are unknown to this version and ignored: '
+                   f'{", ".join(self.unknown)}')
+
+
+def bag_params(bag: Bag, files: Sequence[Path] = ()) -> BagParams:
+    """
+    Return the parameters in ``files``, later ones override; without files those in ``bag``.
+
+    Files replace the parameters in the bag entirely. Raises ParameterError if a file or the
+    parameters in the bag are invalid.
+    """
+    if files:
+        return BagParams(EstimatorParams.load(files), FILES, tuple(map(str, files)),
+                         overridden=bool(bag.parameters))
+    if not bag.parameters:
+        return BagParams(EstimatorParams(), DEFAULTS)
+    where = f'{bag.path}: parameters in the bag'
+    try:
+        blocks = blocks_in(bag.parameters, where)
+        params = EstimatorParams.from_text(bag.parameters, where)
+    except ParameterError as error:
+        raise ParameterError(f'{error}; give a parameter file with --params') from error
+    names = (block.rsplit('/', 1)[-1] for block, _ in blocks)
+    return BagParams(params, BAG, tuple(name for name in names if name in NODE_PARAMS),
+                     unknown=tuple(_unknown_names(blocks)))
+
+
+def _unknown_names(blocks: Sequence[Block]) -> list[str]:
+    """Return the parameters in ``blocks`` that no node of this version has."""
+    known = known_names(NODE_PARAMS.values())
+    return sorted({name for _, parameters in blocks for name in parameters
+                   if not is_known(name, known)})
 
 
 class FrictionStage:

@@ -32,8 +32,7 @@ from typing import Any, cast, NamedTuple
 
 import numpy as np
 
-from smart_tire.analysis.bag_params import bag_params
-from smart_tire.analysis.pipeline import INPUTS, TRUTHS
+from smart_tire.analysis.pipeline import bag_params, INPUTS, TRUTHS
 from smart_tire.api.params import Params
 from smart_tire.api.results import (
     by_wheel, FrictionEstimate, PoseEstimate, SlipEstimate, Tabular, Truth, truth_of)

@@ -36,8 +36,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.paths import BAG_METADATA, check_file, check_writable, find_bag
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.bag_params import BagParams
-    from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.analysis.pipeline import BagParams, EstimatorParams
     from smart_tire.bags import Bag, TopicNames
 
 REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
@@ -113,7 +112,7 @@ def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] 
     ``prefix`` before each line. Raises BagError if one of the ``required`` topics has to be
     selected with an option, ParameterError if an option or a parameter is invalid.
     """
-    from smart_tire.analysis.bag_params import bag_params
+    from smart_tire.analysis.pipeline import bag_params
     from smart_tire.bags import Bag, check_inputs, TopicNames
     names = TopicNames.parse(args.remap)
     with Bag(path, names) as bag:

@@ -80,7 +80,7 @@ def _findings(args: argparse.Namespace, progress: Progress) -> Iterator[Finding]
 def _with_parameters(bag: Bag, files: Sequence[Path],
                      progress: Progress) -> Iterator[Finding]:
     """Yield the findings on a bag with the parameters in ``files``, or with its own."""
-    from smart_tire.analysis.bag_params import bag_params
+    from smart_tire.analysis.pipeline import bag_params
     from smart_tire.analysis.checks import findings
     from smart_tire.analysis.checks.recording import read
     from smart_tire.parameters import RobotParams

@@ -20,8 +20,7 @@ import signal
 
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from smart_tire.analysis.bag_params import bag_params
-from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.analysis.pipeline import bag_params, EstimatorParams
 from smart_tire.bags import Bag
 from smart_tire.parameters.files import blocks_in, values_for
 from support.command import command

@@ -22,7 +22,6 @@ from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis.bag_params import BAG, BagParams, FILES
 from smart_tire.analysis.driven_paths import PATH
 from smart_tire.analysis.errors import (
     error_figure, ErrorCurve, friction_errors, histogram_figure, pose_errors, slip_errors,
@@ -36,7 +35,7 @@ from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.motion_figures import (
     path_figure, velocity_figure, wheel_slip_figure, wheel_speed_figure)
 from smart_tire.analysis.offline import Analysis, BagContents
-from smart_tire.analysis.pipeline import ESTIMATES, INPUTS, TRUTHS
+from smart_tire.analysis.pipeline import BAG, BagParams, ESTIMATES, FILES, INPUTS, TRUTHS
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import Tree, WHOLE
 from smart_tire.analysis.tables import (

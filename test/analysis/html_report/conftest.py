@@ -20,11 +20,10 @@ from dataclasses import replace
 
 import pytest
 
-from smart_tire.analysis.bag_params import BagParams, FILES
 from smart_tire.analysis.html_report.content import report_of
 from smart_tire.analysis.html_report.page import html_page
 from smart_tire.analysis.offline import analyze
-from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.analysis.pipeline import BagParams, EstimatorParams, FILES
 from smart_tire.bags import BagWriter, channel_of
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.offline import simulate

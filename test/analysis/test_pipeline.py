@@ -18,8 +18,7 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.analysis.bag_params import bag_params
-from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.analysis.pipeline import bag_params, EstimatorParams
 from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, load_files, NODE_PARAMS, SimulatorParams, specs
