@@ -32,7 +32,7 @@ import os
 from pathlib import Path
 import platform
 import sys
-from typing import NamedTuple, TYPE_CHECKING, TypeVar
+from typing import NamedTuple, TypeVar
 
 from benchmarks.scoring import combined, Figures, Run
 from rich.box import SIMPLE_HEAD
@@ -43,15 +43,11 @@ from smart_tire.analysis.summary import plain
 from smart_tire.cli._options import add_force, refuse_existing
 from smart_tire.errors import ParameterError, SmartTireError
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 FAILED, USAGE = 1, 2  # exit statuses
 DATA = Path('../shared/data')  # recordings of real robots
 DEFAULT_SEEDS = 3     # of each simulated scenario
 MAX_WORKERS = 2       # parallel processes
-CONSOLE_WIDTH = 160   # characters without a terminal; enough for all tables
-DOTS_PER_INCH = 150   # of figures
+CONSOLE_WIDTH = 220   # characters without a terminal; enough for all tables
 
 Rows = Mapping[str, Figures]  # row -> figures over its seeds
 Job = Callable[[], Sequence[Run]]
@@ -180,12 +176,6 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write ``figure`` as PNG."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=DOTS_PER_INCH)
 
 
 class Column(NamedTuple):

@@ -29,9 +29,10 @@ from benchmarks.control.tracking import run_tracking
 from benchmarks.control.traction import scenarios, traction_runs, TractionScenario
 from benchmarks.control.wheel_steps import GROUNDS, READINGS, Readings, wheel_steps
 from benchmarks.harness import (
-    Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows, save)
+    Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows)
 from benchmarks.scoring import Figures, part_of, Run
 from rich.table import Table
+from smart_tire.analysis.drawing import save
 
 WHEEL_STEPS, TRACTION = 'wheel_steps', 'traction'
 DEGREES = 57.29577951308232  # per rad

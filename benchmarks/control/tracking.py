@@ -22,12 +22,10 @@ import math
 from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import OtherPlant
 from benchmarks.control.robot_stack import RobotStack
-from benchmarks.control.scenarios import CHANGE, MAX_DURATION, OWN, SAND_FIELDS, TrackingCase
-from benchmarks.grounds import SAND
+from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
 from benchmarks.scoring import Errors, Run
-from matplotlib.figure import Figure
 import numpy as np
-from smart_tire.analysis import drawing
+from smart_tire.analysis.figure import Curve, Figure, Mark, Panel, truth_marks
 from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import State
 from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
@@ -37,7 +35,6 @@ SPACING = 0.001        # m, of the points of the wanted path
 BACKWARD, FORWARD = 0.1, 0.5  # m along the path, in which the next projection is searched
 YAW_STEP = 0.05        # s, the period of the trajectory controller
 MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
-SAND_COLOR = '#f3e3c3'
 
 
 def run_tracking(case: TrackingCase, seed: int) -> tuple[Run, Figure]:
@@ -128,18 +125,10 @@ def _localization(truth: Sequence[Odometry], followed: Sequence[Odometry]) -> Ar
 def path_figure(case: TrackingCase, truth: Sequence[Odometry], followed: Sequence[Odometry]
                 ) -> Figure:
     """Return the wanted path, that of the pose that is followed, and the true one."""
-    figure, axes = drawing.new_figure([['path']], width=7.0, height=6.0)
-    ax, wanted = axes['path'], dense_points(case.wanted())
-    if case.ground == CHANGE:
-        ax.axvspan(*SAND_FIELDS[case.path], color=SAND_COLOR, zorder=0)
-    elif case.ground == SAND:
-        ax.set_facecolor(SAND_COLOR)
-    ax.plot(*wanted.T, color=drawing.SHADE, linewidth=3.0, alpha=0.6, label='wanted')
-    ax.plot(*np.array([pose.position[:2] for pose in followed]).T, color=drawing.BLUE,
-            label='driven, as localized')
-    ax.plot(*np.array([pose.position[:2] for pose in truth]).T, **drawing.TRUTH, label='true')
-    (left, bottom), (right, top) = wanted.min(axis=0) - 0.3, wanted.max(axis=0) + 0.3
-    ax.set(title=f'{case.title}\n{case.kinematics}', xlabel='x [m]', ylabel='y [m]',
-           xlim=(left, right), ylim=(bottom, top), aspect='equal')
-    ax.legend(frameon=False)
-    return figure
+    own, true = (Curve(*np.array([pose.position[:2] for pose in poses]).T)
+                 for poses in (followed, truth))
+    wanted = Mark(Curve(*dense_points(case.wanted()).T), 'wanted', 'shade', width=3.0, opacity=0.6)
+    title = f'{case.title}, {case.kinematics}'
+    return Figure('path', title, title, [[Panel(
+        [wanted, Mark(own, 'driven, as localized'), *truth_marks(true)], 'x [m]', 'y [m]',
+        equal=True)]], cell=(7.0, 6.0))

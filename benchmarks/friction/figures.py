@@ -20,14 +20,13 @@ from collections.abc import Mapping
 
 from benchmarks.friction.crossings import FUSED, Rows, SINGLE
 from benchmarks.scoring import Figures
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 import numpy as np
-from smart_tire.analysis import drawing
+from smart_tire.analysis.figure import (
+    Curve, Figure, Mark, Panel, TIME_LABEL, truth_marks, TWO_SIGMA)
 from smart_tire.recording import seconds
 
-COLORS = drawing.ORANGE, drawing.BLUE  # without and with torque
-PANELS = {FUSED: 'friction coefficient [-]', 'stiffness': '$C_x$ [N]'}
+COLORS = 'orange', 'blue'  # without and with torque
+PANELS = {FUSED: 'friction coefficient [-]', 'stiffness': 'C_x [N]'}
 MAX_SHOWN = 2.0      # of the true value
 GAUSSIAN_90 = 1.645  # sigmas; 90 % quantile of absolute Gaussian errors
 
@@ -35,49 +34,36 @@ GAUSSIAN_90 = 1.645  # sigmas; 90 % quantile of absolute Gaussian errors
 def friction_figure(title: str, variants: Mapping[str, Mapping[str, Rows]]) -> Figure:
     """Return mu and C_x of each film wheel over time, by variant, with two-sigma bands."""
     wheels = list(next(iter(variants.values())))
-    figure, axes = drawing.new_figure(
-        [[f'{wheel} {name}' for wheel in wheels] for name in PANELS],
-        width=1.0 + 6.0 * len(wheels), height=6.5, share_x=True)
-    for wheel in wheels:
-        for name, label in PANELS.items():
-            ax = axes[f'{wheel} {name}']
-            for color, (variant, rows) in zip(COLORS, variants.items()):
-                _draw(ax, rows[wheel], name, color, variant)
-            rows = variants[variant]
-            time = seconds(rows[wheel].stamp_ns, int(rows[wheel].stamp_ns[0]))
-            ax.plot(time, rows[wheel].true[name], **drawing.TRUTH, label='truth')
-            ax.set(xlabel='time after the first crossing [s]', ylabel=label,
-                   ylim=(0.0, MAX_SHOWN * float(rows[wheel].true[name].max())))
-        axes[f'{wheel} {FUSED}'].set(title=f'{title}: {wheel.replace("_", " ")}')
-    drawing.finish(figure, axes)
-    return figure
+    return Figure('friction', title, f'{title}. {TWO_SIGMA}', [
+        [_panel(wheel, name, {variant: rows[wheel] for variant, rows in variants.items()})
+         for wheel in wheels] for name in PANELS])
 
 
-def _draw(ax: Axes, rows: Rows, name: str, color: str, variant: str) -> None:
-    time = seconds(rows.stamp_ns, int(rows.stamp_ns[0]))
-    value, sigma = rows.value[name], rows.sigma[name]
-    ax.fill_between(time, value - 2.0 * sigma, value + 2.0 * sigma, color=color, alpha=0.16,
-                    linewidth=0.0)
-    ax.plot(time, value, color=color, linewidth=0.9, label=f'{variant} ± 2σ')
-    if name == FUSED:
-        ax.plot(time, rows.value[SINGLE], '.', color=color, markersize=3)
+def _panel(wheel: str, name: str, variants: Mapping[str, Rows]) -> Panel:
+    marks = []
+    for color, (variant, rows) in zip(COLORS, variants.items()):
+        time = seconds(rows.stamp_ns, int(rows.stamp_ns[0]))
+        marks.append(Mark(Curve(time, rows.value[name], rows.sigma[name]), variant, color))
+        if name == FUSED:
+            marks.append(Mark(Curve(time, rows.value[SINGLE]), f'{variant}, single crossing',
+                              color, 'points', width=2.0))
+    true = rows.true[name]
+    return Panel([*marks, *truth_marks(Curve(time, true))], TIME_LABEL, PANELS[name],
+                 wheel.replace('_', ' '), y_limits=(0.0, MAX_SHOWN * float(true.max())))
 
 
 def bound_figure(cases: Mapping[str, Figures]) -> Figure:
     """Return the errors of synthesized crossings over the Cramer-Rao bound, by method."""
-    figure, axes = drawing.new_figure([['all']], width=8.0, height=6.0)
-    ax = axes['all']
-    for name, marker, color in (('printed', 'x', drawing.VERMILLION), ('exact', 'x', drawing.SKY),
-                                ('single', 'o', drawing.BLUE)):
+    marks = []
+    for name, color in (('printed', 'vermillion'), ('exact', 'sky'), ('single', 'blue')):
         own = [one for one in cases.values() if f'{name}.q90' in one]
-        ax.plot([100.0 * one['bound'] for one in own],
-                [100.0 * one[f'{name}.q90'] for one in own], marker, color=color, linestyle='none',
-                label='waveform' if name == 'single' else f'two peaks, {name} map')
-    bounds = [one['bound'] for one in cases.values()]
-    ends = np.array([0.7 * min(bounds), 1.4 * max(bounds)])
-    ax.plot(100.0 * ends, 100.0 * GAUSSIAN_90 * ends, color=drawing.INK,
-            label='optimum: Gaussian errors at the bound')
-    ax.set(xscale='log', yscale='log', xlabel='Cramér-Rao bound of one crossing [% of μ]',
-           ylabel='90 % quantile of absolute errors [% of μ]', ylim=(70.0 * ends[0], 1000.0))
-    ax.legend(frameon=False, loc='lower right')
-    return figure
+        points = np.log10(100.0 * np.array([(one['bound'], one[f'{name}.q90']) for one in own]).T)
+        marks.append(Mark(Curve(*points), 'waveform' if name == 'single' else
+                          f'two peaks, {name} map', color, 'points', width=4.0))
+    ends = np.log10([100.0 * pick([one['bound'] for one in cases.values()])
+                     for pick in (min, max)])
+    marks.append(Mark(Curve(ends, ends + np.log10(GAUSSIAN_90)),
+                      'optimum: Gaussian errors at the bound', 'ink'))
+    return Figure('bound', 'errors of one crossing over the bound', '', [[Panel(
+        marks, 'log10 of the Cramér-Rao bound of one crossing [% of μ]',
+        'log10 of the 90 % quantile of errors [% of μ]')]], cell=(9.0, 6.0))

@@ -39,7 +39,7 @@ from benchmarks.friction.grid import all_cases, Case, quick_cases
 from benchmarks.friction.monte_carlo import run_case
 from benchmarks.friction.paper_method import friction_from_peaks, MAPS
 from benchmarks.friction.scenarios import GROUND_SCENARIOS, SURFACE_SCENARIOS
-from benchmarks.harness import Benchmark, Column, figure_table, Job, milli, percent, Rows, save
+from benchmarks.harness import Benchmark, Column, figure_table, Job, milli, percent, Rows
 from benchmarks.motion import (
     as_estimate, as_truth, Estimate, in_motion, Mask, slip_errors, speed_errors, steady_sides,
     Truth)
@@ -47,6 +47,7 @@ from benchmarks.scenarios import Scenario
 from benchmarks.scoring import Errors, part_of, pooled, Run
 import numpy as np
 from rich.table import Table
+from smart_tire.analysis.drawing import save
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.estimation import streams
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams

@@ -12,68 +12,57 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Figures of one run: slip, path and pose errors by method."""
+"""Figure of one run: slip, path and pose errors by method."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from benchmarks.motion import Estimate, side_means, Truth
+from benchmarks.motion import Estimate, side_means, SIDES, Truth
 from benchmarks.slip.methods import LIVE, LIVE_TORQUE, METHODS, SMOOTHED, SMOOTHED_TORQUE
-from matplotlib.figure import Figure
 import numpy as np
-from smart_tire.analysis import drawing
+from smart_tire.analysis.figure import (
+    Curve, Figure, limits, Mark, Panel, TIME_LABEL, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.metrics import aligned, rotated
 from smart_tire.arrays import Array
 from smart_tire.recording import seconds
 
-SHOWN_PERCENT = 1.0, 99.0  # of the true slips inside the axis limits; excludes spikes
-SLIP_MARGIN = 0.1          # -
-COLORS = (drawing.BLUE, drawing.VERMILLION, drawing.BLUE, drawing.VERMILLION, drawing.SHADE,
-          drawing.ORANGE)  # of METHODS
+COLORS = dict(zip(METHODS, ('blue', 'vermillion', 'blue', 'vermillion', 'shade', 'orange')))
+SLIP_MARGIN = 0.1          # -, above and below the true slips
 MAX_SHOWN_ERROR = 5.0      # of a method, over that of the estimator under test
 
 
 def run_figure(title: str, estimates: Mapping[str, Estimate], truth: Truth) -> Figure:
     """Return slips with two-sigma bands over time, the paths, and position and heading errors."""
-    figure, axes = drawing.new_figure(
-        [['left', 'path'], ['left', 'path'], ['right', 'position'], ['right', 'heading']],
-        width=15.0, height=9.0)
-    colors, origin = dict(zip(METHODS, COLORS)), int(truth.stamp_ns[0])
     shown = (LIVE_TORQUE, SMOOTHED_TORQUE) if LIVE_TORQUE in estimates else (LIVE, SMOOTHED)
-    for side, name in enumerate(('left', 'right')):
-        ax, true = axes[name], side_means(truth.ratio)[:, side]
-        for method in shown:
-            slips = estimates[method].slips
-            time = seconds(slips.stamp_ns, origin)
-            value, sigma = (side_means(one)[:, side] for one in (slips.ratio, slips.sigma))
-            ax.fill_between(time, value - 2.0 * sigma, value + 2.0 * sigma, alpha=0.18,
-                            color=colors[method], linewidth=0.0)
-            ax.plot(time, value, color=colors[method], label=f'{METHODS[method]} ± 2σ')
-        ax.plot(seconds(truth.stamp_ns, origin), true, **drawing.TRUTH, label='truth')
-        low, high = np.nanpercentile(true, SHOWN_PERCENT)
-        ax.set(xlabel='time [s]', ylabel=f'slip of the {name} side [-]',
-               ylim=(low - SLIP_MARGIN, high + SLIP_MARGIN))
-        ax.legend(frameon=False)
-    tops = np.zeros(2)
+    slips = [_slip_panel(name, side, {method: estimates[method] for method in shown}, truth)
+             for name, side in SIDES.items()]
+    marks: dict[str, list[Mark]] = {'path': [], 'position error [m]': [],
+                                    'heading error [deg]': []}
     for method, estimate in estimates.items():
         estimated, true, stamps = aligned(truth.poses, estimate.poses)
-        color, label = colors[method], METHODS[method]
-        axes['path'].plot(*_in_frame(estimated, true, truth.poses.pose[0]).T, color=color,
-                          label=label)
-        error = np.abs(estimated - true)
-        sizes = np.hypot(error[:, 0], error[:, 1]), np.degrees(error[:, 2])
-        for ax, size in zip((axes['position'], axes['heading']), sizes):
-            ax.plot(seconds(stamps, origin), size, color=color)
-        if method in shown:
-            tops = np.maximum(tops, [float(size.max()) for size in sizes])
-    axes['path'].plot(*truth.poses.pose[:, :2].T, **drawing.TRUTH, label='truth')
-    axes['path'].set(title=title, xlabel='x [m]', ylabel='y [m]', aspect='equal')
-    axes['path'].legend(frameon=False)
-    for name, unit, top in zip(('position', 'heading'), ('m', 'deg'), tops):
-        axes[name].set(xlabel='time [s]', ylabel=f'{name} error [{unit}]',
-                       ylim=(0.0, MAX_SHOWN_ERROR * max(top, 1e-3)))
-    return figure
+        time, error = seconds(stamps, int(truth.stamp_ns[0])), np.abs(estimated - true)
+        curves = (Curve(*_in_frame(estimated, true, truth.poses.pose[0]).T),
+                  Curve(time, np.hypot(error[:, 0], error[:, 1])),
+                  Curve(time, np.degrees(error[:, 2])))
+        for own, curve in zip(marks.values(), curves):
+            own.append(Mark(curve, METHODS[method], COLORS[method]))
+    path = Panel([*marks.pop('path'), *truth_marks(Curve(*truth.poses.pose[:, :2].T))], 'x [m]',
+                 'y [m]', equal=True)
+    errors = [Panel(own, TIME_LABEL, label, y_limits=(0.0, MAX_SHOWN_ERROR * max(
+        float(mark.curve.y.max()) for mark in own if mark.label in map(METHODS.get, shown))))
+        for label, own in marks.items()]
+    return Figure('run', title, f'{title}. {TWO_SIGMA}', [slips, [path, errors[0]],
+                                                          [path, errors[1]]])
+
+
+def _slip_panel(name: str, side: int, estimates: Mapping[str, Estimate], truth: Truth) -> Panel:
+    origin, true = int(truth.stamp_ns[0]), side_means(truth.ratio)[:, side]
+    marks = [Mark(Curve(seconds(one.slips.stamp_ns, origin), side_means(one.slips.ratio)[:, side],
+                        side_means(one.slips.sigma)[:, side]), METHODS[method], COLORS[method])
+             for method, one in estimates.items()]
+    return Panel([*marks, *truth_marks(Curve(seconds(truth.stamp_ns, origin), true))], TIME_LABEL,
+                 f'slip of the {name} side [-]', y_limits=limits([true], SLIP_MARGIN))
 
 
 def _in_frame(estimated: Array, true: Array, first: Array) -> Array:

@@ -27,8 +27,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.events import inputs_of, truth_of
-from benchmarks.harness import (
-    Benchmark, Column, DATA, figure_table, Job, milli, percent, Rows, save)
+from benchmarks.harness import Benchmark, Column, DATA, figure_table, Job, milli, percent, Rows
 from benchmarks.motion import as_truth, score_motion
 from benchmarks.scenarios import HILL_SCENARIOS, SCENARIOS
 from benchmarks.scoring import part_of, Run
@@ -36,6 +35,7 @@ from benchmarks.slip.figures import run_figure
 from benchmarks.slip.methods import compare_methods, METHODS
 from benchmarks.slip.recordings import RECORDING_COLUMNS, recording_jobs, recording_rows
 from rich.table import Table
+from smart_tire.analysis.drawing import save
 from smart_tire.parameters import SlipEstimatorParams
 
 DRAWN_SEED = 1            # seed of the run in the figures

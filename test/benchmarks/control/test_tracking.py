@@ -153,6 +153,6 @@ def test_the_robot_software_follows_a_path_in_closed_loop(localization, monkeypa
     assert found['length'] == pytest.approx(0.25)
     assert (found['localization.rms'] < 1e-3) == (localization == 'true')
     assert found['localization.rms'] < 0.05
-    assert figure.axes[0].get_title().endswith('\nours')
-    assert [line.get_label() for line in figure.axes[0].lines] == [
-        'wanted', 'driven, as localized', 'true']
+    assert figure.title.endswith(', ours')
+    assert [mark.label for mark in figure.panels[0].marks] == [
+        'wanted', 'driven, as localized', 'truth']
