@@ -96,6 +96,17 @@ def test_slip_and_speed_are_accurate_and_within_two_sigma(name):
     assert np.mean(np.abs(late[:, 3]) < 2.0 * late[:, 4]) > 0.88
 
 
+@pytest.mark.parametrize('name', ['concrete', 'sweep_60', 'spin_reverse'])
+def test_without_a_ground_normalized_errors_are_consistent_with_sigma(name):
+    table = np.concatenate([errors(name, seed, until=0.0)[0] for seed in SEEDS])
+    slip, speed = table[:, 1] / table[:, 2], table[:, 3] / table[:, 4]
+    assert len(table) > 200 * len(SEEDS)
+    # neither overconfident nor uninformative
+    assert 0.05 < np.mean(slip ** 2) < 2.0
+    assert 0.05 < np.mean(speed ** 2) < 2.0
+    assert np.mean(np.abs(slip) < 2.0) > 0.9
+
+
 def test_after_a_change_of_ground_slip_and_speed_stay_within_two_sigma():
     table = np.concatenate([errors('mu_jumps', seed)[0] for seed in SEEDS])
     late = table[table[:, 0] > 5.0]
