@@ -116,7 +116,7 @@ class RobotStack:
         if now_ns < self._due_ns:
             return
         if self._due_ns == self._start_ns:
-            self.trajectory.set_path(self._path, now_ns)
+            self.trajectory.follow(self._path, now_ns)
         self._due_ns += self._period_ns
         command = self.trajectory.step(now_ns)
         if command is not None:

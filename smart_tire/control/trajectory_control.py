@@ -84,13 +84,28 @@ class TrajectoryControl:
         """Return whether commands are published."""
         return self.state == State.FOLLOWING or self.holding
 
-    def set_path(self, path: PlannedPath, now_ns: int) -> None:
-        """Follow ``path`` from now on; the state is REFUSED, with the reason, if it is invalid."""
-        self._set_target(path, now_ns)
+    def follow(self, target: PlannedPath | GoalPose, now_ns: int) -> None:
+        """
+        Follow a path, or drive to a goal, from now on.
 
-    def set_goal(self, goal: GoalPose, now_ns: int) -> None:
-        """Drive to ``goal`` from now on; the state is REFUSED if it is invalid."""
-        self._set_target(goal, now_ns)
+        The state is REFUSED, with the reason, if it is invalid.
+        """
+        try:
+            if isinstance(target, PlannedPath):
+                check_path(target, self.params.checks)
+            else:
+                check_goal(target)
+            if self._motion.initialized and not self._stale(now_ns):
+                self._begin(target)
+            else:
+                self._target, self._progress = target, ProgressMonitor()
+        except CommandError as error:
+            self.refuse(error)
+            return
+        if self.state != State.FOLLOWING:
+            self._odometry_check.clear()
+        self.state, self.reason, self._motion.fault = State.FOLLOWING, '', ''
+        self.holding = False
 
     def cancel(self, reason: str) -> None:
         """Stop following or holding; nothing happens if neither is done."""
@@ -146,24 +161,6 @@ class TrajectoryControl:
         point = self._follower.point
         return PathProgress(now_ns, self._follower.remaining_distance(),
                             NAN if point is None else point.lateral, int(self.state))
-
-    def _set_target(self, target: PlannedPath | GoalPose, now_ns: int) -> None:
-        try:
-            if isinstance(target, PlannedPath):
-                check_path(target, self.params.checks)
-            else:
-                check_goal(target)
-            if self._motion.initialized and not self._stale(now_ns):
-                self._begin(target)
-            else:
-                self._target, self._progress = target, ProgressMonitor()
-        except CommandError as error:
-            self.refuse(error)
-            return
-        if self.state != State.FOLLOWING:
-            self._odometry_check.clear()
-        self.state, self.reason, self._motion.fault = State.FOLLOWING, '', ''
-        self.holding = False
 
     def _end(self, state: State, reason: str = '', cause: Cause = Cause.ORDER) -> None:
         self._stop_due = self._stop_due or self.state == State.FOLLOWING

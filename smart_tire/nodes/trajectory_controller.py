@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 import math
 import sys
@@ -84,9 +84,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     def _subscribe_orders(self) -> None:
         self._senders = {name: PublisherCheck(self, name, PUBLISHER_WINDOW)
                             for name in ('path', 'goal_pose')}
-        self.subscribe('path', partial(self._on_order, 'path', self._control.set_path),
+        self.subscribe('path', partial(self._on_order, 'path'),
                        profiles=order_profiles('path'), raw=True, from_msg=self._read_path)
-        self.subscribe('goal_pose', partial(self._on_order, 'goal_pose', self._control.set_goal),
+        self.subscribe('goal_pose', partial(self._on_order, 'goal_pose'),
                        profiles=order_profiles('goal_pose'))
 
     def _read_path(self, data: bytes) -> PlannedPath:
@@ -100,8 +100,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         """Use the new parameters."""
         self._control.params = self.params
 
-    def _on_order(self, name: str, follow: Callable[[Any, int], None], order: Order,
-                  info: Mapping[str, Any]) -> None:
+    def _on_order(self, name: str, order: Order, info: Mapping[str, Any]) -> None:
         """Follow a new path or goal, unless it is of the past, or another node sends them, too."""
         self._check_publisher(name, info)
         if self._control.state == State.FOLLOWING and order == self._order:
@@ -112,7 +111,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         if self._emergency_stop:
             raise CommandError(f'{name}: the emergency stop is active')
         self._order = order
-        follow(order, self.now_ns())
+        self._control.follow(order, self.now_ns())
         self._reported = self._reported[0], 'new order'  # report it, also if the state is the same
         self._step()
 

@@ -53,7 +53,7 @@ def test_every_command_is_bounded_whatever_odometry_and_slip_say(path, stream):
         control.add_slip(WheelSlip(now_ns, slip[:4], slip[:4], (abs(slip[4]),) * 4))
         if control.state != State.FOLLOWING:
             control.add_odometry(odometry(now_ns + 1), now_ns + 1)
-            control.set_path(path, now_ns)
+            control.follow(path, now_ns)
         command = control.step(now_ns + 1)
         if command is not None:
             assert abs(command.v_x) <= 1.1 * PARAMS.max_speed + 1e-12
@@ -78,7 +78,7 @@ def test_a_command_is_scaled_with_its_curvature(command):
 def test_the_last_bound_holds_whatever_the_kinematics_return(wrong):
     control = TrajectoryControl(PARAMS)
     control.add_odometry(odometry(NS_PER_S), NS_PER_S)
-    control.set_path(line(4.0), NS_PER_S)
+    control.follow(line(4.0), NS_PER_S)
     with mock.patch.object(SlipKinematics, 'command', return_value=wrong):
         command = control.step(NS_PER_S)
     assert command is not None
@@ -113,7 +113,7 @@ def followed(path, slip_velocity, seconds):
     control, fastest, turning = TrajectoryControl(PARAMS), 0.0, 0.0
     x, y, yaw, v_x, yaw_rate, now_ns = 0.0, 0.0, 0.0, 0.0, 0.0, NS_PER_S
     control.add_odometry(odometry(now_ns), now_ns)
-    control.set_path(path, now_ns)
+    control.follow(path, now_ns)
     for _ in range(round(seconds * NS_PER_S / PERIOD_NS)):
         control.add_odometry(odometry(now_ns, x, y, yaw, v_x, yaw_rate), now_ns)
         control.add_slip(WheelSlip(now_ns, (0.3,) * 4, (slip_velocity,) * 4, (0.01,) * 4))

@@ -166,7 +166,7 @@ class Host:
             self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns)
             self.trajectory.add_wheels(sample)
         if seconds >= 0.5 and self.trajectory.state == State.IDLE:
-            self.trajectory.set_path(self._path, now_ns)
+            self.trajectory.follow(self._path, now_ns)
         if now_ns >= self._due_ns:
             self._due_ns = now_ns + NS_PER_S // 20
             self._command = self.trajectory.step(now_ns)

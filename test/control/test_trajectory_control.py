@@ -267,7 +267,7 @@ def test_a_new_goal_to_the_side_first_stops_the_robot():
 
 def test_a_path_before_the_first_odometry_waits_for_it():
     control = TrajectoryControl(IDEAL)
-    control.set_path(line(1.0), 0)
+    control.follow(line(1.0), 0)
     assert control.state == State.FOLLOWING
     assert control.step(NS_PER_S) is None
     assert math.isnan(control.progress(0).remaining_distance)
@@ -277,7 +277,7 @@ def test_a_path_before_the_first_odometry_waits_for_it():
 
 def test_without_odometry_waiting_ends():
     control = TrajectoryControl(IDEAL)
-    control.set_path(line(1.0), 0)
+    control.follow(line(1.0), 0)
     assert control.step(NS_PER_S) is None
     assert control.step(11 * NS_PER_S) is None
     assert control.state == State.FOLLOWING
@@ -288,7 +288,7 @@ def test_without_odometry_waiting_ends():
 
 def test_a_path_that_waited_is_refused_if_it_begins_too_far_away():
     control = TrajectoryControl(IDEAL)
-    control.set_path(line(1.0), 0)
+    control.follow(line(1.0), 0)
     control.add_odometry(odometry(0, x=3.0), 0)
     assert control.step(0).v_x == 0.0
     assert control.state == State.REFUSED

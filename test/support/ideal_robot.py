@@ -24,7 +24,7 @@ import numpy as np
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.rotation import quaternion
-from smart_tire.samples import GoalPose, NAN, NS_PER_S, Odometry, PlannedPath
+from smart_tire.samples import NAN, NS_PER_S, Odometry, PlannedPath
 
 IDEAL = TrajectoryControllerParams(slip_compensation=False)
 
@@ -93,9 +93,7 @@ class Run:
 
     def start(self, target):
         """Give a path or goal to the controller."""
-        set_target = self.control.set_goal if isinstance(target, GoalPose) else \
-            self.control.set_path
-        set_target(target, self.now_ns)
+        self.control.follow(target, self.now_ns)
         return self
 
     def step(self):
