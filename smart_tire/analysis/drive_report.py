@@ -77,7 +77,7 @@ def read_run(path: Path, intervals: Intervals | None = None) -> Run:
     with Bag(path) as bag:
         for receive_ns, topic, sample in bag.samples(
                 (*INPUTS, *ESTIMATES, *TRUTHS, *PATH_TOPICS)):
-            log.add(receive_ns, sample)
+            log.add_message(receive_ns, sample)
             if topic == 'odom':
                 ages.append((receive_ns, receive_ns - sample.stamp_ns))
             part = truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs

@@ -70,7 +70,7 @@ class PathLog:
         self._paths: list[tuple[int, PlannedPath]] = []  # begin [ns], path
         self._progress: list[PathProgress] = []
 
-    def add(self, receive_ns: int, sample: Sample) -> None:
+    def add_message(self, receive_ns: int, sample: Sample) -> None:
         """Add one sample; other sample types are ignored."""
         if isinstance(sample, PlannedPath) and sample.frame == FRAME:
             self._paths.append((sample.stamp_ns or receive_ns, sample))

@@ -211,7 +211,7 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
             if topic in TRUTHS:
                 contents.truth.add_sample(sample, receive_ns)
             elif topic == PATH:
-                contents.paths.add(receive_ns, sample)
+                contents.paths.add_message(receive_ns, sample)
             else:
                 contents.inputs.add_sample(sample, receive_ns)
                 forwarded += [(receive_ns, item) for item in stage.update(sample)]

@@ -48,7 +48,7 @@ class LiveFeed:
         if self._oldest is None:
             self._oldest = time.monotonic()
         self.samples += 1
-        self._scene.add(topic, sample)
+        self._scene.add_sample(topic, sample)
 
     def on_status(self, status: NodeStatus) -> None:
         """Show the status of a node that was just received."""

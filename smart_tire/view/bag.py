@@ -102,7 +102,7 @@ def _feed(samples: Iterator[tuple[int, str, Sample]], scene: Scene, span_ns: tup
           progress: Progress) -> None:
     start, end = span_ns
     for count, (receive_ns, topic, sample) in enumerate(samples):
-        scene.add(topic, sample)
+        scene.add_sample(topic, sample)
         if count % FLUSH_SAMPLES == 0:
             scene.flush()
             progress(min((receive_ns - start) / max(1, end - start), 1.0))

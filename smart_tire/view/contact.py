@@ -65,7 +65,7 @@ class FilmLayer:
         self._recorder, self._max_gap_ns = recorder, MAX_PERIODS * period_ns
         self._blocks: dict[tuple[str, int], list[tuple[int, float]]] = {}
 
-    def add(self, sample: TireSample) -> None:
+    def add_films(self, sample: TireSample) -> None:
         """Add the voltages of one conversion."""
         for film, volts in enumerate(sample.volts):
             block = self._blocks.setdefault((sample.wheel, film), [])

@@ -51,7 +51,7 @@ class _Strip:
         self._begin_ns: int | None = None
         self._newest_ns = 0
 
-    def add(self, stamp_ns: int, x: float, y: float) -> None:
+    def add_point(self, stamp_ns: int, x: float, y: float) -> None:
         if not self._points or math.dist(self._points[-1], (x, y)) >= MIN_STEP:
             self._points.append((x, y))
         self._newest_ns = stamp_ns
@@ -95,7 +95,7 @@ class PathLayer:
         x, y = place.real, place.imag
         if self._wanted is not None:
             self._show_wanted(self._wanted, sample.stamp_ns)
-        self._estimate.add(sample.stamp_ns, x, y)
+        self._estimate.add_point(sample.stamp_ns, x, y)
         if self._shown_ns is None or sample.stamp_ns - self._shown_ns >= NS_PER_S // 10:
             self._shown_ns = sample.stamp_ns
             self._show_pose(sample, x, y, yaw)
@@ -140,7 +140,7 @@ class PathLayer:
         """Show the true poses that wait, in a frame with ``origin`` and rotation in odom."""
         for sample in self._waiting:
             moved = origin + turn * _pose(sample)[0]
-            self._truth.add(sample.stamp_ns, moved.real, moved.imag)
+            self._truth.add_point(sample.stamp_ns, moved.real, moved.imag)
             self._cover(moved.real, moved.imag)
         self._waiting.clear()
 

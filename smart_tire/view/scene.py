@@ -60,7 +60,7 @@ class Scene:
             CrossingLayer(recorder, robot), ForceLayer(recorder, robot), self._path)
         self._handlers: dict[str, tuple[Handler, ...]] = {
             'wheel_states': (crossings.add_wheels,),
-            'tire_samples': (self._films.add, crossings.add_films),
+            'tire_samples': (self._films.add_films, crossings.add_films),
             'odom': (path.add_odometry, forces.add_odometry), 'wheel_slip': (forces.add_slip,),
             'ground_state': (forces.add_ground,),
             'tire_friction': (crossings.add_friction, forces.add_friction,
@@ -73,11 +73,11 @@ class Scene:
         """Return the standard names of the topics that are shown."""
         return tuple({**dict.fromkeys(self._series.topics), **self._handlers})
 
-    def add(self, topic: str, sample: Sample) -> None:
+    def add_sample(self, topic: str, sample: Sample) -> None:
         """Show a sample; samples of topics that are not shown are ignored."""
         if sample.stamp_ns:  # a command may have none
             self._recorder.begin(sample.stamp_ns)
-        self._series.add(topic, sample)
+        self._series.add_sample(topic, sample)
         for handler in self._handlers.get(topic, ()):
             handler(sample)
 

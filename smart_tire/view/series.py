@@ -56,7 +56,7 @@ class Plot:
         return [self.draw(recorder, self.path.format(wheel), self.name.format(wheel),
                           self.color or WHEEL_COLORS[wheel]) for wheel in wheels]
 
-    def add(self, tracks: Sequence[Track], sample: Sample) -> None:
+    def add_sample(self, tracks: Sequence[Track], sample: Sample) -> None:
         """Add the values of a sample to its tracks."""
         found = self.values(sample)
         if found is None:
@@ -85,10 +85,10 @@ class SeriesLayer:
         """Return the topics that are plotted."""
         return tuple(self._plots)
 
-    def add(self, topic: str, sample: Sample) -> None:
+    def add_sample(self, topic: str, sample: Sample) -> None:
         """Add the values of a sample."""
         for plot, tracks in self._plots.get(topic, ()):
-            plot.add(tracks, sample)
+            plot.add_sample(tracks, sample)
 
 
 def _slips(sample: WheelSlip) -> list[Uncertain]:

@@ -61,10 +61,10 @@ def log(*states, paths=(STRAIGHT,)):
     """Return a log with progress four times a second, the states change at given times."""
     found = PathLog()
     for path in paths:
-        found.add(path.stamp_ns + 1000, path)
+        found.add_message(path.stamp_ns + 1000, path)
     for seconds in np.arange(0.0, 10.0, 0.25):
         state = [state for since, state in states if since <= seconds][-1]
-        found.add(0, PathProgress(stamp(seconds), NAN, NAN, int(state)))
+        found.add_message(0, PathProgress(stamp(seconds), NAN, NAN, int(state)))
     return found
 
 

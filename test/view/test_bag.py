@@ -39,7 +39,7 @@ class FakeScene:
     def __init__(self):
         self.samples, self.flushes, self.finished = [], 0, False
 
-    def add(self, topic, sample):
+    def add_sample(self, topic, sample):
         self.samples.append((topic, sample))
 
     def flush(self):

@@ -85,7 +85,7 @@ SHOWN = [  # topic, sample, path -> shown values; None is a gap
 
 @pytest.mark.parametrize(('topic', 'sample', 'shown'), SHOWN, ids=[row[0] for row in SHOWN])
 def test_values_are_shown_with_bounds_of_two_sigmas_and_gaps(recorded, topic, sample, shown):
-    found = recorded(lambda scene: scene.add(topic, sample))
+    found = recorded(lambda scene: scene.add_sample(topic, sample))
     for path, expected in shown.items():
         [(time, values)] = found.scalars(path)
         assert time == 0
@@ -94,7 +94,8 @@ def test_values_are_shown_with_bounds_of_two_sigmas_and_gaps(recorded, topic, sa
 
 
 def test_of_an_unknown_friction_no_single_point_is_shown(recorded):
-    found = recorded(lambda scene: scene.add('tire_friction', Friction(START, 'front_left')))
+    unknown = Friction(START, 'front_left')
+    found = recorded(lambda scene: scene.add_sample('tire_friction', unknown))
     assert np.isnan(found.scalars('friction/front_left/fused')[0][1]).all()
     for path in ('friction/front_left/single', 'friction/front_left/single_bound/up',
                  'traction/front_left/crossing', 'stiffness/front_left'):
@@ -104,7 +105,7 @@ def test_of_an_unknown_friction_no_single_point_is_shown(recorded):
 def test_series_have_names_with_units_and_the_color_of_their_wheel(recorded):
     def feed(scene):
         for topic, sample, _ in SHOWN:
-            scene.add(topic, sample)
+            scene.add_sample(topic, sample)
 
     found = recorded(feed)
     for wheel in WHEELS:
@@ -125,11 +126,11 @@ def rgb(found, path):
 
 def test_the_true_path_starts_at_the_estimated_pose(recorded):
     def feed(scene):
-        scene.add('ground_truth/odom', odometry(0, 7.0, 7.0))
-        scene.add('odom', odometry(0, 1.0, 2.0, yaw=math.pi / 2))
+        scene.add_sample('ground_truth/odom', odometry(0, 7.0, 7.0))
+        scene.add_sample('odom', odometry(0, 1.0, 2.0, yaw=math.pi / 2))
         for step in range(1, 60):
-            scene.add('odom', odometry(10 * step, 1.0, 2.0 + 0.01 * step, yaw=math.pi / 2))
-            scene.add('ground_truth/odom', odometry(10 * step, 7.0 + 0.01 * step, 7.0))
+            scene.add_sample('odom', odometry(10 * step, 1.0, 2.0 + 0.01 * step, yaw=math.pi / 2))
+            scene.add_sample('ground_truth/odom', odometry(10 * step, 7.0 + 0.01 * step, 7.0))
 
     found = recorded(feed)
     component = 'LineStrips2D:strips'
@@ -144,7 +145,7 @@ def test_the_true_path_starts_at_the_estimated_pose(recorded):
 def test_a_truth_without_estimate_is_shown_as_it_is(recorded):
     def feed(scene):
         for step in range(20):
-            scene.add('ground_truth/odom', odometry(10 * step, 5.0 + 0.1 * step, 1.0))
+            scene.add_sample('ground_truth/odom', odometry(10 * step, 5.0 + 0.1 * step, 1.0))
 
     strips = recorded(feed).rows('path/truth', 'LineStrips2D:strips')
     assert strips[0][1][0][0] == pytest.approx((5.0, -1.0))
@@ -153,11 +154,11 @@ def test_a_truth_without_estimate_is_shown_as_it_is(recorded):
 
 def test_friction_circles_and_forces_obey_the_brush_model(recorded):
     def feed(scene):
-        scene.add('tire_friction', Friction(
+        scene.add_sample('tire_friction', Friction(
             START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05)))
-        scene.add('ground_state', GroundState(START, Uncertain(60.0, 3.0)))
-        scene.add('odom', odometry(0, 0.0, v_x=0.9))
-        scene.add('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4, velocity=0.1))
+        scene.add_sample('ground_state', GroundState(START, Uncertain(60.0, 3.0)))
+        scene.add_sample('odom', odometry(0, 0.0, v_x=0.9))
+        scene.add_sample('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4, velocity=0.1))
 
     found = recorded(feed)
     limit = 0.5 * 10.9 * 9.80665 / 4.0  # a quarter of the weight
@@ -177,15 +178,15 @@ def test_friction_circles_and_forces_obey_the_brush_model(recorded):
 
 def test_no_forces_are_shown_before_a_friction_coefficient_is_known(recorded):
     def feed(scene):
-        scene.add('odom', odometry(0, 0.0, v_x=0.9))
-        scene.add('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4, velocity=0.1))
+        scene.add_sample('odom', odometry(0, 0.0, v_x=0.9))
+        scene.add_sample('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4, velocity=0.1))
 
     assert not recorded(feed).rows('forces/arrows', 'Arrows2D:vectors')
 
 
 def test_counts_are_summed_over_nodes_and_states_become_events(recorded):
     def feed(scene):
-        scene.add('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4))
+        scene.add_sample('wheel_slip', slip(0, (0.1,) * 4, (0.01,) * 4))
         for time_ms, node, level, message, values in (
                 (0, 'a', 0, 'ok', {'frames_bad': '1', 'last_message_age': '0.5', 'state': 'x'}),
                 (100, 'ns/b', 0, 'ok', {'frames_bad': '2', 'odom.last_message_age': 'inf'}),
@@ -205,11 +206,12 @@ def test_counts_are_summed_over_nodes_and_states_become_events(recorded):
 
 def test_a_wanted_path_and_a_goal_are_shown_from_the_next_estimate_on(recorded):
     def feed(scene):
-        scene.add('path', PlannedPath(0, 'odom', ((0.0, 0.0, math.nan), (2.0, 1.0, math.nan))))
-        scene.add('odom', odometry(0, 0.0))
-        scene.add('goal_pose', GoalPose(0, 'odom', (1.0, -1.0, 0.0)))
-        scene.add('odom', odometry(100, 0.1))
-        scene.add('path', PlannedPath(START + 150 * MS, 'odom', ()))
+        scene.add_sample('path', PlannedPath(
+            0, 'odom', ((0.0, 0.0, math.nan), (2.0, 1.0, math.nan))))
+        scene.add_sample('odom', odometry(0, 0.0))
+        scene.add_sample('goal_pose', GoalPose(0, 'odom', (1.0, -1.0, 0.0)))
+        scene.add_sample('odom', odometry(100, 0.1))
+        scene.add_sample('path', PlannedPath(START + 150 * MS, 'odom', ()))
 
     found = recorded(feed)
     strips, goals = (found.rows(path, component) for path, component in (
@@ -241,8 +243,8 @@ def test_a_lost_batch_interrupts_the_line_of_a_film(recorded):
 
     def feed(scene):
         for i, stamp_ns in enumerate(stamps):
-            scene.add('tire_samples', TireSample(stamp_ns, 'front_left', (i % 2, 1.0)))
-            scene.add('tire_samples', TireSample(stamp_ns, 'rear_left', (1.65, 1.65)))
+            scene.add_sample('tire_samples', TireSample(stamp_ns, 'front_left', (i % 2, 1.0)))
+            scene.add_sample('tire_samples', TireSample(stamp_ns, 'rear_left', (1.65, 1.65)))
 
     found = recorded(feed)
     assert len(found.scalars('films/rear_left/film_2')) < 8  # at rest: thinned, on its own
@@ -262,11 +264,11 @@ def test_a_scene_shows_each_crossing_with_its_samples_and_the_model(recorded):
 
     def feed(scene):
         for sample in in_order(films(course, 4.0), wheels(course, 4.0)):
-            scene.add(names[type(sample)], sample)
+            scene.add_sample(names[type(sample)], sample)
             for found in estimator.update(sample):
                 crossings.append(found)
-                scene.add(names[type(found)], found)
-        scene.add('tire_friction', Friction(START, WHEEL))  # its samples are not there
+                scene.add_sample(names[type(found)], found)
+        scene.add_sample('tire_friction', Friction(START, WHEEL))  # its samples are not there
 
     found = recorded(feed, **{'film.wheels': [WHEEL]})
     path = f'contact/{WHEEL}/waveforms'
@@ -284,7 +286,7 @@ def test_a_scene_shows_each_crossing_with_its_samples_and_the_model(recorded):
 
 def test_a_change_of_the_ground_is_marked_at_the_friction_of_then(recorded):
     def feed(scene):
-        scene.add('tire_friction', Friction(
+        scene.add_sample('tire_friction', Friction(
             START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05)))
         for time_ms, count in (0, '3'), (100, '3'), (200, '4'):
             scene.add_status(START + time_ms * MS, NodeStatus(

@@ -112,7 +112,7 @@ def test_a_stopped_viewer_is_noticed_and_frees_its_ports():
     scene.flush()
     viewer.stop()
     assert not viewer.running
-    scene.add('icr', Icr(1, 2.0, 3.0))
+    scene.add_sample('icr', Icr(1, 2.0, 3.0))
     with pytest.raises(ViewError, match='has ended'):
         scene.flush()
     assert free_port(viewer.address.grpc) == viewer.address.grpc
