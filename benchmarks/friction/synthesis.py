@@ -19,7 +19,7 @@ from __future__ import annotations
 from benchmarks.friction.grid import Case, ERRORS, LOAD, WHEEL
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.assembly import SAMPLE_MARGIN
+from smart_tire.estimation.contact.constants import MARGIN
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmSamples, PatchCrossing)
@@ -49,14 +49,15 @@ class CrossingSynthesizer:
         self._rng = np.random.default_rng(seed)
         self._detector = CrossingDetector(self._robot)
         self._chain = SignalChain(film)
+        self._margin = MARGIN * film.length  # m, of samples around a crossing
 
     def crossing(self) -> PatchCrossing:
         """Return the next crossing at a time of 1 s; the reference distance is 0."""
         film, patch = self._robot.film, self._robot.tire.contact_length
         half, speed = 0.5 * (patch + film.length), self._case.speed
         step = speed / film.sample_rate
-        distance = np.arange(-half - SAMPLE_MARGIN + step * self._rng.uniform(),
-                             half + SAMPLE_MARGIN + film.spacing, step)
+        distance = np.arange(-half - self._margin + step * self._rng.uniform(),
+                             half + self._margin + film.spacing, step)
         positions = (0.0, film.spacing)  # of the film centers; film 1 enters first
         samples = [self._film(i, distance, position, half)
                    for i, position in enumerate(positions)]
@@ -75,7 +76,7 @@ class CrossingSynthesizer:
         case, params, rng = self._case, self._robot.film, self._rng
         patch = self._robot.tire.contact_length
         relative = distance - position
-        relative = relative[np.abs(relative) < half + SAMPLE_MARGIN]
+        relative = relative[np.abs(relative) < half + self._margin]
         x = relative + 0.5 * (patch - params.length)
         spread = ERRORS.bending_variation
         peak = params.bending(WHEEL)[film] * (1.0 + rng.uniform(-spread, spread))

@@ -23,7 +23,7 @@ import numpy as np
 
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
-from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
+from smart_tire.estimation.contact.records import TrajectoryErrors
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 from smart_tire.simulation.films import bump

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 from smart_tire.calibration.film_crossings import CrossingWithSlip
-from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
+from smart_tire.estimation.contact.records import TrajectoryErrors
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Coarse matched-filter detection of a film crossing, used to initialize the waveform fit.
+Coarse matched-filter detection of film crossings, used to initialize the waveform fit.
 
-The model waveform from entry to release is correlated with the samples at center positions a few
-millimeters apart, and its amplitudes are found by least squares; a parabola through the three
-best positions interpolates to a fraction of a millimeter.
+The model waveform from entry to release is correlated with the samples at center positions a
+fraction of a film apart, and its amplitudes are found by least squares; a parabola through the
+three best positions interpolates to a fraction of a millimeter.
 """
 
 from __future__ import annotations
@@ -27,22 +27,15 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.records import Detection
+from smart_tire.estimation.contact import constants as c
+from smart_tire.estimation.contact.prediction import MountPosition
+from smart_tire.estimation.contact.records import (
+    ActiveSegment, Detection, FilmCrossing, FilmGroup)
+from smart_tire.estimation.contact.trajectory import WheelTrajectory
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
-SEARCH_STEP = 0.0025   # m, between tried center positions
-TABLE_STEP = 1e-4      # m, between entries of the waveform table
-RELEASE_TAIL = 12.0 * tread_film.RECOVERY  # film lengths, after which it has decayed
-MAX_SEARCH_SAMPLES = 60  # longer segments are decimated for the search
-NORMALIZED_SLIPS = np.array([0.15, 0.5, 1.0])  # -, total slip / critical slip of the templates
-ENTRY_SHARE = 0.75     # of the film length: before, the signal is small and disturbed by bumps
-BENDING_SIGMA = 0.5    # relative, of the bending peak: varies by cycle and is poorly calibrated
-SLIP_SIGMA = 1.0       # -, of the weak prior on slip
-MIN_SAMPLES = 8        # from entry to release
-PLAUSIBLE_BENDING = (0.3, 3.0)  # range of the bending peak over its nominal value
-MAX_RESIDUAL = 0.2     # of the bending peak, rms
-GAP_STEPS = 2.5        # median steps between samples: a longer step is a gap
+RELEASE_TAIL = 12.0 * tread_film.RECOVERY  # film lengths, after which the release has decayed
 
 
 class CrossingDetector:
@@ -54,9 +47,11 @@ class CrossingDetector:
         self._center_offset = 0.5 * (patch - film.length)  # x where the centers coincide
         self._variance = film.sample_variance
         # tables of the bending output, and of the stretch output per slip for NORMALIZED_SLIPS
-        self._table_begin = -film.length - TABLE_STEP
-        x = np.arange(self._table_begin, patch + RELEASE_TAIL * film.length, TABLE_STEP)
-        t = NORMALIZED_SLIPS[:, np.newaxis]
+        self._step = c.SEARCH_STEP * film.length
+        self._table_step = self._step / c.TABLE_STEPS
+        self._table_begin = -film.length - self._table_step
+        x = np.arange(self._table_begin, patch + RELEASE_TAIL * film.length, self._table_step)
+        t = c.NORMALIZED_SLIPS[:, np.newaxis]
         strain = strain_charge.overlap_integral(x, t, t, 1.0, film.length, patch) / t
         first, second = tread_film.RELEASE_WEIGHTS.values()
         between = 0.5 * (first[0] + second[0]), 0.5 * (first[1] + second[1])
@@ -76,78 +71,66 @@ class CrossingDetector:
         is searched ``between`` two distances. ``bending`` [V] and ``gain`` [V/m] are nominal. A
         release between the two conventions is tried if the configured one does not fit.
         """
-        if len(distance) < MIN_SAMPLES:
+        if len(distance) < c.MIN_SAMPLES:
             return None
-        for table in self._tables:
-            found = self._detect(table, distance, volts, bending, gain, between)
-            if found is not None:
-                return found
-        return None
+        found = (self._detect(table, distance, volts, bending, gain, between)
+                 for table in self._tables)
+        return next((one for one in found if one is not None), None)
 
     def _detect(self, table: Array, distance: Array, volts: Array, bending: float, gain: float,
                 between: tuple[float, float]) -> Detection | None:
-        centers = np.arange(between[0], between[1] + SEARCH_STEP, SEARCH_STEP)
-        stride = max(len(distance) // MAX_SEARCH_SAMPLES, 1)
+        centers = np.arange(between[0], between[1] + self._step, self._step)
+        stride = max(len(distance) // c.MAX_SEARCH_SAMPLES, 1)
         shifted = distance + self._center_offset
-        score = self._score(self._templates(table, shifted[::stride] - centers[:, np.newaxis]),
-                            volts[::stride], bending, gain)
+        templates = self._templates(table, shifted[::stride] - centers[:, np.newaxis])
+        *_, score = self._amplitudes(
+            templates[0], templates[1:], volts[::stride], bending, gain)
         j, i = divmod(int(score.argmax()), len(centers))
-        center = float(centers[i]) + SEARCH_STEP * _peak_offset(score[j], i)
+        center = float(centers[i]) + self._step * _peak_offset(score[j], i)
         x = shifted - center
-        inside = (x > -ENTRY_SHARE * self._film_length) & (x < self._patch)
+        inside = (x > -c.ENTRY_SHARE * self._film_length) & (x < self._patch)
         x, volts = x[inside], volts[inside]
-        if len(x) < MIN_SAMPLES:
+        if len(x) < c.MIN_SAMPLES:
             return None
-        templates = self._templates(table, x)
-        bend, strain = templates[0], templates[1 + j]
-        amplitude, stretch = map(float, self._amplitudes(
-            bend @ bend, strain @ strain, bend @ strain, bend @ volts, strain @ volts, bending,
-            gain))
+        bend, strain = self._templates(table, x)[[0, 1 + j]]
+        amplitude, stretch, _ = map(float, self._amplitudes(bend, strain, volts, bending, gain))
         residual = volts - amplitude * bend - stretch * strain
-        low, high = PLAUSIBLE_BENDING
+        low, high = c.PLAUSIBLE_BENDING
         if not (low * bending < amplitude < high * bending
-                and math.sqrt(residual @ residual / len(residual)) < MAX_RESIDUAL * amplitude):
+                and math.sqrt(residual @ residual / len(residual)) < c.MAX_RESIDUAL * amplitude):
             return None
-        return Detection(center, amplitude, stretch / gain, float(NORMALIZED_SLIPS[j]),
+        return Detection(center, amplitude, stretch / gain, float(c.NORMALIZED_SLIPS[j]),
                          self._coverage(x))
 
-    def _score(self, templates: Array, volts: Array, bending: float, gain: float) -> Array:
-        """Return the squared signal [V^2] that each template explains at each center."""
-        b, s = templates[0], templates[1:]
-        bv, sv = b @ volts, s @ volts
-        amplitude, stretch = self._amplitudes(
-            np.einsum('ij,ij->i', b, b), np.einsum('kij,kij->ki', s, s),
-            np.einsum('ij,kij->ki', b, s), bv, sv, bending, gain)
-        bv = bv + self._variance / (BENDING_SIGMA**2 * bending)
-        return amplitude * bv + stretch * sv
-
-    def _amplitudes(self, bb: Array, ss: Array, bs: Array, bv: Array, sv: Array, bending: float,
-                    gain: float) -> tuple[Array, Array]:
+    def _amplitudes(self, b: Array, s: Array, v: Array, bending: float, gain: float
+                    ) -> tuple[Array, Array, Array]:
         """
-        Return bending [V] and stretch [V/m] amplitudes from inner products.
+        Return bending [V] and stretch [V/m] amplitudes, and the squared signal [V^2] explained.
 
         Solves the weakly regularized normal equations for all centers at once; ``b``, ``s`` and
-        ``v`` name the bending template, the stretch template and the samples.
+        ``v`` are the bending template, the stretch template and the samples, on the last axis.
         """
-        weak = self._variance / (BENDING_SIGMA * bending)**2
-        bb, ss = bb + weak, ss + self._variance / (SLIP_SIGMA * gain)**2
-        bv = bv + weak * bending
+        weak = self._variance / (c.BENDING_SIGMA * bending)**2
+        bb = np.einsum('...i,...i', b, b) + weak
+        ss = np.einsum('...i,...i', s, s) + self._variance / gain**2
+        bs = np.einsum('...i,...i', b, s)
+        bv, sv = b @ v + weak * bending, s @ v
         determinant = bb * ss - bs * bs
-        return (ss * bv - bs * sv) / determinant, (bb * sv - bs * bv) / determinant
+        amplitude, stretch = (ss * bv - bs * sv) / determinant, (bb * sv - bs * bv) / determinant
+        return amplitude, stretch, amplitude * bv + stretch * sv
 
     def _templates(self, table: Array, x: Array) -> Array:
         """Return bending and stretch per slip at positions x, (1 + templates, ...)."""
-        index = ((x - self._table_begin) * (1.0 / TABLE_STEP) + 0.5).astype(np.intp)
+        index = ((x - self._table_begin) / self._table_step + 0.5).astype(np.intp)
         found: Array = table.take(index, axis=1, mode='clip')
         return found
 
     def _coverage(self, x: Array) -> float:
         """Return the share of the crossing that the samples at positions x cover."""
-        x = np.sort(x)
-        steps = x[1:] - x[:-1]
+        steps = np.diff(np.sort(x))
         median = float(np.sort(steps)[len(steps) // 2])
-        covered = float(np.minimum(steps, GAP_STEPS * median).sum())
-        return min(covered / (self._patch + ENTRY_SHARE * self._film_length), 1.0)
+        covered = float(np.minimum(steps, c.GAP_PERIODS * median).sum())
+        return min(covered / (self._patch + c.ENTRY_SHARE * self._film_length), 1.0)
 
 
 def _peak_offset(values: Array, i: int) -> float:
@@ -157,3 +140,51 @@ def _peak_offset(values: Array, i: int) -> float:
     below, top, above = values[i - 1:i + 2].tolist()
     curvature = below - 2.0 * top + above
     return min(max(0.5 * (below - above) / curvature, -0.5), 0.5) if curvature < 0.0 else 0.0
+
+
+class FilmCrossingDetector:
+    """Detects the crossing of one film of ``group`` in an active segment."""
+
+    def __init__(self, group: FilmGroup, detector: CrossingDetector,
+                 trajectory: WheelTrajectory) -> None:
+        self._group, self._detector, self._trajectory = group, detector, trajectory
+
+    def detect(self, segment: ActiveSegment, mount: MountPosition) -> FilmCrossing | None:
+        """
+        Return the crossing in ``segment``, None if there is none.
+
+        The position expected from ``mount`` is searched first, then the whole segment.
+        """
+        group, instants = self._group, segment.instants
+        trajectory = self._trajectory.smooth(int(instants[0]), int(instants[-1]))
+        rolled = trajectory.distance_at(instants)
+        begin, end = np.interp((segment.begin_ns, segment.end_ns), instants, rolled)
+        direction = 1 if end >= begin else -1
+        offset = group.offsets[segment.film]
+        expected = direction * (mount.expected(0.5 * (begin + end) - offset) + offset)
+        gate = c.POSITION_GATE * group.film_length
+        latest = direction * begin + group.half_inside
+        distance = direction * rolled
+        for coverage, low, high in (
+                (c.MIN_EXPECTED_COVERAGE, expected - gate, expected + gate),
+                # the first active sample is at most a film length after the entry
+                (c.MIN_FREE_COVERAGE, latest - 2.0 * group.half_crossing,
+                 latest + group.film_length)):
+            found = self._search(segment, distance, low, high)
+            if found is not None and found.coverage >= coverage:
+                instant = int(np.interp(found.center, np.maximum.accumulate(distance), instants))
+                return FilmCrossing(direction * found.center, instant, direction, float(begin),
+                                    found, segment)
+        return None
+
+    def _search(self, segment: ActiveSegment, distance: Array, low: float, high: float
+                ) -> Detection | None:
+        """Return a detection with its center between two distances [m], which may be NaN."""
+        if not math.isfinite(low):
+            return None
+        bottom, top = self._group.rails
+        unclipped = (segment.volts > bottom) & (segment.volts < top)
+        return self._detector.detect(
+            distance[unclipped], segment.volts[unclipped] - segment.baseline,
+            bending=self._group.bending[segment.film], gain=self._group.gains[segment.film],
+            between=(low, high))

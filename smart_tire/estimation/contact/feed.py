@@ -29,6 +29,7 @@ from itertools import chain
 from math import inf
 
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.contact.constants import BLOCK_NS
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.contact.tracker import ContactTracker
 from smart_tire.estimation.plausibility import is_possible
@@ -37,7 +38,6 @@ from smart_tire.estimation.streams import FRICTION
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, TireSample, WheelSample
 
-BLOCK_NS = 48_000_000  # of message time, six grid steps, in which samples are processed together
 Input = TireSample | WheelSample | ImuSample | Odometry
 
 

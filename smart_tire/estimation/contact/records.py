@@ -12,18 +12,67 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Records of patch crossings, exchanged between detection, association and waveform fit."""
+"""Records of patch crossings, exchanged between segmentation, detection and waveform fit."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.arrays import Array
-from smart_tire.estimation.contact.segmentation import ActiveSegment
-from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
+from smart_tire.arrays import Array, Instants
+from smart_tire.estimation.contact.constants import ACTIVITY_SHARE, ACTIVITY_SIGMAS, CLEARANCE
+from smart_tire.parameters.robot import RobotParams
+
+
+@dataclass(frozen=True, slots=True)
+class FilmGroup:
+    """
+    Films of one wheel that cross the patch together; within the group they count from 0.
+
+    Distances are in the direction of rolling forward.
+    """
+
+    films: tuple[int, ...]       # indices of the films on the wheel
+    gains: tuple[float, ...]     # V/m
+    bending: tuple[float, ...]   # V, bending peaks
+    thresholds: tuple[float, ...]  # V, of activity
+    offsets: tuple[float, ...]   # m, of film centers from their common center
+    film_length: float    # m
+    half_inside: float    # m, half the distance that a film rolls while fully inside the patch
+    half_crossing: float  # m, half the distance from entry to release of a film
+    reach: float          # m, half the distance from the first film's entry to the last's release
+    rails: tuple[float, float]  # V, samples beyond are clipped
+
+    @classmethod
+    def of(cls, robot: RobotParams, wheel: str, films: Sequence[int]) -> FilmGroup:
+        """Return the group of ``films``, by index, on ``wheel``."""
+        film, patch = robot.film, robot.tire.contact_length
+        gains, bending = film.gains(wheel), film.bending(wheel)
+        positions = [film.centers[i] for i in films]
+        extent = positions[-1] - positions[0]
+        half_crossing = 0.5 * (patch + film.length)
+        return cls(
+            tuple(films), tuple(gains[i] for i in films), tuple(bending[i] for i in films),
+            tuple(max(ACTIVITY_SHARE * bending[i], ACTIVITY_SIGMAS * film.noise) for i in films),
+            tuple(position - positions[0] - 0.5 * extent for position in positions), film.length,
+            max(0.5 * abs(patch - film.length), CLEARANCE * film.length), half_crossing,
+            half_crossing + 0.5 * extent,
+            (0.5 * film.code_voltage, film.voltage_range - 0.5 * film.code_voltage))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ActiveSegment:
+    """Samples of one film while it was active and the wheel rolled in one direction."""
+
+    film: int           # index, 0 for film 1
+    begin_ns: int       # first active sample
+    end_ns: int         # last active sample
+    instants: Instants  # ns, of the samples, including some before and after
+    volts: Array        # V, as sampled
+    baseline: float     # V
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +96,19 @@ class FilmCrossing:
     begin: float     # m, rolled distance at the first active sample
     detection: Detection
     segment: ActiveSegment
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryErrors:
+    """
+    Standard deviations of the errors of the distances in a crossing.
+
+    ``shape_sigmas`` [m] belong to Legendre polynomials of order 2, 3, ... over the sampled
+    distance.
+    """
+
+    scale_sigma: float = 0.0  # -, relative, of the scale
+    shape_sigmas: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

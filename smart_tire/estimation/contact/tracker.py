@@ -22,35 +22,24 @@ for an interval of samples; adding a single sample only appends it to a list.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 import math
 
 import numpy as np
 
-from smart_tire.estimation.contact.assembly import CrossingAssembler
-from smart_tire.estimation.contact.association import CrossingAssociator
-from smart_tire.estimation.contact.detection import CrossingDetector
-from smart_tire.estimation.contact.film_crossing import FilmCrossingDetector
-from smart_tire.estimation.contact.film_group import FilmGroup
-from smart_tire.estimation.contact.prediction import PredictedCrossing
-from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.contact.reversal_detection import ReversalDetector
-from smart_tire.estimation.contact.sample_buffer import FilmSampleBuffer
-from smart_tire.estimation.contact.segmentation import ActiveSegment, SegmentExtractor
-from smart_tire.estimation.contact.wheel_trajectory import Point, WheelTrajectory
+from smart_tire.estimation.contact import constants as c
+from smart_tire.estimation.contact.detection import CrossingDetector, FilmCrossingDetector
+from smart_tire.estimation.contact.prediction import CrossingAssociator, PredictedCrossing
+from smart_tire.estimation.contact.records import (
+    ActiveSegment, CrossingSamples, FilmCrossing, FilmGroup, FilmSamples, PatchCrossing)
+from smart_tire.estimation.contact.segmentation import FilmSampleBuffer, SegmentExtractor
+from smart_tire.estimation.contact.trajectory import (
+    Point, ReversalDetector, SmoothedTrajectory, TravelSegment, WheelTrajectory)
+from smart_tire.estimation.reorder_buffer import GRID_NS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
-
-MIN_BLOCK_NS = 100_000_000  # of the trajectory that is processed at once
-SETTLING_NS = 100_000_000   # before its newest sample, the wheel angle can be smoothed
-MAX_SILENCE_NS = 500_000_000  # after which a silent wheel angle is extrapolated
-MIN_REVERSAL = 0.003        # m rolled back that count as a reversal: more than timestamp jitter
-GRID_STEP_NS = 8_000_000    # of the trajectory in which reversals are searched
-MAX_GRID_STEPS = 1000       # at once
-MAX_WAIT = 0.030            # m beyond a crossing, after which no detection is awaited
-MAX_WAIT_ACTIVE = 0.100     # m beyond a crossing while a film seems active, for lack of samples
-STANDSTILL_NS = 200_000_000  # after which no detection is awaited either
-STANDSTILL_DISTANCE = 5e-4  # m rolled in that time: two encoder counts
 
 
 class ContactTracker:
@@ -72,10 +61,10 @@ class ContactTracker:
             robot.wheel_radius, encoder.counts_per_revolution, encoder.stamp_jitter,
             encoder.latency)
         self._reversals = ReversalDetector(
-            max(MIN_REVERSAL, 2.0 * circumference / encoder.counts_per_revolution))
+            max(c.MIN_REVERSAL * film.length,
+                2.0 * circumference / encoder.counts_per_revolution))
         self._buffer = FilmSampleBuffer(self._group.films, period_ns)
-        self._extractor = SegmentExtractor(self._group.thresholds, film.rest_voltage, period_ns,
-                                           2.0 * self._group.half_crossing)
+        self._extractor = SegmentExtractor(self._group, film.rest_voltage, period_ns)
         self._detector = FilmCrossingDetector(
             self._group, CrossingDetector(robot), self._trajectory)
         self._associator = CrossingAssociator(self._group, circumference)
@@ -88,11 +77,11 @@ class ContactTracker:
         position = None if sample.position is None else sample.position[self._wheel_index]
         speed = sample.velocity[self._wheel_index]
         if not math.isnan(speed):
-            self._trajectory.add(sample.stamp_ns, speed, position)
+            self._trajectory.add_wheel(sample.stamp_ns, speed, position)
 
     def add_films(self, sample: TireSample) -> None:
         """Add one conversion of this wheel's films; the last films may be absent."""
-        self._buffer.add(sample)
+        self._buffer.add_films(sample)
 
     def advance(self, now_ns: int) -> list[PatchCrossing]:
         """Process samples up to the latest wheel angle; return completed crossings."""
@@ -100,8 +89,8 @@ class ContactTracker:
         if newest is None:
             self._buffer.clear()
             return []
-        horizon = max(newest - SETTLING_NS, now_ns - MAX_SILENCE_NS)
-        if self._horizon_ns is not None and horizon < self._horizon_ns + MIN_BLOCK_NS:
+        horizon = max(newest - c.SETTLING_NS, now_ns - c.MAX_SILENCE_NS)
+        if self._horizon_ns is not None and horizon < self._horizon_ns + c.SETTLING_NS:
             return []
         position, reversals = self._follow(horizon)
         self._detect(self._segment(horizon, reversals))
@@ -117,7 +106,7 @@ class ContactTracker:
         if newest is None:
             return []
         # the last speed applies until the next wheel sample would have arrived
-        horizon = max(newest, min(now_ns, newest + MAX_SILENCE_NS), self._horizon_ns or newest)
+        horizon = max(newest, min(now_ns, newest + c.MAX_SILENCE_NS), self._horizon_ns or newest)
         position, reversals = self._follow(horizon)
         self._detect(self._segment(horizon, reversals))
         self._detect(self._extractor.finish())
@@ -127,34 +116,35 @@ class ContactTracker:
     def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
         """Follow the wheel up to ``horizon``; return its position there, and reversals."""
         begin = horizon if self._horizon_ns is None else max(
-            self._horizon_ns + GRID_STEP_NS, horizon - MAX_GRID_STEPS * GRID_STEP_NS)
+            self._horizon_ns + GRID_NS, horizon - c.MAX_GRID_STEPS * GRID_NS)
         self._horizon_ns = horizon
-        instants = np.array([*range(begin, horizon, GRID_STEP_NS), horizon])
+        instants = np.array([*range(begin, horizon, GRID_NS), horizon])
         distance = self._trajectory.interpolate(instants)
-        return (horizon, float(distance[-1])), self._reversals.advance(instants, distance)
+        return (horizon, float(distance[-1])), self._reversals.follow(instants, distance)
 
     def _segment(self, horizon: int, reversals: list[Point]) -> list[ActiveSegment]:
         """Return the segments that close with the samples up to ``horizon``."""
         instants, volts = self._buffer.take(horizon)
-        return self._extractor.add(instants, self._trajectory.interpolate(instants), volts,
-                                   [instant for instant, _ in reversals])
+        return self._extractor.extend(instants, self._trajectory.interpolate(instants), volts,
+                                      [instant for instant, _ in reversals])
 
     def _detect(self, segments: list[ActiveSegment]) -> None:
         for segment in segments:
             if not len(segment.instants):
                 continue
-            self._assembler.add(segment)
+            self._assembler.add_segment(segment)
             crossing = self._detector.detect(segment, self._associator.mount)
             if crossing is None:
                 self.undetected += 1
             else:
-                self._associator.add(crossing, self._reversals.points)
+                self._associator.add_crossing(crossing, self._reversals.points)
 
     def _completed(self, position: Point) -> list[PredictedCrossing]:
         """Return the predicted crossings for which no further detection is awaited."""
         pending = self._associator.pending
         standstill = bool(pending) and self._stands_still(position)
-        if standstill or any(self._beyond(p, position) > MAX_WAIT_ACTIVE for p in pending):
+        longest = c.ACTIVE_WAIT * self._group.film_length
+        if standstill or any(self._beyond(p, position) > longest for p in pending):
             self._detect(self._extractor.finish())
         return self._associator.release(
             lambda predicted: standstill or self._settled(predicted, position))
@@ -163,18 +153,111 @@ class ContactTracker:
         """Return whether no further detection can be expected while the wheel rolls."""
         return (self._associator.complete(predicted)
                 or self._reversals.direction != predicted.direction
-                or not self._extractor.active and self._beyond(predicted, position) > MAX_WAIT)
+                or not self._extractor.active
+                and self._beyond(predicted, position) > c.MARGIN * self._group.film_length)
 
     def _beyond(self, predicted: PredictedCrossing, position: Point) -> float:
         """Return the distance [m] rolled since the end of a predicted crossing."""
         return predicted.direction * (position[1] - predicted.position) - self._group.reach
 
     def _stands_still(self, position: Point) -> bool:
-        before = self._trajectory.interpolate(np.array([position[0] - STANDSTILL_NS]))
-        return abs(position[1] - float(before[0])) < STANDSTILL_DISTANCE
+        before = self._trajectory.interpolate(np.array([position[0] - c.STANDSTILL_NS]))
+        limit = c.STANDSTILL_SPEED * self._group.film_length * c.STANDSTILL_NS / NS_PER_S
+        return abs(position[1] - float(before[0])) < limit
 
     def _assemble(self, completed: list[PredictedCrossing]) -> list[PatchCrossing]:
         found = (self._assembler.assemble(
             predicted, self._associator.take(predicted), self._reversals.points,
             self._associator.mount.trusted) for predicted in completed)
         return [crossing for crossing in found if crossing is not None]
+
+
+class CrossingAssembler:
+    """Assembles the patch crossings of a group of films."""
+
+    def __init__(self, group: FilmGroup, trajectory: WheelTrajectory,
+                 extractor: SegmentExtractor) -> None:
+        self._group, self._trajectory, self._extractor = group, trajectory, extractor
+        self._segments: deque[ActiveSegment] = deque(maxlen=c.REMEMBERED)
+
+    def add_segment(self, segment: ActiveSegment) -> None:
+        """Remember an active segment, as evidence of a crossing without detections."""
+        self._segments.append(segment)
+
+    def assemble(self, predicted: PredictedCrossing, films: dict[int, FilmCrossing],
+                 reversals: Iterable[Point], trusted: bool) -> PatchCrossing | None:
+        """
+        Return the crossing of all films, None if only the wheel angle supports it.
+
+        ``films`` are the detections by film, ``reversals`` the latest ones, and ``trusted`` is
+        whether the prediction is sufficient where samples were lost.
+        """
+        group, direction = self._group, predicted.direction
+        ahead = direction * group.reach
+        sampled = [int(film.segment.instants[i]) for film in films.values() for i in (0, -1)]
+        travel = self._trajectory.segment(predicted.position - ahead, predicted.position + ahead,
+                                          predicted.end_ns, sampled)
+        # distances with the common center, and that of film 1, at the patch center
+        common = self._common_center(direction, films, travel)
+        first = common + direction * group.offsets[0]
+        if not films and not self._explained(direction, travel, trusted):
+            return None
+        begin, end = (travel.instant_at(first + sign * group.half_inside) for sign in (-1.0, 1.0))
+        speed = 2.0 * group.half_inside * NS_PER_S / max(end - begin, 1)
+        reversed_inside = any(travel.instants[0] < instant < travel.instants[-1]
+                              for instant, _ in reversals)
+        change = math.inf if reversed_inside else travel.speed_change()
+        samples = (self._samples(direction, list(films.values()), travel.trajectory,
+                                 travel.instant_at(first))
+                   if films and change < c.MAX_SPEED_CHANGE else None)
+        return PatchCrossing(
+            travel.instant_at(common), direction, speed, travel.trajectory.speed_sigma, change,
+            2.0 * group.reach, begin, end, samples)
+
+    def _samples(self, direction: int, films: list[FilmCrossing], trajectory: SmoothedTrajectory,
+                 reference_ns: int) -> CrossingSamples:
+        """Return the samples of ``films`` over distance, from one trajectory for all."""
+        begin = min(int(film.segment.instants[0]) for film in films)
+        end = max(int(film.segment.instants[-1]) for film in films)
+        samples, detections = [], []
+        low, high = self._group.rails
+        *centers, reference = (direction * trajectory.distance_at(np.array(
+            [*(film.instant_ns for film in films), reference_ns]))).tolist()
+        for film, center in sorted(zip(films, centers), key=lambda both: both[0].segment.film):
+            segment = film.segment
+            distance = direction * trajectory.distance_at(segment.instants)
+            near = np.abs(distance - center) < (
+                self._group.half_crossing + c.MARGIN * self._group.film_length)
+            volts = segment.volts[near]
+            rail = (volts > high).astype(np.int8) - (volts < low)
+            samples.append(FilmSamples(self._group.films[segment.film], distance[near],
+                                       volts - segment.baseline, rail))
+            detections.append(replace(film.detection, center=center))
+        return CrossingSamples(tuple(samples), tuple(detections), reference,
+                               trajectory.errors(begin, end))
+
+    def _common_center(self, direction: int, films: dict[int, FilmCrossing],
+                       travel: TravelSegment) -> float:
+        """Return the distance in ``travel`` with the common center at the patch center."""
+        if not films:
+            return self._group.reach
+        centers = [travel.distance_at(film.instant_ns)
+                   - direction * self._group.offsets[film.segment.film]
+                   for film in films.values()]
+        return float(np.average(centers, weights=[film.detection.coverage
+                                                  for film in films.values()]))
+
+    def _explained(self, direction: int, travel: TravelSegment, trusted: bool) -> bool:
+        """Return whether activity or lost samples support a crossing without detections."""
+        lost_films, half = 0, self._group.half_crossing
+        for film, offset in enumerate(self._group.offsets):
+            position = self._group.reach + direction * offset
+            begin, center, end = (travel.instant_at(position + by) for by in (-half, 0.0, half))
+            lost = self._extractor.lost_share(begin, end)
+            lost_films += lost > c.LOST_SHARE_WHOLE
+            for segment in self._segments:
+                if segment.film == film and (
+                        segment.begin_ns < center < segment.end_ns or lost > c.LOST_SHARE_PARTIAL
+                        and segment.begin_ns < end and segment.end_ns > begin):
+                    return True
+        return trusted and lost_films == len(self._group.offsets)

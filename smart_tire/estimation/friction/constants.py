@@ -22,10 +22,8 @@ Lengths are in lengths of the film. Runs are scenarios of ``benchmarks.friction`
 import numpy as np
 
 # -- fit of the waveform: start and priors -------------------------------------------------------
-MIN_SAMPLES = 8          # of a film; assumed: priors make up for the rest; lost batches
 CENTER_SIGMA = 0.25      # film lengths, of a detected center; derived from its tests; all
 BASELINE_SIGMA = 0.01    # V, of the tracked baseline; assumed: two sigmas of a sample; all
-BENDING_SIGMA = 0.5      # -, of the bending peak: poorly calibrated; assumed; all
 BUMP_SHARE = 0.12        # of the bending peak, prior and its sigma; Fig. 11(b): 0.10-0.15; bumps
 LOG_RECOVERY_SIGMA = 0.5  # of ln of the recovery length; assumed; releases fig8
 LOG_ALPHA_SIGMA = 0.03   # of ln of alpha in B(15); assumed; all

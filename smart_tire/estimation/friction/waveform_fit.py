@@ -28,6 +28,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.contact.constants import BENDING_SIGMA, MIN_SAMPLES
 from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_model import (
@@ -129,7 +130,7 @@ class WaveformFitter:
 
         A fit of the same samples with another prior is a good ``start``.
         """
-        if min(len(film.distance) for film in samples.films) < c.MIN_SAMPLES:
+        if min(len(film.distance) for film in samples.films) < MIN_SAMPLES:
             return None
         solver = LevenbergMarquardt(
             self._model(samples),
@@ -205,7 +206,7 @@ class WaveformFitter:
             bump = c.BUMP_SHARE * peak
             value[block] = detection.center, 0.0, peak, bump, bump, 0.0, 0.0
             sigma[block] = (
-                c.CENTER_SIGMA * self._robot.film.length, c.BASELINE_SIGMA, c.BENDING_SIGMA * peak,
+                c.CENTER_SIGMA * self._robot.film.length, c.BASELINE_SIGMA, BENDING_SIGMA * peak,
                 bump, bump, self._gain_sigma, c.LOG_RECOVERY_SIGMA)
         free = np.flatnonzero(sigma > 0.0)
         prior = Prior(value, np.diag(sigma[free]**-2), free)

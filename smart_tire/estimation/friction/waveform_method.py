@@ -28,7 +28,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.detection import MAX_RESIDUAL, PLAUSIBLE_BENDING
+from smart_tire.estimation.contact.constants import MAX_RESIDUAL, PLAUSIBLE_BENDING
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_fit import (

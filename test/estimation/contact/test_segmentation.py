@@ -22,28 +22,30 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.estimation.contact.reversal_detection import ReversalDetector
-from smart_tire.estimation.contact.segmentation import SegmentExtractor
+from smart_tire.estimation.contact.records import FilmGroup
+from smart_tire.estimation.contact.segmentation import FilmSampleBuffer, SegmentExtractor
+from smart_tire.estimation.contact.trajectory import ReversalDetector
 from smart_tire.parameters import RobotParams
+from smart_tire.samples import TireSample
 from support.rolling import along, films, ROUND, START_NS, steady
 
 ROBOT = RobotParams()
 PERIOD_NS = 2_500_000
 CROSSING = ROBOT.tire.contact_length + ROBOT.film.length
-THRESHOLDS = (0.2, 0.16)
+GROUP = FilmGroup.of(ROBOT, 'front_right', (0, 1))
 
 
 def segments_of(samples, trajectory, block=20):
     """Return the segments in ``samples``, added in blocks with an exactly known trajectory."""
-    extractor = SegmentExtractor(THRESHOLDS, ROBOT.film.rest_voltage, PERIOD_NS, CROSSING)
+    extractor = SegmentExtractor(GROUP, ROBOT.film.rest_voltage, PERIOD_NS)
     reversals, found = ReversalDetector(0.003), []
     for start in range(0, len(samples), block):
         chunk = samples[start:start + block]
         instants = np.array([sample.stamp_ns for sample in chunk])
         positions = trajectory((instants - START_NS) * 1e-9)
-        found += extractor.add(
+        found += extractor.extend(
             instants, positions, np.array([sample.volts for sample in chunk]),
-            [instant for instant, _ in reversals.advance(instants, positions)])
+            [instant for instant, _ in reversals.follow(instants, positions)])
     return found, extractor
 
 
@@ -139,3 +141,63 @@ def test_a_segment_contains_samples_from_before_entry_to_after_release():
     assert positions[-1] - positions[0] > CROSSING
     assert np.all(np.diff(found[0].instants) > 0)
     assert positions[-1] - positions[0] < 0.3 * ROUND
+
+
+def filled(films, volts):
+    buffer = FilmSampleBuffer(films, PERIOD_NS)
+    for i, row in enumerate(volts):
+        buffer.add_films(TireSample(i * PERIOD_NS, 'front_right', row))
+    return buffer
+
+
+def test_samples_are_taken_once_and_up_to_an_instant():
+    buffer = filled((0, 1), [(0.1 * i, 1.65) for i in range(10)])
+    instants, volts = buffer.take(4 * PERIOD_NS)
+    assert instants.tolist() == [i * PERIOD_NS for i in range(5)]
+    assert volts[:, 0].tolist() == [0.1 * i for i in range(5)]
+    assert len(buffer.take(20 * PERIOD_NS)[0]) == 5
+    assert buffer.take(20 * PERIOD_NS)[1].shape == (0, 2)
+
+
+def test_the_films_of_the_group_are_returned_and_absent_ones_are_nan():
+    _, volts = filled((1, 2), [(0.0, 1.0, 2.0, 3.0)] * 3).take(PERIOD_NS)
+    assert volts.tolist() == [[1.0, 2.0]] * 2
+    _, volts = filled((0, 1), [(0.0, 1.0), (0.0,)]).take(PERIOD_NS)
+    assert np.isnan(volts).tolist() == [[False, False], [False, True]]
+
+
+def regularized(stamps):
+    buffer = FilmSampleBuffer((0,), PERIOD_NS)
+    for stamp in stamps:
+        buffer.add_films(TireSample(int(stamp), 'front_right', (1.65,)))
+    return buffer.take(2**62)[0]
+
+
+def test_timestamps_of_batches_become_as_regular_as_the_conversions():
+    rng = np.random.default_rng(0)
+    true = np.arange(4000) * 2_500_125  # 50 ppm slow
+    received = true + np.repeat(rng.normal(0.0, 300_000.0, 250), 16).astype(np.int64)
+    kept = np.ones(4000, bool)
+    kept[1600:1648] = False
+    regular = regularized(received[kept])
+    error = (regular - true[kept])[1000:]
+    assert np.std(error) < 120_000
+    assert np.max(np.abs(np.diff(error))) < 10_000
+
+
+def test_a_reset_of_the_node_is_followed_at_once():
+    stamps = [i * PERIOD_NS for i in range(500)]
+    for reset in (10**12, stamps[-1] - 10**8):
+        assert regularized(sorted([*stamps, reset]))[-1] == max(reset, stamps[-1])
+    assert regularized([*stamps, 10**12, 10**12 + PERIOD_NS])[-1] == 10**12 + PERIOD_NS
+
+
+def test_a_reversal_is_detected_and_vibration_is_not():
+    detector = ReversalDetector(0.003)
+    time = np.arange(0.0, 4.0, 0.008)
+    distance = np.where(time < 2.0, 0.2 * time, 0.8 - 0.2 * time)
+    distance = distance + 0.001 * np.sin(40.0 * time)
+    reversals = detector.follow((time * 1e9).astype(np.int64), distance)
+    assert len(reversals) == 1
+    assert reversals[0][0] == pytest.approx(2e9, abs=3e7)
+    assert detector.direction == -1

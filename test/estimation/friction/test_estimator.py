@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.contact.prediction import MAX_CROSSINGS_PER_STEP
+from smart_tire.estimation.contact.constants import MAX_CROSSINGS_PER_STEP
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.parameters import build, FrictionEstimatorParams, SimulatorParams
 from smart_tire.samples import (

@@ -22,7 +22,7 @@ from benchmarks.friction.cramer_rao import friction_bound
 import numpy as np
 import pytest
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.contact.trajectory_error import TrajectoryErrors
+from smart_tire.estimation.contact.records import TrajectoryErrors
 from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import PerFilm, Shared

@@ -16,10 +16,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.polynomial.legendre import legfit
 import pytest
 
-from smart_tire.estimation.contact.wheel_trajectory import WheelTrajectory
+from smart_tire.estimation.contact.trajectory import shape_error_sigmas, WheelTrajectory
 from support.rolling import along, ROBOT, stamp, steady
 
 R = ROBOT.wheel_radius
@@ -32,8 +35,8 @@ def recorded(trajectory, duration, *, rate=16.0, jitter=0.0, positions=True, see
     count, before = 2000.0 / (2.0 * np.pi), 0.0
     for i, time in enumerate(np.arange(0.0, duration, 1.0 / rate)):
         angle = np.floor(float(trajectory(np.array(time + 1e-9))) / R * count) / count
-        wheel.add(stamp(time + jitter * rng.standard_normal()), (angle - before) * rate if i else
-                  0.0, angle if positions else None)
+        wheel.add_wheel(stamp(time + jitter * rng.standard_normal()),
+                        (angle - before) * rate if i else 0.0, angle if positions else None)
         before = angle
     return wheel
 
@@ -71,13 +74,13 @@ def test_speeds_alone_give_the_same_trajectory_as_angles():
 def test_an_encoder_reset_is_not_rolled_distance():
     wheel = WheelTrajectory(R, 2000.0, JITTER)
     for i in range(20):
-        wheel.add(stamp(0.0625 * i), 10.0, 0.625 * i - (500.0 if i > 10 else 0.0))
+        wheel.add_wheel(stamp(0.0625 * i), 10.0, 0.625 * i - (500.0 if i > 10 else 0.0))
     assert wheel.interpolate(np.array([stamp(0.0625 * 19)]))[0] == pytest.approx(R * 0.625 * 19)
 
 
 def test_the_timestamp_latency_is_subtracted():
     late = WheelTrajectory(R, 2000.0, JITTER, latency=0.02)
-    late.add(stamp(1.0), 0.0, 0.0)
+    late.add_wheel(stamp(1.0), 0.0, 0.0)
     assert late.newest_ns == stamp(0.98)
 
 
@@ -96,3 +99,35 @@ def test_a_segment_maps_distance_to_time_and_reports_changes_of_speed():
     assert segment.distance_at(segment.instant_at(0.05)) == pytest.approx(0.05, abs=1e-3)
     assert segment.speed_change() < 0.1
     assert wheel.segment(1.95, 2.05, stamp(10.0)).speed_change() > 1.0
+
+
+def simulated(rng, density, cutoff, duration, count):
+    """Return Legendre coefficients (n, 8) of noise with the described density."""
+    total, step = 40.0 * duration, duration / 100.0
+    n = round(total / step)
+    frequency = np.fft.rfftfreq(n, step) * 2.0 * math.pi
+    amplitude = np.sqrt(density / (1.0 + (frequency / cutoff)**6) / step)
+    found = []
+    for _ in range(count):
+        noise = np.fft.irfft(amplitude * np.fft.rfft(rng.standard_normal(n)), n)
+        for start in range(0, n - 101, 200):
+            found.append(legfit(np.linspace(-1.0, 1.0, 101), noise[start:start + 101], 7))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(('cutoff', 'duration'), [(10.0, 0.2), (10.0, 0.8), (20.0, 1.0)])
+def test_the_sigmas_are_those_of_simulated_noise(cutoff, duration):
+    density = 1e-7
+    found = np.std(simulated(np.random.default_rng(0), density, cutoff, duration, 30), axis=0)
+    sigmas = shape_error_sigmas(density, cutoff, duration)
+    np.testing.assert_allclose(sigmas[:4], found[2:6], rtol=0.25)
+
+
+def test_negligible_polynomials_are_left_out():
+    wheel = recorded(steady(120.0), 6.0, jitter=JITTER)
+    short, long = (wheel.smooth(stamp(2.0), stamp(end)).errors(stamp(2.0), stamp(end))
+                   for end in (2.15, 5.0))
+    assert len(short.shape_sigmas) < len(long.shape_sigmas)
+    assert short.scale_sigma > long.scale_sigma > 0.0
+    for errors in (short, long):
+        assert all(sigma > 1e-4 * R for sigma in errors.shape_sigmas)
