@@ -24,9 +24,9 @@ from __future__ import annotations
 from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import RobotParams
-from smart_tire.reproduction import two_peaks
+from smart_tire.reproduction import printed
 
-EXACT_MAP, PRINTED_MAP = MAPS = tuple(two_peaks.MAPS)
+EXACT_MAP, PRINTED_MAP = MAPS = tuple(printed.MAPS)
 
 
 def friction_from_peaks(interval: Array, speed: Array, total_slip: Array, load: Array,
@@ -37,7 +37,7 @@ def friction_from_peaks(interval: Array, speed: Array, total_slip: Array, load: 
     NaN outside the range of the map ``which``.
     """
     patch = robot.tire.contact_length
-    adhesion = two_peaks.MAPS[which](
+    adhesion = printed.MAPS[which](
         patch - speed * interval, robot.film.length, patch) / patch
     return brush_tire.friction_from_adhesion(
         adhesion, total_slip, load, robot.tire.longitudinal_stiffness)

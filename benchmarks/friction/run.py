@@ -52,7 +52,7 @@ from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.estimation import streams
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.simulation import GroundParams
-from smart_tire.reproduction.two_peaks import two_peaks
+from smart_tire.reproduction.printed import two_peaks
 from smart_tire.samples import Friction, NS_PER_S, Sample
 from smart_tire.simulation.offline import Event
 

@@ -25,7 +25,7 @@ from smart_tire.cli._progress import Progress
 from smart_tire.errors import ParameterError
 
 if TYPE_CHECKING:
-    from smart_tire.reproduction.experiments import Laboratory
+    from smart_tire.reproduction.film_experiments import Laboratory
 
 NAME = 'reproduce'
 HELP = 'recompute the figures and tables of both papers; write PNG files and an HTML report'
@@ -58,7 +58,7 @@ def laboratory() -> Laboratory:
     from smart_tire.arrays import Array
     from smart_tire.estimation.film.files import FilmRecording
     from smart_tire.models.film.hysteresis import TABLE_I_GAIN
-    from smart_tire.reproduction.experiments import Laboratory, Specimen
+    from smart_tire.reproduction.film_experiments import Laboratory, Specimen
     from smart_tire.reproduction.film_test_stand import FilmTestStand
     from smart_tire.simulation.offline import simulate
 

@@ -38,10 +38,10 @@ NAMES = 'names'   # last part of the list parameter with the names of a ``named`
 # parameters of earlier versions -> where what they chose is now
 MOVED = {
     'constraint': 'lambda in B(7) is plain; as printed it is in "smart_tire reproduce" and in '
-                  'smart_tire.reproduction.printed_constraint',
+                  'smart_tire.reproduction.printed',
     **dict.fromkeys(('method', 'map'), (
         'friction is estimated from the whole waveform; the two peaks of paper B are in '
-        '"smart_tire reproduce" and in smart_tire.reproduction.two_peaks'))}
+        '"smart_tire reproduce" and in smart_tire.reproduction.printed'))}
 
 
 @dataclass(frozen=True)

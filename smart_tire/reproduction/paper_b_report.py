@@ -20,7 +20,7 @@ import numpy as np
 
 from smart_tire.analysis.metrics import SlipScore
 from smart_tire.reproduction import tire_maps
-from smart_tire.reproduction.report_section import Section
+from smart_tire.reproduction.report import Section
 from smart_tire.reproduction.tire_maps import (
     CRITICAL, METHODS, MIN_SLIP, MU, Outline, OUTLINE_SLIP, Signals, SLIPS, STIFFNESS, Sweep)
 from smart_tire.reproduction.tire_runs import ROBOT, StiffnessFit

@@ -25,10 +25,9 @@ from smart_tire.analysis import drawing
 from smart_tire.analysis.html_report import page
 from smart_tire.analysis.tables import Table
 from smart_tire.reproduction import (
-    film_figures, film_fit, film_loops, paper_a_report, paper_b_report, tire_figures, tire_maps,
-    tire_runs)
-from smart_tire.reproduction.experiments import Laboratory
-from smart_tire.reproduction.report_section import Section
+    film_experiments, paper_a, paper_b_report, tire_figures, tire_maps, tire_runs)
+from smart_tire.reproduction.film_experiments import Laboratory
+from smart_tire.reproduction.report import Section
 from smart_tire.reproduction.tire_runs import Crossings, crossings, drive, steady
 
 Progress = Callable[[int, int, str], None]  # steps done, total number of steps, next task
@@ -95,21 +94,21 @@ class _Steps:
 def film_sections(laboratory: Laboratory, steps: _Steps) -> Iterator[Page]:
     """Yield the sections of paper A."""
     steps.start('paper A, Fig. 4')
-    trace = film_loops.buckling_test(laboratory)
-    yield paper_a_report.trace_section(trace), film_figures.trace_figure(trace)
+    trace = film_experiments.buckling_test(laboratory)
+    yield paper_a.trace_section(trace), paper_a.trace_figure(trace)
     steps.start('paper A, Fig. 6')
-    rate = film_loops.rate_independence(laboratory)
-    yield paper_a_report.rate_section(rate), film_figures.rate_figure(rate)
+    rate = film_experiments.rate_independence(laboratory)
+    yield paper_a.rate_section(rate), paper_a.rate_figure(rate)
     steps.start('paper A, Fig. 7')
-    amplitude = film_loops.proportionality(laboratory)
-    yield paper_a_report.amplitude_section(amplitude), film_figures.amplitude_figure(amplitude)
+    amplitude = film_experiments.proportionality(laboratory)
+    yield paper_a.amplitude_section(amplitude), paper_a.amplitude_figure(amplitude)
     steps.start('paper A, Fig. 8')
-    fits = film_fit.identification(laboratory)
-    yield paper_a_report.fit_section(fits), film_figures.fit_figure(fits)
+    fits = film_experiments.identification(laboratory)
+    yield paper_a.fit_section(fits), paper_a.fit_figure(fits)
     steps.start('paper A, Fig. 9')
-    yield paper_a_report.comparison_section(fits), film_figures.comparison_figure(fits)
+    yield paper_a.comparison_section(fits), paper_a.comparison_figure(fits)
     steps.start('paper A, Table I')
-    yield paper_a_report.table_section(fits), film_figures.table_figure(fits)
+    yield paper_a.table_section(fits), paper_a.table_figure(fits)
 
 
 def tire_sections(laboratory: Laboratory, steps: _Steps) -> Iterator[Page]:

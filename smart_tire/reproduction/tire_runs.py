@@ -31,8 +31,8 @@ from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.recording import at, Recording
-from smart_tire.reproduction.experiments import Laboratory, Schedule
-from smart_tire.reproduction.printed_constraint import PrintedSlipEstimator
+from smart_tire.reproduction.film_experiments import Laboratory, Schedule
+from smart_tire.reproduction.printed import PrintedSlipEstimator
 from smart_tire.samples import (
     Friction, GRAVITY, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample)
 

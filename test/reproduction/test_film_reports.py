@@ -24,28 +24,28 @@ import pytest
 
 from smart_tire.cli.reproduce import laboratory
 from smart_tire.models.film.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
-from smart_tire.reproduction import film_fit, film_loops, paper_a_report
-from smart_tire.reproduction.experiments import specimen
+from smart_tire.reproduction import film_experiments, paper_a
+from smart_tire.reproduction.film_experiments import specimen
 
 
 @pytest.fixture(scope='module')
 def trace():
-    return film_loops.buckling_test(laboratory())
+    return film_experiments.buckling_test(laboratory())
 
 
 @pytest.fixture(scope='module')
 def rate():
-    return film_loops.rate_independence(laboratory())
+    return film_experiments.rate_independence(laboratory())
 
 
 @pytest.fixture(scope='module')
 def amplitude():
-    return film_loops.proportionality(laboratory())
+    return film_experiments.proportionality(laboratory())
 
 
 @pytest.fixture(scope='module')
 def identified():
-    return film_fit.identification(laboratory())
+    return film_experiments.identification(laboratory())
 
 
 def test_table_one_is_for_its_film_and_others_keep_the_shape_of_the_loop():
@@ -81,7 +81,7 @@ def test_peaks_are_constant_from_one_to_ten_hertz(rate):
 
 
 def test_peaks_are_those_of_the_operator_without_noise(rate):
-    exact = film_loops.asymptotic_peak(specimen('10x1'), 4e-3, 'exact')
+    exact = film_experiments.asymptotic_peak(specimen('10x1'), 4e-3, 'exact')
     np.testing.assert_allclose(rate.peak, exact, atol=4.0 * float(rate.sigma.max()))
 
 
@@ -91,7 +91,8 @@ def test_the_asymptotic_peak_agrees_with_the_closed_form():
     span = 0.5 * abs(float(film.charge(np.array([3e-3]))[0]))
     p = film.hysteresis
     expected = p.a * span - p.band * math.tanh(p.alpha * span)
-    assert film_loops.asymptotic_peak(film, 3e-3, 'exact') == pytest.approx(expected, rel=1e-9)
+    found = film_experiments.asymptotic_peak(film, 3e-3, 'exact')
+    assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_peaks_over_amplitude_are_nearly_linear_and_convex(amplitude):
@@ -148,13 +149,13 @@ def test_the_film_touches_itself_at_the_printed_stroke(identified):
 
 
 def test_statements_depend_on_the_numbers(identified, rate):
-    section = paper_a_report.table_section(identified)
+    section = paper_a.table_section(identified)
     assert any('within their error bars' in text for text in section.agrees)
     true = identified.true
     wrong = replace(identified, true={**true, 'a_gain': 2.0 * true['a_gain']})
-    section = paper_a_report.table_section(wrong)
+    section = paper_a.table_section(wrong)
     assert not section.agrees and any('outside its error bar' in text for text in section.differs)
-    section = paper_a_report.rate_section(replace(rate, slope=0.2))
+    section = paper_a.rate_section(replace(rate, slope=0.2))
     assert not any('are constant' in text for text in section.agrees)
 
 
@@ -162,5 +163,5 @@ def test_another_operator_on_the_test_stand_is_detected():
     def changed_film(film, deflection, rate, seed):
         changed = DuhemParams(alpha=2.0 * film.hysteresis.alpha, a=0.54, b=0.28)
         return laboratory().bench(replace(film, hysteresis=changed), deflection, rate, seed)
-    other = film_fit.identification(replace(laboratory(), bench=changed_film))
+    other = film_experiments.identification(replace(laboratory(), bench=changed_film))
     assert np.abs(other.pulls[:, 0]).min() > 3.0

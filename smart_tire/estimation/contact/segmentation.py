@@ -180,12 +180,12 @@ class SegmentExtractor:
         # number of reversals before each sample
         legs = np.searchsorted(self._reversals, self._instants)
         active = self._active & (self._sampled[:, np.newaxis] > self._extracted)
-        for film, any_active in enumerate(active.any(axis=0).tolist()):
+        for film in range(len(self._open)):
             self._open[film] = False
-            if not any_active:
+            indices = active[:, film].nonzero()[0]
+            if not len(indices):
                 self._track_baseline(film, self._volts[len(self._volts) - new:, film])
                 continue
-            indices = active[:, film].nonzero()[0]
             breaks = ((np.diff(self._sampled[indices]) > abs(closing))
                       | (np.diff(legs[indices]) > 0)).nonzero()[0]
             for first, last in zip(indices[[0, *(breaks + 1)]], indices[[*breaks, -1]]):

@@ -13,20 +13,23 @@
 # limitations under the License.
 
 """
-Two-peak method of paper B: two peaks of the raw samples, B(22) to B(26) and Fig. 8.
+Printed variants of paper B: the constraint B(7), and the two-peak method, B(22) to B(26), Fig. 8.
 
-The highest sample is taken for the stretch peak at x_m, the lowest for the release. The travel
-between them gives the adhesion length, by the exact or the printed map; slip is that of the motion
-of the robot. At 400 Hz the peaks have errors of some millimeters and 0.1 V, and only in traction
-do these two samples represent the two peaks.
+In B(7) lambda' stands in place of lambda. It is 0 for a faster side that brakes and for a slower
+side that drives: slip of both sides in the same direction is discarded. It is a constraint of
+speeds, so distances are counted from the timestamps, not between positions.
 
-``two_peaks`` applies it to the crossings that the friction estimator of this package finds.
+In the two-peak method the highest sample is taken for the stretch peak at x_m, the lowest for the
+release. The travel between them gives the adhesion length, by the exact or the printed map; slip
+is that of the motion of the robot. At 400 Hz the peaks have errors of some millimeters and 0.1 V,
+and only in traction do these two samples represent the two peaks. ``two_peaks`` applies it to the
+crossings that the friction estimator of this package finds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -37,6 +40,10 @@ from smart_tire.estimation.contact.records import FilmSamples, PatchCrossing
 from smart_tire.estimation.friction.estimator import EvaluatedCrossing, FrictionEstimator
 from smart_tire.estimation.friction.output import friction_record
 from smart_tire.estimation.friction.waveform_method import FilmResult, SlipFit
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.filter import SlipFilter
+from smart_tire.estimation.slip.inputs import WheelSpeeds
+from smart_tire.estimation.slip.state import SLIP_VELS
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.parameters.robot import RobotParams
@@ -205,3 +212,35 @@ class TwoPeakMethod:
         sigma = math.hypot(
             peaks.peak_travel.sigma, crossing.speed_sigma * interval) / crossing.speed
         return peaks.stretch_voltage, Uncertain(interval, sigma)
+
+
+class PrintedSlipFilter(SlipFilter):
+    """Slip filter with B(7) as printed."""
+
+    def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float,
+                           slip_held: bool) -> float:
+        """Correct with the mean of both distances, with lambda', and with their difference."""
+        mix = np.array([[0.5, 0.5], [-1.0, 1.0]])
+        y, H = mix @ y, mix @ H
+        for slip, own, other in zip(SLIP_VELS, sides, sides[::-1]):
+            value = self.kalman.x[slip] * own
+            if value < 0.0 if abs(own) >= abs(other) else value > 0.0:
+                y[0] += 0.5 * dt * self.kalman.x[slip]
+                H[0, slip] -= 0.5 * dt
+        return super()._correct_distances(y, H, mix @ R @ mix.T, sides, dt, slip_held)
+
+    def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
+                        change: list[float], W: float) -> None:
+        super()._restart_travel(replace(wheels, from_positions=False), sides, lag, change, W)
+
+
+class PrintedSlipEstimator(SlipEstimator):
+    """
+    Slip estimator with B(7) as printed, with the inputs and outputs of ``SlipEstimator``.
+
+    >>> from smart_tire.parameters import SlipEstimatorParams
+    >>> PrintedSlipEstimator(SlipEstimatorParams()).status()['state']
+    'waiting for imu/data'
+    """
+
+    new_filter = PrintedSlipFilter

@@ -25,7 +25,7 @@ from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.models.tire import brush_tire, strain_charge
 from smart_tire.parameters import build, FrictionEstimatorParams, RobotParams, SimulatorParams
-from smart_tire.reproduction.two_peaks import (
+from smart_tire.reproduction.printed import (
     printed_adhesion_length, two_peaks, TwoPeakMethod)
 from smart_tire.samples import Friction
 from smart_tire.simulation.offline import simulate
