@@ -23,8 +23,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire, strain_charge, tread_film
 from smart_tire.parameters import SimulatorParams
-from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
 from smart_tire.reproduction.printed import MAPS
+from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
 from smart_tire.samples import GRAVITY, NS_PER_S
 
 LENGTH, PATCH = ROBOT.film.length, ROBOT.tire.contact_length  # m, l and L

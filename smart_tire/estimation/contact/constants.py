@@ -50,8 +50,8 @@ GAP_PERIODS = 2.5          # sample periods: a longer step is a gap; derived; ra
 ACTIVITY_SHARE = 0.25      # of the bending peak; derived: bumps stay below half of that; all
 ACTIVITY_SIGMAS = 6.0      # of a sample, least threshold; derived; noisy
 CLOSING = 1.75             # film lengths of silence after a segment: braking shows 1.3; braking
-LEAD = 2.5                 # film lengths of samples before the first active one: entry, bump; all
-MARGIN = 1.5               # film lengths after a crossing: bump, recovery, late detections; all
+LEAD_MARGIN = 2.5          # film lengths of samples before the first active one: entry, bump; all
+TAIL_MARGIN = 1.5          # film lengths after a crossing: bump, recovery, late detections; all
 MAX_ACTIVE_CROSSINGS = 2.5  # of activity, then the baseline has moved; derived; wrong baseline
 BASELINE_GAIN = 0.1        # share of a new median in the baseline; assumed; wrong baseline
 

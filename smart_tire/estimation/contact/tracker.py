@@ -154,7 +154,7 @@ class ContactTracker:
         return (self._associator.complete(predicted)
                 or self._reversals.direction != predicted.direction
                 or not self._extractor.active
-                and self._beyond(predicted, position) > c.MARGIN * self._group.film_length)
+                and self._beyond(predicted, position) > c.TAIL_MARGIN * self._group.film_length)
 
     def _beyond(self, predicted: PredictedCrossing, position: Point) -> float:
         """Return the distance [m] rolled since the end of a predicted crossing."""
@@ -227,7 +227,7 @@ class CrossingAssembler:
             segment = film.segment
             distance = direction * trajectory.distance_at(segment.instants)
             near = np.abs(distance - center) < (
-                self._group.half_crossing + c.MARGIN * self._group.film_length)
+                self._group.half_crossing + c.TAIL_MARGIN * self._group.film_length)
             volts = segment.volts[near]
             rail = (volts > high).astype(np.int8) - (volts < low)
             samples.append(FilmSamples(self._group.films[segment.film], distance[near],
