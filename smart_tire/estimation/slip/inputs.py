@@ -26,8 +26,8 @@ from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradict
 from smart_tire.estimation.slip.state import (
     BIAS_WINDOW, DRIVE_JERK, ImuReading, ImuStep, INITIAL_IMU_PERIOD,
     INITIAL_WHEEL_PERIOD, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES,
-    PERIOD_GAIN, QUIET_NOISE_RATIO, QUIET_TIME, TURN_TIME, UNWINDING_SHARE, UNWINDING_TIME,
-    VIBRATION_TIME)
+    PERIOD_GAIN, QUIET_NOISE_RATIO, QUIET_TIME, RESIDUAL_GAIN, TURN_TIME, UNWINDING_SHARE,
+    UNWINDING_TIME, VIBRATION_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, ImuSample, WheelSample
@@ -215,7 +215,8 @@ class WheelOdometry:
         self.side_speeds = left, right
         self.independent = self.independent or left != right
         self.wheel_residual = tuple(  # type: ignore[assignment]
-            speed - self.side_speeds[i % 2] for i, speed in enumerate(speeds))
+            old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)
+            for i, old in enumerate(self.wheel_residual))
         # both ends are uniform over a count; a side is the mean of its encoders
         variance = (self._count / duration) ** 2 / (6.0 * self._encoders)
         return WheelSpeeds(duration, speeds, self.side_speeds, variance, from_positions)
