@@ -132,22 +132,20 @@ def _with_spread(item: Quantity, parts: Sequence[Geometry]) -> Quantity:
 
 def _keep_insignificant(found: Geometry, parts: Sequence[Geometry], robot: RobotParams) -> None:
     """Note why parameters are not written: equal to the configured ones, or of one half only."""
-    significant = set()
-    for item in (item for item in found.quantities if item.parameter):
-        configured, (value, sigma) = _configured(item, robot), item.written
-        refused = [part for part in parts if part.get(item.name) is None]
-        if refused:
-            reason = refused[0].refused.get(item.name) or refused[0].refused.get(STATIC_IMU, '')
-            found.kept.setdefault(item.parameter, f'not observable in one half: {reason}')
-        elif abs(value - configured) > SIGNIFICANT_SIGMAS * sigma:
-            significant.add(item.parameter)
-        elif item.name != ROLL:  # the pitch decides after it
-            pair = ' and '.join(f'{part.get(item.name).value:.4g}'  # type: ignore[union-attr]
-                                for part in parts)
-            if item.parameter not in significant:
-                found.kept.setdefault(item.parameter, (
-                    f'no significant difference from {configured:.4g} {item.unit}, as configured: '
-                    f'{value:.4g} ± {sigma:.2g} {item.unit}, the halves give {pair}'))
+    for parameter in dict.fromkeys(item.parameter for item in found.quantities if item.parameter):
+        items = [item for item in found.quantities if item.parameter == parameter]
+        last, configured = items[-1], _configured(items[-1], robot)
+        (value, sigma), values = last.written, [part.get(last.name) for part in parts]
+        if None in values:
+            half = parts[values.index(None)]
+            reason = half.refused.get(last.name) or half.refused.get(STATIC_IMU, '')
+            found.kept.setdefault(parameter, f'not observable in one half: {reason}')
+        elif all(abs(item.written.value - configured) <= SIGNIFICANT_SIGMAS * item.written.sigma
+                 for item in items):
+            pair = ' and '.join(f'{one.value:.4g}' for one in values if one is not None)
+            found.kept.setdefault(parameter, (
+                f'no significant difference from {configured:.4g} {last.unit}, as configured: '
+                f'{value:.4g} ± {sigma:.2g} {last.unit}, the halves give {pair}'))
 
 
 def _configured(item: Quantity, robot: RobotParams) -> float:
