@@ -98,7 +98,7 @@ class CrossingCollector:
 
     def update(self, sample: TireSample | WheelSample) -> None:
         """Process one sample."""
-        self._add(self._feed.update(sample))
+        self._add(self._feed.add_sample(sample))
 
     def finish(self) -> None:
         """Collect the last crossings, at the end of all samples."""

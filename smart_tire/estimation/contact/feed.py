@@ -89,7 +89,7 @@ class ContactFeed:
         self._buffer.reset()
         self._start()
 
-    def update(self, sample: Sample) -> list[Block]:
+    def add_sample(self, sample: Sample) -> list[Block]:
         """
         Add a sample; return the blocks that it completes, and the start of the next one.
 

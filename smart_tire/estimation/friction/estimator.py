@@ -102,7 +102,7 @@ class FrictionEstimator:
 
     def update(self, sample: Sample) -> list[Friction | GroundState]:
         """Add a sample of one of the inputs; return the estimates that it completes."""
-        return self._process(self._feed.update(sample))
+        return self._process(self._feed.add_sample(sample))
 
     def finish(self) -> list[Friction | GroundState]:
         """Return the last estimates, at the end of all inputs; ``reset`` before a further one."""

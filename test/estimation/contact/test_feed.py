@@ -37,7 +37,7 @@ def samples():
 
 
 def blocks(feed, samples):
-    return [block for sample in samples for block in feed.update(sample)]
+    return [block for sample in samples for block in feed.add_sample(sample)]
 
 
 def crossings(found):
