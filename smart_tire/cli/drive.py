@@ -46,7 +46,7 @@ KEYBOARD_SPEED = 0.3   # m/s
 CONFIRMATION = 'drive'
 FOLLOWER = 'trajectory_controller'
 FILES = ('drive.yaml', 'summary.json', 'path.png')
-ARRIVED, NOT_ARRIVED, USAGE = 0, 1, 2  # exit statuses
+ARRIVED, NOT_ARRIVED = 0, 1  # exit statuses
 CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
 
 

@@ -57,7 +57,7 @@ MIN_LATENCY_ERROR = 0.03  # s; half a period of wheel_states at 16 Hz
 MIN_LEVER_ERROR = 0.1     # m
 MAX_LEVER_SIGMA = 0.1     # m; larger in steady turns, where radius and lever are not separable
 CORRELATION_TIME = 2.0    # s over which slip is correlated
-COLUMNS = RADIUS, SLIP, LEVER_X, LEVER_Y, BIAS = range(5)
+RADIUS, SLIP, LEVER_X, LEVER_Y, BIAS = range(5)  # columns of the lateral fit
 UNIT_TOLERANCE = 0.4      # relative, of a radius ratio that names a unit of the wheel speeds: slip
 
 
