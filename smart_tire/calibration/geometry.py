@@ -34,9 +34,8 @@ from smart_tire.calibration.latency import (
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.reference import (
     fit_gyro_scale, fit_radius, RadiusFit, usable_reference)
-from smart_tire.calibration.results import Found, Quantity, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import Found, MAX_STANDARD_ERROR, Quantity, SIGNIFICANT_SIGMAS
 from smart_tire.calibration.sensor_noise import fit_jitter, fit_rest, motion_noise, RestFit
-from smart_tire.calibration.turning import MAX_TRACK_SIGMA
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
@@ -246,9 +245,9 @@ def _add_track(found: Geometry, robot: RobotParams) -> None:
     slope, radius = found.yaw_rate_fit.slope, found.get(RADIUS)
     value, sigma = radius or (robot.wheel_radius, 0.0)
     track = Uncertain(slope.value * value, math.hypot(slope.sigma * value, slope.value * sigma))
-    if track.sigma > found.factor * MAX_TRACK_SIGMA * track.value:
+    if track.sigma > found.factor * MAX_STANDARD_ERROR * track.value:
         found.refused[TRACK] = (f'standard error of {track.sigma / track.value:.0%}, expected at '
-                                f'most {MAX_TRACK_SIGMA:.0%}')
+                                f'most {MAX_STANDARD_ERROR:.0%}')
     else:
         found.add(TRACK, track, 'm', 'for the configured wheel_radius' if radius is None
                   else 'for the rolling radius above', 'effective_track')

@@ -35,7 +35,7 @@ from smart_tire.calibration.motor_model import (
     speed_gains, steady_motion)
 from smart_tire.calibration.motor_rows import motor_rows
 from smart_tire.calibration.recording import Recording
-from smart_tire.calibration.results import Found, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import Found, MAX_STANDARD_ERROR, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
@@ -49,7 +49,6 @@ IN_STEP = 'readings in step with the motor commands miss the torque in between'
 SEVERAL_SPEEDS = 'requires lifted wheels at several speeds in both directions'
 FRICTION_SIGMA = 0.1       # relative, of the configured friction: a worse result is refused
 MAX_VISCOUS_SHARE = 0.2    # of Coulomb friction: standard error of viscous friction at top speed
-MAX_FEED_FORWARD_SIGMA = 0.05  # relative
 MAX_SAMPLING_ERROR = 0.03  # relative; above it, readings are in step with the commands
 EQUAL_SIGMA = 0.03         # relative, of the force or inertia of one wheel among four; assumed
 
@@ -201,7 +200,7 @@ def _add_feed_forward(found: MotorFit, runs: Runs) -> None:
     speed, duty = (np.concatenate([getattr(rows, name).mean(axis=1) for rows in runs])
                    for name in ('speed', 'duty'))
     found.duty = speed, duty
-    if gain.value > 0.0 and gain.sigma < MAX_FEED_FORWARD_SIGMA * gain.value:
+    if gain.value > 0.0 and gain.sigma < MAX_STANDARD_ERROR * gain.value:
         found.add(FEED_FORWARD, gain, 's/rad', 'duty per wheel speed of a motor without torque',
                   'pid.feed_forward')
     else:

@@ -39,6 +39,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.latency import MAX_DELAY, TURN_SLIP
 from smart_tire.calibration.recording import (
     PoseRecord, Recording, rotation_increments, side_slip, Signal, WheelRecord)
+from smart_tire.calibration.results import MAX_STANDARD_ERROR
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import fit_delay, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
@@ -55,7 +56,6 @@ MIN_INTERVALS = 5        # below this number the residuals do not determine thei
 MAX_PIVOT_SHARE = 0.1    # of the angle of an interval from turns in place
 FREE_ROLLING_SLIP = 0.01      # share of the distance: varying slip of straight rolling; assumed
 REFERENCE_OFFSET_SIGMA = 0.3  # tracks; lateral offset of the reference from the center; assumed
-MAX_SCALE_SIGMA = 0.05   # standard error above which a scale is refused
 LAGS = 2                 # intervals whose slips and poses may be correlated
 
 
@@ -100,9 +100,9 @@ def fit_gyro_scale(recording: Recording) -> tuple[Uncertain, float]:
         lambda delay: Rows(end, matrix, gyro.mean(begin - delay, end - delay), np.zeros(len(end))),
         Prior.of(None, None), np.arange(-MAX_DELAY, MAX_DELAY + DELAY_STEP, DELAY_STEP))
     scale = fit.estimate(0)
-    if scale.sigma > MAX_SCALE_SIGMA:
+    if scale.sigma > MAX_STANDARD_ERROR:
         raise EstimatorError(f'standard error of {scale.sigma:.2g}, expected at most '
-                             f'{MAX_SCALE_SIGMA:g}: the robot hardly yaws')
+                             f'{MAX_STANDARD_ERROR:g}: the robot hardly yaws')
     return scale, fit.delay
 
 

@@ -25,6 +25,7 @@ from smart_tire.uncertain import Uncertain
 
 SIGNIFICANT_SIGMAS = 3.0   # standard errors, of a difference or outlier that is not chance
 CONTRADICTION_SIGMAS = 4.0  # standard errors, of a difference for which data are refused
+MAX_STANDARD_ERROR = 0.05   # relative, above which a value is refused unless it has its own limit
 
 Fit = TypeVar('Fit')
 

@@ -41,7 +41,7 @@ from smart_tire.calibration.latency import (
     CORRELATION_TIME, moving_intervals, yaw_motion, YawRateFit)
 from smart_tire.calibration.recording import Mask, Recording, Signal
 from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
-from smart_tire.calibration.results import Found
+from smart_tire.calibration.results import Found, MAX_STANDARD_ERROR
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Prior, regression, Rows
 from smart_tire.numerics.robust import mad_sigma
@@ -54,7 +54,6 @@ MIN_YAW_RATE = 0.1            # rad/s, of a turn
 TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate changes
 MIN_TOTAL_YAW = 2.0           # rad, in a recording
 MAX_ICR_SIGMA = 0.2           # wheelbases, standard error above which S is not reported
-MAX_TRACK_SIGMA = 0.05        # relative standard error above which a track is refused
 MAX_GROUND_SPREAD = 0.1       # relative, between turns: tires on other ground
 REFERENCE_YAW_SIGMA = 0.05    # rad, yaw misalignment of the reference; assumed
 SPEED_RELATIVE_SIGMA = 0.1    # of the mean wheel speed as speed over ground in turns; assumed
@@ -243,7 +242,7 @@ def effective_track(fits: Sequence[YawRateFit], radius: Uncertain) -> Uncertain:
     relative = math.hypot(
         mad_sigma(np.concatenate(noise)) * math.sqrt(sum(map(len, noise))) / float(yaw.sum()),
         radius.sigma / radius.value, spread / math.sqrt(len(turns)))
-    if relative > MAX_TRACK_SIGMA:
+    if relative > MAX_STANDARD_ERROR:
         raise EstimatorError(f'standard error of {relative:.0%}, expected at most '
-                             f'{MAX_TRACK_SIGMA:.0%}')
+                             f'{MAX_STANDARD_ERROR:.0%}')
     return Uncertain(slope * radius.value, relative * slope * radius.value)
