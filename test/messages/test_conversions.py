@@ -20,6 +20,7 @@ from dataclasses import replace
 from importlib import import_module
 import math
 import re
+from types import SimpleNamespace
 from typing import get_args
 
 from hypothesis import given, strategies as st
@@ -27,7 +28,8 @@ import pytest
 from smart_tire.bags.cdr import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    find_topic, stamp_of, topic_of, TOPICS, transform_to_msg, velocity_from_twist)
+    find_topic, NodeStatus, stamp_of, statuses_from_msg, topic_of, TOPICS, transform_to_msg,
+    velocity_from_twist)
 from smart_tire.messages.header import set_header
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, GoalPose, GroundState, Icr, ImuSample,
@@ -286,3 +288,11 @@ def test_topics_are_found_in_any_namespace(name, prefix):
 @pytest.mark.parametrize('name', ['/imu', '/data', '/imu/data_raw', '/my_odom', '/', ''])
 def test_similar_names_are_not_topics_of_the_table(name):
     assert find_topic(name) is None
+
+
+@pytest.mark.parametrize('level', [2, b'\x02'])  # rclpy has a byte
+def test_the_statuses_of_nodes_are_read(level):
+    value = SimpleNamespace(key='frames_ok', value='7')
+    msg = SimpleNamespace(status=[SimpleNamespace(
+        name='imu_driver', level=level, message='lost', values=[value])])
+    assert statuses_from_msg(msg) == [NodeStatus('imu_driver', 2, 'lost', {'frames_ok': '7'})]
