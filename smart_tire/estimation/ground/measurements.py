@@ -29,13 +29,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.arrays import Array, Instants
+from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK, BLOCK_TIME, DYNAMIC, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND, LEAST_FORCE,
-    LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS, OFFSETS, OLD_GROUND,
-    SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown, UNMEASURED)
-from smart_tire.estimation.ground.wheel_motion import rate_weights, smoothed
+    BLOCK, BLOCK_TIME, DYNAMIC, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND, Interval,
+    LEAST_FORCE, LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS, OFFSETS,
+    OLD_GROUND, SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown,
+    UNMEASURED)
+from smart_tire.estimation.ground.wheel_motion import (
+    block_means, block_spread, rate_weights, sample_means, smoothed)
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
 from smart_tire.models.vehicle.skid_steer import (
     AXLE_SIGNS, MIN_LOAD, normal_loads, SIDE_SIGNS, SLIP_FLOOR)
@@ -46,8 +48,6 @@ YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of
 STREAMS = TORQUE + len(WHEELS)
 SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)  # columns of ``Measurements.at``
 PASSAGE_STEPS = np.arange(-3, 3)  # around a passage, over which its motion is averaged: 0.1 s
-
-Interval = tuple[float, float]  # s
 
 
 class Passage(NamedTuple):
@@ -107,17 +107,17 @@ class Measurements:
         at_edges = radius * rate_weights(motion.times, self.edges)
         self._speed_errors = [at_edges @ error @ at_edges.T
                               for error in (motion.mean_error, motion.difference_error)]
-        self.spread = _block_spread(self.acceleration, self.edges, self.times, period)
-        mean_imu, self.imu_count = _block_means(data.imu, self.edges)
-        mean_wheels, self.torque_count = _block_means(
+        self.spread = block_spread(self.acceleration, self.edges, self.times, period)
+        mean_imu, self.imu_count = sample_means(data.imu, self.edges)
+        mean_wheels, self.torque_count = sample_means(
             near[np.isfinite(near[:, 5:]).all(axis=1)], self.edges)
         self.values = np.vstack([mean_imu.T, mean_wheels[:, 4:].T])  # (STREAMS, blocks)
         self.passages = [one for one in data.passages if first < one.time <= end]
         self.passage_measured = np.array(
             [value for one in self.passages for value in (one.slip, one.ratio)])
         self._heading_data = data.imu
-        self._inertia_torque = motor.inertia * _means(self.acceleration.T)
-        self._moving = _means(self.rates.T)
+        self._inertia_torque = motor.inertia * block_means(self.acceleration.T)
+        self._moving = block_means(self.rates.T)
         # N m per m/s, (4, blocks): an encoder count of a stationary wheel is a large slip
         self._torque_by_speed = radius * robot.tire.longitudinal_stiffness / np.maximum(
             np.abs(radius * self._moving), SLIP_FLOOR)
@@ -182,12 +182,12 @@ class Measurements:
             w, states[:, :, model.A_X] - w_dot * arm_y - w * w * arm_x,
             states[:, :, model.A_Y] + w_dot * arm_x - w * w * arm_y], axis=1)
         found = np.empty((len(x), STREAMS, len(self.centers)))
-        found[:, :TORQUE] = _means(streams) + x[
+        found[:, :TORQUE] = block_means(streams) + x[
             :, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
-        loads = self._loads(x, *_means(states[:, :, [model.A_X, model.A_Y]].transpose(2, 0, 1))
-                            ).transpose(0, 2, 1)
+        loads = self._loads(x, *block_means(
+            states[:, :, [model.A_X, model.A_Y]].transpose(2, 0, 1))).transpose(0, 2, 1)
         radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
-        torque = (radius * _means(states[:, :, model.FORCE:].transpose(0, 2, 1))
+        torque = (radius * block_means(states[:, :, model.FORCE:].transpose(0, 2, 1))
                   + friction_torque(self._moving, loads, robot.motor, robot.wheel_radius)
                   + self._inertia_torque)
         scale = np.exp(-x[:, Unknown.TORQUE_SCALE, np.newaxis] - x[:, MOTORS])
@@ -330,29 +330,3 @@ def disturbed(times: Array, disturbances: Sequence[Interval]) -> NDArray[np.bool
     for begin, end in disturbances:
         found |= (times >= begin) & (times <= end)
     return found
-
-
-def _means(values: Array) -> Array:
-    """Return the block means of values (..., n) at the ends of steps, by trapezoids."""
-    blocks = values.reshape(*values.shape[:-1], -1, BLOCK)
-    found = blocks.mean(axis=-1)
-    found[..., 1:] += 0.5 / BLOCK * (blocks[..., :-1, -1] - blocks[..., 1:, -1])
-    return found
-
-
-def _block_means(samples: Array, edges: Array) -> tuple[Array, Instants]:
-    """Return means (blocks, columns - 1) of samples with time in column 0, and their counts."""
-    block = np.searchsorted(edges, samples[:, 0]) - 1
-    inside = (block >= 0) & (samples[:, 0] <= edges[-1])
-    block, values = block[inside], samples[inside, 1:]
-    count = np.bincount(block, minlength=len(edges) - 1)
-    sums = np.zeros((len(edges) - 1, values.shape[1]))
-    np.add.at(sums, block, values)
-    return sums / np.maximum(count, 1)[:, np.newaxis], count
-
-
-def _block_spread(values: Array, edges: Array, times: Array, period: float) -> Array:
-    """Return the range (blocks, 4) of ``values`` (n, 4) within a ``period`` [s] of each block."""
-    low = np.searchsorted(times, edges[:-1] - period)
-    high = np.searchsorted(times, edges[1:] + period, side='right')
-    return np.array([np.ptp(values[a:b], axis=0) for a, b in zip(low, high)])

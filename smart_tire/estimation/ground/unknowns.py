@@ -21,6 +21,7 @@ Each constant has its unit, its origin and the runs that are worse without it: r
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
 import math
 from typing import NamedTuple
@@ -125,6 +126,9 @@ MAX_RATIO = 1.5         # normalized slip: beyond, a waveform does not change
 LEAST_FRICTION = 0.2    # share of the friction that is left at the largest slip, at least
 
 
+Interval = tuple[float, float]  # s
+
+
 class Row(NamedTuple):
     """Prior of one unknown, all in its unit."""
 
@@ -216,3 +220,16 @@ def initial(rows: list[Row]) -> Prior:
     """Return the prior on an unknown ground."""
     return Prior(np.array([row.mean for row in rows]),
                  np.diag([row.sigma ** 2 for row in rows]))
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What is known before a window."""
+
+    prior: Prior
+    x: Array                    # start of the fit
+    change: float = -math.inf   # s, time of the latest change of ground
+    disturbances: tuple[Interval, ...] = ()  # not used
+    times: Array | None = None  # s, of the velocities in the window before; None without one
+    velocities: Array | None = None  # (n, 3), of the center of mass
+    heading: tuple[float, float] = (0.0, 0.0)  # s, rad: a time and the heading there

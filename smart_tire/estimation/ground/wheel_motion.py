@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Wheel speeds in a window, from angles with quantization and stamp jitter.
+Wheel speeds in a window, from angles with quantization and stamp jitter, and means of its blocks.
 
 The angles are smoothed against white jerk. A wheel that follows a new command has a jerk that is
 larger by orders of magnitude, so the weight of each jerk follows its size, as for a Student
@@ -28,8 +28,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smart_tire.arrays import Array
-from smart_tire.estimation.ground.unknowns import JERK_DENSITY, SMOOTHINGS
+from smart_tire.arrays import Array, Instants
+from smart_tire.estimation.ground.unknowns import BLOCK, JERK_DENSITY, SMOOTHINGS
 
 # mean of the wheels, side difference, axle difference, and the remaining one: orthogonal
 MODES = 0.25 * np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [1, 1, -1, -1], [1, -1, -1, 1]])
@@ -88,3 +88,29 @@ def rate_weights(times: Array, at: Array) -> Array:
         a, b, c = (at - knots[:, k] for k in others)
         weights[np.arange(len(at)), index[:, j]] = (a * b + b * c + a * c) / scale
     return weights
+
+
+def block_means(values: Array) -> Array:
+    """Return the block means of values (..., n) at the ends of steps, by trapezoids."""
+    blocks = values.reshape(*values.shape[:-1], -1, BLOCK)
+    found = blocks.mean(axis=-1)
+    found[..., 1:] += 0.5 / BLOCK * (blocks[..., :-1, -1] - blocks[..., 1:, -1])
+    return found
+
+
+def sample_means(samples: Array, edges: Array) -> tuple[Array, Instants]:
+    """Return means (blocks, columns - 1) of samples with time in column 0, and their counts."""
+    block = np.searchsorted(edges, samples[:, 0]) - 1
+    inside = (block >= 0) & (samples[:, 0] <= edges[-1])
+    block, values = block[inside], samples[inside, 1:]
+    count = np.bincount(block, minlength=len(edges) - 1)
+    sums = np.zeros((len(edges) - 1, values.shape[1]))
+    np.add.at(sums, block, values)
+    return sums / np.maximum(count, 1)[:, np.newaxis], count
+
+
+def block_spread(values: Array, edges: Array, times: Array, period: float) -> Array:
+    """Return the range (blocks, 4) of ``values`` (n, 4) within a ``period`` [s] of each block."""
+    low = np.searchsorted(times, edges[:-1] - period)
+    high = np.searchsorted(times, edges[1:] + period, side='right')
+    return np.array([np.ptp(values[a:b], axis=0) for a, b in zip(low, high)])

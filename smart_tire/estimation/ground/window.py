@@ -29,7 +29,7 @@ between both; until then the estimate is that of their mixture.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import math
 from typing import NamedTuple
 
@@ -39,11 +39,11 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
-    disturbed, Interval, Measurements, Motion, Passage, STREAMS, WindowData)
+    disturbed, Measurements, Motion, Passage, STREAMS, WindowData)
 from smart_tire.estimation.ground.unknowns import (
     CANDIDATES, CHANGE_EVIDENCE, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, FREEDOM,
-    GROUND, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors, SIDES,
-    SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
+    GROUND, Hypothesis, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors,
+    SIDES, SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -67,19 +67,6 @@ class Fit(NamedTuple):
     rows: Rows
     whiten: Whitening
     leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
-
-
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """What is known before a window."""
-
-    prior: Prior
-    x: Array                    # start of the fit
-    change: float = -math.inf   # s, time of the latest change of ground
-    disturbances: tuple[Interval, ...] = ()  # not used
-    times: Array | None = None  # s, of the velocities in the window before; None without one
-    velocities: Array | None = None  # (n, 3), of the center of mass
-    heading: tuple[float, float] = (0.0, 0.0)  # s, rad: a time and the heading there
 
 
 class Solution(NamedTuple):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-State vector of the slip filter, its prior, the inputs of its equations and all its constants.
+State vector of the slip filter, its prior and history, inputs of its equations, all constants.
 
 Each constant has its unit, its origin and the runs that are worse without it: rows of
 ``benchmarks.robots``, recordings of ``benchmarks.slip.field``, or a test.
@@ -21,6 +21,8 @@ Each constant has its unit, its origin and the runs that are worse without it: r
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections import deque
 from enum import IntEnum
 import math
 from typing import NamedTuple
@@ -175,6 +177,42 @@ class ImuStep(NamedTuple):
     accel_variance: float  # (m/s2)^2 s, noise density
     begin_rate: float      # rad/s, smoothed yaw rate at the begin and at the end of the step
     end_rate: float
+
+
+class RollingHistory:
+    """
+    Predicted r w of both sides over time, without the steps of corrections.
+
+    A correction holds for the past, too: going back from the present state, only the predicted
+    changes are undone.
+    """
+
+    def __init__(self) -> None:
+        # time [s], r w [m/s] and distance [m] of both sides, all by predictions alone
+        self._points: deque[tuple[float, float, float, float, float]] = deque()
+
+    def add_step(self, time: float, dt: float, left: float, right: float) -> None:
+        """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w [m/s] of the sides."""
+        if not self._points:
+            self._points.append((time - dt, 0.0, 0.0, 0.0, 0.0))
+        _, u_left, u_right, s_left, s_right = self._points[-1]
+        self._points.append((
+            time, u_left + left, u_right + right,
+            s_left + dt * (u_left + 0.5 * left), s_right + dt * (u_right + 0.5 * right)))
+        while self._points[0][0] < time - HISTORY:
+            self._points.popleft()
+
+    def travel_change(self, since: float) -> list[float]:
+        """Return the distances [m] since a time [s] beyond those at the present speeds."""
+        if not self._points or since >= self._points[-1][0]:
+            return [0.0, 0.0]
+        points = list(self._points)
+        i = min(max(bisect_right(points, (since, math.inf)), 1), len(points) - 1)
+        (t0, *u0, left, right), (t1, *u1, _, _), (now, *u, s_left, s_right) = (
+            points[i - 1], points[i], points[-1])
+        h = min(max(since - t0, 0.0), t1 - t0)
+        return [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * speed
+                for end, s, a, b, speed in zip((s_left, s_right), (left, right), u0, u1, u)]
 
 
 def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
