@@ -228,7 +228,7 @@ def recording_rows(rows: Rows) -> list[tuple[str, Figures]]:
             own |= {f'{name}.ratio': own[f'{name}.rms'] / base[f'{name}.rms']
                     for name in QUANTITIES if f'{name}.rms' in own}
             found.append((f'{row}: {method}', own))
-    return found + list(_summary(found))
+    return found + list(_summary(found)) if found else []
 
 
 def _summary(lines: list[tuple[str, Figures]]) -> Iterator[tuple[str, Figures]]:

@@ -31,7 +31,7 @@ def test_a_run_gives_tables_a_figure_and_results(monkeypatch, tmp_path, capsys):
     output = capsys.readouterr().out
     for words in (SCENARIOS['concrete'].title, *METHODS.values(), 'NEES', '[mm/s]', '[%]'):
         assert words in output
-    assert '…' not in output  # no cell is truncated
+    assert '…' not in output and 'Recordings' not in output.partition('Errors')[2]
     assert {path.name for path in out.iterdir()} == {'concrete.png', 'slip.md', 'results.json'}
     found = json.loads((out / 'results.json').read_text())['rows']['concrete']
     assert found['seeds']['1'] == found['over_seeds']
