@@ -157,8 +157,10 @@ class SegmentExtractor:
         if self._last is None:  # nothing was sampled before
             self._last = int(instants[0]), float(positions[0])
             self._gaps.append((0, self._last[0]))
-        elapsed = np.diff(instants, prepend=self._last[0])
-        steps = np.abs(np.diff(positions, prepend=self._last[1]))
+        elapsed, steps = instants - self._last[0], positions - self._last[1]
+        elapsed[1:] -= elapsed[:-1].copy()
+        steps[1:] -= steps[:-1].copy()
+        steps = np.abs(steps)
         self._last = int(instants[-1]), float(positions[-1])
         lost = elapsed > self._gap_ns
         kept = lost | (steps > self._standstill * elapsed)

@@ -226,7 +226,8 @@ def smooth_angles(times: Array, angles: Array, sigma: Array) -> Array:
             banded[3 - (k - j), k:n - 3 + k] += rows[j] * rows[k]
     weight = 1.0 / sigma**2
     banded[3] += weight
-    smoothed: Array = angles[0] + solveh_banded(banded, (angles - angles[0]) * weight)
+    smoothed: Array = angles[0] + solveh_banded(
+        banded, (angles - angles[0]) * weight, overwrite_ab=True, check_finite=False)
     return smoothed
 
 
