@@ -58,7 +58,15 @@ class Losses(Protocol):
 
 
 def torque_errors(losses: Losses) -> tuple[float, float]:
-    """Return the noise and the lasting error [N m] of a measured motor torque, both sigmas."""
+    """
+    Return the noise and the lasting error [N m] of a measured motor torque, both sigmas.
+
+    >>> from types import SimpleNamespace
+    >>> noise, offset = torque_errors(SimpleNamespace(
+    ...     coulomb_friction=0.15, viscous_friction=0.0, axle_friction=0.015, inertia=0.008))
+    >>> print(f'{noise:.3f} {offset:.3f} N m')
+    0.050 0.025 N m
+    """
     return TORQUE_NOISE, math.hypot(TORQUE_OFFSET, FRICTION_ERROR * losses.coulomb_friction)
 
 
