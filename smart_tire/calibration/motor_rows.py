@@ -172,7 +172,8 @@ def _slip(force: Array, robot: RobotParams) -> Array:
 def _duty(duties: DutyRecord, windows: _Windows) -> tuple[Array, Array, Array]:
     """Return mean, rate of change [1/s], and value at the center (NaN close to a change)."""
     time = windows.time
-    ends = np.concatenate([[time[0] - 1.0], duties.time, [max(time[-1], duties.time[-1]) + 1.0]])
+    ends = np.concatenate([[min(time[0], duties.time[0]) - 1.0], duties.time,
+                           [max(time[-1], duties.time[-1]) + 1.0]])
     values = np.vstack([np.zeros((1, 4)), duties.duty])
     double = PPoly(values[None], ends).antiderivative(2)
     earlier, mean, later = (windows.mean(double(time + delay))
