@@ -83,11 +83,12 @@ READ_BATTERY = Command(24, reply='>H')       # in BATTERY_RESOLUTION
 SET_DUTY = Command(34, request='>hh')        # M1, M2, 100 % is MAX_DUTY_CODE
 READ_CURRENTS = Command(49, reply='>hh')     # M1, M2, in CURRENT_RESOLUTION
 READ_ENCODERS = Command(78, reply='>II')     # M1, M2, counts modulo COUNT_WRAP
+READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, averaged over 1/300 s
 READ_STATUS = Command(90, reply='>H')        # bit field, STATUS_NORMAL if no bit is set
 
 COMMANDS = {command.code: command for command in (
     SET_TIMEOUT, READ_TIMEOUT, READ_VERSION, READ_BATTERY, SET_DUTY, READ_CURRENTS, READ_ENCODERS,
-    READ_STATUS)}
+    READ_SPEEDS, READ_STATUS)}
 
 
 @dataclass(frozen=True, slots=True)

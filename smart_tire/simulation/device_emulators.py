@@ -39,6 +39,7 @@ FULL_BATTERY_MV = 3900                                    # of a sensor node
 SUPPLY_VOLTAGE_CODE = 148                                 # 0.1 V, of the motor boards
 VERSION = 'USB Roboclaw 2x15a v4.1.34'                     # of the firmware of the boards
 NO_CURRENTS = (0.0, 0.0, 0.0, 0.0)                        # A
+NO_SPEEDS = (0.0, 0.0, 0.0, 0.0)                          # counts per second
 
 
 class DriftingClock:
@@ -195,20 +196,22 @@ class RoboclawEmulator:
         return self._deframer.bad_frames
 
     def replies(self, chunk: bytes, now_ns: int, counts: Sequence[int],
-                currents: Sequence[float] = NO_CURRENTS) -> bytes:
+                currents: Sequence[float] = NO_CURRENTS,
+                speeds: Sequence[float] = NO_SPEEDS) -> bytes:
         """
         Return the replies to the bytes that the host has sent up to true time ``now_ns``.
 
         ``counts`` are the encoder counts since the start, ``currents`` [A] have the sign that the
-        boards report.
+        boards report, ``speeds`` are in counts per second.
         """
         if chunk and now_ns - self._byte_ns > roboclaw.PACKET_GAP_NS:
             self._deframer.clear()
         if chunk:
             self._byte_ns = now_ns
         requests = map(roboclaw.decode_request, self._deframer.extract(chunk))
-        return b''.join(board.reply(request, now_ns, counts, currents) for request in requests
-                        for board in self._boards if board.address == request.address)
+        return b''.join(board.reply(request, now_ns, counts, currents, speeds)
+                        for request in requests for board in self._boards
+                        if board.address == request.address)
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties [-1, 1] of the motors at true time ``now_ns``."""
@@ -233,7 +236,7 @@ class _Board:
         return self._duty
 
     def reply(self, request: roboclaw.Request, now_ns: int, counts: Sequence[int],
-              currents: Sequence[float]) -> bytes:
+              currents: Sequence[float], speeds: Sequence[float]) -> bytes:
         """Execute ``request`` and return the reply."""
         self.duty(now_ns)  # after a time-out the motors stay stopped until the next duty
         self._request_ns = now_ns
@@ -249,6 +252,7 @@ class _Board:
             roboclaw.READ_BATTERY: (SUPPLY_VOLTAGE_CODE,),
             roboclaw.READ_ENCODERS: tuple(counts[motor] % roboclaw.COUNT_WRAP
                                           for motor in self._motors),
+            roboclaw.READ_SPEEDS: tuple(round(speeds[motor]) for motor in self._motors),
             roboclaw.READ_CURRENTS: tuple(roboclaw.current_code(currents[motor])
                                           for motor in self._motors),
             roboclaw.READ_STATUS: (0,),

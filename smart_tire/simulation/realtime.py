@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+import math
 import threading
 from typing import TextIO
 
@@ -153,7 +154,9 @@ class SimulatedHardware:
         counts = encoder_counts(plant, self._counts_per_revolution, ahead)
         motors = self._robot.motors
         currents = motors.reported(motors.currents(plant), self._boards.duty(now_ns))
-        return self._boards.replies(requests, now_ns, counts, currents)
+        scale = self._counts_per_revolution / math.tau
+        return self._boards.replies(requests, now_ns, counts, currents,
+                                    [scale * speed for speed in plant.wheel_speed])
 
 
 def _check_payload(params: SimulatorParams) -> None:

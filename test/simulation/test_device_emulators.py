@@ -174,19 +174,22 @@ def test_xsens_messages_are_numbered():
 
 COUNTS = (100, -1, 3000, 2**33 + 5)
 CURRENTS = (0.5, -0.01, 12.345, 400.0)
+SPEEDS = (10.2, -20.9, 0.0, 4000.0)
 
 
 def ask(boards, address, command, *values, now_ns=0):
     """Return the values of the reply to one request."""
     request = roboclaw.encode_request(address, command, *values)
     return roboclaw.decode_reply(
-        address, command, boards.replies(request, now_ns, COUNTS, CURRENTS))
+        address, command, boards.replies(request, now_ns, COUNTS, CURRENTS, SPEEDS))
 
 
-def test_each_board_reports_the_counts_of_its_own_wheels():
+def test_each_board_reports_counts_and_speeds_of_its_own_wheels():
     boards = RoboclawEmulator((128, 129))
     assert ask(boards, 128, roboclaw.READ_ENCODERS) == (100, 2**32 - 1)
     assert ask(boards, 129, roboclaw.READ_ENCODERS) == (3000, 5)
+    assert ask(boards, 128, roboclaw.READ_SPEEDS) == (10, -21)
+    assert ask(boards, 129, roboclaw.READ_SPEEDS) == (0, 4000)
 
 
 def test_each_board_reports_the_currents_of_its_own_motors():
