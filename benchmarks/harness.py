@@ -79,7 +79,7 @@ class Benchmark:
                             help='scenarios and recordings to run (default: all)')
         parser.add_argument('--out', type=Path, default=Path('bench_output', self.name),
                             metavar='DIR',
-                            help='folder for tables, figures and results (default: %(default)s)')
+                            help='folder for tables and results (default: %(default)s)')
         add_force(parser)
         self.add_arguments(parser)
         args = parser.parse_args(argv)
@@ -87,8 +87,7 @@ class Benchmark:
 
     def _run(self, args: argparse.Namespace) -> None:
         """Run all jobs, print the tables and write the results."""
-        refuse_existing([args.out / 'results.json', *sorted(args.out.glob('*.png'))],
-                        force=args.force)
+        refuse_existing([args.out / 'results.json'], force=args.force)
         if unknown := [run for run in args.runs if run not in self.titles]:
             raise ParameterError(f'{", ".join(unknown)}: no such run, expected some of '
                                  f'{", ".join(self.titles)}')
@@ -112,7 +111,7 @@ class Benchmark:
         print_tables(self.notes, tables)
         (args.out / f'{self.name}.md').write_text(
             f'{self.notes}\n' + '\n'.join(map(markdown, tables)), encoding='utf-8')
-        print(f'{len(jobs)} jobs; figures, {self.name}.md and results.json in {args.out}')
+        print(f'{len(jobs)} jobs; {self.name}.md and results.json in {args.out}')
 
 
 def _label(runs: Sequence[Run]) -> str:

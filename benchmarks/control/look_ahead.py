@@ -41,7 +41,7 @@ SEED = 101
 def scores(path: str, kinematics: str) -> list[Figures]:
     """Return the figures on both grounds."""
     return [part_of(combined([run_tracking(
-        TrackingCase(path, ground, TRUE, OWN, kinematics), SEED)[0]]), kinematics)
+        TrackingCase(path, ground, TRUE, OWN, kinematics), SEED)]), kinematics)
         for ground in (CONCRETE, SAND)]
 
 

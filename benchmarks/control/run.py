@@ -22,7 +22,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 import math
-from pathlib import Path
 
 from benchmarks.control.scenarios import BEST, CASES, KINEMATICS, OURS, SHORT, TrackingCase
 from benchmarks.control.tracking import run_tracking
@@ -32,7 +31,6 @@ from benchmarks.harness import (
     Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows)
 from benchmarks.scoring import Figures, part_of, Run
 from rich.table import Table
-from smart_tire.analysis.drawing import save
 
 WHEEL_STEPS, TRACTION = 'wheel_steps', 'traction'
 DEGREES = 57.29577951308232  # per rad
@@ -75,8 +73,7 @@ def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]
                 for ground, readings, seed in product(GROUNDS, READINGS, seeds)]
     if name == TRACTION:
         return [partial(run_starts, one) for one in scenarios(seeds)]
-    return [partial(run_case, replace(CASES[name], kinematics=kinematics), seed,
-                    args.out if kinematics == OURS and seed == seeds[0] else None)
+    return [partial(run_case, replace(CASES[name], kinematics=kinematics), seed)
             for kinematics in KINEMATICS for seed in seeds]
 
 
@@ -91,12 +88,9 @@ def run_starts(scenario: TractionScenario) -> list[Run]:
     return [replace(one, row=f'{TRACTION}/{one.row}') for one in traction_runs(scenario)]
 
 
-def run_case(case: TrackingCase, seed: int, out: Path | None) -> list[Run]:
-    """Return the scores of one run of path tracking; draw its paths to ``out``."""
-    found, figure = run_tracking(case, seed)
-    if out is not None:
-        save(figure, out / f'{case.name}.png')
-    return [found]
+def run_case(case: TrackingCase, seed: int) -> list[Run]:
+    """Return the scores of one run of path tracking."""
+    return [run_tracking(case, seed)]
 
 
 def max_error(row: Figures) -> float:

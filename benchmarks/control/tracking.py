@@ -25,7 +25,6 @@ from benchmarks.control.robot_stack import RobotStack
 from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
 from benchmarks.scoring import Errors, Run
 import numpy as np
-from smart_tire.analysis.figure import Curve, Figure, Mark, Panel, truth_marks
 from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import State
 from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
@@ -37,8 +36,8 @@ YAW_STEP = 0.05        # s, the period of the trajectory controller
 MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
 
 
-def run_tracking(case: TrackingCase, seed: int) -> tuple[Run, Figure]:
-    """Simulate ``case``; return its scores by kinematics, and the figure of the paths."""
+def run_tracking(case: TrackingCase, seed: int) -> Run:
+    """Simulate ``case``; return its scores by kinematics."""
     stack, params = RobotStack(case.stack(), case.wanted()), case.simulator(seed)
     events = run_closed_loop(params, stack, MAX_DURATION,
                              plant=Plant if case.plant == OWN else OtherPlant)
@@ -51,8 +50,7 @@ def run_tracking(case: TrackingCase, seed: int) -> tuple[Run, Figure]:
     values = {'duration': (end_ns - stack.start_ns) / NS_PER_S, 'length': length,
               'arrived': float(stack.trajectory.state == State.ARRIVED)}
     return Run(case.name, seed, {f'{case.kinematics}.{name}': one for name, one in errors.items()},
-               {f'{case.kinematics}.{name}': value for name, value in values.items()}
-               ), path_figure(case, true, followed)
+               {f'{case.kinematics}.{name}': value for name, value in values.items()})
 
 
 def score_tracking(wanted: PlannedPath, truth: Sequence[Odometry], followed: Sequence[Odometry]
@@ -120,15 +118,3 @@ def _localization(truth: Sequence[Odometry], followed: Sequence[Odometry]) -> Ar
     error = [np.interp(at, stamps, [one.position[i] for one in truth])
              - [one.position[i] for one in known] for i in (0, 1)]
     return np.hypot(*error)
-
-
-def path_figure(case: TrackingCase, truth: Sequence[Odometry], followed: Sequence[Odometry]
-                ) -> Figure:
-    """Return the wanted path, that of the pose that is followed, and the true one."""
-    own, true = (Curve(*np.array([pose.position[:2] for pose in poses]).T)
-                 for poses in (followed, truth))
-    wanted = Mark(Curve(*dense_points(case.wanted()).T), 'wanted', 'shade', width=3.0, opacity=0.6)
-    title = f'{case.title}, {case.kinematics}'
-    return Figure('path', title, title, [[Panel(
-        [wanted, Mark(own, 'driven, as localized'), *truth_marks(true)], 'x [m]', 'y [m]',
-        equal=True)]], cell=(7.0, 6.0))

@@ -26,7 +26,6 @@ import argparse
 from collections.abc import Iterator, Sequence
 from functools import partial
 import math
-from pathlib import Path
 import time
 
 from benchmarks.events import inputs_of, truth_of, without_efforts
@@ -34,7 +33,6 @@ from benchmarks.friction.crossings import (
     absolute_errors, bounded_errors, convergence, COUNTED_FROM, FUSED, match_rows, on_one_surface,
     ratio_errors, relative_errors, revolutions_on_ground, Rows as Crossings, SINGLE,
     true_crossings, Truths)
-from benchmarks.friction.figures import bound_figure, friction_figure
 from benchmarks.friction.grid import all_cases, Case, quick_cases
 from benchmarks.friction.monte_carlo import run_case
 from benchmarks.friction.paper_method import friction_from_peaks, MAPS
@@ -47,7 +45,6 @@ from benchmarks.scenarios import Scenario
 from benchmarks.scoring import Errors, part_of, pooled, Run
 import numpy as np
 from rich.table import Table
-from smart_tire.analysis.drawing import save
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.estimation import streams
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
@@ -58,7 +55,6 @@ from smart_tire.simulation.offline import Event
 
 CROSSINGS = 'crossings'        # name of the synthesized crossings among the runs
 COUNT, QUICK_COUNT = 400, 150  # crossings per case: 6 and 9 % error of a spread from quartiles
-DRAWN_SEED = 1                 # seed of the run in the figures
 COUNTED_FROM_JUMP = 4          # revolution; the surfaces of mu_jumps are too short for five
 NO_TORQUE, TORQUE = VARIANTS = 'no torque', 'torque'
 MAX_STRAIGHT_RATE = 0.02       # rad/s, yaw rate while cruising straight
@@ -116,7 +112,7 @@ def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]
     """Return the jobs of a scenario, or of the synthesized crossings."""
     if name != CROSSINGS:
         compare = not args.forces_only and name in SURFACE_SCENARIOS
-        return [partial(run_scenario, name, seed, args.out, compare=compare) for seed in seeds]
+        return [partial(run_scenario, name, seed, compare=compare) for seed in seeds]
     count = QUICK_COUNT if args.quick else COUNT
     return [partial(run_cases, title, case, count) for title, case in cases(args.quick)]
 
@@ -134,28 +130,25 @@ def run_cases(title: str, case: Case, count: int) -> list[Run]:
     return [run_case(f'{CROSSINGS}/{title}', case, count)]
 
 
-def run_scenario(name: str, seed: int, out: Path, *, compare: bool) -> list[Run]:
-    """Simulate one run and score it without and with torque; draw ``DRAWN_SEED``."""
+def run_scenario(name: str, seed: int, *, compare: bool) -> list[Run]:
+    """Simulate one run and score it without and with torque."""
     scenario = SCENARIOS[name]
     events, robot = scenario.events(seed), scenario.robot
     records = truth_of(events)
     truths = {wheel: true_crossings(records, robot, wheel) for wheel in robot.film.wheels}
-    truth, found, drawn = as_truth(records, robot), list[Run](), {}
+    truth, found = as_truth(records, robot), list[Run]()
     for variant in VARIANTS:
         samples = inputs_of(events)
         begin = time.thread_time()
         estimates = _estimates(samples if variant == TORQUE else without_efforts(samples), robot)
         spent = (time.thread_time() - begin) / ((events[-1][0] - events[0][0]) / NS_PER_S)
         frictions = [one for one in estimates if isinstance(one, Friction)]
-        drawn[variant] = {wheel: match_rows(true, frictions, wheel)
-                          for wheel, true in truths.items()}
-        found += force_runs(scenario, seed, variant, list(drawn[variant].values()),
+        rows = {wheel: match_rows(true, frictions, wheel) for wheel, true in truths.items()}
+        found += force_runs(scenario, seed, variant, list(rows.values()),
                             motion_errors(as_estimate(estimates), truth, _first(name)), spent)
-    if seed == DRAWN_SEED:
-        save(friction_figure(scenario.title, drawn), out / f'{name}.png')
     if compare:
-        found += [single_run(name, seed, rows, truths[wheel], robot, wheel, events)
-                  for wheel, rows in drawn[TORQUE].items()]
+        found += [single_run(name, seed, own, truths[wheel], robot, wheel, events)
+                  for wheel, own in rows.items()]  # with torque, the last of VARIANTS
     return found
 
 
@@ -240,7 +233,6 @@ def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
     own = {row.removeprefix(f'{CROSSINGS}/'): figures for row, figures in rows.items()
            if row.startswith(f'{CROSSINGS}/')}
     if own:
-        save(bound_figure(own), args.out / 'bound.png')
         yield figure_table('Synthesized crossings, with the true slip', own.items(), CASES)
     runs = [(row.partition('/')[0], row.partition('/')[2], figures)
             for row, figures in rows.items() if not row.startswith(f'{CROSSINGS}/')]

@@ -31,14 +31,11 @@ from benchmarks.harness import Benchmark, Column, DATA, figure_table, Job, milli
 from benchmarks.motion import as_truth, score_motion
 from benchmarks.scenarios import HILL_SCENARIOS, SCENARIOS
 from benchmarks.scoring import part_of, Run
-from benchmarks.slip.figures import run_figure
 from benchmarks.slip.methods import compare_methods, METHODS
 from benchmarks.slip.recordings import RECORDING_COLUMNS, recording_jobs, recording_rows
 from rich.table import Table
-from smart_tire.analysis.drawing import save
 from smart_tire.parameters import SlipEstimatorParams
 
-DRAWN_SEED = 1            # seed of the run in the figures
 RECORDINGS = 'recordings'  # name of the recordings among the runs
 RUNS = {**SCENARIOS, **HILL_SCENARIOS}
 DEGREES = 57.29577951308232  # per rad
@@ -77,17 +74,15 @@ def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]
     """Return the jobs of a scenario, or of all recordings."""
     if name == RECORDINGS:
         return recording_jobs(args.data)
-    return [partial(run_scenario, name, seed, args.out) for seed in seeds]
+    return [partial(run_scenario, name, seed) for seed in seeds]
 
 
-def run_scenario(name: str, seed: int, out: Path) -> list[Run]:
-    """Simulate one run and score all methods; draw ``DRAWN_SEED``."""
+def run_scenario(name: str, seed: int) -> list[Run]:
+    """Simulate one run and score all methods."""
     scenario = RUNS[name]
     events = scenario.events(seed)
     truth = as_truth(truth_of(events), scenario.robot)
     estimates = compare_methods(inputs_of(events), SlipEstimatorParams(robot=scenario.robot))
-    if seed == DRAWN_SEED:
-        save(run_figure(scenario.title, estimates, truth), out / f'{name}.png')
     return [score_motion(name, seed, estimate, truth, prefix=f'{method}.',
                          averaged=scenario.averaged) for method, estimate in estimates.items()]
 

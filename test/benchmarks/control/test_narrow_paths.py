@@ -29,7 +29,7 @@ SEED = 31  # not tuned on
 @pytest.mark.parametrize('path', ['u_turn_30', 'spiral', 'reverse_parking'])
 def test_narrow_paths_are_tracked_better_than_by_ideal_kinematics(path, plant):
     ours, ideal = (part_of(combined([run_tracking(
-        TrackingCase(path, 'concrete', TRUE, plant, kinematics), SEED)[0]]), kinematics)
+        TrackingCase(path, 'concrete', TRUE, plant, kinematics), SEED)]), kinematics)
         for kinematics in (OURS, SHORT))
     assert ours['arrived']
     assert ours['control.rms'] < ideal['control.rms']
