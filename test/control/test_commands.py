@@ -78,11 +78,6 @@ def test_messages_right_after_a_stall_may_be_queued():
     assert stall.stalls == 1
 
 
-def test_the_stall_threshold_is_between_executor_delays_and_the_maximum_age():
-    assert 0.1 <= MIN_STALL_NS / NS_PER_S <= 0.25
-    assert QUEUE_DRAIN_NS >= 0.05 * NS_PER_S
-
-
 @given(st.lists(st.tuples(st.sampled_from('abc'), st.sampled_from(
     (0, 1, HALF, NS_PER_S, NS_PER_S + 1)))))
 def test_publishers_conflict_while_several_have_sent_within_the_window(messages):
@@ -102,10 +97,6 @@ def test_publishers_conflict_while_several_have_sent_within_the_window(messages)
 def test_a_number_that_continues_no_sequence_is_another_publisher(numbers, publishers):
     tracker = SequenceTracker()
     assert [tracker.publisher(number) for number in numbers] == publishers
-
-
-def test_the_maximum_gap_covers_seconds_of_losses_but_not_minutes():
-    assert 200 <= MAX_SEQUENCE_GAP <= 2000  # of 16 to 200 per second
 
 
 @given(st.lists(st.tuples(

@@ -70,18 +70,9 @@ def test_the_lower_bound_has_a_minimum():
     assert bound(knowledge(ground(0.01, 1e-4))) == pytest.approx(0.05)
 
 
-def test_an_uncertain_estimate_does_not_lower_the_bound_of_unknown_ground():
-    assert bound(knowledge(ground(0.6, 0.3))) >= 0.3
-    assert bound(knowledge(ground(0.5, 10.0))) == pytest.approx(0.3, abs=1e-3)
-
-
 def test_an_exact_estimate_has_the_uncertainty_of_the_wheel_load():
     assert bound(knowledge(ground(0.8))) == bound(knowledge(ground(0.8, 0.032)))
     assert bound(knowledge(ground(0.8))) < 0.74
-
-
-def test_the_latest_ground_counts():
-    assert bound(knowledge(ground(0.2), ground(0.8))) == bound(knowledge(ground(0.8)))
 
 
 @pytest.mark.parametrize('mu', [0.1, 0.9])

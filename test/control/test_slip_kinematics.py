@@ -219,12 +219,6 @@ def test_uncertain_slips_change_little():
     assert abs(vague - 0.01) < 0.25 * (learned - 0.01)
 
 
-def test_at_rest_the_command_is_zero():
-    world = World(kinematics(), slip=(0.15, 0.15))
-    world.drive(0.5, 0.3, 2.0)
-    assert world.kinematics.command(0.0, 0.0, world.now_ns, WIDE) == (0.0, 0.0)
-
-
 @pytest.mark.parametrize('v_x, yaw_rate', [(0.5, 0.5), (0.5, -0.5), (-0.5, 0.5)])
 def test_the_direction_of_travel_is_learned_from_the_lateral_speed(v_x, yaw_rate):
     icr_x = math.copysign(0.03, v_x)  # the body slides outward, behind the direction of travel

@@ -135,13 +135,6 @@ def test_a_path_without_segments_has_no_end():
     assert not check(ProgressMonitor(), segment=None, end_segment=None, finished=True)
 
 
-def test_waiting_for_odometry_is_limited():
-    monitor = ProgressMonitor()
-    assert not monitor.waiting(5)
-    assert not monitor.waiting(5 + 10 * NS_PER_S)
-    assert 'odom: none for 10 s' in monitor.waiting(6 + 10 * NS_PER_S)
-
-
 class Host:
     """Trajectory and wheel control with the true pose, ``late`` [s], which may be falsified."""
 
