@@ -51,14 +51,10 @@ def received(log, offset_ns=0, lost=()):
     return series
 
 
-def test_batches_dropped_by_the_radio_are_not_missing(log):
-    counts = radio_counts(received(log), read_conversions(log))
-    assert counts == {'sent': 20, 'dropped': 2, 'missing': 0}
-
-
-def test_batches_lost_otherwise_are_missing(log):
-    counts = radio_counts(received(log, lost=(7, 8)), read_conversions(log))
-    assert counts == {'sent': 20, 'dropped': 2, 'missing': 2}
+@pytest.mark.parametrize('lost', [(), (7, 8)])
+def test_batches_are_missing_if_lost_but_not_by_the_radio(log, lost):
+    counts = radio_counts(received(log, lost=lost), read_conversions(log))
+    assert counts == {'sent': 20, 'dropped': 2, 'missing': len(lost)}
 
 
 def test_timestamp_errors_are_relative_to_the_true_conversion_times(log):

@@ -33,8 +33,6 @@ from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
 
 pytestmark = pytest.mark.slow
 
-GRID_NS = 8_000_000
-
 
 @pytest.fixture(scope='module')
 def params(tmp_path_factory):
@@ -98,12 +96,6 @@ def slips_of(events, params):
     return series.slips().ratio
 
 
-def test_estimates_are_on_the_time_grid_without_gaps(analyzed):
-    stamps = analyzed[1].estimates.poses().stamp_ns
-    assert (stamps % GRID_NS == 0).all()
-    assert set((stamps[1:] - stamps[:-1]).tolist()) == {GRID_NS}
-
-
 def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     out, run, _ = analyzed
     summary = json.loads((out / 'summary.json').read_text())
@@ -121,14 +113,6 @@ def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
         assert inputs['rate_hz'] == pytest.approx(rate, rel=0.05)
         assert (inputs['late'], inputs['rejected']) == (0, 0)
     assert summary['left_out'] == []
-
-
-def test_lost_batches_are_gaps_of_the_inputs(analyzed, drive):
-    samples = of_topics(drive, 'tire_samples')
-    ideal = 2 * round(12.0 * 400)
-    inputs = analyzed[1].summary['inputs']['tire_samples']
-    assert inputs['missing'] % 16 == 0
-    assert 0 <= ideal - len(samples) - inputs['missing'] <= 2 * 32  # at start and end
 
 
 def test_slip_and_friction_are_near_the_truth(analyzed):
@@ -165,15 +149,6 @@ def test_without_positions_velocities_are_used(bag_of, drive, params, tmp_path):
               for ns, topic, sample in of_topics(drive, 'imu/data', 'wheel_states', *TRUTHS)]
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
     assert 'positions of wheel_states' in skipped(run)
-    assert run.summary['against_truth']['pose']['position_rms_m'] < 0.3
-
-
-def test_an_imu_at_twenty_hertz_suffices(bag_of, drive, params, tmp_path):
-    imu = of_topics(drive, 'imu/data')[::5]
-    events = sorted(imu + of_topics(drive, 'wheel_states', *TRUTHS), key=lambda event: event[0])
-    run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
-    assert run.summary['inputs']['imu/data']['rate_hz'] == pytest.approx(20.0)
-    assert run.summary['estimates']['odom']['messages'] > 1400
     assert run.summary['against_truth']['pose']['position_rms_m'] < 0.3
 
 
@@ -265,11 +240,12 @@ def test_other_files_in_the_output_folder_are_never_deleted(bag_of, drive, param
     assert note.read_text() == 'keep me'
 
 
-def test_the_input_bag_is_never_overwritten(bag_of, drive, params, tmp_path):
-    bag = bag_of(tmp_path / 'estimates', of_topics(drive, 'imu/data', 'wheel_states')[:500])
-    for path in (bag, bag / 'estimates_0.mcap'):
+@pytest.mark.parametrize('name', ['estimates', 'smoothed'])
+def test_the_input_bag_is_never_overwritten(bag_of, drive, params, tmp_path, name):
+    bag = bag_of(tmp_path / name, of_topics(drive, 'imu/data', 'wheel_states')[:500])
+    for path in (bag, bag / f'{name}_0.mcap'):
         with pytest.raises(BagError, match='choose another'):
-            analyze(path, tmp_path, params)
+            analyze(path, tmp_path, params, smooth=name == 'smoothed')
     with Bag(bag) as kept:
         assert sum(topic.messages for topic in kept.topics.values()) == 500
 
@@ -315,10 +291,3 @@ def test_progress_includes_the_smoother(smoothed):
     shares = smoothed[2]
     assert shares == sorted(shares)
     assert shares[0] < 0.01 and 0.5 in shares and shares[-1] == 1.0
-
-
-def test_an_input_bag_in_the_smoothed_folder_is_not_overwritten(bag_of, drive, params, tmp_path):
-    bag = bag_of(tmp_path / 'smoothed', of_topics(drive, 'imu/data', 'wheel_states')[:500])
-    with pytest.raises(BagError, match='choose another'):
-        analyze(bag, tmp_path, params, smooth=True)
-    assert analyze(bag, tmp_path, params).summary is not None

@@ -82,11 +82,8 @@ def test_the_ground_is_summarized_by_medians():
     assert ground['lateral_share'] == {'median': None, 'median_sigma': None}
 
 
-def test_a_recording_without_estimates_has_an_empty_tree():
+def test_without_estimates_the_tree_is_empty_and_without_truth_there_are_no_errors():
     assert estimates_tree(Recording()) == {'tire_friction': {}}
-
-
-def test_without_ground_truth_there_are_no_errors():
     assert truth_tree(run(), Recording()) is None
 
 
@@ -131,8 +128,3 @@ def test_given_intervals_replace_the_surfaces():
     tree = truth_tree(run(), run(), {'first': [(EPOCH, EPOCH + SECOND)]})
     assert list(tree['slip']) == [WHOLE, 'first']
     assert tree['friction']['first']['traction']['crossings'] == 3
-
-
-def test_the_tree_is_valid_json():
-    json.dumps(truth_tree(run(), run()), allow_nan=False)
-    json.dumps(estimates_tree(run()), allow_nan=False)

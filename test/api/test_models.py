@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 
 from smart_tire import BrushTire, FilmSensor, load_params, TreadFilm
-from smart_tire.calibration import film_bench
 from smart_tire.errors import ParameterError
 
 
@@ -55,7 +54,6 @@ def test_a_file_that_is_no_film_is_refused(tmp_path):
     (tmp_path / 'film.yaml').write_text('a: 1')
     with pytest.raises(ParameterError, match='film is missing'):
         FilmSensor.load(tmp_path / 'film.yaml')
-    assert film_bench  # the writer of the file, tested in test/calibration
 
 
 def test_friction_from_adhesion_inverts_the_brush_model():

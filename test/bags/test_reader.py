@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import math
 from pathlib import Path
 import shutil
@@ -149,28 +148,6 @@ def test_intact_files_are_read_if_another_file_is_damaged(tmp_path):
 def test_a_missing_bag_is_an_error_with_its_path(tmp_path):
     with pytest.raises(BagError, match='nowhere: no such file or directory'):
         Bag(tmp_path / 'nowhere')
-
-
-@pytest.mark.parametrize('content', [b'', b'hello, world', b'\x28\xb5\x2f\xfd\x00\x00'])
-def test_a_file_that_is_not_a_bag_is_an_error_with_its_path(tmp_path, content):
-    path = tmp_path / 'letter.mcap'
-    path.write_bytes(content)
-    with pytest.raises(BagError, match=r'letter\.mcap'):
-        Bag(path)
-
-
-def test_messages_written_out_of_order_are_sorted_by_receive_time(tmp_path):
-    events = stream(1.0)
-    late = [replace_time(event, event[0] + 40_000_000) if event[1] == 'imu/data' else event
-            for event in events]
-    with Bag(write_bag(tmp_path / 'bag', late)) as bag:
-        times = [ns for ns, _, _ in bag.samples(TOPICS)]
-    assert times == sorted(event[0] for event in late)
-
-
-def replace_time(event, receive_ns):
-    """Return ``event`` as if it had been received at another time."""
-    return (receive_ns, event[1], replace(event[2]))
 
 
 @pytest.mark.parametrize(('name', 'counts'), [

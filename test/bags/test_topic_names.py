@@ -100,14 +100,16 @@ def test_the_topic_with_joints_of_wheels_is_wheel_states(tmp_path):
             check_inputs(opened, INPUTS)
 
 
-def test_two_topics_with_joints_of_wheels_are_a_choice(tmp_path):
-    bag = bag_of(tmp_path / 'bag', ('/a', JOINTS, WHEELS), ('/b', JOINTS, WHEELS))
+@pytest.mark.parametrize('standard, kind, joints', [
+    ('wheel_states', JOINTS, WHEELS), ('imu/data', IMU, ())])
+def test_two_topics_that_may_be_an_input_are_a_choice(tmp_path, standard, kind, joints):
+    bag = bag_of(tmp_path / 'bag', ('/a', kind, joints), ('/b', kind, joints))
     with Bag(bag) as opened, pytest.raises(BagError) as raised:
-        check_inputs(opened, INPUTS)
+        check_inputs(opened, [standard])
     assert [line.split()[:2] for line in str(raised.value).splitlines()[1:]] == [
-        ['--remap', 'wheel_states:=/a'], ['--remap', 'wheel_states:=/b']]
-    with Bag(bag, TopicNames({'wheel_states': '/b'})) as opened:
-        check_inputs(opened, INPUTS)
+        ['--remap', f'{standard}:=/a'], ['--remap', f'{standard}:=/b']]
+    with Bag(bag, TopicNames({standard: '/b'})) as opened:
+        check_inputs(opened, [standard])
 
 
 def test_messages_of_other_joints_on_the_same_topic_are_ignored(tmp_path):

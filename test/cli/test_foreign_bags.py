@@ -23,12 +23,12 @@ import re
 
 import pytest
 from smart_tire.analysis.pipeline import EstimatorParams
-from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY
+from smart_tire.bags import Bag, PARAMETERS_KEY
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import WheelSample
 from smart_tire.simulation.offline import simulate
-from support.foreign import add_messages, Foreign, IMU, JOINTS
+from support.foreign import Foreign, IMU, JOINTS
 
 SENSORS = ('imu/data', 'wheel_states', 'ground_truth/odom')
 JOINT_BLOCK = '/**: {{ros__parameters: {{joints: {}}}}}'
@@ -80,21 +80,6 @@ def test_topics_of_other_names_are_recognized_or_selected(events, standard, tmp_
     assert 'using' not in capsys.readouterr().out
 
 
-def test_one_of_several_topics_must_be_selected(events, standard, tmp_path, capsys):
-    with BagWriter(tmp_path / 'bag') as writer:
-        add_messages(writer, '/camera/imu', IMU, 3)
-        for receive_ns, topic, sample in events:
-            writer.write_sample('wheel_states', receive_ns, sample) if topic == 'wheel_states' \
-                else None
-        add_messages(writer, '/mti30/imu', IMU, 5)
-    assert analyze(tmp_path / 'bag', tmp_path / 'out') == 2
-    assert capsys.readouterr().err.splitlines() == [
-        f'smart_tire analyze: {tmp_path / "bag"}: 2 topics may be imu/data; select one:',
-        '  --remap imu/data:=/camera/imu  sensor_msgs/msg/Imu, 3 messages',
-        '  --remap imu/data:=/mti30/imu   sensor_msgs/msg/Imu, 5 messages']
-    assert not (tmp_path / 'out').exists()
-
-
 @pytest.mark.parametrize('rule, message', [
     ('imu/data', 'expected STANDARD:=NAME'), ('imu:=/x', 'imu is not a standard topic'),
     ('imu/data:=/nowhere', 'the bag has no /nowhere'),
@@ -135,20 +120,6 @@ def test_a_two_wheel_drive_equals_four_wheels_of_which_two_are_copies(
     assert summary(tmp_path / 'out')['estimates'] == standard
     assert ('wheel_states: the wheels are the joints left_wheel_joint, right_wheel_joint, by '
             'their names') in capsys.readouterr().out
-
-
-def test_without_films_slip_and_pose_are_estimated(standard):
-    assert standard['tire_friction'] == {}
-    assert standard['odom']['distance_m'] > 1.0
-
-
-def test_an_imu_alone_gives_status_one_and_the_reason(events, tmp_path, capsys):
-    bag = Foreign(omitted=('wheel_states',)).write(tmp_path / 'bag', events)
-    assert analyze(bag, tmp_path / 'out') == 1
-    output = capsys.readouterr().out
-    assert f'{bag}: nothing can be estimated without wheel_states\n' in output
-    assert 'wheel_states is not in the bag' in output and 'imu/data' not in output
-    assert not (tmp_path / 'out').exists()
 
 
 def test_messages_without_timestamp_get_that_of_reception(events, tmp_path, capsys):

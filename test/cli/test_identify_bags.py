@@ -21,7 +21,10 @@ from dataclasses import replace
 from benchmarks.scenarios import CONCRETE, SCENARIOS, sequence
 import numpy as np
 import pytest
+from smart_tire.analysis.identify import KINDS as FUNCTIONS
 from smart_tire.bags import BagWriter
+from smart_tire.cli.calibrate import STEPS_OF
+from smart_tire.cli.identify import KINDS
 from smart_tire.cli.main import main
 from smart_tire.estimation.streams import INPUTS, SLIP
 from smart_tire.parameters import (
@@ -80,6 +83,10 @@ def out(tmp_path):
 
 def identify(kind, out, *words):
     return main(['identify', kind, *words, '--out', str(out)])
+
+
+def test_each_kind_of_bags_has_a_function_and_steps_of_a_live_calibration():
+    assert FUNCTIONS.keys() == STEPS_OF.keys() == KINDS.keys()
 
 
 def test_a_table_is_printed_and_the_written_file_can_be_loaded(turns, out, capsys):
@@ -201,8 +208,3 @@ def test_a_stationary_recording_shows_no_film(films, out, tmp_path, capsys):
     bag = written(tmp_path / 'run', films[:3000], INPUTS)
     assert identify('gains', out, bag, '--until', '2.5') == 1
     assert 'no film crossing was detected' in capsys.readouterr().err
-
-
-def test_a_missing_bag_is_a_usage_error(tmp_path, out, capsys):
-    assert identify('geometry', out, str(tmp_path / 'none')) == 2
-    assert 'no such file' in capsys.readouterr().err

@@ -29,7 +29,7 @@ from smart_tire.cli._options import (
     BAGS, check_paths, FIGURES, FILES, OUTPUTS, refuse_existing, refuse_existing_bag,
     refuse_folder_of_bag, remove, remove_bag)
 from smart_tire.cli.main import main, new_parser, VERBS
-from smart_tire.errors import BagError, ParameterError
+from smart_tire.errors import ParameterError
 
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
 INPUTS = ('BAG', 'OTHER', 'DATA.csv', 'P')  # empty files: a verb that reads one first reports it
@@ -245,16 +245,9 @@ def test_the_output_must_be_writable(demo):
         checked(out=demo / 'bag' / 'metadata.yaml' / 'out')
 
 
-def test_a_bag_is_checked_before_parameters_and_output(demo):
-    with pytest.raises(BagError):
-        checked(out=demo / 'bag' / 'metadata.yaml' / 'out', params=[demo / 'none'],
-                bags=[demo / 'none'])
-
-
 @pytest.mark.parametrize('words', [
     ['analyze', 'nonsuch', '--out', 'x'], ['replay', 'nonsuch'], ['recover', 'nonsuch'],
-    *(['identify', kind, 'nonsuch'] for kind in (
-        'film', 'gains', 'geometry', 'icr', 'motor', 'stiffness')),
+    ['identify', 'film', 'nonsuch'], ['identify', 'icr', 'nonsuch'],
     ['measure', 'film', 'nonsuch', '--params', 'nonsuch'],
     ['analyze', '.', '--params', 'nonsuch', '--out', 'x']])
 def test_a_wrong_path_is_reported_before_anything_slow_is_imported(words, demo):

@@ -75,12 +75,6 @@ def test_several_bags_have_a_file_each_in_a_new_folder(demo, tmp_path):
         'my_demo_report.html', 'copy_report.html'}
 
 
-def test_a_missing_bag_is_reported_before_any_is_analyzed(demo, tmp_path, capsys):
-    assert report(demo, tmp_path / 'missing', '--out', tmp_path / 'out') == 2
-    assert 'missing: no such file' in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_one_file_for_two_bags_is_refused(demo, tmp_path, capsys):
     assert report(demo, demo / 'bag', '--out', tmp_path / 'x.html') == 2
     assert 'give a folder' in capsys.readouterr().err

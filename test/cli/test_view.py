@@ -51,13 +51,6 @@ def test_a_recording_is_saved_without_a_viewer(tmp_path, capsys, monkeypatch):
     assert 'exists' in capsys.readouterr().err
 
 
-@needs_rerun
-def test_a_missing_bag_is_reported_before_a_viewer_appears(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('smart_tire.view.viewer.Viewer', None)
-    assert main(['view', str(tmp_path / 'none')]) == 2
-    assert 'no such file' in capsys.readouterr().err
-
-
 def test_a_missing_rerun_is_reported_with_the_command_that_installs_it(
         tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'rerun', None)

@@ -122,11 +122,15 @@ def test_estimates_of_an_analysis_replace_the_recorded_ones_in_order_of_time(tmp
     assert len(stamps) > 100
 
 
-def test_an_analysis_without_its_bag_is_shown_alone(tmp_path):
+def test_other_bags_and_an_analysis_without_its_bag_are_shown_alone(tmp_path):
     estimates = write(tmp_path / 'out' / 'estimates', odometry(7.0), slip())
-    (tmp_path / 'out' / 'summary.json').write_text('{"bag": "/does/not/exist"}')
+    summary = tmp_path / 'out' / 'summary.json'
+    summary.write_text('{"bag": "/does/not/exist"}')
     assert find_recording(estimates) == Recording(estimates)
-    (tmp_path / 'out' / 'summary.json').unlink()
+    summary.write_text(f'{{"bag": "{estimates}"}}')
+    other = write(tmp_path / 'out' / 'bag', odometry(1.0))
+    assert find_recording(other) == Recording(other)
+    summary.unlink()
     assert find_recording(estimates) == Recording(estimates)
 
 
@@ -136,9 +140,3 @@ def test_a_damaged_summary_is_reported(tmp_path, text):
     (tmp_path / 'summary.json').write_text(text)
     with pytest.raises(BagError, match='not the summary of an analysis'):
         find_recording(tmp_path / 'estimates')
-
-
-def test_another_bag_is_shown_as_it_is(tmp_path):
-    bag = write(tmp_path / 'bag', odometry(1.0))
-    (tmp_path / 'summary.json').write_text('{"bag": "/elsewhere"}')
-    assert find_recording(bag) == Recording(bag)
