@@ -57,10 +57,6 @@ MIN_BRANCH_SHARE = 0.05  # of the range of the input: shorter branches do not ma
 LOG_ALPHA_SIGMA = 5.0    # of log(alpha K), uninformative
 LOG_ALPHA, A, B, CORNER, DRIFT, INITIAL, OFFSET = range(7)  # fitted values
 
-TENSION_NOISE_FACTOR = 5.0  # of the laser's noise, beyond which a film is under tension
-MAX_TENSION_SHARE = 0.5     # of the samples
-POOR_RESIDUAL_FACTOR = 3.0  # of the noise: larger residuals indicate another hysteresis model
-
 
 @dataclass(frozen=True)
 class FilmFit:
@@ -258,8 +254,8 @@ def identify_film(recording: FilmRecording, film: BucklingFilm | None
     deflection, _ = smoothed(deflection)
     trusted = np.ones(deflection.size, dtype=bool)
     if film is not None:
-        trusted = deflection >= -TENSION_NOISE_FACTOR * noise
-        if trusted.mean() < 1.0 - MAX_TENSION_SHARE:
+        trusted = deflection >= -OUTLIER_SIGMAS * noise
+        if trusted.mean() < 0.5:
             raise EstimatorError(
                 f'{(~trusted).sum()} of {deflection.size} deflections are negative: they must be '
                 'measured from the flat film, positive when its ends approach each other')
@@ -299,7 +295,7 @@ def _notes(fit: FilmFit) -> list[str]:
             'these parameters the sigma of other motions grows with time')
     if not fit.valid:
         notes.append('not a > b >= a / 2: no branch-wise inverse, the film cannot measure')
-    if fit.rms > POOR_RESIDUAL_FACTOR * fit.noise:
+    if fit.rms > SIGNIFICANT_SIGMAS * fit.noise:
         notes.append(f'residuals of the Duhem operator are {fit.share:.1%} of half the range, '
                      f'{fit.rms / fit.noise:.0f} times the noise' if fit.noise > 0.0 else
                      f'residuals of the Duhem operator are {fit.share:.1%} of half the range')

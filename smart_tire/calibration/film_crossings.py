@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.friction.constants import CHANGE_SIGMA, LOG_ALPHA_SIGMA
@@ -56,7 +57,6 @@ INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA = 0.5, 0.1   # relative, of a first fit
 REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA = 0.2, 0.05  # relative, of fits close to the solution
 EXACT_SLIP_SIGMA = 1e-5  # -, of a slip whose error enters in the adjustment
 UNINFORMATIVE_SLIP_SIGMA = 1.0                        # -, of a slip that is fitted
-MAX_EXCESS = 9.0  # mean squared normalized residual of a valid waveform fit
 BENDING_RANGE = (0.2, 5.0)                            # of the nominal bending peak
 # -, deviation of slip from a straight line that doubles the variance of a crossing with
 # changing speed; from simulations
@@ -239,7 +239,7 @@ class ObservationFitter:
 
     def _plausible(self, fit: WaveformFit, wheel: str) -> bool:
         low, high = BENDING_RANGE
-        return fit.excess < MAX_EXCESS and all(
+        return fit.excess < SIGNIFICANT_SIGMAS ** 2 and all(
             low < (fit.film_parameter(i, PerFilm.BENDING).value
                    / self._bending[wheel][film.film]) < high
             for i, film in enumerate(fit.samples.films))

@@ -32,19 +32,17 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.film_adjustment import adjust, Adjustment
 from smart_tire.calibration.film_crossings import (
     CrossingWithSlip, GainObservation, ObservationFitter)
-from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import MIN_ROBUST, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import mad_sigma, winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
 
-MIN_ANGLES = 3  # below this number outliers cannot be detected
 LATENCY_SIGMA = 0.003  # s, of the configured latency between films and wheels; assumed
 MAX_SCATTER = 0.1      # rad, 9 mm of the paper's wheel: more than the error of any fit
 MIN_SCATTER = 1e-3     # rad, lower limit of the scatter: a tenth of a millimeter
 
 MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
-MIN_CROSSINGS = 5           # of a film, below which outliers cannot be detected
 MAX_RELATIVE_SIGMA = 0.1    # standard error above which a gain or the contact length is refused
 MAX_POSITION_SIGMA = 0.003  # m, standard error above which a film position is refused
 
@@ -59,8 +57,8 @@ def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
 
     Raises EstimatorError with the reason if it is not observable.
     """
-    if len(angles) < MIN_ANGLES:
-        raise EstimatorError(f'{len(angles)} crossings, expected at least {MIN_ANGLES}')
+    if len(angles) < MIN_SPREAD:
+        raise EstimatorError(f'{len(angles)} crossings, expected at least {MIN_SPREAD}')
     if not all(map(math.isfinite, angles)):
         raise EstimatorError('wheel_states without positions')
     first = _medoid(np.asarray(angles))
@@ -183,9 +181,9 @@ class Results:
         name = f'gain of film {film + 1}, {wheel}'
         observed = [one for one in self._observations
                     if one.crossing.wheel == wheel and film in one.films]
-        if len(observed) < MIN_CROSSINGS:
+        if len(observed) < MIN_ROBUST:
             self._fit.refused[name] = (f'detected in {len(observed)} crossings, expected at least '
-                                       f'{MIN_CROSSINGS}')
+                                       f'{MIN_ROBUST}')
             return
         informative = [observation for observation in observed if observation.gains]
         index = self._index.gain(wheel, film)
@@ -323,10 +321,10 @@ def _sigma_reason(sigma: float) -> str:
 def _refusal(observed: Sequence[GainObservation], informative: Sequence[GainObservation],
              gain: Uncertain) -> str:
     """Return the reason why a gain is refused, '' if it is not."""
-    if len(informative) < MIN_CROSSINGS:
+    if len(informative) < MIN_ROBUST:
         slip, sigma = max((one.crossing.slip for one in observed), key=lambda slip: abs(slip[0]))
         return (f'{len(informative)} of {len(observed)} crossings with a slip above {MIN_SLIP:g} '
-                f'and {SIGNIFICANT_SIGMAS:g} times its sigma, expected at least {MIN_CROSSINGS}; '
+                f'and {SIGNIFICANT_SIGMAS:g} times its sigma, expected at least {MIN_ROBUST}; '
                 f'the largest is {slip:.3f} ± {sigma:.3f}: turn, accelerate and brake')
     if gain.value <= 0.0:
         return ('negative: the poles of the film, or the direction in which it crosses the patch, '
@@ -388,10 +386,10 @@ def _iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
                         crossing, gains=_makes_gains_observable(crossing))) is not None]
         observations, sources = [observation for observation, _ in observed], [
             i for _, i in observed]
-        if len(observations) < MIN_CROSSINGS:
+        if len(observations) < MIN_ROBUST:
             raise EstimatorError(
                 f'{len(observations)} crossings of films could be fitted, of '
-                f'{sum(map(len, recordings))} with known slip; expected at least {MIN_CROSSINGS}')
+                f'{sum(map(len, recordings))} with known slip; expected at least {MIN_ROBUST}')
         result = adjust(observations, sources, robot)
         found = GainAdjustment(robot, groups, fitter, result)
         change = result.value / np.sqrt(np.diag(result.covariance))

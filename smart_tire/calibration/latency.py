@@ -47,7 +47,7 @@ MAX_GRID_STEP = 0.02     # s, of the search, or a quarter of the period of the w
 RADIUS_DIFFERENCE_SIGMA = 0.05  # relative sigma of the difference of the sides' radii; assumed
 TURN_SLIP = 0.3          # -, share of ``side_slip`` that is lost, and its sigma; assumed
 PITCHING_ERROR = 0.1     # relative error of accelerations from pitching: 0.6 degrees at 1 m/s2
-CHANGE_INTERVAL = 1.0    # s between compared intervals: typical duration of a speed change
+CHANGE_INTERVAL = 1.0    # s between compared intervals: duration of a speed change or a turn
 CORRELATION_TIME = 2.0   # s over which slip, and thereby the effective track, is correlated
 
 

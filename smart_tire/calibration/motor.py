@@ -31,11 +31,12 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.motor_model import (
-    Assumptions, fit_drive, GroundFit, INERTIA_SIGMA, mean_gain, Runs, Solution, solve,
+    Assumptions, fit_drive, GroundFit, mean_gain, Runs, Solution, solve,
     speed_gains, steady_motion)
 from smart_tire.calibration.motor_rows import motor_rows
 from smart_tire.calibration.recording import Recording
-from smart_tire.calibration.results import Found, MAX_STANDARD_ERROR, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import (
+    CONFIGURED_SIGMA, Found, MAX_STANDARD_ERROR, SIGNIFICANT_SIGMAS)
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
@@ -47,7 +48,6 @@ VISCOUS, AXLE, FEED_FORWARD = 'viscous friction', 'axle friction', 'feed-forward
 RESISTANCE, STALL = 'resistance', 'stall torque'
 IN_STEP = 'readings in step with the motor commands miss the torque in between'
 SEVERAL_SPEEDS = 'requires lifted wheels at several speeds in both directions'
-FRICTION_SIGMA = 0.1       # relative, of the configured friction: a worse result is refused
 MAX_VISCOUS_SHARE = 0.2    # of Coulomb friction: standard error of viscous friction at top speed
 MAX_SAMPLING_ERROR = 0.03  # relative; above it, readings are in step with the commands
 EQUAL_SIGMA = 0.03         # relative, of the force or inertia of one wheel among four; assumed
@@ -127,7 +127,7 @@ def _add_constant(found: MotorFit, best: Solution, robot: RobotParams, runs: Run
     relative = kappa.sigma / abs(kappa.value)
     if kappa.value > 0.0 and relative < known and not in_step:
         constant = robot.motor.torque_constant / kappa.value
-        assumed = f'; inertia as configured, {INERTIA_SIGMA:.0%} sigma'
+        assumed = f'; inertia as configured, {CONFIGURED_SIGMA:.0%} sigma'
         found.add(CONSTANT, Uncertain(constant, constant * relative), 'N m/A',
                   f'proportional to the given mass of {robot.mass:g} kg'
                   + (assumed if best.lifted is None else ''), 'motor.torque_constant')
@@ -156,8 +156,8 @@ def _add_lifted(found: MotorFit, best: Solution, kappa: Uncertain) -> None:
         best.inertia_shift / best.kappa.value) * inertia.value)
     inertia, coulomb, viscous = (_over(value, kappa) for value in (inertia, coulomb, viscous))
     for name, value, known, unit, parameter in (
-            (INERTIA, inertia, INERTIA_SIGMA, 'kg m2', 'motor.inertia'),
-            (COULOMB, coulomb, FRICTION_SIGMA, 'N m', 'motor.coulomb_friction')):
+            (INERTIA, inertia, CONFIGURED_SIGMA, 'kg m2', 'motor.inertia'),
+            (COULOMB, coulomb, CONFIGURED_SIGMA, 'N m', 'motor.coulomb_friction')):
         if 0.0 < value.sigma < known * value.value:
             found.add(name, value, unit, 'of one wheel with its drive, mean of four', parameter)
         else:

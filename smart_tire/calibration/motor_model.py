@@ -42,6 +42,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.motor_rows import COMMAND_DELAY, MotorRows
+from smart_tire.calibration.results import CONFIGURED_SIGMA, MIN_ROWS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Fit, HAC_TIME, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
@@ -50,9 +51,7 @@ from smart_tire.uncertain import Uncertain, weighted_mean
 
 Runs = Sequence[MotorRows]
 
-MIN_ROWS = 30            # below this number the residuals do not determine their noise
 MAX_TURN_SHARE = 0.2     # of the speed: half the difference of the sides; tires scrub in turns
-INERTIA_SIGMA = 0.1      # relative, of the configured inertia: from data sheets; assumed
 VISCOUS_SHARE = 0.05     # of r m g / 4: sigma of viscous friction at the largest speed; assumed
 OFFSET_SHARE = 0.01      # of r m g / 4: sigma of the offset of a measured torque; assumed
 TORQUE_DELAY_SIGMA = 0.01  # s, of the measured torque against the IMU; assumed
@@ -294,7 +293,7 @@ def _fit_ground(runs: Runs, robot: RobotParams, lifted: LiftedFit | None,
         _check_braking(rows, robot)
     lever, count = robot.mass * robot.wheel_radius, len(runs)
     speed, acceleration = _all(runs, 'speed'), _all(runs, 'acceleration')
-    assumed = Uncertain(robot.motor.inertia, INERTIA_SIGMA * robot.motor.inertia)
+    assumed = Uncertain(robot.motor.inertia, CONFIGURED_SIGMA * robot.motor.inertia)
     inertia = sum(part * scale for part, scale in zip(
         assumed if lifted is None else lifted.means[INERTIA], (1.0, inertia_error)))
     # from lifted wheels it is known in the unit of the measured torque, otherwise in kg m2

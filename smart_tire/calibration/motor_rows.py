@@ -32,9 +32,10 @@ from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import (
-    covered, DutyRecord, Indices, Mask, MAX_IMU_GAP, MOTION_MARGIN, period, Recording,
-    rotation_increments, Samples)
+    covered, DutyRecord, Indices, Mask, MAX_IMU_GAP, MIN_ROLLING_SPEED, MOTION_MARGIN, period,
+    Recording, rotation_increments, Samples)
 from smart_tire.calibration.sensor_noise import GROUND_SLOPE_SIGMA, stationary_intervals
+from smart_tire.calibration.stiffness import FRICTION
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire.brush_tire import linear_tire_force
 from smart_tire.models.vehicle.skid_steer import normal_loads
@@ -44,8 +45,6 @@ from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import Uncertain
 
 REACH = 0.25             # s from the center of a window to its ends: a start or stop lasts longer
-MIN_SPEED = 0.1          # m/s at the circumference; at lower speeds static friction may act
-TYPICAL_FRICTION = 0.45  # -, mu of firm ground; assumed
 MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
 MAX_LENGTHENING = 1.25   # of a window against its number of periods; beyond, a sample is missing
 MAX_TORQUE_GAP = 0.15    # s; over longer gaps the torque is not known
@@ -165,7 +164,7 @@ def _slip(force: Array, robot: RobotParams) -> Array:
     """Return the slip of the tires at a specific ``force`` [m/s2] (n,), with its sign."""
     loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
                          force, np.zeros_like(force), radius=robot.wheel_radius)
-    linear = linear_tire_force(robot.mass * force, TYPICAL_FRICTION, loads.T)
+    linear = linear_tire_force(robot.mass * force, FRICTION[0], loads.T)
     return linear / robot.tire.longitudinal_stiffness
 
 
@@ -206,8 +205,9 @@ def _centers(recording: Recording, robot: RobotParams, time: Array, n: int) -> I
     center = np.arange(n + 1, max(len(time) - n - 2, n + 1))
     count = 2 * n + 2  # periods of a window, with one before and one after
     usable = time[center + n] - time[center - n] < MAX_LENGTHENING * 2 * n * step
+    slowest = MIN_ROLLING_SPEED / robot.wheel_radius
     for column in speed.T:
-        moving = [_all_of_next(valid & (sign * column > MIN_SPEED / robot.wheel_radius), count)
+        moving = [_all_of_next(valid & (sign * column > slowest), count)
                   for sign in (1.0, -1.0)]
         usable &= (moving[0] | moving[1])[center - n - 1]
     margin = MAX_IMU_GAP + DELAY_STEP

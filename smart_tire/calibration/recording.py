@@ -40,6 +40,7 @@ MAX_POSITION_GAP = 2.0    # s; over longer gaps the change of position is not a 
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
 OTHER_OF_SIDE = [2, 3, 0, 1]  # of each wheel, for one that is not measured
 MAX_IMU_GAP = 0.05        # s between IMU samples; over longer gaps they are not integrated
+MIN_ROLLING_SPEED = 0.1   # m/s at the circumference; at lower speeds static friction may act
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
 
 

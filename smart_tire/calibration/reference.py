@@ -36,23 +36,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.latency import MAX_DELAY, TURN_SLIP
+from smart_tire.calibration.latency import CHANGE_INTERVAL, MAX_DELAY, TURN_SLIP
 from smart_tire.calibration.recording import (
     PoseRecord, Recording, rotation_increments, side_slip, Signal, WheelRecord)
-from smart_tire.calibration.results import MAX_STANDARD_ERROR
+from smart_tire.calibration.results import MAX_STANDARD_ERROR, MIN_ROBUST
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import fit_delay, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain
 
-YAW_INTERVAL = 1.0       # s, of the changes of yaw: as long as a turn, to average pose noise
 DISTANCE_INTERVAL = 2.0  # s of motion per interval: several lengths of a robot
 MAX_POSE_GAP = 0.5       # s between poses of an interval
 DELAY_STEP = 0.05        # s, of the search for the latency of the reference
 MIN_YAW_RATE = 0.05      # rad/s; slower intervals do not make the scale observable
 CLEAR_YAW = 1.0          # rad of yaw in a recording that a gyro bias does not explain
-MIN_INTERVALS = 5        # below this number the residuals do not determine their noise
 MAX_PIVOT_SHARE = 0.1    # of the angle of an interval from turns in place
 FREE_ROLLING_SLIP = 0.01      # share of the distance: varying slip of straight rolling; assumed
 REFERENCE_OFFSET_SIGMA = 0.3  # tracks; lateral offset of the reference from the center; assumed
@@ -88,7 +86,7 @@ def fit_gyro_scale(recording: Recording) -> tuple[Uncertain, float]:
     Raises EstimatorError if there is no reference or no turn.
     """
     imu, poses = recording.imu, usable_reference(recording)
-    first, last = poses.intervals(YAW_INTERVAL, MAX_POSE_GAP)
+    first, last = poses.intervals(CHANGE_INTERVAL, MAX_POSE_GAP)
     begin, end, yaw = poses.time[first], poses.time[last], poses.yaw[last] - poses.yaw[first]
     gyro = Signal(imu.time, imu.rate[:, 2])
     inside = (begin > imu.time[0] + MAX_DELAY) & (end < imu.time[-1] - MAX_DELAY)
@@ -119,10 +117,10 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
     angle, slip, pivot, missing, change = _rolled(wheels, begin, end)
     min_angle = DISTANCE_INTERVAL * robot.slip.standstill_speed / robot.wheel_radius
     used = (missing == 0.0) & (np.abs(angle) > np.maximum(min_angle, pivot / MAX_PIVOT_SHARE))
-    if used.sum() < MIN_INTERVALS:
+    if used.sum() < MIN_ROBUST:
         raise EstimatorError(
             f'{used.sum()} intervals of {DISTANCE_INTERVAL:g} s of rolling with a reference, '
-            f'expected at least {MIN_INTERVALS}')
+            f'expected at least {MIN_ROBUST}')
     forward, _ = reference.path_components()
     distance = forward[last] - forward[first]
     slip, lag = robot.wheel_radius * slip, robot.mass / (4.0 * robot.tire.longitudinal_stiffness)

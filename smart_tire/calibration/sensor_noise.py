@@ -35,7 +35,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import MOTION_MARGIN, period, Recording, WheelRecord
-from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import MIN_ROWS, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.state import (
     BIAS_WINDOW, MAX_STATIONARY_WHEEL_SPEED, QUIET_NOISE_RATIO)
@@ -45,18 +45,14 @@ from smart_tire.samples import GRAVITY, LEFT, RIGHT
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 WINDOW = 1.0               # s, over which the noise is estimated
-MIN_WINDOW_SAMPLES = 3
-GROUND_SLOPE_SIGMA = 0.01  # rad, of the ground with fewer than MIN_INTERVALS intervals; assumed
-MIN_INTERVALS = 3          # at standstill, to estimate the spread of ground slopes
+GROUND_SLOPE_SIGMA = 0.01  # rad, of the ground at too few standstills; assumed
 QUIET_QUANTILE = 0.1       # of the windows' noise that serves as reference for quiet ones
 ROLLING_SPEED = 0.1        # rad/s, of wheels in motion
 
 RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0  # of a parabola in five samples
 SLOPE_KERNEL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0
-RESIDUAL_VARIANCE_SHARE = 18.0 / 35.0  # of the residual over that of independent errors
 MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
 MAX_WINDOW = 0.5   # s of five samples: over longer times the speed is not linear in time
-MIN_SAMPLES = 30   # below this number the residuals do not determine their scatter
 
 
 @dataclass(frozen=True)
@@ -82,7 +78,7 @@ def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
         begin += BIAS_WINDOW if interval else 0.0  # settled if the recording begins stationary
         for first in np.arange(begin, end - MOTION_MARGIN - WINDOW, WINDOW):
             rows = values[fresh & (imu.time >= first) & (imu.time < first + WINDOW)]
-            if len(rows) >= MIN_WINDOW_SAMPLES:
+            if len(rows) >= MIN_SPREAD:
                 windows.append(rows)
                 number.append(interval)
     if not windows:
@@ -98,7 +94,7 @@ def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
     freedom = sum(len(rows) - 1 for rows in windows)
     noise = np.sqrt(np.asarray(variance) / freedom)
     bias_sigma = np.max([noise / math.sqrt(freedom + len(windows)), _standard_error(means),
-                         _standard_error(per_stop, MIN_INTERVALS)], axis=0)
+                         _standard_error(per_stop, MIN_SPREAD)], axis=0)
     roll, pitch = _tilt(per_stop[:, 3:], robot)
     return RestFit(
         WINDOW * len(windows), len(per_stop),
@@ -133,7 +129,7 @@ def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
     """Return roll and pitch [rad] from the specific forces (n, 3) of n standstills."""
     x, y, z = (force / np.linalg.norm(force, axis=1)[:, None]).T
     tilts = np.stack([np.arctan2(y, z), -np.arcsin(x)], axis=1)
-    slope = (float(tilts.std(axis=0, ddof=1).max()) if len(tilts) >= MIN_INTERVALS
+    slope = (float(tilts.std(axis=0, ddof=1).max()) if len(tilts) >= MIN_SPREAD
              else GROUND_SLOPE_SIGMA)
     sigma = math.hypot(robot.imu.accel_bias / GRAVITY, slope / math.sqrt(len(tilts)))
     roll, pitch = tilts.mean(axis=0).tolist()
@@ -182,9 +178,9 @@ def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
     count = math.tau / robot.encoder.counts_per_revolution
     usable = (np.abs(gaps - step).max(axis=1) < 0.5 * step) & (
         np.abs(increment).min(axis=1) > MIN_COUNTS * count)
-    if usable.sum() < MIN_SAMPLES:
+    if usable.sum() < MIN_ROWS:
         raise EstimatorError(f'{int(usable.sum())} samples with both sides in motion, expected at '
-                             f'least {MIN_SAMPLES}')
+                             f'least {MIN_ROWS}')
     errors = _filtered(wheels.time, RESIDUAL_KERNEL)[usable, None] - (
         angle_residual[usable] / increment[usable]
         * _filtered(wheels.time, SLOPE_KERNEL)[usable, None])
@@ -198,9 +194,10 @@ def _filtered(values: Array, kernel: Array) -> Array:
 def _common_sigma(errors: Array) -> Uncertain:
     """Return the standard deviation of the common part of two columns of errors (n, 2)."""
     common, differential = (mad_sigma(errors @ sign) for sign in ((1, 1), (1, -1)))
-    variance = (common ** 2 - differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE
+    kept = float(RESIDUAL_KERNEL[2])  # variance of the residual over that of independent errors
+    variance = (common ** 2 - differential ** 2) / 4.0 / kept
     # standard error of a variance by the median absolute deviation of n / 2 independent errors
-    variance_sigma = (common ** 2 + differential ** 2) / 4.0 / RESIDUAL_VARIANCE_SHARE * (
+    variance_sigma = (common ** 2 + differential ** 2) / 4.0 / kept * (
         2.0 * math.sqrt(2.7 / len(errors)))
     if variance < SIGNIFICANT_SIGMAS * variance_sigma:
         limit = math.sqrt(max(variance, 0.0) + SIGNIFICANT_SIGMAS * variance_sigma)

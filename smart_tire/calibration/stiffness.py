@@ -41,7 +41,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import block_diag
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.recording import Indices, Recording
+from smart_tire.calibration.recording import Indices, MIN_ROLLING_SPEED, Recording
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS, Found
 from smart_tire.calibration.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
@@ -64,7 +64,6 @@ SLOPE_WALK = 0.02           # m/s2 per root of a second, changes of the slope; a
 KNOT_INTERVAL = 0.5         # s, of the changes of the accelerometer error
 FORCE_ERROR = 0.03          # m/s2, of the force balance; assumed
 STATIONARY_SIGMA = 0.001    # m/s, of a body at standstill
-MIN_ROLLING_SPEED = 0.1     # m/s, of an interval; slower ones are mostly static friction
 DRAG_SPEED = 0.02           # m/s, below which drag is linear in the speed
 DIFFERENCE = 1e-6           # of a value, for its derivative
 NEWTON_STEPS = 4            # of the inverse brush model
