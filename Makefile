@@ -88,7 +88,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.load
 	$(BIN)/python -m benchmarks.models
 	$(BIN)/python -m benchmarks.film
-	$(BIN)/python -m benchmarks.calibration
+	$(BIN)/python -m benchmarks.calibration --seeds 20 --first-seed 201 --force
 
 bench-slip: $(READY)
 	$(BIN)/python -m benchmarks.slip --force

@@ -107,11 +107,24 @@ class Benchmark:
             for row, own in by_row.items()}}
         (args.out / 'results.json').write_text(
             json.dumps(plain(tree), indent=1, allow_nan=False) + '\n', encoding='utf-8')
-        tables = list(self.tables(rows, args))
+        tables = [*self.tables(rows, args), *_note_tables(runs)]
         print_tables(self.notes, tables)
         (args.out / f'{self.name}.md').write_text(
             f'{self.notes}\n' + '\n'.join(map(markdown, tables)), encoding='utf-8')
         print(f'{len(jobs)} jobs; {self.name}.md and results.json in {args.out}')
+
+
+def _note_tables(runs: Sequence[Run]) -> Iterator[Table]:
+    """Yield the table of the notes of the runs, if any: how often, and the first."""
+    notes: dict[tuple[str, str], list[str]] = {}
+    for run in runs:
+        for name, note in run.notes.items():
+            notes.setdefault((run.row, name), []).append(note)
+    if notes:
+        table = new_table('Notes', '', 'runs', 'first')
+        for (row, name), own in notes.items():
+            table.add_row(f'{row}: {name}', str(len(own)), own[0])
+        yield table
 
 
 def _label(runs: Sequence[Run]) -> str:

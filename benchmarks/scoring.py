@@ -80,6 +80,7 @@ class Run:
     seed: int
     errors: Mapping[str, Errors] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def figures(self) -> dict[str, Figures]:

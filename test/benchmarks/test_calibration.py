@@ -16,56 +16,47 @@
 
 from __future__ import annotations
 
-from benchmarks.calibration.recordings import demo, TOPICS
-from benchmarks.calibration.run import print_runs, table
-from benchmarks.calibration.scoring import calibrated_run, parameters, Run, score
+from benchmarks.calibration import calibrated_run, demo, pooled, TOPICS
+from benchmarks.scoring import pooled as pooled_errors
 import pytest
 
 
 def test_the_demo_identifies_what_it_shows_and_refuses_what_two_grounds_hide():
-    runs = [calibrated_run('demo', seed, films=False) for seed in (1, 2)]
+    runs = [run for seed in (1, 2) for run in calibrated_run('demo', seed)]
     for run in runs:
         assert run.errors.keys() >= {'imu.gyro_noise', 'imu.accel_noise', 'encoder.stamp_jitter',
                                      'icr_x'}
+        assert run.values['icr_x.identified'] == 1.0
+        assert run.values['effective_track.identified'] == 0.0
         for name in ('effective_track', 'tire.longitudinal_stiffness'):
-            assert 'several grounds' in run.kept[name]
-        assert 'expected at most' in run.kept['encoder.latency']
-        assert 'requires starts and stops' in run.kept['motor.torque_constant']
-    pooled = score(runs)
-    assert pooled.within >= 0.75 and pooled.nees < 2.0
+            assert 'several grounds' in run.notes[name]
+        assert 'expected at most' in run.notes['encoder.latency']
+        assert 'requires starts and stops' in run.notes['motor.torque_constant']
+    found = pooled_errors([one for run in runs for one in run.errors.values()]).figures
+    assert found['within_two'] >= 0.75 and found['nees'] < 2.0
 
 
 @pytest.mark.slow
 def test_the_guided_recordings_are_accepted_and_consistent():
-    run = calibrated_run('guided', 1, films=False)
+    run, = calibrated_run('guided', 1)
     assert run.errors.keys() >= {
         'imu.gyro_noise', 'encoder.latency', 'encoder.stamp_jitter', 'effective_track', 'icr_x',
         'tire.longitudinal_stiffness', 'motor.torque_constant'}
-    assert all(abs(error) < 3.5 for errors in run.errors.values() for error in errors)
-    assert run.relative['tire.longitudinal_stiffness'][0] < 0.1
-    assert run.relative['effective_track'][0] < 0.02
+    assert all(abs(one.error[0]) < 3.5 for one in run.errors.values())
+    assert run.values['tire.longitudinal_stiffness.sigma'] < 0.1
+    assert run.values['effective_track.sigma'] < 0.02
 
 
 def test_ground_truth_is_not_in_the_recordings():
-    events = demo(3, films=False).events['mixed']
+    events = demo(3).events['mixed']
     assert any(topic.startswith('ground_truth/') for _, topic, _ in events)
     assert not any(topic.startswith('ground_truth/') for topic in TOPICS)
 
 
-RUNS = [Run('demo', 1, {'a': (1.0, -3.0), 'b': (0.5,)}, {}, {'c': 'too short'}),
-        Run('demo', 2, {'a': (2.0, 0.0)}, {}, {'b': 'one ground only', 'c': 'too short'})]
-
-
-def test_scores_pool_all_values_and_count_runs():
-    assert parameters(RUNS) == ['a', 'b', 'c'] and score(RUNS, 'c') is None
-    of_a, pooled = score(RUNS, 'a'), score(RUNS)
-    assert (of_a.runs, of_a.within, of_a.nees, of_a.mean) == (2, 0.75, 3.5, 0.0)
-    assert pooled.within == 0.8 and pooled.nees == pytest.approx(14.25 / 5)
-    assert score(RUNS, 'b').runs == 1
-
-
-def test_the_table_has_acceptance_and_refusals(capsys):
-    assert table('demo', RUNS).row_count == 4
-    print_runs(RUNS)
-    text = capsys.readouterr().out
-    assert 'c: kept in 2 of 2: too short' in text and '0 / 2' in text and '1 / 2' in text
+def test_pooled_scores_weigh_a_parameter_by_how_often_it_was_identified():
+    parts = [{'identified': 1.0, 'within_two': 0.5, 'nees': 5.0, 'mean': -1.0},
+             {'identified': 0.5, 'within_two': 1.0, 'nees': 0.5, 'mean': 0.5},
+             {'identified': 0.0}]
+    assert pooled(parts) == pytest.approx(
+        {'within_two': 2.0 / 3.0, 'nees': 3.5, 'mean': -0.5})
+    assert pooled(parts[2:]) == {}

@@ -25,7 +25,8 @@ import pytest
 
 
 def run(name, seeds):
-    return [Run(name, seed, {'mu': Errors.without_sigma([0.1 * seed])}) for seed in seeds]
+    return [Run(name, seed, {'mu': Errors.without_sigma([0.1 * seed])},
+                notes={'C_x': f'too short: {seed}'}) for seed in seeds]
 
 
 BENCHMARK = Benchmark(
@@ -39,6 +40,7 @@ def test_a_run_prints_a_table_and_writes_it_with_the_results_of_all_seeds(tmp_pa
     assert BENCHMARK.main(['--seeds', '2', '--runs', 'second', '--out', str(tmp_path)]) == 0
     text = capsys.readouterr().out
     assert 'All notes.' in text and 'second' in text and 'First' not in text
+    assert 'second: C_x' in text and 'too short: 1' in text and 'too short: 2' not in text
     results = json.loads((tmp_path / 'results.json').read_text())['rows']
     assert results['second']['over_seeds']['mu.max'] == pytest.approx(0.2)
     assert results['second']['seeds']['1']['mu.max'] == pytest.approx(0.1)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import io
 
-from benchmarks.calibration.recordings import demo
+from benchmarks.calibration import demo
 import pytest
 from smart_tire.bags import BagWriter
 from smart_tire.cli import _calibrate_live as live
@@ -32,7 +32,7 @@ from smart_tire.samples import NS_PER_S, Odometry
 def bags(tmp_path_factory):
     """Return rest and turns on one ground, the turns with a wrong ground truth."""
     folder = tmp_path_factory.mktemp('bags')
-    events = demo(5, films=False).events['mixed']
+    events = demo(5).events['mixed']
     begin = events[0][2].stamp_ns
     for name, until in (('rest', 2.4), ('turns', 20.0)):
         with BagWriter(folder / name) as writer:
