@@ -141,11 +141,6 @@ def test_mutants_reach_processes_hang_or_survive_and_broken_tests_are_left_out(
     assert not remaining_processes(toy)
 
 
-def test_a_sample_is_limited_and_so_is_the_time(toy, capsys):
-    mutation.main(['--room', 'clock', '--root', str(toy), '--minutes', '0', '--sample', '1'])
-    assert 'stopped by the time limit' in capsys.readouterr().out
-
-
 @pytest.mark.parametrize('kind, status', [('killed', 0), ('survived', 1)])
 def test_the_safety_path_requires_a_share_of_killed_mutants(toy, monkeypatch, kind, status):
     monkeypatch.setattr(mutation, 'SAFETY_PATH', ('smart_tire/clock/late.py',))

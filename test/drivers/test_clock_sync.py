@@ -21,7 +21,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.drivers.clock_sync import ClockSync, lower_hull
+from smart_tire.drivers.clock_sync import ClockSync
 
 HOST_NS = 1_700_000_000_000_000_000
 DEVICE_NS = 4_000_000_000_000
@@ -140,18 +140,6 @@ def test_a_repeated_message_changes_nothing():
     clock = ClockSync()
     first = clock.add_arrival(DEVICE_NS, HOST_NS)
     assert clock.add_arrival(DEVICE_NS, HOST_NS + 5_000_000) == first
-
-
-def test_the_hull_has_no_point_below_it():
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        points = sorted((float(x), float(y)) for x, y in rng.normal(size=(20, 2)))
-        corners = lower_hull(points)
-        assert corners[0] == points[0]
-        assert corners[-1] == points[-1]
-        xs, ys = zip(*corners)
-        assert all(y >= np.interp(x, xs, ys) - 1e-12 for x, y in points)
-        assert np.all(np.diff(np.diff(ys) / np.diff(xs)) > 0.0)
 
 
 def test_messages_queued_before_the_first_reading_do_not_leave_timestamps_in_the_future():

@@ -142,17 +142,6 @@ def test_samples_have_the_configured_rate_and_the_mean_speed_of_their_period(rig
         assert max(sample.velocity[0] for sample in samples) > 5.0
 
 
-def test_the_time_of_a_poll_is_measured(rig):
-    with Running(rig, rate=50.0) as running:
-        running.drive(0.3)
-        wait_for(lambda: running.motors.line.timing.poll_time)
-        record = rig.record(running.began)
-        times = [when for when, request in record.requests
-                 if request.command in (READ_ENCODERS, READ_CURRENTS, SET_DUTY)]
-        shortest = float(np.percentile(np.diff(times), 10))  # between requests
-        assert shortest < running.motors.line.timing.poll_time < 0.06
-
-
 def test_wheels_are_checked_16_times_a_second_at_any_sample_rate(rig):
     with Running(rig, rate=1.0) as running:
         running.wait(2)
@@ -175,9 +164,7 @@ def test_a_negative_sign_reverses_encoder_and_motor(rig):
 
 
 @pytest.mark.parametrize(('sign', 'signs', 'torques'), [
-    ('draw', [1, 1, 1, 1], (1.2, -1.2, -0.6, 0.6)),
     ('draw', [1, -1, 1, -1], (1.2, -1.2, -0.6, 0.6)),
-    ('signed', [1, 1, 1, 1], (1.2, 1.2, -0.6, -0.6)),
     ('signed', [1, -1, 1, -1], (1.2, -1.2, -0.6, 0.6))])
 def test_torques_have_the_sign_of_their_convention(rig, sign, signs, torques):
     with Running(rig, signs=signs, motor__current_sign=sign) as running:
@@ -187,17 +174,6 @@ def test_torques_have_the_sign_of_their_convention(rig, sign, signs, torques):
         rig.fail(currents={0: 100, 1: 100, 2: -50, 3: -50})
         running.wait(2)
         assert running.samples[-1].effort == pytest.approx(torques)
-
-
-def test_a_short_circuited_motor_brakes(rig):
-    with Running(rig, rate=50.0) as running:
-        running.drive(0.8)
-        count = len(running.samples)
-        running.duty = (0.0,) * 4
-        wait_for(lambda: rig.state().still)
-        running.wait(4)
-        braking = [sample for sample in running.samples[count:] if min(sample.velocity) > 1.0]
-        assert min(sample.effort[0] for sample in braking) < -1.0
 
 
 @pytest.mark.parametrize('faults', [{'without_currents': {128}}, {'garbled_currents': {128}}],
@@ -224,16 +200,6 @@ def test_without_currents_only_the_torques_of_that_board_are_missing(rig, faults
         rig.fail()
         wait_for(lambda: not running.motors.currents.silent_boards())
         assert np.isfinite(running.wait(2).effort).all()
-
-
-def test_a_board_without_currents_is_asked_less_and_less_often(rig):
-    with Running(rig) as running:
-        began = rig.fail(without_currents={128, 129})
-        pause(2.5)
-        asked = np.array(rig.record(began).times(READ_CURRENTS, 128))
-        assert 4 <= len(asked) <= 7
-        assert np.all(np.diff(asked)[2:] > 1.5 * np.diff(asked)[1:-1])
-        assert running.wait(1).effort is None
 
 
 def test_a_stop_does_not_wait_for_currents(rig):
@@ -280,20 +246,6 @@ def test_an_implausible_current_is_rejected_for_its_wheel_only(rig, code):
         assert np.isfinite([effort[0], effort[1], effort[3]]).all()
         assert running.motors.currents.rejected > 0
         assert running.motors.currents.silent_boards() == []
-
-
-@pytest.mark.parametrize(('rate', 'interval'), [(16.0, 1), (50.0, 1), (100.0, 2), (200.0, 4)])
-def test_currents_are_read_at_50_hz_at_most_and_in_turn(rig, rate, interval):
-    with Running(rig, rate=rate) as running:
-        running.drive(0.4)
-        began, count = time.monotonic(), len(running.samples)
-        running.wait(round(rate))
-        efforts = [sample.effort or (math.nan,) * 4 for sample in running.samples[count:]]
-        share = np.isfinite(efforts).mean(axis=0)
-        assert np.all(share > 0.5 / interval) and np.all(share < 1.1 / interval)
-        if interval > 1:
-            assert np.isfinite(efforts).all(axis=1).mean() < 0.1
-        assert len(rig.record(began).times(READ_CURRENTS, 128)) <= 1.3 * rate / interval + 2
 
 
 def test_encoders_are_read_before_currents_in_every_period(rig):

@@ -29,6 +29,7 @@ ADDRESS, OTHER_ADDRESS = 0x0013A20040A1B2C3, 0x0013A200DEADBEEF
 HOST_NS = 1_700_000_000_000_000_000
 BATCH = TireBatch(flags=0, sequence=100, timer_us=5_000_000, period_us=2500,
                   codes=((0, 512),) * 15 + ((1023, 511),), battery_mv=3700)
+YOUNG = replace(BATCH, sequence=0, timer_us=1000)  # after a restart
 SPAN_US = 40_000  # between batches of 16 samples
 
 
@@ -77,11 +78,6 @@ def test_every_conversion_has_its_time_and_its_voltages(node):
     assert node.lost == node.duplicates == node.resets == 0
 
 
-def test_a_single_channel_gives_one_voltage(node):
-    samples = feed(node, (0, replace(BATCH, codes=((0,), (1023,)))))
-    assert [sample.volts for sample in samples] == [(0.0,), (3.3,)]
-
-
 @st.composite
 def orders(draw):
     """Return the numbers of batches in the order of arrival: some lost, repeated or late."""
@@ -123,33 +119,18 @@ def test_losses_at_a_sequence_jump_are_bounded_by_the_elapsed_time(node, jump):
     assert stamps == sorted(stamps)
 
 
-def test_a_timer_that_jumps_back_in_its_first_second_is_a_reset(node):
-    young = replace(BATCH, sequence=0, timer_us=1000)
-    feed(node, *((count, batch(count, sequence=0, timer_us=1000)) for count in range(5, 12)))
-    samples = feed(node, *((count, replace(young, sequence=count - 40,
-                                           timer_us=1000 + (count - 40) * SPAN_US,
-                                           codes=((7, 7),) * 16)) for count in range(40, 50)))
+@pytest.mark.parametrize(('first', 'restarted', 'count'), [
+    pytest.param(BATCH, YOUNG, 60, id='sequence and timer start again'),
+    pytest.param(BATCH, batch(40), 10_000, id='the timer advanced'),
+    pytest.param(YOUNG, YOUNG, 40, id='in the first second of the timer')])
+def test_a_restart_of_the_node_is_detected_and_counts_no_losses(node, first, restarted, count):
+    feed(node, *((earlier, replace(first, sequence=first.sequence + earlier,
+                                   timer_us=first.timer_us + earlier * SPAN_US))
+                 for earlier in range(5, 30)))
+    samples = feed(node, (count, restarted))
     assert node.resets == 1
     assert node.lost == 0
-    assert samples[15].stamp_ns == arrival(40) - 5_000_000
-
-
-def test_a_restart_of_the_node_counts_no_losses(node):
-    feed(node, *((count, batch(count)) for count in range(30)))
-    restarted = replace(BATCH, sequence=0, timer_us=1000)
-    samples = feed(node, (60, restarted),
-                   (61, replace(restarted, sequence=1, timer_us=1000 + SPAN_US)))
-    assert node.resets == 1
-    assert node.lost == 0
-    assert samples[15].stamp_ns == arrival(60) - 5_000_000
-
-
-def test_a_restart_is_detected_although_the_timer_advanced(node):
-    feed(node, *((count, batch(count)) for count in range(30)))
-    samples = feed(node, (10_000, batch(40)))
-    assert node.resets == 1
-    assert node.lost == 0
-    assert samples[-1].stamp_ns == arrival(10_000) - 5_000_000
+    assert samples[-1].stamp_ns == arrival(count) - 5_000_000
 
 
 def test_batches_that_arrive_faster_than_possible_are_counted(node):

@@ -20,7 +20,6 @@ from collections.abc import Iterator
 import doctest
 import importlib
 import inspect
-from pathlib import Path
 import pkgutil
 from types import ModuleType
 
@@ -55,13 +54,6 @@ def examples(module: ModuleType) -> dict[str, doctest.DocTest]:
     return {test.name.removeprefix(prefix): test
             for test in doctest.DocTestFinder().find(module, module.__name__)
             if any(example.want for example in test.examples)}
-
-
-def test_all_modules_of_the_models_are_found():
-    found = {name.removeprefix(f'{models.__name__}.').replace('.', '/') for name in MODULES}
-    root = Path(models.__file__).parent
-    assert found == {str(path.relative_to(root).with_suffix('')) for path in root.rglob('*.py')
-                     if path.name != '__init__.py'}
 
 
 @pytest.mark.parametrize('name', MODULES)

@@ -184,16 +184,12 @@ def ask(boards, address, command, *values, now_ns=0):
         address, command, boards.replies(request, now_ns, COUNTS, CURRENTS, SPEEDS))
 
 
-def test_each_board_reports_counts_and_speeds_of_its_own_wheels():
+def test_each_board_reports_counts_speeds_and_currents_of_its_own_wheels():
     boards = RoboclawEmulator((128, 129))
     assert ask(boards, 128, roboclaw.READ_ENCODERS) == (100, 2**32 - 1)
     assert ask(boards, 129, roboclaw.READ_ENCODERS) == (3000, 5)
     assert ask(boards, 128, roboclaw.READ_SPEEDS) == (10, -21)
     assert ask(boards, 129, roboclaw.READ_SPEEDS) == (0, 4000)
-
-
-def test_each_board_reports_the_currents_of_its_own_motors():
-    boards = RoboclawEmulator((128, 129))
     assert ask(boards, 128, roboclaw.READ_CURRENTS) == (50, -1)
     assert ask(boards, 129, roboclaw.READ_CURRENTS) == (1234, 32767)
 

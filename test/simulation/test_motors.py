@@ -103,15 +103,3 @@ def test_errors_are_those_of_the_parameters():
     friction = np.array([motors.friction_scale for motors in drawn])
     assert friction.std() == pytest.approx(0.1, rel=0.1)
     assert abs(friction.mean() - 1.0) < 0.02
-
-
-@pytest.mark.parametrize('values, options', [({}, {'torque': False}), (EXACT, {})])
-def test_torques_and_errors_of_motors_leave_the_other_sensors_unchanged(values, options):
-    still, film = [(0.0, 0, 0)], {'film.wheels': ['front_left']}
-    expected = simulate(params_of(**film), still, 1.0)
-    found = simulate(params_of(**film, **values), still, 1.0, **options)
-    efforts = {sample.effort is None for _, topic, sample in found if topic == 'wheel_states'}
-    assert efforts == {bool(options)}
-    for topic in ('imu/data', 'tire_samples'):
-        assert ([event for event in found if event[1] == topic]
-                == [event for event in expected if event[1] == topic])

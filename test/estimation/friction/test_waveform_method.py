@@ -186,14 +186,6 @@ def test_a_change_of_speed_increases_the_sigma_of_film_slip():
     assert changing.slip_sigma > 3.0 * steady.slip_sigma
 
 
-@pytest.mark.parametrize('growth', [0.15, -0.15])
-def test_a_change_of_slip_within_a_crossing_does_not_bias_the_result(growth):
-    rng = np.random.default_rng(10)
-    errors = [normalized_error(measure(simulated(rng, growth=growth)).slips)
-              for _ in range(60)]
-    assert np.mean(np.square(errors)) < 1.5
-
-
 def test_samples_that_do_not_resemble_a_crossing_have_no_result():
     rng = np.random.default_rng(11)
     samples = simulated(rng, films=(0,)).samples

@@ -114,12 +114,6 @@ def test_a_lasting_change_of_the_shape_is_learned():
     assert abs(np.mean(found - expected)) < 0.015 * usual.normalized_slip
 
 
-def test_the_same_crossings_yield_the_same_results():
-    case = Case(slip=-0.1)
-    first, again = (normalized_slips(results(case, 6, 9)) for _ in range(2))
-    assert np.array_equal(first, again)
-
-
 def test_an_estimate_is_weighted_by_its_information():
     rng = np.random.default_rng(1)
     shape, truth = ShapeEstimator(), np.linalg.cholesky(

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from smart_tire.models.tire import brush_tire, strain_charge
+from smart_tire.models.tire import strain_charge
 
 C_X, MU, LOAD, L, FILM = 52.7, 0.47, 26.7, 0.046, 0.02  # paper B, Table I
 CRITICAL = 3.0 * MU * LOAD / C_X
@@ -137,26 +137,6 @@ def test_no_position_of_the_film_has_more_charge_than_the_peak(film, critical, s
         least = strain_charge.overlap_integral(
             x, direction * critical, critical, critical, film, L)
         np.testing.assert_allclose(charge(x), least, rtol=1e-9, atol=1e-15)
-
-
-@given(st.floats(L, 0.2), shares, st.floats(-1.0, 1.0))
-def test_a_film_longer_than_the_patch_measures_the_force(film, share, direction):
-    total = share * CRITICAL
-    s_x, s_y = direction * total, np.sqrt(max(0.0, 1.0 - direction**2)) * total
-    force, _ = brush_tire.brush_force(s_x, s_y, MU, LOAD, C_X)
-    inside = strain_charge.overlap_integral([L - film, 0.0], s_x, np.hypot(s_x, s_y), CRITICAL,
-                                            film, L)
-    np.testing.assert_allclose(inside, L * float(force) / (2.0 * C_X), rtol=1e-9, atol=1e-15)
-
-
-@given(criticals, shares, st.floats(-1.0, 1.0))
-def test_the_integral_of_the_traction_of_b20_is_the_brush_force(critical, share, direction):
-    total, load = share * critical, critical * C_X / (3.0 * MU)
-    s_x, s_y = direction * total, np.sqrt(max(0.0, 1.0 - direction**2)) * total
-    xi = np.linspace(0.0, 1.0, 20_001)
-    integral = 2.0 * C_X * np.trapezoid(strain_charge.displacement(xi, share).value, xi)
-    expected = brush_tire.brush_force(s_x, s_y, MU, load, C_X)
-    np.testing.assert_allclose([s_x * integral, s_y * integral], expected, rtol=1e-6, atol=1e-9)
 
 
 def test_a_film_that_is_not_shorter_than_the_patch_has_no_peak():
