@@ -30,10 +30,7 @@ def cores(request, monkeypatch):
     return request.param
 
 
-@pytest.fixture
-def two_cores(monkeypatch):
-    """Simulate a machine with two cores."""
-    monkeypatch.setattr(os, 'sched_getaffinity', lambda pid: {0, 1})
+two_cores = pytest.mark.parametrize('cores', [2], indirect=True)
 
 
 def squares():
@@ -69,14 +66,16 @@ def test_errors_of_the_package_are_raised_after_the_preceding_items(cores):
         next(items)
 
 
-def test_a_process_that_dies_is_an_error(two_cores):
+@two_cores
+def test_a_process_that_dies_is_an_error(cores):
     items = prefetch(dying)
     assert next(items) == 1
     with pytest.raises(EstimatorError, match='has died'):
         next(items)
 
 
-def test_closing_the_iterator_ends_the_process(two_cores):
+@two_cores
+def test_closing_the_iterator_ends_the_process(cores):
     items = prefetch(endless)
     assert next(items) == b'x' * 1000
     items.close()

@@ -172,22 +172,15 @@ def test_global_completion_recognizes_the_command():
     assert 'PYTHON_ARGCOMPLETE_OK' in main[:1024]  # argcomplete reads no more
 
 
-def parsed(*words, argv=None):
-    """Parse a command line as ros2cli does."""
-    parser = argparse.ArgumentParser(prog='ros2')
-    extension = SmartTireCommand()
-    command = parser.add_subparsers().add_parser('smart_tire')
-    extension.add_arguments(command, 'ros2 smart_tire', argv=argv or ['ros2', *words])
-    return extension, parser, parser.parse_args(words)
-
-
 def test_a_verb_is_run_with_its_arguments(monkeypatch, tmp_path):
     seen = []
     monkeypatch.setattr(recover, 'run', lambda args: seen.append(args) or 3)
     bag = tmp_path / 'drive.mcap'
     bag.touch()
-    extension, parser, args = parsed('smart_tire', 'recover', str(bag), '--force')
-    assert extension.main(parser=parser, args=args) == 3
+    parser, extension = argparse.ArgumentParser(prog='ros2'), SmartTireCommand()
+    words = ['recover', str(bag), '--force']
+    extension.add_arguments(parser, 'ros2 smart_tire', argv=['ros2', 'smart_tire', *words])
+    assert extension.main(parser=parser, args=parser.parse_args(words)) == 3
     (given,) = seen
     assert (given.bag, given.force) == (bag, True)
 

@@ -193,11 +193,6 @@ def test_parameters_have_the_file_that_sets_them(report, params):
     assert row_of(report, 'from', 'slope_sigma')[3:5] == ['default', 'slip_estimator']
 
 
-def test_version_and_date_of_the_recording_are_on_the_page(outline):
-    facts = outline.texts['dd']
-    assert '2026-01-02 03:04:05 UTC' in facts and 'smart_tire 1.2.3' in facts
-
-
 def test_every_specification_is_valid_for_plotly_and_every_axis_has_a_unit(report):
     colors = re.compile(r'"@(\w+)"')
     figures = blocks(report, Figure)
