@@ -61,14 +61,6 @@ def test_a_statement_has_exactly_these_changes(statement, expected):
     assert set(applied(source)) == {source.replace(statement, text) for text in expected}
 
 
-def test_the_sample_depends_on_the_seed_but_not_on_the_line():
-    source = 'def f(a):\n    return 3 + a.b < 3\n'
-    ranks = [[one.rank(seed) for one in mutation.mutants('f.py', text)]
-             for seed, text in ((1, source), (1, f'import os\n\n{source}'), (2, source))]
-    assert ranks[0] == ranks[1] != ranks[2]
-    assert len(set(ranks[0])) == len(ranks[0])  # equal changes differ by their number
-
-
 TOY = {
     'smart_tire/__init__.py': '',
     'smart_tire/clock/late.py': 'def late(age, limit):\n    return age > limit\n',

@@ -19,13 +19,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 import math
 
-from hypothesis import given, strategies as st
 import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
     build, known_names, load_files, MotorDriverParams, NODE_PARAMS, RobotParams, SimulatorParams,
     SlipEstimatorParams, Spec, specs, TireReceiverParams, WheelControllerParams)
-from smart_tire.parameters.files import check_names, flatten, from_arguments
+from smart_tire.parameters.files import check_names, from_arguments
 from smart_tire.parameters.simulation import PatchParams
 from smart_tire.parameters.spec import inlined, is_known, nested, param
 
@@ -87,16 +86,6 @@ def test_an_error_names_parameter_value_and_expectation(spec, value, expected):
     assert expected in str(caught.value)
 
 
-@given(st.floats(allow_nan=True, allow_infinity=True) | st.integers())
-def test_accepted_values_are_in_range(value):
-    try:
-        checked = SPEED.check(value)
-    except ParameterError:
-        assert not 0.0 <= value <= 3.0
-    else:
-        assert 0.0 <= checked <= 3.0
-
-
 # A class
 
 
@@ -113,12 +102,6 @@ def test_build_assigns_values_to_nested_and_inlined_classes():
 def test_an_unknown_name_is_refused_with_a_suggestion():
     with pytest.raises(ParameterError, match=r'front\.radios, did you mean front\.radius\?'):
         build(Cart, {'front.radios': 1.0})
-
-
-@pytest.mark.parametrize('cls', [*NODE_PARAMS.values(), RobotParams])
-def test_defaults_are_valid(cls):
-    described = specs(cls)
-    assert build(cls, {name: spec.default for name, spec in described.items()}) == cls()
 
 
 @pytest.mark.parametrize('cls', NODE_PARAMS.values())
@@ -346,10 +329,6 @@ def test_an_invalid_or_missing_parameter_file_is_refused_with_its_name(tmp_path,
 
 def test_parameters_declared_by_rclpy_are_known():
     check_names(['use_sim_time', 'qos_overrides./tf.publisher.depth', 'radius'], ['radius'])
-
-
-def test_flattening_joins_names_with_dots():
-    assert flatten({'a': {'b': {'c': 1}}, 'd': [2]}) == {'a.b.c': 1, 'd': [2]}
 
 
 def test_later_arguments_of_a_command_line_take_precedence(tmp_path):

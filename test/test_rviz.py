@@ -80,12 +80,6 @@ def test_each_subscription_matches_its_publisher(display):
     assert profile['Durability Policy'] == ('Transient Local' if latched else 'Volatile')
 
 
-def test_the_covariance_of_the_estimate_is_shown():
-    estimate, = (display for display in DISPLAYS.values()
-                 if (topic(display) or {}).get('Value') == 'odom')
-    assert estimate['Covariance']['Value'] and estimate['Covariance']['Position']['Value']
-
-
 def test_the_grid_is_the_ground_under_the_robot_of_the_default_parameters():
     grid, = (display for display in DISPLAYS.values() if kind(display) == 'Grid')
     assert grid['Offset']['Z'] == -RobotParams().wheel_radius  # odom is at axle height

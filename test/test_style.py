@@ -184,21 +184,17 @@ def test_words_are_those_of_the_field():
 
 @pytest.mark.parametrize(('rule', 'text', 'offense'), [
     (unsorted_imports, '"""A."""\nimport sys\nimport os', '3: import of os comes too late'),
-    (unsorted_imports, 'import smart_tire\nimport numpy', '2: import of numpy comes too late'),
     (unsorted_imports, 'import yaml\n\nimport smart_tire',
      '3: import of smart_tire comes too late'),
     (unsorted_imports, 'from a import b, B', '1: names are not sorted'),
-    (unsorted_imports, 'from os import sep, path', '1: names are not sorted'),
     (missing_docstring, 'import os', '1: no docstring'),
     (missing_license, '"""A."""', '1: no copyright and license header'),
     (missing_license, '# Copyright 2026 The smart_tire developers\n"""A."""',
      '1: no copyright and license header'),
-    (bare_superlatives, 'MOST = 3', '1: MOST: name quantity and role'),
     (bare_superlatives, '\n_MEMORY: float = 2.0 * math.pi', '2: _MEMORY: name quantity and role'),
     (bare_superlatives, 'MIN_SPEED, STEP = 1.0, 2.0', '1: STEP: name quantity and role'),
     (dialect, 'as nobody\n# knows', '1: nobody knows'),
     (dialect, '\nslip_told = 1', '2: told'),
-    (dialect, 'Likewise, it is.', '1: likewise'),
 ])
 def test_a_rule_finds_its_offense(rule: Rule, text: str, offense: str):
     assert list(rule(Source('x.py', text))) == [f'x.py:{offense}']

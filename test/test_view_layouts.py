@@ -124,11 +124,3 @@ def test_sizes_of_plotjuggler_match_the_number_of_areas():
     for splitter in PLOTJUGGLER.iter('DockSplitter'):
         assert len(splitter) == int(splitter.attrib['count'])
         assert len(splitter.attrib['sizes'].split(';')) == len(splitter)
-
-
-def test_every_plot_shows_slip_friction_and_commands():
-    for paths in (foxglove_paths(), curves()):
-        text = ' '.join(paths)
-        for topic in ('/wheel_slip', '/tire_friction', '/ground_state', '/odom', '/cmd_vel',
-                      '/wheel_commands', '/motor_commands', '/tire_samples'):
-            assert topic in text

@@ -16,7 +16,7 @@
 RoboClaw packet serial, against the packets of test/data/frames/roboclaw.txt.
 
 Basicmicro prints no example packets. These are written by hand from the manual's layout of each
-command; test_crc.py verifies the CRC with published values.
+command; test_deframers.py verifies the CRC with published values.
 """
 
 import math

@@ -101,11 +101,6 @@ def test_uncompensated_values_fill_in_for_missing_compensated_fields_only():
     assert decode_binary(uncompensated, 5) == decode_binary(body, 5)
 
 
-def test_the_attitude_survives_the_round_trip():
-    _, decoded = decode_binary(encode_binary(0, SAMPLE, 0x0131), 5)
-    assert decoded.orientation == pytest.approx(SAMPLE.orientation, abs=1e-6)
-
-
 @pytest.mark.parametrize('header', ['01 0080', '02 0008', '08 0000', '05 0100 0040'])
 def test_a_header_with_undefined_fields_is_invalid(header):
     assert vectornav.payload_size(bytes.fromhex(header)) == 0

@@ -54,12 +54,6 @@ def test_a_receive_packet_decodes_to_its_documented_fields(frame):
     assert xbee.encode_receive_packet(packet_of(frame)) == body_of(frame)
 
 
-def test_the_data_of_a_receive_packet_is_the_tire_payload():
-    (body,) = XBeeDeframer().extract(frames('xbee')['receive_packet_tire_batch'].data)
-    payload = frames('tire_payload')['escaped_bytes'].data
-    assert xbee.decode_receive_packet(body).data == payload
-
-
 @each_frame('xbee', *RECEIVE_PACKET_VALUES)
 def test_xon_and_xoff_are_also_accepted_without_escape(frame):
     partly_escaped = frame.data.replace(b'\x7d\x31', b'\x11').replace(b'\x7d\x33', b'\x13')

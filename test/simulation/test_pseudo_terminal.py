@@ -78,12 +78,6 @@ def test_waiting_without_a_host_sleeps(port, link):
     assert time.monotonic() - start >= 0.05
 
 
-def test_reading_without_a_host_returns_no_bytes(port, link):
-    assert port.read() == b''
-    open_host(link).close()
-    assert port.read() == b''
-
-
 def test_output_beyond_the_buffer_of_a_host_that_does_not_read_is_lost(port, link):
     with open_host(link) as host:
         for _ in range(2000):

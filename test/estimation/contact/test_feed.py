@@ -68,17 +68,6 @@ def test_the_last_crossings_are_found_at_the_end_of_the_samples():
         assert crossings(feed.finish()) == []
 
 
-def test_the_end_of_the_samples_changes_no_earlier_crossing(samples):
-    whole, parts = ContactFeed(ROBOT, WINDOW), ContactFeed(ROBOT, WINDOW)
-    expected = crossings(blocks(whole, samples)) + crossings(whole.finish())
-    middle = len(samples) // 2
-    found = crossings(blocks(parts, samples[:middle]))
-    assert found == expected[:len(found)] and 0 < len(found) < len(expected)
-    found += crossings(parts.finish())
-    assert [ns for _, ns in found] == pytest.approx(
-        [ns for _, ns in expected[:len(found)]], abs=3e6)
-
-
 def test_samples_come_in_order_of_time_for_any_order_of_reception(samples):
     rng = random.Random(1)
     shuffled = sorted(samples, key=lambda sample: sample.stamp_ns + rng.uniform(0.0, 4e7))

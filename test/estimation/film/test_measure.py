@@ -126,14 +126,6 @@ def test_sigma_grows_with_time_if_amplifier_and_drift_are_not_separable():
     assert np.median(sigma[-2000:]) > 3.0 * np.median(sigma[:2000])
 
 
-def test_a_polynomial_without_hysteresis_is_much_less_accurate(identified):
-    deflection = from_standstill(sine(0.012, 2.0, 3.0, RATE))
-    recording = FilmTestStand(rate=RATE).run(deflection, 12)
-    result = measure(recording.time, recording.output, identified)
-    straight = np.polyval(np.polyfit(recording.output, deflection, 3), recording.output)
-    assert np.std(straight - deflection) > 20.0 * np.std(result.value - deflection)
-
-
 def test_corners_and_minor_loops_are_measured(identified):
     deflection = from_standstill(ramps([0.01, 0.004, 0.007, 0.002, 0.009, 0.0], 0.02, RATE))
     recording = FilmTestStand(rate=RATE).run(deflection, 13)

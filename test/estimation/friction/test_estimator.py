@@ -138,12 +138,6 @@ def test_a_wait_inside_the_patch_is_one_crossing_for_any_duration(wait):
     assert seconds(found) == pytest.approx(passes(trajectory, 7.0 + wait), abs=0.05)
 
 
-def test_a_stop_right_after_the_patch_does_not_delay_the_crossing():
-    trajectory = along([(0.0, 0.0), (1.0, 0.0), (3.0, ROUND), (4.0, ROUND + 0.36)])
-    found, _ = estimate(rolled(trajectory, 5.0))
-    assert len(found) == 2
-
-
 def test_the_films_alone_determine_their_quantities_within_their_sigmas():
     found, _ = estimate(rolled(steady(120.0), 6.0))
     crossing, ratio = found[-1], 1.0 - 0.13 / CRITICAL

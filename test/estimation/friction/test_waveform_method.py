@@ -82,13 +82,6 @@ def test_film_slip_and_adhesion_ratio_are_published_independently_of_the_state()
     assert abs(records[0].adhesion_ratio.value - 0.82) < 3.0 * records[0].adhesion_ratio.sigma
 
 
-def test_an_unknown_state_leaves_the_quantities_of_the_motion_unknown():
-    found = record(simulated(np.random.default_rng(0)), WheelState())
-    for name in ('slip', 'total_slip', 'normal_load', 'stiffness', 'friction_coefficient',
-                 'friction_coefficient_single', 'critical_slip', 'traction_force'):
-        assert found.quantity(name) == UNKNOWN, name
-
-
 @pytest.mark.parametrize('slip, normalized_slip', [(0.1, 0.18), (-0.25, 0.45)])
 def test_film_slip_and_normalized_slip_have_consistent_sigmas_and_correlation(
         slip, normalized_slip):

@@ -90,11 +90,3 @@ def test_invalid_materials_models_and_deflections_are_rejected():
         TABLE_I_FILM.normalized_charge(-1e-6)
     with pytest.raises(ParameterError, match='clamps have met'):
         BucklingFilm(length=0.01, width=0.001, thickness=28e-6).stroke(0.01)
-
-
-def test_only_the_second_order_of_a15_is_wrong():
-    strokes = np.geomspace(1e-4, 1e-2, 9)
-    exact, printed, linear = (TABLE_I_FILM.normalized_charge(0.025 * strokes, model)
-                              for model in ('exact', 'printed', 'linear'))
-    np.testing.assert_allclose((printed - exact) / strokes**2, 7.0 / 32.0 - 0.5, rtol=0.01)
-    np.testing.assert_allclose(linear, -0.5 * strokes, rtol=1e-12)
