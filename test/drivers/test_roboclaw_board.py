@@ -30,7 +30,7 @@ ADDRESSES = (128, 129)
 
 def readings(monkeypatch, period, seconds, silent=()):
     """Return the times [s] of the requests to each board in ``seconds`` of polls."""
-    now, asked = [0.0], {address: [] for address in ADDRESSES}
+    now, asked, before = [0.0], {address: [] for address in ADDRESSES}, []
 
     class Line:
         def ask(self, address, command, wait):
@@ -44,11 +44,12 @@ def readings(monkeypatch, period, seconds, silent=()):
     reader = CurrentReader(MotorDriverParams(), boards, Line(), period)
     for poll in range(round(seconds / period)):
         now[0] = poll * period
-        reader.read(lambda: None)
+        reader.read(lambda: before.append(now[0]))
         for board in boards:  # torques are those of this poll only
             assert np.isfinite(board.torques).all() == (
                 board.address not in silent and asked[board.address][-1:] == now)
     assert reader.missing == sum(len(asked[address]) for address in silent)
+    assert before == sorted(sum(asked.values(), []))  # once before each request
     return asked.values()
 
 
