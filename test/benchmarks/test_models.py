@@ -31,11 +31,3 @@ def test_model_and_general_method_have_the_same_result(measure, agree):
     for figure in getattr(models, measure)():
         assert figure.difference < agree, figure
         assert figure.rate > 0.0 and figure.general_rate > 0.0
-
-
-def test_one_line_is_printed_per_model(capsys):
-    assert models.main([]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    for what in ('Duhem samples', 'elastica, charges', 'heavy elastica, solutions',
-                 'heavy elastica, one by one', 'crossings of 93 samples', 'at once'):
-        assert sum(what in line and ' times, ' in line for line in lines) == 1, what

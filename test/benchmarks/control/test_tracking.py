@@ -16,18 +16,16 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from dataclasses import replace
 import math
 
 from benchmarks.control import tracking
 from benchmarks.control.icr_kinematics import IcrControl
-from benchmarks.control.run import CONTROL, jobs, missed, tables, TRACTION, WHEEL_STEPS
+from benchmarks.control.run import missed, tables
 from benchmarks.control.scenarios import (
     BEST, CASES, ICR, KINEMATICS, OTHER, OURS, SHORT, TrackingCase)
 from benchmarks.control.tracking import (
     dense_points, path_errors, run_tracking, score_tracking, SPACING)
-from benchmarks.control.traction import scenarios
 from benchmarks.scoring import combined, part_of
 import numpy as np
 import pytest
@@ -132,15 +130,6 @@ def test_the_software_does_not_know_the_other_plant():
     own, other = CASE, replace(CASE, plant=OTHER)
     assert own.stack() == other.stack()
     assert (own.simulator(1).robot.mass, other.simulator(1).robot.mass) == (10.9, 15.0)
-
-
-def test_every_run_has_a_title_and_its_jobs():
-    args = Namespace()
-    assert len(set(CONTROL.titles.values())) == len(CONTROL.titles) == 2 + len(CASES)
-    assert len(jobs(TRACTION, [1, 2], args)) == len(scenarios([1, 2])) > 0
-    assert len(jobs(WHEEL_STEPS, [1, 2], args)) == 16
-    assert len(jobs(CASE.name, [1, 2], args)) == 2 * len(KINEMATICS)
-    assert CONTROL.titles[CASE.name] == 'lane change, sand, true pose'
 
 
 @pytest.mark.parametrize('localization', ['true', 'estimated'])

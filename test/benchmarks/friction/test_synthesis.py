@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from benchmarks.friction.grid import all_cases, Case, LOAD, quick_cases
+from benchmarks.friction.grid import Case, LOAD
 from benchmarks.friction.synthesis import CrossingSynthesizer
 import numpy as np
 import pytest
@@ -27,15 +27,6 @@ from smart_tire.models.tire import brush_tire
 
 def volts(crossing):
     return [film.volts for film in crossing.samples.films]
-
-
-def test_all_cases_differ_and_include_the_quick_ones():
-    cases = [case for group in all_cases().values() for case in group]
-    assert len(set(cases)) == len(cases)
-    assert {case for group in quick_cases().values() for case in group} <= set(cases)
-    assert {case.slip for case in cases} >= {0.02, -0.02, 0.3, -0.3}
-    assert {case.mu for case in cases} >= {0.1, 0.9}
-    assert {case.noise for case in cases} >= {0.002, 0.02}
 
 
 @pytest.mark.parametrize('case', [Case(slip=0.1), Case(slip=-0.2, mu=0.2, combined=1.3)])
@@ -87,9 +78,3 @@ def test_without_noise_the_model_fits_a_crossing():
     assert fit.residual_rms < film.code_voltage
     assert fit.shared(Shared.SLIP)[0] == pytest.approx(case.slip, rel=0.02)
     assert fit.shared(Shared.NORM_SLIP)[0] == pytest.approx(case.normalized_slip, rel=0.02)
-
-
-def test_the_true_state_has_the_total_slip_of_the_case():
-    state = CrossingSynthesizer(Case(slip=-0.1, combined=1.3), 1).state()
-    assert state.normalized_slip.value * state.critical_slip.value == pytest.approx(0.13)
-    assert state.load == (LOAD, 0.0)
