@@ -12,37 +12,49 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""CPU load and latency of the running stack, filter step time and offline speed."""
+"""CPU load and latency of the running stack."""
 
 from __future__ import annotations
 
 import argparse
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 import os
 from pathlib import Path
+import select
 import sys
 import tempfile
+import threading
 import time
+from types import TracebackType
 from typing import Any
 
 from benchmarks.harness import machine, run_benchmark
 from smart_tire.errors import SmartTireError
+from smart_tire.protocol.tire_payload import decode_batch, volts
+from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
+from smart_tire.samples import NS_PER_S, TireSample
+from smart_tire.simulation.pseudo_terminal import PtyPort
 
-DESCRIPTION = 'measure CPU load, latency, filter step time and offline speed'
+DESCRIPTION = 'measure CPU load and latency'
 WHEEL = 'front_right'           # instrumented wheel, as in paper B
 SENSOR_NODE = f'0013A20040A1B2C3={WHEEL}'
 RADIO_DELAY = 0.005             # s, of the simulated radio
 START_TIMEOUT = 30.0            # s until all nodes run
 WARM_UP_TIME = 3.0              # s of driving before the measurement
 LEFT_SPEED, RIGHT_SPEED = 120.0, 60.0  # rpm
-LEGS = [(1.0, LEFT_SPEED, RIGHT_SPEED)]  # of the simulated drive for offline analysis
 SEED = 1
-OFFLINE_DURATION = 120.0        # s of the drive for offline analysis
+MAX_READ = 4096      # bytes
+POLL_PERIOD = 0.1    # s
+OPEN_TIMEOUT = 10.0  # s until the port of the radio must exist
+KEY_LENGTH = 8       # samples at the end of a batch whose noise identifies it
+
+Key = tuple[tuple[float, ...], ...]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure the running stack, then the estimators offline; return the exit status."""
+    """Measure the running stack; return the exit status."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.load', description=DESCRIPTION)
     parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
                         help='duration of the live measurement (default: %(default)s)')
@@ -56,13 +68,79 @@ def main(argv: Sequence[str] | None = None) -> int:
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
             measure_live(Path(folder), args.seconds,
                          partial(NodeRunner, partial(Pilot, 'demo_driver')))
-            measure_offline(Path(folder))
     return run_benchmark('load', measure)
+
+
+class RadioTap:
+    """
+    Forwards bytes from the simulated radio at ``source`` to a receiver that opens ``link``.
+
+    ``add_sample`` takes the samples published by the receiver. ``latencies`` [s] are measured
+    from forwarding the last byte of a batch to the call with its last sample.
+    """
+
+    def __init__(self, source: str, link: str) -> None:
+        self.latencies: list[float] = []
+        self._source = source
+        self._port = PtyPort(link)
+        self._deframer = XBeeDeframer()
+        self._sent_ns: dict[Key, int] = {}
+        self._newest: deque[tuple[float, ...]] = deque(maxlen=KEY_LENGTH)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._forward_bytes, name='radio_tap', daemon=True)
+
+    def __enter__(self) -> RadioTap:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self._stopping.set()
+        self._thread.join()
+        self._port.close()
+
+    def add_sample(self, sample: TireSample) -> None:
+        """Add a sample published by the receiver, in order."""
+        now_ns = time.monotonic_ns()
+        self._newest.append(sample.volts)
+        sent_ns = self._sent_ns.pop(tuple(self._newest), None)
+        if sent_ns is not None:
+            self.latencies.append((now_ns - sent_ns) / NS_PER_S)
+
+    def _forward_bytes(self) -> None:
+        source = self._open()
+        if source is None:
+            return
+        try:
+            while not self._stopping.is_set():
+                if select.select([source], [], [], POLL_PERIOD)[0]:
+                    self._forward(os.read(source, MAX_READ))
+        except OSError:  # EIO: the simulator has exited
+            pass
+        finally:
+            os.close(source)
+
+    def _open(self) -> int | None:
+        """Return the open port; None if it does not appear within ``OPEN_TIMEOUT``."""
+        deadline = time.monotonic() + OPEN_TIMEOUT
+        while not self._stopping.wait(POLL_PERIOD) and time.monotonic() < deadline:
+            if os.path.exists(self._source):
+                return os.open(self._source, os.O_RDONLY | os.O_NOCTTY)
+        return None
+
+    def _forward(self, chunk: bytes) -> None:
+        keys = [self._key(body) for body in self._deframer.extract(chunk)]
+        self._sent_ns.update(dict.fromkeys(keys, time.monotonic_ns()))
+        self._port.write(chunk)
+
+    @staticmethod
+    def _key(body: bytes) -> Key:
+        batch = decode_batch(decode_receive_packet(body).data)
+        return tuple(tuple(map(volts, codes)) for codes in batch.codes[-KEY_LENGTH:])
 
 
 def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]], Any]) -> None:
     """Analysis all nodes as in the demo; print their CPU time and the latency of tire samples."""
-    from benchmarks.latency_probe import RadioTap
     from smart_tire.cli._stack import isolated_environment, NODES, Stack
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
@@ -130,58 +208,6 @@ def print_latency(latencies: Sequence[float]) -> None:
     median, p99, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
     print(f'last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
           f'p50 {median:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms')
-
-
-def measure_offline(folder: Path) -> None:
-    """Simulate the same drive in memory; print filter step time and offline speed."""
-    from smart_tire.bags import BagWriter
-    from smart_tire.parameters import build, SimulatorParams
-    from smart_tire.simulation.offline import simulate
-    events = simulate(build(SimulatorParams, {'film.wheels': [WHEEL], 'seed': SEED}),
-                      LEGS, OFFLINE_DURATION)
-    with BagWriter(folder / 'drive') as writer:
-        for receive_ns, topic, sample in events:
-            writer.write_sample(topic, receive_ns, sample)
-    print_steps([sample for _, _, sample in events])
-    print_speed(folder)
-
-
-def print_steps(samples: Sequence[Any]) -> None:
-    """Print the time of a step of the slip filter on the ground that the films show."""
-    import numpy as np
-    from smart_tire.analysis.pipeline import EstimatorParams, FrictionStage
-    from smart_tire.estimation.reorder_buffer import GRID_NS
-    from smart_tire.estimation.slip.kalman import COMPILED
-    from smart_tire.estimation.slip.estimator import SlipEstimator
-    from smart_tire.parameters import build, FrictionEstimatorParams
-    from smart_tire.samples import GroundState, ImuSample, NS_PER_S, WheelSample
-    params = EstimatorParams(friction=build(FrictionEstimatorParams, {'film.wheels': [WHEEL]}))
-    friction, estimator, times = FrictionStage(params.friction), SlipEstimator(params.slip), []
-    inputs = [item for sample in samples for item in friction.update(sample)]
-    for sample in inputs:
-        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
-            begin = time.thread_time()
-            estimator.update(sample)
-            times.append(time.thread_time() - begin)
-    steps = OFFLINE_DURATION * NS_PER_S / GRID_NS
-    print(f'slip filter, {"" if COMPILED else "not "}compiled: '
-          f'{1e6 * sum(times) / steps:.0f} us of CPU for a step of {GRID_NS / 1000:.0f} us, '
-          f'99 % of the samples within {1e6 * np.percentile(times, 99.0):.0f} us')
-
-
-def print_speed(folder: Path) -> None:
-    """Print how much faster than real time a bag is analyzed."""
-    from smart_tire.analysis.offline import analyze
-    from smart_tire.analysis.pipeline import EstimatorParams
-    params, out = EstimatorParams.load([]), folder / 'analyzed'
-    begin = time.perf_counter()
-    result = analyze(folder / 'drive', out, params)
-    estimated = time.perf_counter() - begin
-    from smart_tire.analysis.figures import write_figures
-    write_figures(out, result.result, params.robot)
-    drawn = time.perf_counter() - begin
-    print(f'offline: {OFFLINE_DURATION / estimated:.0f} times faster than real time, '
-          f'{OFFLINE_DURATION / drawn:.0f} times with figures')
 
 
 if __name__ == '__main__':

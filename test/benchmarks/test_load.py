@@ -18,7 +18,7 @@ import os
 import select
 import tty
 
-from benchmarks.latency_probe import RadioTap
+from benchmarks.load import RadioTap
 import pytest
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch, volts
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
