@@ -18,26 +18,56 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from benchmarks.control.wrong_estimates import Fault
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.samples import (
-    Four, Friction, GroundState, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand,
-    WheelSample, WheelSlip)
+    Four, GroundState, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand, WheelSample,
+    WheelSlip)
 
 STANDSTILL = 3.0   # s, before the path is set, in which the estimators settle
 STOPPING = 1.0     # s, after arrival, until the run ends
 ENDED = (State.ARRIVED, State.STOPPED, State.REFUSED)
 
 
+class RobotStack:
+    """
+    Estimators and wheel controller; a subclass gives the commands.
+
+    Estimates reach the controllers when the last of their inputs is received, as live. Without
+    ``estimated``, motion and slip are the true ones, without error and delay. ``fault`` changes
+    the estimates.
+    """
+
+    def __init__(self, estimators: EstimatorParams, wheels: WheelControllerParams, *,
+                 estimated: bool = True, fault: Fault = iter) -> None:
+        self._pipeline, self._fault = Pipeline(estimators), fault
+        self._wheels, self._estimated = WheelControl(wheels), estimated
+
+    def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
+        """Process a message received at ``now_ns``."""
+        true = topic.startswith('ground_truth/')
+        if isinstance(sample, WheelSample):
+            self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position)
+            self._wheels.traction.add_wheels(sample)
+        if true and not self._estimated:
+            self._distribute(sample, now_ns)
+        elif not true and self._estimated:
+            for estimate in self._fault(self._pipeline.update(sample)):
+                self._distribute(estimate, now_ns)
+
+    def _distribute(self, estimate: Sample, now_ns: int) -> None:
+        if isinstance(estimate, Odometry):
+            self._wheels.traction.add_odometry(estimate)
+        elif isinstance(estimate, GroundState):
+            self._wheels.traction.set_ground(estimate)
+
+
 @dataclass(frozen=True)
 class StackParams:
-    """
-    Parameters of all parts.
-
-    Without ``estimated``, motion and slip are the true ones, without error and delay.
-    """
+    """Parameters of all parts."""
 
     estimators: EstimatorParams
     trajectory: TrajectoryControllerParams
@@ -46,27 +76,19 @@ class StackParams:
     control: type[TrajectoryControl] = TrajectoryControl
 
 
-class RobotStack:
-    """
-    Controller for ``run_closed_loop`` that follows ``path`` after ``STANDSTILL``.
-
-    Estimates reach the controllers when the last of their inputs is received, as live.
-    """
+class PathStack(RobotStack):
+    """Controller for ``run_closed_loop`` that follows ``path`` after ``STANDSTILL``."""
 
     def __init__(self, params: StackParams, path: PlannedPath) -> None:
-        self._params, self._path = params, path
-        self._pipeline = Pipeline(params.estimators)
+        super().__init__(params.estimators, params.wheels, estimated=params.estimated)
+        self._path, self._timeout = path, params.wheels.cmd_vel_timeout
         self.trajectory = params.control(params.trajectory)
-        self._wheels = WheelControl(params.wheels)
         self._period_ns = round(NS_PER_S / params.trajectory.rate)
         self._start_ns: int | None = None   # of the path
         self._due_ns = 0                    # next step of the trajectory controller
         self._command: VelocityCommand | None = None
         self._command_ns = 0
         self._ended_ns: int | None = None
-        self.commands: list[VelocityCommand] = []
-        self.frictions: list[Friction] = []
-        self.slips: list[WheelSlip] = []
         self.poses: list[Odometry] = []     # of the trajectory controller
 
     @property
@@ -81,32 +103,20 @@ class RobotStack:
 
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
         """Process a message received at ``now_ns``."""
-        true = topic.startswith('ground_truth/')
         if isinstance(sample, WheelSample):
-            self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns,
-                                            sample.position)
-            self._wheels.traction.add_wheels(sample)
             self.trajectory.add_wheels(sample)
-        if true and not self._params.estimated:
-            self._distribute(sample, now_ns)
-        elif not true and self._params.estimated:
-            for estimate in self._pipeline.update(sample):
-                self._distribute(estimate, now_ns)
+        super().receive(topic, sample, now_ns)
         self._follow(now_ns)
 
     def _distribute(self, estimate: Sample, now_ns: int) -> None:
+        super()._distribute(estimate, now_ns)
         if isinstance(estimate, Odometry):
             self.poses.append(estimate)
             self.trajectory.add_odometry(estimate, now_ns)
-            self._wheels.traction.add_odometry(estimate)
         elif isinstance(estimate, WheelSlip):
-            self.slips.append(estimate)
             self.trajectory.add_slip(estimate)
         elif isinstance(estimate, GroundState):
             self.trajectory.set_ground(estimate)
-            self._wheels.traction.set_ground(estimate)
-        elif isinstance(estimate, Friction):
-            self.frictions.append(estimate)
 
     def _follow(self, now_ns: int) -> None:
         """Step the trajectory controller when it is due."""
@@ -121,14 +131,13 @@ class RobotStack:
         command = self.trajectory.step(now_ns)
         if command is not None:
             self._command, self._command_ns = command, now_ns
-            self.commands.append(command)
         if self._ended_ns is None and self.trajectory.state in ENDED:
             self._ended_ns = now_ns
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties of the wheel controller."""
-        command, timeout = self._command, self._params.wheels.cmd_vel_timeout
-        if command is not None and now_ns - self._command_ns > timeout * NS_PER_S:
+        command = self._command
+        if command is not None and now_ns - self._command_ns > self._timeout * NS_PER_S:
             command = None
         return self._wheels.follow(command, now_ns, now_ns)[1]
 

@@ -21,7 +21,7 @@ import math
 
 from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import OtherPlant
-from benchmarks.control.robot_stack import RobotStack
+from benchmarks.control.robot_stack import PathStack
 from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
 from benchmarks.scoring import Errors, Run
 import numpy as np
@@ -38,7 +38,7 @@ MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
 
 def run_tracking(case: TrackingCase, seed: int) -> Run:
     """Simulate ``case``; return its scores by kinematics."""
-    stack, params = RobotStack(case.stack(), case.wanted()), case.simulator(seed)
+    stack, params = PathStack(case.stack(), case.wanted()), case.simulator(seed)
     events = run_closed_loop(params, stack, MAX_DURATION,
                              plant=Plant if case.plant == OWN else OtherPlant)
     truth = [sample for _, topic, sample in events

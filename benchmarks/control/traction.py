@@ -30,21 +30,20 @@ import math
 
 from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import other_robot, OtherPlant, peak_slip
+from benchmarks.control.robot_stack import RobotStack
 from benchmarks.control.wrong_estimates import FAULTS
 from benchmarks.scoring import Run
 import numpy as np
 
-from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
+from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.arrays import Array
-from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams,
     WheelControllerParams)
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
-from smart_tire.samples import (
-    Four, GRAVITY, GroundState, NS_PER_S, Odometry, Sample, VelocityCommand, WheelSample)
+from smart_tire.samples import Four, GRAVITY, NS_PER_S, VelocityCommand
 from smart_tire.simulation.plant import Plant
 
 
@@ -158,33 +157,21 @@ def critical_slip(friction: Array, load: Array, stiffness: Array) -> Array:
     return 3.0 * friction * load / stiffness
 
 
-class TractionStack:
-    """Estimators and wheel controller, driven by the legs of a scenario."""
+class TractionStack(RobotStack):
+    """Software of the robot, driven by the legs of a scenario."""
 
-    def __init__(self, scenario: TractionScenario, traction: TractionParams) -> None:
+    def __init__(self, scenario: TractionScenario) -> None:
         robot = scenario.robot
-        self._pipeline = Pipeline(EstimatorParams(
-            SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot)))
-        self.control = WheelControl(WheelControllerParams(
-            rate=scenario.wheel_rate, robot=robot, traction=traction))
-        self._legs, self._fault = scenario.legs, FAULTS[scenario.fault]
+        super().__init__(
+            EstimatorParams(SlipEstimatorParams(robot=robot),
+                            FrictionEstimatorParams(robot=robot)),
+            WheelControllerParams(rate=scenario.wheel_rate, robot=robot,
+                                  traction=TractionParams(enabled=scenario.traction)),
+            fault=FAULTS[scenario.fault])
+        self._legs = scenario.legs
         self._ends = list(accumulate(leg.duration for leg in scenario.legs))
         self._start_ns: int | None = None
         self.begins: list[float] = []  # s, first control step of each leg, since the start
-
-    def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
-        """Process a message."""
-        if topic.startswith('ground_truth/'):
-            return
-        if isinstance(sample, WheelSample):
-            self.control.add_reading(sample.velocity, now_ns, sample.stamp_ns,
-                                            sample.position)
-            self.control.traction.add_wheels(sample)
-        for estimate in self._fault(self._pipeline.update(sample)):
-            if isinstance(estimate, Odometry):
-                self.control.traction.add_odometry(estimate)
-            elif isinstance(estimate, GroundState):
-                self.control.traction.set_ground(estimate)
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties for the command in force."""
@@ -194,7 +181,7 @@ class TractionStack:
         if len(self.begins) <= number:
             self.begins.append(time)
         command = VelocityCommand(now_ns, leg.v_x, leg.yaw_rate)
-        return self.control.follow(command, now_ns, now_ns)[1]
+        return self._wheels.follow(command, now_ns, now_ns)[1]
 
     def finished(self, now_ns: int) -> bool:
         """Return whether all legs are over."""
@@ -221,10 +208,9 @@ class TractionRun:
                 in zip(self.scenario.legs, self.begins, ends)]
 
 
-def run(scenario: TractionScenario, params: TractionParams | None = None) -> TractionRun:
-    """Return a run of a scenario, by default with the default parameters."""
-    stack, log = TractionStack(
-        scenario, replace(params or TractionParams(), enabled=scenario.traction)), PlantLog()
+def run(scenario: TractionScenario) -> TractionRun:
+    """Return a run of a scenario."""
+    stack, log = TractionStack(scenario), PlantLog()
     robot = other_robot(scenario.robot) if scenario.other else scenario.robot
     simulator = SimulatorParams(seed=scenario.seed, ground=scenario.ground, robot=robot)
     run_closed_loop(simulator, stack, sum(leg.duration for leg in scenario.legs) + 1.0,
