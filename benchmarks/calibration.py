@@ -27,6 +27,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import accumulate
 import math
 from pathlib import Path
 import sys
@@ -40,7 +41,7 @@ from smart_tire.analysis.calibrate import calibrate_bags
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.arrays import Array
 from smart_tire.bags import BagWriter
-from smart_tire.calibration.guide import Leg, leg_schedule, LEGS
+from smart_tire.calibration.guide import Leg, LEGS
 from smart_tire.calibration.stiffness import ACCEL_SCALE_SIGMA
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSlip
@@ -65,6 +66,12 @@ mean of the squared errors; 2 s.: share within two standard errors.
 POOLED = 'all, pooled'
 SCORES = (percent('identified\n[%]', 'identified', 0), percent('2 s.\n[%]', 'within_two', 0),
           Column('NEES', 'nees', 2), Column('mean error\n[sigma]', 'mean', 2))
+
+
+def leg_schedule(legs: Sequence[Leg]) -> tuple[list[Leg], float]:
+    """Return legs as (start time [s], left, right), and the end time [s]."""
+    times = list(accumulate((leg[0] for leg in legs), initial=0.0))
+    return [(time, left, right) for time, (_, left, right) in zip(times, legs)], times[-1]
 
 
 @dataclass(frozen=True)

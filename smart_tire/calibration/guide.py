@@ -19,8 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import accumulate
 import math
+
+import numpy as np
 
 from smart_tire.calibration.sequence import LIFTED, REST, STRAIGHT, TURNS
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
@@ -79,26 +80,12 @@ def reach(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
 
     Turns may be as tight as those of the geometric ``track`` [m] or twice as wide.
     """
-    return FREE_SPACE_MARGIN + max(
-        _distance(legs, wheel_radius, factor * track) for factor in TRACK_FACTORS)
-
-
-def _distance(legs: Sequence[Leg], wheel_radius: float, track: float) -> float:
-    x = y = yaw = largest = 0.0
-    for duration, left, right in legs:
-        speeds = [rpm * math.tau / 60.0 * wheel_radius for rpm in (left, right)]
-        for _ in range(round(duration / PATH_STEP)):
-            yaw += PATH_STEP * (speeds[1] - speeds[0]) / track
-            x += PATH_STEP * 0.5 * sum(speeds) * math.cos(yaw)
-            y += PATH_STEP * 0.5 * sum(speeds) * math.sin(yaw)
-            largest = max(largest, math.hypot(x, y))
-    return largest
-
-
-def leg_schedule(legs: Sequence[Leg]) -> tuple[list[Leg], float]:
-    """Return legs as (start time [s], left, right), and the end time [s]."""
-    times = list(accumulate((leg[0] for leg in legs), initial=0.0))
-    return [(time, left, right) for time, (_, left, right) in zip(times, legs)], times[-1]
+    duration, left, right = np.array(legs).T
+    steps = np.round(duration / PATH_STEP).astype(int)
+    rolled = np.repeat([left, right], steps, axis=1) * math.tau / 60.0 * wheel_radius * PATH_STEP
+    yaw = np.cumsum(rolled[1] - rolled[0]) / np.array(TRACK_FACTORS)[:, None] / track
+    path = np.cumsum(rolled.mean(axis=0) * np.exp(1j * yaw), axis=1)
+    return FREE_SPACE_MARGIN + float(np.abs(path).max())
 
 
 @dataclass(frozen=True)

@@ -186,13 +186,6 @@ def test_more_crossings_of_one_turn_do_not_remove_the_error_of_its_slip():
         assert other.sigma > 0.03 * other.value
 
 
-def test_more_turns_reduce_the_sigma():
-    one, five = (identify_gains([recording(np.random.default_rng(5), robot(), turns=turns,
-                                           each=20 // len(turns))], NOMINAL)
-                 for turns in ((0.1,), (0.1, -0.1, 0.12, -0.12, 0.11)))
-    assert gains(five)[WHEEL, 0].sigma < 0.6 * gains(one)[WHEEL, 0].sigma
-
-
 def test_a_turn_with_a_wrong_slip_has_little_weight():
     rng = np.random.default_rng(7)
     crossings = recording(rng, robot(), turns=(0.1, -0.12, 0.06, 0.15, -0.07, 0.09))
@@ -240,15 +233,6 @@ def test_without_wheel_positions_only_the_angle_is_refused():
     assert 'without positions' in found.refused[f'angle of film 1, {WHEEL}']
     assert all(found.films)
     assert found.length is not None
-
-
-def test_an_uncertain_wheel_radius_affects_lengths_only():
-    crossings = recording(np.random.default_rng(2), robot(), each=2)
-    fine, rough = (identify_gains([crossings], replace(NOMINAL, wheel_radius_sigma=sigma))
-                   for sigma in (0.0005, 0.02))
-    assert rough.length.sigma > 1.3 * fine.length.sigma
-    assert rough.places[1].sigma > 1.3 * fine.places[1].sigma
-    assert gains(rough)[WHEEL, 0].sigma < 1.2 * gains(fine)[WHEEL, 0].sigma
 
 
 def test_volts_per_slip_is_the_peak_stretch_in_full_adhesion():

@@ -177,13 +177,6 @@ def test_two_recordings_give_a_smaller_sigma():
     assert both.value == pytest.approx(one.value, abs=2.0 * one.sigma)
 
 
-def test_the_constant_is_proportional_to_the_mass():
-    one, two = (found(8, lifted=False, robot=build(RobotParams, {
-        'mass': mass, 'motor.inertia': inertia})).get(CONSTANT).value
-        for mass, inertia in ((10.9, 0.008), (21.8, 0.016)))
-    assert two == pytest.approx(2.0 * one, rel=0.01)
-
-
 def test_a_constant_speed_is_refused():
     fit = identify_motor([offline_run(9, parts=CRUISE)], [], ROBOT)
     assert 'requires starts and stops' in fit.refused[CONSTANT]

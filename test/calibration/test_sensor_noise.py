@@ -132,14 +132,11 @@ def test_speed_changes_are_not_taken_for_jitter():
         fit_jitter(recorded(turning_run(1, 40.0, robot=robot, wheel_rate=50.0)).wheels, robot)
 
 
-def test_a_low_sampling_rate_is_refused():
-    with pytest.raises(EstimatorError, match='five samples last 1 s'):
-        fit_jitter(recorded(turning_run(1, 40.0, wheel_rate=4.0)).wheels, RobotParams())
-
-
-def test_velocities_alone_are_refused():
-    with pytest.raises(EstimatorError, match='no positions'):
-        fit_jitter(recorded(turning_run(1, 10.0, positions=False)).wheels, RobotParams())
+@pytest.mark.parametrize('options, reason', [
+    ({'wheel_rate': 4.0}, 'five samples last 1 s'), ({'positions': False}, 'no positions')])
+def test_low_sampling_rates_and_velocities_alone_are_refused(options, reason):
+    with pytest.raises(EstimatorError, match=reason):
+        fit_jitter(recorded(turning_run(1, 10.0, **options)).wheels, ROBOT)
 
 
 def test_standstill_is_refused():

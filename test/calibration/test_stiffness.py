@@ -91,13 +91,6 @@ def test_the_stiffness_is_correct_for_other_masses(mass):
     assert stiffness.determined
 
 
-def test_the_stiffness_is_proportional_to_the_configured_mass():
-    run = straight_run(CONCRETE, 2)
-    one, two = (identify_stiffness([run], build(RobotParams, {'mass': mass})).stiffness
-                for mass in (10.9, 21.8))
-    assert two.value == pytest.approx(2.0 * one.value, rel=1e-3)
-
-
 def test_an_error_of_the_wheel_latency_is_estimated():
     found = [identify_stiffness([straight_run(CONCRETE, seed, wheel_latency=0.006)], ROBOT)
              for seed in range(4)]
@@ -149,14 +142,12 @@ def test_recordings_on_different_grounds_are_refused_with_their_values():
     assert hard == pytest.approx(80.0, rel=0.3) and soft == pytest.approx(30.0, rel=0.2)
 
 
-def test_a_constant_speed_is_refused():
-    with pytest.raises(EstimatorError, match='speed changes too little'):
-        identify_stiffness([straight_run(CONCRETE, 9, pace=cruise)], ROBOT)
-
-
-def test_a_stationary_robot_is_refused():
-    with pytest.raises(EstimatorError, match='no straight segment of 6 wheel samples'):
-        identify_stiffness([straight_run(CONCRETE, 9, pace=lambda time: 0.0)], ROBOT)
+@pytest.mark.parametrize('pace, reason', [
+    (cruise, 'speed changes too little'),
+    (lambda time: 0.0, 'no straight segment of 6 wheel samples')])
+def test_a_constant_speed_and_standstill_are_refused(pace, reason):
+    with pytest.raises(EstimatorError, match=reason):
+        identify_stiffness([straight_run(CONCRETE, 9, pace=pace)], ROBOT)
 
 
 def test_wheels_that_only_slide_are_refused():
@@ -203,12 +194,6 @@ def test_the_timestamp_jitter_need_not_be_configured_correctly(jitter):
         fit = identify_stiffness([run], ROBOT).stiffness
         errors.append((fit.value - CONCRETE.stiffness) / fit.sigma)
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
-
-
-def test_a_pitching_body_does_not_matter():
-    run = straight_run(CONCRETE, 14)
-    fit = identify_stiffness([scaled(run, 1.06)], ROBOT).stiffness
-    assert fit.value == pytest.approx(CONCRETE.stiffness, abs=3.0 * fit.sigma)
 
 
 def legs(*parts):

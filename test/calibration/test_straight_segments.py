@@ -66,14 +66,6 @@ def test_the_samples_cover_all_intervals():
     assert segment.stationary[segment.resting].all()
 
 
-def test_the_configured_latency_is_subtracted():
-    late = replace(ROBOT, encoder=replace(ROBOT.encoder, latency=0.1))
-    first, second = (straight_segments(straight_run(CONCRETE, 1), robot)[0]
-                     for robot in (ROBOT, late))
-    assert second.stamps[-1] == pytest.approx(first.stamps[-1] - 0.1, abs=0.13)
-    assert len(second.stamps) <= len(first.stamps)
-
-
 def test_a_body_settles_after_a_stop():
     recording = straight_run(CONCRETE, 6, pace=stop_and_go)
     segment, = straight_segments(recording, ROBOT)
