@@ -30,7 +30,7 @@ from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import NS_PER_S, WheelSlip
-from support.ideal_robot import odometry
+from support.ideal_robot import odometry, Run
 
 # no check of odometry but that it is finite: the bounds do not rest on any
 PARAMS = TrajectoryControllerParams(checks=PathCheckParams(
@@ -109,31 +109,22 @@ def test_the_robot_slows_down_for_what_the_command_can_reach():
 
 
 def followed(path, slip_velocity, seconds):
-    """Return the largest speed and yaw rate of wheels without slip, and the last speed."""
-    control, fastest, turning = TrajectoryControl(PARAMS), 0.0, 0.0
-    x, y, yaw, v_x, yaw_rate, now_ns = 0.0, 0.0, 0.0, 0.0, 0.0, NS_PER_S
-    control.add_odometry(odometry(now_ns), now_ns)
-    control.follow(path, now_ns)
-    for _ in range(round(seconds * NS_PER_S / PERIOD_NS)):
-        control.add_odometry(odometry(now_ns, x, y, yaw, v_x, yaw_rate), now_ns)
-        control.add_slip(WheelSlip(now_ns, (0.3,) * 4, (slip_velocity,) * 4, (0.01,) * 4))
-        command = control.step(now_ns)
-        if command is not None:
-            v_x, yaw_rate = command.v_x, command.yaw_rate
-        x, y = x + 0.05 * v_x * math.cos(yaw), y + 0.05 * v_x * math.sin(yaw)
-        yaw, now_ns = yaw + 0.05 * yaw_rate, now_ns + PERIOD_NS
-        fastest, turning = max(fastest, abs(v_x)), max(turning, abs(yaw_rate))
-    return fastest, turning, v_x
+    """Return the commands (n, 2) of a robot without slip that reports a slip velocity."""
+    run = Run(PARAMS).start(path)
+    for _ in range(round(seconds * run.params.rate)):
+        run.control.add_slip(WheelSlip(run.now_ns, (0.3,) * 4, (slip_velocity,) * 4, (0.01,) * 4))
+        run.step()
+    return run.log[:, 6:]
 
 
 @pytest.mark.parametrize('slip_velocity', [0.3, -0.3, 3.0])
 def test_a_fault_of_the_slip_makes_the_robot_no_faster(slip_velocity):
-    fastest, turning, _ = followed(figure_eight(0.5), slip_velocity, 8.0)
-    assert fastest <= 0.66 + 1e-9 and turning <= 1.65 + 1e-9
+    commands = abs(followed(figure_eight(0.5), slip_velocity, 8.0))
+    assert (commands.max(axis=0) <= (0.66 + 1e-9, 1.65 + 1e-9)).all()
 
 
 def test_a_slip_fault_makes_the_robot_slower_instead():
-    assert 0.4 <= followed(line(4.0), 0.3, 4.0)[2] <= 0.6
+    assert 0.4 <= followed(line(4.0), 0.3, 4.0)[-1, 0] <= 0.6
 
 
 def test_a_gyro_that_is_faster_than_wanted_lowers_the_command():

@@ -77,36 +77,20 @@ def test_without_acceleration_the_input_is_the_reference():
 PID = PidParams(proportional=0.04, integral=0.4, derivative=0.0002)
 
 
-def test_gains_below_the_limit_of_the_delay_are_used_as_configured():
-    assert MODEL.limited(PID, 0.0625) == Gains(0.04, 0.4, 0.0002)
-
-
-@pytest.mark.parametrize(('delay', 'factor'), [(0.125, 0.5), (0.25, 0.25)])
-def test_gains_fall_with_the_delay_by_one_factor(delay, factor):
-    """The integral gain is at most 0.05 / (2 delay), the proportional 0.1 times that."""
-    limited = MODEL.limited(PID, delay)
-    assert astuple(limited) == pytest.approx((0.04 * factor, 0.4 * factor, 0.0002 * factor))
-
-
-def test_the_proportional_gain_limits_on_its_own():
-    limited = MODEL.limited(replace(PID, proportional=0.4), 0.0625)
-    assert limited.proportional == pytest.approx(0.04)
-    assert limited.integral == pytest.approx(0.04)
-    assert MODEL.limited(replace(PID, integral=0.0), 0.125).proportional == pytest.approx(0.02)
-    assert MODEL.limited(replace(PID, proportional=0.0), 0.125).integral == pytest.approx(0.2)
-
-
-def test_at_any_delay_the_proportional_gain_is_below_that_of_the_motor():
-    """Above it a lifted wheel, whose lag is shorter, would oscillate."""
-    limited = MODEL.limited(replace(PID, proportional=1.0, integral=0.0), 1e-3)
-    assert limited.proportional == pytest.approx(MODEL.speed_gain)
-
-
-def test_the_derivative_adds_at_most_a_quarter_of_the_inertia_of_the_wheel():
-    """0.25 of wheel time constant times speed gain, which is inertia over stall torque."""
-    for delay in (1e-3, 0.0625, 0.25):
-        assert MODEL.limited(replace(PID, derivative=10.0), delay).derivative == pytest.approx(
-            0.25 * 0.02 * 0.05)
+@pytest.mark.parametrize(('changes', 'delay', 'expected'), [
+    ({}, 0.0625, (0.04, 0.4, 2e-4)),  # as configured
+    # one factor for all: integral gain 0.05 / (2 delay), proportional 0.1 times that
+    ({}, 0.125, (0.02, 0.2, 1e-4)), ({}, 0.25, (0.01, 0.1, 5e-5)),
+    ({'proportional': 0.4}, 0.0625, (0.04, 0.04, 2e-5)),
+    ({'integral': 0.0}, 0.125, (0.02, 0.0, 1e-4)),
+    ({'proportional': 0.0}, 0.125, (0.0, 0.2, 1e-4)),
+    # that of the motor: above it a lifted wheel, whose lag is shorter, would oscillate
+    ({'proportional': 1.0, 'integral': 0.0}, 1e-3, (MODEL.speed_gain, 0.0, 1e-5)),
+    # a quarter of wheel time constant times speed gain, which is inertia over stall torque
+    *(({'derivative': 10.0}, delay, (0.04 * factor, 0.4 * factor, 0.25 * 0.02 * 0.05))
+      for delay, factor in ((1e-3, 1.0), (0.0625, 1.0), (0.25, 0.25)))])
+def test_gains_are_limited_by_delay_and_motor(changes, delay, expected):
+    assert astuple(MODEL.limited(replace(PID, **changes), delay)) == pytest.approx(expected)
 
 
 def test_without_a_known_delay_there_is_no_feedback():

@@ -72,12 +72,13 @@ def test_the_duty_never_leaves_its_limits():
     assert (min(seen), max(seen)) == (-0.6, 0.6)
 
 
-def test_while_the_duty_is_at_its_limit_the_integral_does_not_grow():
-    for sign in (1.0, -1.0):
-        pid = made(integral=0.5)
-        for _ in range(300):
-            assert pid.duty(sign * 0.9, sign * 30.0, 0.0, DT) == sign
-        assert sign * pid.duty(0.0, 0.0, 0.0, DT) <= 0.1
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize(('feed_forward', 'error'), [(0.9, 30.0), (1.01, 0.1)])
+def test_while_the_duty_is_at_its_limit_the_integral_does_not_grow(sign, feed_forward, error):
+    pid = made(integral=0.5, params=replace(FREE, tracking_time=1e9))
+    for _ in range(20):
+        assert pid.duty(sign * feed_forward, sign * error, 0.0, DT) == sign
+    assert pid.duty(0.0, 0.0, 0.0, DT) == 0.0
 
 
 def test_at_the_limit_an_error_that_leads_back_is_integrated():
@@ -150,14 +151,6 @@ def test_a_lower_limit_acts_at_once():
     assert pid.duty(0.9, 0.0, 0.0, DT) == 0.9
     pid.set_gains(replace(FREE, limit=0.3), Gains(0.04, 0.4, 0.0))
     assert pid.duty(0.9, 0.0, 0.0, DT) == 0.3
-
-
-@pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_small_excess_with_a_small_error_is_not_integrated_either(sign):
-    pid = made(integral=0.5, params=replace(FREE, tracking_time=1e9))
-    for _ in range(20):
-        assert pid.duty(sign * 1.01, sign * 0.1, 0.0, DT) == sign
-    assert pid.duty(0.0, 0.0, 0.0, DT) == 0.0
 
 
 def test_in_one_step_an_integral_decays_by_the_excess_at_most():
