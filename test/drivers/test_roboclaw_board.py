@@ -45,6 +45,8 @@ def readings(monkeypatch, period, seconds, silent=()):
     for poll in range(round(seconds / period)):
         now[0] = poll * period
         reader.read(lambda: before.append(now[0]))
+        assert reader.silent_boards() == [
+            str(address) for address in silent if len(asked[address]) >= 4]
         for board in boards:  # torques are those of this poll only
             assert np.isfinite(board.torques).all() == (
                 board.address not in silent and asked[board.address][-1:] == now)

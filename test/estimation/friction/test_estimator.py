@@ -393,7 +393,7 @@ def test_any_number_of_films_anywhere_on_the_wheel(positions, turns):
     assert 0.5 < np.mean(np.square(errors)) < 1.8
 
 
-def errors(truth, found, name, **limits):
+def errors(truth, found, name):
     """Return normalized errors of a quantity of crossings after the first 3 s."""
     return np.array([(f.quantity(name).value - t.quantity(name).value) / f.quantity(name).sigma
                      for t, f in paired(truth, found) if f is not None
