@@ -20,10 +20,10 @@ A crash loses at most half a second of messages.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 
 from mcap.writer import CompressionType, Writer
 
@@ -58,11 +58,9 @@ class BagWriter:
                  custom_data: Mapping[str, str] | None = None) -> None:
         self.directory = Path(directory)
         name = f'{self.directory.resolve().name}_0.mcap'
-        try:
+        with self._errors_named():
             self.directory.mkdir(parents=True)
             self._file = (self.directory / name).open('xb')
-        except OSError as error:
-            raise BagError(f'{directory}: cannot be written ({error.strerror})') from error
         self._contents = Contents(name, {}, ros_distro=ros_distro)
         self._channels: dict[str, tuple[int, Channel]] = {}
         self._schemas: dict[str, int] = {}
@@ -78,8 +76,7 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -133,39 +130,37 @@ class BagWriter:
 
     def flush(self) -> None:
         """Hand over all written data to the operating system."""
-        try:
+        with self._errors_named():
             self._mcap.flush()  # type: ignore[no-untyped-call]
-        except OSError as error:
-            raise self._write_error(error) from error
 
     def close(self) -> None:
         """Finish the bag; no effect the second time."""
         if self._file.closed:
             return
-        try:
-            with self._file:
-                self._add_metadata_record()
-                self._mcap.finish()  # type: ignore[no-untyped-call]
-        except OSError as error:
-            raise self._write_error(error) from error
+        with self._errors_named(), self._file:
+            self._add_metadata_record()
+            self._mcap.finish()  # type: ignore[no-untyped-call]
         self._write_metadata()
 
     def _add_metadata_record(self) -> None:
-        try:
+        with self._errors_named():
             self._mcap.add_metadata(
                 'rosbag2', {'serialized_metadata': metadata_text(self._contents)})
             self._file.flush()
-        except OSError as error:
-            raise self._write_error(error) from error
 
     def _write_metadata(self) -> None:
-        try:
+        with self._errors_named():
             write_metadata(self.directory, self._contents)
-        except OSError as error:
-            raise self._write_error(error) from error
 
-    def _write_error(self, error: OSError) -> BagError:
-        return BagError(f'{self.directory}: cannot be written ({error.strerror})')
+    @contextmanager
+    def _errors_named(self) -> Iterator[None]:
+        """Raise BagError with the folder if it cannot be written in this context."""
+        try:
+            yield
+        except BagError:  # an OSError, too
+            raise
+        except OSError as error:
+            raise BagError(f'{self.directory}: cannot be written ({error.strerror})') from error
 
 
 @dataclass(frozen=True)
