@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Checks of the paths given to a program, before anything slow is imported.
+Checks of the paths given to a program, before anything slow is imported; writing of texts.
 
 A bag may be given by a folder that contains it, such as ``demo_output``.
 """
@@ -73,3 +73,12 @@ def check_writable(path: Path) -> None:
         raise ParameterError(f'{path}: cannot be written ({folder} is not a folder)')
     if not os.access(folder, os.W_OK | os.X_OK):
         raise ParameterError(f'{path}: cannot be written (no permission to write to {folder})')
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file and create its folder; raise ParameterError if that is not possible."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error

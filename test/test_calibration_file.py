@@ -19,7 +19,8 @@ from __future__ import annotations
 import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS
-from smart_tire.parameters.calibration_file import Identified, identified_text, write_text
+from smart_tire.parameters.calibration_file import Identified, identified_text
+from smart_tire.paths import write_text
 
 IDENTIFIED = [Identified('encoder.latency', 0.07833513, 0.0024, 'from turns'),
               Identified('encoder.stamp_jitter', 0.0000501, 0.0000031, '2026-11-22, from a'),
@@ -85,5 +86,6 @@ def test_unknown_and_invalid_parameters_are_not_written(item, message):
 
 
 def test_an_unwritable_path_is_named(tmp_path):
-    with pytest.raises(ParameterError, match='nowhere.*cannot be written'):
-        write_text(tmp_path / 'nowhere' / 'calibrated.yaml', '')
+    (tmp_path / 'file').touch()
+    with pytest.raises(ParameterError, match='file/calibrated.*cannot be written'):
+        write_text(tmp_path / 'file' / 'calibrated.yaml', '')

@@ -46,7 +46,7 @@ from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import Branches, monotone_branches, relaxed
 from smart_tire.numerics.least_squares import nonlinear_fit, Prior, regression, Rows
 from smart_tire.numerics.robust import mad_sigma, noise_level
-from smart_tire.parameters.calibration_file import write_text
+from smart_tire.paths import write_text
 from smart_tire.uncertain import Uncertain
 import yaml
 

@@ -25,6 +25,7 @@ from smart_tire.cli._options import (
     add_bag_options, add_force, bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing)
 from smart_tire.cli.identify import KINDS, report
 from smart_tire.errors import ParameterError
+from smart_tire.paths import write_text
 
 if TYPE_CHECKING:
     from smart_tire.analysis.calibrate import Bags
@@ -114,7 +115,6 @@ def identify_only(args: argparse.Namespace, bags: Bags) -> int:
 def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
     from smart_tire.analysis.calibrate import calibrate_bags, write_figures
-    from smart_tire.parameters.calibration_file import write_text
     settings = bag_settings([path for paths in bags.values() for path in paths], args)
     result = calibrate_bags(bags, settings.params, f'{date.today():%Y-%m-%d}', truth=args.truth,
                             names=settings.names)

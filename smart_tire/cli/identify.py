@@ -15,22 +15,27 @@
 """
 ``smart_tire identify KIND``: parameters from recordings, with standard errors.
 
-All kinds but the film on a test stand (``_identify_film``) read bags; ``smart_tire calibrate
---only KIND`` calls them as well.
+All kinds but the film, whose data are a CSV file of a test stand, read bags; ``smart_tire
+calibrate --only KIND`` calls them as well.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli import _identify_film
 from smart_tire.cli._options import (
-    add_recordings, bag_settings, IDENTIFIED, NOT_IDENTIFIED, output_path, refuse_existing)
+    add_force, add_recordings, bag_settings, IDENTIFIED, NOT_IDENTIFIED, output_path, positive,
+    refuse_existing)
+from smart_tire.errors import ParameterError
+from smart_tire.paths import write_text
 
 if TYPE_CHECKING:
     from smart_tire.analysis.identify import Source
+    from smart_tire.estimation.film.files import FilmRecording
+    from smart_tire.models.film.buckling_film import BucklingFilm
 
 NAME = 'identify'
 HELP = 'identify parameters of film, tire or robot from recordings, with standard errors'
@@ -44,8 +49,10 @@ KINDS = {
                  'segments',
     'gains': 'film gains (volts per unit slip), contact length, and spacing and angle of the '
              'films'}
+FILM_HELP = 'elastica and Duhem hysteresis of a film, from a CSV recording of a test stand'
 WITH_REFERENCE = ('geometry', 'icr')  # kinds that can use reference poses
 NAME_WIDTH = 32
+DEFAULT_LENGTH = 25.0  # mm, film of paper A, Table I
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,9 +65,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             kind.add_argument('--lifted', type=Path, action='append', default=[], metavar='BAG',
                               help='recording with all wheels off the ground; may be repeated')
         kind.set_defaults(run_kind=run_bags)
-    film = choices.add_parser('film', help=_identify_film.HELP, description=_identify_film.HELP)
-    _identify_film.add_arguments(film)
-    film.set_defaults(run_kind=_identify_film.run)
+    film = choices.add_parser('film', help=FILM_HELP, description=FILM_HELP)
+    _add_film_arguments(film)
+    film.set_defaults(run_kind=run_film)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -84,7 +91,7 @@ def run_bags(args: argparse.Namespace) -> int:
 def report(kind: str, source: Source, out: Path, figure: Path) -> int:
     """Print what ``source`` shows, write parameter file and figure; return the exit status."""
     from smart_tire.analysis.identify import identify
-    from smart_tire.parameters.calibration_file import identified_text, write_text
+    from smart_tire.parameters.calibration_file import identified_text
     made = identify(kind, source)
     for item in made.found.quantities:
         value, sigma = item.estimate
@@ -99,7 +106,74 @@ def report(kind: str, source: Source, out: Path, figure: Path) -> int:
         print('nothing could be identified from these recordings')
         return NOT_IDENTIFIED
     bags = ', '.join(map(str, (*source.bags, *source.lifted)))
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, identified_text([f'Identified from {bags}.'], made.parameters))
     print(f'written to {out}' + (f' and {figure}' if made.draw(figure) else ''))
     return IDENTIFIED
+
+
+def _add_film_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('data', type=Path, metavar='DATA.csv',
+                        help='CSV file with the columns time_s,deflection_m,charge_C')
+    parser.add_argument('--columns', metavar='T,IN,OUT',
+                        help='names of time, input and output columns, if different')
+    parser.add_argument('--out', type=Path, metavar='FILE',
+                        help='parameter file to write; a figure with the same name is written '
+                             'next to it (default: DATA_film.yaml)')
+    parser.add_argument('--length', type=positive, default=DEFAULT_LENGTH, metavar='MM',
+                        help='length of the film between its clamps (default: %(default)s)')
+    parser.add_argument('--convention', choices=('exact', 'printed'), default='exact',
+                        help='normalization of the stroke: delta = Delta / 2L (exact) or as '
+                             'printed in paper A (default: %(default)s)')
+    parser.add_argument('--raw', action='store_true',
+                        help='use the input column directly as hysteresis input; automatic if '
+                             '--columns are given and no film of this length has such deflections')
+    parser.add_argument('--gain', type=positive, metavar='NC',
+                        help='gain K in nC for which alpha, a and b are also written')
+    add_force(parser)
+
+
+def run_film(args: argparse.Namespace) -> int:
+    """Fit the model of a film, print the result, and write parameters and figure."""
+    out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
+    figure = out.with_suffix('.png')
+    refuse_existing([out, figure], force=args.force, inputs=[args.data])
+    from smart_tire.analysis.calibration_figures import write_fit
+    from smart_tire.calibration.film_bench import identify_film, write_params
+    from smart_tire.estimation.film.files import COLUMNS, PRODUCTS, read_recording
+    columns = args.columns.split(',') if args.columns else list(COLUMNS)
+    recording = read_recording(args.data, columns)
+    film = _film(args, recording)
+    params, fit, notes = identify_film(recording, film)
+    if film is None:
+        notes.insert(0, f'{columns[1]} is used directly as input of the hysteresis')
+    write_params(out, params, fit, notes, None if args.gain is None else args.gain * 1e-9)
+    write_fit(figure, recording.time, recording.input, recording.output, fit.fitted,
+              input_label=columns[1], output_label=columns[2])
+    for name in PRODUCTS:
+        estimate = getattr(fit, name)
+        print(f'{name:11}{estimate.value:12.5g} ± {estimate.sigma:.2g}'
+              + ('' if estimate.determined else '  not observable'))
+    if math.isfinite(fit.low_corner.sigma):
+        print(f'low_corner {fit.low_corner.value:12.5g} ± {fit.low_corner.sigma:.2g} Hz')
+    print(f'residual   {fit.rms:12.5g} rms, {fit.share:.2%} of half the range')
+    for note in notes:
+        print(f'note: {note}')
+    print(f'written to {out} and {figure}')
+    return 0
+
+
+def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:
+    """Return the film on the test stand; None if the input is not a deflection."""
+    from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
+    if args.raw:
+        return None
+    film = BucklingFilm(length=args.length * 1e-3, width=FILMS['25x3'].width,
+                        thickness=FILMS['25x3'].thickness, convention=args.convention)
+    largest = float(recording.input.max())
+    try:
+        film.stroke(max(largest, 0.0))
+    except ParameterError as error:
+        if args.columns:
+            return None
+        raise ParameterError(f'deflection of {largest} m: {error}') from error
+    return film

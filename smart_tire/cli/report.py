@@ -28,6 +28,7 @@ from smart_tire.cli._options import (
 from smart_tire.cli._progress import Progress
 from smart_tire.cli.analyze import each_bag, ESTIMATED, folder_name, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
+from smart_tire.paths import write_text
 
 NAME = 'report'
 HELP = ('run the estimators offline on bags as "analyze" does; write one HTML file per bag, with '
@@ -108,12 +109,3 @@ def date_text(stamp_ns: int) -> str:
     if stamp_ns < FIRST_DATE_NS:
         return f'date unknown (receive times start at {stamp_ns / NS_PER_S:.1f} s)'
     return f'{datetime.fromtimestamp(stamp_ns // NS_PER_S, timezone.utc):%Y-%m-%d %H:%M:%S} UTC'
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file and create its folder; raise ParameterError if that is not possible."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error

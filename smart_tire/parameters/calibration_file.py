@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 import math
-from pathlib import Path
 
 import numpy as np
 
@@ -117,11 +116,3 @@ def number_text(value: Value, digits: int = VALUE_DIGITS) -> str:
         return '[' + ', '.join(number_text(one, digits) for one in value) + ']'
     # YAML 1.1 reads 5e-05 as a text
     return np.format_float_positional(float(f'{value:.{digits}g}'), trim='0')
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write ``text`` to ``path``; raise ParameterError if it cannot be written."""
-    try:
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error

@@ -39,8 +39,8 @@ from xml.etree.ElementTree import Element, indent, tostring
 
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import load_robot
-from smart_tire.parameters.calibration_file import write_text
 from smart_tire.parameters.robot import RobotParams
+from smart_tire.paths import write_text
 from smart_tire.samples import LEFT, Vector3, WHEELS
 
 ORIGIN = (0.0, 0.0, 0.0)
