@@ -31,6 +31,7 @@ from types import TracebackType
 from typing import Any
 
 from benchmarks.harness import machine, run_benchmark
+from smart_tire.cli._stack import isolated_environment, NODES, Stack
 from smart_tire.errors import SmartTireError
 from smart_tire.protocol.tire_payload import decode_batch, volts
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
@@ -141,7 +142,6 @@ class RadioTap:
 
 def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]], Any]) -> None:
     """Analysis all nodes as in the demo; print their CPU time and the latency of tire samples."""
-    from smart_tire.cli._stack import isolated_environment, NODES, Stack
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
@@ -154,13 +154,23 @@ def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]
             runner.node.drive(LEFT_SPEED, RIGHT_SPEED)
             runner.spin(WARM_UP_TIME)
             runner.node.subscribe('tire_samples', tap.add_sample)
-            before, begin = stack.cpu_seconds(), time.monotonic()
+            before, begin = cpu_seconds(stack), time.monotonic()
             runner.spin(seconds)
-            elapsed, after = time.monotonic() - begin, stack.cpu_seconds()
+            elapsed, after = time.monotonic() - begin, cpu_seconds(stack)
         if died := stack.died():
             raise SmartTireError(f'{", ".join(died)} died')
         print_cpu({name: (after[name] - before[name]) / elapsed for name in NODES})
         print_latency(tap.latencies)
+
+
+def cpu_seconds(stack: Stack) -> dict[str, float]:
+    """Return the user plus system CPU time [s] of each process that runs."""
+    found = {}
+    for name, process in stack.processes.items():
+        if process.poll() is None:
+            fields = Path(f'/proc/{process.pid}/stat').read_text().rsplit(')', 1)[1].split()
+            found[name] = (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+    return found
 
 
 def write_params(folder: Path, source: str, link: str) -> Path:

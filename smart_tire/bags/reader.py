@@ -30,7 +30,6 @@ from itertools import islice
 import math
 from operator import itemgetter
 from pathlib import Path
-from types import TracebackType
 
 from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder
 from smart_tire.bags.metadata import add_warning, Channel, Message
@@ -91,8 +90,7 @@ class Bag:
     def __enter__(self) -> Bag:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -30,8 +30,8 @@ from typing import Any
 from smart_tire.calibration.guide import (
     Action, Guide, INSTRUCTIONS, Key, Leg, LEGS, limited, reach)
 from smart_tire.calibration.sequence import LIFTED
-from smart_tire.cli._options import refuse_existing_bag, remove_bag
-from smart_tire.cli._stack import Stack
+from smart_tire.cli._options import confirmed, refuse_existing_bag, remove_bag
+from smart_tire.cli._stack import params_arguments, Stack
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Sample
@@ -40,7 +40,6 @@ SPIN_TIME = 0.1          # s between two looks at keyboard and progress
 INPUT_TIMEOUT = 10.0     # s until the first samples of IMU and wheels
 RECORDER_TIMEOUT = 15.0  # s until the recorder has subscribed to the wheels
 RECORDED = 'recording /wheel_states', 'recording /imu/data'  # lines of the recorder
-CONFIRMATION = 'drive'
 KEYS_HELP = 'Enter: start or end the step, r: repeat, s: skip, q: quit'
 
 
@@ -65,11 +64,9 @@ def record_steps(args: argparse.Namespace, robot: RobotParams,
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     args.out.mkdir(parents=True, exist_ok=True)
     session = Session(args.out, Guide(steps), robot, drive=args.drive)
-    arguments = ['--ros-args', *(part for path in args.params
-                                 for part in ('--params-file', str(path)))]
     pilot = partial(Pilot, 'calibration_driver', session.on_sample)
-    with (Stack(args.out / 'logs', os.environ) as stack, NodeRunner(pilot, arguments) as runner,
-          driving_ends(runner)):
+    with (Stack(args.out / 'logs', os.environ) as stack,
+          NodeRunner(pilot, params_arguments(args.params)) as runner, driving_ends(runner)):
         session.run(stack, runner)
     return {step: [args.out / step] for step in session.guide.recorded}
 
@@ -89,8 +86,7 @@ def confirm_driving(steps: list[str], robot: RobotParams) -> None:
                        robot.track_width) for step in steps if step != LIFTED)
     print(f'The robot will drive by itself, up to {needed:.1f} m from where it is, in all '
           'directions.\nKeep this space free, and the emergency stop at hand; Ctrl-C stops it.')
-    print(f'Type "{CONFIRMATION}" to continue: ', end='', flush=True)
-    if sys.stdin.readline().strip() != CONFIRMATION:
+    if not confirmed():
         raise CalibrationError('driving was not confirmed: nothing was driven or recorded')
 
 

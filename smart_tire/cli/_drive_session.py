@@ -35,7 +35,8 @@ from smart_tire.cli._options import remove
 from smart_tire.cli._path_file import length, Poses
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import (
-    isolated_environment, NODES, PORTS, RECORDER, RobotError, Stack, START_TIMEOUT)
+    isolated_environment, NODES, params_arguments, PORTS, RECORDER, RobotError, Stack,
+    START_TIMEOUT)
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.errors import ParameterError
 from smart_tire.rotation import euler
@@ -297,11 +298,10 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
     from smart_tire.nodes.runner import NodeRunner
     environment = isolated_environment() if simulated else dict(os.environ)
     os.environ.update(environment)  # the pilot is in this process
-    files = [word for file in params for word in ('--params-file', str(file))]
     with Stack(out / 'logs', environment) as stack:
         for node in NODES if simulated else ():
             stack.node(node, params, *arguments.get(node, ()))
-        with NodeRunner(pilot, ['--ros-args', *files] if simulated else None) as runner:
+        with NodeRunner(pilot, params_arguments(params) if simulated else None) as runner:
             session = Session(stack, runner, stopped)
             if simulated:
                 session.await_nodes()

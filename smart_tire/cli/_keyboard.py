@@ -30,7 +30,6 @@ import re
 import select
 import signal
 import termios
-from types import TracebackType
 from typing import Any, TextIO
 
 from smart_tire.errors import ParameterError
@@ -118,8 +117,7 @@ class Keyboard:
         termios.tcsetattr(self._number, termios.TCSANOW, changed)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         try:
             termios.tcflush(self._number, termios.TCIFLUSH)  # keys held are not for the shell
             termios.tcsetattr(self._number, termios.TCSANOW, self._saved or [])
@@ -227,8 +225,7 @@ class StopRequest:
             self._previous[number] = signal.signal(number, self._on_signal)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
 

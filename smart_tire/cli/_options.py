@@ -43,6 +43,7 @@ REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estim
 BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted'), ('params', 'data'), ('out', 'save')
 # of analysis/figures.py and, for followed paths, analysis/drive_report.py
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
+CONFIRMATION = 'drive'
 IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
 
 
@@ -168,6 +169,15 @@ def _found(path: Path) -> Path:
     if bag != path:
         print(f'{path}: reading the bag {bag}', file=sys.stderr)
     return bag
+
+
+def confirmed() -> bool:
+    """Ask on standard input whether a robot may drive; return whether this was confirmed."""
+    print(f'Type "{CONFIRMATION}" to continue: ', end='', flush=True)
+    typed = sys.stdin.readline().strip()
+    if not sys.stdin.isatty():
+        print()  # nobody has pressed Enter
+    return typed == CONFIRMATION
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

@@ -28,7 +28,6 @@ import signal
 import sys
 import threading
 import time
-from types import TracebackType
 from typing import Any, TextIO
 
 PERIOD = 4.0  # s without output until a line, and between lines
@@ -65,8 +64,7 @@ class Progress:
         self._stack.enter_context(redirect_stdout(output))
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.before_output()
         self._stack.close()
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import ctypes
 import os
 from pathlib import Path
@@ -25,7 +25,6 @@ import signal
 import subprocess
 import sys
 import time
-from types import TracebackType
 from typing import Any
 
 from smart_tire.cli._options import remove
@@ -64,6 +63,11 @@ def end_with_parent() -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
+def params_arguments(files: Iterable[Path]) -> list[str]:
+    """Return the ROS arguments for parameter files."""
+    return ['--ros-args', *(word for file in files for word in ('--params-file', str(file)))]
+
+
 class Stack:
     """
     Processes of this package with log files in ``folder``; the context stops all of them.
@@ -76,20 +80,17 @@ class Stack:
         self._folder = folder
         self._environment = dict(environment)
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._cpu: dict[str, float] = {}
         folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Stack:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def node(self, name: str, params: Sequence[Path] = (), *arguments: str) -> None:
         """Start a node with parameter files and additional ROS ``arguments``."""
-        files = [part for path in params for part in ('--params-file', str(path))]
-        self.start(name, f'smart_tire.nodes.{name}', '--ros-args', *files, *arguments)
+        self.start(name, f'smart_tire.nodes.{name}', *params_arguments(params), *arguments)
 
     def start(self, name: str, module: str, *arguments: str) -> None:
         """Start ``python -m module`` under ``name``."""
@@ -111,16 +112,6 @@ class Stack:
         """Return name -> exit status of every process that has exited."""
         return {name: process.returncode for name, process in self.processes.items()
                 if process.poll() is not None}
-
-    def cpu_seconds(self) -> dict[str, float]:
-        """Return the user plus system CPU time [s] of each process."""
-        for name, process in self.processes.items():
-            try:
-                fields = Path(f'/proc/{process.pid}/stat').read_text().rsplit(')', 1)[1].split()
-            except (FileNotFoundError, IndexError):
-                continue  # has exited: keep the last value
-            self._cpu[name] = (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-        return dict(self._cpu)
 
     def stop(self, *names: str) -> dict[str, int]:
         """Stop the named processes, all by default; return name -> exit status."""

@@ -29,7 +29,7 @@ from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._keyboard import Keyboard, StopRequest
 from smart_tire.cli._options import (
-    add_force, positive, refuse_existing, refuse_existing_bag, remove, remove_bag)
+    add_force, confirmed, positive, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._stack import NODES
 from smart_tire.errors import ParameterError
 
@@ -43,8 +43,6 @@ HELP = ('drive along a path or by the keyboard: the simulated robot, which it st
 PATHS = ('figure_eight', 'square', 'lane_change')
 RADIUS, SIDE, LANE_CHANGE = 0.6, 2.0, (3.0, 1.0)  # m, with --scale 1
 KEYBOARD_SPEED = 0.3   # m/s
-CONFIRMATION = 'drive'
-FOLLOWER = 'trajectory_controller'
 FILES = ('drive.yaml', 'summary.json', 'path.png')
 ARRIVED, NOT_ARRIVED = 0, 1  # exit statuses
 CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
@@ -153,11 +151,7 @@ def _announce(args: argparse.Namespace, poses: Poses) -> None:
           f'{extent(poses):.1f} m from {place}.\nKeep this space free, and the emergency stop at '
           'hand; Ctrl-C stops the robot, and so does closing this terminal.\nIf this program is '
           f'killed by SIGKILL, the robot drives on to the end of the path: {CANCEL}')
-    print(f'Type "{CONFIRMATION}" to continue: ', end='', flush=True)
-    typed = sys.stdin.readline().strip()
-    if not sys.stdin.isatty():
-        print()  # nobody has pressed Enter
-    if typed != CONFIRMATION:
+    if not confirmed():
         raise ParameterError('driving was not confirmed: nothing was driven')
 
 
@@ -174,7 +168,7 @@ def _remove_results(out: Path) -> None:
 def _session(args: argparse.Namespace, pilot: Callable[[], Any],
              stopped: StopRequest) -> Iterator[Session]:
     """Start the nodes unless the robot runs, and the recorder; stop all at the end."""
-    from smart_tire.cli._drive_session import started
+    from smart_tire.cli._drive_session import FOLLOWER, started
     from smart_tire.cli._stack import write_parameters
     params = [] if args.robot else [
         write_parameters(args.out, FILES[0], args.seed, {}), *args.params]

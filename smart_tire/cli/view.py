@@ -20,8 +20,11 @@ import argparse
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
 import os
 from pathlib import Path
+import signal
+from statistics import median
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -34,6 +37,8 @@ from smart_tire.cli._stack import ANNOUNCED, end_with_parent
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.messages import NodeStatus
+    from smart_tire.samples import Sample
     from smart_tire.view.bag import Recording
     from smart_tire.view.scene import Scene
     from smart_tire.view.viewer import Viewer
@@ -44,6 +49,8 @@ NAME = 'view'
 HELP = 'show a bag, or live topics, in the rerun viewer; needs no ROS distribution'
 USAGE = 2            # exit status
 LIVE_NAME = 'live'
+NODE = 'smart_tire_view'  # of the live viewer
+FLUSH_PERIOD = 0.1   # s between two transmissions to the viewer
 CHECK_PERIOD = 0.2   # s, in which a closed viewer is noticed
 
 
@@ -80,8 +87,8 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.view.bag import find_recording
     if args.live:
         # Importing rclpy may restart Python, so it must come before the viewer is started.
-        from smart_tire.cli._live_view import show_live
-        return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), show_live)
+        import_module('smart_tire.nodes.observer')
+        return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), _show_live)
     recording = find_recording(args.bag)
     with open_bag(recording.bag, args, required=()) as (_, settings):
         pass  # an error before the viewer appears
@@ -135,4 +142,68 @@ def _show_bag(args: argparse.Namespace, recording: Recording, settings: BagSetti
                 time.sleep(CHECK_PERIOD)
         except KeyboardInterrupt:
             print()
+    return 0
+
+
+class LiveFeed:
+    """
+    Passes samples and statuses to the scene, and measures the delay of the program.
+
+    The delay is the time from the reception of a sample until it has left this process, of the
+    oldest sample of each transmission.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._oldest: float | None = None  # s, reception of the oldest sample not yet sent
+        self.samples = 0
+        self.delays: list[float] = []  # s
+
+    def on_sample(self, topic: str, sample: Sample) -> None:
+        """Show a sample that was just received."""
+        if self._oldest is None:
+            self._oldest = time.monotonic()
+        self.samples += 1
+        self._scene.add_sample(topic, sample)
+
+    def on_status(self, status: NodeStatus) -> None:
+        """Show the status of a node that was just received."""
+        self._scene.add_status(time.time_ns(), status)
+
+    def flush(self) -> None:
+        """Send what was received."""
+        self._scene.flush()
+        if self._oldest is not None:
+            delay = time.monotonic() - self._oldest
+            self._oldest = None
+            self.delays.append(delay)
+            self._scene.add_delay(time.time_ns(), delay)
+
+    def report(self) -> str:
+        """Return the delays as a line of text."""
+        if not self.delays:
+            return 'no samples received'
+        return (f'{self.samples} samples; from reception until sent to the viewer: median '
+                f'{median(self.delays):.2f} s, at most {max(self.delays):.2f} s')
+
+
+def _show_live(scene: Scene, viewer: Viewer | None) -> int:
+    """Show live topics until SIGINT, SIGTERM, or the end of the viewer; return exit status 0."""
+    from smart_tire.nodes.observer import Listener
+    from smart_tire.nodes.runner import NodeRunner
+    from smart_tire.view.recorder import ViewError
+    stopped: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda which, _: stopped.append(which))
+    feed = LiveFeed(scene)
+    with NodeRunner(partial(Listener, feed.on_sample, feed.on_status, topics=scene.topics,
+                            name=NODE)) as runner:
+        try:
+            while not stopped and (viewer is None or viewer.running):
+                runner.spin(FLUSH_PERIOD)
+                feed.flush()
+            scene.finish()
+        except ViewError:
+            pass  # the user has closed the viewer
+    print(feed.report())
     return 0

@@ -29,7 +29,6 @@ from pathlib import Path
 import socket
 import subprocess
 import tempfile
-from types import TracebackType
 from urllib.parse import quote
 
 import rerun as rr
@@ -97,8 +96,7 @@ class Viewer:
     def __enter__(self) -> Viewer:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     @property

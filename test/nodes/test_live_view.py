@@ -33,7 +33,7 @@ pytestmark = [pytest.mark.processes, pytest.mark.skipif(
 
 def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
         isolated_ros, tmp_path, monkeypatch, capfd):
-    from smart_tire.cli._live_feed import LiveFeed
+    from smart_tire.cli.view import LiveFeed
     from smart_tire.cli.main import main
     from support.rerun_file import RerunFile
     topic, publishers, flushes = TOPICS['icr'], [], []
@@ -54,7 +54,7 @@ def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
         if feed.samples > 3 and len(flushes) > 15 or len(flushes) > 150:
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr('smart_tire.cli._live_view.Listener', Publishing)
+    monkeypatch.setattr('smart_tire.nodes.observer.Listener', Publishing)
     monkeypatch.setattr(LiveFeed, 'flush', flush_and_publish)
     monkeypatch.setattr('sys.argv', ['smart_tire'])
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

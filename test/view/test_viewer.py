@@ -25,7 +25,7 @@ import time
 import numpy as np
 import pytest
 
-from smart_tire.cli._live_feed import FLUSH_PERIOD, LiveFeed
+from smart_tire.cli.view import FLUSH_PERIOD, LiveFeed
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import build, RobotParams
 from smart_tire.samples import Icr, ImuSample, TireSample
