@@ -22,12 +22,11 @@ import tempfile
 
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import read_metadata, Storage
-from smart_tire.bags.sqlite_file import SqliteFile
+from smart_tire.bags.sqlite_file import SqliteFile, ZSTD_MAGIC
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_SUFFIXES
 import zstandard
 
-ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 SQLITE_MAGIC = b'SQLite format 3\x00'
 DECOMPRESS_BLOCK_SIZE = 1 << 20  # bytes
 

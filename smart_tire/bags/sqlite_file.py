@@ -32,7 +32,7 @@ from smart_tire.bags.metadata import add_warning, Channel, custom_data_in, Messa
 from smart_tire.errors import BagError
 import zstandard
 
-ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'  # start of compressed data, but of no CDR message
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'  # start of a compressed file or message, but of no CDR message
 # Bytes from the start of the file.
 PAGE_SIZE_OFFSET, CHANGE_COUNTER_OFFSET, VERSION_VALID_FOR_OFFSET = 16, 24, 92
 

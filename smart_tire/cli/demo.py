@@ -32,9 +32,7 @@ from typing import Any, TYPE_CHECKING
 from smart_tire.cli._options import (
     add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._progress import Progress
-from smart_tire.cli._stack import (
-    NODES, remove_traces, RobotError, UNITS,
-    write_parameters)
+from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters
 from smart_tire.samples import NS_PER_S
 
 if TYPE_CHECKING:
@@ -42,8 +40,6 @@ if TYPE_CHECKING:
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._drive_session import Session
     from smart_tire.cli._path_file import Poses
-
-__all__ = ['add_arguments', 'EXPECTED_TOPICS', 'HELP', 'NAME', 'PATH_TOPICS', 'run', 'UNITS']
 
 Legs = dict[str, list[tuple[int, int]]]  # name -> time intervals [ns]
 

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 import signal
 import sys
 import threading
@@ -54,6 +55,11 @@ DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
 SIGNAL_POLL_PERIOD = 0.1  # s, longest delay until a signal is handled
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoParams:
+    """Of a node without ROS parameters."""
 
 
 class SmartTireNode(Node, Generic[Params]):

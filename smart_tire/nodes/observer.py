@@ -33,7 +33,7 @@ from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, NodeStatus, statuses_from_msg, TOPICS
-from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.base import NoParams, SmartTireNode
 from smart_tire.nodes.command_input import without_idle
 from smart_tire.nodes.compat import full_name, message_class
 from smart_tire.nodes.qos import latched, matches, matching_qos, requests_less, subscriber_qos
@@ -56,12 +56,7 @@ DISCOVERY_TIMEOUT = 5.0  # s; usual on one host are 0.1 to 3
 SLOW_DISCOVERY = 3.5     # s
 
 
-@dataclass(frozen=True, kw_only=True)
-class ListenerParams:
-    """No ROS parameters."""
-
-
-class Listener(SmartTireNode[ListenerParams]):
+class Listener(SmartTireNode[NoParams]):
     """
     Calls ``on_sample`` with the standard topic name and each sample, ``on_status`` per status.
 
@@ -71,7 +66,7 @@ class Listener(SmartTireNode[ListenerParams]):
 
     def __init__(self, on_sample: OnSample, on_status: OnStatus, *,
                  topics: Iterable[str] = tuple(TOPICS), name: str = 'listener') -> None:
-        super().__init__(name, ListenerParams)
+        super().__init__(name, NoParams)
         self._on_status = on_status
         for topic in topics:
             self.subscribe(topic, partial(on_sample, topic),

@@ -22,6 +22,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from smart_tire.messages import statuses_from_msg
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.qos import latched, latest_qos, subscriber_qos
 from smart_tire.parameters import WheelControllerParams
@@ -152,6 +153,5 @@ class Pilot(SmartTireNode[WheelControllerParams]):
             self.halt()
 
     def _on_diagnostics(self, msg: Any) -> None:
-        for status in msg.status:
-            self.health[status.name.rsplit('/', 1)[-1]] = {
-                item.key: item.value for item in status.values}
+        for status in statuses_from_msg(msg):
+            self.health[status.name.rsplit('/', 1)[-1]] = status.values

@@ -26,7 +26,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.bags import BagWriter, channel_of, PARAMETERS_KEY, Qos
-from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.base import NoParams, run, SmartTireNode
 from smart_tire.nodes.compat import message_class, with_info
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.parameters import ParameterCollector
@@ -83,12 +83,7 @@ class SequenceGaps:
         return f'the first {self.missed}' if self.missed else str(self.lost)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecorderParams:
-    """No ROS parameters; the recorder is configured on its command line."""
-
-
-class Recorder(SmartTireNode[RecorderParams]):
+class Recorder(SmartTireNode[NoParams]):
     """
     Subscribes to all published topics, or to ``topics``, and writes them to a bag.
 
@@ -101,7 +96,7 @@ class Recorder(SmartTireNode[RecorderParams]):
     def __init__(self, writer: BagWriter, topics: Collection[str] = (),
                  parameters: Mapping[str, Mapping[str, Any]] | None = None,
                  on_progress: Progress | None = None) -> None:
-        super().__init__('recorder', RecorderParams)
+        super().__init__('recorder', NoParams)
         self._writer = writer
         self._on_progress = on_progress
         self._given = dict(parameters or {})

@@ -22,8 +22,8 @@ import numpy as np
 import pytest
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.bags.cdr import Decoder
-from smart_tire.cli._stack import isolated_environment, NODES, Stack
-from smart_tire.cli.demo import EXPECTED_TOPICS, UNITS
+from smart_tire.cli._stack import isolated_environment, NODES, Stack, UNITS
+from smart_tire.cli.demo import EXPECTED_TOPICS
 from smart_tire.estimation.ground.estimator import HOP_NS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import NS_PER_S, VelocityCommand
