@@ -52,11 +52,6 @@ def test_a_message_that_several_subscriptions_receive_is_handled_once():
     assert handled == ['a', 'b', 'c', 'd']
 
 
-def test_message_class_returns_the_class_of_a_type_name():
-    assert message_class('sensor_msgs/msg/JointState').__name__ == 'JointState'
-    assert message_class('std_srvs/srv/Trigger').__name__ == 'Trigger'
-
-
 def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():
     error = RuntimeError("failed to initialize rcl: Couldn't parse params file: '--params-file "
                          "x.yaml'. Error: Error opening YAML file, at /project/src/parser.c:271, "

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import pytest
-from smart_tire.nodes.diagnostics import InputLog, RATE_NS, SILENCE_NS, WAIT_FACTOR, WAIT_NS
+from smart_tire.nodes.diagnostics import InputLog
 from smart_tire.samples import ImuSample, WheelSample
 from support.graph import node_arguments, Process
 
@@ -71,7 +71,6 @@ def test_missing_inputs_are_logged_together_at_growing_intervals(inputs):
     assert inputs.run(5.9) == []
     assert inputs.run(0.1) == ['waiting for imu, wheels (8 s)']
     assert inputs.run(24.0) == ['waiting for imu, wheels (32 s)']
-    assert (WAIT_NS, WAIT_FACTOR) == (2 * 10**9, 4)
 
 
 def test_an_input_that_begins_is_no_longer_waited_for(inputs):
@@ -86,7 +85,6 @@ def test_the_first_messages_are_logged_once_with_their_rate(inputs):
     assert inputs.run(1.0, imu=10) == []
     assert inputs.run(0.1, imu=10) == ['receiving imu at 100 Hz']
     assert inputs.run(100.0, imu=10) == []
-    assert RATE_NS == 10**9
 
 
 def test_a_single_message_has_no_rate(inputs):
@@ -102,7 +100,6 @@ def test_silence_of_a_required_input_is_a_warning_once(inputs, pause, lines):
     inputs.add('imu')
     inputs.run(2.0, imu=1)
     assert inputs.run(pause) == lines
-    assert SILENCE_NS == 2 * 10**9
 
 
 def test_its_return_is_logged_with_the_length_of_the_gap(inputs):

@@ -25,7 +25,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes import observer
 from smart_tire.nodes.compat import message_class, node_names
 from smart_tire.nodes.observer import (
-    discovery_time, Endpoint, graph_findings, Observer, read_graph, state_of, TopicEnds)
+    discovery_time, Endpoint, graph_findings, Listener, Observer, read_graph, state_of, TopicEnds)
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import NodeRunner
 from smart_tire.samples import ImuSample
@@ -142,6 +142,22 @@ def test_an_observer_receives_from_all_namespaces_and_the_graph_is_read(graph):
     assert read['/two/imu/data'].subscriptions == ()
     levels = {one.where: one.level for one in graph_findings(read, names)}
     assert levels == {'/three/imu/data': Level.ERROR}
+
+
+def test_a_listener_passes_samples_and_diagnostics(graph):
+    samples, statuses = [], {}
+
+    def new_listener() -> Listener:
+        return Listener(lambda *given: samples.append(given),
+                        lambda status: statuses.update({status.name: status}),
+                        topics=['imu/data'], name='ear')
+
+    with NodeRunner(new_listener, []) as runner:
+        graph.until(lambda: samples and 'ear' in statuses, lambda: (
+            graph.publish('imu/data', SAMPLE), runner.spin(0.05)))
+    assert samples[0] == ('imu/data', SAMPLE)
+    assert (statuses['ear'].level, statuses['ear'].message) == (0, 'ok')
+    assert int(statuses['ear'].values['frames_ok']) <= len(samples)
 
 
 @pytest.mark.parametrize('elapsed, level', [

@@ -19,7 +19,6 @@ from __future__ import annotations
 import signal
 
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from smart_tire.analysis.pipeline import bag_params, EstimatorParams
 from smart_tire.bags import Bag
 from smart_tire.parameters.files import blocks_in, values_for
@@ -44,10 +43,7 @@ def test_parameters_of_nodes_that_appear_and_change_outlive_a_killed_recorder(gr
                 graph.start('slip_estimator', wheel_radius=0.1, film__positions='[0.0, 0.03]'):
             wait_for(lambda: stored(bag, 'wheel_controller').get('pid.integral') == 0.2)
             wait_for(lambda: 'slope_sigma' in stored(bag, 'slip_estimator'))
-            gain = Parameter(name='pid.integral', value=ParameterValue(
-                type=ParameterType.PARAMETER_DOUBLE, double_value=0.3))
-            graph.call('rcl_interfaces/srv/SetParameters', '/wheel_controller/set_parameters',
-                       parameters=[gain])
+            assert graph.set_parameter('wheel_controller', 'pid.integral', 0.3)
             wait_for(lambda: stored(bag, 'wheel_controller')['pid.integral'] == 0.3)
         recorder.signal(signal.SIGKILL)
         recorder.end()

@@ -25,6 +25,7 @@ import sys
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -162,6 +163,15 @@ class Graph:
         future = client.call_async(service.Request(**fields))
         self.until(future.done)
         return future.result()
+
+    def set_parameter(self, node: str, name: str, value: bool | float) -> bool:
+        """Set a parameter as ``ros2 param set`` does; return whether the node accepts it."""
+        made = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value) \
+            if isinstance(value, bool) \
+            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+        (result,) = self.call('rcl_interfaces/srv/SetParameters', f'{node}/set_parameters',
+                              parameters=[Parameter(name=name, value=made)]).results
+        return result.successful
 
     def value(self, node: str, key: str) -> str:
         """Return the value of ``key`` in the diagnostics of ``node``, '' if there is none."""
