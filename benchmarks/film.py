@@ -21,10 +21,9 @@ frequencies, each with several seeds of the measurement noise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import sys
 
-from benchmarks.harness import machine, parse_no_arguments, run_benchmark
+from benchmarks.harness import main_without_options
 import numpy as np
 
 from smart_tire.arrays import Array
@@ -39,13 +38,6 @@ AMPLITUDES = (0.0005, 0.001, 0.002, 0.005, 0.010)   # m, peak to peak
 FREQUENCIES = (1.0, 2.0, 5.0, 10.0)            # Hz
 DURATION = 10.0                                # s
 SEEDS = range(100, 104)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; return the exit status."""
-    parse_no_arguments('film', 'measure the accuracy of deflections measured with a film', argv)
-    print(machine())
-    return run_benchmark('film', print_accuracy)
 
 
 def print_accuracy() -> None:
@@ -76,4 +68,5 @@ def _rms(values: list[Array]) -> float:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(main_without_options(
+        'film', 'measure the accuracy of deflections measured with a film', print_accuracy))

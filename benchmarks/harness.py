@@ -166,10 +166,12 @@ def positive(text: str) -> int:
     return number
 
 
-def parse_no_arguments(name: str, description: str, argv: Sequence[str] | None) -> None:
-    """Handle ``--help``; reject all other arguments."""
+def main_without_options(name: str, description: str, work: Callable[[], None]) -> int:
+    """Run a benchmark that prints its results and has no options but ``--help``."""
     argparse.ArgumentParser(
-        prog=f'python -m benchmarks.{name}', description=description).parse_args(argv)
+        prog=f'python -m benchmarks.{name}', description=description).parse_args()
+    print(machine())
+    return run_benchmark(name, work)
 
 
 def machine() -> str:

@@ -21,13 +21,13 @@ after the other, so that their ratio is of one run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import math
 import sys
 import time
 from typing import Any, NamedTuple
 
-from benchmarks.harness import machine, parse_no_arguments, run_benchmark
+from benchmarks.harness import main_without_options
 import numpy as np
 from scipy.integrate import fixed_quad, quad, solve_bvp, solve_ivp
 from smart_tire.arrays import Array
@@ -60,14 +60,6 @@ class Figure(NamedTuple):
     general: str       # name of the scipy method
     general_rate: float
     difference: float  # maximum, over the maximum of the result
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; return the exit status."""
-    parse_no_arguments(
-        'models', 'measure the speed of the models, compared with general solvers', argv)
-    print(machine())
-    return run_benchmark('models', print_models)
 
 
 def print_models() -> None:
@@ -215,4 +207,5 @@ def difference(general: Array, model: Array) -> float:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(main_without_options(
+        'models', 'measure the speed of the models, compared with general solvers', print_models))

@@ -44,7 +44,6 @@ class Controller(Protocol):
 
 def run_closed_loop(params: SimulatorParams, controller: Controller, duration: float, *,
                     wheel_rate: float = 16.0, control_rate: float = 16.0,
-                    start_ns: int = EPOCH_NS, torque: bool = True,
                     watch: Callable[[Plant], None] | None = None,
                     plant: type[Plant] = Plant) -> list[Event]:
     """
@@ -56,7 +55,7 @@ def run_closed_loop(params: SimulatorParams, controller: Controller, duration: f
     same seed and controller give the same run. ``watch`` is called with the true state at each
     step; ``plant`` may have other tires.
     """
-    robot, host = Robot(params, plant), SimulatedHost(params, wheel_rate, start_ns)
+    robot, host = Robot(params, plant), SimulatedHost(params, wheel_rate, EPOCH_NS)
     control_due = PeriodicTimer(NS_PER_S / control_rate)
     arriving: list[tuple[int, int, str, Sample]] = []  # heap: reception, number, topic, sample
     commanded: list[tuple[int, Four]] = []             # time at the motors, duty
@@ -67,13 +66,13 @@ def run_closed_loop(params: SimulatorParams, controller: Controller, duration: f
             duty = commanded.pop(0)[1]
         for observation in robot.step(duty):
             host.receive(observation)
-        host.poll_wheels(robot, duty if torque else None)
+        host.poll_wheels(robot, duty)
         if watch is not None:
             watch(robot.plant)
         for receive_ns, topic, sample in host.events[taken:]:
             heapq.heappush(arriving, (receive_ns, taken, topic, sample))
             taken += 1
-        now_ns = start_ns + robot.plant.time_ns
+        now_ns = EPOCH_NS + robot.plant.time_ns
         while arriving and arriving[0][0] <= now_ns:
             receive_ns, _, topic, sample = heapq.heappop(arriving)
             controller.receive(topic, sample, receive_ns)

@@ -91,12 +91,3 @@ def test_motors_keep_their_duty_between_two_commands():
 def test_the_run_ends_when_the_controller_has_finished():
     events = run_closed_loop(PARAMS, StepDuty(stop_ns=NS_PER_S), 5.0)
     assert events[-1][0] == pytest.approx(EPOCH_NS + NS_PER_S, abs=0.1e9)
-
-
-def test_without_torque_wheel_states_have_no_effort():
-    controller = StepDuty()
-    run_closed_loop(PARAMS, controller, 0.5, torque=False)
-    assert all(one.effort is None for _, one in samples(controller, 'wheel_states'))
-    controller = StepDuty(0.0)
-    run_closed_loop(PARAMS, controller, 0.5)
-    assert all(one.effort is not None for _, one in samples(controller, 'wheel_states'))
