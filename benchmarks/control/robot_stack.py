@@ -24,8 +24,8 @@ from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.samples import (
-    Four, GroundState, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand, WheelSample,
-    WheelSlip)
+    Four, Friction, GroundState, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand,
+    WheelSample, WheelSlip)
 
 STANDSTILL = 3.0   # s, before the path is set, in which the estimators settle
 STOPPING = 1.0     # s, after arrival, until the run ends
@@ -61,8 +61,8 @@ class RobotStack:
     def _distribute(self, estimate: Sample, now_ns: int) -> None:
         if isinstance(estimate, Odometry):
             self._wheels.traction.add_odometry(estimate)
-        elif isinstance(estimate, GroundState):
-            self._wheels.traction.set_ground(estimate)
+        elif isinstance(estimate, Friction):
+            self._wheels.traction.add_friction(estimate)
 
 
 @dataclass(frozen=True)

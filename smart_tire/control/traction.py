@@ -22,7 +22,7 @@ import math
 
 from smart_tire.control.drive_model import TireLoad
 from smart_tire.control.ground_knowledge import (
-    GroundKnowledge, MAX_RESISTANCE, Measured, ShownFriction)
+    GroundKnowledge, MAX_RESISTANCE, Measured, PRIOR_SIGMA, ShownFriction)
 from smart_tire.control.ground_motion import Expected, GroundSpeed, Motion, Onset
 from smart_tire.control.slip_limits import (
     bounded, share_within, slip_band, yaw_deviation, YawControl)
@@ -30,7 +30,7 @@ from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import (
-    Four, GRAVITY, GroundState, LEFT, Odometry, RIGHT, WHEELS, WheelSample)
+    Four, Friction, GRAVITY, GroundState, LEFT, Odometry, RIGHT, WHEELS, WheelSample)
 from smart_tire.uncertain import fused, Uncertain
 
 NOT_SLIPPING = (None,) * len(WHEELS)
@@ -48,7 +48,7 @@ MIN_SLIP_SHARE = 0.3        # of critical slip, down to which a wheel that was l
 MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
 
-Known = tuple[Measured, float] | None  # latest measurement of the ground, and its weight
+Known = tuple[Measured, float] | None  # latest measurement of a side's ground, and its weight
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,14 @@ class TractionState:
     slip_limit: float = math.nan     # -, smallest one of the wheels
     friction: float = math.nan       # -, that the robot has shown or is expected to show
     limited_steps: int = 0           # steps in which set points were changed, since the start
+
+
+@dataclass(frozen=True)
+class Side:
+    """Ground under the wheels of one side."""
+
+    known: Known
+    friction: Uncertain  # -, the measured one fused with that of unknown ground
 
 
 @dataclass(frozen=True)
@@ -84,7 +92,7 @@ class TractionControl:
         self.params = params  # may be replaced at run time
         self.state = TractionState()
         self._robot = robot
-        self._ground, self._motion = GroundKnowledge(), GroundSpeed()
+        self._grounds, self._motion = (GroundKnowledge(), GroundKnowledge()), GroundSpeed()
         self._shown = ShownFriction(robot, params.unknown_friction)
         # of the latest step, for the feed-forward; None for wheels that do not slip
         self.tires: tuple[TireLoad | None, ...] = NOT_SLIPPING
@@ -99,19 +107,22 @@ class TractionControl:
         """Add an estimate of the motion of the robot; one that is not plausible is ignored."""
         before_ns, before = self._motion.stamp_ns, self._motion.distance
         if self._motion.add_odometry(odometry, self.params.acceleration_filter):
-            if before_ns is not None and odometry.stamp_ns < before_ns:
-                self._ground.clear()  # a new clock: another run
-            self._ground.drive(self._motion.distance - before, odometry.stamp_ns)
+            for ground in self._grounds:
+                if before_ns is not None and odometry.stamp_ns < before_ns:
+                    ground.clear()  # a new clock: another run
+                ground.drive(self._motion.distance - before, odometry.stamp_ns)
 
-    def set_ground(self, ground: GroundState) -> None:
+    def add_friction(self, friction: Friction) -> None:
         """
-        Use the state of the ground at its timestamp.
+        Use the ground of one patch crossing for the side of its wheel.
 
-        Without films the friction is known only after the robot has slid, which shows it anyway.
+        The sides may differ; ``ground_state`` is the mean of both.
         """
-        if self._robot.film.wheels:
-            late = max(-self._motion.age(ground.stamp_ns), 0.0)
-            self._ground.set_ground(ground, abs(self._motion.motion.v_x) * late)
+        if friction.wheel in self._robot.film.wheels:
+            late = max(-self._motion.age(friction.stamp_ns), 0.0)
+            self._grounds[WHEELS.index(friction.wheel) % 2].set_ground(
+                GroundState(friction.stamp_ns, friction.stiffness, friction.friction_coefficient),
+                abs(self._motion.motion.v_x) * late)
 
     def add_wheels(self, wheels: WheelSample) -> None:
         """Add wheel speeds and motor torques."""
@@ -153,12 +164,12 @@ class TractionControl:
     def _limited(self, set_points: Four, now_ns: int, period: float) -> tuple[
             Four, list[TireLoad]]:
         """Return the set points [rad/s] with slips within their limits, and the tires there."""
-        known, radius = self._ground.latest(self.params), self._robot.wheel_radius
+        sides, radius = self._sides(), self._robot.wheel_radius
         a, b, c, d = (radius * speed for speed in set_points)
         wanted = a, b, c, d
-        limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, known)
-        if self._begins(sum(wanted) - sum(limited), now_ns, known):
-            limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, known)
+        limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
+        if self._begins(sum(wanted) - sum(limited), now_ns, sides):
+            limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
         elif self._direction and motion.unseen < MAX_ONSET_WEIGHT:
             self._shown.learn_friction(motion.measured, motion.v_x, self._direction,
                                        min(ground.limit for ground in grounds), period)
@@ -174,20 +185,26 @@ class TractionControl:
         a, b, c, d = (speed / radius for speed in limited)
         return (a, b, c, d) if self.state.limiting else set_points, tires
 
-    def _friction(self) -> Uncertain:
-        """Return the friction [-] measured, fused with that of unknown ground."""
-        return self._ground.friction(self.params.unknown_friction, self.params)
+    def _sides(self) -> list[Side]:
+        """Return the ground of the left and the right side; one without films has the other's."""
+        left, right = (Side(known, ground.friction(self.params.unknown_friction, self.params))
+                       if (known := ground.latest(self.params)) else None
+                       for ground in self._grounds)
+        unknown = Side(None, Uncertain(self.params.unknown_friction, PRIOR_SIGMA))
+        return [left or right or unknown, right or left or unknown]
 
-    def _predicted_limit(self, wanted: Four, now_ns: int, period: float, known: Known) -> tuple[
-            Four, Expected, list[WheelGround]]:
+    def _predicted_limit(self, wanted: Four, now_ns: int, period: float, sides: Sequence[Side]
+                         ) -> tuple[Four, Expected, list[WheelGround]]:
         """Return limited rolling speeds [m/s], and the motion and the ground for them."""
-        bound = GRAVITY * (1.0 if known is None else MAX_RESISTANCE + sum(self._friction()))
+        bound = GRAVITY * (1.0 if sides[0].known is None else MAX_RESISTANCE + max(
+            sum(side.friction) for side in sides))
         motion = self._motion.expected(
             now_ns, period + self.params.lead, self._onset, bound)
-        grounds = [self._wheel_ground(known, load) for load in self._loads(motion)]
+        grounds = [self._wheel_ground(sides[i % 2], load)
+                   for i, load in enumerate(self._loads(motion))]
         return self._within(wanted, motion, grounds), motion, grounds
 
-    def _wheel_ground(self, known: Known, load: float) -> WheelGround:
+    def _wheel_ground(self, side: Side, load: float) -> WheelGround:
         """
         Return the ground under a wheel with its load [N].
 
@@ -199,9 +216,9 @@ class TractionControl:
         per_friction = 3.0 * load / self._robot.tire.longitudinal_stiffness
         critical = Uncertain(shown * per_friction, PRIOR_RELATIVE_SIGMA * shown * per_friction)
         friction = shown
-        if known is not None:
-            measured, weight = known
-            friction = min(self._friction().value, CONFIRMED * shown)
+        if side.known is not None:
+            measured, weight = side.known
+            friction = min(side.friction.value, CONFIRMED * shown)
             confirmed = min(CONFIRMED * shown / measured.friction.value, 1.0)
             slip, sigma = measured.slip_per_load
             slip = max(slip * load, measured.friction.value * per_friction / MAX_STIFFENING)
@@ -234,12 +251,13 @@ class TractionControl:
                       for i, (speed, tire) in enumerate(zip(speeds, tires)))
         return a, b, c, d
 
-    def _begins(self, excess: float, now_ns: int, known: Known) -> bool:
+    def _begins(self, excess: float, now_ns: int, sides: Sequence[Side]) -> bool:
         """Return whether the robot begins to accelerate or to brake at the limit."""
         direction = (excess > MIN_EXCESS) - (excess < -MIN_EXCESS)
         begins = direction not in (0, self._direction)
         if begins:
-            self._shown.begin(self._shown.value if known is None else self._friction().value)
+            self._shown.begin(self._shown.value if sides[0].known is None else min(
+                side.friction.value for side in sides))
             self._onset = Onset(now_ns, direction * GRAVITY * self._shown.value,
                                 self.params.acceleration_filter + ONSET_DELAY)
         self._direction = direction

@@ -43,7 +43,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
 
     Subscribes to ``cmd_vel`` (or ``cmd_vel_inputs``), ``wheel_states``, ``emergency_stop_active``
     and ``motors_enabled``; with ``traction.enabled`` also to ``odom`` and
-    ``ground_state``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
+    ``tire_friction``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
 
     Parameters: ``rate``, ``cmd_vel_inputs``, ``cmd_vel_priorities``, ``cmd_vel_timeouts``,
     ``cmd_vel_types``, ``cmd_vel_timeout``, ``cmd_vel_max_age``, ``effective_track``,
@@ -98,7 +98,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._estimates_subscribed = True
         traction = self._control.traction
         for name, on_estimate in (('odom', traction.add_odometry),
-                                  ('ground_state', traction.set_ground)):
+                                  ('tire_friction', traction.add_friction)):
             self.subscribe(name, on_estimate, reliability=self.params.reliability, announced=True)
 
     def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:

@@ -27,11 +27,11 @@ from smart_tire.control.slip_limits import bounded
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_servo import SpeedReference
 from smart_tire.parameters.control import PidParams, TractionParams
-from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import GroundState, NS_PER_S, Odometry, WheelSample
+from smart_tire.parameters.robot import FilmParams, RobotParams
+from smart_tire.samples import Friction, NS_PER_S, Odometry, WHEELS, WheelSample
 from smart_tire.uncertain import Uncertain
 
-ROBOT, PARAMS = RobotParams(), TractionParams(enabled=True)
+ROBOT, PARAMS = RobotParams(film=FilmParams(wheels=WHEELS)), TractionParams(enabled=True)
 NOW_NS, PERIOD = 1_000 * NS_PER_S, 0.02
 STEP = PARAMS.min_deceleration * PERIOD / ROBOT.wheel_radius  # rad/s in a control period
 TOP = 20.0  # rad/s, largest set point
@@ -60,8 +60,8 @@ def odometry(rng, now_ns):
 def ground(rng, now_ns):
     stiffness, mu = (Uncertain(number(rng, 0.0, high), number(rng, 0.0, high))
                      for high in (100.0, 1.2))
-    return GroundState(now_ns - rng.randrange(-10**8, 10**9), stiffness, mu,
-                       stiffness_friction_correlation=number(rng, -1.0, 1.0))
+    return Friction(now_ns - rng.randrange(-10**8, 10**9), rng.choice(WHEELS), mu,
+                    stiffness=stiffness)
 
 
 def wheels(rng, now_ns):
@@ -73,7 +73,7 @@ def receive(rng, traction, now_ns, count=4):
     """Give up to ``count`` arbitrary estimates to traction control."""
     for _ in range(rng.randrange(count + 1)):
         traction.add_odometry(odometry(rng, now_ns))
-        rng.choice((lambda: traction.set_ground(ground(rng, now_ns)),
+        rng.choice((lambda: traction.add_friction(ground(rng, now_ns)),
                     lambda: traction.add_wheels(wheels(rng, now_ns))))()
 
 

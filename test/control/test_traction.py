@@ -26,12 +26,13 @@ from smart_tire.control.slip_limits import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TractionParams, WheelControllerParams
-from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import GRAVITY, GroundState, NS_PER_S, Odometry
+from smart_tire.parameters.robot import FilmParams, RobotParams
+from smart_tire.samples import Friction, GRAVITY, NS_PER_S, Odometry
 from smart_tire.uncertain import Uncertain
 
 RADIUS = RobotParams().wheel_radius
-ROBOT = RobotParams(center_of_mass=(0.0, 0.0, -RADIUS))  # its wheel loads do not change
+ROBOT = RobotParams(center_of_mass=(0.0, 0.0, -RADIUS),  # its wheel loads do not change
+                    film=FilmParams(wheels=('front_left', 'front_right')))
 LOAD = ROBOT.mass * GRAVITY / 4.0
 STIFFNESS = ROBOT.tire.longitudinal_stiffness
 UNKNOWN_FRICTION = 0.4 * STIFFNESS / (3.0 * LOAD)  # critical slip 0.4 +- 0.2: a limit of 0.1
@@ -54,12 +55,14 @@ def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0, sigma=0.0):
                     (0.0, 0.0, yaw_rate), NO_COVARIANCE, (sigma ** 2, *NO_COVARIANCE[1:]))
 
 
-def ground(critical=0.4, sigma=0.0, *, stamp_ns=NOW_NS, load=LOAD, mu=None):
-    """Return a ground; by default with the friction of tires of the nominal stiffness."""
+def ground(critical=0.4, sigma=0.0, *, stamp_ns=NOW_NS, load=LOAD, mu=None,
+           wheel='front_right'):
+    """Return the ground of a crossing, by default of tires with the nominal stiffness."""
     mu = critical * STIFFNESS / (3.0 * LOAD) if mu is None else mu
     stiffness = 3.0 * mu * load / critical if critical else math.inf
-    return GroundState(stamp_ns, Uncertain(stiffness, abs(stiffness) * sigma / (critical or 1.0)),
-                       Uncertain(mu, 0.0))
+    return Friction(
+        stamp_ns, wheel, Uncertain(mu, 0.0),
+        stiffness=Uncertain(stiffness, abs(stiffness) * sigma / (critical or 1.0)))
 
 
 def control(*samples, params=PARAMS, v_x=1.0, held=None):
@@ -69,7 +72,7 @@ def control(*samples, params=PARAMS, v_x=1.0, held=None):
     traction.limit((v_x / RADIUS if held is None else held,) * 4, NOW_NS, 0.0)
     for sample in samples:
         (traction.add_odometry if isinstance(sample, Odometry)
-         else traction.set_ground)(sample)
+         else traction.add_friction)(sample)
     return traction
 
 
@@ -121,6 +124,16 @@ def test_measured_ground_counts_for_all_wheels_and_its_share_is_aimed_at():
     assert traction.state.slip_limit == pytest.approx(MEASURED)
 
 
+def test_the_side_with_less_friction_limits_its_axle_whichever_was_measured_last():
+    left, right = ground(0.4, wheel='front_left'), ground(0.2)
+    found = [control(*samples) for samples in ((left, right), (right, left), (right,))]
+    speeds = [rolling(traction, FAST) for traction in found]
+    assert speeds[0] == speeds[1]
+    assert max(speeds[0]) < 0.95 / (1.0 - MEASURED)
+    assert found[0].tires[0].torque > found[0].tires[1].torque
+    assert found[2].tires[0].torque == pytest.approx(found[2].tires[1].torque)
+
+
 def test_the_critical_slip_is_proportional_to_the_load_of_the_wheel():
     found = control(ground(0.4, load=2.0 * LOAD, mu=0.5 * UNKNOWN_FRICTION))
     assert rolling(found, FAST) == pytest.approx([1.0 / (1.0 - 0.5 * MEASURED)] * 4, rel=2e-3)
@@ -136,7 +149,7 @@ def test_a_wheel_that_acceleration_relieves_gets_less_slip():
     traction = TractionControl(PARAMS, RobotParams())
     for sample in accelerating(1.0):
         traction.add_odometry(sample)
-    traction.set_ground(ground(0.4))
+    traction.add_friction(ground(0.4))
     front, front_right, rear, rear_right = rolling(traction, FAST)
     assert front == front_right < 0.98 * rear
     assert rear == rear_right
@@ -186,7 +199,7 @@ def test_a_robot_without_films_uses_the_friction_that_it_shows():
     traction = TractionControl(PARAMS, replace(ROBOT, film=replace(ROBOT.film, wheels=())))
     traction.add_odometry(odometry())
     traction.limit((1.0 / RADIUS,) * 4, NOW_NS, 0.0)
-    traction.set_ground(ground(0.4))
+    traction.add_friction(ground(0.4))
     assert rolling(traction, FAST) == pytest.approx([1.0 / 0.9] * 4)
 
 
@@ -316,7 +329,7 @@ def test_ground_that_is_reported_late_counts_from_its_place():
         driven = [odometry(1.0, stamp_ns=NOW_NS + step * 10_000_000) for step in range(1, 81)]
         for sample in driven[:50]:
             traction.add_odometry(sample)
-        traction.set_ground(ground(0.4, stamp_ns=NOW_NS))
+        traction.add_friction(ground(0.4, stamp_ns=NOW_NS))
         for sample in driven[50:]:
             traction.add_odometry(sample)
         assert rolling(traction, FAST, driven[-1].stamp_ns) == pytest.approx(
@@ -328,7 +341,7 @@ def test_the_acceleration_is_at_most_that_of_known_friction():
     traction = TractionControl(replace(PARAMS, lead=0.1), ROBOT)
     for step in range(101):
         traction.add_odometry(odometry(0.04 * step, stamp_ns=NOW_NS + 8_000_000 * step))
-        traction.set_ground(ground(0.4, mu=0.1, stamp_ns=NOW_NS + 8_000_000 * step))
+        traction.add_friction(ground(0.4, mu=0.1, stamp_ns=NOW_NS + 8_000_000 * step))
         traction.limit((100.0,) * 4, NOW_NS + 8_000_000 * step, 0.0)
     rear = rolling(traction, (100.0,) * 4, NOW_NS + 800_000_000)[2]
     assert 4.0 / 0.8 < rear < (4.0 + GRAVITY * (0.1 + 0.2) * 0.1) / (1.0 - 0.2 * 1.26)
