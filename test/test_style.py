@@ -1,16 +1,12 @@
 # Copyright 2026 The smart_tire developers
 #
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
 
 """
 The rules of style that ruff and mypy do not check.
@@ -39,7 +35,7 @@ PROSE = [source for source in read_sources(
     'README.md', 'CONTRIBUTING.md', 'Makefile', 'pyproject.toml', 'smart_tire', 'benchmarks',
     'config', 'docs', 'examples', 'launch', 'test', suffixes=SUFFIXES) if source.name != THIS]
 
-LICENSE_HEADER = '\n'.join(TESTS[0].text.splitlines()[1:13])
+LICENSE_HEADER = '\n'.join(TESTS[0].text.splitlines()[1:9])
 COPYRIGHT = re.compile(r'(#!.*\n)?# Copyright \d{4} The smart_tire developers\n')
 
 WITH_PROCESSES = {'test/nodes', 'test/safety', 'test/integration'}
