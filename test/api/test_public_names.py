@@ -130,13 +130,6 @@ def test_the_fields_of_a_class_are_stable(name):
     assert [item.name for item in dataclasses.fields(getattr(api, name))] == FIELDS[name].split()
 
 
-@pytest.mark.parametrize('name', SIGNATURES)
-def test_every_parameter_and_result_has_a_type(name):
-    signature = inspect.signature(resolve(name))
-    assert [key for key, item in signature.parameters.items()
-            if item.annotation is inspect.Parameter.empty and key != 'self'] == []
-
-
 def test_help_of_the_estimators_states_units_and_shapes():
     for name in 'estimate_slip', 'estimate_friction', 'simulate':
         text = inspect.getdoc(resolve(name))

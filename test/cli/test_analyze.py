@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from smart_tire.bags import BagWriter
 from smart_tire.cli.analyze import folder_names
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.offline import simulate
+from support.recordings import write_bag
 
 ONE_WHEEL = {'film.wheels': ['front_left'], 'seed': 2}
 
@@ -27,12 +27,8 @@ ONE_WHEEL = {'film.wheels': ['front_left'], 'seed': 2}
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     """Return the bag of a short drive."""
-    path = tmp_path_factory.mktemp('recorded') / 'drive'
-    with BagWriter(path) as writer:
-        for receive_ns, topic, sample in simulate(
-                build(SimulatorParams, ONE_WHEEL), [(0.5, 100.0, 60.0)], 4.0):
-            writer.write_sample(topic, receive_ns, sample)
-    return path
+    return write_bag(tmp_path_factory.mktemp('recorded') / 'drive', simulate(
+        build(SimulatorParams, ONE_WHEEL), [(0.5, 100.0, 60.0)], 4.0))
 
 
 @pytest.fixture
@@ -103,9 +99,7 @@ def test_nothing_is_ever_written_into_the_folder_of_a_bag(bag, out, force, capsy
 
 
 def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(bag, tmp_path, capsys):
-    empty = tmp_path / 'empty'
-    with BagWriter(empty):
-        pass
+    empty = write_bag(tmp_path / 'empty', [])
     assert analyze(empty, bag, '--no-figures', '--out', tmp_path / 'out') == 1
     output = capsys.readouterr().out
     assert f'{empty}: nothing can be estimated' in output

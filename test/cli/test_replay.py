@@ -54,6 +54,13 @@ def source(tmp_path_factory):
     return path
 
 
+@pytest.fixture
+def ros_source(source):
+    """Return the bag for a replay, which needs ROS."""
+    pytest.importorskip('rclpy')
+    return source
+
+
 def played(source, tmp_path, *options):
     """Return the messages that a recorder received from a replay, and the output of both."""
     with command('record', '--out', tmp_path / 'received') as recorder:
@@ -72,20 +79,18 @@ def names(messages):
         '/diagnostics', '/rosout', '/parameter_events'}
 
 
-def test_by_default_the_inputs_of_the_estimators_are_published(source, tmp_path):
-    pytest.importorskip('rclpy')
-    received, output = played(source, tmp_path)
+def test_by_default_the_inputs_of_the_estimators_are_published(ros_source, tmp_path):
+    received, output = played(ros_source, tmp_path)
     assert names(received) == {f'/{name}' for name in INPUTS}
-    with Bag(source) as bag:
+    with Bag(ros_source) as bag:
         for name in INPUTS:
             sent = [data for _, _, data in bag.raw([f'/{name}'])]
             assert [data for _, channel, data in received if channel.topic == f'/{name}'] == sent
             assert f'{len(sent)} /{name}' in output
 
 
-def test_all_publishes_everything_except_commands(source, tmp_path):
-    pytest.importorskip('rclpy')
-    received, output = played(source, tmp_path, '--all', '--clock', '--rate', 2)
+def test_all_publishes_everything_except_commands(ros_source, tmp_path):
+    received, output = played(ros_source, tmp_path, '--all', '--clock', '--rate', 2)
     assert names(received) == {'/imu/data', '/wheel_states', '/tire_samples', '/odom', '/clock'}
     assert f'skipped: /strange ({STRANGE} is not installed)' in output
     clock = [int.from_bytes(data[4:8], 'little') * 10**9 + int.from_bytes(data[8:12], 'little')
@@ -95,24 +100,21 @@ def test_all_publishes_everything_except_commands(source, tmp_path):
     assert len(clock) > 20
 
 
-def test_commands_are_published_if_named(source, tmp_path):
-    pytest.importorskip('rclpy')
-    received, _ = played(source, tmp_path, '--topics', 'cmd_vel', 'path', '--rate', 0.7)
+def test_commands_are_published_if_named(ros_source, tmp_path):
+    received, _ = played(ros_source, tmp_path, '--topics', 'cmd_vel', 'path', '--rate', 0.7)
     assert names(received) == {'/cmd_vel', '/robot/path'}
 
 
-def test_topics_without_subscribers_are_named_while_the_replay_waits(source):
-    pytest.importorskip('rclpy')
-    with command('replay', source, '--topics', 'imu/data', '--wait', 30) as player:
+def test_topics_without_subscribers_are_named_while_the_replay_waits(ros_source):
+    with command('replay', ros_source, '--topics', 'imu/data', '--wait', 30) as player:
         player.wait_for('waiting: /imu/data has no subscribers')
         player.signal(signal.SIGINT)
         assert player.end() == 0
     assert '0 /imu/data' in player.output
 
 
-def test_a_replay_ends_on_interrupt(source):
-    pytest.importorskip('rclpy')
-    with command('replay', source, '--rate', 0.001, '--wait', 0) as player:
+def test_a_replay_ends_on_interrupt(ros_source):
+    with command('replay', ros_source, '--rate', 0.001, '--wait', 0) as player:
         player.wait_for('no subscribers on /tire_samples')
         player.signal(signal.SIGINT)
         assert player.end() == 0
@@ -124,39 +126,35 @@ def node(name):
     return Python(*node_arguments(name))
 
 
-def test_nothing_is_published_if_an_awaited_node_is_missing(source):
-    pytest.importorskip('rclpy')
+def test_nothing_is_published_if_an_awaited_node_is_missing(ros_source):
     with node('slip_estimator'), command(
-            'replay', source, '--wait', 4, '--wait-for', 'slip_estimator',
+            'replay', ros_source, '--wait', 4, '--wait-for', 'slip_estimator',
             'friction_estimator') as player:
         assert player.end() == 1
     assert 'smart_tire replay: /friction_estimator is not running' in player.lines
     assert 'published' not in player.output
 
 
-def test_awaited_nodes_are_in_the_namespace_of_the_replayer(source):
-    pytest.importorskip('rclpy')
+def test_awaited_nodes_are_in_the_namespace_of_the_replayer(ros_source):
     with node('slip_estimator'), command(
-            'replay', source, '--wait', 3, '--wait-for', 'slip_estimator',
+            'replay', ros_source, '--wait', 3, '--wait-for', 'slip_estimator',
             '--ros-args', '-r', '__ns:=/robot') as player:
         assert player.end() == 1
     assert 'smart_tire replay: /robot/slip_estimator is not running' in player.lines
 
 
-def test_a_node_without_matching_subscription_is_not_ready(source, tmp_path):
-    pytest.importorskip('rclpy')
+def test_a_node_without_matching_subscription_is_not_ready(ros_source, tmp_path):
     with command('record', '--out', tmp_path / 'bag', '--topics', '/diagnostics') as recorder:
         recorder.wait_for('recording /diagnostics')
-        with command('replay', source, '--wait', 8, '--topics', 'imu/data', '--wait-for',
+        with command('replay', ros_source, '--wait', 8, '--topics', 'imu/data', '--wait-for',
                      '/recorder') as player:
             assert player.end() == 1
     assert 'smart_tire replay: /recorder subscribes to none of /imu/data' in player.lines
 
 
-def test_the_replay_fails_if_an_estimator_ends_early(source):
-    pytest.importorskip('rclpy')
+def test_the_replay_fails_if_an_estimator_ends_early(ros_source):
     with node('slip_estimator') as estimator, command(
-            'replay', source, '--rate', 0.02, '--wait', 30, '--wait-for',
+            'replay', ros_source, '--rate', 0.02, '--wait', 30, '--wait-for',
             'slip_estimator') as player:
         player.wait_for('no subscribers on /tire_samples')
         estimator.signal(signal.SIGINT)
@@ -166,9 +164,8 @@ def test_the_replay_fails_if_an_estimator_ends_early(source):
     assert 'published in part' in player.output
 
 
-def test_the_replay_fails_if_an_estimator_starts_late(source):
-    pytest.importorskip('rclpy')
-    with command('replay', source, '--rate', 0.1, '--wait', 0) as player:
+def test_the_replay_fails_if_an_estimator_starts_late(ros_source):
+    with command('replay', ros_source, '--rate', 0.1, '--wait', 0) as player:
         player.wait_for('no subscribers on /tire_samples')
         with node('slip_estimator'):
             assert player.end() == 1

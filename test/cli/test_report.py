@@ -23,17 +23,16 @@ from smart_tire.cli import report as verb
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.offline import simulate
+from support.recordings import write_bag
 
 
 @pytest.fixture(scope='module')
 def demo(tmp_path_factory):
     """Return a folder with a bag one level below, as the demo writes it."""
     folder = tmp_path_factory.mktemp('recorded') / 'my_demo'
-    with BagWriter(folder / 'bag') as writer:
-        for receive_ns, topic, sample in simulate(
-                build(SimulatorParams, {'film.wheels': ['front_left'], 'seed': 2}),
-                [(0.2, 100.0, 60.0)], 1.0):
-            writer.write_sample(topic, receive_ns, sample)
+    write_bag(folder / 'bag', simulate(
+        build(SimulatorParams, {'film.wheels': ['front_left'], 'seed': 2}),
+        [(0.2, 100.0, 60.0)], 1.0))
     return folder
 
 
@@ -101,9 +100,7 @@ def test_nothing_is_written_into_the_folder_of_a_bag(demo, capsys):
 
 
 def test_a_bag_without_estimates_has_no_report(tmp_path, capsys):
-    with BagWriter(tmp_path / 'empty'):
-        pass
-    assert report(tmp_path / 'empty', '--out', tmp_path / 'x.html') == 1
+    assert report(write_bag(tmp_path / 'empty', []), '--out', tmp_path / 'x.html') == 1
     assert 'nothing can be estimated' in capsys.readouterr().out
     assert not (tmp_path / 'x.html').exists()
 

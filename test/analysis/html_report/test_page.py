@@ -28,12 +28,12 @@ from smart_tire.analysis.html_report.plots import plotly_spec
 from smart_tire.analysis.offline import Analysis, analyze, BagContents
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.tables import Table, text
-from smart_tire.bags import BagWriter
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.recording import Recording
 from smart_tire.samples import Friction, WheelSlip
 from smart_tire.simulation.offline import simulate
 from smart_tire.uncertain import Uncertain, UNKNOWN
+from support.recordings import write_bag
 
 SECTIONS = [
     'recording', 'motion', 'slip', 'friction', 'errors', 'left_out', 'parameters', 'about']
@@ -109,11 +109,8 @@ def test_the_page_has_all_sections_in_the_order_of_the_navigation(outline):
     ('ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction')],
     ids='+'.join)
 def test_a_report_without_some_topics_has_all_sections(missing, events, used, tmp_path):
-    with BagWriter(tmp_path / 'bag') as writer:
-        for receive_ns, topic, sample in events:
-            if topic not in missing:
-                writer.write_sample(topic, receive_ns, sample)
-    run = analyze(tmp_path / 'bag', None, used.params)
+    bag = write_bag(tmp_path / 'bag', [event for event in events if event[1] not in missing])
+    run = analyze(bag, None, used.params)
     outline = Outline(html_page(report_of(run, used, 'bag', ())))
     assert [values['id'] for tag, values in outline.tags if tag == 'h2'] == SECTIONS
     skipped = ' '.join(outline.texts['li'])
