@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
     from smart_tire.messages import NodeStatus
     from smart_tire.samples import Sample
-    from smart_tire.view.bag import Recording
     from smart_tire.view.scene import Scene
     from smart_tire.view.viewer import Viewer
 
@@ -61,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--estimate', action='store_true',
                         help='compute the estimates instead of showing those in the bag')
     parser.add_argument('--no-fit', action='store_true',
-                        help=argparse.SUPPRESS)  # of before: nothing is fitted
+                        help=argparse.SUPPRESS)  # of earlier versions
     parser.add_argument('--web', action='store_true',
                         help='serve the viewer to a browser on this machine; done without a '
                              'display, too')
@@ -77,19 +76,21 @@ def run(args: argparse.Namespace) -> int:
         print('smart_tire view: expected either BAG or --live; --estimate is for a BAG',
               file=sys.stderr)
         return USAGE
+    if args.no_fit:
+        print('smart_tire view: --no-fit has no effect: nothing is fitted', file=sys.stderr)
     if args.save is not None:
         refuse_existing([args.save], force=args.force, inputs=[*args.params])
     from smart_tire.analysis.pipeline import EstimatorParams
-    from smart_tire.view.bag import find_recording
+    from smart_tire.view.bag import find_bags
     if args.live:
         # Importing rclpy may restart Python, so it must come before the viewer is started.
         import_module('smart_tire.nodes.observer')
         return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), _show_live)
-    recording = find_recording(args.bag)
-    with open_bag(recording.bag, args, required=()) as (_, settings):
+    bag, estimates = find_bags(args.bag)
+    with open_bag(bag, args, required=()) as (_, settings):
         pass  # an error before the viewer appears
-    return _with_viewer(args, recording.bag.resolve().name, settings.params,
-                        partial(_show_bag, args, recording, settings))
+    return _with_viewer(args, bag.resolve().name, settings.params,
+                        partial(_show_bag, args, bag, estimates, settings))
 
 
 def has_display(environment: Mapping[str, str]) -> bool:
@@ -125,12 +126,12 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
         return status
 
 
-def _show_bag(args: argparse.Namespace, recording: Recording, settings: BagSettings,
-              scene: Scene, viewer: Viewer | None) -> int:
-    """Show a recording; wait while a viewer for browsers is served."""
+def _show_bag(args: argparse.Namespace, bag: Path, estimates: Path | None,
+              settings: BagSettings, scene: Scene, viewer: Viewer | None) -> int:
+    """Show a bag; wait while a viewer for browsers is served."""
     from smart_tire.view.bag import show
-    with Progress(recording.bag.name) as progress:
-        show(recording, scene, settings.params, estimate=args.estimate,
+    with Progress(bag.name) as progress:
+        show(bag, estimates, scene, settings.params, estimate=args.estimate,
              describe=partial(print, flush=True), progress=progress.share, names=settings.names)
     if viewer is not None and viewer.address.web is not None:
         try:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 import heapq
 import json
 from operator import itemgetter
@@ -34,24 +33,14 @@ REQUIRED = 'odom', 'wheel_slip'  # without these a bag has no estimates to show
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 
 
-@dataclass(frozen=True)
-class Recording:
-    """Files of a recording: its bag, and a bag with estimates."""
-
-    bag: Path
-    estimates: Path | None = None
-
-
-def find_recording(path: Path) -> Recording:
+def find_bags(path: Path) -> tuple[Path, Path | None]:
     """
-    Return the recording at ``path``: a bag, or the estimates of an analysis with the input bag.
+    Return the bag at ``path``, or the input bag of an analysis and the bag of its estimates.
 
     The estimates of an analysis without its input bag are shown on their own.
     """
-    if path.name not in ANALYZED:
-        return Recording(path)
-    source = _analyzed_bag(path.parent / 'summary.json')
-    return Recording(path) if source is None else Recording(source, path)
+    source = _analyzed_bag(path.parent / 'summary.json') if path.name in ANALYZED else None
+    return (path, None) if source is None else (source, path)
 
 
 def _analyzed_bag(summary: Path) -> Path | None:
@@ -65,31 +54,33 @@ def _analyzed_bag(summary: Path) -> Path | None:
     return bag if bag.exists() else None
 
 
-def show(recording: Recording, scene: Scene, params: EstimatorParams, *, estimate: bool,
-         describe: Callable[[str], None], progress: Progress = lambda share: None,
-         names: TopicNames = STANDARD_NAMES) -> None:
+def show(path: Path, estimates: Path | None, scene: Scene, params: EstimatorParams, *,
+         estimate: bool, describe: Callable[[str], None],
+         progress: Progress = lambda share: None, names: TopicNames = STANDARD_NAMES) -> None:
     """
-    Show a recording; with ``estimate`` or without recorded estimates, run the estimators on it.
+    Show the bag ``path`` and, if given, the bag of ``estimates`` from it.
+
+    With ``estimate`` or without recorded estimates, the estimators are run on it.
 
     ``describe`` is called with one line that says which estimates are shown. ``names`` are the
     topics with other names in the bag. Raises BagError.
     """
     with ExitStack() as stack:
-        bag = stack.enter_context(Bag(recording.bag, names, params.robot.joints))
+        bag = stack.enter_context(Bag(path, names, params.robot.joints))
         for stamp_ns, status in bag.statuses():
             scene.add_status(stamp_ns, status)
-        if estimate or (recording.estimates is None and not set(REQUIRED) <= bag.match(
+        if estimate or (estimates is None and not set(REQUIRED) <= bag.match(
                 REQUIRED).keys()):
-            describe(f'{recording.bag}: estimates computed now with these parameters'
+            describe(f'{path}: estimates computed now with these parameters'
                      + ('' if estimate else ' (the bag has none)'))
             samples = _estimated(bag, scene, params)
-        elif recording.estimates is not None:
-            describe(f'{recording.bag}: estimates of {recording.estimates}')
-            other = stack.enter_context(Bag(recording.estimates))
+        elif estimates is not None:
+            describe(f'{path}: estimates of {estimates}')
+            other = stack.enter_context(Bag(estimates))
             samples = heapq.merge(bag.samples(_without_estimates(scene)),
                                   other.samples(ESTIMATES), key=itemgetter(0))
         else:
-            describe(f'{recording.bag}: recorded estimates')
+            describe(f'{path}: recorded estimates')
             samples = bag.samples(scene.topics)
         _feed(samples, scene, bag.span_ns, progress)
 

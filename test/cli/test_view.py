@@ -41,7 +41,8 @@ def test_a_recording_is_saved_without_a_viewer(tmp_path, capsys, monkeypatch):
         writer.write_sample('wheel_slip', 0, SLIP)
         writer.write_sample('ground_truth/wheel_slip', 0, SLIP)
     assert main(['view', str(bag), '--save', str(file), '--no-fit']) == 0
-    assert f'written to {file}' in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert f'written to {file}' in printed.out and '--no-fit has no effect' in printed.err
     assert RerunFile(file).scalars('slip/rear_left/truth') == [(0, [0.25])]
     assert main(['view', str(bag), '--save', str(file)]) == 2
     assert 'exists' in capsys.readouterr().err

@@ -56,7 +56,7 @@ def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         file = tmp_path / 'live.rrd'
-        assert main(['view', '--live', '--no-fit', '--save', str(file)]) == 0
+        assert main(['view', '--live', '--save', str(file)]) == 0
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)

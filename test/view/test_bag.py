@@ -21,7 +21,7 @@ from smart_tire.bags import BagWriter
 from smart_tire.errors import BagError
 from smart_tire.messages import topic_of
 from smart_tire.samples import ImuSample, WheelSample, WheelSlip
-from smart_tire.view.bag import find_recording, Recording, show
+from smart_tire.view.bag import find_bags, show
 from support import ideal_robot
 
 START = 1_700_000_000_000_000_000
@@ -68,11 +68,11 @@ def slip(stamp_ns=START):
     return WheelSlip(stamp_ns, (0.25,) * 4, (0.0,) * 4, (0.1,) * 4)
 
 
-def shown(recording, *, estimate=False):
-    """Return the scene, the description and the progress of showing a recording."""
+def shown(bag, estimates=None, *, estimate=False):
+    """Return the scene, the description and the progress of showing a bag."""
     scene, lines, shares = FakeScene(), [], []
-    show(recording, scene, EstimatorParams(), estimate=estimate, describe=lines.append,
-         progress=shares.append)
+    show(bag, estimates, scene, EstimatorParams(), estimate=estimate,
+         describe=lines.append, progress=shares.append)
     assert scene.finished
     return scene, lines, shares
 
@@ -83,7 +83,7 @@ def of_topic(scene, topic):
 
 def test_recorded_estimates_are_shown_as_they_are(tmp_path):
     bag = write(tmp_path / 'drive', *sensors(3), odometry(4.0), slip())
-    scene, (line,), shares = shown(Recording(bag))
+    scene, (line,), shares = shown(bag)
     assert line == f'{bag}: recorded estimates'
     assert [sample.position[0] for sample in of_topic(scene, 'odom')] == [4.0]
     assert of_topic(scene, 'wheel_slip') == [slip()]
@@ -92,7 +92,7 @@ def test_recorded_estimates_are_shown_as_they_are(tmp_path):
 
 def test_without_estimates_the_estimators_are_run(tmp_path):
     bag = write(tmp_path / 'drive', *sensors())
-    scene, (line,), _ = shown(Recording(bag))
+    scene, (line,), _ = shown(bag)
     assert line == f'{bag}: estimates computed now with these parameters (the bag has none)'
     assert len(of_topic(scene, 'odom')) > 100
     assert len(of_topic(scene, 'imu/data')) == 100
@@ -100,7 +100,7 @@ def test_without_estimates_the_estimators_are_run(tmp_path):
 
 def test_recorded_estimates_are_replaced_on_request(tmp_path):
     bag = write(tmp_path / 'drive', *sensors(), odometry(4.0), slip())
-    scene, (line,), _ = shown(Recording(bag), estimate=True)
+    scene, (line,), _ = shown(bag, estimate=True)
     assert line == f'{bag}: estimates computed now with these parameters'
     assert max(abs(sample.position[0]) for sample in of_topic(scene, 'odom')) < 1.0
 
@@ -110,7 +110,7 @@ def test_estimates_of_an_analysis_replace_the_recorded_ones_in_order_of_time(tmp
     middle = START + 505_000_000
     write(tmp_path / 'out' / 'estimates', odometry(7.0, middle), slip(middle))
     (tmp_path / 'out' / 'summary.json').write_text(json.dumps({'bag': str(bag)}))
-    scene, (line,), _ = shown(find_recording(tmp_path / 'out' / 'estimates'))
+    scene, (line,), _ = shown(*find_bags(tmp_path / 'out' / 'estimates'))
     assert line == f'{bag}: estimates of {tmp_path / "out" / "estimates"}'
     assert [sample.position[0] for sample in of_topic(scene, 'odom')] == [7.0]
     stamps = [sample.stamp_ns for _, sample in scene.samples]
@@ -122,12 +122,12 @@ def test_other_bags_and_an_analysis_without_its_bag_are_shown_alone(tmp_path):
     estimates = write(tmp_path / 'out' / 'estimates', odometry(7.0), slip())
     summary = tmp_path / 'out' / 'summary.json'
     summary.write_text('{"bag": "/does/not/exist"}')
-    assert find_recording(estimates) == Recording(estimates)
+    assert find_bags(estimates) == (estimates, None)
     summary.write_text(f'{{"bag": "{estimates}"}}')
     other = write(tmp_path / 'out' / 'bag', odometry(1.0))
-    assert find_recording(other) == Recording(other)
+    assert find_bags(other) == (other, None)
     summary.unlink()
-    assert find_recording(estimates) == Recording(estimates)
+    assert find_bags(estimates) == (estimates, None)
 
 
 @pytest.mark.parametrize('text', ['no json', '{}', '[]'])
@@ -135,4 +135,4 @@ def test_a_damaged_summary_is_reported(tmp_path, text):
     write(tmp_path / 'estimates', odometry(7.0))
     (tmp_path / 'summary.json').write_text(text)
     with pytest.raises(BagError, match='not the summary of an analysis'):
-        find_recording(tmp_path / 'estimates')
+        find_bags(tmp_path / 'estimates')
