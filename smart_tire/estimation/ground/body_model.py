@@ -31,7 +31,6 @@ without one the same equations stand here for many runs at once.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -40,9 +39,8 @@ from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 
 try:
     import cython
-except ImportError:  # as plain Python, without Cython: decorators that do nothing
-    cython = SimpleNamespace(
-        compiled=False, cfunc=lambda f: f, exceptval=lambda check: lambda f: f)
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
 
 if cython.compiled:
     from cython.cimports.libc.math import sqrt

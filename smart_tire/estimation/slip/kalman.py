@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Protocol
 
 import numpy as np
@@ -33,10 +32,8 @@ from smart_tire.estimation.slip.state import ESTIMATED, N, State
 
 try:
     import cython
-except ImportError:  # as plain Python, without Cython: decorators that do nothing
-    cython = SimpleNamespace(
-        compiled=False, double=float, int=int, cclass=lambda c: c, cfunc=lambda f: f,
-        ccall=lambda f: f, declare=lambda *_, **__: None)
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
 
 if cython.compiled:
     from cython.cimports.libc.math import sqrt

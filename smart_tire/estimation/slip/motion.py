@@ -26,7 +26,6 @@ This is plain Python; ``setup.py`` compiles it with Cython where there is a comp
 from __future__ import annotations
 
 from array import array
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,10 +38,8 @@ from smart_tire.samples import Four, GRAVITY as G
 
 try:
     import cython
-except ImportError:  # as plain Python, without Cython: decorators that do nothing
-    cython = SimpleNamespace(
-        compiled=False, double=float, int=int, cclass=lambda c: c, cfunc=lambda f: f,
-        ccall=lambda f: f, declare=lambda *_, **__: None)
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
 
 if cython.compiled:
     from cython.cimports.libc.math import cos, exp, sin, sqrt
