@@ -21,12 +21,11 @@ from smart_tire.control.command_check import (
     check_age, PublisherMonitor, SequenceTracker, StallDetector)
 from smart_tire.errors import CommandError
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import publisher_names
+from smart_tire.nodes.compat import publisher_names, UNDISCOVERED
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S
 
 ON_DEMAND = {'cmd_vel': 'trajectory_controller'}  # topic -> node that publishes temporarily
-UNDISCOVERED = 'a publisher not discovered yet'  # or one that has ended
 TICK_PERIOD = 0.025        # s, a tenth of the shortest stall that must be detected
 MIN_PUBLISHER_WINDOW = 1.5  # s after its latest message that a publisher counts; a line fault ends
 PUBLISHER_WINDOW_TIMEOUTS = 2.0  # the same in time-outs: a slow publisher must not be overlooked
@@ -54,14 +53,19 @@ class PublisherCheck:
         """
         Record a message; return the text for a conflict of publishers, '' if there is none.
 
-        With ``by_node``, publishers of one node are none, and those that have ended do not count.
+        With ``by_node``, publishers of one node count once, and those that have ended do not. The
+        sender of this message has not ended, even if it is not discovered yet.
         """
-        self._monitor.record(self._publisher(info), now_ns)
+        sender = self._publisher(info)
+        self._monitor.record(sender, now_ns)
         if not (publishers := self._monitor.conflicting(now_ns)):
             return ''
-        names, count = self._names(publishers), len(publishers)
+        existing = publisher_names(self._node, self._name)
+        if by_node and isinstance(sender, bytes):
+            publishers = [item for item in publishers if item in existing or item == sender]
+        names, count = self._names(publishers, existing), len(publishers)
         if by_node:
-            names = sorted({*names} - {UNDISCOVERED})
+            names = sorted({*names})
             count = len(names)
         return f'{count} publishers on {self._name}: {", ".join(names)}' if count > 1 else ''
 
@@ -76,12 +80,12 @@ class PublisherCheck:
             return bytes(identifier['data'])
         return self._sequences.publisher(info['publication_sequence_number'])
 
-    def _names(self, publishers: list[Hashable]) -> list[str]:
-        names = publisher_names(self._node, self._name)
+    @staticmethod
+    def _names(publishers: Iterable[Hashable], existing: Mapping[Hashable, str]) -> list[str]:
+        """Return the nodes of ``publishers``; of all that exist if these are only numbers."""
         if any(isinstance(publisher, int) for publisher in publishers):
-            return sorted(names.values())
-        return sorted(names.get(publisher, UNDISCOVERED)
-                      if isinstance(publisher, bytes) else '' for publisher in publishers)
+            return sorted(existing.values())
+        return sorted(existing.get(publisher, UNDISCOVERED) for publisher in publishers)
 
 
 class CommandInput:
@@ -161,7 +165,8 @@ class CommandInput:
         """Add a conflict of publishers, and a warning while a second publisher exists."""
         if self._conflict:
             status.error(f'motors stopped: {self._conflict}')
-        elif len(names := without_idle(
-                self._topic, publisher_names(self._node, self._name).values())) > 1:
+        elif len(names := without_idle(self._topic, (
+                name for name in publisher_names(self._node, self._name).values()
+                if name != UNDISCOVERED))) > 1:
             status.warn(f'{len(names)} publishers exist on {self._name}: '
                         + ', '.join(sorted(names)))

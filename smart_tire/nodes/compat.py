@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from importlib import import_module
 import inspect
 import re
@@ -29,6 +29,7 @@ from smart_tire.parameters.files import from_arguments
 REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``; not exported
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # rcl, of an endpoint before its node
+UNDISCOVERED = 'a node whose name is not discovered yet'
 
 
 def new_executor() -> Any:
@@ -119,21 +120,16 @@ def given_parameters(node: Node) -> dict[str, Any]:
     return given | from_arguments(sys.argv, node.get_fully_qualified_name())
 
 
-def publisher_names(node: Node, topic: str) -> dict[bytes, str]:
-    """
-    Return endpoint identifier -> fully qualified node name of the publishers of ``topic``.
-
-    Those whose node is not discovered yet are left out: rcl gives them a placeholder as name.
-    """
+def publisher_names(node: Node, topic: str) -> dict[Hashable, str]:
+    """Return endpoint identifier -> fully qualified node name of the publishers of ``topic``."""
     return {bytes(info.endpoint_gid): full_name(info)
-            for info in node.get_publishers_info_by_topic(topic)
-            if info.node_name != UNKNOWN_NODE}
+            for info in node.get_publishers_info_by_topic(topic)}
 
 
 def full_name(info: Any) -> str:
     """Return the fully qualified node name of an endpoint in the graph."""
     if info.node_name == UNKNOWN_NODE:
-        return 'a node whose name is not discovered yet'
+        return UNDISCOVERED
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 
 
