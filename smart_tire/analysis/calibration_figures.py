@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from smart_tire.analysis.drawing import save
-from smart_tire.analysis.figure import Curve, Figure, Mark, PAIR, Panel, TIME_LABEL
+from smart_tire.analysis.figure import (
+    Curve, dots, Figure, Mark, PAIR, Panel, straight, TIME_LABEL)
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_gains import FilmGain, GainFit, Waveform
 from smart_tire.calibration.geometry import Geometry
@@ -31,18 +32,6 @@ from smart_tire.calibration.turning import IcrFit
 SHOWN_DURATION = 20.0  # s, where the yaw rate changes most, so that the latency is visible
 MM = 1e3
 ERRORS = 'Values are given with their standard errors.'
-
-
-def _dots(x: Array, y: Array, label: str, color: str = 'sky', sigma: Array | None = None,
-          x_sigma: Array | None = None) -> Mark:
-    return Mark(Curve(x, y, sigma), label, color, 'points', 3.0, x_sigma=x_sigma)
-
-
-def _slope(over: Array, slope: float, label: str, color: str = 'vermillion',
-           dashed: bool = False) -> Mark:
-    """Return the line through the origin with ``slope``, over the range of ``over``."""
-    ends = np.array([over.min(), over.max()])
-    return Mark(Curve(ends, slope * ends), label, color, width=1.2, dashed=dashed)
 
 
 def _write(path: Path, title: str, caption: str, rows: Sequence[Sequence[Panel]],
@@ -87,8 +76,8 @@ def _track_panel(fit: YawRateFit) -> Panel:
     """Return the wheel speed difference over the yaw rate; the slope is track over radius."""
     slope = fit.slope
     return Panel([
-        _dots(fit.yaw_rate, fit.wheel_difference, 'intervals'),
-        _slope(fit.yaw_rate, slope.value,
+        dots(fit.yaw_rate, fit.wheel_difference, 'intervals'),
+        straight(fit.yaw_rate, slope.value,
                f'{slope.value:.3f} ± {slope.sigma:.3f} wheel rad per yaw rad', 'ink')],
         'yaw rate [rad/s]', 'wheel speed, right minus left [rad/s]')
 
@@ -97,8 +86,8 @@ def _radius_panel(fit: RadiusFit) -> Panel:
     """Return the difference of reference and wheel distances over time."""
     radius = fit.radius
     return Panel([
-        _slope(fit.time, 0.0, '', 'ink'),
-        _dots(fit.time, MM * (fit.reference_distance - fit.wheel_distance),
+        straight(fit.time, 0.0, '', 'ink'),
+        dots(fit.time, MM * (fit.reference_distance - fit.wheel_distance),
               f'intervals; radius {MM * radius.value:.1f} ± {MM * radius.sigma:.1f} mm',
               'vermillion')], TIME_LABEL, 'distance, reference minus wheels [mm]')
 
@@ -111,14 +100,14 @@ def write_icr(path: Path, fit: IcrFit) -> bool:
     x_label, y_label = (('minus yaw change [rad]', 'lateral displacement') if fit.unit == 'm'
                         else ('minus yaw acceleration [rad/s2]', 'lateral acceleration'))
     slope = Panel([
-        _dots(x, y, 'intervals in turns'),
-        _slope(x, icr.value, f'S = {MM * icr.value:.1f} ± {MM * icr.sigma:.1f} mm', 'ink')],
+        dots(x, y, 'intervals in turns'),
+        straight(x, icr.value, f'S = {MM * icr.value:.1f} ± {MM * icr.sigma:.1f} mm', 'ink')],
         x_label, f'{y_label} [{fit.unit}]', y_limits=(low - margin, high + margin))
     ends = fit.turn_time[[0, -1]]
     turns = Panel([
         Mark(Curve(ends, np.full(2, MM * icr.value), np.full(2, MM * fit.initial_sigma)),
              'S ± 2σ'),
-        _dots(fit.turn_time, MM * fit.turn_icr, 'turns ± 2σ', 'orange', MM * fit.turn_sigma)],
+        dots(fit.turn_time, MM * fit.turn_icr, 'turns ± 2σ', 'orange', MM * fit.turn_sigma)],
         TIME_LABEL, 'S [mm]')
     return _write(
         path, 'Instantaneous centers of rotation',
@@ -133,15 +122,15 @@ def write_motor(path: Path, found: MotorFit) -> bool:
     if (ground := found.ground) is not None:
         kappa = ground.kappa.value
         panels.append(Panel([
-            _dots(ground.balance, ground.torque, 'measured, without friction'),
-            _slope(ground.balance, kappa, f'slope {kappa:.3f}'),
-            _slope(ground.balance, 1.0, 'equal', 'ink', dashed=True)],
+            dots(ground.balance, ground.torque, 'measured, without friction'),
+            straight(ground.balance, kappa, f'slope {kappa:.3f}'),
+            straight(ground.balance, 1.0, 'equal', 'ink', dashed=True)],
             'r m f + J dw/dt of all wheels [N m]', 'measured motor torque [N m]'))
     if found.duty is not None:
         speed, duty = found.duty
-        marks = [_dots(speed, duty, 'in motion')]
+        marks = [dots(speed, duty, 'in motion')]
         if (gain := found.get(FEED_FORWARD)) is not None:
-            marks.append(_slope(speed, gain.value,
+            marks.append(straight(speed, gain.value,
                                 f'feed-forward {gain.value:.4f} ± {gain.sigma:.1g} s/rad'))
         panels.append(Panel(marks, 'wheel speed [rad/s]', 'duty [-]'))
     return _write(
@@ -157,7 +146,7 @@ def write_stiffness(path: Path, found: StiffnessFit) -> bool:
         path, 'Stiffness of the tire',
         'Force of one wheel over its slip; the slope at zero is C_x, given with its standard '
         'error.', [[Panel([
-            _dots(found.slip, found.force, 'intervals between wheel samples'),
+            dots(found.slip, found.force, 'intervals between wheel samples'),
             Mark(Curve(*found.curve), 'fit, with rolling drag', 'ink'),
             Mark(Curve(force / stiffness.value, force),
                  f'C_x = {stiffness.value:.1f} ± {stiffness.sigma:.1f} N', 'vermillion',
@@ -184,8 +173,8 @@ def _gain_panel(wheel: str, films: Sequence[FilmGain]) -> Panel:
     marks = []
     for one, color in zip(films, PAIR * len(films)):
         if (volts := one.per_slip) is not None:
-            marks += [_dots(one.slip, one.stretch, '', color, one.stretch_sigma, one.slip_sigma),
-                      _slope(np.append(one.slip, 0.0), volts.value,
+            marks += [dots(one.slip, one.stretch, '', color, one.stretch_sigma, one.slip_sigma),
+                      straight(np.append(one.slip, 0.0), volts.value,
                              f'film {one.film + 1}: {volts.value:.3f} ± {volts.sigma:.3f} V per '
                              'unit', color)]
     return Panel(marks, 'slip ratio ± 2σ [-]', 'stretch voltage at full adhesion ± 2σ [V]',
@@ -197,7 +186,7 @@ def _waveform_panel(example: Waveform) -> Panel:
     marks = []
     for i, (film, color) in enumerate(zip(example.films, PAIR * len(example.films))):
         distance = MM * example.distance[i]
-        marks += [_dots(distance, example.volts[i], f'film {film + 1}, samples', color),
+        marks += [dots(distance, example.volts[i], f'film {film + 1}, samples', color),
                   Mark(Curve(distance, example.fitted[i]), f'film {film + 1}, fit', color)]
     return Panel(marks, 'rolled distance [mm]', 'voltage above baseline [V]',
                  f'{example.wheel.replace("_", " ")}, slip {example.slip:+.3f}')

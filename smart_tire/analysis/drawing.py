@@ -17,7 +17,6 @@ import math
 from pathlib import Path
 from string import ascii_uppercase
 from textwrap import wrap
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
@@ -26,12 +25,8 @@ import numpy as np
 
 from smart_tire.analysis.figure import COLORS, decimated, Figure, Mark, Panel, runs, SIGMAS
 
-BLUE, VERMILLION, ORANGE, SKY, INK, SHADE = (
-    COLORS[name] for name in ('blue', 'vermillion', 'orange', 'sky', 'ink', 'shade'))
 SOFT = '#55626f'
-FILM_COLORS = (BLUE, ORANGE)
 DASHES = (0, (4, 2))  # points of the line width
-TRUTH: dict[str, Any] = {'color': INK, 'linewidth': 1.1, 'linestyle': DASHES}
 DOTS_PER_INCH = 150
 CAPTION_SIZE = 8.5      # points
 CAPTION_DENSITY = 15.5  # characters per inch in this size
@@ -147,12 +142,6 @@ def new_figure(panels: Sequence[Sequence[str]], *, width: float = 9.0, height: f
     return figure, axes
 
 
-def finish(figure: Canvas, axes: dict[str, Axes]) -> None:
-    """Remove inner axis labels; put the legend of the first axes above all panels."""
-    clear_inner_labels(axes.values())
-    legend_above(figure, next(iter(axes.values())))
-
-
 def clear_inner_labels(axes: Iterable[Axes]) -> None:
     """Remove the axis labels that repeat those of the first column and the last row."""
     for ax in axes:
@@ -176,6 +165,8 @@ def legend_above(figure: Canvas, *axes: Axes) -> None:
 def legend_on_top(ax: Axes) -> None:
     """Put title and legend of ``ax`` above its panel, where they cover no data."""
     title = ax.get_title()
+    if not ax.get_legend_handles_labels()[1]:
+        return
     ax.set_title('')
     ax.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.3, frameon=False,
               fontsize='small', title=title or None, alignment='left')
@@ -189,6 +180,6 @@ def add_caption(figure: Canvas, text: str) -> None:
 
 def mark_segment(ax: Axes, letter: str, first: float, last: float) -> None:
     """Shade a segment [s] of an overview and write its letter above."""
-    ax.axvspan(first, last, color=SHADE, alpha=0.16, linewidth=0.0)
+    ax.axvspan(first, last, color=COLORS['shade'], alpha=0.16, linewidth=0.0)
     ax.text(0.5 * (first + last), 0.98, letter, transform=ax.get_xaxis_transform(), ha='center',
             va='top', fontsize=CAPTION_SIZE, fontweight='bold', color=SOFT)

@@ -128,6 +128,19 @@ def truth_marks(curve: Curve, steps: Literal['', 'mid', 'post'] = '') -> list[Ma
             ] if len(curve.x) else []
 
 
+def dots(x: Array, y: Array, label: str = '', color: str = 'sky', sigma: Array | None = None,
+         x_sigma: Array | None = None) -> Mark:
+    """Return points, with bars where standard deviations are given."""
+    return Mark(Curve(x, y, sigma), label, color, 'points', 3.0, x_sigma=x_sigma)
+
+
+def straight(over: Array, slope: float, label: str = '', color: str = 'vermillion',
+             offset: float = 0.0, dashed: bool = False) -> Mark:
+    """Return the line with ``slope`` and ``offset`` at zero, over the range of ``over``."""
+    ends = np.array([over.min(), over.max()])
+    return Mark(Curve(ends, slope * ends + offset), label, color, width=1.2, dashed=dashed)
+
+
 def runs(known: NDArray[np.bool_]) -> Iterator[slice]:
     """Yield the intervals of rows in which ``known`` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))

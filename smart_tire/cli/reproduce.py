@@ -14,14 +14,10 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from smart_tire.cli._options import add_force, refuse_existing
 from smart_tire.cli._progress import Progress
 from smart_tire.errors import ParameterError
-
-if TYPE_CHECKING:
-    from smart_tire.reproduction.film_experiments import Laboratory
 
 NAME = 'reproduce'
 HELP = 'recompute the figures and tables of both papers; write PNG files and an HTML report'
@@ -41,28 +37,9 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.reproduction.runner import reproduce
     try:
         with Progress(f'smart_tire {NAME}') as progress:
-            report = reproduce(laboratory(), args.out, lambda done, total, what: progress.show(
+            report = reproduce(args.out, lambda done, total, what: progress.show(
                 f'{done}/{total}  {what}'))
     except OSError as error:
         raise ParameterError(f'{args.out}: cannot be written ({error.strerror})') from error
     print(f'written to {report}')
     return 0
-
-
-def laboratory() -> Laboratory:
-    """Return the simulated test stand and robot."""
-    from smart_tire.arrays import Array
-    from smart_tire.estimation.film.files import FilmRecording
-    from smart_tire.models.film.hysteresis import TABLE_I_GAIN
-    from smart_tire.reproduction.film_experiments import Laboratory, Specimen
-    from smart_tire.reproduction.film_test_stand import FilmTestStand
-    from smart_tire.simulation.offline import simulate
-
-    def bench(specimen: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:
-        # The amplifier range is set for the film; the noise is proportional to the range.
-        share = specimen.gain / TABLE_I_GAIN
-        return FilmTestStand(
-            film=specimen.film, hysteresis=specimen.hysteresis, gain=specimen.gain, rate=rate,
-            charge_noise=FilmTestStand.charge_noise * share,
-            full_scale=FilmTestStand.full_scale * share).run(deflection, seed)
-    return Laboratory(bench, simulate)

@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 import math
 
@@ -22,15 +21,9 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.film_bench import identify_film
 from smart_tire.estimation.film.files import FilmParams, FilmRecording
 from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
-from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
-from smart_tire.parameters import SimulatorParams
-from smart_tire.samples import Sample
+from smart_tire.reproduction.film_test_stand import FilmTestStand
 from smart_tire.uncertain import Uncertain
-
-Leg = tuple[float, float, float]  # s, rpm, rpm: time from which, left, right
-Schedule = Callable[[float], tuple[float, float]] | Sequence[Leg]
-Event = tuple[int, str, Sample]  # receive time [ns], topic, sample
 
 
 @dataclass(frozen=True)
@@ -47,20 +40,6 @@ class Specimen:
         return charge
 
 
-# specimen, deflection [m] (n,), rate [Hz], seed -> recording
-Bench = Callable[[Specimen, Array, float, int], FilmRecording]
-# parameters, wheel speeds, duration [s] -> events in the order of reception
-Drive = Callable[[SimulatorParams, Schedule, float], Iterable[Event]]
-
-
-@dataclass(frozen=True)
-class Laboratory:
-    """A test stand for films and a robot to drive."""
-
-    bench: Bench
-    drive: Drive
-
-
 def specimen(name: str) -> Specimen:
     """
     Return one of paper A's films by its key in FILMS.
@@ -72,6 +51,19 @@ def specimen(name: str) -> Specimen:
     gain = TABLE_I_GAIN * film.gain / FILMS['25x3'].gain
     alpha = TABLE_I.alpha * TABLE_I_GAIN / gain
     return Specimen(film, gain, DuhemParams(alpha=alpha, a=TABLE_I.a, b=TABLE_I.b))
+
+
+def bench(film: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:
+    """
+    Return the recording of ``deflection`` [m] (n,) at ``rate`` [Hz] by the test stand.
+
+    The amplifier range is set for the film; the noise is proportional to the range.
+    """
+    share = film.gain / TABLE_I_GAIN
+    return FilmTestStand(
+        film=film.film, hysteresis=film.hysteresis, gain=film.gain, rate=rate,
+        charge_noise=FilmTestStand.charge_noise * share,
+        full_scale=FilmTestStand.full_scale * share).run(deflection, seed)
 
 
 SAMPLES = 200                                     # per cycle, at every frequency
@@ -169,23 +161,23 @@ class Proportionality:
         return _rise(self.amplitude[selected], self.models['exact'][selected])
 
 
-def buckling_test(laboratory: Laboratory) -> Trace:
+def buckling_test() -> Trace:
     """Return Fig. 4: 5 Hz, ``Delta = 4 (-1 + sin(10 pi t))`` mm."""
     film, rate = specimen('32x3'), 5.0 * SAMPLES
     time = np.arange(2 * SAMPLES + SETTLING_CYCLES * SAMPLES) / rate
-    recording = laboratory.bench(film, 4e-3 * (1.0 - np.sin(10.0 * math.pi * time)), rate, 1)
+    recording = bench(film, 4e-3 * (1.0 - np.sin(10.0 * math.pi * time)), rate, 1)
     shown = slice(-2 * SAMPLES, None)
     return Trace(time[:2 * SAMPLES], recording.input[shown], recording.output[shown],
-                 settled_loop(laboratory, film, 4e-3, 5.0))
+                 settled_loop(film, 4e-3, 5.0))
 
 
-def rate_independence(laboratory: Laboratory) -> RateIndependence:
+def rate_independence() -> RateIndependence:
     """Return Fig. 6: 8 mm at 5 and 10 Hz, and 2 mm of a small film from 1 to 10 Hz."""
-    loops = {f: settled_loop(laboratory, specimen('32x3'), 8e-3, f) for f in (5.0, 10.0)}
+    loops = {f: settled_loop(specimen('32x3'), 8e-3, f) for f in (5.0, 10.0)}
     first, second = loops.values()
     sigma = math.hypot(first.charge_sigma, second.charge_sigma)
     difference = float(np.sqrt(np.mean((first.charge - second.charge)**2))) / sigma
-    small_film = [settled_loop(laboratory, specimen('10x1'), 2e-3, float(f)) for f in FREQUENCIES]
+    small_film = [settled_loop(specimen('10x1'), 2e-3, float(f)) for f in FREQUENCIES]
     peak = np.array([loop.peak for loop in small_film])
     sigmas = np.array([loop.peak_sigma for loop in small_film])
     fit, covariance = np.polyfit(np.log10(FREQUENCIES), peak / peak.mean(), 1,
@@ -194,10 +186,10 @@ def rate_independence(laboratory: Laboratory) -> RateIndependence:
                             math.sqrt(float(covariance[0, 0])))
 
 
-def proportionality(laboratory: Laboratory) -> Proportionality:
+def proportionality() -> Proportionality:
     """Return Fig. 7: amplitudes at 2 Hz."""
     film = specimen('10x1')
-    loops = [settled_loop(laboratory, film, float(top), 2.0) for top in AMPLITUDES]
+    loops = [settled_loop(film, float(top), 2.0) for top in AMPLITUDES]
     peak = np.array([loop.peak for loop in loops])
     models = {name: np.array([asymptotic_peak(film, 2.0 * top, name) for top in AMPLITUDES])
               for name in ('exact', 'printed', 'linear')}
@@ -218,11 +210,11 @@ def asymptotic_peak(film: Specimen, top: float, model: str) -> float:
     return 0.5 * abs(float(charge[-1] - charge[-2]))
 
 
-def settled_loop(laboratory: Laboratory, film: Specimen, amplitude: float,
+def settled_loop(film: Specimen, amplitude: float,
                  frequency: float) -> Loop:
     """Return the loop of a sine with ``amplitude`` [m] about its mean deflection."""
     phase = 2.0 * math.pi * np.arange((SETTLING_CYCLES + AVERAGED_CYCLES) * SAMPLES) / SAMPLES
-    recording = laboratory.bench(film, amplitude * (1.0 - np.cos(phase)), frequency * SAMPLES,
+    recording = bench(film, amplitude * (1.0 - np.cos(phase)), frequency * SAMPLES,
                                  round(1e6 * amplitude + frequency))
     cycles = slice(SETTLING_CYCLES * SAMPLES, None)
     deflection = recording.input[cycles].reshape(AVERAGED_CYCLES, SAMPLES)
@@ -304,16 +296,11 @@ class Identification:
         alpha, a, b = (fitted[name].value / TABLE_I_GAIN for name in PRODUCTS)
         return alpha, a, b
 
-    @property
-    def touches(self) -> bool:
-        """Return whether the film touches itself at the printed stroke."""
-        return self.printed_stroke >= TOUCHING_STROKE
 
-
-def identification(laboratory: Laboratory) -> Identification:
+def identification() -> Identification:
     """Return the fits of recordings of the motion of Fig. 8, one per seed."""
     film = specimen('25x3')
-    recordings = [record(laboratory, film, seed) for seed in SEEDS]
+    recordings = [record(film, seed) for seed in SEEDS]
     fits = [identify_film(recording, film.film)[:2] for recording in recordings]
     p, K = film.hysteresis, film.gain
     return Identification(
@@ -323,10 +310,10 @@ def identification(laboratory: Laboratory) -> Identification:
         estimated(recordings[0], film, fits[0][0]))
 
 
-def record(laboratory: Laboratory, film: Specimen, seed: int) -> FilmRecording:
+def record(film: Specimen, seed: int) -> FilmRecording:
     """Return the experiment of Fig. 8: the film is in motion when the recording begins."""
     time = np.arange(round((DURATION + PRE_RECORDING) * RATE)) / RATE
-    full = laboratory.bench(
+    full = bench(
         film, AMPLITUDE * (1.0 - np.cos(2.0 * math.pi * FREQUENCY * time)), RATE, seed)
     begin = round(PRE_RECORDING * RATE)
     return FilmRecording(full.time[begin:] - full.time[begin], full.input[begin:],

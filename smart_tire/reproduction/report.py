@@ -8,36 +8,47 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A section of the report: a figure, its numbers, and statements derived from them."""
+"""Sections of the report: a figure, its numbers, and statements derived from them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-Row = tuple[str, str, str]  # quantity, in the paper, here
+import yaml
+
+from smart_tire.analysis.figure import Figure, Panel
+
+TEXTS: dict[str, Any] = yaml.safe_load(
+    Path(__file__).with_name('sections.yaml').read_text(encoding='utf-8'))
 
 
-@dataclass
+@dataclass(frozen=True)
 class Section:
-    """Numbers and statements on one figure or table."""
+    """One figure or table of a paper, reproduced."""
 
-    name: str  # of the PNG file
-    title: str
-    rows: list[Row] = field(default_factory=list)
-    agrees: list[str] = field(default_factory=list)
-    differs: list[str] = field(default_factory=list)
+    figure: Figure
+    numbers: Sequence[Sequence[str]]  # quantity, in the paper, here
+    agrees: Sequence[str]
+    differs: Sequence[str]            # also what cannot be reproduced or compared
 
-    def row(self, quantity: str, paper: str, here: str) -> None:
-        """Add a row to the table of numbers."""
-        self.rows.append((quantity, paper, here))
 
-    def check(self, holds: bool, agreement: str, disagreement: str) -> None:
-        """Add ``agreement`` if the check holds, else ``disagreement``."""
-        if holds:
-            self.agrees.append(agreement)
-        else:
-            self.differs.append(disagreement)
-
-    def limitation(self, sentence: str) -> None:
-        """Add what cannot be reproduced or compared, with the reason."""
-        self.differs.append(sentence)
+def section(name: str, panels: Sequence[Sequence[Panel]], cell: tuple[float, float],
+            checks: Mapping[str, bool], **values: Any) -> Section:
+    """Return the section ``name`` of ``sections.yaml`` with ``values`` inserted."""
+    texts = TEXTS[name]
+    agrees: list[str] = []
+    differs: list[str] = []
+    for statement in texts['statements']:
+        if isinstance(statement, str):
+            differs.append(statement.format(**values))
+            continue
+        for check, (agreement, disagreement) in statement.items():
+            (agrees if checks[check] else differs).append(
+                (agreement if checks[check] else disagreement).format(**values))
+    numbers = [[cell.format(**values) for cell in row] for row in texts['numbers']]
+    title = texts['title']
+    return Section(Figure(name, title, title, panels, cell, panel_legends=True), numbers, agrees,
+                   differs)

@@ -15,19 +15,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
-from smart_tire.analysis import drawing
+from smart_tire.analysis.drawing import save
 from smart_tire.analysis.html_report import page
 from smart_tire.analysis.tables import Table
 from smart_tire.reproduction import (
-    film_experiments, paper_a, paper_b_report, tire_figures, tire_maps, tire_runs)
-from smart_tire.reproduction.film_experiments import Laboratory
+    film_experiments, paper_a, paper_b, tire_maps, tire_runs)
 from smart_tire.reproduction.report import Section
 from smart_tire.reproduction.tire_runs import Crossings, crossings, drive, steady
 
 Progress = Callable[[int, int, str], None]  # steps done, total number of steps, next task
-Page = tuple[Section, Figure]
 
 SWEEP_SPEEDS = (60.0, 80.0)  # rpm, of the side with the films
 OTHER_SIDE_SPEEDS = tuple(float(rpm) for rpm in range(20, 141, 20))  # rpm
@@ -47,15 +43,12 @@ INTRODUCTION = (
     'with the figures.')
 
 
-def reproduce(laboratory: Laboratory, directory: Path, progress: Progress) -> Path:
+def reproduce(directory: Path, progress: Progress) -> Path:
     """Run the experiments, write a PNG file per section and the report; return its path."""
     directory.mkdir(parents=True, exist_ok=True)
     steps = _Steps(progress)
-    sections = []
-    for section, figure in [*film_sections(laboratory, steps), *tire_sections(laboratory, steps)]:
-        path = directory / f'{section.name}.png'
-        figure.savefig(path, dpi=drawing.DOTS_PER_INCH)
-        sections.append(page_section(section, path))
+    sections = [page_section(section, directory)
+                for section in (*film_sections(steps), *tire_sections(steps))]
     report = directory / 'report.html'
     report.write_text(page.html_page(page.Report(TITLE, (), sections, INTRODUCTION)),
                       encoding='utf-8')
@@ -63,16 +56,17 @@ def reproduce(laboratory: Laboratory, directory: Path, progress: Progress) -> Pa
     return report
 
 
-def page_section(section: Section, picture: Path) -> page.Section:
-    """Return a section of the page, with the file of its figure."""
-    blocks: list[page.Block] = [page.Picture(section.title, picture)]
-    if section.rows:
-        blocks.append(Table('Numbers', ('quantity', 'paper', 'here'), section.rows, 3))
+def page_section(section: Section, directory: Path) -> page.Section:
+    """Write the figure of a section into ``directory``; return the section of the page."""
+    name, title = section.figure.name, section.figure.title
+    blocks: list[page.Block] = [
+        page.Picture(title, save(section.figure, directory / f'{name}.png')),
+        Table('Numbers', ('quantity', 'paper', 'here'), section.numbers, 3)]
     if section.agrees:
-        blocks += ['Agrees:', section.agrees]
+        blocks += ['Agrees:', list(section.agrees)]
     if section.differs:
         blocks += ['Differs, or cannot be compared:', page.Note(section.differs)]
-    return page.Section(section.name, section.title.split(':')[0], section.title, blocks)
+    return page.Section(name, title.split(':')[0], title, blocks)
 
 
 class _Steps:
@@ -87,59 +81,52 @@ class _Steps:
         self._begun += 1
 
 
-def film_sections(laboratory: Laboratory, steps: _Steps) -> Iterator[Page]:
+def film_sections(steps: _Steps) -> Iterator[Section]:
     """Yield the sections of paper A."""
     steps.start('paper A, Fig. 4')
-    trace = film_experiments.buckling_test(laboratory)
-    yield paper_a.trace_section(trace), paper_a.trace_figure(trace)
+    yield paper_a.trace_section(film_experiments.buckling_test())
     steps.start('paper A, Fig. 6')
-    rate = film_experiments.rate_independence(laboratory)
-    yield paper_a.rate_section(rate), paper_a.rate_figure(rate)
+    yield paper_a.rate_section(film_experiments.rate_independence())
     steps.start('paper A, Fig. 7')
-    amplitude = film_experiments.proportionality(laboratory)
-    yield paper_a.amplitude_section(amplitude), paper_a.amplitude_figure(amplitude)
+    yield paper_a.amplitude_section(film_experiments.proportionality())
     steps.start('paper A, Fig. 8')
-    fits = film_experiments.identification(laboratory)
-    yield paper_a.fit_section(fits), paper_a.fit_figure(fits)
+    fits = film_experiments.identification()
+    yield paper_a.fit_section(fits)
     steps.start('paper A, Fig. 9')
-    yield paper_a.comparison_section(fits), paper_a.comparison_figure(fits)
+    yield paper_a.comparison_section(fits)
     steps.start('paper A, Table I')
-    yield paper_a.table_section(fits), paper_a.table_figure(fits)
+    yield paper_a.table_section(fits)
 
 
-def tire_sections(laboratory: Laboratory, steps: _Steps) -> Iterator[Page]:
+def tire_sections(steps: _Steps) -> Iterator[Section]:
     """Yield the sections of paper B."""
     steps.start('paper B, Fig. 8')
-    outline = tire_maps.outline()
-    yield paper_b_report.outline_section(outline), tire_figures.outline_figure(outline)
+    yield paper_b.outline_section(tire_maps.outline())
     steps.start('paper B, Fig. 10')
-    runs = {ground: drive(laboratory, ground, steady(120.0, 60.0), SLIP_DURATION)
+    runs = {ground: drive(ground, steady(120.0, 60.0), SLIP_DURATION)
             for ground in ('concrete', 'sand')}
-    slips, printed = ({ground: tire_runs.side_slips(run, getattr(run, kind))
-                       for ground, run in runs.items()} for kind in ('estimates', 'printed'))
-    yield paper_b_report.slip_section(slips, printed), tire_figures.slip_figure(runs)
+    yield paper_b.slip_section(runs, *(
+        {ground: tire_runs.side_slips(run, getattr(run, kind)) for ground, run in runs.items()}
+        for kind in ('estimates', 'printed')))
     steps.start('paper B, Fig. 11')
-    run = drive(laboratory, 'concrete', steady(60.0, 80.0), SIGNAL_DURATION)
-    signals = tire_maps.signals(run)
-    yield paper_b_report.signal_section(signals), tire_figures.signal_figure(signals, run)
-    sweep = tire_maps.sweep(sweep_crossings(laboratory, steps))
+    run = drive('concrete', steady(60.0, 80.0), SIGNAL_DURATION)
+    yield paper_b.signal_section(tire_maps.signals(run), run)
+    sweep = tire_maps.sweep(sweep_crossings(steps))
     steps.start('paper B, Fig. 12')
-    yield paper_b_report.stretch_section(sweep), tire_figures.stretch_figure(sweep)
+    yield paper_b.stretch_section(sweep)
     steps.start('paper B, Fig. 13')
-    yield paper_b_report.adhesion_section(sweep), tire_figures.adhesion_figure(sweep)
+    yield paper_b.adhesion_section(sweep)
     steps.start('paper B, Table I')
-    run = drive(laboratory, 'concrete', tire_runs.oscillating, STIFFNESS_DURATION)
-    fit = tire_runs.stiffness(run, tire_maps.MU)
-    yield paper_b_report.table_section(sweep, fit), tire_figures.table_figure(sweep, fit)
+    run = drive('concrete', tire_runs.oscillating, STIFFNESS_DURATION)
+    yield paper_b.table_section(sweep, tire_runs.stiffness(run, tire_maps.MU))
 
 
-def sweep_crossings(laboratory: Laboratory, steps: _Steps) -> Crossings:
+def sweep_crossings(steps: _Steps) -> Crossings:
     """Return the crossings of drives at all pairs of wheel speeds."""
     parts = []
     for right in SWEEP_SPEEDS:
         for left in OTHER_SIDE_SPEEDS:
             steps.start(f'paper B, Fig. 12: {left:.0f}/{right:.0f} rpm')
-            run = drive(laboratory, 'concrete', steady(left, right), SWEEP_DURATION,
-                        seed=round(left + right))
+            run = drive('concrete', steady(left, right), SWEEP_DURATION, seed=round(left + right))
             parts.append(crossings(run, right))
     return tire_runs.concatenated(parts)

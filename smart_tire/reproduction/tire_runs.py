@@ -21,16 +21,16 @@ from numpy.typing import NDArray
 from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.metrics import SIDES, slip_scores, SlipScore
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
-from smart_tire.arrays import Array, Instants
+from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.recording import at, Recording
-from smart_tire.reproduction.film_experiments import Laboratory, Schedule
 from smart_tire.reproduction.printed import PrintedSlipEstimator
 from smart_tire.samples import (
     Friction, GRAVITY, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample)
+from smart_tire.simulation.offline import Schedule, simulate
 
 RPM = math.tau / 60.0       # rad/s
 WHEEL = 'front_right'       # with the films
@@ -46,35 +46,28 @@ class Run:
 
     inputs: Recording
     estimates: Recording
-    printed: Recording       # slips with B(7) as printed
+    printed: Recording  # slips with B(7) as printed
     truth: Recording
-    acceleration: Array  # (n,) m/s2, forward, of the IMU
-    stamp_ns: Instants      # (n,) timestamps of the acceleration
-    begin_ns: int         # end of the settling time
+    begin_ns: int   # end of the settling time
     end_ns: int
     origin_ns: int  # start of the wheels
 
 
-def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: float,
-          seed: int = 1) -> Run:
+def drive(ground: str, schedule: Schedule, duration: float, seed: int = 1) -> Run:
     """Return a drive of ``duration`` [s] after ``STANDSTILL_TIME`` on uniform ground."""
     params = build(SimulatorParams, {
         'seed': seed, 'ground.base': ground, 'ground.patches.names': [], 'film.wheels': [WHEEL]})
     pipeline, printed_filter = (
         Pipeline(EstimatorParams()), PrintedSlipEstimator(SlipEstimatorParams()))
     inputs, estimates, printed, truth = Recording(), Recording(), Recording(), Recording()
-    imu: list[tuple[int, float]] = []
-    newest = 0
-    for receive_ns, topic, sample in laboratory.drive(
-            params, schedule, STANDSTILL_TIME + duration):
-        newest = receive_ns
+    events = simulate(params, schedule, STANDSTILL_TIME + duration)
+    for _, topic, sample in events:
         if topic.startswith('ground_truth/'):
             truth.add_sample(sample)
             continue
-        if isinstance(sample, ImuSample):
-            imu.append((sample.stamp_ns, sample.acceleration[0]))
         inputs.add_sample(sample)
-        for estimate in (found := pipeline.update(sample)):
+        found = pipeline.update(sample)
+        for estimate in found:
             estimates.add_sample(estimate)
         for item in (*found, sample):
             if isinstance(item, (ImuSample, WheelSample, GroundState)):
@@ -82,10 +75,9 @@ def drive(laboratory: Laboratory, ground: str, schedule: Schedule, duration: flo
                     printed.add_sample(estimate)
     for estimate in pipeline.finish():
         estimates.add_sample(estimate)
-    stamps = np.array([stamp for stamp, _ in imu], np.int64)
-    origin = int(stamps[0]) + round(STANDSTILL_TIME * NS_PER_S)
-    return Run(inputs, estimates, printed, truth, np.array([a for _, a in imu]), stamps,
-               origin + round(SETTLING_TIME * NS_PER_S), newest, origin)
+    origin = int(inputs.stream(ImuSample).stamp_ns[0]) + round(STANDSTILL_TIME * NS_PER_S)
+    return Run(inputs, estimates, printed, truth, origin + round(SETTLING_TIME * NS_PER_S),
+               events[-1][0], origin)
 
 
 def steady(left: float, right: float) -> Schedule:
@@ -212,9 +204,9 @@ def stiffness(run: Run, mu: float) -> StiffnessFit:
     step of the simulation result from the speed over ground at its start, and a lag of one
     millisecond changes C_x by 2.6 %. The standard error allows for correlated residuals.
     """
-    slips = run.truth.slips()
-    chosen = (run.stamp_ns > run.begin_ns) & (run.stamp_ns < slips.stamp_ns[-1])
-    stamps, acceleration = run.stamp_ns[chosen], run.acceleration[chosen]
+    slips, imu = run.truth.slips(), run.inputs.stream(ImuSample)
+    imu = imu.where((imu.stamp_ns > run.begin_ns) & (imu.stamp_ns < slips.stamp_ns[-1]))
+    stamps, acceleration = imu.stamp_ns, imu['acceleration'][:, 0]
     ratio = at(stamps, slips.stamp_ns, slips.ratio).mean(axis=1)
     speeds_ns, speeds = run.inputs.speeds()
     rolling = ROBOT.wheel_radius * at(stamps, speeds_ns, speeds).mean(axis=1)

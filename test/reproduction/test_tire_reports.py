@@ -17,8 +17,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smart_tire.cli.reproduce import laboratory
-from smart_tire.reproduction import paper_b_report, tire_maps, tire_runs
+from smart_tire.reproduction import paper_b, tire_maps, tire_runs
 from smart_tire.reproduction.tire_maps import MU, STIFFNESS
 from smart_tire.simulation.offline import simulate
 
@@ -29,7 +28,7 @@ DURATION = 12.0
 
 @pytest.fixture(scope='module')
 def slip_runs():
-    return {ground: tire_runs.drive(laboratory(), ground, tire_runs.steady(120.0, 60.0), DURATION)
+    return {ground: tire_runs.drive(ground, tire_runs.steady(120.0, 60.0), DURATION)
             for ground in ('concrete', 'sand')}
 
 
@@ -45,14 +44,14 @@ def printed(slip_runs):
 
 @pytest.fixture(scope='module')
 def turning():
-    return tire_runs.drive(laboratory(), 'concrete', tire_runs.steady(60.0, 80.0), DURATION)
+    return tire_runs.drive('concrete', tire_runs.steady(60.0, 80.0), DURATION)
 
 
 @pytest.fixture(scope='module')
 def sweep(turning):
     parts = [tire_runs.crossings(turning, 80.0)]
     for left, right in ((20.0, 60.0), (40.0, 60.0), (100.0, 60.0), (20.0, 80.0), (40.0, 80.0)):
-        run = tire_runs.drive(laboratory(), 'concrete', tire_runs.steady(left, right), DURATION)
+        run = tire_runs.drive('concrete', tire_runs.steady(left, right), DURATION)
         parts.append(tire_runs.crossings(run, right))
     return tire_maps.sweep(tire_runs.concatenated(parts))
 
@@ -140,10 +139,11 @@ def without_films(params, schedule, duration):
             if event[1] != 'tire_samples']
 
 
-def test_the_stiffness_from_accelerations_is_correct_within_its_standard_error():
-    room, errors = replace(laboratory(), drive=without_films), []  # it needs no estimates
+def test_the_stiffness_from_accelerations_is_correct_within_its_standard_error(monkeypatch):
+    monkeypatch.setattr(tire_runs, 'simulate', without_films)  # it needs no estimates
+    errors = []
     for seed in range(1, 7):
-        run = tire_runs.drive(room, 'concrete', tire_runs.oscillating, DURATION, seed)
+        run = tire_runs.drive('concrete', tire_runs.oscillating, DURATION, seed)
         fit = tire_runs.stiffness(run, MU)
         errors.append((fit.stiffness - STIFFNESS) / fit.sigma)
         assert fit.sigma < 0.01 * STIFFNESS
@@ -160,12 +160,13 @@ def test_the_printed_constraint_shows_the_same_slip_difference(slips, printed):
             assert printed[ground][side].estimated_mean != score.estimated_mean
 
 
-def test_statements_depend_on_the_numbers(slips, printed, sweep):
-    section = paper_b_report.slip_section(slips, printed)
+def test_statements_depend_on_the_numbers(slip_runs, slips, printed, sweep):
+    section = paper_b.slip_section(slip_runs, slips, printed)
     assert any('both sides have positive slip' in text for text in section.agrees)
     concrete = slips['concrete']
-    section = paper_b_report.slip_section({'sand': concrete, 'concrete': concrete}, printed)
+    section = paper_b.slip_section(
+        slip_runs, {'sand': concrete, 'concrete': concrete}, printed)
     assert any('at least one side' in text for text in section.differs)
     steep = {**sweep.slopes, 'exact': replace(sweep.slopes['exact'], slope=-3.0)}
-    section = paper_b_report.adhesion_section(replace(sweep, slopes=steep))
+    section = paper_b.adhesion_section(replace(sweep, slopes=steep))
     assert any('does not agree' in text for text in section.differs)
