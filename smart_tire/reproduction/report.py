@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from smart_tire.analysis.figure import Figure, Panel
+import yaml
 
 TEXTS: dict[str, Any] = yaml.safe_load(
     Path(__file__).with_name('sections.yaml').read_text(encoding='utf-8'))
