@@ -25,17 +25,13 @@ Steps are implicit, by the second backward differentiation formula, with the sec
 ``|F| / |s|`` at the extrapolated velocity: stable at any speed, where explicit steps of a
 millisecond would be needed close to standstill.
 
-This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. For robots
-without one the same equations stand here for many runs at once.
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. Without one,
+numpy computes the same with arrays over all runs in place of numbers.
 """
 
 from __future__ import annotations
 
-
 import numpy as np
-
-from smart_tire.arrays import Array
-from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 
 try:
     import cython
@@ -43,9 +39,9 @@ except ImportError:
     from smart_tire.numerics import uncompiled as cython
 
 if cython.compiled:
-    from cython.cimports.libc.math import sqrt
+    from cython.cimports.libc.math import fabs, fmax, fmin, sqrt
 else:
-    from math import sqrt
+    from numpy import absolute as fabs, maximum as fmax, minimum as fmin, sqrt
 
 COMPILED: bool = cython.compiled
 
@@ -84,6 +80,10 @@ def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
             and offsets.shape[0] == count and offsets.shape[1] == n and offsets.shape[2] == 2
             and out.shape[0] == count and out.shape[1] == n and out.shape[2] == OUTPUTS):
         raise ValueError('the shapes of the arrays disagree')
+    if not cython.compiled:  # offset (n, 2, runs), p (PARAMETERS, runs), out (n, OUTPUTS, runs)
+        _simulate_run(rolling, np.moveaxis(offsets, 0, -1), heading, runs.T, robot,
+                      np.moveaxis(out, 0, -1))
+        return
     for run in range(count):
         _simulate_run(rolling, offsets[run], heading, runs[run], robot, out[run])
 
@@ -93,7 +93,7 @@ def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
 def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: cython.double,
           a_y: cython.double) -> cython.double:
     """Return the load [N] of a wheel, 0 if it is lifted, from ``level`` at rest."""
-    return max(level - by_x * a_x - by_y * a_y, 0.0)
+    return fmax(level - by_x * a_x - by_y * a_y, 0.0)
 
 
 @cython.cfunc
@@ -105,12 +105,11 @@ def _secant(total: cython.double, stiffness: cython.double, limit: cython.double
 
     Beyond full sliding, t > 1, the friction falls to mu (1 - fall (1 - 1 / t)).
     """
-    full: cython.double = 3.0 * limit
-    force: cython.double = stiffness * total
-    if force >= full:
-        return limit * (1.0 - fall * (1.0 - full / force)) / max(total, 1e-9)
-    t: cython.double = force / full
-    return stiffness * (1.0 - t + t * t / 3.0)
+    slip: cython.double = fmax(total, 1e-9)
+    force: cython.double = stiffness * slip / fmax(3.0 * limit, 1e-9)
+    t: cython.double = fmin(force, 1.0)
+    left: cython.double = 1.0 - fall * (1.0 - 1.0 / fmax(force, 1.0))
+    return left * limit / slip * t * (3.0 - 3.0 * t + t * t)
 
 
 @cython.cfunc
@@ -130,8 +129,8 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     ratio: cython.double = p[LATERAL_RATIO]
     radius: cython.double = p[RADIUS]
     fall: cython.double = p[FALL]
-    # of the wheels: position [m], load at rest [N] and by acceleration [kg], ground before and
-    # (4-7) after its change, r w [m/s] and |F| / (|s| r |w|) [N s/m] in a step
+    # of the wheels: position [m], load at rest [N] and by acceleration [kg], ground before its
+    # change and (4-7) the change, r w [m/s] and |F| / (|s| r |w|) [N s/m] in a step
     x: cython.double[4] = [0.0] * 4
     y: cython.double[4] = [0.0] * 4
     level: cython.double[4] = [0.0] * 4
@@ -153,11 +152,14 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         by_x[i] = 0.25 * mass * robot[HEIGHT] / base
         by_y[i] = 0.25 * mass * robot[HEIGHT] / track
         side: cython.double = p[SIDE_STIFFNESS] if left else 1.0 / p[SIDE_STIFFNESS]
-        stiffness[i], stiffness[4 + i] = p[OLD_STIFFNESS] * side, p[STIFFNESS] * side
+        stiffness[i] = side * p[OLD_STIFFNESS]
+        stiffness[4 + i] = side * (p[STIFFNESS] - p[OLD_STIFFNESS])
         side = p[SIDE_FRICTION] if left else 1.0 / p[SIDE_FRICTION]
-        friction[i], friction[4 + i] = p[OLD_FRICTION] * side, p[FRICTION] * side
+        friction[i] = side * p[OLD_FRICTION]
+        friction[4 + i] = side * (p[FRICTION] - p[OLD_FRICTION])
         side = p[SIDE_RESISTANCE] if left else 1.0 / p[SIDE_RESISTANCE]
-        resistance[i], resistance[4 + i] = p[OLD_RESISTANCE] * side, p[RESISTANCE] * side
+        resistance[i] = side * p[OLD_RESISTANCE]
+        resistance[4 + i] = side * (p[RESISTANCE] - p[OLD_RESISTANCE])
 
     u: cython.double = p[START_U]
     v: cython.double = p[START_V]
@@ -191,21 +193,22 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         bu: cython.double = mass * (old_u + new_w * new_v - slope_x)
         bv: cython.double = mass * (old_v - new_w * new_u - slope_y)
         bw: cython.double = inertia * old_w
-        ground: cython.int = 0 if n < change else 4
+        after: cython.double = fmin(fmax(n + 1.0 - change, 0.0), 1.0)  # 1 after the change, else 0
         for i in range(4):
             load: cython.double = _load(level[i], by_x[i], by_y[i], a_x, a_y)
-            drag: cython.double = resistance[ground + i] * load
+            drag: cython.double = load * (resistance[i] + after * resistance[4 + i])
             roll[i] = radius * rolling[n, i] + offset[n, i % 2]
             v_x: cython.double = new_u - y[i] * new_w
             v_y: cython.double = new_v + x[i] * new_w
-            scale: cython.double = 1.0 / max(abs(roll[i]), min_rolling)
+            scale: cython.double = 1.0 / fmax(fabs(roll[i]), min_rolling)
             s_x: cython.double = (roll[i] - v_x) * scale
             s_y: cython.double = ratio * v_y * scale
-            grip[i] = scale * _secant(sqrt(s_x * s_x + s_y * s_y), stiffness[ground + i],
-                                      friction[ground + i] * load, fall)
-            drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
-            along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
-                abs(v_x), min_speed)
+            grip[i] = scale * _secant(
+                sqrt(s_x * s_x + s_y * s_y), stiffness[i] + after * stiffness[4 + i],
+                load * (friction[i] + after * friction[4 + i]), fall)
+            drag_y: cython.double = share * drag / fmax(sqrt(v_x * v_x + v_y * v_y), min_speed)
+            along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / fmax(
+                fabs(v_x), min_speed)
             across: cython.double = ratio * grip[i] + drag_y
             uu += along
             uw -= along * y[i]
@@ -226,65 +229,3 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             out[n, 6 + i] = grip[i] * (roll[i] - new_u + y[i] * new_w)
         last_u, last_v, last_w = u, v, w
         u, v, w = new_u, new_v, new_w
-
-
-def simulate_at_once(rolling: Array, offsets: Array, heading: Array, runs: Array, robot: Array,
-                     out: Array) -> None:
-    """Simulate all runs as ``simulate``, with numpy: for many runs where it is not compiled."""
-    step, mass, inertia, half_base, half_track, height, slip_floor, drag_floor, gravity = robot
-    p = runs.T[:, :, np.newaxis]  # (PARAMETERS, runs, 1): broadcasts with the wheels
-    x, y = half_base * AXLE_SIGNS - p[COM_X], half_track * SIDE_SIGNS - p[COM_Y]
-    sides, share, ratio = SIDE_SIGNS, p[LATERAL_SHARE], p[LATERAL_RATIO]
-    side_scales = [p[row] ** sides for row in (
-        SIDE_STIFFNESS, SIDE_FRICTION, SIDE_RESISTANCE)]
-    grounds = [[p[first + k] * scale for k, scale in enumerate(side_scales)]
-               for first in (OLD_STIFFNESS, STIFFNESS)]
-    level = 0.25 * mass * gravity * (1.0 + p[COM_X] / half_base * AXLE_SIGNS
-                                     + p[COM_Y] / half_track * sides)
-    by_x, by_y = (0.25 * mass * height / half_base * AXLE_SIGNS,
-                  0.25 * mass * height / half_track * sides)
-    now = p[START_U:START_W + 1].copy()  # (3, runs, 1): u, v, w
-    last, acceleration = now, np.zeros((2, len(runs), 1))
-    for n in range(len(rolling)):
-        rate = (1.5 if n else 1.0) / step
-        old = (2.0 * now - 0.5 * last if n else now) / step
-        u, v, w = 2.0 * now - last
-        cos, sin = heading[n]
-        rise = gravity * (p[SLOPE_X:SLOPE_Y + 1]
-                          + ((n + 0.5) / len(rolling) - 0.5) * p[BEND_X:BEND_Y + 1])
-        slope = np.stack([cos * rise[0] + sin * rise[1], cos * rise[1] - sin * rise[0]])
-        before = n < p[CHANGE_STEP]
-        stiffness, friction, resistance = (
-            np.where(before, *both) for both in zip(*grounds))
-        load = np.maximum(level - by_x * acceleration[0] - by_y * acceleration[1], 0.0)
-        drag = resistance * load
-        roll = p[RADIUS] * rolling[n] + offsets[:, n][:, [0, 1, 0, 1]]
-        v_x, v_y = u - y * w, v + x * w
-        scale = 1.0 / np.maximum(np.abs(roll), slip_floor)
-        total = np.hypot((roll - v_x) * scale, ratio * v_y * scale)
-        limit = friction * load
-        sliding = stiffness * total >= 3.0 * limit
-        t = stiffness * total / np.where(sliding, 1.0, 3.0 * limit)
-        fallen = 1.0 - p[FALL] * (1.0 - 3.0 * limit / np.where(
-            sliding, stiffness * total, 3.0 * limit + 1e-9))
-        grip = scale * np.where(sliding, limit * fallen / np.maximum(total, 1e-9),
-                                stiffness * (1.0 - t + t * t / 3.0))
-        drag_y = share * drag / np.maximum(np.hypot(v_x, v_y), drag_floor)
-        along = grip + drag_y + (1.0 - share) * drag / np.maximum(np.abs(v_x), drag_floor)
-        across = ratio * grip + drag_y
-        uu, vv, uw, vw, ww, bu, bw = (
-            total.sum(axis=1, keepdims=True) for total in (
-                along, across, -along * y, across * x, across * x * x + along * y * y,
-                grip * roll, -y * grip * roll))
-        uu, vv, ww = uu + mass * rate, vv + mass * rate, ww + inertia * rate
-        bu += mass * (old[0] + w * v - slope[0])
-        bv = mass * (old[1] - w * u - slope[1])
-        bw += inertia * old[2]
-        w = (bw - uw * bu / uu - vw * bv / vv) / (ww - uw * uw / uu - vw * vw / vv)
-        u, v = (bu - uw * w) / uu, (bv - vw * w) / vv
-        last, now = now, np.stack([u, v, w])
-        rates = rate * now - old
-        acceleration = np.stack([rates[0] - w * v + slope[0], rates[1] + w * u + slope[1]])
-        out[:, n, :FORCE] = np.concatenate(
-            [*now, *acceleration, rates[2]], axis=1)
-        out[:, n, FORCE:] = grip * (roll - u + y * w)

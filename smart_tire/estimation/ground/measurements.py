@@ -164,8 +164,7 @@ class Measurements:
         offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
-        simulate = model.simulate if model.COMPILED else model.simulate_at_once
-        simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
+        model.simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
         return Motion(states, self.at(self.passages, x, change, states))
 
     def predict(self, x: Array, motion: Motion) -> Array:
