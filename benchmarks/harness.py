@@ -36,7 +36,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 from smart_tire.analysis.summary import plain
-from smart_tire.cli._options import add_force, refuse_existing
+from smart_tire.cli._options import refuse_existing
 from smart_tire.errors import ParameterError, SmartTireError
 
 FAILED, USAGE = 1, 2  # exit statuses
@@ -76,7 +76,7 @@ class Benchmark:
         parser.add_argument('--out', type=Path, default=Path('bench_output', self.name),
                             metavar='DIR',
                             help='folder for tables and results (default: %(default)s)')
-        add_force(parser)
+        parser.add_argument('--force', action='store_true', help='replace existing results')
         self.add_arguments(parser)
         args = parser.parse_args(argv)
         return run_benchmark(self.name, lambda: self._run(args))

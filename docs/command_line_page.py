@@ -21,21 +21,15 @@ from collections.abc import Iterator
 import re
 from typing import Any
 
-from smart_tire.cli.main import new_parser, VERBS
+from smart_tire.cli.main import new_parser
 
 MARKER = '<!-- verbs -->'
 
 
 def verbs_text() -> str:
     """Return the reference of all verbs in Markdown."""
-    return '\n'.join(line for verb in VERBS
-                     for line in _parser_lines(_verb_parser(verb), f'smart_tire {verb}', 2))
-
-
-def _verb_parser(verb: str) -> argparse.ArgumentParser:
-    """Return the parser of one verb."""
-    parser: argparse.ArgumentParser = _subparsers(new_parser(verb))[verb]
-    return parser
+    return '\n'.join(line for verb, parser in _subparsers(new_parser()).items()
+                     for line in _parser_lines(parser, f'smart_tire {verb}', 2))
 
 
 def _subparsers(parser: argparse.ArgumentParser) -> dict[str, Any]:

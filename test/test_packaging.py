@@ -134,11 +134,11 @@ def test_every_folder_of_the_package_is_installed(setup_arguments):
     assert {'.'.join(folder.parts) for folder in folders} == set(setup_arguments['packages'])
 
 
-def test_the_types_the_page_of_the_report_and_the_text_on_topics_are_installed(setup_arguments):
+def test_all_files_of_the_package_that_are_no_modules_are_installed(setup_arguments):
     patterns = setup_arguments['package_data'][PACKAGE.name]
-    assert {path.name for pattern in patterns for path in PACKAGE.glob(pattern)} == {
-        'py.typed', 'page.css', 'page.html', 'page.js', 'findings.yaml', 'topics.yaml',
-        'sections.yaml'}
+    assert {path for pattern in patterns for path in PACKAGE.glob(pattern)} == {
+        path for path in PACKAGE.rglob('*.*')
+        if path.suffix not in ('.py', '.pyc', '.c', '.so')}
 
 
 def test_marker_manifest_launch_files_parameters_views_and_urdf_are_installed(setup_arguments):

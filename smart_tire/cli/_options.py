@@ -40,6 +40,7 @@ BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted'), ('params', 'data'), ('out', 's
 # of analysis/figures.py and, for followed paths, analysis/drive_report.py
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
 CONFIRMATION = 'drive'
+STEP_NAMES = ('rest', 'straight', 'turns', 'lifted')  # of a calibration
 IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
 
 
@@ -56,30 +57,19 @@ def not_negative(text: str) -> float:
     return 0.0 if float(text) == 0.0 else positive(text)
 
 
-def add_bags(parser: argparse.ArgumentParser) -> None:
-    """Add one or more bags, and their options."""
-    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
-                        help='rosbag2 directory or a single bag file')
-    add_bag_options(parser)
-
-
-def add_bag_options(parser: argparse.ArgumentParser) -> None:
-    """Add ``--params`` and ``--remap``."""
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file, in place of the parameters in the bag; may be '
-                             'repeated, later files override earlier ones')
-    add_remap(parser)
-
-
-def add_remap(parser: argparse.ArgumentParser) -> None:
-    """Add ``--remap``."""
-    parser.add_argument('--remap', action='append', default=[], metavar='STANDARD:=NAME',
-                        help='a topic with another name in the bag, for example '
-                             'imu/data:=/mti30/imu; may be repeated')
+def step_and_bag(text: str) -> tuple[str, Path]:
+    """Return step and bag of ``STEP=BAG``, or of ``BAG``, a recording of several steps."""
+    step, separator, path = text.partition('=')
+    if not separator:
+        return 'mixed', Path(text)
+    if step not in STEP_NAMES or not path:
+        raise argparse.ArgumentTypeError(
+            f'{text}: expected BAG or STEP=BAG with one of {", ".join(STEP_NAMES)}')
+    return step, Path(path)
 
 
 def check_options(args: argparse.Namespace) -> None:
-    """Raise ParameterError if an option of ``add_bag_options`` is invalid for any bag."""
+    """Raise ParameterError if an option of ``--params`` and ``--remap`` is invalid for any bag."""
     from smart_tire.analysis.pipeline import EstimatorParams
     from smart_tire.bags import TopicNames
     EstimatorParams.load(args.params)
@@ -103,7 +93,7 @@ class BagSettings:
 def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] = REQUIRED,
              prefix: str = '') -> Iterator[tuple[Bag, BagSettings]]:
     """
-    Open a bag with the options of ``add_bag_options``; yield it and its settings.
+    Open a bag with the options of ``--params`` and ``--remap``; yield it and its settings.
 
     Prints the source of the parameters, and the topics and joints that were recognized, with
     ``prefix`` before each line. Raises BagError if one of the ``required`` topics has to be
@@ -176,11 +166,6 @@ def confirmed() -> bool:
     return typed == CONFIRMATION
 
 
-def add_force(parser: argparse.ArgumentParser) -> None:
-    """Add the argument ``--force``."""
-    parser.add_argument('--force', action='store_true', help='replace existing results')
-
-
 def refuse_existing(paths: Iterable[Path], *, force: bool, inputs: Iterable[Path] = ()) -> None:
     """Raise ParameterError if a path is an input or, without ``force``, if one exists."""
     read = {path.resolve() for path in inputs}
@@ -232,30 +217,6 @@ def remove(folder: Path, names: Iterable[str]) -> None:
 
 def _bag_files(folder: Path) -> set[str]:
     return {f'{folder.resolve().name}_0.mcap', BAG_METADATA}
-
-
-def add_recordings(parser: argparse.ArgumentParser, *, reference: bool = True) -> None:
-    """
-    Add the arguments for input bags, time range, parameters and output file.
-
-    With ``reference`` also an argument for the topic of reference poses.
-    """
-    add_bags(parser)
-    parser.add_argument('--from', dest='since', type=not_negative, default=0.0, metavar='S',
-                        help='skip the first S seconds of each bag (default: 0)')
-    parser.add_argument('--until', type=positive, default=math.inf, metavar='S',
-                        help='stop S seconds after the start of each bag (default: read all)')
-    if reference:
-        source = parser.add_mutually_exclusive_group()
-        source.add_argument('--truth', dest='reference', action='store_const', const='any',
-                            default='none', help='use the reference poses in the bags '
-                            '(ground_truth/odom or overhead/odom); by default they are not used')
-        source.add_argument('--reference', metavar='TOPIC',
-                            help='like --truth, with the topic of the reference poses')
-    parser.add_argument('--out', type=Path, metavar='FILE',
-                        help='parameter file to write; a figure with the same name is written '
-                             'next to it (default: <bag>_KIND.yaml in the working directory)')
-    add_force(parser)
 
 
 def output_path(args: argparse.Namespace, kind: str) -> Path:

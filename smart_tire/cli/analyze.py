@@ -19,25 +19,12 @@ from pathlib import Path
 import sys
 
 from smart_tire.cli._options import (
-    add_bags, add_force, check_options, FIGURES, open_bag, refuse_existing,
+    check_options, FIGURES, open_bag, refuse_existing,
     refuse_existing_bag, refuse_folder_of_bag, REQUIRED)
 from smart_tire.cli._progress import Progress
 from smart_tire.errors import BagError
 
-NAME = 'analyze'
-HELP = 'run the slip and friction estimators offline on bags; write estimates, summary, figures'
 ESTIMATED, NOTHING_ESTIMATED, USAGE = 0, 1, 2  # exit statuses
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    add_bags(parser)
-    parser.add_argument('--out', type=Path, required=True, metavar='DIR',
-                        help='folder for estimates, summary.json and figures')
-    parser.add_argument('--smooth', action='store_true',
-                        help='also run the RTS smoother; write its estimates to DIR/smoothed')
-    parser.add_argument('--no-figures', action='store_true', help='write no figures')
-    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._options import (
-    add_bag_options, add_force, bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing)
-from smart_tire.cli.identify import KINDS, report
+    bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing, STEP_NAMES)
+from smart_tire.cli.identify import report
 from smart_tire.errors import ParameterError
 from smart_tire.paths import write_text
 
@@ -27,46 +27,10 @@ if TYPE_CHECKING:
     from smart_tire.analysis.calibrate import Bags
     from smart_tire.calibration.sequence import Calibration
 
-NAME = 'calibrate'
-HELP = ('calibrate a robot step by step: rest, straight starts and stops, turns; live, or from '
-        'recordings with --bags')
 PARAMETER_FILE = 'robot.yaml'
 FIGURES = ('stiffness.png', 'motor.png', 'icr.png')
-STEP_NAMES = ('rest', 'straight', 'turns', 'lifted')
 STEPS_OF = {'geometry': ('rest', 'turns'), 'icr': ('turns',), 'gains': ('turns',),
             'stiffness': ('straight',), 'motor': ('straight', 'lifted')}  # of ``--only``
-
-
-def step_and_bag(text: str) -> tuple[str, Path]:
-    """Return step and bag of ``STEP=BAG``, or of ``BAG``, a recording of several steps."""
-    step, separator, path = text.partition('=')
-    if not separator:
-        return 'mixed', Path(text)
-    if step not in STEP_NAMES or not path:
-        raise argparse.ArgumentTypeError(
-            f'{text}: expected BAG or STEP=BAG with one of {", ".join(STEP_NAMES)}')
-    return step, Path(path)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('--out', type=Path, required=True, metavar='DIR',
-                        help=f'folder for {PARAMETER_FILE}, figures and, live, recordings')
-    parser.add_argument('--bags', type=step_and_bag, nargs='+', default=[], metavar='[STEP=]BAG',
-                        help='calibrate from these recordings instead of live: rest=, straight=, '
-                             'turns=, lifted=, or a recording with several of them')
-    parser.add_argument('--only', choices=KINDS, metavar='KIND',
-                        help=f'a single kind, like smart_tire identify: {", ".join(KINDS)}')
-    add_bag_options(parser)
-    parser.add_argument('--truth', action='store_true',
-                        help='use the reference poses in the recordings; by default they are not '
-                             'used')
-    parser.add_argument('--lifted', action='store_true',
-                        help='live: with a step for wheels off the ground')
-    parser.add_argument('--drive', action='store_true',
-                        help='live: drive the robot by cmd_vel, after a confirmation; without '
-                             'this option nothing is driven')
-    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:

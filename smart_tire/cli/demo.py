@@ -26,7 +26,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._options import (
-    add_force, FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
+    FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters
 from smart_tire.samples import NS_PER_S
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 Legs = dict[str, list[tuple[int, int]]]  # name -> time intervals [ns]
 
-NAME = 'demo'
-HELP = ('drive the simulated robot on concrete and sand, then along a figure-eight over both; '
-        'record a bag and evaluate the estimates')
 
 FAST_SPEED, SLOW_SPEED = 120.0, 60.0  # rpm, paper B Fig. 10
 LEG_DURATION = 9.0            # s of each turn, in which the wheels turn
@@ -82,17 +79,6 @@ LEGS = (
     Leg('concrete 120/60', FAST_SPEED, SLOW_SPEED), Leg('concrete 60/120', SLOW_SPEED, FAST_SPEED),
     Leg('to the sand', FAST_SPEED, FAST_SPEED, evaluated=False),
     Leg('sand 120/60', FAST_SPEED, SLOW_SPEED), Leg('sand 60/120', SLOW_SPEED, FAST_SPEED))
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('--out', type=Path, default=Path('demo_output'),
-                        help='folder for bag, figures and summary (default: %(default)s)')
-    parser.add_argument('--seed', type=int, default=1,
-                        help='random seed of the simulation (default: %(default)s)')
-    parser.add_argument('--view', action='store_true',
-                        help='show the run in the rerun viewer, as "smart_tire view --live"')
-    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from smart_tire.cli._options import add_bag_options, positive
 from smart_tire.cli._progress import Progress
 from smart_tire.errors import ParameterError
 from smart_tire.findings import counted, Finding, Level, worst
@@ -29,23 +28,7 @@ from smart_tire.findings import counted, Finding, Level, worst
 if TYPE_CHECKING:
     from smart_tire.bags import Bag
 
-NAME = 'doctor'
-HELP = ('check a recording, or without BAG the ports, host and nodes of this robot; exit status '
-        '0 without errors (warnings allowed), 1 with errors, 2 if the bag cannot be read')
 STYLES = {Level.OK: 'green', Level.INFO: 'cyan', Level.WARNING: 'yellow', Level.ERROR: 'bold red'}
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('bag', type=Path, nargs='?', metavar='BAG',
-                        help='rosbag2 directory or a single bag file (default: check this robot)')
-    add_bag_options(parser)
-    parser.add_argument('--json', action='store_true', help='print JSON')
-    parser.add_argument('--seconds', type=positive, default=3.0, metavar='S',
-                        help='how long to listen to the topics (default: 3)')
-    parser.add_argument('--out', type=Path, default=Path(), metavar='DIR',
-                        help='folder of recordings, whose disk is checked (default: .)')
-    parser.add_argument('--no-ports', action='store_true', help='do not open serial ports')
 
 
 def run(args: argparse.Namespace) -> int:

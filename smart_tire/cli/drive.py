@@ -25,7 +25,7 @@ from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._keyboard import Keyboard, StopRequest
 from smart_tire.cli._options import (
-    add_force, confirmed, positive, refuse_existing, refuse_existing_bag, remove, remove_bag)
+    confirmed, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._stack import NODES
 from smart_tire.errors import ParameterError
 
@@ -33,47 +33,12 @@ if TYPE_CHECKING:
     from smart_tire.cli._drive_session import Session
     from smart_tire.cli._path_file import Poses
 
-NAME = 'drive'
-HELP = ('drive along a path or by the keyboard: the simulated robot, which it starts with all '
-        'nodes, or with --robot the running one; record a bag, draw wanted, driven and true path')
 PATHS = ('figure_eight', 'square', 'lane_change')
 RADIUS, SIDE, LANE_CHANGE = 0.6, 2.0, (3.0, 1.0)  # m, with --scale 1
 KEYBOARD_SPEED = 0.3   # m/s
 FILES = ('drive.yaml', 'summary.json', 'path.png')
 ARRIVED, NOT_ARRIVED = 0, 1  # exit statuses
 CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    kind = parser.add_mutually_exclusive_group(required=True)
-    path = kind.add_argument(
-        '--path', metavar='PATH',
-        help=f'{", ".join(PATHS)}, a CSV file x,y[,yaw] in m and rad, or a bag whose odom is '
-             'driven again; it begins at the robot, in its direction')
-    path.completer = complete_path  # type: ignore[attr-defined]  # of argcomplete
-    kind.add_argument('--keyboard', action='store_true',
-                      help='drive by arrow keys or WASD; the robot stops when no key is held')
-    parser.add_argument('--robot', action='store_true',
-                        help='drive the running robot instead of a simulated one; ROS arguments '
-                             'come last, after --ros-args')
-    parser.add_argument('--speed', type=positive, metavar='V',
-                        help='m/s: max_speed of the simulated trajectory_controller, or of the '
-                             f'keyboard (default: {KEYBOARD_SPEED})')
-    parser.add_argument('--scale', type=positive, default=1.0, metavar='S',
-                        help='size of the path (default: 1)')
-    parser.add_argument('--absolute', action='store_true',
-                        help='the path is in coordinates of odom: not moved to the robot')
-    parser.add_argument('--seed', type=int, default=1,
-                        help='random seed of the simulation (default: %(default)s)')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='parameter file of the simulated robot and the nodes; may be '
-                             'repeated, later ones win')
-    parser.add_argument('--out', type=Path, default=Path('drive_output'),
-                        help='folder for bag, figure and summary (default: %(default)s)')
-    parser.add_argument('--view', action='store_true',
-                        help='show the drive in the rerun viewer, as "smart_tire view --live"')
-    add_force(parser)
 
 
 def complete_path(prefix: str, **_: object) -> list[str]:

@@ -23,8 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._options import (
-    add_force, add_recordings, bag_settings, IDENTIFIED, NOT_IDENTIFIED, output_path, positive,
-    refuse_existing)
+    bag_settings, IDENTIFIED, NOT_IDENTIFIED, output_path, refuse_existing)
 from smart_tire.errors import ParameterError
 from smart_tire.paths import write_text
 
@@ -33,42 +32,12 @@ if TYPE_CHECKING:
     from smart_tire.estimation.film.files import FilmRecording
     from smart_tire.models.film.buckling_film import BucklingFilm
 
-NAME = 'identify'
-HELP = 'identify parameters of film, tire or robot from recordings, with standard errors'
-KINDS = {
-    'geometry': 'encoder latency, effective track, rolling radius, and mounting and noise of the '
-                'IMU',
-    'icr': 'x coordinate S of the instantaneous center of rotation, by the curve fit of paper B',
-    'motor': 'torque constant from starts and stops; with --lifted also friction and inertia of '
-             'the drives; feed-forward of the wheel controller',
-    'stiffness': 'longitudinal tire stiffness C_x, from acceleration and braking on straight '
-                 'segments',
-    'gains': 'film gains (volts per unit slip), contact length, and spacing and angle of the '
-             'films'}
-FILM_HELP = 'elastica and Duhem hysteresis of a film, from a CSV recording of a test stand'
-WITH_REFERENCE = ('geometry', 'icr')  # kinds that can use reference poses
 NAME_WIDTH = 32
-DEFAULT_LENGTH = 25.0  # mm, film of paper A, Table I
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of every kind."""
-    choices = parser.add_subparsers(dest='kind', metavar='KIND', required=True)
-    for name, text in KINDS.items():
-        kind = choices.add_parser(name, help=text, description=text)
-        add_recordings(kind, reference=name in WITH_REFERENCE)
-        if name == 'motor':
-            kind.add_argument('--lifted', type=Path, action='append', default=[], metavar='BAG',
-                              help='recording with all wheels off the ground; may be repeated')
-        kind.set_defaults(run_kind=run_bags)
-    film = choices.add_parser('film', help=FILM_HELP, description=FILM_HELP)
-    _add_film_arguments(film)
-    film.set_defaults(run_kind=run_film)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the selected kind; return the exit status."""
-    return int(args.run_kind(args))
+    return run_film(args) if args.kind == 'film' else run_bags(args)
 
 
 def run_bags(args: argparse.Namespace) -> int:
@@ -105,27 +74,6 @@ def report(kind: str, source: Source, out: Path, figure: Path) -> int:
     write_text(out, identified_text([f'Identified from {bags}.'], made.parameters))
     print(f'written to {out}' + (f' and {figure}' if made.draw(figure) else ''))
     return IDENTIFIED
-
-
-def _add_film_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('data', type=Path, metavar='DATA.csv',
-                        help='CSV file with the columns time_s,deflection_m,charge_C')
-    parser.add_argument('--columns', metavar='T,IN,OUT',
-                        help='names of time, input and output columns, if different')
-    parser.add_argument('--out', type=Path, metavar='FILE',
-                        help='parameter file to write; a figure with the same name is written '
-                             'next to it (default: DATA_film.yaml)')
-    parser.add_argument('--length', type=positive, default=DEFAULT_LENGTH, metavar='MM',
-                        help='length of the film between its clamps (default: %(default)s)')
-    parser.add_argument('--convention', choices=('exact', 'printed'), default='exact',
-                        help='normalization of the stroke: delta = Delta / 2L (exact) or as '
-                             'printed in paper A (default: %(default)s)')
-    parser.add_argument('--raw', action='store_true',
-                        help='use the input column directly as hysteresis input; automatic if '
-                             '--columns are given and no film of this length has such deflections')
-    parser.add_argument('--gain', type=positive, metavar='NC',
-                        help='gain K in nC for which alpha, a and b are also written')
-    add_force(parser)
 
 
 def run_film(args: argparse.Namespace) -> int:

@@ -11,43 +11,33 @@
 """
 The command ``smart_tire VERB ...``.
 
-A verb is a module of this folder with ``NAME``, ``HELP``, ``add_arguments(parser)`` and
-``run(args)``, which returns the exit status. Only the module of the given verb is imported.
+The verbs and their arguments are in verbs.yaml. Each is a module of this folder with a function
+``run(args)``, which returns the exit status; only that of the given verb is imported.
 Completion in the shell: PYTHON_ARGCOMPLETE_OK
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 import os
+from pathlib import Path
 import platform
 import signal
 import sys
 from typing import Any
 
 import smart_tire
-from smart_tire.cli._options import check_paths
+from smart_tire.cli._options import check_paths, not_negative, positive, step_and_bag
 from smart_tire.errors import BagError, ParameterError, SmartTireError
+import yaml
 
-VERBS = {
-    'demo': 'run the full stack on a simulated robot and evaluate it',
-    'drive': 'drive the simulated or the running robot along a path or by the keyboard',
-    'record': 'record topics into a bag',
-    'replay': 'publish the messages of a bag',
-    'recover': 'repair a truncated or damaged bag',
-    'analyze': 'run the estimators on bags; write estimates, summary and figures',
-    'view': 'show a bag or live topics in the rerun viewer',
-    'report': 'run the estimators on bags; write one HTML file with interactive figures',
-    'doctor': 'check a recording, or the ports, host and nodes of a robot',
-    'status': 'show the state of all nodes and topics',
-    'identify': 'identify parameters from recordings, with standard errors',
-    'calibrate': 'calibrate a robot step by step, live or from recordings',
-    'measure': 'measure deflections with an identified film',
-    'topics': 'print what the fields of each topic mean, with their units',
-    'reproduce': 'recompute the figures and tables of both papers',
-}
+VERBS: dict[str, Any] = yaml.load(
+    Path(__file__).with_name('verbs.yaml').read_text(encoding='utf-8'),
+    getattr(yaml, 'CSafeLoader', yaml.SafeLoader))['verbs']
+TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
+         'not_negative': not_negative, 'step': step_and_bag}
 COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'report', 'reproduce'}  # without output
 FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
@@ -55,27 +45,62 @@ ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
 ROS_PACKAGE_SUFFIXES = ('rclpy', '_msgs', '_srvs', '_interfaces')
 
 
-def new_parser(selected: str | None) -> argparse.ArgumentParser:
-    """Return the parser with the arguments of the ``selected`` verb, if any."""
+def new_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
     parser = argparse.ArgumentParser(
         prog='smart_tire',
         description='Wheel slip, localization and tire-road friction from sensors in the tires.',
         epilog='"smart_tire VERB --help" describes the arguments of a verb.')
-    fill_parser(parser, selected)
+    fill_parser(parser)
     return parser
 
 
-def fill_parser(parser: argparse.ArgumentParser, selected: str | None) -> None:
-    """Add the verbs to ``parser``, and the arguments of the ``selected`` one, if any."""
+def fill_parser(parser: argparse.ArgumentParser) -> None:
+    """Add the verbs and their arguments to ``parser``."""
     parser.add_argument('--version', action='version', version=version_text())
     choices = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
-    for name, summary in VERBS.items():
-        verb = choices.add_parser(name, help=summary)
-        if name == selected:
-            module: Any = import_module(f'smart_tire.cli.{name}')
-            verb.description = module.HELP
-            module.add_arguments(verb)
-            verb.set_defaults(run=module.run)
+    for name, verb in VERBS.items():
+        inner = choices.add_parser(name, help=verb['summary'], description=verb['help'])
+        add_arguments(inner, verb.get('arguments', ()))
+        if 'kinds' in verb:
+            kinds = inner.add_subparsers(dest='kind', metavar='KIND', required=True)
+            for one, kind in verb['kinds'].items():
+                add_arguments(kinds.add_parser(one, help=kind['help'], description=kind['help']),
+                              kind['arguments'])
+
+
+def add_arguments(parser: Any, arguments: Iterable[Any]) -> None:
+    """Add the ``arguments`` in verbs.yaml to a parser, or to a group of one."""
+    for one in arguments:
+        if isinstance(one, list):
+            add_arguments(parser, one)
+        elif 'one_of' in one:
+            add_arguments(parser.add_mutually_exclusive_group(
+                required=one.get('required', False)), one['one_of'])
+        else:
+            settings = {'help': argparse.SUPPRESS, **one}
+            if 'type' in one:
+                settings['type'] = TYPES[one['type']]
+            completer = settings.pop('completer', '')
+            action = parser.add_argument(settings.pop('name'), **settings)
+            if completer:
+                action.completer = COMPLETERS[completer]
+
+
+def complete_path(prefix: str, **_: object) -> list[str]:
+    """Return the names of paths to drive and the files that begin with ``prefix``."""
+    from argcomplete.completers import FilesCompleter
+    from smart_tire.cli.drive import PATHS
+    return [name for name in PATHS if name.startswith(prefix)] + list(FilesCompleter()(prefix))
+
+
+def complete_topic(**_: object) -> tuple[str, ...]:
+    """Return the names of the topics."""
+    from smart_tire.messages.describe import TOPIC_NAMES
+    return TOPIC_NAMES
+
+
+COMPLETERS = {'path': complete_path, 'topic': complete_topic}
 
 
 def version_text() -> str:
@@ -85,25 +110,17 @@ def version_text() -> str:
     return f'smart_tire {smart_tire.__version__} (Python {platform.python_version()}, {ros})'
 
 
-def complete() -> None:
-    """Write the completions of the command line that the shell is editing, and exit."""
-    import argcomplete
-    from argcomplete.lexers import split_line
-    _, _, _, words, _ = split_line(
-        os.environ['COMP_LINE'], int(os.environ['COMP_POINT']))
-    after_program = words[int(os.environ[COMPLETING]):]
-    argcomplete.autocomplete(new_parser(after_program[0] if after_program else None))
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb given on the command line; return the exit status."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # see smart_tire.launching
     words = list(sys.argv[1:] if argv is None else argv)
     if ROS_ARGUMENTS in words:
         words = words[:words.index(ROS_ARGUMENTS)]
+    parser = new_parser()
     if COMPLETING in os.environ:
-        complete()
-    return execute(new_parser(words[0] if words else None).parse_args(words))
+        import argcomplete
+        argcomplete.autocomplete(parser)
+    return execute(parser.parse_args(words))
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -131,11 +148,12 @@ def execute(args: argparse.Namespace) -> int:
 
 def run_verb(args: argparse.Namespace) -> int:
     """Run the verb in ``args``; return the exit status."""
+    verb = import_module(f'smart_tire.cli.{args.verb}')
     if args.verb not in COMPUTING:
-        return int(args.run(args))
+        return int(verb.run(args))
     from smart_tire.cli._progress import Progress
     with Progress(f'smart_tire {args.verb}'):
-        return int(args.run(args))
+        return int(verb.run(args))
 
 
 def install_hint(module: str) -> str:
@@ -165,11 +183,8 @@ class SmartTireCommand:
 
     def add_arguments(self, parser: argparse.ArgumentParser, cli_name: str, *,
                       argv: Sequence[str] | None = None) -> None:
-        """Add the verbs, with the arguments of the one on the command line."""
-        words = os.environ['COMP_LINE'].split() if COMPLETING in os.environ else \
-            list(sys.argv if argv is None else argv)
-        after = words[words.index(self.NAME) + 1:] if self.NAME in words else []
-        fill_parser(parser, after[0] if after else None)
+        """Add the verbs and their arguments."""
+        fill_parser(parser)
 
     def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:
         """Run the verb; return the exit status."""

@@ -13,34 +13,11 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from smart_tire.cli._options import add_force, refuse_existing
+from smart_tire.cli._options import refuse_existing
 from smart_tire.errors import ParameterError
 
-NAME = 'measure'
-HELP = 'compute the measured quantity from the signal of an identified sensor'
 REQUIRED_COLUMNS, REFERENCE_COLUMN = ['time_s', 'charge_C'], 'deflection_m'
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    kinds = parser.add_subparsers(dest='kind', metavar='KIND', required=True)
-    film = kinds.add_parser('film', help='deflection of a buckled film from its charge')
-    film.add_argument('data', type=Path, metavar='DATA.csv',
-                      help='CSV file that starts with the film flat and at rest; columns '
-                           'time_s,charge_C and optionally deflection_m as reference')
-    film.add_argument('--params', type=Path, required=True, metavar='FILE',
-                      help='parameter file written by "smart_tire identify film"')
-    film.add_argument('--columns', metavar='T,OUT[,REF]',
-                      help='names of time, output and reference columns, if different')
-    film.add_argument('--used', action='store_true',
-                      help='the film was moved before the recording: initial hysteresis state '
-                           'unknown')
-    film.add_argument('--out', type=Path, metavar='FILE',
-                      help='CSV file to write; a figure with the same name is written next to it '
-                           '(default: DATA_measured.csv)')
-    add_force(film)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -21,23 +21,8 @@ import time
 
 from rich.filesize import decimal
 
-from smart_tire.cli._options import add_force, print_counts, refuse_existing_bag, remove_bag
+from smart_tire.cli._options import print_counts, refuse_existing_bag, remove_bag
 from smart_tire.cli._progress import Progress, Rate
-
-NAME = 'record'
-HELP = 'record topics into a rosbag2 bag until Ctrl-C'
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('--out', type=Path, metavar='DIR',
-                        help='new folder for the bag (default: rosbag2_<date and time>)')
-    parser.add_argument('--topics', nargs='+', default=[], metavar='T',
-                        help='topics to record (default: all, including those that appear later)')
-    parser.add_argument('--params', type=Path, action='append', default=[], metavar='FILE',
-                        help='ROS parameter file to store in the bag, for recordings without '
-                             'nodes of this package; may be repeated')
-    add_force(parser)
 
 
 class RecordStatus:

@@ -13,22 +13,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from smart_tire.cli._options import (
-    add_force, print_counts, print_warnings, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
-
-NAME = 'recover'
-HELP = 'write the readable messages of a truncated or damaged bag into a new, indexed bag'
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('bag', type=Path, metavar='BAG',
-                        help='rosbag2 directory or a single bag file')
-    parser.add_argument('--out', type=Path, metavar='DIR',
-                        help='new folder for the repaired bag (default: BAG_recovered)')
-    add_force(parser)
+    print_counts, print_warnings, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,12 +16,11 @@ import argparse
 from collections.abc import Callable, Sequence
 from datetime import timedelta
 import math
-from pathlib import Path
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import add_remap, positive, print_counts, print_warnings, REQUIRED
+from smart_tire.cli._options import print_counts, print_warnings, REQUIRED
 from smart_tire.cli._progress import Progress, Rate
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
@@ -29,30 +28,9 @@ from smart_tire.estimation.streams import INPUTS
 if TYPE_CHECKING:
     from smart_tire.bags import Bag
 
-NAME = 'replay'
-HELP = 'publish the estimator inputs of a bag at the recorded rate'
 CLOCK = '/clock'
 FAILED = 1
 MIN_RATE_SHARE = 0.9  # of the requested rate; a slower replay is reported
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('bag', type=Path, metavar='BAG',
-                        help='rosbag2 directory or a single bag file')
-    parser.add_argument('--rate', type=positive, default=1.0, metavar='R',
-                        help='speed relative to the recording (default: 1)')
-    parser.add_argument('--topics', nargs='+', default=[], metavar='T',
-                        help=f'topics to publish (default: {", ".join(INPUTS)}); commands are '
-                             'published only if named here')
-    parser.add_argument('--all', action='store_true', help='publish all topics except commands')
-    parser.add_argument('--clock', action='store_true', help='also publish /clock')
-    add_remap(parser)
-    parser.add_argument('--wait', type=float, default=5.0, metavar='S',
-                        help='wait up to S seconds for subscribers of all topics (default: 5)')
-    parser.add_argument('--wait-for', nargs='+', default=[], metavar='NODE',
-                        help='wait for these nodes instead; nothing is published if one is '
-                             'missing')
 
 
 class ReplayStatus:

@@ -20,31 +20,16 @@ from pathlib import Path
 
 import smart_tire
 from smart_tire.cli._options import (
-    add_bag_options, add_force, check_options, open_bag, refuse_existing, refuse_folder_of_bag)
+    check_options, open_bag, refuse_existing, refuse_folder_of_bag)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli.analyze import each_bag, ESTIMATED, folder_name, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
 from smart_tire.paths import write_text
 
-NAME = 'report'
-HELP = ('run the estimators offline on bags as "analyze" does; write one HTML file per bag, with '
-        'interactive figures and tables, that needs no network')
 SUFFIXES = ('.html', '.htm')
 DEMO_BAG = 'bag'  # folder of the bag in the output of "smart_tire demo", which has no name
 FIRST_DATE_NS = 946_684_800 * 10 ** 9  # 2000-01-01; earlier timestamps are not dates
 NS_PER_S = 10 ** 9
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('bags', type=Path, nargs='+', metavar='BAG',
-                        help='rosbag2 directory, a single bag file, or the output folder of '
-                             '"smart_tire demo"')
-    add_bag_options(parser)
-    parser.add_argument('--out', type=Path, metavar='FILE.html',
-                        help='file to write, or a folder for several bags (default: '
-                             '<bag>_report.html in the working directory)')
-    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:

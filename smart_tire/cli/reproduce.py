@@ -13,21 +13,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from smart_tire.cli._options import add_force, refuse_existing
+from smart_tire.cli._options import refuse_existing
 from smart_tire.cli._progress import Progress
 from smart_tire.errors import ParameterError
-
-NAME = 'reproduce'
-HELP = 'recompute the figures and tables of both papers; write PNG files and an HTML report'
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('--out', type=Path, default=Path('reproduction'), metavar='DIR',
-                        help='folder for the figures and report.html (default: %(default)s)')
-    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,7 +25,7 @@ def run(args: argparse.Namespace) -> int:
                     force=args.force)
     from smart_tire.reproduction.runner import reproduce
     try:
-        with Progress(f'smart_tire {NAME}') as progress:
+        with Progress('smart_tire reproduce') as progress:
             report = reproduce(args.out, lambda done, total, what: progress.show(
                 f'{done}/{total}  {what}'))
     except OSError as error:

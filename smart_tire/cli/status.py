@@ -26,16 +26,12 @@ from rich.live import Live
 from rich.table import Column, Table
 from rich.text import Text
 
-from smart_tire.cli._options import positive
 from smart_tire.messages import find_topic, NodeStatus
 
 if TYPE_CHECKING:
     from smart_tire.nodes.observer import Observer
     from smart_tire.nodes.runner import NodeRunner
 
-NAME = 'status'
-HELP = ('show nodes, diagnostics, rates and safety state of all robots in this ROS domain, until '
-        'Ctrl-C; exit status 0 if all are ok, 1 with warnings, 2 with errors or without nodes')
 REFRESH_PERIOD = 0.5  # s
 OK, WARNING, ERROR, STALE = range(4)  # levels, as in DiagnosticStatus
 LEVELS = ('ok', 'warning', 'error', 'stale')
@@ -52,15 +48,6 @@ STYLES = {OK: 'green', WARNING: 'yellow', ERROR: 'bold red', STALE: 'magenta'}
 YES_NO = {True: 'yes', False: 'no', None: 'unknown'}
 NO_NODES = ('no node of smart_tire is heard: is one running in this ROS_DOMAIN_ID, and is '
             'multicast possible? (smart_tire doctor)')
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('--once', action='store_true',
-                        help='print once and exit; always so without a terminal')
-    parser.add_argument('--json', action='store_true', help='print JSON once and exit')
-    parser.add_argument('--seconds', type=positive, default=5.0, metavar='S',
-                        help='how long to listen with --once or --json (default: 5)')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,17 +17,6 @@ import argparse
 from smart_tire.errors import ParameterError
 from smart_tire.messages.describe import columns, describe, Described, topic_lines, TOPIC_NAMES
 
-NAME = 'topics'
-HELP = 'list the topics, or print what the fields of a topic mean, with their units'
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    names = parser.add_argument('topics', nargs='*', metavar='TOPIC',
-                                help='topic to describe, with or without namespace (default: '
-                                     'list all)')
-    names.completer = lambda **_: TOPIC_NAMES  # type: ignore[attr-defined]  # of argcomplete
-
 
 def run(args: argparse.Namespace) -> int:
     """Print the list, or the description of each given topic."""

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import webbrowser
 
 from smart_tire.cli._options import (
-    add_bag_options, add_force, BagSettings, open_bag, refuse_existing)
+    BagSettings, open_bag, refuse_existing)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
 
@@ -40,34 +40,11 @@ if TYPE_CHECKING:
 
     Show = Callable[[Scene, Viewer | None], int]
 
-NAME = 'view'
-HELP = 'show a bag, or live topics, in the rerun viewer; needs no ROS distribution'
 USAGE = 2            # exit status
 LIVE_NAME = 'live'
 NODE = 'smart_tire_view'  # of the live viewer
 FLUSH_PERIOD = 0.1   # s between two transmissions to the viewer
 CHECK_PERIOD = 0.2   # s, in which a closed viewer is noticed
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this verb."""
-    parser.add_argument('bag', type=Path, nargs='?', metavar='BAG',
-                        help='rosbag2 directory, a single bag file, or the output folder of '
-                             '"smart_tire demo" or "smart_tire analyze"')
-    parser.add_argument('--live', action='store_true',
-                        help='show the topics of the running nodes (needs rclpy)')
-    add_bag_options(parser)
-    parser.add_argument('--estimate', action='store_true',
-                        help='compute the estimates instead of showing those in the bag')
-    parser.add_argument('--no-fit', action='store_true',
-                        help=argparse.SUPPRESS)  # of earlier versions
-    parser.add_argument('--web', action='store_true',
-                        help='serve the viewer to a browser on this machine; done without a '
-                             'display, too')
-    parser.add_argument('--save', type=Path, metavar='FILE',
-                        help='write a recording of the viewer (.rrd); without --web no viewer is '
-                             'opened')
-    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -12,10 +12,9 @@
 
 from __future__ import annotations
 
-import argparse
-
 import pytest
 from smart_tire.cli import identify
+from smart_tire.cli.main import new_parser
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.files import read_params
 from smart_tire.estimation.film.files import write_columns, write_recording
@@ -23,9 +22,7 @@ from support.film_bench import one_loop, several_loops
 
 
 def command(*words):
-    parser = argparse.ArgumentParser()
-    identify.add_arguments(parser)
-    return identify.run(parser.parse_args([str(word) for word in words]))
+    return identify.run(new_parser().parse_args(['identify', *map(str, words)]))
 
 
 @pytest.fixture

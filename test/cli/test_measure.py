@@ -12,12 +12,11 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 import pytest
 from smart_tire.calibration.film_bench import identify_film, write_params
 from smart_tire.cli import measure
+from smart_tire.cli.main import new_parser
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.files import read_columns, write_columns, write_recording
 from smart_tire.models.film.buckling_film import FILMS
@@ -25,9 +24,7 @@ from support.film_bench import several_loops
 
 
 def command(*words):
-    parser = argparse.ArgumentParser()
-    measure.add_arguments(parser)
-    return measure.run(parser.parse_args([str(word) for word in words]))
+    return measure.run(new_parser().parse_args(['measure', *map(str, words)]))
 
 
 @pytest.fixture(scope='module')
