@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import math
 
 from smart_tire.models.vehicle.drive import traction_force
-from smart_tire.parameters.path_following import FadingParams, FrictionLimitParams
+from smart_tire.parameters.path_following import FrictionLimitParams, GroundParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, GroundState, NS_PER_S, WHEELS, WheelSample
 from smart_tire.uncertain import fused, Uncertain
@@ -98,7 +98,7 @@ class GroundKnowledge:
             Uncertain(mu, max(mu_sigma, MIN_RELATIVE_SIGMA * mu)), Uncertain(slip, slip * sigma),
             ground.stamp_ns, self._driven - behind)
 
-    def latest(self, fading: FadingParams) -> tuple[Measured, float] | None:
+    def latest(self, fading: GroundParams) -> tuple[Measured, float] | None:
         """Return the latest measurement and its weight, None if it is too old."""
         one = self._measured
         if one is None:
@@ -107,7 +107,7 @@ class GroundKnowledge:
                    + abs(self._now_ns - one.stamp_ns) / NS_PER_S / fading.fade_time)
         return (one, math.exp(-lengths)) if lengths <= MAX_FADE_LENGTHS else None
 
-    def friction(self, unknown: float, fading: FadingParams) -> Uncertain:
+    def friction(self, unknown: float, fading: GroundParams) -> Uncertain:
         """Return the friction coefficient: the measured one fused with that of unknown ground."""
         prior = Uncertain(unknown, PRIOR_SIGMA)
         if (known := self.latest(fading)) is None:

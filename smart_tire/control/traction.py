@@ -89,7 +89,7 @@ class TractionControl:
         self.state = TractionState()
         self._robot = robot
         self._grounds, self._motion = (GroundKnowledge(), GroundKnowledge()), GroundSpeed()
-        self._shown = ShownFriction(robot, params.unknown_friction)
+        self._shown = ShownFriction(robot, params.unknown)
         # of the latest step, for the feed-forward; None for wheels that do not slip
         self.tires: tuple[TireLoad | None, ...] = NOT_SLIPPING
         self._onset, self._direction = Onset(), 0
@@ -183,10 +183,10 @@ class TractionControl:
 
     def _sides(self) -> list[Side]:
         """Return the ground of the left and the right side; one without films has the other's."""
-        left, right = (Side(known, ground.friction(self.params.unknown_friction, self.params))
+        left, right = (Side(known, ground.friction(self.params.unknown, self.params))
                        if (known := ground.latest(self.params)) else None
                        for ground in self._grounds)
-        unknown = Side(None, Uncertain(self.params.unknown_friction, PRIOR_SIGMA))
+        unknown = Side(None, Uncertain(self.params.unknown, PRIOR_SIGMA))
         return [left or right or unknown, right or left or unknown]
 
     def _predicted_limit(self, wanted: Four, now_ns: int, period: float, sides: Sequence[Side]

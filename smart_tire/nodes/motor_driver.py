@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import sys
 
+from rclpy.qos import QoSProfile
 from smart_tire.control.duty_gate import DutyGate
 from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.nodes.base import MAX_INPUT_AGE, run
@@ -33,6 +34,8 @@ from std_srvs.srv import SetBool
 ZERO_DUTY_TIMEOUT = 0.4    # s for the boards to acknowledge an emergency stop
 STATE_PERIOD = 1.0         # s between repetitions of the state, docs/topics.md
 STATE_CHECK_PERIOD = 0.05  # s between checks whether the boards' thread has stopped the motors
+# requests and answers: those of a client that floods the service do not displace a stop
+SERVICE_DEPTH = 1000
 PUBLISHERS = 'publishers'  # name of the hold while several nodes command
 
 
@@ -72,9 +75,11 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self._was_enabled = False
         self._rejected_reported = 0  # currents at the last report
         self._line_logged = False
-        self.create_service(SetBool, 'emergency_stop', self._on_emergency_stop)
+        queue = QoSProfile(depth=SERVICE_DEPTH)
+        self.create_service(
+            SetBool, 'emergency_stop', self._on_emergency_stop, qos_profile=queue)
         if params.require_arming:
-            self.create_service(SetBool, 'arm', self._on_arm)
+            self.create_service(SetBool, 'arm', self._on_arm, qos_profile=queue)
         self.create_steady_timer(STATE_PERIOD, self._publish_state)
         self.create_steady_timer(STATE_CHECK_PERIOD, self._check_state)
         self._publish_state()

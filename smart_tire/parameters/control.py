@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from smart_tire.parameters.path_following import (
-    ArrivalParams, FadingParams, FollowerParams, FrictionLimitParams, MotionLimitParams,
+    ArrivalParams, FollowerParams, FrictionLimitParams, GroundParams, MotionLimitParams,
     PathCheckParams)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
@@ -55,7 +55,7 @@ class PidParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TractionParams(FadingParams):
+class TractionParams(GroundParams):
     """
     Traction control: limits the wheel speeds to a share of the critical slip.
 
@@ -68,8 +68,6 @@ class TractionParams(FadingParams):
     sigmas: float = param(
         0.25, '-', 'standard deviations of critical slip and speed that the slip limit is lower',
         (0.0, 5.0))
-    unknown_friction: float = param(
-        0.20, '-', 'friction coefficient of unknown ground until the robot shows more', (0.0, 2.0))
     max_slip: float = param(0.6, '-', 'maximum slip limit on any ground', (0.02, 0.9))
     floor: float = param(
         0.05, 'm/s', 'sliding speed that is always allowed, for starts', (0.01, 1.0))

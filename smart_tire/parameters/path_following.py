@@ -72,9 +72,12 @@ class ArrivalParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FadingParams:
-    """How fast a measurement of the ground loses its weight."""
+class GroundParams:
+    """Friction of unknown ground, and how fast a measurement of the ground loses its weight."""
 
+    unknown: float = param(
+        0.2, '-', 'friction coefficient of unknown ground, until it is estimated or shown',
+        (0.01, 2.0))
     fade_distance: float = param(
         2.0, 'm', 'distance in which the weight of measured ground decreases to 1/e', (0.05, 1e3))
     fade_time: float = param(
@@ -82,14 +85,13 @@ class FadingParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionLimitParams(FadingParams):
+class FrictionLimitParams(GroundParams):
     """Acceleration that the friction coefficient of ``ground_state`` allows."""
 
     share: float = param(
         0.7, '-', 'share of friction used by the accelerations of the body', (0.05, 1.0))
     sigmas: float = param(
         2.0, '-', 'standard deviations from the estimate to the lower bound', (0.0, 5.0))
-    unknown: float = param(0.2, '-', 'friction coefficient without recent estimate', (0.01, 2.0))
     minimum: float = param(0.02, '-', 'minimum of the lower bound', (1e-3, 1.0))
 
 

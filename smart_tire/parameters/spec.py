@@ -33,6 +33,7 @@ ANY_NAME = '*'    # in the place of the names of a ``named`` field
 NAMES = 'names'   # last part of the list parameter with the names of a ``named`` field
 # parameters of earlier versions -> where what they chose is now
 MOVED = {
+    'traction.unknown_friction': 'it is traction.unknown now, as friction.unknown',
     'constraint': 'lambda in B(7) is plain; as printed it is in "smart_tire reproduce" and in '
                   'smart_tire.reproduction.printed',
     **dict.fromkeys(('method', 'map'), (

@@ -34,7 +34,7 @@ STIFFNESS = ROBOT.tire.longitudinal_stiffness
 UNKNOWN_FRICTION = 0.4 * STIFFNESS / (3.0 * LOAD)  # critical slip 0.4 +- 0.2: a limit of 0.1
 MEASURED = 0.5 * (0.4 - (0.2 ** -2 + (0.04 * 0.4) ** -2) ** -0.5)  # limit: critical slip 0.4
 PARAMS = TractionParams(enabled=True, share=0.5, sigmas=1.0, floor=0.02,
-                        unknown_friction=UNKNOWN_FRICTION, lead=0.0)
+                        unknown=UNKNOWN_FRICTION, lead=0.0)
 NOW_NS = 1_000 * NS_PER_S
 NO_COVARIANCE = (0.0,) * 36
 FAST, REVERSE, STOPPED = (20.0,) * 4, (-20.0,) * 4, (0.0,) * 4
@@ -165,7 +165,7 @@ def test_an_uncertain_critical_slip_is_fused_with_that_of_the_friction_and_the_t
 
 
 def test_the_limit_is_at_most_the_maximum():
-    traction = control(params=replace(PARAMS, unknown_friction=1.0, max_slip=0.3))
+    traction = control(params=replace(PARAMS, unknown=1.0, max_slip=0.3))
     traction.limit(FAST, NOW_NS, 0.0)
     assert traction.state.slip_limit == 0.3
 
@@ -227,7 +227,7 @@ def test_a_stop_in_a_curve_keeps_the_curve_of_the_command_before():
 def test_a_robot_that_yaws_by_a_disturbance_is_steered_back(command, yaw_rate):
     """The side that pushes more gets less slip, relative to its own speed over ground."""
     v_x = -1.0 if command is REVERSE else 1.0
-    params = replace(PARAMS, unknown_friction=0.2)
+    params = replace(PARAMS, unknown=0.2)
     traction = control(params=params, v_x=v_x)
     now_ns = NOW_NS + 10_000_000
     for _ in range(2):  # the direction is known from the second step on
@@ -298,7 +298,7 @@ def test_a_clock_that_was_set_back_is_followed_and_the_ground_unknown():
 
 
 def test_the_speed_is_extrapolated_with_the_acceleration_of_the_robot():
-    params = replace(PARAMS, lead=0.03, unknown_friction=1.25 / GRAVITY)
+    params = replace(PARAMS, lead=0.03, unknown=1.25 / GRAVITY)
     traction, slip = TractionControl(params, ROBOT), 0.1 * 1.25 / GRAVITY / UNKNOWN_FRICTION
     for sample in accelerating(1.0):
         traction.add_odometry(sample)
@@ -311,7 +311,7 @@ def test_the_speed_is_extrapolated_with_the_acceleration_of_the_robot():
 
 
 def test_a_start_is_expected_before_estimates_show_it():
-    params = replace(PARAMS, unknown_friction=0.2, lead=0.05)
+    params = replace(PARAMS, unknown=0.2, lead=0.05)
     assert rolling(control(v_x=0.0, params=params), FAST)[0] == pytest.approx(
         0.2 * GRAVITY * 0.05 + 0.02)
     assert rolling(control(v_x=0.0, params=params), REVERSE)[0] == pytest.approx(
@@ -352,14 +352,14 @@ def test_a_stop_begins_at_the_set_points_from_before_the_limit_was_active():
 
 @pytest.mark.parametrize('noise', [-0.02, 0.02])
 def test_an_error_of_the_speed_at_standstill_does_not_delay_a_start(noise):
-    params = replace(PARAMS, unknown_friction=0.2, lead=0.05)
+    params = replace(PARAMS, unknown=0.2, lead=0.05)
     for command, sign in ((FAST, 1.0), (REVERSE, -1.0)):
         assert rolling(control(v_x=noise, held=0.0, params=params), command)[0] == pytest.approx(
             sign * (0.2 * GRAVITY * 0.05 + 0.02) + noise)
 
 
 def test_the_predicted_speed_of_a_stop_does_not_change_its_sign():
-    traction = control(params=replace(PARAMS, unknown_friction=0.2, lead=0.5), v_x=0.1)
+    traction = control(params=replace(PARAMS, unknown=0.2, lead=0.5), v_x=0.1)
     assert rolling(traction, STOPPED) == [0.0] * 4
     assert rolling(traction, REVERSE) == pytest.approx([-0.02] * 4)
 
@@ -388,7 +388,7 @@ def test_a_start_is_not_prevented_by_a_yaw_rate(yaw_rate):
 
 
 def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_slip():
-    traction = control(params=replace(PARAMS, unknown_friction=0.2))
+    traction = control(params=replace(PARAMS, unknown=0.2))
     assert traction.tires == (None,) * 4
     traction.limit((1.05 / RADIUS,) * 4, NOW_NS, 0.0)
     assert traction.tires == (None,) * 4  # within the limit from the beginning
@@ -400,7 +400,7 @@ def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_sl
     traction.limit((1.08 / RADIUS,) * 4, NOW_NS, 0.0)  # 0.074 of 0.30: below the share
     assert traction.tires == (None,) * 4
     traction.limit(FAST, NOW_NS, 0.0)
-    traction.params = replace(PARAMS, share=0.9, sigmas=0.0, unknown_friction=0.2)
+    traction.params = replace(PARAMS, share=0.9, sigmas=0.0, unknown=0.2)
     assert traction.limit((1.15 / RADIUS,) * 4, NOW_NS, 0.0) == pytest.approx((1.15 / RADIUS,) * 4)
     assert not traction.state.limiting
     assert None not in traction.tires  # 0.13 of 0.30

@@ -144,8 +144,7 @@ def test_with_require_arming_the_motors_run_only_while_armed(tmp_path, isolated_
     with RobotRig(tmp_path, require_arming=True, release_hold_off=HOLD_OFF) as robot:
         robot.stay_stopped(0.5)
         assert robot.arm(True).success
-        robot.drive()
-        asked = time.monotonic()
+        asked = robot.drive()
         assert robot.arm(False).success
         assert robot.until_stopped(asked) < 0.2
         robot.stay_stopped(0.5)

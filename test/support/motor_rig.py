@@ -37,6 +37,7 @@ TORQUE_CONSTANT = 1.2    # N m/A
 INERTIA = 0.04           # kg m2 of a wheel with its share of the robot's mass
 FRICTION = 0.15          # N m
 STEP = 0.001             # s
+MAX_STEP = 0.03          # s, more: the emulation was not run, and its replies are late
 SUPPLY_VOLTAGE_CODE = 148  # 0.1 V
 STILL = (0.0, 0.0, 0.0, 0.0)
 
@@ -74,6 +75,7 @@ class State:
     speeds: tuple[float, ...] = STILL    # rad/s
     timeouts: tuple[int, ...] = (0, 0)   # configured, in 0.1 s
     changed: float = 0.0                 # time of the latest change of duty, monotonic clock [s]
+    stalls: int = 0                      # steps longer than ``MAX_STEP``
 
     @property
     def still(self) -> bool:
@@ -193,6 +195,7 @@ class _Boards:
         self._plugged = True
         self._boards = {address: _Board() for address in ADDRESSES}
         self._speeds = [0.0] * 4
+        self._stalls = 0
         self._turned = [0.0] * 4  # rad
         self._angles = [0.0] * 4  # rad, as seen by the encoders
         self._byte_time = time.monotonic()
@@ -208,6 +211,7 @@ class _Boards:
                 chunk = b''
                 time.sleep(STEP)
             now = time.monotonic()
+            self._stalls += now - moved > MAX_STEP
             while moved < now:
                 self._move()
                 moved += STEP
@@ -320,7 +324,8 @@ class _Boards:
         if not self.record.duties or self.record.duties[-1][1] != duty:
             self.record.duties.append((now, duty))
         self.state = State(duty, tuple(self._speeds), tuple(
-            board.timeout for board in self._boards.values()), self.record.duties[-1][0])
+            board.timeout for board in self._boards.values()), self.record.duties[-1][0],
+            self._stalls)
 
     def _move(self) -> None:
         duties = (value for board in self._boards.values() for value in board.duty)

@@ -86,14 +86,21 @@ class RobotRig:
         """Return a command stamped now, or with ``stamp_ns``."""
         return VelocityCommand(time.time_ns() if stamp_ns is None else stamp_ns, v_x, 0.0)
 
-    def drive(self, v_x: float = SPEED) -> None:
-        """Command until the wheels turn at the commanded speed."""
+    def drive(self, v_x: float = SPEED) -> float:
+        """Command until the wheels turn at the commanded speed; return a time when they do."""
+        stalls, asked = self.rig.state().stalls, 0.0
+
         def driving() -> bool:
-            state = self.rig.state()
+            nonlocal stalls, asked
+            asked, state = time.monotonic(), self.rig.state()
+            if state.stalls > stalls:  # boards that did not run look like blocked wheels: a trip
+                stalls = state.stalls
+                self.pause()
             return min(state.speeds) > 0.8 * v_x / 0.087 and min(state.duty) > MIN_DRIVING_DUTY
 
         self.hold(2.0 * COMMAND_PERIOD, lambda: self.command(v_x))  # until one is in force
         self.graph.until(driving, lambda: self.command(v_x))
+        return asked
 
     def keep_driving(self, do: Callable[[], object]) -> None:
         """
@@ -142,8 +149,13 @@ class RobotRig:
         self.hold(PAUSE)
 
     def emergency_stop(self, engaged: bool) -> Any:
-        """Call the service."""
-        return self.graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=engaged)
+        """Call the service, again if it fails while the boards did not run: they were silent."""
+        for _ in range(ATTEMPTS):
+            stalls = self.rig.state().stalls
+            response = self.graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=engaged)
+            if response.success or self.rig.state().stalls == stalls:
+                break
+        return response
 
     def arm(self, armed: bool) -> Any:
         """Call the service."""
@@ -174,18 +186,23 @@ class Releases:
     def __init__(self, robot: RobotRig) -> None:
         self._client = robot.graph.node.create_client(SetBool, 'emergency_stop')
         self._timer = robot.graph.node.create_timer(RELEASE_PERIOD, self._ask)
+        self._waiting = False
         self.answered = self.granted = 0
 
     def __enter__(self) -> Releases:
+        wait_for(self._client.service_is_ready)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._timer.cancel()
 
     def _ask(self) -> None:
-        self._client.call_async(SetBool.Request(data=False)).add_done_callback(self._on_answer)
+        if not self._waiting:  # the answers to a flood would displace those to others
+            self._waiting = True
+            self._client.call_async(SetBool.Request(data=False)).add_done_callback(self._on_answer)
 
     def _on_answer(self, future: Any) -> None:
+        self._waiting = False
         self.answered += 1
         self.granted += future.result().success
 
