@@ -33,7 +33,7 @@ from scipy.special import chdtri
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_crossings import GainObservation
-from smart_tire.numerics.least_squares import posterior, Prior
+from smart_tire.numerics.least_squares import Prior, solve_with_prior
 from smart_tire.numerics.robust import huber_weights
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
@@ -205,8 +205,9 @@ class _Adjuster:
         for _ in range(REWEIGHTING_ROUNDS):
             prior = np.concatenate([self._common, np.sqrt(ratio / segment_weight)])
             scale = np.sqrt(weight)[of]
-            found, covariance = posterior(matrix * scale[:, None], value * scale,
-                                          Prior(np.zeros(len(prior)), prior))
+            rows = matrix * scale[:, None]
+            found, _ = solve_with_prior(rows, value * scale, Prior(np.zeros(len(prior)), prior))
+            covariance = np.linalg.inv(rows.T @ rows + np.diag(prior ** -2.0))
             squares = np.bincount(of, (value - matrix @ found) ** 2)
             excess = max(1.0, float(np.median(squares / chdtri(dof, 0.5))))
             weight = huber_weights(np.sqrt(squares / (dof * excess)), HUBER_THRESHOLD) / excess

@@ -32,7 +32,8 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.recording import period, Recording, side_slip, Signal, WheelIntervals
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.least_squares import DelayFit, fit_delay, Prior, regression, Rows
+from smart_tire.numerics.delay import DelayFit, fit_delay
+from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -121,7 +122,7 @@ def fit_yaw_rate(recording: Recording, robot: RobotParams) -> YawRateFit:
     fit = fit_delay(rows, prior, delay_grid(recording))
     # the delay is determined by changes of the yaw rate, the track by sustained turns, in which
     # errors may be correlated for longer
-    steady = regression(fit.rows, prior, lags=fit.rows.lags(CORRELATION_TIME))
+    steady = regression(fit.rows, prior, Errors(fit.rows.lags(CORRELATION_TIME)))
     response, asymmetry = steady.estimate(0), steady.estimate(3)
     if not response.value > SIGNIFICANT_SIGMAS * response.sigma:
         raise EstimatorError('the yaw rate does not follow the wheel difference: are left and '
@@ -185,6 +186,6 @@ def _with_lag(fit: DelayFit, speed: Array, signal: Array) -> Uncertain:
     The lag per ``speed`` [m/s] (n,) is the second value of the fit; rows determine the delay by
     their ``signal`` (n,).
     """
-    weight = (signal / np.hypot(fit.noise, fit.rows.sigma)) ** 2
+    weight = (signal / fit.row_sigma) ** 2
     lag = float(fit.values[1] * np.average(speed, weights=weight))
     return Uncertain(fit.delay, math.hypot(fit.estimate(-1).sigma, lag))

@@ -40,7 +40,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.motor_rows import COMMAND_DELAY, MotorRows
 from smart_tire.calibration.results import CONFIGURED_SIGMA, MIN_ROWS
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.least_squares import Fit, HAC_TIME, Prior, regression, Rows
+from smart_tire.numerics.least_squares import Errors, Fit, HAC_TIME, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import GRAVITY, LEFT, RIGHT
 from smart_tire.uncertain import Uncertain, weighted_mean
@@ -170,7 +170,7 @@ def _fit(runs: Runs, columns: Sequence[Array], target: Array, prior: Prior, sigm
     matrix = np.column_stack(columns)[known]
     return regression(
         Rows(_all(runs, 'time')[known], matrix, target[known], sigma[known]), prior,
-        lags=max(math.ceil(HAC_TIME / step), max(rows.lags for rows in runs)))
+        Errors(max(math.ceil(HAC_TIME / step), max(rows.lags for rows in runs))))
 
 
 def steady_motion(runs: Runs) -> str:

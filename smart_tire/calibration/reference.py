@@ -37,7 +37,8 @@ from smart_tire.calibration.recording import (
     PoseRecord, Recording, rotation_increments, side_slip, Signal, WheelRecord)
 from smart_tire.calibration.results import MAX_STANDARD_ERROR, MIN_ROBUST
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.least_squares import fit_delay, Prior, regression, Rows
+from smart_tire.numerics.delay import fit_delay
+from smart_tire.numerics.least_squares import anticorrelated, Errors, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain
@@ -126,8 +127,9 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
             robot.track_width * (reference.yaw[last] - reference.yaw[first])]), distance,
         np.hypot(TURN_SLIP * slip, FREE_ROLLING_SLIP * distance)).where(used)
     fit = regression(rows, Prior.of(None, (turn_slip, TURN_SLIP), (lag, lag),
-                                    (0.0, REFERENCE_OFFSET_SIGMA)), lags=LAGS,
-                     contiguous=np.append(False, begin[used][1:] == end[used][:-1]))
+                                    (0.0, REFERENCE_OFFSET_SIGMA)),
+                     Errors(LAGS, anticorrelated(
+                         np.append(False, begin[used][1:] == end[used][:-1]))))
     radius = fit.estimate(0)
     if not radius.value > 0.0:
         raise EstimatorError('the reference moves opposite to the wheels')

@@ -43,7 +43,8 @@ from smart_tire.calibration.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
 from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import normal_loads
-from smart_tire.numerics.least_squares import Fit, HAC_TIME, nonlinear_fit, Prior
+from smart_tire.numerics.least_squares import (
+    anticorrelated, Errors, Fit, HAC_TIME, nonlinear_fit, Prior)
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import GRAVITY
@@ -323,8 +324,8 @@ def _fit(motions: Sequence[_Motion], robot: RobotParams, latency_sigma: float) -
     fit = nonlinear_fit(
         residual, start, prior,
         lambda values: np.concatenate([one.sigma(*own) for one, *own in split(values)]),
-        lags=math.ceil(HAC_TIME / step), jacobian=jacobian,
-        contiguous=np.concatenate([motion.contiguous() for motion in motions]))
+        Errors(math.ceil(HAC_TIME / step), anticorrelated(
+            np.concatenate([motion.contiguous() for motion in motions]))), jacobian=jacobian)
     residual_share = float(np.median(fit.row_sigma)) / step
     if residual_share > MAX_RESIDUAL:
         raise EstimatorError(

@@ -39,7 +39,7 @@ from smart_tire.calibration.recording import Mask, Recording, Signal
 from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
 from smart_tire.calibration.results import Found, MAX_STANDARD_ERROR
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.least_squares import Prior, regression, Rows
+from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.numerics.robust import mad_sigma
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
@@ -167,8 +167,8 @@ def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn]
     selected = np.any([_near(turn, rows.time) for turn in turns], axis=0)
     if selected.sum() < 2 * len(prior.mean):
         raise EstimatorError(f'{int(selected.sum())} intervals in turns')
-    lags, rows = rows.lags(CORRELATION_TIME), rows.where(selected)
-    fit = regression(rows, prior, lags=lags)
+    errors, rows = Errors(rows.lags(CORRELATION_TIME)), rows.where(selected)
+    fit = regression(rows, prior, errors)
     estimate, regressor = fit.estimate(0), rows.matrix[:, 0]
     response = rows.target - rows.matrix[:, 1:] @ fit.values[1:]
     time, value, sigma = _per_turn(turns, rows.time, regressor, response, fit.row_sigma)

@@ -20,8 +20,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from smart_tire.calibration.recording import Signal
 from smart_tire.errors import EstimatorError
+from smart_tire.numerics.delay import fit_delay
 from smart_tire.numerics.least_squares import (
-    fit_delay, nonlinear_fit, Prior, regression, Rows, sandwich_covariance)
+    anticorrelated, Errors, nonlinear_fit, Prior, regression, Rows, sandwich_covariance)
 
 pytestmark = pytest.mark.slow
 
@@ -64,12 +65,6 @@ def test_errors_agree_with_the_reported_standard_errors(options):
     for errors in (delays, slopes):
         assert 0.7 < np.sqrt(np.mean(errors ** 2)) < 1.4
         assert abs(errors.mean()) < 0.6
-
-
-@pytest.mark.parametrize('correlation', [0.0, 0.5, 0.9])
-def test_the_correlation_of_the_noise_is_estimated(correlation):
-    fit = fit_delay(*echo(1, correlation=correlation), DELAYS)
-    assert fit.correlation == pytest.approx(correlation, abs=0.08)
 
 
 def test_the_delay_of_a_periodic_signal_is_ambiguous():
@@ -132,6 +127,6 @@ def test_displacements_between_noisy_poses_are_as_good_as_the_poses():
         length = rng.uniform(0.5, 1.5, 100) * np.where(np.arange(100) % 20 < 10, 1.0, -1.0)
         noise = np.diff(0.1 * rng.standard_normal(101))
         fit = regression(Rows(np.arange(100.0), length[:, None], length + noise, np.zeros(100)),
-                         Prior.of(None), contiguous=contiguous)
+                         Prior.of(None), Errors(correlation=anticorrelated(contiguous)))
         errors.append(fit.values[0] - 1.0)
     assert np.sqrt(np.mean(np.square(errors))) < 0.7 * 0.1 * math.sqrt(2.0 / 100.0)

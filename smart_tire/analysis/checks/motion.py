@@ -33,7 +33,7 @@ from smart_tire.calibration.latency import (
 from smart_tire.calibration.recording import side_slip, Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding
-from smart_tire.numerics.least_squares import Prior, regression, Rows
+from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 SIGMAS = 3.0              # standard errors beyond which a value is a contradiction
@@ -185,7 +185,7 @@ def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
                               -W ** 2, np.ones(len(W))])
     rows = Rows(data.time, matrix, data.lateral, np.zeros(len(W)))
     fit = regression(rows, Prior.of(None, (TURN_SLIP, TURN_SLIP), None, None, None),
-                     lags=rows.lags(CORRELATION_TIME))
+                     Errors(rows.lags(CORRELATION_TIME)))
     radius = fit.estimate(RADIUS)
     return LateralFit(
         Uncertain(radius.value, math.hypot(radius.sigma, PITCHING_ERROR * radius.value)),
