@@ -8,21 +8,13 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""
-Messages without ROS: definitions, hashes, empty messages, CDR, and samples from and to it.
-
-The decoder caches the byte layout per topic, five times as fast as rosbags. Consecutive messages
-of a topic differ in their numbers only: strings and array lengths repeat. rosbags decodes the
-first message, which gives the position of every number. Messages of the same layout are then
-decoded by one ``struct``, which also checks that strings and lengths are equal.
-"""
+"""Messages without ROS: definitions, hashes, empty messages, CDR, samples from and to it."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache, partial
-from operator import itemgetter
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -40,13 +32,8 @@ from smart_tire.recording import Faults
 from smart_tire.samples import Sample, WheelSample
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
-STRUCT_CODES = {
-    'bool': '?', 'byte': 'B', 'char': 'B', 'octet': 'B', 'int8': 'b', 'uint8': 'B', 'int16': 'h',
-    'uint16': 'H', 'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f',
-    'float64': 'd'}
 BIG_ENDIAN, LITTLE_ENDIAN = b'\x00\x00', b'\x00\x01'  # representation identifiers of plain CDR
-HEADER_SIZE = 4   # bytes of the encapsulation header; alignment counts from its end
-MAX_LAYOUTS = 64  # cached layouts; a topic needs one per wheel
+HEADER_SIZE = 4  # bytes of the encapsulation header; alignment counts from its end
 
 
 @cache
@@ -126,117 +113,26 @@ class Decoder:
     def __init__(self, type_name: str) -> None:
         self._type = type_name
         self._msgdef = typestore().get_msgdef(type_name)
-        self._layouts: dict[int, list[_Layout]] = {}
-        self._count = 0
+        self._readers = {BIG_ENDIAN: self._msgdef.deserialize_cdr_be,
+                         LITTLE_ENDIAN: self._msgdef.deserialize_cdr_le}
 
     def __call__(self, data: bytes) -> Any:
         """
-        Return the message in ``data``, valid until the next call.
+        Return the message in ``data``; raise MessageError if it is not one of this type.
 
-        Trailing bytes, which rmw_fastrtps may append, are ignored. Raises MessageError if ``data``
-        is not a message of this type.
+        Trailing bytes, which rmw_fastrtps may append, are ignored: the functions of rosbags for
+        whole messages do not.
         """
-        for layout in self._layouts.get(len(data), ()):
-            if (msg := layout.read(data)) is not None:
-                return msg
-        return self._add_layout(data)
-
-    def _add_layout(self, data: bytes) -> Any:
-        if data[:2] not in (BIG_ENDIAN, LITTLE_ENDIAN):
+        read = self._readers.get(data[:2])
+        if read is None:
             raise MessageError(f'{self._type}: begins with {data[:4].hex(" ")}, '
                                'expected 00 00 or 00 01 (plain CDR)')
-        read = (self._msgdef.deserialize_cdr_le if data[:2] == LITTLE_ENDIAN
-                else self._msgdef.deserialize_cdr_be)
         try:
             msg, _ = read(data[HEADER_SIZE:], 0, self._msgdef.cls, typestore())
         except (SerdeError, struct.error, ValueError, IndexError) as error:
             raise MessageError(f'{self._type}: {len(data)} bytes cannot be decoded '
                                f'({error})') from error
-        if self._count == MAX_LAYOUTS:
-            self._layouts.clear()
-            self._count = 0
-        layout = _Layout(self._msgdef.fields, msg, data)
-        self._layouts.setdefault(len(data), []).append(layout)
-        self._count += 1
-        return layout.read(data)
-
-
-class _Layout:
-    """Positions of the numbers in messages with the same strings and array lengths."""
-
-    def __init__(self, fields: Iterable[Any], msg: Any, data: bytes) -> None:
-        self._msg = msg
-        self._format = ['<' if data[:2] == LITTLE_ENDIAN else '>', '2s2x']
-        self._offset = HEADER_SIZE
-        self._value_count = 1         # values in the format so far
-        self._constant_indices = [0]  # of the values that must not change
-        # Object, attribute and index of each value that may change.
-        self._assignments: list[tuple[Any, str, int | slice]] = []
-        self._add_fields(fields, msg)
-        self._unpack = struct.Struct(''.join(self._format)).unpack_from
-        self._pick_constants = itemgetter(*self._constant_indices)
-        self._expected = self._pick_constants(self._unpack(data))
-
-    def read(self, data: bytes) -> Any:
-        """Return the message in ``data``; None if it has another layout."""
-        values = self._unpack(data)
-        if self._pick_constants(values) != self._expected:
-            return None
-        for owner, name, index in self._assignments:
-            setattr(owner, name, values[index])
-        return self._msg
-
-    def _add_fields(self, fields: Iterable[Any], owner: Any) -> None:
-        for name, (node, detail) in fields:
-            value = getattr(owner, name)
-            if node == Nodetype.NAME:
-                self._add_fields(typestore().get_msgdef(detail).fields, value)
-            elif node == Nodetype.BASE and detail[0] == 'string':
-                self._add_string(value)
-            elif node == Nodetype.BASE:
-                self._add_numbers(detail[0], 1)
-                self._assignments.append((owner, name, self._value_count - 1))
-            else:
-                self._add_list(owner, name, detail[0], fixed=node == Nodetype.ARRAY)
-
-    def _add_list(self, owner: Any, name: str, item: Any, *, fixed: bool) -> None:
-        values = getattr(owner, name)
-        if not fixed:
-            self._add_constant('I', 4)
-        if item[0] == Nodetype.NAME:
-            for value in values:
-                self._add_fields(typestore().get_msgdef(item[1]).fields, value)
-        elif item[1][0] == 'string':
-            for value in values:
-                self._add_string(value)
-        elif len(values):
-            self._add_numbers(item[1][0], len(values))
-            end = self._value_count
-            self._assignments.append((owner, name, slice(end - len(values), end)))
-
-    def _add_string(self, value: str) -> None:
-        self._add_constant('I', 4)
-        size = len(value.encode()) + 1  # with the terminating zero
-        self._add_constant(f'{size}s', 1, size)
-
-    def _add_constant(self, code: str, align: int, size: int = 0) -> None:
-        self._pad(align)
-        self._constant_indices.append(self._value_count)
-        self._format.append(code)
-        self._value_count += 1
-        self._offset += size or align
-
-    def _add_numbers(self, kind: str, count: int) -> None:
-        size = struct.calcsize('<' + STRUCT_CODES[kind])
-        self._pad(size)
-        self._format.append(f'{count}{STRUCT_CODES[kind]}')
-        self._value_count += count
-        self._offset += count * size
-
-    def _pad(self, align: int) -> None:
-        pad = (HEADER_SIZE - self._offset) % align
-        self._format.append(f'{pad}x')
-        self._offset += pad
+        return msg
 
 
 class SampleDecoder:
