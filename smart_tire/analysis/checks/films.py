@@ -21,27 +21,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.arrays import Array
 from smart_tire.findings import Finding, Level
 from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S, WHEELS
-
-MIN_SAMPLES = 100
-REST_TOLERANCE = 0.1        # V
-CLIPPED_SHARE, MOSTLY_CLIPPED = 0.01, 0.1  # of the samples; a crossing is an eighth of them
-RAIL_SHARE = 0.5            # of the samples at a rail of a broken film
-MIN_REVOLUTIONS = 3.0       # for the checks of crossings
-DEAD_SIGMAS = 4.0           # spread of the signal of a rolling wheel, in standard deviations
-MIN_CROSSING_SIGMAS, MIN_CROSSING = 10.0, 0.1  # of the noise; V
-MIN_CROSSING_SHARE = 0.5    # of the revolutions that a film crosses the patch
-QUIET_TIME_SHARE = 0.2      # of a mean revolution, that separates two crossings
-MIN_ROLLING = 0.2           # rad/s
-DISTANCE_STEP = 0.002       # m, of the signal over rolled distance
-MIN_RUN = 1.2               # revolutions in one direction without a gap
-MAX_GAP = 0.1               # s between samples of a run
-MIN_CORRELATION = 0.5       # of both films, at the best shift
-LOW_BATTERY = 3.3           # V; a lithium-ion cell is nearly empty
 
 
 def check_voltages(recording: CheckedRecording) -> Iterator[Finding]:
@@ -52,13 +37,14 @@ def check_voltages(recording: CheckedRecording) -> Iterator[Finding]:
         for where, volts in _films(stream):
             share = float(((volts <= margin) | (volts >= film.voltage_range - margin)).mean())
             rest = float(np.median(volts))
-            if share > RAIL_SHARE:
+            if share > 0.5:  # most samples of a broken film
                 yield finding('film_at_rail', where, share=share, rest=film.rest_voltage)
                 continue
-            if share > CLIPPED_SHARE:
-                yield finding('film_clipped', where, Level.WARNING if share > MOSTLY_CLIPPED
-                              else None, share=share, range=film.voltage_range)
-            if abs(rest - film.rest_voltage) > REST_TOLERANCE:
+            if share > limits.CLIPPED_SHARE:
+                yield finding('film_clipped', where,
+                              Level.WARNING if share > limits.MOSTLY_CLIPPED else None,
+                              share=share, range=film.voltage_range)
+            if abs(rest - film.rest_voltage) > limits.REST_TOLERANCE:
                 yield finding('film_rest', where, rest=rest, configured=film.rest_voltage)
 
 
@@ -74,22 +60,24 @@ def check_crossings(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in _streams(recording):
         angle = _angles(recording, stream)
         revolutions = float(np.nansum(np.abs(np.diff(angle)))) / (2.0 * np.pi)
-        rolling = np.abs(np.gradient(angle, stream.ordered.stamp_ns / NS_PER_S)) > MIN_ROLLING
-        if revolutions < MIN_REVOLUTIONS or rolling.sum() < MIN_SAMPLES:
+        speed = np.gradient(angle, stream.ordered.stamp_ns / NS_PER_S)
+        rolling = np.abs(speed) > limits.MIN_SPEED
+        if revolutions < limits.MIN_REVOLUTIONS or rolling.sum() < limits.MIN_READINGS:
             continue
         for where, volts in _films(stream):
             spread = float(np.std(volts[rolling]))
-            crossings = _crossings(volts, sigma, QUIET_TIME_SHARE / revolutions)
-            if spread < DEAD_SIGMAS * sigma:
+            crossings = _crossings(volts, sigma, limits.QUIET_TIME_SHARE / revolutions)
+            if spread < limits.DEAD_SIGMAS * sigma:
                 yield finding('film_dead', where, revolutions=revolutions, spread=1e3 * spread)
-            elif crossings < MIN_CROSSING_SHARE * revolutions:
+            elif crossings < 0.5 * revolutions:
                 yield finding('film_crossings', where, crossings=crossings,
                               revolutions=revolutions)
 
 
 def _crossings(volts: Array, sigma: float, quiet_share: float) -> int:
     """Return the number of times the signal leaves its rest, apart by a share of all samples."""
-    active = np.abs(volts - np.median(volts)) > max(MIN_CROSSING, MIN_CROSSING_SIGMAS * sigma)
+    active = np.abs(volts - np.median(volts)) > max(
+        limits.MIN_CROSSING, limits.MIN_CROSSING_SIGMAS * sigma)
     edges = np.flatnonzero(active)
     return int((np.diff(edges) > int(quiet_share * len(volts))).sum()) + bool(len(edges))
 
@@ -102,7 +90,7 @@ def check_order(recording: CheckedRecording) -> Iterator[Finding]:
         if film.count != 2 or stream.values.shape[1] != 2:
             continue
         shift = _shift(stream.ordered.values, radius * _angles(recording, stream),
-                       stream.ordered.stamp_ns / NS_PER_S, 2.0 * np.pi * radius)
+                       stream.ordered.stamp_ns / NS_PER_S, 2.0 * np.pi * radius, 0.1 * film.length)
         if shift is not None and abs(shift - spacing) > 0.5 * spacing:
             swapped = abs(shift + spacing) < 0.5 * spacing
             yield finding('films_swapped' if swapped else 'film_spacing',
@@ -110,14 +98,19 @@ def check_order(recording: CheckedRecording) -> Iterator[Finding]:
                           shift=1e3 * shift, lead=-1e3 * shift, spacing=1e3 * spacing)
 
 
-def _shift(volts: Array, distance: Array, time: Array, circumference: float) -> float | None:
-    """Return the rolled distance [m] by which film 2 follows film 1; None if it is not clear."""
-    half = int(0.5 * circumference / DISTANCE_STEP)
+def _shift(volts: Array, distance: Array, time: Array, circumference: float,
+           step: float) -> float | None:
+    """
+    Return the rolled distance [m] by which film 2 follows film 1; None if it is not clear.
+
+    ``step`` [m] is its resolution.
+    """
+    half = int(0.5 * circumference / step)
     total, power = np.zeros(2 * half + 1), np.zeros(2)
-    for first, last in _runs(distance, time, MIN_RUN * circumference):
+    for first, last in _runs(distance, time, limits.MIN_RUN * circumference):
         order = slice(first, last) if distance[last - 1] > distance[first] else slice(
             last - 1, first - 1 if first else None, -1)
-        grid = np.arange(distance[order][0], distance[order][-1], DISTANCE_STEP)
+        grid = np.arange(distance[order][0], distance[order][-1], step)
         one, two = (np.interp(grid, distance[order], film) for film in volts[order].T)
         one, two = one - np.median(one), two - np.median(two)
         size = 1 << (2 * len(grid)).bit_length()
@@ -125,15 +118,15 @@ def _shift(volts: Array, distance: Array, time: Array, circumference: float) -> 
         total += np.concatenate([product[-half:], product[:half + 1]])
         power += np.sum(one ** 2), np.sum(two ** 2)
     best = int(np.argmax(total))
-    if not power.all() or total[best] < MIN_CORRELATION * np.sqrt(power[0] * power[1]):
+    if not power.all() or total[best] < limits.MIN_CORRELATION * np.sqrt(power[0] * power[1]):
         return None
-    return (best - half) * DISTANCE_STEP
+    return (best - half) * step
 
 
 def _runs(distance: Array, time: Array, length: float) -> Iterator[tuple[int, int]]:
     """Yield first and last + 1 of samples that roll one way, at least ``length`` [m]."""
     steps = np.diff(distance)
-    state = np.where(np.isnan(steps) | (np.diff(time) > MAX_GAP), 0.0, np.sign(steps))
+    state = np.where(np.isnan(steps) | (np.diff(time) > limits.MAX_FILM_GAP), 0.0, np.sign(steps))
     edges = np.flatnonzero(np.diff(state)) + 1
     bounds = [0, *edges.tolist(), len(state)]
     for begin, end in zip(bounds, bounds[1:]):
@@ -145,22 +138,21 @@ def check_battery(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield sensor nodes with a low battery."""
     for stream in recording.of('tire_battery'):
         volts = float(np.median(stream.ordered.values[-10:]))
-        if volts < LOW_BATTERY:
-            yield finding('battery', stream.name, volts=volts, limit=LOW_BATTERY)
+        if volts < limits.LOW_BATTERY:
+            yield finding('battery', stream.name, volts=volts, limit=limits.LOW_BATTERY)
 
 
 def _streams(recording: CheckedRecording) -> list[Stream]:
     return [stream for stream in recording.of('tire_samples')
-            if len(stream.ordered) >= MIN_SAMPLES]
+            if len(stream.ordered) >= limits.MIN_READINGS]
 
 
 def _angles(recording: CheckedRecording, stream: Stream) -> Array:
     """Return the angle [rad] of the wheel at each film sample, NaN outside the wheel samples."""
     time = stream.ordered.stamp_ns / NS_PER_S
-    wheels, index = recording.wheels, WHEELS.index(stream.wheel)
-    if wheels is None or len(wheels.ordered) < 2:
+    wheels, index = recording.wheels.ordered, WHEELS.index(stream.wheel)
+    if len(wheels) < 2:
         return np.full(len(time), np.nan)
-    wheels = wheels.ordered
     stamps, position = wheels.stamp_ns, wheels['position'][:, index]
     if np.isnan(position).any():
         steps = np.diff(stamps) / NS_PER_S

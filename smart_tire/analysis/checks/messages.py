@@ -21,7 +21,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
+from smart_tire.analysis.summary import MIN_GAP_PERIODS, stream_stats
 from smart_tire.arrays import Array
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import counted, Finding, Level
@@ -32,25 +34,6 @@ from smart_tire.samples import NS_PER_S
 
 NEEDED_FOR = {'imu/data': 'odom and wheel_slip', 'wheel_states': 'all estimates',
               'tire_samples': 'tire_friction'}
-MAX_REJECTED_SHARE = 0.01    # of the messages of a topic; above, it is an error
-MIN_RATE = {'imu/data': 20.0, 'wheel_states': 4.0}  # Hz; docs/topics.md
-MIN_MESSAGES = 10
-RATE_TOLERANCE = 0.2         # relative, from the nominal rate; beyond, it is worth a line
-FILM_RATE_TOLERANCE = 0.02   # relative, from film.sample_rate
-MAX_GAP = {'imu/data': 0.1, 'wheel_states': 0.5}  # s; longer ones are bridged by prediction
-MIN_GAP_PERIODS = 3.5        # median periods
-BATCH_GAP_PERIODS = 1.5      # median periods between film samples: a radio batch is missing
-MAX_LOST_SHARE = 0.05        # of the film samples: one crossing in twenty is incomplete
-MAX_JITTER = 0.3             # standard deviation of the period over the period
-MAX_DELAY = 0.5              # s, from timestamp to reception
-MAX_LEAD = 0.05              # s, of a timestamp before reception: clocks differ
-MAX_CLOCK_DIFFERENCE = 0.5   # s, between the median delays of two inputs
-MAX_DRIFT = 200e-6           # s/s; crystals differ by up to 100e-6
-MIN_DRIFT_CHANGE = 0.010     # s, over the recording
-MIN_DRIFT_TIME = 20.0        # s
-DRIFT_BLOCKS = 20            # whose smallest delays give the drift
-SIGMAS = 3.0                 # standard errors
-MAX_HELD_SHARE = 0.05        # of samples equal to the previous one: more is not chance
 
 
 def check_topics(recording: CheckedRecording) -> Iterator[Finding]:
@@ -76,7 +59,7 @@ def check_rejected(recording: CheckedRecording) -> Iterator[Finding]:
     for topic, count in recording.faults.rejected.items():
         total = count + sum(map(len, recording.of(topic)))
         yield finding('rejected', topic,
-                      Level.ERROR if count > MAX_REJECTED_SHARE * total else None,
+                      Level.ERROR if count > limits.MAX_REJECTED_SHARE * total else None,
                       count=count, total=total,
                       reason=recording.faults.reasons[topic].removeprefix(f'{topic}: '))
 
@@ -111,9 +94,9 @@ def check_film_wheels(recording: CheckedRecording) -> Iterator[Finding]:
 def check_columns(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield that no torques or positions were recorded: slip is then less accurate."""
     wheels = recording.wheels
-    if wheels is not None and np.isnan(wheels['effort']).all():
+    if len(wheels) and np.isnan(wheels['effort']).all():
         yield finding('no_torques', wheels.name)
-    if wheels is not None and np.isnan(wheels['position']).any():
+    if len(wheels) and np.isnan(wheels['position']).any():
         yield finding('no_positions', wheels.name)
 
 
@@ -122,11 +105,11 @@ def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in _regular(recording):
         rate, films = 1.0 / stream.period, stream.topic == 'tire_samples'
         nominal = recording.robot.film.sample_rate if films else TOPICS[stream.topic].rate
-        least = MIN_RATE.get(stream.topic, 0.0)
+        least = limits.MIN_RATE.get(stream.topic, 0.0)
         deviation = abs(rate / nominal - 1.0)
-        kind = ('film_rate' if films and deviation > FILM_RATE_TOLERANCE else
+        kind = ('film_rate' if films and deviation > limits.FILM_RATE_TOLERANCE else
                 'low_rate' if rate < 0.9 * least else
-                'other_rate' if deviation > RATE_TOLERANCE else 'rate')
+                'other_rate' if deviation > limits.RATE_TOLERANCE else 'rate')
         yield finding(kind, stream.name, rate=rate, nominal=nominal, least=least,
                       count=len(stream))
 
@@ -135,23 +118,20 @@ def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield gaps between timestamps; in film samples these are lost radio batches."""
     for stream in _regular(recording):
         stamps = stream.ordered.stamp_ns
-        steps = np.diff(stamps) / NS_PER_S
-        films = stream.topic == 'tire_samples'
-        limit = MAX_GAP.get(stream.topic, 0.0)
-        long = steps > (BATCH_GAP_PERIODS * stream.period if films else max(
-            limit, MIN_GAP_PERIODS * stream.period))
-        if not long.any():
+        if stream.topic == 'tire_samples':
+            found = stream_stats(stamps)
+            share, limit = found.missing / (found.missing + len(stream)), limits.MAX_MISSED_SHARE
+            if found.gaps:
+                yield finding('many_lost_batches' if share > limit else 'lost_batches',
+                              stream.name, share=share, count=counted(found.gaps, 'gap'),
+                              limit=limit)
             continue
-        count = counted(int(long.sum()), 'gap')
-        if films:
-            missing = float(np.sum(np.rint(steps[long] / stream.period) - 1.0))
-            share = missing / (missing + len(stream))
-            yield finding('many_lost_batches' if share > MAX_LOST_SHARE else 'lost_batches',
-                          stream.name, share=share, count=count, limit=MAX_LOST_SHARE)
-        else:
-            first = (stamps[:-1][long][0] - recording.origin_ns) / NS_PER_S
-            yield finding('gap', stream.name, count=count, longest=steps.max(), first=first,
-                          limit=limit)
+        limit, steps = 2.0 / limits.MIN_RATE[stream.topic], np.diff(stamps) / NS_PER_S
+        long = steps > max(limit, MIN_GAP_PERIODS * stream.period)
+        if long.any():
+            yield finding('gap', stream.name, count=counted(int(long.sum()), 'gap'), limit=limit,
+                          longest=steps.max(),
+                          first=(stamps[:-1][long][0] - recording.origin_ns) / NS_PER_S)
 
 
 def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
@@ -174,8 +154,8 @@ def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
     for stream in _regular(recording):
         steps = np.diff(stream.ordered.stamp_ns) / NS_PER_S
         jitter = MAD_TO_SIGMA * float(np.median(np.abs(steps - stream.period))) / stream.period
-        if jitter > MAX_JITTER:
-            yield finding('jitter', stream.name, jitter=jitter, limit=MAX_JITTER)
+        if jitter > limits.MAX_JITTER:
+            yield finding('jitter', stream.name, jitter=jitter, limit=limits.MAX_JITTER)
 
 
 def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
@@ -183,10 +163,10 @@ def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
     medians: dict[str, float] = {}
     for stream in _stamped(recording):
         delay = medians[stream.name] = float(np.median(_delays(stream)))
-        if not -MAX_LEAD <= delay <= MAX_DELAY:
+        if not -limits.MAX_LEAD <= delay <= limits.MAX_DELAY:
             yield finding('stamp_ahead' if delay < 0.0 else 'stamp_behind', stream.name,
-                          lead=-delay, delay=delay, limit=MAX_DELAY)
-    if medians and max(medians.values()) - min(medians.values()) > MAX_CLOCK_DIFFERENCE:
+                          lead=-delay, delay=delay, limit=limits.MAX_DELAY)
+    if medians and max(medians.values()) - min(medians.values()) > limits.MAX_DELAY:
         late, early = max(medians, key=medians.__getitem__), min(medians, key=medians.__getitem__)
         yield finding('clocks_differ', late, difference=medians[late] - medians[early],
                       other=early)
@@ -195,47 +175,48 @@ def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
 def check_drift(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield clocks of timestamps that drift against the clock of the recorder."""
     for stream in _stamped(recording):
-        drift = _drift(stream)
-        if drift is not None and abs(drift[0]) > max(MAX_DRIFT, SIGMAS * drift[1]) and (
-                abs(drift[0]) * drift[2] > MIN_DRIFT_CHANGE):
-            yield finding('drift', stream.name, drift=drift[0] * 1e6, sigma=drift[1] * 1e6,
-                          limit=MAX_DRIFT * 1e6)
+        span = float(np.ptp(stream.receive_ns)) / NS_PER_S
+        if (found := _drift(stream)) is None:
+            continue
+        drift, sigma = found
+        if abs(drift) > max(limits.MAX_DRIFT, limits.SIGMAS * sigma,
+                            limits.MIN_DRIFT_CHANGE / span):
+            yield finding('drift', stream.name, drift=drift * 1e6, sigma=sigma * 1e6,
+                          limit=limits.MAX_DRIFT * 1e6)
 
 
 def check_held(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield IMU samples that repeat the previous one."""
     imu = recording.imu
-    if imu is None or len(imu.ordered) < MIN_MESSAGES:
+    if len(imu.ordered) < limits.MIN_READINGS:
         return
     share = float((np.diff(imu.ordered.values[:, :6], axis=0) == 0.0).all(axis=1).mean())
-    if share > MAX_HELD_SHARE:
+    if share > limits.MAX_MISSED_SHARE:
         yield finding('held', imu.name, share=share, rate=(1.0 - share) / imu.period)
 
 
-def _drift(stream: Stream) -> tuple[float, float, float] | None:
-    """Return drift of the timestamps [s/s], standard error and time span [s]."""
+def _drift(stream: Stream) -> tuple[float, float] | None:
+    """Return drift of the timestamps [s/s] and its standard error; None if not observable."""
     time = (stream.receive_ns - stream.receive_ns[0]) / NS_PER_S
     span = float(time[-1])
-    if span < MIN_DRIFT_TIME:
+    blocks = np.minimum(time / max(span, 1e-9) * limits.DRIFT_BLOCKS, limits.DRIFT_BLOCKS - 1)
+    used, block = np.unique(blocks.astype(int), return_inverse=True)
+    if len(used) < 3:
         return None
-    delay, block = _delays(stream), np.minimum(
-        (time / span * DRIFT_BLOCKS).astype(int), DRIFT_BLOCKS - 1)
-    used = [index for index in range(DRIFT_BLOCKS) if (block == index).any()]
-    lowest = np.array([delay[block == index].min() for index in used])
-    center = (np.array(used) + 0.5) * span / DRIFT_BLOCKS
+    lowest = np.full(len(used), np.inf)
+    np.minimum.at(lowest, block, _delays(stream))
+    center = (used + 0.5) * span / limits.DRIFT_BLOCKS
     i, j = np.triu_indices(len(used), 1)
-    if not len(i):
-        return None
     slope = float(np.median((lowest[j] - lowest[i]) / (center[j] - center[i])))  # Theil and Sen
     residual = lowest - np.median(lowest - slope * center) - slope * center
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(residual)))
     spread = float(np.sqrt(np.sum((center - center.mean()) ** 2)))
-    return -slope, sigma / spread, span
+    return -slope, sigma / spread
 
 
 def _regular(recording: CheckedRecording) -> list[Stream]:
     return [stream for topic in INPUTS for stream in recording.of(topic)
-            if len(stream.ordered) >= MIN_MESSAGES]
+            if len(stream.ordered) >= limits.MIN_READINGS]
 
 
 def _stamped(recording: CheckedRecording) -> list[Stream]:

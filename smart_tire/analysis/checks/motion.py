@@ -25,6 +25,7 @@ import math
 
 import numpy as np
 
+from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.analysis.checks.sensors import SPEED_UNITS, unit_of
 from smart_tire.arrays import Array
@@ -36,25 +37,8 @@ from smart_tire.findings import Finding
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.uncertain import Uncertain, weighted_mean
 
-SIGMAS = 3.0              # standard errors beyond which a value is a contradiction
-MIN_DIFFERENCE = 0.1      # relative, of a parameter that is reported
-MAX_SLIP = 0.3            # slip on soft ground: the body is slower than its wheels, not faster
-MAX_FITTING_SIGMA = 0.15  # relative standard error of a radius that supports the configured one
-MIN_SIGNAL = 0.1          # m/s2 or m/s per s, rms: what 0.6 degrees of slope mimic
-MIN_VARIATION = 0.3       # standard deviation over rms of a wheel difference that shows a delay
-MAX_SIGMA = 0.3           # relative standard error above which a value says nothing
-MIN_YAW_RATE = 0.1        # rad/s rms of a recording with turns
-MIN_CORRELATION = 0.5     # of yaw rate and wheel difference, in magnitude, to see their sign
-MIN_FOLLOWING = 0.95      # correlation of both that shows a delay; 0.99 on land, 0.86 on ice
-MIN_TRACK_RATIO, MAX_TRACK_RATIO = 0.9, 4.0  # effective over geometric track: skid-steer 1 to 3
 DEGREES = 180.0 / math.pi
-DEGREE_RATIO = 12.0       # yaw rate over that of the wheels; 57 / 4 with the largest track
-MIN_LATENCY_ERROR = 0.03  # s; half a period of wheel_states at 16 Hz
-MIN_LEVER_ERROR = 0.1     # m
-MAX_LEVER_SIGMA = 0.1     # m; larger in steady turns, where radius and lever are not separable
-CORRELATION_TIME = 2.0    # s over which slip is correlated
 RADIUS, SLIP, LEVER_X, LEVER_Y, BIAS = range(5)  # columns of the lateral fit
-UNIT_TOLERANCE = 0.4      # relative, of a radius ratio that names a unit of the wheel speeds: slip
 
 
 @dataclass(frozen=True)
@@ -77,11 +61,11 @@ def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
                       'record a drive with turns, starts and stops')
         return
     yaw, difference = intervals.yaw_rate, intervals.difference
-    if float(np.sqrt(np.mean(yaw ** 2))) < MIN_YAW_RATE:
+    if float(np.sqrt(np.mean(yaw ** 2))) < limits.MIN_YAW_RATE:
         return
     if float(np.abs(difference).max()) < 1e-6:
         yield finding('sides_equal', 'wheel_states')
-    elif float(np.corrcoef(yaw, difference)[0, 1]) < -MIN_CORRELATION:
+    elif float(np.corrcoef(yaw, difference)[0, 1]) < -limits.MIN_CORRELATION:
         # gyro or wheels are reversed: the lateral force is the third witness
         turning = float(np.sum(intervals.lateral * yaw * intervals.mean))
         yield (finding('sides_swapped', 'wheel_states') if turning > 0.0
@@ -91,19 +75,19 @@ def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
 def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a gyro in degrees per second, or an effective track that no robot has."""
     fit, robot = recording.yaw_rate_fit, recording.robot
-    if fit is None or fit.slope.sigma > MAX_SIGMA * fit.slope.value:
+    if fit is None or fit.slope.sigma > limits.MAX_SIGMA * fit.slope.value:
         return
     geometric = robot.track_width / robot.wheel_radius
     ratio = geometric / fit.slope.value  # yaw rate over that of the wheels without slip
-    if ratio > DEGREE_RATIO:
+    if ratio > math.sqrt(DEGREES):  # nearer to degrees than to radians
         yield finding('gyro_degrees', 'imu/data', ratio=ratio, degrees=DEGREES)
         return
-    share, error = 1.0 / ratio, SIGMAS * fit.slope.sigma / geometric
-    outside = share + error < MIN_TRACK_RATIO or share - error > MAX_TRACK_RATIO
+    share, error = 1.0 / ratio, limits.SIGMAS * fit.slope.sigma / geometric
+    outside = share + error < limits.MIN_TRACK_RATIO or share - error > limits.MAX_TRACK_RATIO
     yield finding('track_outside' if outside else 'track', 'track_width',
                   track=share * robot.track_width, sigma=robot.wheel_radius * fit.slope.sigma,
                   radius=robot.wheel_radius, share=share, width=robot.track_width,
-                  least=MIN_TRACK_RATIO, most=MAX_TRACK_RATIO)
+                  least=limits.MIN_TRACK_RATIO, most=limits.MAX_TRACK_RATIO)
 
 
 def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
@@ -116,16 +100,16 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
         return
     value, sigma = weighted_mean(found)  # the scatter includes what neither of them models
     error = value - robot.wheel_radius
-    slip = MAX_SLIP * robot.wheel_radius if error < 0.0 else 0.0
-    if abs(error) <= max(SIGMAS * sigma, MIN_DIFFERENCE * robot.wheel_radius) + slip:
-        if abs(error) - slip < sigma < MAX_FITTING_SIGMA * abs(value):
+    slip = limits.MAX_SLIP * robot.wheel_radius if error < 0.0 else 0.0
+    if abs(error) <= max(limits.SIGMAS * sigma, limits.TOLERANCE * robot.wheel_radius) + slip:
+        if abs(error) - slip < sigma < 0.5 * limits.MAX_SIGMA * abs(value):
             yield finding('radius_fits', 'wheel_radius', radius=robot.wheel_radius, value=value,
                           sigma=sigma)
         return
     if value < 0.0:
         yield finding('forward_sign', 'imu/data')
         return
-    unit = unit_of(robot.wheel_radius / value, SPEED_UNITS, UNIT_TOLERANCE)
+    unit = unit_of(robot.wheel_radius / value, SPEED_UNITS, limits.UNIT_TOLERANCE)
     yield finding('radius', 'wheel_radius', value=value, sigma=sigma, radius=robot.wheel_radius,
                   convert=f', or convert the wheel speeds from {unit} to rad/s' if unit else '')
 
@@ -133,13 +117,13 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
 def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps of the wheels that are later or earlier than configured."""
     fit, robot = recording.yaw_rate_fit, recording.robot
-    if fit is None or float(np.std(fit.wheel_difference)) < MIN_VARIATION * float(
+    if fit is None or float(np.std(fit.wheel_difference)) < limits.MIN_VARIATION * float(
             np.sqrt(np.mean(fit.wheel_difference ** 2))) or (
-            np.corrcoef(fit.yaw_rate, fit.wheel_difference)[0, 1] < MIN_FOLLOWING):
+            np.corrcoef(fit.yaw_rate, fit.wheel_difference)[0, 1] < limits.MIN_FOLLOWING):
         return
     error = fit.latency.value - robot.encoder.latency
     lag = _turning_lag(recording) if error < 0.0 else 0.0
-    if abs(error) > max(SIGMAS * fit.latency.sigma, MIN_LATENCY_ERROR) + lag:
+    if abs(error) > max(limits.SIGMAS * fit.latency.sigma, limits.MIN_LATENCY_ERROR) + lag:
         yield finding('latency', 'encoder.latency', value=fit.latency.value,
                       sigma=fit.latency.sigma, configured=robot.encoder.latency)
 
@@ -164,12 +148,12 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
     robot, fit = recording.robot, lateral_fit(recording)
     if fit is None:
         return
-    tolerance_x = max(MIN_LEVER_ERROR, 0.5 * robot.wheelbase)  # of the center of rotation
+    tolerance_x = max(limits.MAX_LEVER_ERROR, 0.5 * robot.wheelbase)  # of the center of rotation
     for axis, lever, tolerance in ((0, fit.lever_x, tolerance_x),
-                                   (1, fit.lever_y, MIN_LEVER_ERROR)):
+                                   (1, fit.lever_y, limits.MAX_LEVER_ERROR)):
         configured = robot.imu.position[axis]
-        if lever.sigma < MAX_LEVER_SIGMA and (
-                abs(lever.value - configured) - tolerance > SIGMAS * lever.sigma):
+        if lever.sigma < limits.MAX_LEVER_ERROR and (
+                abs(lever.value - configured) - tolerance > limits.SIGMAS * lever.sigma):
             yield finding('lever_arm', 'imu.position', axis='xy'[axis], value=lever.value,
                           sigma=lever.sigma, configured=configured)
 
@@ -178,14 +162,14 @@ def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
     """Return radius and lever arms from the lateral force; None without turns."""
     robot, late = recording.robot, recording.yaw_rate_fit
     data = _driving(recording, robot.encoder.latency if late is None else late.latency.value)
-    if data is None or float(np.sqrt(np.mean(data.yaw_rate ** 2))) < MIN_YAW_RATE:
+    if data is None or float(np.sqrt(np.mean(data.yaw_rate ** 2))) < limits.MIN_YAW_RATE:
         return None
     W, slip = data.yaw_rate, side_slip(data.mean, 0.5 * np.abs(data.difference))
     matrix = np.column_stack([W * data.mean, -W * slip * robot.wheel_radius, data.yaw_acceleration,
                               -W ** 2, np.ones(len(W))])
     rows = Rows(data.time, matrix, data.lateral, np.zeros(len(W)))
     fit = regression(rows, Prior.of(None, (TURN_SLIP, TURN_SLIP), None, None, None),
-                     Errors(rows.lags(CORRELATION_TIME)))
+                     Errors(rows.lags(limits.CORRELATION_TIME)))
     radius = fit.estimate(RADIUS)
     return LateralFit(
         Uncertain(radius.value, math.hypot(radius.sigma, PITCHING_ERROR * radius.value)),
@@ -205,7 +189,7 @@ def _radii(recording: CheckedRecording) -> list[Uncertain]:
     except EstimatorError:
         pass  # no changes of speed
     return [radius for radius, signal in found
-            if radius.sigma < MAX_SIGMA * abs(radius.value) and signal > MIN_SIGNAL]
+            if radius.sigma < limits.MAX_SIGMA * abs(radius.value) and signal > limits.MIN_SIGNAL]
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.analysis.checks import limits
 from smart_tire.bags import Bag
 from smart_tire.calibration.latency import fit_yaw_rate, YawRateFit
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
@@ -28,12 +29,11 @@ from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, Recording as Samples, Stream
+from smart_tire.samples import ImuSample, WheelSample
 import yaml
 
 READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands',
         'cmd_vel')
-REST_MARGIN = 1.0  # s before and after motion in which the body may settle
-MIN_READINGS = 20  # of IMU and wheels, for the checks of the motion
 TEXTS: dict[str, dict[str, str]] = yaml.safe_load(
     Path(__file__).with_name('findings.yaml').read_text(encoding='utf-8'))
 
@@ -61,14 +61,14 @@ class CheckedRecording:
         return [one.complete for one in streams] if topic == 'tire_samples' else streams
 
     @cached_property
-    def imu(self) -> Stream | None:
+    def imu(self) -> Stream:
         """Return the stream of the IMU."""
-        return next(iter(self.of('imu/data')), None)
+        return self.samples.stream(ImuSample)
 
     @cached_property
-    def wheels(self) -> Stream | None:
+    def wheels(self) -> Stream:
         """Return the stream of the wheels."""
-        return next(iter(self.of('wheel_states')), None)
+        return self.samples.stream(WheelSample)
 
     @cached_property
     def origin_ns(self) -> int:
@@ -80,12 +80,11 @@ class CheckedRecording:
     @cached_property
     def motion(self) -> Recording | None:
         """Return IMU, in axes of ``base_link``, and wheels; None without enough of both."""
-        imu, wheels = self.imu, self.wheels
-        if imu is None or wheels is None or min(len(imu.ordered),
-                                                len(wheels.ordered)) < MIN_READINGS:
+        imu, wheels = self.imu.ordered, self.wheels.ordered
+        if min(len(imu), len(wheels)) < limits.MIN_READINGS:
             return None
-        return Recording(ImuRecord.of(imu.ordered, self.origin_ns, self.robot),
-                         WheelRecord.of(wheels.ordered, self.origin_ns))
+        return Recording(ImuRecord.of(imu, self.origin_ns, self.robot),
+                         WheelRecord.of(wheels, self.origin_ns))
 
     @cached_property
     def yaw_rate_fit(self) -> YawRateFit | None:
@@ -99,7 +98,7 @@ class CheckedRecording:
     def stationary(self) -> NDArray[np.bool_]:
         """Return a mask of the IMU samples, sorted, at standstill; all False without wheels."""
         if self.motion is None:
-            return np.zeros(0 if self.imu is None else len(self.imu.ordered), bool)
+            return np.zeros(len(self.imu.ordered), bool)
         wheels, limit = self.motion.wheels, self.robot.slip.standstill_speed
         moving = wheels.time[np.abs(wheels.velocity).max(axis=1) * self.robot.wheel_radius > limit]
         if not len(moving):
@@ -110,7 +109,7 @@ class CheckedRecording:
         time = self.motion.imu.time
         inside = (time >= wheels.time[0]) & (time <= wheels.time[-1])
         return np.asarray(inside & (np.minimum(
-            np.abs(time - before), np.abs(after - time)) > REST_MARGIN))
+            np.abs(time - before), np.abs(after - time)) > limits.REST_MARGIN))
 
 
 def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambda share: None

@@ -1,0 +1,73 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Limits of the checks of a recording, where robot and data do not give them.
+
+Values are assumed, between what clean simulated drives and real recordings show and what the
+faults in the tests of the checks show, unless another origin is given.
+"""
+
+import math
+
+MIN_READINGS = 20       # of a stream or in motion, for a statistic of it
+SIGMAS = 3.0            # standard errors beyond which a value is a contradiction
+TOLERANCE = 0.1         # relative, of a parameter that is reported and of a ratio of units
+MIN_CORRELATION = 0.5   # of yaw rate and wheel difference, in magnitude, and of both films
+CORRELATION_TIME = 2.0  # s over which slip and motor torques are correlated
+REST_MARGIN = 1.0       # s before and after motion in which the body may settle
+MIN_SPEED = 0.5         # rad/s, of the wheel that shows motion
+
+# Messages
+MIN_RATE = {'imu/data': 20.0, 'wheel_states': 4.0}  # Hz, docs/topics.md; two periods are a gap
+RATE_TOLERANCE = 0.2         # relative, from the nominal rate; beyond, it is worth a line
+FILM_RATE_TOLERANCE = 0.02   # relative, from film.sample_rate
+MAX_REJECTED_SHARE = 0.01    # of the messages of a topic; above, it is an error
+MAX_MISSED_SHARE = 0.05      # of film samples lost, one crossing in twenty; of IMU samples held
+MAX_JITTER = 0.3             # standard deviation of the period over the period
+MAX_DELAY = 0.5              # s, from timestamp to reception, and between those of two inputs
+MAX_LEAD = 0.05              # s, of a timestamp before reception: clocks differ
+MAX_DRIFT = 200e-6           # s/s; crystals differ by up to 100e-6
+MIN_DRIFT_CHANGE = 0.010     # s, over the recording
+DRIFT_BLOCKS = 20            # whose smallest delays give the drift
+
+# IMU, wheels and tire
+GRAVITY_TOLERANCE = 0.03     # relative: bias and scale error of a consumer-grade accelerometer
+REMOVED_GRAVITY = 0.3        # of gravity; a smaller specific force is that without gravity
+MAX_TILT = math.radians(10.0)  # of the mounting and of the ground
+MIN_BIAS, MIN_BIAS_SIGMAS = 0.05, 5.0  # rad/s; of imu.gyro_bias
+STUCK_SHARE = 0.02           # of the speed of the other wheel of its side
+MAX_FORCE_WEIGHTS = 3.0      # of the motors over the weight: friction coefficients are below 2
+# C_x / F_z. Below 3 mu, 3 mu F_z / C_x exceeds 1: the patch never slides fully, so that friction
+# is not observable. The other limit is twice the 30 of passenger car tires.
+ASSUMED_FRICTION, MAX_STIFFNESS_RATIO = 0.5, 60.0
+
+# Wheels against IMU
+MAX_SIGMA = 0.3          # relative standard error above which a value says nothing
+MAX_SLIP = 0.3           # slip on soft ground: the body is slower than its wheels, not faster
+MIN_SIGNAL = 0.1         # m/s2 or m/s per s, rms: what 0.6 degrees of slope mimic
+MIN_VARIATION = 0.3      # standard deviation over rms of a wheel difference that shows a delay
+MIN_FOLLOWING = 0.95     # correlation of both that shows a delay; 0.99 on land, 0.86 on ice
+MIN_YAW_RATE = 0.1       # rad/s rms of a recording with turns
+MIN_TRACK_RATIO, MAX_TRACK_RATIO = 0.9, 4.0  # effective over geometric track: skid-steer 1 to 3
+MIN_LATENCY_ERROR = 0.03  # s; half a period of wheel_states at 16 Hz
+MAX_LEVER_ERROR = 0.1    # m, also of its standard error: in steady turns radius and lever mix
+UNIT_TOLERANCE = 0.4     # relative, of a radius ratio that names a unit of the wheel speeds: slip
+
+# Films
+REST_TOLERANCE = 0.1        # V
+CLIPPED_SHARE, MOSTLY_CLIPPED = 0.01, 0.1  # of the samples; a crossing is an eighth of them
+MIN_REVOLUTIONS = 3.0       # for the checks of crossings
+DEAD_SIGMAS = 4.0           # spread of the signal of a rolling wheel, in standard deviations
+MIN_CROSSING, MIN_CROSSING_SIGMAS = 0.1, 10.0  # V; of the noise
+QUIET_TIME_SHARE = 0.2      # of a mean revolution, that separates two crossings
+MIN_RUN = 1.2               # revolutions in one direction without a gap
+MAX_FILM_GAP = 0.1          # s between samples of a run
+LOW_BATTERY = 3.3           # V; a lithium-ion cell is nearly empty
