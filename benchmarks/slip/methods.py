@@ -20,7 +20,7 @@ from benchmarks.events import has_efforts, without_efforts
 from benchmarks.motion import as_estimate, Estimate
 from benchmarks.scoring import mean
 from benchmarks.slip.odometry import as_inputs, gyro_odometry, wheel_odometry
-from smart_tire.analysis.smoothing import SmoothedSlip
+from smart_tire.analysis.pipeline import SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSample

@@ -29,7 +29,7 @@ from benchmarks.harness import Column, Job, percent, Rows
 from benchmarks.scoring import Errors, Figures, part_of, Run
 import numpy as np
 from smart_tire.analysis.metrics import rotated
-from smart_tire.analysis.smoothing import smooth
+from smart_tire.analysis.pipeline import smooth
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
 from smart_tire.parameters import build, SlipEstimatorParams
@@ -134,7 +134,7 @@ def score_recording(name: str, row: str, samples: list[Sample], truth: RecordedT
         **known, 'imu.position': [0.0, 0.0, 0.0], 'encoder.latency': lag,
         'imu.position_sigma': IMU_POSITION_SHARE * known['wheelbase']}), samples)
     errors: dict[str, Errors] = {}
-    for method, series in zip(METHODS, (both.filtered, both.smoothed)):
+    for method, series in zip(METHODS, both):
         errors |= _errors(name, method, samples, truth, series)
     return Run(row, 0, errors)
 

@@ -18,8 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from smart_tire.analysis.calibrate_robot import TimeRange
-from smart_tire.analysis.pipeline import FrictionStage, SlipStage
-from smart_tire.analysis.smoothing import SmoothedSlip
+from smart_tire.analysis.pipeline import FrictionStage, SlipStage, SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film_crossings import CrossingCollector, CrossingWithSlip
 from smart_tire.calibration.film_gains import GainFit

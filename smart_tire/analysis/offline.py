@@ -12,29 +12,30 @@
 
 from __future__ import annotations
 
-from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import partial
-import heapq
 import json
-from operator import itemgetter
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+import os
 from pathlib import Path
+import signal
+from typing import Any, TypeVar
 
 import numpy as np
 
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
-    EstimateRecord, ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, TRUTHS)
-from smart_tire.analysis.prefetch import prefetch
+    EstimateRecord, ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, SmoothedSlip,
+    TRUTHS)
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.analysis.summary import estimates_tree, input_stats, plain, Tree, truth_tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
-from smart_tire.errors import BagError
+from smart_tire.errors import BagError, EstimatorError, SmartTireError
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.recording import Faults, Recording
@@ -49,6 +50,7 @@ COMPARED_VALUES = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 Received = tuple[int, Sample]       # receive time [ns], sample
+Item = TypeVar('Item')
 
 
 @dataclass
@@ -134,8 +136,8 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     with ExitStack() as stack:
         writers = [EstimateWriter(folder, stack, params) for folder in folders]
         slip = (SmoothedSlip if smooth else SlipEstimator)(params.slip)
-        stage, smoothed = SlipStage(slip), _Smoothed()
-        read = partial(_read, path, params, names)
+        stage, read = SlipStage(slip), partial(_read, path, params, names)
+        held: list[tuple[int, EstimateRecord | None]] = []  # None: the next smoothed motion
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
                 analysis.contents = item
@@ -144,13 +146,15 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
             for receive_ns, sample in item.forwarded:
                 estimates = stage.update(sample)
                 writers[0].write(receive_ns, estimates)
-                if smooth:
-                    smoothed.hold(receive_ns, estimates)
+                held += [(receive_ns, None if isinstance(one, Odometry) else one)
+                         for one in estimates
+                         if smooth and isinstance(one, (Odometry, Friction, GroundState))]
         if isinstance(slip, SmoothedSlip):
             with closing(slip):
-                for share, receive_ns, records in smoothed.merged(slip):
-                    writers[1].write(receive_ns, records)
-                    progress((1.0 + share) / 2.0)
+                motion = slip.smoothed()
+                for count, (receive_ns, one) in enumerate(held, 1):
+                    writers[1].write(receive_ns, next(motion) if one is None else [one])
+                    progress((1.0 + count / len(held)) / 2.0)
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
@@ -166,32 +170,6 @@ def _check_folders(path: Path, folders: Iterable[Path | None]) -> None:
     for folder in folders:
         if folder is not None and folder.resolve() == bag_folder:
             raise BagError(f'{folder} is the folder of the input bag: choose another')
-
-
-class _Smoothed:
-    """Merges smoothed motion with the estimates of the ground, which are not smoothed."""
-
-    def __init__(self) -> None:
-        self._received = array('q')  # receive time of each odometry
-        self._others: list[tuple[int, EstimateRecord]] = []
-
-    def hold(self, receive_ns: int, estimates: Iterable[EstimateRecord]) -> None:
-        """Add estimates of the filter."""
-        for estimate in estimates:
-            if isinstance(estimate, Odometry):
-                self._received.append(receive_ns)
-            elif isinstance(estimate, (Friction, GroundState)):
-                self._others.append((receive_ns, estimate))
-
-    def merged(self, slip: SmoothedSlip
-               ) -> Iterator[tuple[float, int, Sequence[EstimateRecord]]]:
-        """Yield completed share, receive time of the last input and estimates, in its order."""
-        others = ((receive_ns, [estimate]) for receive_ns, estimate in self._others)
-        motion: Iterator[tuple[int, Sequence[EstimateRecord]]] = zip(
-            self._received, slip.smoothed())
-        total = len(self._received) + len(self._others)
-        for count, item in enumerate(heapq.merge(motion, others, key=itemgetter(0)), 1):
-            yield count / total, *item
 
 
 def _read(path: Path, params: EstimatorParams, names: TopicNames
@@ -222,6 +200,52 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
         contents.topics, contents.warnings = bag.topics, bag.warnings
     yield contents
+
+
+def prefetch(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]:
+    """
+    Yield the items of ``items()``, computed in a second process if a second core is available.
+
+    Every item is pickled and sent through a pipe, so items should be few and large. Errors of
+    this package are raised here; the process ends when the iterator is closed.
+    """
+    if len(os.sched_getaffinity(0)) < 2:
+        yield from items()
+        return
+    context = get_context('fork')  # spawning an interpreter takes longer than most bags
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(items, sender, receiver), daemon=True)
+    process.start()
+    sender.close()
+    try:
+        while (item := _receive(receiver)) is not None:
+            if isinstance(item, SmartTireError):
+                raise item
+            yield item
+    finally:
+        receiver.close()
+        process.join()
+
+
+def _receive(receiver: Connection) -> Any:
+    try:
+        return receiver.recv()
+    except EOFError as error:
+        raise EstimatorError('the prefetching process has died') from error
+
+
+def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Connection) -> None:
+    receiver.close()  # otherwise the end of the parent would not be noticed
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on SIGINT the parent closes the pipe
+    try:
+        try:
+            for item in items():
+                sender.send(item)
+        except SmartTireError as error:
+            sender.send(error)
+        sender.send(None)
+    except BrokenPipeError:
+        pass  # the parent needs no more items
 
 
 def _remove_old_bag(folder: Path) -> None:

@@ -8,28 +8,31 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The estimators connected as in the nodes, without ROS, and their parameters."""
+"""The estimators connected as in the nodes, without ROS; their parameters; the smoother."""
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from smart_tire.analysis.smoothing import SmoothedSlip
 from smart_tire.errors import ParameterError
 from smart_tire.estimation import streams
 from smart_tire.estimation.friction.estimator import FrictionEstimator
-from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.ground.unknowns import LENGTH
+from smart_tire.estimation.slip.estimator import SlipEstimator, SlipOutputBuilder
+from smart_tire.estimation.slip.rts_smoother import RtsSmoother
+from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
     SlipEstimatorParams, specs)
 from smart_tire.parameters.files import Block, blocks_in, snapshot_text, values_for
 from smart_tire.parameters.spec import is_known, values_of
+from smart_tire.recording import Recording
 from smart_tire.samples import (
-    Friction, GroundState, Icr, ImuSample, Odometry, Sample, WheelSample, WheelSlip)
+    Friction, GroundState, Icr, ImuSample, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
 if TYPE_CHECKING:
     from smart_tire.analysis.summary import Tree
@@ -38,8 +41,9 @@ if TYPE_CHECKING:
 INPUTS, ESTIMATES = streams.INPUTS, streams.ESTIMATES
 TRUTHS = tuple(f'ground_truth/{name}' for name in ('odom', 'wheel_slip', 'tire_friction'))
 
-EstimateRecord = Odometry | WheelSlip | Icr | GroundState | Friction
 FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'
+HOLD_NS = 2 * NS_PER_S  # of inputs, until the ground of their time is known
+EstimateRecord = Odometry | WheelSlip | Icr | GroundState | Friction
 
 
 @dataclass(frozen=True)
@@ -185,6 +189,66 @@ class FrictionStage:
     def status(self) -> dict[str, str]:
         """Return the values for diagnostics."""
         return {key: str(value) for key, value in self._friction.status().items()}
+
+
+class SmoothedSlip:
+    """
+    Slip estimator that also yields RTS-smoothed estimates.
+
+    The smoother has a filter of its own, in which each state of the ground takes effect in the
+    middle of the window that it was estimated from.
+    """
+
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._smoother = RtsSmoother(ESTIMATED)
+        self._estimator = SlipEstimator(params)
+        self._recorded = SlipEstimator(params, self._smoother)
+        self._ahead_ns = round((0.5 * LENGTH + params.ground_delay) * NS_PER_S)
+        self._waiting: deque[ImuSample | WheelSample] = deque()
+        self._output = SlipOutputBuilder(params)
+
+    def update(self, sample: ImuSample | WheelSample | GroundState) -> Sequence[EstimateRecord]:
+        """Process a sample; return the filter estimates that it completes."""
+        if isinstance(sample, GroundState):
+            self._recorded.update(replace(sample, stamp_ns=sample.stamp_ns - self._ahead_ns))
+        else:
+            self._waiting.append(sample)
+            while self._waiting[0].stamp_ns < sample.stamp_ns - HOLD_NS:
+                self._recorded.update(self._waiting.popleft())
+        return self._estimator.update(sample)
+
+    @property
+    def late(self) -> Counter[str]:
+        """Return topic -> number of late samples."""
+        return self._estimator.late
+
+    def smoothed(self) -> Iterator[Sequence[EstimateRecord]]:
+        """Yield the smoothed estimates for the instants of ``update``, in the same order."""
+        while self._waiting:
+            self._recorded.update(self._waiting.popleft())
+        for state in self._smoother.states():
+            yield self._output.build(state.context, state.x, state.P)
+
+    def close(self) -> None:
+        """Release the recorded filter states."""
+        self._smoother.close()
+
+
+def smooth(params: SlipEstimatorParams,
+           samples: Iterable[Sample]) -> tuple[Recording, Recording]:
+    """
+    Return the filtered and the smoothed estimates from ``samples`` in order of reception.
+
+    Samples other than those of IMU, wheels and ground are ignored.
+    """
+    filtered, slip = Recording(), SmoothedSlip(params)
+    for sample in samples:
+        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
+            for estimate in slip.update(sample):
+                filtered.add_sample(estimate)
+    smoothed = Recording(one for estimates in slip.smoothed() for one in estimates)
+    slip.close()
+    return filtered, smoothed
 
 
 class SlipStage:

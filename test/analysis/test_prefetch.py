@@ -15,7 +15,7 @@ import os
 
 import pytest
 
-from smart_tire.analysis.prefetch import prefetch
+from smart_tire.analysis.offline import prefetch
 from smart_tire.errors import BagError, EstimatorError
 
 

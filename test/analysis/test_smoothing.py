@@ -17,7 +17,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from smart_tire.analysis.smoothing import smooth, SmoothedSlip
+from smart_tire.analysis.pipeline import smooth, SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.recording import Recording
@@ -68,7 +68,7 @@ def run_errors():
     for seed in SEEDS:
         run, ground = driven(seed)
         both = smooth(params, run.samples)
-        found.append([errors(run, ground, series) for series in (both.filtered, both.smoothed)])
+        found.append([errors(run, ground, series) for series in both])
     return found
 
 
@@ -95,7 +95,7 @@ def test_smoothed_slips_do_not_lag_with_slow_and_late_wheel_samples():
         run, ground = driven(seed, wheel_rate=4.0, wheel_latency=0.2)
         both = smooth(params, run.samples)
         found.append([errors(run, ground, series)['slip']
-                      for series in (both.filtered, both.smoothed)])
+                      for series in both])
     assert rms([run[1][0] for run in found]) < 0.8 * rms([run[0][0] for run in found])
     assert rms([run[1][0] / run[1][1] for run in found]) < 1.2
 
@@ -140,4 +140,4 @@ def test_a_clock_that_is_set_back_restarts_the_smoother():
 
 def test_other_samples_are_ignored():
     both = smooth(build(SlipEstimatorParams, {}), [TireSample(0, 'front_left', (1.65, 1.65))])
-    assert len(both.filtered.poses().stamp_ns) == len(both.smoothed.poses().stamp_ns) == 0
+    assert len(both[0].poses().stamp_ns) == len(both[1].poses().stamp_ns) == 0
