@@ -13,34 +13,30 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 import os
 from pathlib import Path
 import select
 import signal
 import sys
-from typing import Any
+from typing import TYPE_CHECKING
 
 from smart_tire.calibration.guide import (
     Action, Guide, INSTRUCTIONS, Key, Leg, LEGS, limited, reach)
 from smart_tire.calibration.sequence import LIFTED
+from smart_tire.cli._drive_session import Session
 from smart_tire.cli._options import confirmed, refuse_existing_bag, remove_bag
-from smart_tire.cli._stack import params_arguments, Stack
-from smart_tire.errors import ParameterError, SmartTireError
+from smart_tire.cli._stack import params_arguments, RECORDER, RobotError, Stack
+from smart_tire.errors import ParameterError
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Sample
 
+if TYPE_CHECKING:
+    from smart_tire.nodes.pilot import Pilot
+
 SPIN_TIME = 0.1          # s between two looks at keyboard and progress
 INPUT_TIMEOUT = 10.0     # s until the first samples of IMU and wheels
-RECORDER_TIMEOUT = 15.0  # s until the recorder has subscribed to the wheels
-RECORDED = 'recording /wheel_states', 'recording /imu/data'  # lines of the recorder
 KEYS_HELP = 'Enter: start or end the step, r: repeat, s: skip, q: quit'
-
-
-class CalibrationError(SmartTireError):
-    """The guided sequence cannot continue."""
 
 
 def record_steps(args: argparse.Namespace, robot: RobotParams,
@@ -48,7 +44,7 @@ def record_steps(args: argparse.Namespace, robot: RobotParams,
     """
     Guide through ``steps`` and record them; return step -> bag of those recorded.
 
-    Raises CalibrationError if there are no samples, or a process ends unexpectedly.
+    Raises RobotError if there are no samples, or a process ends unexpectedly.
     """
     for step in steps:
         refuse_existing_bag(args.out / step, force=args.force)
@@ -59,31 +55,24 @@ def record_steps(args: argparse.Namespace, robot: RobotParams,
     from smart_tire.nodes.runner import NodeRunner
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     args.out.mkdir(parents=True, exist_ok=True)
-    session = Session(args.out, Guide(steps), robot, drive=args.drive)
-    pilot = partial(Pilot, 'calibration_driver', session.on_sample)
+    sequence = Sequence(args.out, Guide(steps), robot, drive=args.drive)
+    pilot = partial(Pilot, 'calibration_driver', sequence.on_sample)
     with (Stack(args.out / 'logs', os.environ) as stack,
-          NodeRunner(pilot, params_arguments(args.params)) as runner, driving_ends(runner)):
-        session.run(stack, runner)
-    return {step: [args.out / step] for step in session.guide.recorded}
-
-
-@contextmanager
-def driving_ends(runner: Any) -> Iterator[None]:
-    """Command standstill at the end, however it comes: Ctrl-C, an error, or the last step."""
-    try:
-        yield
-    finally:
-        runner.node.halt()
+          NodeRunner(pilot, params_arguments(args.params)) as runner):
+        session = Session(stack, runner)
+        with session.ending():
+            sequence.run(session)
+    return {step: [args.out / step] for step in sequence.guide.recorded}
 
 
 def confirm_driving(steps: list[str], robot: RobotParams) -> None:
-    """Announce the space that the robot needs; raise CalibrationError unless confirmed."""
+    """Announce the space that the robot needs; raise RobotError unless confirmed."""
     needed = max(reach(limited(LEGS[step], robot.wheel_radius), robot.wheel_radius,
                        robot.track_width) for step in steps if step != LIFTED)
     print(f'The robot will drive by itself, up to {needed:.1f} m from where it is, in all '
           'directions.\nKeep this space free, and the emergency stop at hand; Ctrl-C stops it.')
     if not confirmed():
-        raise CalibrationError('driving was not confirmed: nothing was driven or recorded')
+        raise RobotError('driving was not confirmed: nothing was driven or recorded')
 
 
 class Keyboard:
@@ -111,7 +100,7 @@ class Keyboard:
         return found
 
 
-class Session:
+class Sequence:
     """One run of the sequence: carries out the actions of the guide."""
 
     def __init__(self, folder: Path, guide: Guide, robot: RobotParams, *, drive: bool) -> None:
@@ -133,14 +122,16 @@ class Session:
         else:
             self._actions += self.guide.take(sample)
 
-    def run(self, stack: Stack, runner: Any) -> None:
+    def run(self, session: Session) -> None:
         """Carry out all steps."""
-        self._await_samples(runner)
+        session.wait(lambda: {'ImuSample', 'WheelSample'} <= self._seen, INPUT_TIMEOUT, RobotError(
+            f'no messages on imu/data or wheel_states within {INPUT_TIMEOUT:.0f} s: start the '
+            'drivers of the robot first'))
         if self._drive:
-            self._enable(runner)
+            _enable(session.pilot)
         keyboard, announced = Keyboard(), ''
         while True:
-            self._carry_out(stack, runner)
+            self._carry_out(session)
             step = self.guide.step
             if step is None:
                 return
@@ -150,50 +141,24 @@ class Session:
                       flush=True)
             for key in keyboard.typed():
                 self._actions += self.guide.key(key)
-                self._carry_out(stack, runner)
-            runner.spin(SPIN_TIME)
-            self._drive_on(runner)
+                self._carry_out(session)
+            session.spin(SPIN_TIME)
+            self._drive_on(session.pilot)
             self._show()
-            self._check(stack)
 
-    def _await_samples(self, runner: Any) -> None:
-        end_ns = runner.node.steady_ns() + round(INPUT_TIMEOUT * 1e9)
-        while {'ImuSample', 'WheelSample'} - self._seen:
-            if runner.node.steady_ns() > end_ns:
-                raise CalibrationError(
-                    f'no messages on imu/data or wheel_states within {INPUT_TIMEOUT:.0f} s: start '
-                    'the drivers of the robot first')
-            runner.spin(SPIN_TIME)
-
-    @staticmethod
-    def _enable(runner: Any) -> None:
-        if not runner.node.listeners('cmd_vel'):
-            raise ParameterError('--drive: no node subscribes to cmd_vel, start wheel_controller')
-        if runner.node.emergency_stop:
-            raise CalibrationError('the emergency stop is active: release it first')
-        runner.node.enable()
-
-    def _carry_out(self, stack: Stack, runner: Any) -> None:
+    def _carry_out(self, session: Session) -> None:
         actions, self._actions = self._actions, []
         for action in actions:
             if action is Action.RECORD:
-                self._start(stack, runner)
+                self._start(session)
             else:
-                self._end(stack, runner, keep=action is Action.KEEP)
+                self._end(session, keep=action is Action.KEEP)
 
-    def _start(self, stack: Stack, runner: Any) -> None:
+    def _start(self, session: Session) -> None:
         step = self.guide.step
         assert step is not None
         remove_bag(self._folder / step)
-        stack.start('recorder', 'smart_tire.cli.main', 'record', '--out',
-                    str(self._folder / step))
-        end_ns = runner.node.steady_ns() + round(RECORDER_TIMEOUT * 1e9)
-        while not all(line in stack.log('recorder') for line in RECORDED):
-            self._check(stack)
-            if runner.node.steady_ns() > end_ns:
-                raise CalibrationError('the recorder does not receive imu/data and wheel_states:'
-                                       f'\n{stack.tail("recorder")}')
-            runner.spin(SPIN_TIME)
+        session.record(self._folder / step, ('imu/data', 'wheel_states'))
         self._recording = step
         self._actions.clear()
         self.guide.restart_watch()
@@ -202,13 +167,10 @@ class Session:
             self._legs = limited(LEGS[step], self._robot.wheel_radius)
             self._leg_end_ns = 0
 
-    def _end(self, stack: Stack, runner: Any, *, keep: bool) -> None:
-        runner.node.halt()
+    def _end(self, session: Session, *, keep: bool) -> None:
+        session.pilot.halt()
         self._legs = []
-        status = stack.stop('recorder')['recorder']
-        del stack.processes['recorder']
-        if status:
-            raise CalibrationError(f'the recorder ended with status {status}')
+        session.stack.end(RECORDER)
         folder, self._recording = self._folder / self._recording, ''
         if keep:
             print(f'\nrecorded in {folder}')
@@ -216,21 +178,21 @@ class Session:
             remove_bag(folder)
             print('\ndiscarded')
 
-    def _drive_on(self, runner: Any) -> None:
+    def _drive_on(self, pilot: Pilot) -> None:
         """Command the present leg; the step ends after the last one."""
         if not (self._drive and self._recording) or self._actions:
             return
-        if runner.node.emergency_stop:
+        if pilot.emergency_stop:
             self._legs = []
-            raise CalibrationError('emergency stop: the calibration has ended, nothing is driven')
-        if runner.node.steady_ns() < self._leg_end_ns:
+            raise RobotError('emergency stop: the calibration has ended, nothing is driven')
+        if pilot.steady_ns() < self._leg_end_ns:
             return
         if not self._legs:
             self._actions += self.guide.finish()
             return
         duration, left, right = self._legs.pop(0)
-        self._leg_end_ns = runner.node.steady_ns() + round(duration * 1e9)
-        runner.node.drive(left, right)
+        self._leg_end_ns = pilot.steady_ns() + round(duration * 1e9)
+        pilot.drive(left, right)
 
     def _show(self) -> None:
         progress = self.guide.progress
@@ -241,6 +203,11 @@ class Session:
             self._shown = text
             print(f'  {text}', flush=True)
 
-    def _check(self, stack: Stack) -> None:
-        for name, status in stack.died().items():
-            raise CalibrationError(f'{name} ended with status {status}\n{stack.tail(name)}')
+
+def _enable(pilot: Pilot) -> None:
+    """Create the publisher of commands; raise if nothing takes them, or the robot is stopped."""
+    if not pilot.listeners('cmd_vel'):
+        raise ParameterError('--drive: no node subscribes to cmd_vel, start wheel_controller')
+    if pilot.emergency_stop:
+        raise RobotError('the emergency stop is active: release it first')
+    pilot.enable()

@@ -50,7 +50,6 @@ STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
 REASON_TIME = 5.0        # s until a reason is in the diagnostics, which come once a second
 STANDING_SPEED = 0.02    # m/s, of a robot that stands
-RECORDED = re.compile(r'recording \S*/odom\b')  # a line of the recorder
 FOLLOWER = 'trajectory_controller'
 ANSWER_TIME = 3.0    # s until the controller reports that it follows, or why not
 OLD_REPORT_TIME = 0.6  # s in which a report may still be that of the path before
@@ -170,21 +169,23 @@ class Session:
         Raises ParameterError if nothing listens, RobotError without a pose or while the
         emergency stop is active.
         """
-        self._wait(lambda: self.pilot.listeners(topic) > 0, DISCOVERY_TIME, ParameterError(
+        self.wait(lambda: self.pilot.listeners(topic) > 0, DISCOVERY_TIME, ParameterError(
             f'no node subscribes to {topic}: start {listener}, or give the namespace of the '
             'robot: --ros-args -r __ns:=/NAME'))
-        self._wait(lambda: self.pilot.odometry is not None, START_TIMEOUT,
+        self.wait(lambda: self.pilot.odometry is not None, START_TIMEOUT,
                    RobotError(f'no messages on odom within {START_TIMEOUT:.0f} s'))
         if self.pilot.emergency_stop:
             raise RobotError('the emergency stop is active: release it first')
 
-    def record(self, bag: Path) -> None:
-        """Start to record all topics; wait until the poses are recorded."""
+    def record(self, bag: Path, awaited: Sequence[str] = ('odom',)) -> None:
+        """Start to record all topics; wait until the recorder receives those ``awaited``."""
         self.stack.start(RECORDER, 'smart_tire.cli.main', 'record', '--out', str(bag))
-        self._wait(lambda: RECORDED.search(self.stack.log(RECORDER)) is not None, START_TIMEOUT,
-                   RobotError('the recorder does not receive odom'))
+        self.wait(lambda: all(re.search(rf'recording \S*/{topic}\b', self.stack.log(RECORDER))
+                              for topic in awaited), START_TIMEOUT,
+                  RobotError(f'the recorder does not receive {" and ".join(awaited)}'))
 
-    def _wait(self, condition: Any, seconds: float, error: Exception) -> None:
+    def wait(self, condition: Callable[[], bool], seconds: float, error: Exception) -> None:
+        """Handle messages until ``condition`` holds; raise ``error`` after ``seconds``."""
         end = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > end:
@@ -248,7 +249,7 @@ class Session:
     def await_standstill(self) -> None:
         """Wait for a pose of the standing robot that is measured from now on."""
         begin_ns = self.pilot.now_ns()
-        self._wait(lambda: self.pilot.odometry.stamp_ns >= begin_ns
+        self.wait(lambda: self.pilot.odometry.stamp_ns >= begin_ns
                    and abs(self.pilot.odometry.linear[0]) < STANDING_SPEED, START_TIMEOUT,
                    RobotError(f'no recent odom of a standing robot within {START_TIMEOUT:.0f} s'))
 

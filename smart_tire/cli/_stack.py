@@ -124,6 +124,13 @@ class Stack:
                 process.wait()
         return {name: process.returncode for name, process in chosen.items()}
 
+    def end(self, *names: str) -> None:
+        """Stop the named processes; raise RobotError if one of them ends with an error."""
+        for name, status in self.stop(*names).items():
+            if status:
+                raise RobotError(f'{name} ended with status {status}\n{self.tail(name)}')
+            del self.processes[name]
+
     def start_viewer(self, *arguments: str) -> None:
         """Start the viewer in the environment of the nodes; print where it is."""
         self.start(VIEWER, 'smart_tire.cli.main', 'view', '--live', *arguments)
@@ -147,10 +154,7 @@ class Stack:
         # Subscribers first, then the owner of the ports; the recorder last, to record all.
         for names in (NODES[1:], NODES[:1], (RECORDER, VIEWER)):
             if present := [name for name in names if name in self.processes]:
-                for name, status in self.stop(*present).items():
-                    if status:
-                        raise RobotError(
-                            f'{name} ended with status {status}\n{self.tail(name)}')
+                self.end(*present)
 
 
 def write_parameters(out: Path, name: str, seed: int,

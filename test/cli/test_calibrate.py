@@ -82,7 +82,7 @@ def test_wrong_arguments_are_usage_errors(words, message, tmp_path, capsys):
 @pytest.mark.parametrize('typed', ['', 'yes\n', 'Drive \n'])
 def test_nothing_is_driven_without_the_confirmation(typed, monkeypatch, capsys):
     monkeypatch.setattr('sys.stdin', io.StringIO(typed))
-    with pytest.raises(live.CalibrationError, match='not confirmed'):
+    with pytest.raises(live.RobotError, match='not confirmed'):
         live.confirm_driving(['rest', 'straight', 'turns'], RobotParams())
     assert 'm from where it is' in capsys.readouterr().out
 
@@ -104,52 +104,36 @@ class FakeNode:
     def drive(self, left, right):
         self.commands.append((left, right))
 
-    def halt(self):
-        self.commands.append('halt')
 
-
-class FakeRunner:
-
-    def __init__(self):
-        self.node = FakeNode()
-
-
-def driving_session(tmp_path, drive=True):
-    session = live.Session(tmp_path, live.Guide(['straight']), RobotParams(), drive=drive)
-    session.guide.key(live.Key.GO)
-    session._recording = 'straight'
-    session._legs = [(2.0, 60.0, 60.0), (1.0, 0.0, 0.0)]
-    return session, FakeRunner()
+def driving_sequence(tmp_path, drive=True):
+    sequence = live.Sequence(tmp_path, live.Guide(['straight']), RobotParams(), drive=drive)
+    sequence.guide.key(live.Key.GO)
+    sequence._recording = 'straight'
+    sequence._legs = [(2.0, 60.0, 60.0), (1.0, 0.0, 0.0)]
+    return sequence, FakeNode()
 
 
 def test_legs_are_driven_in_order_and_end_the_step(tmp_path):
-    session, runner = driving_session(tmp_path)
+    sequence, node = driving_sequence(tmp_path)
     for time in (0.0, 1.9, 2.1, 2.9):
-        runner.node.time_ns = round(time * 1e9)
-        session._drive_on(runner)
-    assert runner.node.commands == [(60.0, 60.0), (0.0, 0.0)] and not session._actions
-    runner.node.time_ns = round(3.2e9)
-    session._drive_on(runner)
-    assert session._actions == [live.Action.KEEP] and session.guide.recorded == ['straight']
+        node.time_ns = round(time * 1e9)
+        sequence._drive_on(node)
+    assert node.commands == [(60.0, 60.0), (0.0, 0.0)] and not sequence._actions
+    node.time_ns = round(3.2e9)
+    sequence._drive_on(node)
+    assert sequence._actions == [live.Action.KEEP] and sequence.guide.recorded == ['straight']
 
 
 def test_nothing_is_driven_without_the_option(tmp_path):
-    session, runner = driving_session(tmp_path, drive=False)
-    session._drive_on(runner)
-    assert runner.node.commands == []
+    sequence, node = driving_sequence(tmp_path, drive=False)
+    sequence._drive_on(node)
+    assert node.commands == []
 
 
 def test_an_emergency_stop_ends_the_sequence(tmp_path):
-    session, runner = driving_session(tmp_path)
-    session._drive_on(runner)
-    runner.node.emergency_stop = True
-    with pytest.raises(live.CalibrationError, match='emergency stop'):
-        session._drive_on(runner)
-    assert runner.node.commands == [(60.0, 60.0)] and session._legs == []
-
-
-def test_driving_ends_however_the_sequence_ends():
-    runner = FakeRunner()
-    with pytest.raises(KeyboardInterrupt), live.driving_ends(runner):
-        raise KeyboardInterrupt
-    assert runner.node.commands == ['halt']
+    sequence, node = driving_sequence(tmp_path)
+    sequence._drive_on(node)
+    node.emergency_stop = True
+    with pytest.raises(live.RobotError, match='emergency stop'):
+        sequence._drive_on(node)
+    assert node.commands == [(60.0, 60.0)] and sequence._legs == []
