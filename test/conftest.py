@@ -75,8 +75,9 @@ def _rank(item: pytest.Item) -> int:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put those tests first that take longest."""
+    """Put those tests first that take longest; samples and syntax trees are no garbage."""
     items.sort(key=_rank)
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)  # of xdist, where it is installed

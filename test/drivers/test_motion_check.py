@@ -20,7 +20,8 @@ from support.encoder_faults import Drive, Fault, GROUNDS, other_robot, random_dr
 
 pytestmark = pytest.mark.slow
 
-CASES = range(20)
+CASES = pytest.mark.parametrize('cases', [
+    range(6), pytest.param(range(6, 20), marks=pytest.mark.long)], ids=['few', 'many'])
 LATENCY = 0.05  # s from a trip to zero duty at the motors, at most
 
 
@@ -46,26 +47,30 @@ def found_after(case, kind, speed, **options):
 SLOW, ANY = (0.1, 0.1), (0.1, 1.4)  # m/s
 
 
+@CASES
 @pytest.mark.parametrize(('kind', 'speed', 'currents'), [
     (kind, speed, currents) for kind in ('frozen', 'toggling', 'reversed')
     for speed in (SLOW, ANY) for currents in (True, False)
     if currents or kind != 'reversed' or speed != SLOW])
 def test_an_encoder_that_stops_counting_or_reverses_is_found_within_half_a_second(
-        kind, speed, currents):
+        kind, speed, currents, cases):
     assert max(found_after(case, kind, speed, currents=currents)
-               for case in CASES) < 0.5 - LATENCY
+               for case in cases) < 0.5 - LATENCY
 
 
+@CASES
 @pytest.mark.parametrize('speed', [SLOW, ANY], ids=['slow', 'any'])
 @pytest.mark.parametrize('currents', [True, False], ids=['currents', 'no currents'])
-def test_an_encoder_that_loses_four_of_five_counts_is_found_within_a_second(speed, currents):
+def test_an_encoder_that_loses_four_of_five_counts_is_found_within_a_second(
+        speed, currents, cases):
     assert max(found_after(case, 'losing', speed, currents=currents)
-               for case in CASES) < 1.0 - LATENCY
+               for case in cases) < 1.0 - LATENCY
 
 
+@CASES
 @pytest.mark.parametrize('kind', ['frozen', 'toggling'])
-def test_a_fault_is_found_in_open_loop_at_a_low_duty(kind):
-    for case in CASES:
+def test_a_fault_is_found_in_open_loop_at_a_low_duty(kind, cases):
+    for case in cases:
         begin = 1.5 + 0.05 * case
         trip = Drive(duty=(0.15,) * 4, seed=case, fault=Fault(kind, case % 4, begin),
                      robot=robot_of(case)).first_trip(begin + 1.0)

@@ -72,7 +72,8 @@ def test_an_identified_film_is_accurate_within_its_sigma(identified, top, freque
 
 
 @pytest.mark.parametrize('calibration', [
-    (0.006, 2.0, 10.0), (0.012, 5.0, 5.0), (0.002, 3.0, 20.0), (0.012, 1.0, 100.0)])
+    (0.006, 2.0, 10.0), (0.012, 5.0, 5.0), (0.002, 3.0, 20.0),
+    pytest.param((0.012, 1.0, 100.0), marks=pytest.mark.long)])
 def test_sigma_is_consistent_over_motions_durations_and_seeds(calibration):
     pulls, inside = [], []
     others = [calibration, (0.006, 2.0, 10.0), (0.0005, 5.0, 5.0), (0.002, 10.0, 20.0),
