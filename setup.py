@@ -61,7 +61,8 @@ setup(
     package_data={PACKAGE: ['analysis/checks/findings.yaml', 'analysis/html_report/page.css',
                             'analysis/html_report/page.html', 'analysis/html_report/page.js',
                             'cli/verbs.yaml', 'messages/topics.yaml',
-                            'reproduction/sections.yaml', 'py.typed']},
+                            'parameters/urdf_templates.yaml', 'reproduction/sections.yaml',
+                            'py.typed']},
     ext_modules=[
         # without fused multiply-add, results are those of Python on every processor
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,

@@ -27,29 +27,20 @@ satisfy the triangle inequality.
 from __future__ import annotations
 
 from argparse import ArgumentParser
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import math
 from pathlib import Path
-from xml.etree.ElementTree import Element, indent, tostring
 
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import load_robot
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.paths import write_text
 from smart_tire.samples import LEFT, Vector3, WHEELS
+import yaml
 
-ORIGIN = (0.0, 0.0, 0.0)
-AXLE = (0.0, 1.0, 0.0)                   # direction; a positive angle rolls the robot forward
-ALONG_AXLE = (0.5 * math.pi, 0.0, 0.0)   # rad, turns the axis of a cylinder from z to y
-IMU_SIZE = (0.03, 0.03, 0.01)            # m
 SPOKE_SIZE = (1.6, 1.04, 0.2)            # of wheel radius, tire width and wheel radius
 FILM_THICKNESS = 0.002                   # m, drawn; the film itself is thinner
-COLORS = {  # red, green, blue, alpha
-    'chassis': (0.55, 0.6, 0.65, 1.0), 'tire': (0.12, 0.12, 0.12, 1.0),
-    'spoke': (0.75, 0.75, 0.75, 1.0), 'film': (1.0, 0.55, 0.0, 1.0), 'imu': (0.1, 0.45, 0.8, 1.0)}
-HEADER = '<?xml version="1.0"?>\n<!-- Written from the parameters of the robot by "make config" ' \
-    'or smart_tire.parameters.urdf_writer. -->\n'
 FRONT = (0, 1)                 # indices into WHEELS
 WHEEL_MASS_SHARE = 0.1         # of the mass of the robot, per wheel
 MAX_WHEELS_YAW_SHARE = 0.75    # of the yaw inertia of the robot, all wheels together
@@ -59,40 +50,24 @@ CHASSIS_WIDTH_SHARE = 0.9      # of the space between the tires
 
 def urdf_text(robot: RobotParams) -> str:
     """Return the URDF of ``robot``."""
-    chassis, wheels = rigid_bodies(robot)
-    box = _element('box', size=chassis_size(robot))
-    root = _element(
-        'robot',
-        *(_element('material', _element('color', rgba=color), name=name)
-          for name, color in COLORS.items()),
-        _element('link', name='base_link'),
-        *_fixed_link('base_footprint', (0.0, 0.0, -robot.wheel_radius)),
-        *_fixed_link('chassis_link', ORIGIN, ORIGIN, _shape('visual', box, 'chassis'),
-                     _shape('collision', box), _inertial(chassis, chassis.center)),
-        *_fixed_link('imu_link', robot.imu.position, robot.imu.rotation,
-                     _shape('visual', _element('box', size=IMU_SIZE), 'imu')),
-        *(element for wheel, body in wheels.items() for element in _wheel(robot, wheel, body)),
-        name='smart_tire')
-    return HEADER + _indented(root) + '\n'
-
-
-def _wheel(robot: RobotParams, wheel: str, body: RigidBody) -> tuple[Element, Element]:
-    """Return the link of a wheel and its joint."""
+    templates = yaml.safe_load(
+        Path(__file__).with_name('urdf_templates.yaml').read_text(encoding='utf-8'))
+    chassis, bodies = rigid_bodies(robot)
     radius, width = robot.wheel_radius, tire_width(robot)
-    tire = _element('cylinder', radius=[radius], length=[width])
-    sides = (radius * SPOKE_SIZE[0], width * SPOKE_SIZE[1], radius * SPOKE_SIZE[2])
-    spoke = _element('box', size=sides)  # shows that the wheel turns
-    link = _element(
-        'link', _shape('visual', tire, 'tire', rotation=ALONG_AXLE),
-        _shape('collision', tire, rotation=ALONG_AXLE), _shape('visual', spoke, 'spoke'),
-        *(_films(robot, wheel) if wheel in robot.film.wheels else ()),
-        _inertial(body, ORIGIN), name=f'{wheel}_wheel')
-    joint = _joint(wheel, 'continuous', f'{wheel}_wheel', wheel_centers(robot)[wheel])
-    joint.append(_element('axis', xyz=AXLE))
-    return link, joint
+    wheels = [templates['wheel'].format(
+        **_inertial(body), name=wheel, center=_text(body.center), radius=_text([radius]),
+        width=_text([width]), spoke=_text(
+            map(math.prod, zip(SPOKE_SIZE, (radius, width, radius)))),
+        films=''.join(templates['film'].format(**film) for film in _films(robot, wheel)))
+        for wheel, body in bodies.items()]
+    text: str = templates['robot'].format(
+        **_inertial(chassis), center=_text(chassis.center), size=_text(chassis_size(robot)),
+        ground=_text([-radius]), imu_position=_text(robot.imu.position),
+        imu_rotation=_text(robot.imu.rotation), wheels=''.join(wheels))
+    return text
 
 
-def _films(robot: RobotParams, wheel: str) -> Iterator[Element]:
+def _films(robot: RobotParams, wheel: str) -> Iterator[dict[str, str]]:
     """
     Yield the films on the tread of a wheel, with the names in ``tire_samples``.
 
@@ -100,61 +75,20 @@ def _films(robot: RobotParams, wheel: str) -> Iterator[Element]:
     point. Film 1 enters the contact patch first, so the others are further forward.
     """
     radius, film = robot.wheel_radius, robot.film
-    box = _element('box', size=(film.length, film.width, FILM_THICKNESS))
-    for number, center in enumerate(film.centers, 1):
+    for number, center in enumerate(film.centers if wheel in film.wheels else (), 1):
         angle = center / radius
-        yield _shape('visual', box, 'film', rotation=(0.0, -angle, 0.0),
-                     position=(radius * math.sin(angle), 0.0, -radius * math.cos(angle)),
-                     name=f'{wheel}_pvdf_{number}')
+        yield {'name': f'{wheel}_pvdf_{number}', 'pitch': _text([-angle]),
+               'position': _text([radius * math.sin(angle), 0.0, -radius * math.cos(angle)]),
+               'size': _text([film.length, film.width, FILM_THICKNESS])}
 
 
-def _fixed_link(name: str, position: Sequence[float], rotation: Sequence[float] = ORIGIN,
-                *content: Element) -> tuple[Element, Element]:
-    """Return a link and its joint: fixed to ``base_link`` at ``position`` [m], ``rotation``."""
-    return (_element('link', *content, name=name),
-            _joint(f'{name}_joint', 'fixed', name, position, rotation))
-
-
-def _joint(name: str, kind: str, child: str, position: Sequence[float],
-           rotation: Sequence[float] = ORIGIN) -> Element:
-    return _element('joint', _element('parent', link='base_link'), _element('child', link=child),
-                    _origin(position, rotation), name=name, type=kind)
-
-
-def _shape(kind: str, geometry: Element, material: str = '', position: Sequence[float] = ORIGIN,
-           rotation: Sequence[float] = ORIGIN, **attributes: str) -> Element:
-    """Return a visual or collision element."""
-    materials = [_element('material', name=material)] if material else []
-    return _element(kind, _origin(position, rotation), _element('geometry', geometry), *materials,
-                    **attributes)
-
-
-def _inertial(body: RigidBody, center: Sequence[float]) -> Element:
+def _inertial(body: RigidBody) -> dict[str, str]:
     x, y, z = body.inertia
-    return _element(
-        'inertial', _origin(center, ORIGIN), _element('mass', value=[body.mass]),
-        _element('inertia', ixx=[x], ixy='0', ixz='0', iyy=[y], iyz='0', izz=[z]))
+    return {'mass': _text([body.mass]), 'ixx': _text([x]), 'iyy': _text([y]), 'izz': _text([z])}
 
 
-def _origin(position: Sequence[float], rotation: Sequence[float]) -> Element:
-    return _element('origin', xyz=position, rpy=rotation)
-
-
-def _element(tag: str, *children: Element, **attributes: str | Sequence[float]) -> Element:
-    """Return an XML element; attributes are texts or numbers."""
-    element = Element(tag, {name: value if isinstance(value, str) else _text(value)
-                            for name, value in attributes.items()})
-    element.extend(children)
-    return element
-
-
-def _text(numbers: Sequence[float]) -> str:
+def _text(numbers: Iterable[float]) -> str:
     return ' '.join(f'{number + 0.0:.9g}' for number in numbers)  # + 0.0: no negative zero
-
-
-def _indented(root: Element) -> str:
-    indent(root)
-    return tostring(root, encoding='unicode')
 
 
 @dataclass(frozen=True)
