@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Test modules in real time, by the marker of the module: they run in two chains."""
+"""Test modules in real time, by the marker of the module: they run in three chains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import re
 
 GROUPS = ('processes', 'safety')  # markers, declared in pyproject.toml
 MODULE_MARK = re.compile(rf'^pytestmark = .*\bpytest\.mark\.({"|".join(GROUPS)})\b', re.MULTILINE)
-FIRST_CHAIN = ('test/nodes/', 'test/cli/')  # about half of the time of all modules with a marker
+CHAINS = ('test/nodes/',), ('test/integration/', 'test/safety/')  # and all other folders
 
 
 def group_of(text: str) -> str | None:
@@ -34,4 +34,4 @@ def chain_of(file: str, text: str) -> str | None:
     """
     if not group_of(text):
         return None
-    return 'first chain' if file.startswith(FIRST_CHAIN) else 'second chain'
+    return next((folders[0] for folders in CHAINS if file.startswith(folders)), 'other chain')
