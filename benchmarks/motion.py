@@ -26,7 +26,7 @@ import math
 from benchmarks.scoring import Errors, Run
 import numpy as np
 from numpy.typing import NDArray
-from smart_tire.analysis.metrics import aligned, distance, rms
+from smart_tire.analysis.metrics import compared_poses, distance, rms
 from smart_tire.arrays import Array, Instants
 from smart_tire.models.vehicle.skid_steer import icr, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
@@ -227,7 +227,8 @@ def _icr_errors(estimate: Estimate, truth: Truth, when: Mask) -> Errors:
 
 def _path_errors(estimate: Estimate, truth: Truth) -> tuple[dict[str, Errors], dict[str, float]]:
     """Return the pose errors at times when both poses are known, and those at the end."""
-    estimated, true, stamps = aligned(truth.poses, estimate.poses)
+    found = compared_poses(estimate.poses, truth.poses)
+    estimated, true, stamps = found.estimated, found.true, found.stamp_ns
     if not len(estimated):
         return {}, {}
     error = estimated - true

@@ -218,11 +218,6 @@ class SlipSeries:
     ratio: Array  # (n, 4)
     sigma: Array  # (n, 4)
 
-    def measured(self, wheels: Sequence[int]) -> list[int]:
-        """Return those of ``wheels`` (indices) that have a slip; all if none has."""
-        found = [wheel for wheel in wheels if np.isfinite(self.ratio[:, wheel]).any()]
-        return found or list(wheels)
-
 
 @dataclass(frozen=True)
 class GroundSeries:

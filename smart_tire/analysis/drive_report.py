@@ -27,7 +27,7 @@ from smart_tire.analysis.metrics import Intervals, stamp_score
 from smart_tire.analysis.motion_figures import path_figure, tracking_figure
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.summary import estimates_tree, plain, Tree, truth_tree
+from smart_tire.analysis.summary import evaluation, plain, Tree
 from smart_tire.analysis.tables import error_tables, estimate_tables
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
@@ -59,11 +59,8 @@ class Run:
     def tree(self) -> Tree:
         """Return the part of the summary that is common to all runs."""
         begin, end = self.span_ns
-        result = self.result
         return {'bag': str(self.path), 'duration_s': (end - begin) * 1e-9,
-                'estimates': estimates_tree(result.estimates),
-                'against_truth': truth_tree(result.estimates, result.truth,
-                                            result.intervals or None)}
+                **evaluation(self.result.filtered, self.result.intervals)}
 
 
 def read_run(path: Path, intervals: Intervals | None = None) -> Run:

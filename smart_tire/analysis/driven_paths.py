@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis.metrics import aligned, rms, rotated
+from smart_tire.analysis.metrics import compared_poses, rms, rotated
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import State
@@ -119,7 +119,7 @@ def _positions(path: PlannedPath) -> Array:
 
 
 def _true_positions(drive: DrivenPath, estimates: PoseSeries, truth: PoseSeries) -> Array:
-    return aligned(_between(truth, drive), _between(estimates, drive))[1][:, :2]
+    return compared_poses(_between(estimates, drive), _between(truth, drive)).true[:, :2]
 
 
 def _between(poses: PoseSeries, drive: DrivenPath) -> PoseSeries:

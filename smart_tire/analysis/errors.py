@@ -13,16 +13,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, limits, Mark, observable, Panel, TIME_LABEL)
-from smart_tire.analysis.friction_metrics import column, is_informative, Matches
-from smart_tire.analysis.metrics import aligned, Score, score, twist_errors
+from smart_tire.analysis.friction_metrics import column, is_informative, Matches, stamps_of
+from smart_tire.analysis.metrics import Compared, Score, score
+from smart_tire.analysis.result import Comparison
 from smart_tire.arrays import Array
-from smart_tire.recording import at, Recording, seconds
+from smart_tire.recording import seconds
 from smart_tire.samples import WHEELS
 
 POSE_NAMES = (('x', 'm'), ('y', 'm'), ('heading', 'rad'))
@@ -56,47 +57,34 @@ class ErrorCurve:
         return np.zeros(0) if self.curve.sigma is None else self.curve.sigma
 
 
-def position_error(estimates: Recording, truth: Recording, origin_ns: int) -> ErrorCurve:
+def position_error(found: Comparison, origin_ns: int) -> ErrorCurve:
     """Return the distance from the true position; its sigma is along the longest axis."""
-    poses = estimates.poses()
-    estimated, true, stamps = aligned(truth.poses(), poses)
-    covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
-    longest = np.sqrt(np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1])
+    poses = found.poses
+    longest = np.sqrt(np.linalg.eigvalsh(poses.covariance[:, :2, :2])[:, -1])
     return ErrorCurve('position', 'm', Curve(
-        seconds(stamps, origin_ns), np.linalg.norm((estimated - true)[:, :2], axis=1), longest))
+        seconds(poses.stamp_ns, origin_ns), np.linalg.norm(poses.error[:, :2], axis=1), longest))
 
 
-def pose_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[ErrorCurve]:
+def pose_errors(found: Comparison, origin_ns: int) -> list[ErrorCurve]:
     """Return the errors of x, y and heading, with the truth aligned at the start."""
-    poses = estimates.poses()
-    estimated, true, stamps = aligned(truth.poses(), poses)
-    covariance = at(stamps, poses.stamp_ns, poses.pose_covariance)
-    return _columns(POSE_NAMES, seconds(stamps, origin_ns), estimated - true,
-                    np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
+    return _columns(POSE_NAMES, found.poses, origin_ns)
 
 
-def twist_error_curves(estimates: Recording, truth: Recording, origin_ns: int
-                       ) -> list[ErrorCurve]:
-    """Return the errors of the velocities; empty without true velocities."""
-    stamps, error, sigma = twist_errors(estimates.poses(), truth.poses())
-    return _columns(TWIST_NAMES, seconds(stamps, origin_ns), error, sigma)
+def error_groups(found: Comparison, origin_ns: int) -> dict[str, list[ErrorCurve]]:
+    """Return the errors of all quantities by group; slip where it is observable."""
+    slips = _columns([(f'slip {wheel.replace("_", " ")}', '') for wheel in WHEELS], found.slips,
+                     origin_ns)
+    return {'pose': pose_errors(found, origin_ns),
+            'velocity': _columns(TWIST_NAMES, found.twist, origin_ns),
+            'slip': [replace(one, curve=observable(one.curve)[0]) for one in slips],
+            'friction': _friction_errors(found.matches, origin_ns)}
 
 
-def slip_errors(estimates: Recording, truth: Recording, origin_ns: int) -> list[ErrorCurve]:
-    """Return the errors of the slip of each wheel where it is observable."""
-    own, true = estimates.slips(), truth.slips()
-    names = [(f'slip {wheel.replace("_", " ")}', '') for wheel in WHEELS]
-    found = _columns(names, seconds(true.stamp_ns, origin_ns),
-                     at(true.stamp_ns, own.stamp_ns, own.ratio) - true.ratio,
-                     at(true.stamp_ns, own.stamp_ns, own.sigma))
-    return [ErrorCurve(one.name, one.unit, observable(one.curve)[0]) for one in found]
-
-
-def friction_errors(matches: Matches, origin_ns: int) -> list[ErrorCurve]:
+def _friction_errors(matches: Matches, origin_ns: int) -> list[ErrorCurve]:
     """Return the errors of friction, of informative crossings, and of the adhesion ratio."""
     pairs = [(true, own) for true, own in matches.pairs if own is not None]
     true, own = [one for one, _ in pairs], [one for _, one in pairs]
-    time = seconds(np.array([one.stamp_ns for one in true], np.int64), origin_ns)
+    time = seconds(stamps_of(true), origin_ns)
     errors = []
     for label, quantity in (('friction, single crossing', 'friction_coefficient_single'),
                             ('friction, fused', 'friction_coefficient'),
@@ -109,13 +97,13 @@ def friction_errors(matches: Matches, origin_ns: int) -> list[ErrorCurve]:
     return [one for one in errors if np.isfinite(one.curve.y).any()]
 
 
-def _columns(names: Sequence[tuple[str, str]], time_s: Array, error: Array,
-             sigma: Array) -> list[ErrorCurve]:
-    """Return the columns of ``error`` (n, k) as curves; none without rows."""
-    if not np.isfinite(error).any():
-        return []
-    return [ErrorCurve(name, unit, Curve(time_s, error[:, i], sigma[:, i]))
-            for i, (name, unit) in enumerate(names)]
+def _columns(names: Sequence[tuple[str, str]], found: Compared,
+             origin_ns: int) -> list[ErrorCurve]:
+    """Return the errors of each quantity as curves; none without rows."""
+    time = seconds(found.stamp_ns, origin_ns)
+    return [ErrorCurve(name, unit, Curve(time, error, sigma))
+            for (name, unit), error, sigma in zip(names, found.error.T, found.sigma.T)
+            ] if np.isfinite(found.error).any() else []
 
 
 def error_panel(errors: Sequence[ErrorCurve], colors: Mapping[str, str], title: str = '',

@@ -32,6 +32,28 @@ TWIST = 'v_x', 'v_y', 'yaw_rate'
 Intervals = Mapping[str, Sequence[tuple[int, int]]]  # name -> time intervals [ns]
 
 
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Estimates and truth at the true timestamps, one column per quantity; NaN if unknown."""
+
+    stamp_ns: Instants  # (n,)
+    estimated: Array    # (n, k)
+    true: Array         # (n, k)
+    sigma: Array        # (n, k), standard deviation of the estimate
+
+    @property
+    def error(self) -> Array:
+        """Return estimate minus truth."""
+        return self.estimated - self.true
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedPoses(Compared):
+    """Compared x, y [m] and yaw [rad]."""
+
+    covariance: Array  # (n, 3, 3)
+
+
 @dataclass(frozen=True)
 class Score:
     """Errors of an estimate and their ratio to the reported sigma; NaN if ``count`` is 0."""
@@ -100,22 +122,30 @@ def median(values: Array) -> float:
     return float(np.median(finite)) if len(finite) else math.nan
 
 
-def slip_scores(estimate: SlipSeries, truth: SlipSeries,
-                intervals: Sequence[tuple[int, int]] | None = None) -> dict[str, SlipScore]:
+def compared_slips(estimate: SlipSeries, truth: SlipSeries) -> Compared:
+    """Return the slips of the four wheels."""
+    return Compared(truth.stamp_ns, at(truth.stamp_ns, estimate.stamp_ns, estimate.ratio),
+                    truth.ratio, at(truth.stamp_ns, estimate.stamp_ns, estimate.sigma))
+
+
+def measured(ratio: Array, wheels: Sequence[int]) -> list[int]:
+    """Return those of ``wheels`` (indices) that have a slip ratio (n, 4); all if none has."""
+    return [wheel for wheel in wheels if np.isfinite(ratio[:, wheel]).any()] or list(wheels)
+
+
+def slip_scores(slips: Compared, intervals: Sequence[tuple[int, int]] | None = None
+                ) -> dict[str, SlipScore]:
     """
     Return the scores of each side and wheel at the true timestamps, within ``intervals`` if given.
 
     Only times at which both slips are defined count. The slip of a side is the mean of its
     measured wheels. Their errors are fully correlated, so the sigma of a side is the mean of both.
     """
-    ratio = at(truth.stamp_ns, estimate.stamp_ns, estimate.ratio)
-    sigma = at(truth.stamp_ns, estimate.stamp_ns, estimate.sigma)
-    members = {**{side: estimate.measured(wheels) for side, wheels in SIDES.items()},
-               **{wheel: (index,) for index, wheel in enumerate(WHEELS)}}
-    chosen = within(truth.stamp_ns, intervals)
-    return {name: _slip_score(ratio[chosen][:, wheels], sigma[chosen][:, wheels],
-                              truth.ratio[chosen][:, wheels])
-            for name, wheels in members.items()}
+    members = {**{side: measured(slips.estimated, wheels) for side, wheels in SIDES.items()},
+               **{wheel: [index] for index, wheel in enumerate(WHEELS)}}
+    chosen = within(slips.stamp_ns, intervals)
+    return {name: _slip_score(*(values[chosen][:, wheels] for values in (
+        slips.estimated, slips.sigma, slips.true))) for name, wheels in members.items()}
 
 
 def _slip_score(ratio: Array, sigma: Array, truth: Array) -> SlipScore:
@@ -138,21 +168,23 @@ def within(stamp_ns: Instants, intervals: Sequence[tuple[int, int]] | None) -> N
     return inside
 
 
-def aligned(truth: PoseSeries, estimate: PoseSeries) -> tuple[Array, Array, Instants]:
+def compared_poses(estimate: PoseSeries, truth: PoseSeries) -> ComparedPoses:
     """
-    Return estimated and true poses (n, 3) at the true timestamps, and these timestamps.
+    Return x, y and yaw where the estimate is known.
 
     The true path is transformed so that both start at the same pose, because its frame is
     unrelated to ``odom``.
     """
     estimated = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
     known = np.isfinite(estimated[:, 0])
-    estimated, true = estimated[known], truth.pose[known]
-    if not len(estimated):
-        return estimated, true, truth.stamp_ns[known]
-    turn = estimated[0, 2] - true[0, 2]
-    moved = rotated(true[:, :2] - true[0, :2], turn) + estimated[0, :2]
-    return estimated, np.column_stack([moved, true[:, 2] + turn]), truth.stamp_ns[known]
+    stamps, estimated, true = truth.stamp_ns[known], estimated[known], truth.pose[known]
+    if len(stamps):
+        turn = estimated[0, 2] - true[0, 2]
+        moved = rotated(true[:, :2] - true[0, :2], turn) + estimated[0, :2]
+        true = np.column_stack([moved, true[:, 2] + turn])
+    covariance = at(stamps, estimate.stamp_ns, estimate.pose_covariance)
+    return ComparedPoses(stamps, estimated, true,
+                         np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), covariance)
 
 
 def rotated(points: Array, angle: float | Array) -> Array:
@@ -172,26 +204,21 @@ def distance(position: Array) -> float:
     return total
 
 
-def pose_score(estimate: PoseSeries, truth: PoseSeries) -> PoseScore | None:
-    """Return pose and twist errors at the true timestamps; None if the series do not overlap."""
-    estimated, true, stamp_ns = aligned(truth, estimate)
-    if len(estimated) < 2:
+def pose_score(poses: ComparedPoses, twist: Compared) -> PoseScore | None:
+    """Return the errors of pose and twist; None if estimate and truth do not overlap."""
+    if len(poses.stamp_ns) < 2:
         return None
-    error = estimated - true
-    covariance = at(stamp_ns, estimate.stamp_ns, estimate.pose_covariance)
+    error = poses.error
     distances = np.linalg.norm(error[:, :2], axis=1)
-    end = float(distances[-1])
-    length = distance(true[:, :2])
-    step_position, step_yaw = _relative_errors(estimated, true, stamp_ns)
-    twist_ns, twist, sigma = twist_errors(estimate, truth)
+    end, length = float(distances[-1]), distance(poses.true[:, :2])
+    step_position, step_yaw = _relative_errors(poses)
     return PoseScore(
-        float(stamp_ns[-1] - stamp_ns[0]) / NS_PER_S, length, rms(distances), end,
+        float(np.ptp(poses.stamp_ns)) / NS_PER_S, length, rms(distances), end,
         float(distances.max()), 100.0 * end / length if length else math.nan,
-        _normalized(error[:, :2], covariance[:, :2, :2]),
-        score(error[:, 2], np.sqrt(covariance[:, 2, 2])), float(error[-1, 2]),
-        step_position, step_yaw,
-        {name: score(twist[:, i], sigma[:, i]) for i, name in enumerate(TWIST)}
-        if len(twist_ns) else None)
+        _normalized(error[:, :2], poses.covariance[:, :2, :2]),
+        score(error[:, 2], poses.sigma[:, 2]), float(error[-1, 2]), step_position, step_yaw,
+        {name: score(*columns) for name, *columns in zip(TWIST, twist.error.T, twist.sigma.T)}
+        if len(twist.stamp_ns) else None)
 
 
 def _normalized(error: Array, covariance: Array) -> float:
@@ -205,24 +232,24 @@ def _normalized(error: Array, covariance: Array) -> float:
     return math.sqrt(float(np.mean(squares)) / error.shape[1])
 
 
-def _relative_errors(estimated: Array, true: Array, stamp_ns: Instants) -> tuple[float, float]:
+def _relative_errors(poses: ComparedPoses) -> tuple[float, float]:
     """Return rms relative pose errors [m], [rad] over one second, in body axes."""
-    later = stamp_ns + RELATIVE_POSE_INTERVAL_NS
+    later = poses.stamp_ns + RELATIVE_POSE_INTERVAL_NS
     moved = []
-    for pose in (estimated, true):
-        change = at(later, stamp_ns, pose) - pose
+    for pose in (poses.estimated, poses.true):
+        change = at(later, poses.stamp_ns, pose) - pose
         moved.append(np.column_stack([rotated(change[:, :2], -pose[:, 2]), change[:, 2]]))
     error = moved[0] - moved[1]
     error = error[np.isfinite(error[:, 0])]
     return rms(np.linalg.norm(error[:, :2], axis=1)), rms(error[:, 2])
 
 
-def twist_errors(estimate: PoseSeries, truth: PoseSeries) -> tuple[Instants, Array, Array]:
-    """Return the errors of v_x, v_y and yaw rate, and their sigmas, where the truth is known."""
+def compared_twist(estimate: PoseSeries, truth: PoseSeries) -> Compared:
+    """Return v_x, v_y and yaw rate where the truth is known."""
     known = np.isfinite(truth.twist[:, 0])
     stamps = truth.stamp_ns[known]
-    return (stamps, at(stamps, estimate.stamp_ns, estimate.twist) - truth.twist[known],
-            np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_variance)))
+    return Compared(stamps, at(stamps, estimate.stamp_ns, estimate.twist), truth.twist[known],
+                    np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_variance)))
 
 
 def stamp_score(stamp_ns: Instants, true_ns: Instants, sigma: float) -> Score:

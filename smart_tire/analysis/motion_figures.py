@@ -24,7 +24,7 @@ from smart_tire.analysis.errors import error_panel, pose_errors, position_error,
 from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, Limits, limits, Mark, MAX_POINTS, MAX_SLIP_SIGMA, observable, PAIR,
     Panel, share_outside, SIGMAS, TIME_LABEL, truth_marks, TWO_SIGMA)
-from smart_tire.analysis.metrics import aligned, SIDES
+from smart_tire.analysis.metrics import measured, SIDES
 from smart_tire.analysis.result import Result
 from smart_tire.arrays import Array
 from smart_tire.recording import Recording, seconds
@@ -57,7 +57,7 @@ def slip_curves(estimates: Recording, truth: Recording, origin_ns: int,
     own, true = estimates.slips(), truth.slips()
     found = []
     for name, members in groups.items():
-        wheels = own.measured(members)
+        wheels = measured(own.ratio, members)
         curve, hidden = observable(interrupted(Curve(
             seconds(own.stamp_ns, origin_ns), own.ratio[:, wheels].mean(axis=1),
             own.sigma[:, wheels].mean(axis=1))))
@@ -78,8 +78,8 @@ def slip_figure(result: Result) -> Figure | None:
     """Return the slip of both sides, one panel per interval and label; None without slip."""
     if not len(result.estimates.slips().stamp_ns):
         return None
-    curves = {label: slip_curves(series, result.truth, result.origin_ns)
-              for label, series in result.labeled.items()}
+    curves = {label: slip_curves(one.estimates, one.truth, result.origin_ns)
+              for label, one in result.comparisons.items()}
     every = [one for several in curves.values() for one in several]
     spans = {name: [((begin - result.origin_ns) / NS_PER_S, (end - result.origin_ns) / NS_PER_S)
                     for begin, end in times] for name, times in result.intervals.items()}
@@ -141,12 +141,12 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
 
     Ellipses show two standard deviations of the position at about equal distances.
     """
-    poses = {label: series.poses() for label, series in result.labeled.items()}
+    poses = {label: one.estimates.poses() for label, one in result.comparisons.items()}
     first = next(iter(poses.values()))
     if not len(first.stamp_ns):
         return None
     colors = dict(zip(poses, PAIR[::-1] if len(poses) > 1 else PAIR))
-    true = aligned(result.truth.poses(), first)[1]
+    true = result.filtered.poses.true
     marks = [*wanted_marks(result.wanted)]
     for label, one in poses.items():
         marks += [_ellipses(one.pose[:, :2], one.pose_covariance, colors[label]),
@@ -160,8 +160,8 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
                'errors.')
     rows: list[list[Panel | None]] = [[panel]]
     if errors and len(true):
-        found = [(position_error(*both), pose_errors(*both)[2]) for both in (
-            (series, result.truth, result.origin_ns) for series in result.labeled.values())]
+        found = [(position_error(one, result.origin_ns), pose_errors(one, result.origin_ns)[2])
+                 for one in result.comparisons.values()]
         rows = [[panel, error_panel(several, colors, bottom=bottom)]
                 for several, bottom in zip(zip(*found), (0.0, None))]
         caption += (

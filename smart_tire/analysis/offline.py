@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
-from functools import partial
+from functools import cached_property, partial
 import json
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -32,7 +32,7 @@ from smart_tire.analysis.pipeline import (
     EstimateRecord, ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, SmoothedSlip,
     TRUTHS)
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.summary import estimates_tree, input_stats, plain, Tree, truth_tree
+from smart_tire.analysis.summary import evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError, EstimatorError, SmartTireError
@@ -87,7 +87,7 @@ class Analysis:
     smoothed: Recording | None = None  # None if not requested
     summary: Tree | None = None     # None if nothing was estimated
 
-    @property
+    @cached_property
     def result(self) -> Result:
         """Return the estimates and what they are compared with, for figures and tables."""
         return Result(self.estimates, self.contents.inputs, self.contents.truth, self.smoothed,
@@ -266,18 +266,14 @@ def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | 
     rejected = contents.faults.rejected
     inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': rejected[topic]}
               for topic, stats in input_stats(contents.inputs).items()}
+    filtered, *smoothed = map(evaluation, analysis.result.comparisons.values())
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
             'parameters': source, 'notes': contents.notes,
             'inputs': plain(inputs), 'left_out': contents.skipped,
-            **_evaluation(analysis.estimates, contents)}
-    if analysis.smoothed is not None:
-        tree['smoothed'] = _evaluation(analysis.smoothed, contents)
+            **filtered}
+    if smoothed:
+        tree['smoothed'], = smoothed
     return tree
-
-
-def _evaluation(estimates: Recording, contents: BagContents) -> Tree:
-    return {'estimates': estimates_tree(estimates),
-            'against_truth': truth_tree(estimates, contents.truth)}
 
 
 def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> list[str]:

@@ -17,11 +17,41 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from smart_tire.analysis.figure import Curve, Segments, segments
-from smart_tire.analysis.metrics import Intervals
+from smart_tire.analysis.friction_metrics import match, Matches
+from smart_tire.analysis.metrics import (
+    Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals)
 from smart_tire.arrays import Array
 from smart_tire.recording import Recording, seconds, time_origin
 
 FILTERED, SMOOTHED = 'filtered', 'smoothed'
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Estimates of a recording compared with its ground truth, which may be empty."""
+
+    estimates: Recording
+    truth: Recording
+
+    @cached_property
+    def poses(self) -> ComparedPoses:
+        """Return x, y and yaw, with the truth aligned at the start."""
+        return compared_poses(self.estimates.poses(), self.truth.poses())
+
+    @cached_property
+    def twist(self) -> Compared:
+        """Return v_x, v_y and yaw rate."""
+        return compared_twist(self.estimates.poses(), self.truth.poses())
+
+    @cached_property
+    def slips(self) -> Compared:
+        """Return the slips of the four wheels."""
+        return compared_slips(self.estimates.slips(), self.truth.slips())
+
+    @cached_property
+    def matches(self) -> Matches:
+        """Return the true crossings with their estimates."""
+        return match(self.estimates.crossings, self.truth.crossings)
 
 
 @dataclass(frozen=True)
@@ -47,8 +77,14 @@ class Result:
         time = seconds(stamps, self.origin_ns)
         return segments([Curve(time, speed) for speed in speeds.T])
 
-    @property
-    def labeled(self) -> Mapping[str, Recording]:
-        """Return the estimates by label, those of the filter first."""
-        return {'estimate': self.estimates} if self.smoothed is None else {
+    @cached_property
+    def comparisons(self) -> Mapping[str, Comparison]:
+        """Return the estimates and their truth by label, those of the filter first."""
+        labeled = {'estimate': self.estimates} if self.smoothed is None else {
             FILTERED: self.estimates, SMOOTHED: self.smoothed}
+        return {label: Comparison(one, self.truth) for label, one in labeled.items()}
+
+    @property
+    def filtered(self) -> Comparison:
+        """Return the estimates of the filter and their truth."""
+        return next(iter(self.comparisons.values()))

@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 from smart_tire.analysis.friction_metrics import (
-    column, friction_scores, is_informative, match, Matches)
+    column, friction_scores, is_informative, Matches)
 from smart_tire.analysis.metrics import (
     distance, Intervals, mean, median, pose_score, rms, SIDES, slip_scores, within)
+from smart_tire.analysis.result import Comparison
 from smart_tire.arrays import Instants
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
@@ -85,24 +86,28 @@ def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
             'last_fused_sigma': last.friction_coefficient.sigma}
 
 
-def truth_tree(estimates: Recording, truth: Recording,
-               intervals: Intervals | None = None) -> Tree | None:
+def evaluation(found: Comparison, intervals: Intervals | None = None) -> Tree:
+    """Return the summary of the estimates and their errors, None without ground truth."""
+    return {'estimates': estimates_tree(found.estimates),
+            'against_truth': truth_tree(found, intervals)}
+
+
+def truth_tree(found: Comparison, intervals: Intervals | None = None) -> Tree | None:
     """
     Return the errors against ground truth; None without ground truth.
 
     The errors are also given for each of ``intervals``, by default for each surface.
     """
-    intervals = surfaces(truth.crossings) if intervals is None else intervals
+    intervals = intervals or surfaces(found.truth.crossings)
     tree: Tree = {}
-    if (pose := pose_score(estimates.poses(), truth.poses())) is not None:
+    if (pose := pose_score(found.poses, found.twist)) is not None:
         tree['pose'] = pose
-    if len(truth.slips().stamp_ns):
-        own, true = estimates.slips(), truth.slips()
-        tree['slip'] = {WHOLE: slip_scores(own, true),
-                        **{name: slip_scores(own, true, interval)
+    if len(found.slips.stamp_ns):
+        tree['slip'] = {WHOLE: slip_scores(found.slips),
+                        **{name: slip_scores(found.slips, interval)
                            for name, interval in intervals.items()}}
-    if truth.crossings:
-        tree['friction'] = _friction_tree(match(estimates.crossings, truth.crossings), intervals)
+    if found.truth.crossings:
+        tree['friction'] = _friction_tree(found.matches, intervals)
     return plain(tree) or None
 
 

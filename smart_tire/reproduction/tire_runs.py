@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.analysis.friction_metrics import column, match
-from smart_tire.analysis.metrics import SIDES, slip_scores, SlipScore
+from smart_tire.analysis.metrics import compared_slips, SIDES, slip_scores, SlipScore
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire
@@ -87,7 +87,8 @@ def steady(left: float, right: float) -> Schedule:
 
 def side_slips(run: Run, estimates: Recording) -> dict[str, SlipScore]:
     """Return the slips of both sides in ``estimates`` after settling, against the truth."""
-    scores = slip_scores(estimates.slips(), run.truth.slips(), [(run.begin_ns, run.end_ns)])
+    scores = slip_scores(compared_slips(estimates.slips(), run.truth.slips()),
+                         [(run.begin_ns, run.end_ns)])
     return {side: scores[side] for side in SIDES}
 
 

@@ -15,10 +15,9 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.analysis.errors import (
-    ErrorCurve, friction_errors, pose_errors, slip_errors, twist_error_curves)
+from smart_tire.analysis.errors import error_groups, ErrorCurve
 from smart_tire.analysis.figure import Curve
-from smart_tire.analysis.friction_metrics import match
+from smart_tire.analysis.result import Comparison
 from smart_tire.recording import Recording
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain
@@ -30,8 +29,12 @@ def drive(speed, **options):
     return driven(20, 10.0, speed=speed, variance=0.04, **options)
 
 
+def errors(own, truth):
+    return error_groups(Comparison(own, truth), 0)
+
+
 def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
-    x, y, heading = pose_errors(drive(1.1), drive(1.0), 0)
+    x, y, heading = errors(drive(1.1), drive(1.0))['pose']
     assert (x.name, x.unit, heading.unit) == ('x', 'm', 'rad')
     assert x.curve.y == pytest.approx(0.1 * x.curve.x)
     assert y.curve.y == pytest.approx(0.0) and heading.curve.y == pytest.approx(0.0)
@@ -41,32 +44,34 @@ def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
 
 
 def test_errors_need_an_overlap_and_a_true_twist():
-    assert twist_error_curves(drive(1.1), drive(1.0), 0)[0].curve.y == pytest.approx(0.1)
-    assert twist_error_curves(drive(1.1), drive(1.0, twist=False), 0) == []
-    assert pose_errors(drive(1.0), Recording(), 0) == []
-    assert slip_errors(drive(1.0), Recording(), 0) == []
+    assert errors(drive(1.1), drive(1.0))['velocity'][0].curve.y == pytest.approx(0.1)
+    assert errors(drive(1.1), drive(1.0, twist=False))['velocity'] == []
+    assert not any(errors(drive(1.0), Recording()).values())
 
 
 def test_slip_errors_count_where_slip_is_observable():
-    errors = slip_errors(drive(1.0, slip=0.2), drive(1.0, slip=0.1), 0)
-    assert [one.name for one in errors] == [
+    found = errors(drive(1.0, slip=0.2), drive(1.0, slip=0.1))['slip']
+    assert [one.name for one in found] == [
         'slip front left', 'slip front right', 'slip rear left', 'slip rear right']
-    assert errors[0].score.mean == pytest.approx(0.1)
-    unknown = slip_errors(drive(1.0, slip=1.0, sigma=0.6), drive(1.0), 0)
+    assert found[0].score.mean == pytest.approx(0.1)
+    unknown = errors(drive(1.0, slip=1.0, sigma=0.6), drive(1.0))['slip']
     assert unknown[0].score.count == 0 and not len(unknown[0].normalized)
 
 
 def test_uninformative_single_crossings_do_not_count():
-    truth = [Friction(i * NS_PER_S, 'front_left', friction_coefficient=Uncertain(0.5, 0.0),
-                      friction_coefficient_single=Uncertain(0.5, 0.0)) for i in range(3)]
-    own = [Friction(i * NS_PER_S, 'front_left', friction_coefficient=Uncertain(0.6, 0.1),
-                    friction_coefficient_single=Uncertain(0.7, sigma))
-           for i, sigma in enumerate((0.1, 0.9))]
-    single, fused = friction_errors(match(own, truth), 0)
+    truth, own = Recording(), Recording()
+    truth.crossings = [
+        Friction(i * NS_PER_S, 'front_left', friction_coefficient=Uncertain(0.5, 0.0),
+                 friction_coefficient_single=Uncertain(0.5, 0.0)) for i in range(3)]
+    own.crossings = [
+        Friction(i * NS_PER_S, 'front_left', friction_coefficient=Uncertain(0.6, 0.1),
+                 friction_coefficient_single=Uncertain(0.7, sigma))
+        for i, sigma in enumerate((0.1, 0.9))]
+    single, fused = errors(own, truth)['friction']
     assert (single.score.count, fused.score.count) == (1, 2)
     assert single.curve.y[0] == pytest.approx(0.2)
     assert fused.normalized == pytest.approx([1.0, 1.0])
-    assert friction_errors(match([], truth), 0) == []
+    assert errors(Recording(), truth)['friction'] == []
 
 
 def test_errors_without_standard_deviation_are_not_normalized():

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.metrics import (
-    distance, pose_score, score, slip_scores, stamp_score)
+    compared_poses, compared_slips, compared_twist, distance, pose_score, score, slip_scores,
+    stamp_score)
 from smart_tire.recording import PoseSeries, SlipSeries
 
 EPOCH = 1_700_000_000_000_000_000
@@ -33,6 +34,10 @@ def poses(pose, twist=None, sigma=0.1, rate=100.0):
         ticks(count, rate), np.asarray(pose, float),
         np.full((count, 3), math.nan) if twist is None else np.asarray(twist, float),
         np.broadcast_to(np.eye(3) * sigma ** 2, (count, 3, 3)), np.full((count, 3), sigma ** 2))
+
+
+def posed(estimate, truth):
+    return pose_score(compared_poses(estimate, truth), compared_twist(estimate, truth))
 
 
 def circle(count=1000, radius=2.0, turn=3.0):
@@ -74,14 +79,14 @@ def test_finite_errors_are_compared_with_their_sigma(error, sigma, count, rms, w
 @settings(max_examples=30, deadline=None)
 @given(x=st.floats(-1e3, 1e3), y=st.floats(-1e3, 1e3), angle=st.floats(-7.0, 7.0))
 def test_the_frame_of_the_truth_does_not_matter(x, y, angle):
-    found = pose_score(poses(circle()), poses(moved(circle(), x, y, angle)))
+    found = posed(poses(circle()), poses(moved(circle(), x, y, angle)))
     assert found.position_rms_m == pytest.approx(0.0, abs=1e-8)
     assert found.yaw.rms == pytest.approx(0.0, abs=1e-9)
     assert found.distance_m == pytest.approx(6.0, abs=0.06)
 
 
 def test_a_radius_one_percent_too_large_is_one_percent_of_the_distance():
-    found = pose_score(poses(1.01 * straight()), poses(straight()))
+    found = posed(poses(1.01 * straight()), poses(straight()))
     assert found.position_end_m == found.position_max_m == pytest.approx(0.1)
     assert found.end_percent_of_distance == pytest.approx(1.0, rel=1e-2)
     assert found.position_rms_m == pytest.approx(0.1 / math.sqrt(3.0), rel=1e-2)
@@ -92,7 +97,7 @@ def test_a_radius_one_percent_too_large_is_one_percent_of_the_distance():
 def test_heading_drift_gives_absolute_and_relative_yaw_errors():
     truth = straight()
     drifting = truth + np.column_stack([np.zeros((1001, 2)), np.linspace(0.0, 0.5, 1001)])
-    found = pose_score(poses(drifting), poses(truth))
+    found = posed(poses(drifting), poses(truth))
     assert found.yaw_end_rad == pytest.approx(0.5)
     assert found.relative_yaw_rms_rad == pytest.approx(0.05)
     assert found.position_end_m == 0.0
@@ -102,9 +107,9 @@ def test_relative_errors_do_not_contain_old_heading_errors():
     """A heading error from a turn in place does not affect later relative errors."""
     truth = np.vstack([np.zeros((100, 3)), straight()])
     wrong = np.vstack([np.zeros((100, 3)), moved(straight(), 0.0, 0.0, 0.3)])
-    found = pose_score(poses(wrong), poses(truth))
+    found = posed(poses(wrong), poses(truth))
     assert found.position_end_m == pytest.approx(2.0 * 10.0 * math.sin(0.15), rel=1e-3)
-    after = pose_score(poses(wrong[200:]), poses(truth[200:]))
+    after = posed(poses(wrong[200:]), poses(truth[200:]))
     assert after.relative_position_rms_m == pytest.approx(0.0, abs=1e-9)
 
 
@@ -113,7 +118,7 @@ def test_consistent_covariances_give_normalized_errors_of_one():
     truth = circle(5000)
     noisy = truth + rng.normal(0.0, 0.1, truth.shape)
     noisy[0] = truth[0]  # the paths are aligned there
-    found = pose_score(poses(noisy, sigma=0.1), poses(truth))
+    found = posed(poses(noisy, sigma=0.1), poses(truth))
     assert found.position_normalized_rms == pytest.approx(1.0, abs=0.03)
     assert found.yaw.normalized_rms == pytest.approx(1.0, abs=0.03)
 
@@ -128,16 +133,16 @@ def test_errors_of_the_twist_are_found_in_each_component():
     count = 1000
     truth = poses(circle(), twist=np.tile([0.6, 0.0, 0.3], (count, 1)))
     estimate = poses(circle(), twist=np.tile([0.7, -0.1, 0.5], (count, 1)), sigma=0.1)
-    twist = pose_score(estimate, truth).twist
+    twist = posed(estimate, truth).twist
     assert [twist[name].mean for name in ('v_x', 'v_y', 'yaw_rate')] == pytest.approx(
         [0.1, -0.1, 0.2])
     assert twist['yaw_rate'].normalized_rms == pytest.approx(2.0)
-    assert pose_score(poses(circle()), poses(circle())).twist is None
+    assert posed(poses(circle()), poses(circle())).twist is None
 
 
 def test_estimates_are_interpolated_at_the_true_timestamps():
     fine = circle(10_000)
-    found = pose_score(poses(fine, rate=1000.0), poses(fine[::10], rate=100.0))
+    found = posed(poses(fine, rate=1000.0), poses(fine[::10], rate=100.0))
     assert found.position_rms_m < 1e-6
 
 
@@ -145,8 +150,8 @@ def test_poses_that_never_overlap_have_no_score():
     late = poses(circle())
     late = PoseSeries(late.stamp_ns + 60_000_000_000, late.pose, late.twist,
                       late.pose_covariance, late.twist_variance)
-    assert pose_score(late, poses(circle())) is None
-    assert pose_score(poses(circle()[:0]), poses(circle())) is None
+    assert posed(late, poses(circle())) is None
+    assert posed(poses(circle()[:0]), poses(circle())) is None
 
 
 def slips(ratio, sigma=0.1):
@@ -154,23 +159,27 @@ def slips(ratio, sigma=0.1):
     return SlipSeries(ticks(len(ratio)), ratio, np.full(ratio.shape, sigma))
 
 
+def slid(estimate, truth, *intervals):
+    return slip_scores(compared_slips(estimate, truth), *intervals)
+
+
 def test_slip_is_scored_where_both_slips_are_defined():
     ratio = np.full((100, 4), 0.1)
     truth, estimate = ratio.copy(), ratio + 0.1
     truth[:20] = math.nan
     estimate[90:] = math.nan
-    found = slip_scores(slips(estimate), slips(truth))['left'].error
+    found = slid(slips(estimate), slips(truth))['left'].error
     assert found.count == 70 and found.mean == pytest.approx(0.1)
     never = slips(np.full((10, 4), math.nan))
-    assert slip_scores(never, never)['left'].error.count == 0
+    assert slid(never, never)['left'].error.count == 0
 
 
 def test_slip_is_scored_within_the_intervals_only():
     truth, estimate = np.zeros((100, 4)), np.zeros((100, 4))
     estimate[50:] = 0.2
     stamps = ticks(100)
-    calm = slip_scores(slips(estimate), slips(truth), [(stamps[0], stamps[49])])
-    wrong = slip_scores(slips(estimate), slips(truth), [(stamps[60], stamps[79])])
+    calm = slid(slips(estimate), slips(truth), [(stamps[0], stamps[49])])
+    wrong = slid(slips(estimate), slips(truth), [(stamps[60], stamps[79])])
     assert calm['left'].error.rms == 0.0
     assert (wrong['left'].error.count, wrong['left'].error.mean) == (20, pytest.approx(0.2))
 
@@ -198,7 +207,7 @@ def test_the_slip_of_a_side_is_the_mean_of_its_measured_wheels():
     ratio[0, 1] = math.nan  # at standstill
     estimate = SlipSeries(stamps, ratio, np.full((4, 4), 0.1))
     truth = SlipSeries(stamps, np.tile([0.15, 0.2, 0.9, 0.2], (4, 1)), np.zeros((4, 4)))
-    scores = slip_scores(estimate, truth)
+    scores = slid(estimate, truth)
     assert (scores['left'].error.count, scores['right'].error.count) == (4, 2)
     assert scores['left'].error.mean == pytest.approx(-0.05)
     assert scores['right'].error.mean == pytest.approx(0.1)

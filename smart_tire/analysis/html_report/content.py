@@ -19,13 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from smart_tire.analysis.driven_paths import PATH
-from smart_tire.analysis.errors import (
-    error_figure, ErrorCurve, friction_errors, histogram_figure, pose_errors, slip_errors,
-    twist_error_curves)
+from smart_tire.analysis.errors import error_figure, error_groups, histogram_figure
 from smart_tire.analysis.figure import bucket_count, MAX_POINTS, MAX_SLIP_SIGMA
 from smart_tire.analysis.figures import adhesion_figure, friction_figure, ground_figure
 from smart_tire.analysis.friction_metrics import (
-    column, is_informative, match, MAX_RELATIVE_SIGMA, stamps_of)
+    column, is_informative, MAX_RELATIVE_SIGMA, stamps_of)
 from smart_tire.analysis.html_report.page import Block, Folded, Report, Section
 from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.motion_figures import (
@@ -150,12 +148,7 @@ def _errors(result: Result, summary: Tree) -> Section:
     if not against:
         return Section('errors', 'Errors', 'Errors against ground truth',
                        ['The bag contains no ground truth that overlaps the estimates.'])
-    estimates, truth, origin = result.estimates, result.truth, result.origin_ns
-    groups: dict[str, list[ErrorCurve]] = {
-        'pose': pose_errors(estimates, truth, origin),
-        'velocity': twist_error_curves(estimates, truth, origin),
-        'slip': slip_errors(estimates, truth, origin),
-        'friction': friction_errors(match(estimates.crossings, truth.crossings), origin)}
+    groups = error_groups(result.filtered, result.origin_ns)
     return Section('errors', 'Errors', 'Errors against ground truth', _known(
         pose_table(against['pose']) if 'pose' in against else None,
         consistency_table([one for errors in groups.values() for one in errors]),
