@@ -44,7 +44,7 @@ SAFETY = 'safety'  # name of the safety path among the rooms
 SAFETY_PATH = (
     'smart_tire/protocol/deframer.py', 'smart_tire/protocol/roboclaw.py',
     'smart_tire/control/*.py', 'smart_tire/drivers/roboclaw_*.py',
-    'smart_tire/drivers/wheel_encoder.py', 'smart_tire/nodes/command_input.py',
+    'smart_tire/drivers/motor_board.py', 'smart_tire/nodes/command_input.py',
     'smart_tire/nodes/motor_driver.py', 'smart_tire/nodes/*_controller.py',
     'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py')
 PROCESS_TESTS = {  # source file -> tests that import it in other processes only

@@ -47,7 +47,8 @@ class RobotStack:
         true = topic.startswith('ground_truth/')
         if isinstance(sample, WheelSample):
             self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position)
-            self._wheels.traction.add_wheels(sample)
+            if self._wheels.traction.params.enabled:
+                self._wheels.traction.add_wheels(sample)
         if true and not self._estimated:
             self._distribute(sample, now_ns)
         elif not true and self._estimated:

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Limits of wheel speeds by slip: bands, bounds for any estimates, shares of the sides."""
+"""Limits of wheel speeds by slip: bands, bounds for any estimates, tires, shares of the sides."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ DEAD_FORCE = 0.02  # of the force of a side, a difference that is left as it is
 RELIEF, MAX_RELIEF = 0.3, 0.06  # of the other side, which may slide: it then loses no force
 MIN_DELAY = 0.01   # s, of the estimates and of the wheels
 MIN_FORCE = 1.0    # N, of a side; lower limit in the denominator of the gain
+MIN_SPEED = 0.2    # rad/s, of a wheel; lower limit in the denominator of its slip
 
 
 def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
@@ -74,6 +75,53 @@ def bounded(set_point: float, command: float, latest: float, step: float) -> flo
     if abs(latest) > abs(command) or latest * command < 0.0:
         latest += math.copysign(min(step, abs(command - latest)), command - latest)
     return min(max(set_point, min(0.0, command, latest)), max(0.0, command, latest))
+
+
+@dataclass(frozen=True)
+class TireLoad:
+    """Ground under a wheel, as expected for the end of the control period."""
+
+    speed: float          # rad/s, of the wheel if it rolled without slip
+    torque: float         # N m, of the force on a sliding wheel: mu F_z r
+    critical_slip: float  # -
+    speed_sigma: float    # rad/s, standard deviation of ``speed``
+    command: float        # rad/s, commanded wheel speed; the feed-forward does not leave it
+
+    def slips(self, speed: float, set_point: float) -> bool:
+        """Return whether a wheel at ``speed`` [rad/s] slips, in the direction of a set point."""
+        return (speed - self.speed) * (set_point - self.speed) > 0.0
+
+    def torque_at(self, speed: float) -> float:
+        """
+        Return the torque [N m] of the tire force against a wheel at ``speed`` [rad/s], B(22).
+
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.0, command=20.0)
+        >>> tire.torque_at(10.0)
+        0.4375
+        """
+        return math.copysign(self.torque * self._force_share(speed), speed - self.speed)
+
+    def with_share(self, speed: float, share: float) -> float:
+        """
+        Return the speed [rad/s] at which a wheel has a ``share`` of its force at ``speed``.
+
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.1, command=20.0)
+        >>> round(tire.torque_at(tire.with_share(10.0, 0.5)) / tire.torque_at(10.0), 9)
+        0.5
+        """
+        if share == 1.0:
+            return speed
+        slip = self.critical_slip * (1.0 - (1.0 - share * self._force_share(speed)) ** (1.0 / 3.0))
+        return self.speed / (1.0 - math.copysign(slip, (speed - self.speed) * self.speed))
+
+    def slip_share(self, speed: float) -> float:
+        """Return the slip of a wheel at ``speed`` [rad/s] over the critical slip, 0 or more."""
+        return abs(speed - self.speed) / (
+            max(abs(speed), MIN_SPEED) * self.critical_slip + self.speed_sigma)
+
+    def _force_share(self, speed: float) -> float:
+        """Return the force over that of a sliding wheel, 0 to 1."""
+        return 1.0 - max(1.0 - self.slip_share(speed), 0.0) ** 3
 
 
 @dataclass

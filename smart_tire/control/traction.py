@@ -16,12 +16,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from smart_tire.control.drive_model import TireLoad
 from smart_tire.control.ground_knowledge import (
     GroundKnowledge, MAX_RESISTANCE, Measured, PRIOR_SIGMA, ShownFriction)
 from smart_tire.control.ground_motion import Expected, GroundSpeed, Motion, Onset
 from smart_tire.control.slip_limits import (
-    bounded, share_within, slip_band, yaw_deviation, YawControl)
+    bounded, share_within, slip_band, TireLoad, yaw_deviation, YawControl)
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
@@ -122,8 +121,6 @@ class TractionControl:
 
     def add_wheels(self, wheels: WheelSample) -> None:
         """Add wheel speeds and motor torques."""
-        if not self.params.enabled:
-            return
         middle_ns = wheels.stamp_ns - self._shown.period_ns(wheels.stamp_ns) // 2
         self._shown.add_wheels(
             wheels, self._motion.speed_at(middle_ns), self.params.acceleration_filter)
@@ -137,10 +134,6 @@ class TractionControl:
         """Return ``set_points`` [rad/s], limited at ``now_ns`` for a control ``period`` [s]."""
         limited: Four = set_points
         tires: Sequence[TireLoad] = ()
-        if not self.params.enabled:
-            self._report('disabled')
-            self.reset()
-            return set_points
         if reason := self._inactive(now_ns):
             self._report(reason)
             self._direction = 0

@@ -13,17 +13,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 import math
 
-from smart_tire.control.drive_model import drive_model
 from smart_tire.control.duty_gate import STOPPED
+from smart_tire.control.slip_limits import TireLoad
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_feedback import WheelFeedback
-from smart_tire.control.wheel_servo import WheelServo
+from smart_tire.control.wheel_servo import drive_model, DriveModel, Pid, SpeedReference
 from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.samples import Four, NS_PER_S, VelocityCommand
 
 MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
+STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero is held
+# -, holds on slopes of 35 degrees, and is below ``stall_duty`` of motor_driver: a wheel that
+# stands at this duty is not taken for a blocked one.
+MAX_HOLD_DUTY = 0.25
 
 
 def wheel_speeds(command: VelocityCommand, *, radius: float, effective_track: float) -> Four:
@@ -40,6 +45,76 @@ def wheel_speeds(command: VelocityCommand, *, radius: float, effective_track: fl
     difference = 0.5 * effective_track * command.yaw_rate
     left, right = (command.v_x - difference) / radius, (command.v_x + difference) / radius
     return left, right, left, right
+
+
+class WheelServo:
+    """Controller of the wheel with index ``wheel``; times are nanoseconds of one steady clock."""
+
+    def __init__(self, wheel: int, params: WheelControllerParams) -> None:
+        self._wheel = wheel
+        self._params, self._model = params, drive_model(params.pid, params.robot)
+        self._pid = Pid(params.pid)
+        self.reset()
+
+    def reset(self) -> None:
+        """Set integral and output to zero; the next reference begins at the measured speed."""
+        self._pid.reset()
+        self._reference: SpeedReference | None = None
+        self._input, self._direction = 0.0, 0.0
+        self._holding = False
+
+    def set_params(self, params: WheelControllerParams, model: DriveModel) -> None:
+        """Use these parameters from now on; the duty does not jump."""
+        change = (model.duty(self._input, self._direction)
+                  - self._model.duty(self._input, self._direction))
+        self._params, self._model = params, model
+        self._pid.compensate(change)
+
+    def step(self, set_point: float, feedback: WheelFeedback, dt: float, now_ns: int,
+             tire: TireLoad | None = None) -> float:
+        """
+        Return the duty [-1, 1] for a set point [rad/s], ``dt`` [s] after the latest step.
+
+        ``tire`` is given for a set point at the limit of slip. A wheel at rest with a set point
+        of zero is held: the integral of its speed is the angle by which it was turned. It begins
+        at zero, so that dry friction alone holds a wheel on level ground.
+        """
+        latest = feedback.latest
+        measured = latest.velocity[self._wheel] if latest else 0.0
+        if set_point != 0.0:
+            self._holding = False
+        elif not self._holding and abs(measured) < STANDSTILL_SPEED:
+            self.reset()
+            self._holding = True
+        params, reference = self._params, self._reference
+        pid = params.pid if not self._holding else replace(
+            params.pid, limit=min(params.pid.limit, MAX_HOLD_DUTY))
+        if reference is None:  # a rolling wheel is taken over at its speed
+            reference = self._reference = SpeedReference(
+                0.0 if self._holding else measured, now_ns)
+        self._input = reference.advance(
+            set_point, dt, now_ns, self._model,
+            (params.max_wheel_acceleration, params.max_wheel_deceleration), tire)
+        self._direction = reference.direction
+        delay = feedback.delay(1.0 / params.rate)
+        self._pid.set_gains(pid, self._model.limited(params.pid, delay))
+        duty = self._pid.duty(
+            self._model.duty(self._input, self._direction), self._error(reference, feedback),
+            feedback.slope(self._wheel), dt, current=feedback.is_current(now_ns))
+        reference.limit_input(self._input - self._pid.excess / self._model.speed_gain)
+        return duty if math.isfinite(duty) else self._failed()
+
+    def _failed(self) -> float:
+        self.reset()
+        return 0.0
+
+    def _error(self, reference: SpeedReference, feedback: WheelFeedback) -> float:
+        """Return the speed error [rad/s] of the latest readings, 0 without any."""
+        mean = feedback.mean(self._wheel)
+        if mean is None:
+            return 0.0
+        speed, begin_ns, end_ns = mean
+        return reference.mean(begin_ns, end_ns) - speed
 
 
 class WheelControl:
@@ -63,6 +138,8 @@ class WheelControl:
         """Use these parameters from now on; the duties do not jump."""
         self._params = params
         self.traction.params = params.traction
+        if not params.traction.enabled:
+            self.traction.reset()
         model = drive_model(params.pid, params.robot)
         for servo in self._servos:
             servo.set_params(params, model)
@@ -115,10 +192,10 @@ class WheelControl:
         driven = (velocity is not None and all(map(math.isfinite, velocity))
                   and not self.emergency_stop)
         set_points = self._limited(velocity) if velocity is not None and driven else STOPPED
-        if driven and stamp_ns is not None:
+        if driven and stamp_ns is not None and self._params.traction.enabled:
             set_points = self.traction.limit(set_points, stamp_ns, dt)
         else:
-            self.traction.reset()
+            self._reset_traction()
         if not driven or not self.has_measurement(now_ns):
             self._reset()
             return set_points, STOPPED
@@ -132,7 +209,11 @@ class WheelControl:
     def _reset(self) -> None:
         for servo in self._servos:
             servo.reset()
-        self.traction.reset()
+        self._reset_traction()
+
+    def _reset_traction(self) -> None:
+        if self._params.traction.enabled:
+            self.traction.reset()
 
     def _limited(self, velocity: Sequence[float]) -> Four:
         excess = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)

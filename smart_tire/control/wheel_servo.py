@@ -8,24 +8,114 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Speed control of one wheel: reference, feed-forward and PID feedback."""
+"""Speed control of one wheel: model of the drive, reference, feed-forward and PID feedback."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import math
 
-from smart_tire.control.drive_model import drive_model, DriveModel, Gains, TireLoad
-from smart_tire.control.wheel_feedback import WheelFeedback
-from smart_tire.parameters.control import PidParams, WheelControllerParams
-from smart_tire.samples import NS_PER_S
+from smart_tire.control.slip_limits import TireLoad
+from smart_tire.parameters.control import PidParams
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import GRAVITY, NS_PER_S, WHEELS
 
 MAX_HISTORY_NS = 3 * NS_PER_S  # of the expected angle; more than two readings at 1 Hz
-STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero is held
-# -, holds on slopes of 35 degrees, and is below ``stall_duty`` of motor_driver: a wheel that
-# stands at this duty is not taken for a blocked one.
-MAX_HOLD_DUTY = 0.25
+# Of the wheel's own inertia, added by the derivative. With a delay the loop is stable below 1 for
+# the true acceleration; readings give its mean of the past, with the noise of their timestamps.
+MAX_DERIVATIVE_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of the feedback: duty per speed error, its integral, and acceleration."""
+
+    proportional: float  # s/rad
+    integral: float      # 1/rad
+    derivative: float    # s2/rad
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """
+    A wheel on the ground: a first-order lag with dry friction.
+
+    ``J_eff dw/dt = T (d - w / w_0) - friction sign(w)`` for duty d, stall torque T and free speed
+    w_0; J_eff is the inertia of the wheel and its share of the mass of the robot. A wheel that
+    slips near the limit of friction has its own inertia and the torque r F_x of the tire instead.
+    """
+
+    speed_gain: float     # s/rad, duty per wheel speed
+    friction: float       # duty that overcomes the dry friction
+    time_constant: float  # s, of the wheel speed on the ground
+    acceleration: float   # share of the duty for accelerations, 0 to 1
+    wheel_time_constant: float  # s, of a wheel with its own inertia only
+    stall_torque: float   # N m, T
+
+    def slipping(self) -> DriveModel:
+        """Return the model of a wheel at the limit of friction."""
+        return replace(self, time_constant=self.wheel_time_constant, acceleration=1.0)
+
+    def slipping_deceleration(self, limit: float, torque: float) -> float:
+        """
+        Return the ``limit`` of deceleration [rad/s2] for a slipping wheel.
+
+        A limit above the deceleration that the ``torque`` [N m] of the sliding tire gives to the
+        robot is one of the torque of the motor: with its own inertia only, the wheel slows down
+        faster. A lower limit is one of the robot. (Starts keep their limit: near standstill the
+        slip depends on small errors of the speed.)
+        """
+        of_robot = self.load_speed(torque) / (self.time_constant - self.wheel_time_constant)
+        return limit * (self.time_constant / self.wheel_time_constant) if limit > of_robot else (
+            limit)
+
+    def input_speed(self, before: float, after: float, dt: float) -> float:
+        """
+        Return the input [rad/s], as steady speed, for a change of the speed in ``dt`` [s].
+
+        With a share of 1 the wheel reaches ``after`` at the end of the period; with 0 the input
+        is ``after``, which the wheel follows with its time constant.
+        """
+        return before + (after - before) * (
+            1.0 + self.acceleration * (1.0 / -math.expm1(-dt / self.time_constant) - 1.0))
+
+    def load_speed(self, torque: float) -> float:
+        """Return the input [rad/s] that makes up for a ``torque`` [N m] against the wheel."""
+        return torque / (self.stall_torque * self.speed_gain)
+
+    def duty(self, input_speed: float, direction: float) -> float:
+        """Return the duty for an input, and for the friction in the ``direction`` -1, 0 or 1."""
+        return self.speed_gain * input_speed + self.friction * direction
+
+    def limited(self, pid: PidParams, delay: float) -> Gains:
+        """
+        Return the gains of ``pid``, reduced by one factor to those that ``delay`` [s] permits.
+
+        Internal model control of a first-order lag with a delay, for a closed loop as fast as the
+        delay: the proportional gain is at most ``time constant / (2 delay)``, the integral gain
+        at most ``1 / (2 delay)``, both in units of ``speed_gain``. With a proportional gain below
+        ``speed_gain`` the loop is stable for a wheel of any smaller inertia as well, such as a
+        lifted one. The derivative gain acts as an inertia of the wheel, but later than its own.
+        """
+        fastest = self.speed_gain / (2.0 * delay)
+        factor = min([1.0] + [most / gain for gain, most in (
+            (pid.proportional, min(self.time_constant * fastest, self.speed_gain)),
+            (pid.integral, fastest)) if gain > 0.0])
+        wheel_inertia = self.wheel_time_constant * self.speed_gain  # s2/rad: over stall torque
+        return Gains(factor * pid.proportional, factor * pid.integral,
+                     min(factor * pid.derivative, MAX_DERIVATIVE_SHARE * wheel_inertia))
+
+
+def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
+    """Return the model of a wheel that carries a quarter of the robot."""
+    motor, radius, stall = robot.motor, robot.wheel_radius, pid.stall_torque
+    mass = robot.mass / len(WHEELS)
+    friction = motor.coulomb_friction + motor.axle_friction * radius * mass * GRAVITY
+    speed_gain = pid.feed_forward + motor.viscous_friction / stall
+    inertia = motor.inertia + mass * radius ** 2
+    return DriveModel(speed_gain, friction / stall, inertia / (stall * speed_gain),
+                      pid.acceleration, motor.inertia / (stall * speed_gain), stall)
 
 
 class SpeedReference:
@@ -202,73 +292,3 @@ class Pid:
         step = self._params.rate_limit * dt
         output = min(max(output, self._output - step), self._output + step)
         return min(max(output, -self._params.limit), self._params.limit)
-
-
-class WheelServo:
-    """Controller of the wheel with index ``wheel``; times are nanoseconds of one steady clock."""
-
-    def __init__(self, wheel: int, params: WheelControllerParams) -> None:
-        self._wheel = wheel
-        self._params, self._model = params, drive_model(params.pid, params.robot)
-        self._pid = Pid(params.pid)
-        self.reset()
-
-    def reset(self) -> None:
-        """Set integral and output to zero; the next reference begins at the measured speed."""
-        self._pid.reset()
-        self._reference: SpeedReference | None = None
-        self._input, self._direction = 0.0, 0.0
-        self._holding = False
-
-    def set_params(self, params: WheelControllerParams, model: DriveModel) -> None:
-        """Use these parameters from now on; the duty does not jump."""
-        change = (model.duty(self._input, self._direction)
-                  - self._model.duty(self._input, self._direction))
-        self._params, self._model = params, model
-        self._pid.compensate(change)
-
-    def step(self, set_point: float, feedback: WheelFeedback, dt: float, now_ns: int,
-             tire: TireLoad | None = None) -> float:
-        """
-        Return the duty [-1, 1] for a set point [rad/s], ``dt`` [s] after the latest step.
-
-        ``tire`` is given for a set point at the limit of slip. A wheel at rest with a set point
-        of zero is held: the integral of its speed is the angle by which it was turned. It begins
-        at zero, so that dry friction alone holds a wheel on level ground.
-        """
-        latest = feedback.latest
-        measured = latest.velocity[self._wheel] if latest else 0.0
-        if set_point != 0.0:
-            self._holding = False
-        elif not self._holding and abs(measured) < STANDSTILL_SPEED:
-            self.reset()
-            self._holding = True
-        params, reference = self._params, self._reference
-        pid = params.pid if not self._holding else replace(
-            params.pid, limit=min(params.pid.limit, MAX_HOLD_DUTY))
-        if reference is None:  # a rolling wheel is taken over at its speed
-            reference = self._reference = SpeedReference(
-                0.0 if self._holding else measured, now_ns)
-        self._input = reference.advance(
-            set_point, dt, now_ns, self._model,
-            (params.max_wheel_acceleration, params.max_wheel_deceleration), tire)
-        self._direction = reference.direction
-        delay = feedback.delay(1.0 / params.rate)
-        self._pid.set_gains(pid, self._model.limited(params.pid, delay))
-        duty = self._pid.duty(
-            self._model.duty(self._input, self._direction), self._error(reference, feedback),
-            feedback.slope(self._wheel), dt, current=feedback.is_current(now_ns))
-        reference.limit_input(self._input - self._pid.excess / self._model.speed_gain)
-        return duty if math.isfinite(duty) else self._failed()
-
-    def _failed(self) -> float:
-        self.reset()
-        return 0.0
-
-    def _error(self, reference: SpeedReference, feedback: WheelFeedback) -> float:
-        """Return the speed error [rad/s] of the latest readings, 0 without any."""
-        mean = feedback.mean(self._wheel)
-        if mean is None:
-            return 0.0
-        speed, begin_ns, end_ns = mean
-        return reference.mean(begin_ns, end_ns) - speed

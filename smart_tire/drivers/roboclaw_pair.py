@@ -37,9 +37,8 @@ import time
 from typing import Any
 
 from smart_tire.control.duty_gate import DutyGate, STOPPED
-from smart_tire.drivers.roboclaw_board import Board, CurrentReader
+from smart_tire.drivers.motor_board import Board, CurrentReader, MotionCheck, WheelEncoder
 from smart_tire.drivers.roboclaw_line import RoboclawLine
-from smart_tire.drivers.wheel_encoder import MotionCheck, WheelEncoder
 from smart_tire.errors import FrameError
 from smart_tire.parameters.hardware import MotorDriverParams
 from smart_tire.protocol.roboclaw import (

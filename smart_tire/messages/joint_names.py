@@ -53,10 +53,6 @@ class WheelLayout:
     # -, times the torque of the joint: the sign, halved if the joint drives both wheels of a side
     torque_factors: Four
 
-    def measured(self, values: Four) -> list[float]:
-        """Return those of ``values`` whose wheel has a joint."""
-        return [value for value, index in zip(values, self.indices) if index is not None]
-
 
 def recognized_joints(names: Sequence[str]) -> JointParams | None:
     """

@@ -71,7 +71,7 @@ def wheels_from_msg(msg: Any, topic: str = 'wheel_states', joints: JointParams =
     """
     layout = wheel_layout(tuple(msg.name), joints, topic, recognize=recognize)
     velocity = _wheel_values(msg, 'velocity', layout.signs, layout, topic)
-    finite(topic, 'velocity', layout.measured(velocity))
+    finite(topic, 'velocity', _measured(velocity, layout))
     bounded(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
     return WheelSample(stamp_of(msg), velocity, _positions(msg, layout, topic),
                        _torques(msg, layout, topic))
@@ -84,12 +84,17 @@ def _wheel_values(msg: Any, field: str, factors: Four, layout: WheelLayout, topi
                  for index, factor in zip(layout.indices, factors)])
 
 
+def _measured(values: Four, layout: WheelLayout) -> list[float]:
+    """Return those of ``values`` whose wheel has a joint."""
+    return [value for value, index in zip(values, layout.indices) if index is not None]
+
+
 def _positions(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     """Return the angles of the wheels; None if one of those with a joint is not measured."""
     if not len(msg.position):
         return None
     angles = _wheel_values(msg, 'position', layout.signs, layout, topic)
-    measured = layout.measured(angles)
+    measured = _measured(angles, layout)
     if any(map(isnan, measured)):
         return None
     finite(topic, 'position', measured)

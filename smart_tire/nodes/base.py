@@ -8,37 +8,32 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Base class of all nodes: parameters, topics, diagnostics, start and shutdown."""
+"""Base class of all nodes: parameters, topics, diagnostics."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-import signal
-import sys
-import threading
+import inspect
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
-import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException
-from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.messages import OtherJointsError, TOPICS
-from smart_tire.nodes.command_line import foreign_arguments
 from smart_tire.nodes.compat import (
-    message_class, new_executor, once, plain_message, RCLError, with_info, wrong_type_message)
+    message_class, plain_message, RCLError, wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.parameters import declare, read
@@ -49,8 +44,7 @@ from smart_tire.samples import NS_PER_S
 Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
-SIGNAL_POLL_PERIOD = 0.1  # s, longest delay until a signal is handled
-EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
+REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,59 +252,34 @@ class SmartTireNode(Node, Generic[Params]):
         return SetParametersResult(successful=True)
 
 
-def run(node_class: Callable[[], SmartTireNode[Any]], *, own_arguments: bool = False) -> int:
+def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
     """
-    Spin a node until SIGINT or SIGTERM; return the exit status for ``sys.exit``.
+    Return a subscription callback that calls ``callback`` with the message and its DDS info.
 
-    Signal handlers only set a flag, so neither callbacks nor clean-up are interrupted, even by
-    repeated signals. An uncaught exception in any thread ends the node with EXIT_DEFECT.
-    Arguments other than ROS arguments are refused unless ``own_arguments`` is true.
+    The events executor passes both as one tuple, other executors as two arguments. rclpy decides
+    by the signature whether a callback takes both.
     """
-    exit_statuses: list[int] = []  # the first one is returned
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: exit_statuses.append(EXIT_OK))
-    if not own_arguments and (words := foreign_arguments(sys.argv)):
-        get_logger('smart_tire').fatal(
-            f'unknown arguments: {" ".join(words)} (ROS arguments come after --ros-args)')
-        return EXIT_REFUSED
-    try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rcl cannot parse the arguments or a parameter file
-        get_logger('smart_tire').fatal(f'ROS arguments: {plain_message(error)}')
-        return EXIT_REFUSED
-    threading.excepthook = _stopping_hook(threading.excepthook, exit_statuses)
-    try:
-        return _spin(node_class, exit_statuses)
-    finally:
-        rclpy.try_shutdown()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)  # no traceback while the interpreter exits
+    def adapter(*given: Any) -> None:
+        callback(*(given if len(given) == 2 else given[0]))
+
+    adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
+    return adapter
 
 
-def _stopping_hook(hook: Callable[[Any], Any],
-                   exit_statuses: list[int]) -> Callable[[Any], None]:
-    def excepthook(arguments: Any) -> None:
-        hook(arguments)
-        exit_statuses.append(EXIT_DEFECT)
+def once(callback: Callable[[Any, Mapping[str, Any]], None],
+         ) -> Callable[[Any, Mapping[str, Any]], None]:
+    """
+    Return a callback that calls ``callback`` once per message that several subscriptions receive.
 
-    return excepthook
+    A message is identified by the time and the number of its publication; repeated content is not
+    a repeated message.
+    """
+    seen: deque[tuple[Any, Any]] = deque(maxlen=REMEMBERED_MESSAGES)
 
+    def on_message(msg: Any, info: Mapping[str, Any]) -> None:
+        key = info['source_timestamp'], info.get('publication_sequence_number')
+        if key not in seen:
+            seen.append(key)
+            callback(msg, info)
 
-def _spin(node_class: Callable[[], SmartTireNode[Any]], exit_statuses: list[int]) -> int:
-    try:
-        node = node_class()
-    except ParameterError as error:
-        get_logger('smart_tire').fatal(str(error))
-        return EXIT_REFUSED
-    executor = new_executor()
-    executor.add_node(node)
-    try:
-        node.start()
-        while not exit_statuses:
-            executor.spin_once(timeout_sec=SIGNAL_POLL_PERIOD)
-    finally:
-        node.stop()
-        executor.remove_node(node)
-        executor.shutdown()
-        node.destroy_node()
-    return exit_statuses[0]
+    return on_message

@@ -12,10 +12,8 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Hashable
 from importlib import import_module
-import inspect
 import re
 import sys
 from typing import Any, cast
@@ -26,7 +24,6 @@ from rclpy.node import Node
 
 from smart_tire.parameters.files import from_arguments
 
-REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``; not exported
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # rcl, of an endpoint before its node
 UNDISCOVERED = 'a node whose name is not discovered yet'
@@ -51,39 +48,6 @@ def message_class(type_name: str) -> type[Any]:
     """Return the class of a message or service type such as ``sensor_msgs/msg/Imu``."""
     package, kind, name = type_name.split('/')
     return cast('type[Any]', getattr(import_module(f'{package}.{kind}'), name))
-
-
-def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
-    """
-    Return a subscription callback that calls ``callback`` with the message and its DDS info.
-
-    The events executor passes both as one tuple, other executors as two arguments. rclpy decides
-    by the signature whether a callback takes both.
-    """
-    def adapter(*given: Any) -> None:
-        callback(*(given if len(given) == 2 else given[0]))
-
-    adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
-    return adapter
-
-
-def once(callback: Callable[[Any, Mapping[str, Any]], None],
-         ) -> Callable[[Any, Mapping[str, Any]], None]:
-    """
-    Return a callback that calls ``callback`` once per message that several subscriptions receive.
-
-    A message is identified by the time and the number of its publication; repeated content is not
-    a repeated message.
-    """
-    seen: deque[tuple[Any, Any]] = deque(maxlen=REMEMBERED_MESSAGES)
-
-    def on_message(msg: Any, info: Mapping[str, Any]) -> None:
-        key = info['source_timestamp'], info.get('publication_sequence_number')
-        if key not in seen:
-            seen.append(key)
-            callback(msg, info)
-
-    return on_message
 
 
 def has_matched(node: Node, topic: str) -> bool:

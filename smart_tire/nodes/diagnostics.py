@@ -9,7 +9,7 @@
 # the License.
 
 """
-Inputs of a node and its diagnostics.
+Inputs of a node, its port, and its diagnostics.
 
 The log of the inputs has one line when an input is missing, begins, stops and returns, so that a
 healthy node is silent after its start. The diagnostics are those of REP-107: one status with
@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
+import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -32,6 +33,7 @@ WAIT_NS = 2 * NS_PER_S          # without a first message until a line
 WAIT_FACTOR = 4                 # between the waiting times at which the line is repeated
 SILENCE_NS = 2 * NS_PER_S       # without a message until an input is reported as lost
 RATE_NS = NS_PER_S              # over which the rate is measured after the first message
+PORT_GRACE_NS = 2 * NS_PER_S    # age of a port problem that is logged; a simulator starts in 1 s
 
 
 @dataclass
@@ -196,3 +198,47 @@ class InputLog:
         if waiting and waited_ns >= self._next_ns:
             self._next_ns *= WAIT_FACTOR
             self._logger.info(f'waiting for {", ".join(waiting)} ({waited_ns / NS_PER_S:.0f} s)')
+
+
+class PortLog:
+    """
+    Log of a port: a problem is logged once it has lasted for PORT_GRACE_NS.
+
+    A simulated device and its driver start together and end together with Ctrl-C; neither is an
+    error. A shorter interruption is logged when the port is open again. The diagnostics report
+    every problem at once. Methods may be called from any thread.
+    """
+
+    def __init__(self, logger: Any, clock: Callable[[], int]) -> None:
+        self._logger, self._clock = logger, clock  # ns, steady
+        self._lock = threading.Lock()
+        self._pending: list[str] = []
+        self._since_ns: int | None = None  # start of the present problem
+        self._was_open = False
+
+    def add_problem(self, text: str) -> None:
+        """Add a new problem of the port."""
+        with self._lock:
+            self._pending.append(text)
+            if self._since_ns is None:
+                self._since_ns = self._clock()
+
+    def opened(self, text: str) -> None:
+        """Log that the port is open, after problems since it was open before."""
+        with self._lock:
+            if self._was_open:
+                self._flush()
+            self._pending.clear()
+            self._since_ns, self._was_open = None, True
+        self._logger.info(text)
+
+    def check(self) -> None:
+        """Log problems that have lasted; call this regularly."""
+        with self._lock:
+            if self._since_ns is not None and self._clock() - self._since_ns >= PORT_GRACE_NS:
+                self._flush()
+
+    def _flush(self) -> None:
+        for text in self._pending:
+            self._logger.error(text)
+        self._pending.clear()

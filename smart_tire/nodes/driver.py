@@ -21,12 +21,10 @@ from typing import Any, Protocol, TypeVar
 from smart_tire.drivers.sample_stream import Protocol as DeviceProtocol, SampleStream
 from smart_tire.drivers.serial_port import read_loop, SerialPort
 from smart_tire.nodes.base import MAX_INPUT_AGE, SmartTireNode
-from smart_tire.nodes.diagnostics import Status
+from smart_tire.nodes.diagnostics import CHECK_PERIOD, PortLog, Status
 from smart_tire.samples import NS_PER_S
 
 Params = TypeVar('Params')
-PORT_GRACE_NS = 2 * NS_PER_S  # age of a port problem when it is logged; a simulator starts in 1 s
-PORT_CHECK_PERIOD = 0.2       # s between checks of that age
 
 
 class FrameSource(Protocol):
@@ -53,50 +51,6 @@ class FrameSource(Protocol):
         """Return why the latest intact frame was rejected."""
 
 
-class PortLog:
-    """
-    Log of a port: a problem is logged once it has lasted for PORT_GRACE_NS.
-
-    A simulated device and its driver start together and end together with Ctrl-C; neither is an
-    error. A shorter interruption is logged when the port is open again. The diagnostics report
-    every problem at once. Methods may be called from any thread.
-    """
-
-    def __init__(self, logger: Any, clock: Callable[[], int]) -> None:
-        self._logger, self._clock = logger, clock  # ns, steady
-        self._lock = threading.Lock()
-        self._pending: list[str] = []
-        self._since_ns: int | None = None  # start of the present problem
-        self._was_open = False
-
-    def add_problem(self, text: str) -> None:
-        """Add a new problem of the port."""
-        with self._lock:
-            self._pending.append(text)
-            if self._since_ns is None:
-                self._since_ns = self._clock()
-
-    def opened(self, text: str) -> None:
-        """Log that the port is open, after problems since it was open before."""
-        with self._lock:
-            if self._was_open:
-                self._flush()
-            self._pending.clear()
-            self._since_ns, self._was_open = None, True
-        self._logger.info(text)
-
-    def check(self) -> None:
-        """Log problems that have lasted; call this regularly."""
-        with self._lock:
-            if self._since_ns is not None and self._clock() - self._since_ns >= PORT_GRACE_NS:
-                self._flush()
-
-    def _flush(self) -> None:
-        for text in self._pending:
-            self._logger.error(text)
-        self._pending.clear()
-
-
 class DriverNode(SmartTireNode[Params]):
     """
     A node with a device on a serial port.
@@ -111,7 +65,7 @@ class DriverNode(SmartTireNode[Params]):
         self._skipped_reported = 0  # skipped bytes at the last report
         self._next_logged = 1       # number of bad frames at which the next line is logged
         self._port_log = PortLog(self.get_logger(), self.steady_ns)
-        self.create_steady_timer(PORT_CHECK_PERIOD, self._port_log.check)
+        self.create_steady_timer(CHECK_PERIOD, self._port_log.check)
 
     def connect(self, source: FrameSource, work: Callable[[Any, threading.Event], None]) -> None:
         """Run ``work`` with the open port, in a thread, once the node has started."""

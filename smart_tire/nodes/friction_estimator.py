@@ -18,9 +18,9 @@ from typing import Any
 from rclpy.subscription import Subscription
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.streams import FRICTION
-from smart_tire.nodes.base import run
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import GROUND_ESTIMATES, GroundState, Odometry, Sample, TireSample
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 import sys
 
 from smart_tire.drivers.sample_stream import IMU_PROTOCOLS
-from smart_tire.nodes.base import run
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import SampleDriver
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import ImuDriverParams
 
 

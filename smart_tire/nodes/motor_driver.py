@@ -21,11 +21,12 @@ import sys
 from rclpy.qos import QoSProfile
 from smart_tire.control.duty_gate import DutyGate
 from smart_tire.drivers.roboclaw_pair import RoboclawPair
-from smart_tire.nodes.base import MAX_INPUT_AGE, run
+from smart_tire.nodes.base import MAX_INPUT_AGE
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode
 from smart_tire.nodes.qos import latched
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import MotorDriverParams
 from smart_tire.samples import MotorCommand
 from std_msgs.msg import Bool

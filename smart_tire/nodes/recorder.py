@@ -22,11 +22,12 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.bags import BagWriter, channel_of, PARAMETERS_KEY, Qos
-from smart_tire.nodes.base import NoParams, run, SmartTireNode
-from smart_tire.nodes.compat import message_class, with_info
+from smart_tire.nodes.base import NoParams, SmartTireNode, with_info
+from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.parameters import ParameterCollector
 from smart_tire.nodes.qos import matching_qos, requests_less
+from smart_tire.nodes.runner import run
 from smart_tire.parameters.files import snapshot_text
 
 DISCOVERY_PERIOD = 0.2      # s between queries of the published topics

@@ -18,8 +18,9 @@ import time
 
 from smart_tire.errors import LinkError, ParameterError
 from smart_tire.messages import TOPICS
-from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.diagnostics import Status
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import SimulatorParams
 from smart_tire.simulation.realtime import SimulatedHardware
 from smart_tire.simulation.truth import Truth, truth_topic

@@ -8,22 +8,27 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A node in a program that spins it itself: the demo, the viewer, the status screen."""
+"""Runs a node: as a process of its own, or in a program that spins it, such as the demo."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import signal
 import sys
+import threading
 from typing import Any, Generic, TypeVar
 
 import rclpy
+from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
+from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.command_line import ros_arguments
-from smart_tire.nodes.compat import new_executor
+from smart_tire.nodes.command_line import foreign_arguments, ros_arguments
+from smart_tire.nodes.compat import new_executor, plain_message
 
-MAX_SPIN_TIME = 0.1  # s, of one call of the executor
+MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
+EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
 
 Running = TypeVar('Running', bound=SmartTireNode[Any])
 
@@ -60,3 +65,61 @@ class NodeRunner(Generic[Running]):
         end_ns = self.node.steady_ns() + round(seconds * 1e9)
         while (left_ns := end_ns - self.node.steady_ns()) > 0:
             self._executor.spin_once(timeout_sec=min(MAX_SPIN_TIME, left_ns * 1e-9))
+
+
+def run(node_class: Callable[[], SmartTireNode[Any]], *, own_arguments: bool = False) -> int:
+    """
+    Spin a node until SIGINT or SIGTERM; return the exit status for ``sys.exit``.
+
+    Signal handlers only set a flag, so neither callbacks nor clean-up are interrupted, even by
+    repeated signals. An uncaught exception in any thread ends the node with EXIT_DEFECT.
+    Arguments other than ROS arguments are refused unless ``own_arguments`` is true.
+    """
+    exit_statuses: list[int] = []  # the first one is returned
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: exit_statuses.append(EXIT_OK))
+    if not own_arguments and (words := foreign_arguments(sys.argv)):
+        get_logger('smart_tire').fatal(
+            f'unknown arguments: {" ".join(words)} (ROS arguments come after --ros-args)')
+        return EXIT_REFUSED
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rcl cannot parse the arguments or a parameter file
+        get_logger('smart_tire').fatal(f'ROS arguments: {plain_message(error)}')
+        return EXIT_REFUSED
+    threading.excepthook = _stopping_hook(threading.excepthook, exit_statuses)
+    try:
+        return _spin(node_class, exit_statuses)
+    finally:
+        rclpy.try_shutdown()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)  # no traceback while the interpreter exits
+
+
+def _stopping_hook(hook: Callable[[Any], Any],
+                   exit_statuses: list[int]) -> Callable[[Any], None]:
+    def excepthook(arguments: Any) -> None:
+        hook(arguments)
+        exit_statuses.append(EXIT_DEFECT)
+
+    return excepthook
+
+
+def _spin(node_class: Callable[[], SmartTireNode[Any]], exit_statuses: list[int]) -> int:
+    try:
+        node = node_class()
+    except ParameterError as error:
+        get_logger('smart_tire').fatal(str(error))
+        return EXIT_REFUSED
+    executor = new_executor()
+    executor.add_node(node)
+    try:
+        node.start()
+        while not exit_statuses:
+            executor.spin_once(timeout_sec=MAX_SPIN_TIME)
+    finally:
+        node.stop()
+        executor.remove_node(node)
+        executor.shutdown()
+        node.destroy_node()
+    return exit_statuses[0]

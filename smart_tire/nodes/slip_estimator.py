@@ -19,11 +19,11 @@ from geometry_msgs.msg import TransformStamped
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.streams import HOLDING, SLIP
 from smart_tire.messages import imu_mounting_to_msg, transform_to_msg
-from smart_tire.nodes.base import run
 from smart_tire.nodes.compat import transform_class
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.nodes.qos import publisher_qos
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Odometry, Sample

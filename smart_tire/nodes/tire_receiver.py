@@ -20,9 +20,10 @@ from typing import Any
 from smart_tire.drivers.pacing import PacedSender
 from smart_tire.drivers.serial_port import read_loop
 from smart_tire.drivers.tire_receiver import TireStream
-from smart_tire.nodes.base import MAX_INPUT_AGE, run
+from smart_tire.nodes.base import MAX_INPUT_AGE
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import TireReceiverParams
 from smart_tire.samples import BatterySample, NS_PER_S
 

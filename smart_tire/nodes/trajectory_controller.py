@@ -23,10 +23,11 @@ from smart_tire.control.command_check import check_age
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.errors import CommandError
 from smart_tire.messages import path_from_bytes, wheels_from_msg
-from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.command_input import PublisherCheck
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.qos import latched, order_profiles
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import TrajectoryControllerParams
 from smart_tire.samples import GoalPose, Odometry, PlannedPath
 from std_msgs.msg import Bool

@@ -19,10 +19,11 @@ from smart_tire.control.command_check import VelocityMux
 from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.messages import velocity_from_twist, wheels_from_msg
-from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.qos import latched
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand, WheelSample
 from std_msgs.msg import Bool
@@ -110,7 +111,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
         self._control.add_reading(sample.velocity, received_ns, sample.stamp_ns,
                                          sample.position)
-        self._control.traction.add_wheels(sample)
+        if self.params.traction.enabled:
+            self._control.traction.add_wheels(sample)
 
     def _on_wheel_conflict(self, reason: str) -> None:
         if reason:
@@ -169,10 +171,10 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     def _fill_traction(self, status: Status, *, driven: bool) -> None:
         """Add what traction control does, and why it does nothing."""
         state, enabled = self._control.traction.state, self.params.traction.enabled
-        reason = state.reason if driven or not enabled else 'no command'
+        reason = 'disabled' if not enabled else state.reason if driven else 'no command'
         status.values.update({
             'traction.active': enabled and not reason, 'traction.reason': reason,
-            'traction.limiting': state.limiting and driven,
+            'traction.limiting': enabled and driven and state.limiting,
             'traction.limited_steps': state.limited_steps,
             'traction.slip_limit': round(state.slip_limit, 3),
             'traction.friction': round(state.friction, 3)})

@@ -8,12 +8,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Deframers: intact frames from a byte stream, with bounded buffers and counters; CRC-16."""
+"""Deframers: intact frames from a byte stream, with bounded buffers and counters."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-import binascii
 from collections.abc import Iterator
 
 
@@ -141,13 +140,3 @@ class HeaderDeframer(Deframer):
         self._incomplete = [start - size for start in self._incomplete if start >= size]
         self._scanned = max(self._scanned - size, 0)
         self._counted = max(self._counted - size, 0)
-
-
-def crc16(data: bytes) -> int:
-    """
-    Return the CRC-16/XMODEM of ``data``: polynomial 0x1021, initial value 0, not reflected.
-
-    The CRC of a message followed by its own CRC, high byte first, is 0. VectorNav UM001, 3.8.3;
-    RoboClaw user manual, "CRC16 Checksum Calculation".
-    """
-    return binascii.crc_hqx(data, 0)

@@ -9,7 +9,7 @@
 # the License.
 
 """
-RoboClaw packet serial with CRC-16: requests of the host and replies of a board.
+RoboClaw packet serial with CRC-16/XMODEM: requests of the host and replies of a board.
 
 Write request: address, command, values, CRC of all these bytes; reply: 0xFF.
 Read request: address, command; reply: values, CRC of address, command and values.
@@ -21,13 +21,14 @@ Basicmicro, "RoboClaw Series User Manual", sections "Packet Serial", "Advanced P
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from collections.abc import Iterator
 from dataclasses import dataclass
 import math
 import struct
 
 from smart_tire.errors import FrameError
-from smart_tire.protocol.deframer import crc16, Deframer
+from smart_tire.protocol.deframer import Deframer
 
 ADDRESSES = range(0x80, 0x88)  # packet modes 7 to 14
 ACKNOWLEDGE = b'\xff'          # reply to a valid write request
@@ -99,7 +100,7 @@ class Request:
 def encode_request(address: int, command: Command, *values: int) -> bytes:
     """Return the request to the board at ``address``."""
     packet = bytes((address, command.code)) + struct.pack(command.request, *values)
-    return packet if command.reads else packet + _CRC.pack(crc16(packet))
+    return packet if command.reads else packet + _CRC.pack(crc_hqx(packet, 0))
 
 
 def decode_request(packet: bytes) -> Request:
@@ -115,7 +116,7 @@ def encode_reply(address: int, command: Command, *values: int) -> bytes:
     if not command.reads:
         return ACKNOWLEDGE
     content = struct.pack(command.reply, *values)
-    return content + _CRC.pack(crc16(bytes((address, command.code)) + content))
+    return content + _CRC.pack(crc_hqx(bytes((address, command.code)) + content, 0))
 
 
 def decode_reply(address: int, command: Command, reply: bytes) -> tuple[int, ...]:
@@ -127,7 +128,7 @@ def decode_reply(address: int, command: Command, reply: bytes) -> tuple[int, ...
         if reply != ACKNOWLEDGE:
             raise FrameError(f'{name} is {reply.hex()}, expected {ACKNOWLEDGE.hex()}')
         return ()
-    if crc16(bytes((address, command.code)) + reply):
+    if crc_hqx(bytes((address, command.code)) + reply, 0):
         raise FrameError(f'{name} has a wrong CRC: {reply.hex()}')
     return struct.unpack(command.reply, reply[:-_CRC.size])
 
@@ -135,13 +136,14 @@ def decode_reply(address: int, command: Command, reply: bytes) -> tuple[int, ...
 def encode_text_reply(address: int, command: Command, text: str) -> bytes:
     """Return the reply of the board at ``address`` with a ``text``."""
     content = text.encode('ascii') + TEXT_END
-    return content + _CRC.pack(crc16(bytes((address, command.code)) + content))
+    return content + _CRC.pack(crc_hqx(bytes((address, command.code)) + content, 0))
 
 
 def decode_text_reply(address: int, command: Command, reply: bytes) -> str:
     """Return the text in ``reply``; raise FrameError if it does not answer ``command``."""
     text, end, checksum = reply.partition(TEXT_END)
-    if not end or len(checksum) != _CRC.size or crc16(bytes((address, command.code)) + reply):
+    if not end or len(checksum) != _CRC.size or (
+            crc_hqx(bytes((address, command.code)) + reply, 0)):
         raise FrameError(f'reply of {address:#04x} to command {command.code} is no text with a '
                          f'correct CRC: {reply.hex()}')
     return text.decode('ascii', 'replace')
@@ -207,7 +209,7 @@ class RequestDeframer(Deframer):
             packet = bytes(self._buffer[:command.request_size])
             if len(packet) < command.request_size:
                 return
-            if command.reads or crc16(packet) == 0:
+            if command.reads or crc_hqx(packet, 0) == 0:
                 del self._buffer[:len(packet)]
                 yield packet
             else:

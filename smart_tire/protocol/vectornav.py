@@ -15,19 +15,20 @@ The device axes are x forward, y right, z down; its accelerometer measures speci
 -9.8 m/s2 on z when stationary. Vectors are converted to REP-103 axes (x forward, y left, z up;
 +9.8 m/s2 on z when stationary), the attitude from NED to ENU.
 
-Message: 0xFA, groups u8, one u16 of fields per group, payload (little-endian), CRC u16
+Message: 0xFA, groups u8, one u16 of fields per group, payload (little-endian), CRC-16/XMODEM
 (big-endian) of all but the 0xFA. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 4.3.
 """
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from enum import IntFlag
 from functools import lru_cache
 import struct
 
 from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import flip_quaternion, flip_vector, sample_from_flipped
-from smart_tire.protocol.deframer import crc16, HeaderDeframer, INVALID_HEADER, NOT_A_FRAME
+from smart_tire.protocol.deframer import HeaderDeframer, INVALID_HEADER, NOT_A_FRAME
 from smart_tire.samples import ImuSample
 
 SYNC = 0xFA
@@ -104,12 +105,12 @@ class BinaryDeframer(HeaderDeframer):
         return header_end - start + size + 2 if size else INVALID_HEADER
 
     def _body(self, frame: bytes) -> bytes | None:
-        return frame[1:-2] if crc16(frame[1:]) == 0 else None
+        return frame[1:-2] if crc_hqx(frame[1:], 0) == 0 else None
 
 
 def encode_frame(body: bytes) -> bytes:
     """Return the binary message with ``body``."""
-    return bytes((SYNC,)) + body + struct.pack('>H', crc16(body))
+    return bytes((SYNC,)) + body + struct.pack('>H', crc_hqx(body, 0))
 
 
 def decode_binary(body: bytes, stamp_ns: int = 0) -> tuple[int | None, ImuSample]:

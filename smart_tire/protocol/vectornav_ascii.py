@@ -19,6 +19,7 @@ as the binary output. VectorNav, "VN-100 User Manual" UM001, sections 3.8 and 7.
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from collections.abc import Callable, Iterator
 from functools import reduce
 import math
@@ -26,7 +27,7 @@ import operator
 
 from smart_tire.errors import FrameError
 from smart_tire.protocol.axes import flip_quaternion, flip_vector, sample_from_flipped
-from smart_tire.protocol.deframer import crc16, Deframer
+from smart_tire.protocol.deframer import Deframer
 from smart_tire.rotation import euler, quaternion
 from smart_tire.samples import ImuSample, Vector3
 
@@ -47,7 +48,7 @@ def checksum(body: bytes) -> bytes:
 
 def crc_digits(body: bytes) -> bytes:
     """Return the 16-bit CRC of ``body`` as four hexadecimal digits."""
-    return b'%04X' % crc16(body)
+    return b'%04X' % crc_hqx(body, 0)
 
 
 class AsciiDeframer(Deframer):

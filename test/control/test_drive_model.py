@@ -17,7 +17,8 @@ import math
 
 import pytest
 
-from smart_tire.control.drive_model import drive_model, DriveModel, Gains, TireLoad
+from smart_tire.control.slip_limits import TireLoad
+from smart_tire.control.wheel_servo import drive_model, DriveModel, Gains
 from smart_tire.models.tire.brush_tire import brush_force
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.control import PidParams

@@ -18,10 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from smart_tire.control.drive_model import drive_model, TireLoad
-from smart_tire.control.slip_limits import bounded
+from smart_tire.control.slip_limits import bounded, TireLoad
 from smart_tire.control.traction import TractionControl
-from smart_tire.control.wheel_servo import SpeedReference
+from smart_tire.control.wheel_servo import drive_model, SpeedReference
 from smart_tire.parameters.control import PidParams, TractionParams
 from smart_tire.parameters.robot import FilmParams, RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WHEELS, WheelSample

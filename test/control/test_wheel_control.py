@@ -17,9 +17,9 @@ import math
 
 import pytest
 
-from smart_tire.control.drive_model import drive_model
 from smart_tire.control.wheel_control import WheelControl
-from smart_tire.parameters.control import PidParams, WheelControllerParams
+from smart_tire.control.wheel_servo import drive_model
+from smart_tire.parameters.control import PidParams, TractionParams, WheelControllerParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
 PARAMS = WheelControllerParams(wheel_states_timeout=0.5)
@@ -262,7 +262,8 @@ def test_set_points_are_published_without_the_limit_of_acceleration():
 
 
 def test_the_duty_follows_the_set_points_of_the_traction_control():
-    control, slow = started(velocity=STOPPED), tuple(0.5 * speed for speed in AHEAD)
+    params = replace(PARAMS, traction=TractionParams(enabled=True))
+    control, slow = started(params, STOPPED), tuple(0.5 * speed for speed in AHEAD)
     seen = []
     control.traction.limit = lambda *given: seen.append(given) or slow
     assert control.step(AHEAD, 0, 77) == (slow, started(velocity=STOPPED).step(slow, 0)[1])

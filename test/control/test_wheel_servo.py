@@ -17,8 +17,8 @@ import math
 
 import pytest
 
-from smart_tire.control.drive_model import DriveModel, Gains, TireLoad
-from smart_tire.control.wheel_servo import Pid, SpeedReference
+from smart_tire.control.slip_limits import TireLoad
+from smart_tire.control.wheel_servo import DriveModel, Gains, Pid, SpeedReference
 from smart_tire.parameters.control import PidParams
 from smart_tire.samples import NS_PER_S
 

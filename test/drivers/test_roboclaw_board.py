@@ -16,8 +16,7 @@ import time
 
 import numpy as np
 import pytest
-from smart_tire.drivers.roboclaw_board import Board, CurrentReader
-from smart_tire.drivers.wheel_encoder import WheelEncoder
+from smart_tire.drivers.motor_board import Board, CurrentReader, WheelEncoder
 from smart_tire.parameters import MotorDriverParams
 from smart_tire.samples import NS_PER_S
 

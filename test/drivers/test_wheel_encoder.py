@@ -17,7 +17,7 @@ import math
 from hypothesis import given, strategies as st
 import pytest
 
-from smart_tire.drivers.wheel_encoder import MotionCheck, Reading, WheelEncoder
+from smart_tire.drivers.motor_board import MotionCheck, Reading, WheelEncoder
 from smart_tire.parameters import MotorDriverParams
 from smart_tire.protocol.roboclaw import COUNT_WRAP
 

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import pytest
 from rosgraph_msgs.msg import Clock
-from smart_tire.nodes.compat import message_class, once, plain_message
+from smart_tire.nodes.base import once
+from smart_tire.nodes.compat import message_class, plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from support.graph import node_arguments, Process
 
@@ -110,7 +111,8 @@ def test_topics_and_status_names_follow_the_namespace(graph, tmp_path):
 
 DEFECTIVE_NODE = """
 import sys, threading
-from smart_tire.nodes.base import run, SmartTireNode
+from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
 
 

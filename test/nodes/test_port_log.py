@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.nodes.driver import PORT_GRACE_NS, PortLog
+from smart_tire.nodes.diagnostics import PORT_GRACE_NS, PortLog
 
 pytestmark = pytest.mark.processes
 

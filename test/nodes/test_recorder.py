@@ -16,7 +16,8 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from smart_tire.nodes.compat import new_executor, with_info
+from smart_tire.nodes.base import with_info
+from smart_tire.nodes.compat import new_executor
 from smart_tire.nodes.recorder import matching_qos, recorded_qos, requests_less, SequenceGaps
 from std_msgs.msg import Int64
 from support.waiting import wait_for

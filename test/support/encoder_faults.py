@@ -17,8 +17,7 @@ import math
 
 import numpy as np
 from smart_tire.control.wheel_control import WheelControl
-from smart_tire.drivers.roboclaw_board import CHECK_PERIOD_NS
-from smart_tire.drivers.wheel_encoder import MotionCheck, Reading
+from smart_tire.drivers.motor_board import CHECK_PERIOD_NS, MotionCheck, Reading
 from smart_tire.models.vehicle.drive import measured_torque
 from smart_tire.parameters import MotorDriverParams, RobotParams, SimulatorParams
 from smart_tire.parameters.control import WheelControllerParams
