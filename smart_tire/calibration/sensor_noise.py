@@ -34,7 +34,7 @@ from smart_tire.calibration.recording import MOTION_MARGIN, period, Recording, W
 from smart_tire.calibration.results import MIN_ROWS, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.state import (
-    BIAS_WINDOW, MAX_STATIONARY_WHEEL_SPEED, QUIET_NOISE_RATIO)
+    IMU_WINDOW, MAX_STATIONARY_WHEEL_SPEED, OUTLIER_SIGMAS)
 from smart_tire.numerics.robust import mad_sigma, noise_level, winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import GRAVITY, LEFT, RIGHT
@@ -71,7 +71,7 @@ def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
     values = np.column_stack([imu.rate, imu.force])
     fresh = np.append(True, (np.diff(values, axis=0) != 0.0).any(axis=1))
     for interval, (begin, end) in enumerate(stationary_intervals(recording.wheels, robot)):
-        begin += BIAS_WINDOW if interval else 0.0  # settled if the recording begins stationary
+        begin += IMU_WINDOW if interval else 0.0  # settled if the recording begins stationary
         for first in np.arange(begin, end - MOTION_MARGIN - WINDOW, WINDOW):
             rows = values[fresh & (imu.time >= first) & (imu.time < first + WINDOW)]
             if len(rows) >= MIN_SPREAD:
@@ -79,9 +79,9 @@ def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
                 number.append(interval)
     if not windows:
         raise EstimatorError('the robot is never stationary for '
-                             f'{BIAS_WINDOW + WINDOW + MOTION_MARGIN:g} s')
+                             f'{IMU_WINDOW + WINDOW + MOTION_MARGIN:g} s')
     spread = np.array([rows.std(axis=0) for rows in windows])
-    quiet = (spread <= QUIET_NOISE_RATIO * np.maximum(
+    quiet = (spread <= OUTLIER_SIGMAS * np.maximum(
         np.quantile(spread, QUIET_QUANTILE, axis=0), 1e-9)).all(axis=1)
     windows = [rows for rows, kept in zip(windows, quiet) if kept]
     means, intervals = np.array([rows.mean(axis=0) for rows in windows]), np.array(number)[quiet]

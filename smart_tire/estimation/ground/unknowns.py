@@ -25,6 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.models.tire.brush_tire import (
+    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS_SIGMA)
 from smart_tire.models.vehicle.drive import torque_errors
 from smart_tire.parameters.robot import MOUNTING_TILT, RobotParams
 from smart_tire.samples import GRAVITY, WHEELS
@@ -135,14 +137,13 @@ class Row(NamedTuple):
     step: float      # for numerical derivatives
 
 
-# Grounds from ice to rough concrete; tires from C_y = 0.6 C_x (narrow) to isotropic. How fast the
-# ground changes, without a sudden change, and the uneven tires are assumptions.
+# How fast the ground changes, without a sudden change, and the uneven tires are assumptions.
 _COMMON = {
     #                             mean         sigma  walk    ground  step
-    Unknown.FRICTION:        Row(math.log(0.4), 0.6,  0.0,    0.024,  1e-3),
-    Unknown.RESISTANCE:      Row(math.log(0.025), 1.0, 0.0,   0.05,   1e-2),
-    Unknown.LATERAL_SHARE:   Row(0.0,          1.5,   0.0,    0.05,   1e-2),
-    Unknown.LATERAL_RATIO:   Row(-0.1,         0.15,  0.0015, 0.0,    1e-3),
+    Unknown.FRICTION:        Row(*LN_FRICTION,        0.0,    0.024,  1e-3),
+    Unknown.RESISTANCE:      Row(*LN_RESISTANCE,      0.0,    0.05,   1e-2),
+    Unknown.LATERAL_SHARE:   Row(*LATERAL_SHARE,      0.0,    0.05,   1e-2),
+    Unknown.LATERAL_RATIO:   Row(*LN_LATERAL_RATIO,   0.0015, 0.0,    1e-3),
     Unknown.SLOPE_X:         Row(0.0,          0.02,  0.0,    0.01,   1e-4),
     Unknown.SLOPE_Y:         Row(0.0,          0.02,  0.0,    0.01,   1e-4),
     Unknown.SIDE_STIFFNESS:  Row(0.0,          0.03,  0.0,    0.008,  1e-3),
@@ -160,7 +161,8 @@ _COMMON = {
 def priors(robot: RobotParams) -> list[Row]:
     """Return the priors of all unknowns in the order of ``Unknown``, for this robot."""
     imu, motor, sigma = robot.imu, robot.motor, robot.center_of_mass_sigma
-    stiffness = Row(math.log(robot.tire.longitudinal_stiffness) - 0.2, 0.4, 0.0, 0.024, 1e-3)
+    stiffness = Row(math.log(robot.tire.longitudinal_stiffness) - 0.2, LN_STIFFNESS_SIGMA, 0.0,
+                    0.024, 1e-3)
     bias = Row(0.0, math.hypot(imu.accel_bias, GRAVITY * MOUNTING_TILT), 0.0015, 0.0, 1e-4)
     gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
                1e-4)

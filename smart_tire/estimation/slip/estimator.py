@@ -29,7 +29,7 @@ from smart_tire.estimation.slip.inputs import (
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.state import (
-    ESTIMATED, IMU_DROPOUT, ImuReading, MAX_NIS, MIN_YAW_RATE, PLANAR_VARIANCE, State,
+    ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE, PLANAR_VARIANCE, State,
     TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
@@ -124,7 +124,7 @@ class SlipEstimator:
         return {
             'state': segment.state,
             'equations': 'compiled' if COMPILED else 'not compiled',
-            'normalized_innovation_squared': round(segment.filter.nis, 3),
+            'normalized_innovation_squared': round(segment.filter.nis.variance, 3),
             'gyro_bias': round(self.gyro_bias.value, 6),
             **segment.filter.status(),
             'clock_jumps': self._reorder_buffer.resets,
@@ -224,7 +224,7 @@ class SlipSegment:
         """Predict to ``now`` [s] by the wheels if the IMU samples have stopped."""
         imu = self._imu
         if imu.time is None or imu.reading is None or (
-                now - imu.time <= max(IMU_DROPOUT, 3.0 * imu.period)):
+                now - imu.time <= max(IMU_DROPOUT, 3.0 * imu.period.value)):
             return
         step = self.filter.blind_step(now - self._time, self._odometry.side_speeds)
         imu.reading, imu.force, self._time = step.mean, None, now
@@ -256,10 +256,9 @@ class SlipSegment:
 
     def _correct_gyro_bias(self, standstill: StationaryInterval, duration: float) -> None:
         """Correct with the mean rate; as means overlap, its weight is that of the new part."""
-        sigma = self._robot.imu.gyro_noise * math.sqrt(self._imu.period / duration)
+        sigma = standstill.sigma * math.sqrt(max(IMU_WINDOW / duration, 1.0))
         unwinding = standstill.unwinding_sigma * math.sqrt(UNWINDING_TIME / duration)
-        self.filter.correct_gyro_bias(
-            standstill.rate, math.hypot(max(sigma, standstill.sigma), unwinding))
+        self.filter.correct_gyro_bias(standstill.rate, math.hypot(sigma, unwinding))
 
     def _is_slow(self) -> bool:
         """Return whether the estimated speed is compatible with standstill."""

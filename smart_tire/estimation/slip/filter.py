@@ -35,12 +35,10 @@ from smart_tire.estimation.slip.kalman import (
     CONSIDERED, GYRO_HELD, KalmanFilter, LearnedVariance, SENSORS_HELD, StateRecorder)
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.state import (
-    ACCEL_ERROR_SIGMA, BLIND_ACCEL_DENSITY, BLIND_CORRELATION_TIME, BLIND_RATE_SHARE,
-    ICR_WALK_SHARE, ImuReading, ImuStep, initial_state, LATERAL_TIME, MAX_WHEEL_NOISE, MIN_SIGMA,
-    MIN_SLIDING_TIME, MIN_SLOPE, N, NIS_GAIN, NOISE_LEARNING_TIME, OUTLIER_SIGMAS,
-    RESISTANCE_SHARE, RollingHistory, SLIP_CHANGE_SHARE, SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME,
-    SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS, STRAIGHT_RATE, TRAVELS, UNKNOWN_SLIP_SIGMA,
-    UNKNOWN_SPEED)
+    ACCEL_ERROR_SIGMA, BALANCE_SIGMA, ICR_WALK_SHARE, ICRS, ImuReading, ImuStep, initial_state,
+    LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE, RollingHistory, SLIP_CHANGE_SHARE,
+    SLIP_CORRELATION_TIME, SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD,
+    UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Four, GRAVITY
 
@@ -61,21 +59,22 @@ class SlipFilter:
         self.motion = MotionModel(robot)
         self.forces = ForceBalance(robot, self.kalman)
         self._history = RollingHistory()
-        self._slopes = [LearnedVariance(params.slope_sigma, MIN_SLOPE, SLIP_LEARNING_TIME)
+        # a smaller slope is one of the errors of the balance
+        self._slopes = [LearnedVariance(params.slope_sigma, BALANCE_SIGMA / GRAVITY, LEARNING_TIME)
                         for _ in SLOPES]
         self._icr_walk = ICR_WALK_SHARE * robot.track_width
         self._lateral_sigma = params.lateral_sigma
         self._common, self._difference = (LearnedVariance(
-            sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
+            sigma, params.free_rolling_slip_sigma, LEARNING_TIME)
             for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
-        self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, NOISE_LEARNING_TIME)
+        self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, LEARNING_TIME)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
         self._step = 0.0          # m/s, of a side at the last wheel sample, beyond its noise
         self._balanced = False    # the forces were used at the last step
         self._started = False     # there has been a wheel sample
-        self.nis = 1.0            # normalized innovation squared of the wheel speeds, smoothed
+        self.nis = LearnedVariance(1.0, MIN_SIGMA, LEARNING_TIME)  # of the wheel speeds
 
     def status(self) -> dict[str, str | int | float]:
         """Return what was learned, for diagnostics."""
@@ -151,13 +150,19 @@ class SlipFilter:
         self.forces.find_change(imu, torques, wheels, self._step)
 
     def blind_step(self, dt: float, sides: tuple[float, float]) -> ImuStep:
-        """Return the step of an IMU dropout: yaw rate by the wheels' ``sides`` [m/s] and ICRs."""
-        x = self.kalman.x
+        """
+        Return the step of an IMU dropout: yaw rate by the wheels' ``sides`` [m/s] and ICRs.
+
+        Its error is the slip difference about the ICRs, and theirs.
+        """
+        x, P = self.kalman.x, self.kalman.P
         track = self._robot.track_width + x[State.ICR_L] + x[State.ICR_R]
         W = (sides[1] - sides[0]) / track
-        sigma = math.hypot(BLIND_RATE_SHARE * W, STRAIGHT_RATE)
+        variance = (4.0 * self._difference.variance * slip_speed(*sides) ** 2
+                    + W ** 2 * float(P[np.ix_(ICRS, ICRS)].sum())) / track ** 2
         mean = ImuReading(W + x[State.GYRO_BIAS_Z], *self.motion.steady_force(x, W))
-        return ImuStep(dt, mean, 2.0 * sigma ** 2 * BLIND_CORRELATION_TIME, BLIND_ACCEL_DENSITY,
+        density = 2.0 * SLIP_CORRELATION_TIME
+        return ImuStep(dt, mean, density * variance, density * ACCEL_ERROR_SIGMA ** 2,
                        mean.yaw_rate, mean.yaw_rate)
 
     def correct_wheels(self, time: float, wheels: WheelSpeeds, gyro_z: float,
@@ -191,9 +196,8 @@ class SlipFilter:
             self._add_sliding(y, H, 0.25 * (left + both + both + right), dt)
         nis = self._correct_distances(y, H, R, sides, dt, moving and not self.forces.active)
         if moving:
-            self.nis += NIS_GAIN * (nis - self.nis)  # stationary wheels have no noise
-            self._wheel_noise.add_square(min(
-                self._wheel_noise.variance * nis, (MAX_WHEEL_NOISE * SPEED_SIGMA) ** 2), dt)
+            self.nis.add_square(nis, dt)  # stationary wheels have no noise
+            self._wheel_noise.add_square(self._wheel_noise.variance * min(nis, MAX_NIS), dt)
             self._learn_slip(W, dt, independent)
         self._restart_travel(wheels, sides, lag, change, W)
 
@@ -244,8 +248,8 @@ class SlipFilter:
     def _add_sliding(self, y: Array, H: Array, variance: float, dt: float) -> None:
         """Inflate the common slip after a mean innovation beyond noise: locked wheels slide."""
         innovation = float(y.mean())
-        least = self._robot.slip.standstill_speed * max(dt, MIN_SLIDING_TIME)
-        if innovation ** 2 > max(OUTLIER_SIGMAS ** 2 * variance, least ** 2):
+        least = self._robot.slip.standstill_speed * max(dt, TYPICAL_PERIOD)
+        if innovation ** 2 > max(MAX_NIS * variance, least ** 2):
             g = np.zeros(N)
             g[list(SLIP_VELS)] = innovation / (0.5 * dt)
             g[list(TRAVELS)] = innovation / (0.5 * dt) * (0.5 * dt - H[0, State.V_X])
@@ -310,7 +314,7 @@ class SlipFilter:
         # slip that varies moves the ICRs forward and backward by a share of the wheelbase
         sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
                            * W * self._robot.wheelbase)
-        variance = sigma ** 2 * 2.0 * LATERAL_TIME / max(duration, 1e-3)
+        variance = sigma ** 2 * 2.0 * SLIP_CORRELATION_TIME / max(duration, 1e-3)
         self.kalman.correct(
             y, h, variance,
             ICR_LEARNED if self._balanced and self.forces.certain else SENSORS_HELD)

@@ -29,19 +29,26 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance, SENSORS_HELD
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, DOUBT_TIME, ESTIMATED, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND,
-    GROUND_SIGMAS, ImuReading, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SLIP_SPEED,
-    MIN_VARIANCE, MODEL_TIME, N, NOISE_LEARNING_TIME, SILENT_PERIODS, SLIP_VELS, State, STEP_SPEED,
-    SUDDEN, UNKNOWN_GROUND)
+    BALANCE_SIGMA, DOUBT_TIME, ESTIMATED, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
+    LEARNING_TIME, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME,
+    N, SLIP_VELS, State, SUDDEN)
 from smart_tire.estimation.slip.tire_forces import TireForces
-from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
+from smart_tire.models.tire.brush_tire import (
+    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS_SIGMA)
 from smart_tire.models.vehicle.drive import torque_errors, traction_force
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import Four, GroundState, NS_PER_S
+from smart_tire.samples import Four, GroundState
 from smart_tire.uncertain import Uncertain
 
-LOGARITHMS = 0, 1, 4      # of the ground as given: ln C_x, ln mu, ln C_y / C_x
-SILENT_TIME = SILENT_PERIODS * GROUND_STATE_PERIOD_NS / NS_PER_S  # s
+RELATIVE = [row - GROUND.start for row in (
+    State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL)]  # errors of the ground as given
+# mu, rolling resistance, its lateral share and C_y / C_x where they are not given
+UNKNOWN_GROUND = (math.exp(LN_FRICTION.value), math.exp(LN_RESISTANCE.value),
+                  0.5 + 0.25 * LATERAL_SHARE.value, math.exp(LN_LATERAL_RATIO.value))
+# of the errors of another ground; the center of mass stays
+GROUND_SIGMAS = (LN_STIFFNESS_SIGMA, LN_FRICTION.sigma,
+                 UNKNOWN_GROUND[1] * math.expm1(LN_RESISTANCE.sigma), 0.25 * LATERAL_SHARE.sigma,
+                 LN_LATERAL_RATIO.sigma, 0.0, 0.0)
 SPREAD = np.diag(np.square(GROUND_SIGMAS[:3]))
 FOLLOWED = SENSORS_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0
@@ -54,7 +61,7 @@ class MotorTorques:
         self._motor, self._radius = robot.motor, robot.wheel_radius
         noise, offset = torque_errors(robot.motor)
         self._offset, least = offset, math.sqrt(2.0) * noise / self._radius
-        self._noise = [LearnedVariance(least, least, NOISE_LEARNING_TIME) for _ in SLIP_VELS]
+        self._noise = [LearnedVariance(least, least, LEARNING_TIME) for _ in SLIP_VELS]
         self._last: Four = (math.nan,) * 4
         self._repeats = [0] * 4
         self._innovations = [0.0, 0.0]      # N, the last ones
@@ -117,16 +124,19 @@ class GroundChange:
         self._new_vector += c * (min(max(y, -limit), limit) / variance)
         self._new_matrix += c[:, np.newaxis] * (c / variance)
 
-    def find(self, weight: float, dt: float) -> Array | None:
+    def find(self, steady: bool, dt: float) -> Array | None:
         """
         Return the change (3,) of the ground, None if there is none.
 
-        ``weight`` is that of the innovations since the last call, ``dt`` [s] ago.
+        The innovations since the last call, ``dt`` [s] ago, count if the motion was ``steady``.
         """
         own, keep = self._kalman.P[SUDDEN, SUDDEN], math.exp(-dt / MODEL_TIME)
-        inverse = np.linalg.inv(own + MIN_VARIANCE * np.eye(3))
-        self._vector = keep * self._vector + weight * (inverse @ self._new_vector)
-        self._matrix = keep * self._matrix + weight * (inverse @ self._new_matrix @ inverse)
+        inverse = np.linalg.inv(own + MIN_SIGMA ** 2 * np.eye(3))
+        self._vector *= keep
+        self._matrix *= keep
+        if steady:
+            self._vector += inverse @ self._new_vector
+            self._matrix += inverse @ self._new_matrix @ inverse
         self._forget_interval()
         ratio = np.eye(3) + SPREAD @ self._matrix
         change = np.linalg.solve(ratio, SPREAD @ self._vector)
@@ -142,7 +152,7 @@ class GroundChange:
         What the errors so far have caused in the state moves with the ground.
         """
         kalman, own = self._kalman, self._kalman.P[GROUND, GROUND]
-        effect = kalman.P[:, GROUND] @ np.linalg.inv(own + MIN_VARIANCE * np.eye(len(own)))
+        effect = kalman.P[:, GROUND] @ np.linalg.inv(own + MIN_SIGMA ** 2 * np.eye(len(own)))
         effect[GROUND] = np.eye(len(own))
         rest = np.eye(N)
         rest[:, GROUND] -= effect
@@ -159,7 +169,7 @@ class ForceBalance:
     def __init__(self, robot: RobotParams, kalman: KalmanFilter) -> None:
         self._kalman, self._forces = kalman, TireForces(robot, kalman.P)
         self._prior = [
-            Uncertain(value, sigma * (value if row in LOGARITHMS else 1.0))
+            Uncertain(value, sigma * (value if row in RELATIVE else 1.0))
             for row, (value, sigma) in enumerate(zip(UNKNOWN_GROUND, GROUND_SIGMAS[1:]), 1)]
         self._prior += map(Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma)
         self._given: Sequence[float] = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
@@ -174,7 +184,7 @@ class ForceBalance:
     @property
     def active(self) -> bool:
         """Return whether the ground is known."""
-        return self._silent < SILENT_TIME + EXPIRY_TIME
+        return self._silent < 2.0 * EXPIRY_TIME
 
     @property
     def certain(self) -> bool:
@@ -222,7 +232,7 @@ class ForceBalance:
         """Let the ground become unknown while ``ground_state`` is silent; ``dt`` [s] passed."""
         self._silent += dt
         self._since_change += dt
-        if self.active and self._silent > SILENT_TIME:
+        if self.active and self._silent > EXPIRY_TIME:
             share = min(dt / EXPIRY_TIME, 1.0)
             for row, sigma in enumerate(GROUND_SIGMAS, int(State.LN_STIFFNESS)):
                 variance = float(self._kalman.P[row, row])
@@ -241,7 +251,7 @@ class ForceBalance:
         if torques is not None and min(map(abs, self._rolling)) >= MIN_SLIP_SPEED:
             self._correct_torques(imu.reading, torques, wheels, step)
         # the tires follow a change of speed between two samples before it is measured
-        change = self._change.find(1.0 / (1.0 + (step / STEP_SPEED) ** 2), wheels.duration)
+        change = self._change.find(step == 0.0, wheels.duration)
         if change is None or self.follows:
             return
         covariance = self._kalman.P[GROUND, GROUND].copy()
@@ -314,7 +324,7 @@ class ForceBalance:
 
 def _difference(given: Sequence[float], other: Sequence[float]) -> Array:
     """Return the difference (7,) of two grounds, of logarithms where their errors are relative."""
-    return np.array([math.log(one / two) if row in LOGARITHMS else one - two
+    return np.array([math.log(one / two) if row in RELATIVE else one - two
                      for row, (one, two) in enumerate(zip(given, other))])
 
 

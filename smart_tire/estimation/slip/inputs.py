@@ -20,13 +20,27 @@ import math
 
 from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradicted
 from smart_tire.estimation.slip.state import (
-    BIAS_WINDOW, DRIVE_JERK, ImuReading, ImuStep, INITIAL_IMU_PERIOD,
-    INITIAL_WHEEL_PERIOD, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES,
-    PERIOD_GAIN, QUIET_NOISE_RATIO, QUIET_TIME, RESIDUAL_GAIN, TURN_TIME, UNWINDING_SHARE,
-    UNWINDING_TIME, VIBRATION_TIME)
+    DRIVE_JERK, IMU_WINDOW, ImuReading, ImuStep, MAX_SAMPLE_GAP,
+    MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES, MODEL_TIME, OUTLIER_SIGMAS, PERIOD_GAIN,
+    QUIET_TIME, RESIDUAL_GAIN, TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, ImuSample, WheelSample
+
+
+class Period:
+    """Smoothed period of samples; gaps hardly change it."""
+
+    def __init__(self) -> None:
+        self._measured = False
+        self.value = TYPICAL_PERIOD  # s
+
+    def add_gap(self, gap: float) -> None:
+        """Add the time [s] between two samples."""
+        if self._measured:
+            self.value += PERIOD_GAIN * (min(gap, 2.0 * self.value) - self.value)
+        else:
+            self.value, self._measured = gap, True
 
 
 class ImuInput:
@@ -44,9 +58,9 @@ class ImuInput:
         self._vertical: list[float] | None = None  # mean [m/s2] and variance of the force
         self.time: float | None = None          # s, of the last sample
         self.reading: ImuReading | None = None  # last one, or its substitute in a dropout
-        self.period = INITIAL_IMU_PERIOD            # s, smoothed
+        self.period = Period()
         self.yaw_accel = 0.0                    # rad/s2
-        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``TURN_TIME``
+        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``MODEL_TIME``
         self._begin_rate = 0.0                  # rad/s, that at the begin of the step
         self.force: tuple[float, float] | None = None  # m/s2, without vibration
         self.spikes = 0                         # samples rejected as spikes
@@ -57,12 +71,12 @@ class ImuInput:
         if self.time is not None and time <= self.time:
             return None
         reading = self._without_spike(self._in_base_axes(sample))
-        dt = self.period if self.time is None else min(time - self.time, 1.0)
+        dt = self.period.value if self.time is None else min(time - self.time, IMU_WINDOW)
         self._measure_vibration(sample.acceleration[2], dt)
         if self.time is not None and self.reading is not None:
-            self.period += PERIOD_GAIN * (dt - self.period)
+            self.period.add_gap(dt)
             self.yaw_accel = (reading.yaw_rate - self.reading.yaw_rate) / dt
-        self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
+        self.turn_rate += dt / (dt + MODEL_TIME) * (reading.yaw_rate - self.turn_rate)
         self.time, self.reading = time, reading
         return reading
 
@@ -114,7 +128,7 @@ class ImuInput:
         if self._vertical is None:
             self._vertical = [force, 0.0]
         mean, variance = self._vertical
-        gain = 1.0 - math.exp(-dt / VIBRATION_TIME)
+        gain = 1.0 - math.exp(-dt / IMU_WINDOW)
         self._vertical = [mean + gain * (force - mean),
                           variance + gain * ((force - mean) ** 2 - variance)]
         self.vibration = math.sqrt(max(
@@ -163,7 +177,7 @@ class WheelOdometry:
         self._count = 2.0 * math.pi / robot.encoder.counts_per_revolution * robot.wheel_radius
         self._encoders = robot.joints.encoders_per_side
         self._last: tuple[float, WheelSample] | None = None
-        self._period: float | None = None
+        self._period = Period()
         self.side_speeds = (0.0, 0.0)                     # m/s, latest
         self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
         self.independent = False  # the sides differed once; otherwise both are only their mean
@@ -178,17 +192,16 @@ class WheelOdometry:
         """Add a sample of ``time`` [s]; return the mean speeds, None if it is not newer."""
         if self._last is None:
             self._last = (time, sample)
-            return self._from_velocities(sample, INITIAL_WHEEL_PERIOD)
+            return self._from_velocities(sample, self._period.value)
         before, previous = self._last
         if time <= before:
             return None
         gap, self._last = time - before, (time, sample)
-        self._period = gap if self._period is None else (
-            self._period + 0.1 * (min(gap, 2.0 * self._period) - self._period))
+        self._period.add_gap(gap)
         speeds = self._position_differences(previous, sample, gap)
         if speeds is not None and gap < MAX_SAMPLE_GAP:
             return self._mean_speeds(gap, speeds, from_positions=True)
-        return self._from_velocities(sample, min(gap, 1.5 * self._period))
+        return self._from_velocities(sample, min(gap, 1.5 * self._period.value))
 
     def _position_differences(self, previous: WheelSample, sample: WheelSample,
                               gap: float) -> Four | None:
@@ -239,7 +252,7 @@ class ZeroVelocityDetector:
 
     def __init__(self, gyro_noise: float, accel_noise: float) -> None:
         self._noise = gyro_noise
-        self._limits = (QUIET_NOISE_RATIO * gyro_noise, *(QUIET_NOISE_RATIO * accel_noise,) * 2)
+        self._limits = (OUTLIER_SIGMAS * gyro_noise, *(OUTLIER_SIGMAS * accel_noise,) * 2)
         self._window: deque[tuple[float, ImuReading]] = deque()
         self._rates: deque[float] = deque()  # rad/s, those of the window
         self._quiet_since: float | None = None
@@ -250,7 +263,7 @@ class ZeroVelocityDetector:
         window = self._window
         window.append((time, reading))
         self._rates.append(reading.yaw_rate)
-        while window[0][0] < time - BIAS_WINDOW:
+        while window[0][0] < time - IMU_WINDOW:
             window.popleft()
             self._rates.popleft()
 
@@ -271,7 +284,7 @@ class ZeroVelocityDetector:
         duration = time - self._quiet_since
         return StationaryInterval(
             _mean(self._rates), self._noise / math.sqrt(len(self._rates)),
-            self._unwinding_sigma(time), duration, duration >= BIAS_WINDOW - QUIET_TIME)
+            self._unwinding_sigma(time), duration, duration >= IMU_WINDOW - QUIET_TIME)
 
     def _peak_yaw_rate(self) -> float:
         """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""
@@ -279,7 +292,7 @@ class ZeroVelocityDetector:
         if self._last_turn is None:
             return latest
         time, rate = self._last_turn
-        return max(latest, rate * math.exp((time - self._window[-1][0]) / BIAS_WINDOW))
+        return max(latest, rate * math.exp((time - self._window[-1][0]) / IMU_WINDOW))
 
     def _unwinding_sigma(self, time: float) -> float:
         """

@@ -50,15 +50,14 @@ COMPILED: bool = cython.compiled
 
 # constants and rows of the state that are numbers of C
 cython.declare(
-    GRAVITY=cython.double, SPEED_RANDOM_WALK=cython.double, GYRO_BIAS_RANDOM_WALK=cython.double,
+    GRAVITY=cython.double, GYRO_BIAS_RANDOM_WALK=cython.double,
     ACCEL_BIAS_RANDOM_WALK=cython.double, SLIP_CORRELATION_TIME=cython.double,
     SLOPE_LENGTH=cython.double, MIN_SLIP_SPEED=cython.double, X=cython.int, Y=cython.int,
     YAW=cython.int, ROLL=cython.int, PITCH=cython.int, V_X=cython.int, V_Y=cython.int,
     GYRO_BIAS_Z=cython.int, ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int,
     SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, TRAVEL_L=cython.int, ICR_X=cython.int,
     ICR_L=cython.int, ICR_R=cython.int, IMU_X=cython.int)
-GRAVITY, SPEED_RANDOM_WALK = G, state.SPEED_RANDOM_WALK
-GYRO_BIAS_RANDOM_WALK = state.GYRO_BIAS_RANDOM_WALK
+GRAVITY, GYRO_BIAS_RANDOM_WALK = G, state.GYRO_BIAS_RANDOM_WALK
 ACCEL_BIAS_RANDOM_WALK = state.ACCEL_BIAS_RANDOM_WALK
 SLIP_CORRELATION_TIME, SLOPE_LENGTH = state.SLIP_CORRELATION_TIME, state.SLOPE_LENGTH
 MIN_SLIP_SPEED = state.MIN_SLIP_SPEED
@@ -197,7 +196,7 @@ class MotionModel:
         self._predict_slope(old, new, W, dt, way, PITCH, pitch_sigma)
         self._predict_slip(old, new, step.begin_rate, step.end_rate, W, dt, noise)
         gyro: cython.double = step.gyro_variance * dt
-        speed: cython.double = step.accel_variance * dt + SPEED_RANDOM_WALK ** 2 * dt
+        speed: cython.double = step.accel_variance * dt
         Q[YAW, YAW] = gyro
         Q[V_X, V_X] = speed + gyro * old[V_Y] * old[V_Y]
         Q[V_Y, V_Y] = speed + gyro * old[V_X] * old[V_X]

@@ -72,83 +72,59 @@ ICRS = (State.ICR_L, State.ICR_R)
 
 # prior
 MIN_SIGMA = 1e-5              # m, rad: origin and new travel are exact, but P must be regular
-INITIAL_SPEED_SIGMA = 0.5     # m/s, assumed; start_in_motion
-INITIAL_SLIP_SIGMAS = 0.1, 0.3  # m/s, common and half the difference, assumed; start_in_motion
+START_SIGMA = 0.2             # m/s, of velocity and slip velocities, assumed; start_in_motion
 ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: effective tracks of
 # 1 to 2.2 times the track are published for skid-steer robots; field
 
 # process noise
-SPEED_RANDOM_WALK = 0.002      # m/s per sqrt(s), errors of the planar model, assumed
 GYRO_BIAS_RANDOM_WALK = 2e-5   # rad/s per sqrt(s), data sheets: 10 degrees per hour after 5 min
-ACCEL_BIAS_RANDOM_WALK = 5e-4  # m/s2 per sqrt(s), data sheets of industrial IMUs
-SLIP_CORRELATION_TIME = 1.0    # s, of the slip beyond the ICR kinematics, assumed; all rows
+ACCEL_BIAS_RANDOM_WALK = 5e-4  # m/s2 per sqrt(s), data sheets of industrial IMUs; field
+SLIP_CORRELATION_TIME = 1.0    # s, of slip and lateral speed beyond the ICR kinematics; all rows
 SLIP_CHANGE_SHARE = 0.2        # of a change of the side's speed becomes slip, assumed; sand_turn
-ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: another ground in turns; ice
+ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground changes; jumps
 SLOPE_LENGTH = 2.0             # m, correlation length of the slope, assumed; hills
-MIN_SLOPE = 0.001              # rad, sigma of a laboratory floor
 ACCEL_ERROR_SIGMA = 0.3        # m/s2, slopes, suspension and tilt on unknown ground; field, grass
-UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip there: resistance over stiffness; sand_turn
-RESISTANCE_SHARE = 0.5         # rolling resistance over friction there, from concrete to ice; ice
-BLIND_RATE_SHARE = 0.05        # of the yaw rate by wheels and ICRs: its sigma in IMU dropouts
-STRAIGHT_RATE = 0.02           # rad/s, the same on a straight line; assumed, as ...
-BLIND_CORRELATION_TIME = 2.0   # s, ... of this error
-BLIND_ACCEL_DENSITY = 0.1      # (m/s2)^2 s, of an acceleration that is not measured; assumed
-
-# learned levels
-SLIP_LEARNING_TIME = 20.0      # s of driving, of slip and slope, assumed; sand_straight, hills
-NOISE_LEARNING_TIME = 5.0      # s, of wheels and torques, assumed; field, jumps
+UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip there: resistance over stiffness; field, NEES
+RESISTANCE_SHARE = 0.5         # rolling resistance over friction there, of concrete to ice; field
+LEARNING_TIME = 10.0           # s of driving, of noises, slip and slope, assumed; ice
 
 # corrections
 OUTLIER_SIGMAS = 3.0          # beyond, variances grow with the square (Huber); pushes
-MAX_NIS = OUTLIER_SIGMAS ** 2  # of an innovation that a level is learned from
+MAX_NIS = OUTLIER_SIGMAS * OUTLIER_SIGMAS  # of an innovation that a level is learned from
 SPEED_SIGMA = 0.003           # m/s, of a side, beyond quantization and stamps, or of a robot that
 # stands, assumed; learned
-MIN_SLIDING_TIME = 0.05       # s, in which locked wheels slide at the standstill speed at least
-MAX_WHEEL_NOISE = 30.0        # times that, at most; field
-STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise
-LATERAL_TIME = 0.5            # s, correlation time of the lateral speed about the ICR, assumed
+MAX_STATIONARY_WHEEL_SPEED = OUTLIER_SIGMAS * SPEED_SIGMA
+STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise; ice
 UNKNOWN_SPEED = 100.0         # m/s, sigma of a side difference that is not measured
-HISTORY = 1.5                 # s, of predicted wheel speeds: beyond the largest encoder latency
-NIS_GAIN = 0.05               # of a new value in the published NIS
 
 # forces on a given ground
 MIN_SLIP_SPEED = 0.1          # m/s, of wheels; below, forces and noise do not follow slip ratios
 BALANCE_SIGMA = 0.03          # m/s2, lasting error of the balance, assumed; all rows
 FORCE_ERROR = 0.07            # of traction forces: torque constant, tire curve, assumed; jumps
-MODEL_TIME = 0.3              # s, of lasting errors, and of compared innovations: a robot length
+MODEL_TIME = 0.3              # s, a robot length: of lasting errors of the forces, of compared
+# innovations, and in which tires build up the slip of a turn; jumps
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
-STEP_SPEED = 0.02             # m/s, change of a side's speed that hides a change of the ground
-MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; ice
-SILENT_PERIODS = 2.5          # without ground_state, after which it ends ...
-EXPIRY_TIME = 5.0             # s, ... within this time
-# another ground: C_x, mu [ln], rolling resistance, its lateral share, C_y / C_x [ln], center of
-# mass; jumps
-GROUND_SIGMAS = 0.5, 0.7, 0.04, 0.3, 0.2, 0.0, 0.0
-UNKNOWN_GROUND = 0.45, 0.025, 0.5, 0.9  # -, where it is not given: mu and so on
+MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
+EXPIRY_TIME = 2.5             # s without ground_state, after which it ends within the same time
 EVIDENCE = 8.0                # twice the log likelihood ratio of a change of the ground; jumps
 DOUBT_TIME = 2.0              # s, from a change to the window that shows it; jumps
-MIN_VARIANCE = 1e-8           # of an error that is given as zero
 
 # IMU and wheels
-INITIAL_IMU_PERIOD = 0.01     # s
-PERIOD_GAIN = 0.02            # of a new sample in the smoothed period; assumed
-VIBRATION_TIME = 1.0          # s, of mean and variance of the vertical force; assumed
-TURN_TIME = 0.2               # s, in which tires build up the slip of a turn: 10 cm of travel
-DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; assumed
+TYPICAL_PERIOD = 0.05         # s, of samples, until there are two; locked wheels slide for longer
+PERIOD_GAIN = 0.1             # of a new one in the smoothed period
+IMU_WINDOW = 1.0              # s, of the vibration level, and of the mean yaw rate at standstill,
+# which is the gyro bias; assumed
+DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; field
 IMU_DROPOUT = 0.1             # s without IMU samples (or 3 periods), then predict by the wheels
-INITIAL_WHEEL_PERIOD = 0.05   # s, assumed for the velocities of the first sample
 MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differenced
 RESIDUAL_GAIN = 0.5           # of a new sample in the smoothed difference of a wheel and its side:
 # the counts of single samples differ by one; without, single wheels are 7 % worse; demo
 
 # standstill
-QUIET_TIME = 0.4              # s for which the IMU must have been quiet
-BIAS_WINDOW = 1.0             # s, of the mean yaw rate at standstill, which is the gyro bias
+QUIET_TIME = 0.4              # s for which the IMU must have been quiet; concrete, sand_turn
 MIN_QUIET_SAMPLES = 4         # in the quiet time
-QUIET_NOISE_RATIO = 3.0       # of the IMU's noise, a smaller standard deviation is quiet
 UNWINDING_SHARE = 0.1         # of the last yaw rate, right after the wheels have stopped ...
 UNWINDING_TIME = 1.5          # s, ... and its decay time; simulated tires with linear springs
-MAX_STATIONARY_WHEEL_SPEED = 0.01  # m/s; one encoder count gives less
 TRUSTED_STANDSTILL = 3.0      # s; longer standstill overrules a state that has diverged
 
 # outputs
@@ -195,7 +171,7 @@ class RollingHistory:
         self._points.append((
             time, u_left + left, u_right + right,
             s_left + dt * (u_left + 0.5 * left), s_right + dt * (u_right + 0.5 * right)))
-        while self._points[0][0] < time - HISTORY:
+        while self._points[0][0] < time - MAX_SAMPLE_GAP:
             self._points.popleft()
 
     def travel_change(self, since: float) -> list[float]:
@@ -216,11 +192,10 @@ def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
     robot = params.robot
     x, sigma = [0.0] * N, np.full(N, MIN_SIGMA)
     sigma[State.ROLL] = sigma[State.PITCH] = params.slope_sigma
-    sigma[State.V_X] = sigma[State.V_Y] = INITIAL_SPEED_SIGMA
+    sigma[[State.V_X, State.V_Y, *SLIP_VELS]] = START_SIGMA
     sigma[State.GYRO_BIAS_Z] = robot.imu.gyro_bias
     sigma[State.ACCEL_BIAS_X] = sigma[State.ACCEL_BIAS_Y] = math.hypot(
         robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
-    sigma[list(TRAVELS)] = MIN_SIGMA
     x[State.ICR_X], sigma[State.ICR_X] = params.icr_x, params.icr_x_sigma * robot.wheelbase
     sigma[State.RADIUS] = max(robot.wheel_radius_sigma, 1e-9)
     sigma[State.IMU_X] = max(robot.imu.position_sigma, 1e-9)
@@ -229,7 +204,5 @@ def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
     for row in ICRS:
         x[row], sigma[row] = mean, spread
     P = np.diag(sigma ** 2)
-    common, difference = (one ** 2 for one in INITIAL_SLIP_SIGMAS)
-    P[np.ix_(SLIP_VELS, SLIP_VELS)] = common + difference * np.array([[1.0, -1.0], [-1.0, 1.0]])
     P[State.ICR_L, State.ICR_R] = P[State.ICR_R, State.ICR_L] = 0.5 * spread ** 2
     return x, P

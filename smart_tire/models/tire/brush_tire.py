@@ -18,14 +18,24 @@ is isotropic (C_y = C_x), an assumption. Arguments broadcast against each other.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
+from smart_tire.uncertain import Uncertain
 
 MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical slip
 MAX_FORCE_SHARE = 0.995  # of friction times load; a common slip is not observable above
 MAX_ITERATIONS = 30      # of Newton's method, which converges from below
 FORCE_TOLERANCE = 1e-9   # relative
+
+# prior of the ground, from ice to rough concrete; tires from C_y = 0.6 C_x (narrow) to isotropic
+LN_STIFFNESS_SIGMA = 0.4                            # ln C_x, about the nominal one
+LN_FRICTION = Uncertain(math.log(0.4), 0.6)         # ln mu
+LN_RESISTANCE = Uncertain(math.log(0.025), 1.0)     # ln of the rolling resistance over the load
+LATERAL_SHARE = Uncertain(0.0, 1.5)                 # logit of its share along the velocity
+LN_LATERAL_RATIO = Uncertain(-0.1, 0.15)            # ln C_y / C_x
 
 
 def slip_vector(rolling_speed: ArrayLike, v_x: ArrayLike, v_y: ArrayLike, *,

@@ -50,7 +50,7 @@ def found(rise, samples=40, seed=3, sign=1.0):
         y = effect[2] * rise + 0.3 * rng.standard_normal()
         change.add_innovation(kalman.P[SUDDEN, SUDDEN] @ effect, sign * y, 0.09)
         if i % 8 == 7:
-            result = change.find(1.0, PERIOD)
+            result = change.find(True, PERIOD)
             if result is not None:
                 return result
     return None
@@ -78,13 +78,14 @@ def test_innovations_without_weight_and_old_ones_are_no_evidence():
             change.add_innovation(kalman.P[SUDDEN, SUDDEN] @ [0.0, 0.0, -9.81], -0.5, 0.09)
 
     add()
-    assert change.find(0.0, PERIOD) is None
-    assert change.find(1.0, PERIOD) is None  # they are not kept for the next interval
+    assert change.find(False, PERIOD) is None
+    assert change.find(True, PERIOD) is None  # they are not kept for the next interval
     add()
-    assert change.find(0.01, 5.0) is None
+    assert change.find(False, PERIOD) is None
+    assert change.find(True, PERIOD) is None
     add()
-    assert change.find(1.0, PERIOD) is not None
-    assert change.find(1.0, PERIOD) is None  # found once
+    assert change.find(True, PERIOD) is not None
+    assert change.find(True, PERIOD) is None  # found once
 
 
 def test_the_state_moves_with_a_new_ground_and_has_its_errors():
@@ -154,7 +155,7 @@ def test_traction_forces_follow_from_motor_torques_that_are_measured():
 
 def test_the_noise_of_torques_is_learned_while_speeds_are_steady():
     calm, steady, turning = (MotorTorques(ROBOT) for _ in range(3))
-    for i in range(400):
+    for i in range(800):
         y = 5.0 * (-1.0) ** i
         least = calm.variance(0, 5.0, 4.0, 0.0, PERIOD)
         learned = steady.variance(0, y, 4.0, 0.0, PERIOD)

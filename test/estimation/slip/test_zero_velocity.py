@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.inputs import ZeroVelocityDetector
-from smart_tire.estimation.slip.state import BIAS_WINDOW, ImuReading, QUIET_TIME
+from smart_tire.estimation.slip.state import IMU_WINDOW, ImuReading, QUIET_TIME
 
 GYRO, ACCEL = 0.01, 0.05
 
@@ -35,9 +35,9 @@ def test_a_quiet_robot_is_stationary_and_its_mean_rate_is_the_gyro_bias(seed):
     detector = ZeroVelocityDetector(GYRO, ACCEL)
     time = feed(detector, QUIET_TIME + 0.1, rate=lambda t: 0.02, seed=seed)
     assert detector.detect(time, 0.0) is not None
-    time = feed(detector, BIAS_WINDOW, rate=lambda t: 0.02, seed=seed + 100, start=time)
+    time = feed(detector, IMU_WINDOW, rate=lambda t: 0.02, seed=seed + 100, start=time)
     standstill = detector.detect(time, 0.0)
-    assert standstill.duration == pytest.approx(BIAS_WINDOW)
+    assert standstill.duration == pytest.approx(IMU_WINDOW)
     assert abs(standstill.rate - 0.02) < 4.0 * standstill.sigma
     assert standstill.sigma == pytest.approx(GYRO / 10.0, rel=0.05)
 
