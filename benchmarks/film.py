@@ -26,7 +26,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.film_bench import identify_film
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.reproduction.film_test_stand import FilmTestStand, sine
+from smart_tire.reproduction.film_test_stand import FilmTestStand
 
 SAMPLE_RATE = 500.0                            # Hz
 IDENTIFICATION_MOTION = (0.012, 1.0, 60.0)     # m peak to peak, Hz, s
@@ -36,18 +36,22 @@ DURATION = 10.0                                # s
 SEEDS = range(100, 104)
 
 
+def sine(amplitude: float, frequency: float, duration: float) -> Array:
+    """Return sinusoidal deflections between 0 and ``amplitude`` [m], from 0 on."""
+    time = np.arange(round(duration * SAMPLE_RATE) + 1) / SAMPLE_RATE
+    return 0.5 * amplitude * (1.0 - np.cos(2.0 * np.pi * frequency * time))
+
+
 def print_accuracy() -> None:
     """Print RMS and normalized error of the deflection by amplitude and frequency."""
     bench = FilmTestStand(rate=SAMPLE_RATE)
-    top, frequency, duration = IDENTIFICATION_MOTION
-    motion = sine(top, frequency, duration, SAMPLE_RATE)
-    params = identify_film(bench.run(motion, 1), FILMS['25x3'])[0]
+    params = identify_film(bench.run(sine(*IDENTIFICATION_MOTION), 1), FILMS['25x3'])[0]
     print(f'film deflection, RMS error in um (over reported sigma), {len(SEEDS)} seeds:')
     print('  peak to peak' + ''.join(f'{frequency:13.0f} Hz' for frequency in FREQUENCIES))
     for amplitude in AMPLITUDES:
         cells = []
         for frequency in FREQUENCIES:
-            motion = sine(amplitude, frequency, DURATION, SAMPLE_RATE)
+            motion = sine(amplitude, frequency, DURATION)
             errors, normalized = [], []
             for seed in SEEDS:
                 recording = bench.run(motion, seed)

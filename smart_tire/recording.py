@@ -337,10 +337,3 @@ def at(wanted_ns: Instants, stamp_ns: Instants, values: Array, max_gap: float = 
     between = (1.0 - share) * values[left] + share * values[right]
     result[inside] = between[inside]
     return result
-
-
-def time_origin(estimates: Recording) -> int:
-    """Return the timestamp [ns] of the first estimate, at which the time axes are zero."""
-    crossings = np.array([crossing.stamp_ns for crossing in estimates.crossings], np.int64)
-    stamps = np.concatenate([estimates.slips().stamp_ns, estimates.poses().stamp_ns, crossings])
-    return int(stamps.min(initial=np.iinfo(np.int64).max))

@@ -28,14 +28,14 @@ from smart_tire.arrays import Array
 
 SIGMAS = 2.0              # half width of bands and bars, in standard deviations
 MAX_GAP = 0.5             # s without values, over which no line is drawn
-# -, of a slip ratio; above it the band of two standard deviations covers all slips from -1 to 1.
-MAX_SLIP_SIGMA = 0.5
+MAX_SLIP_SIGMA = 1.0 / SIGMAS  # of a slip ratio; above, its band covers all from -1 to 1
 COVERED = (1.0, 99.0)     # percentiles of the values that the axes must include
 AXIS_MARGIN = 0.2         # of the range of the values, above and below
 SEGMENT_DURATION = 15.0   # s, of the parts of a long recording that are drawn in detail
 MAX_SEGMENTS = 3          # a recording is long if it is longer than these and one more
 ACTIVITY_STEP = 0.1       # s, grid on which the activity is summed
 MAX_POINTS = 5000         # of a curve
+ELLIPSE_POINTS = 48
 CRITERIA = 4              # rows that are kept of each interval, see ``decimated``
 # Palette of Okabe and Ito, distinguishable with color vision deficiency.
 COLORS = {'blue': '#0072b2', 'vermillion': '#d55e00', 'orange': '#e69f00', 'sky': '#56b4e9',
@@ -141,6 +141,15 @@ def straight(over: Array, slope: float, label: str = '', color: str = 'vermillio
     return Mark(Curve(ends, slope * ends + offset), label, color, width=1.2, dashed=dashed)
 
 
+def ellipse(covariance: Array) -> Array:
+    """Return points (n, 2) on the ellipse of two standard deviations around zero."""
+    angle = np.linspace(0.0, math.tau, ELLIPSE_POINTS)
+    values, vectors = np.linalg.eigh(covariance)
+    radii = SIGMAS * np.sqrt(np.maximum(values, 0.0))
+    points: Array = np.stack([np.cos(angle), np.sin(angle)], axis=-1) * radii @ vectors.T
+    return points
+
+
 def runs(known: NDArray[np.bool_]) -> Iterator[slice]:
     """Yield the intervals of rows in which ``known`` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
@@ -191,10 +200,9 @@ def _finite(values: Iterable[Array]) -> Array:
     return found[np.isfinite(found)]
 
 
-def segments(curves: Iterable[Curve], duration: float = SEGMENT_DURATION,
-             count: int = MAX_SEGMENTS) -> list[tuple[float, float]]:
+def segments(curves: Iterable[Curve]) -> list[tuple[float, float]]:
     """
-    Return the time intervals [s] in which ``curves`` change most, at most ``count``, in order.
+    Return the time intervals [s] in which ``curves`` change most, a few, in order.
 
     They do not overlap. Empty if the curves are not long or do not change.
     """
@@ -207,13 +215,13 @@ def segments(curves: Iterable[Curve], duration: float = SEGMENT_DURATION,
         return []
     cells = np.floor((time - start) / ACTIVITY_STEP).astype(int)
     activity = np.bincount(cells, np.nan_to_num(change))
-    width = round(duration / ACTIVITY_STEP)
+    width = round(SEGMENT_DURATION / ACTIVITY_STEP)
     total = np.convolve(activity, np.ones(width), 'valid')
     found: list[tuple[float, float]] = []
-    while len(found) < count and total.max(initial=0.0) > 0.0:
+    while len(found) < MAX_SEGMENTS and total.max(initial=0.0) > 0.0:
         first = int(np.argmax(total))
         begin = start + first * ACTIVITY_STEP
-        found.append((begin, begin + duration))
+        found.append((begin, begin + SEGMENT_DURATION))
         total[max(first - width, 0):first + width] = 0.0
     return sorted(found)
 

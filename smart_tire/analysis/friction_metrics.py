@@ -56,15 +56,14 @@ class FrictionScore:
     adhesion_ratio: Score         # of finite estimates
 
 
-def match(estimates: Iterable[Friction], truths: Iterable[Friction],
-          tolerance: float = MAX_STAMP_DIFFERENCE) -> Matches:
-    """Return the pairs of true crossings and nearest estimates within ``tolerance`` [s]."""
+def match(estimates: Iterable[Friction], truths: Iterable[Friction]) -> Matches:
+    """Return the pairs of true crossings and nearest estimates."""
     truths, estimates = (sorted(several, key=lambda one: one.stamp_ns)
                          for several in (truths, estimates))
     apart = np.abs(np.subtract.outer(stamps_of(truths), stamps_of(estimates)))
     other_wheel = np.not_equal.outer(*(np.array([one.wheel for one in several], str)
                                        for several in (truths, estimates)))
-    reach = round(tolerance * NS_PER_S)
+    reach = round(MAX_STAMP_DIFFERENCE * NS_PER_S)
     cost = np.where(other_wheel | (apart > reach), 2 * reach, apart)  # two of these: no match
     partner = {int(i): int(j) for i, j in zip(*linear_sum_assignment(cost)) if cost[i, j] <= reach}
     taken = set(partner.values())

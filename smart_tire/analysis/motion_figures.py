@@ -22,8 +22,8 @@ import numpy as np
 from smart_tire.analysis.driven_paths import DrivenPath, Grounds, track
 from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
 from smart_tire.analysis.figure import (
-    Curve, Figure, interrupted, Limits, limits, Mark, MAX_POINTS, MAX_SLIP_SIGMA, observable, PAIR,
-    Panel, share_outside, SIGMAS, TIME_LABEL, truth_marks, TWO_SIGMA)
+    Curve, ellipse, Figure, interrupted, Limits, limits, Mark, MAX_POINTS, MAX_SLIP_SIGMA,
+    observable, PAIR, Panel, share_outside, TIME_LABEL, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.metrics import measured, SIDES
 from smart_tire.analysis.result import Result
 from smart_tire.arrays import Array
@@ -31,7 +31,7 @@ from smart_tire.recording import Recording, seconds
 from smart_tire.samples import NS_PER_S, WHEELS
 
 MIN_SLIP_MARGIN, MAX_SHOWN_SLIP = 0.1, 1.05  # -, of the slip axis
-ELLIPSES, ELLIPSE_POINTS = 12, 48            # along a path; of each
+ELLIPSES = 12  # along a path
 SIDE_COLORS = {'left': 'blue', 'right': 'vermillion'}
 WHEEL_COLORS = dict(zip(WHEELS, ('blue', 'vermillion', 'sky', 'orange')))
 WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
@@ -199,13 +199,9 @@ def equidistant(position: Array, limit: int = MAX_POINTS) -> np.ndarray[
 
 def _ellipses(position: Array, covariance: Array, color: str) -> Mark:
     """Return ellipses of two standard deviations at about equal distances along a path."""
-    angle = np.linspace(0.0, 2.0 * math.pi, ELLIPSE_POINTS)
-    circle = np.stack([np.cos(angle), np.sin(angle)])
     parts = []
     for row in equidistant(position, ELLIPSES + 1):
-        values, vectors = np.linalg.eigh(covariance[row, :2, :2])
-        shape = vectors @ (SIGMAS * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
-        parts += [position[row] + shape.T, np.full((1, 2), math.nan)]
+        parts += [position[row] + ellipse(covariance[row, :2, :2]), np.full((1, 2), math.nan)]
     return Mark(Curve(*np.concatenate(parts).T), '2σ of the position', color, 'area', opacity=0.2)
 
 

@@ -16,12 +16,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
 from smart_tire.analysis.figure import Curve, Segments, segments
-from smart_tire.analysis.friction_metrics import match, Matches
+from smart_tire.analysis.friction_metrics import match, Matches, stamps_of
 from smart_tire.analysis.metrics import (
     Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals)
 from smart_tire.arrays import Array
-from smart_tire.recording import Recording, seconds, time_origin
+from smart_tire.recording import Recording, seconds
 
 FILTERED, SMOOTHED = 'filtered', 'smoothed'
 
@@ -66,9 +68,17 @@ class Result:
     intervals: Intervals = field(default_factory=dict)  # evaluated separately
 
     @cached_property
+    def span_ns(self) -> tuple[int, int]:
+        """Return the first and the last timestamp of the estimates; the first one is zero."""
+        stamps = np.concatenate([
+            self.estimates.slips().stamp_ns, self.estimates.poses().stamp_ns,
+            stamps_of(self.estimates.crossings)])
+        return (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
+
+    @property
     def origin_ns(self) -> int:
         """Return the timestamp at which the time axes are zero."""
-        return time_origin(self.estimates)
+        return self.span_ns[0]
 
     @cached_property
     def segments(self) -> Segments:

@@ -18,7 +18,6 @@ simultaneously. ``identify film`` reads the recording.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
 
@@ -26,14 +25,12 @@ import numpy as np
 from scipy.signal import lfilter
 
 from smart_tire.arrays import Array, ArrayLike
-from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.files import FilmRecording
 from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
 from smart_tire.models.film.hysteresis import (
     DuhemParams, respond, series, TABLE_I, TABLE_I_GAIN)
 
 OVERSAMPLING = 8  # steps of the amplifier per sample
-ZERO_ALLOWED = ('low_corner', 'charge_noise', 'laser_noise')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +49,6 @@ class FilmTestStand:
     laser_noise: float = 5e-6      # m, standard deviation of a sample
     full_scale: float = 50e-9      # C, the range of the converter is +-full_scale
     bits: int = 16                 # of the converter
-
-    def __post_init__(self) -> None:
-        for name in ('gain', 'rate', 'high_corner', 'full_scale', *ZERO_ALLOWED):
-            value = getattr(self, name)
-            if not (0.0 < value < math.inf or value == 0.0 and name in ZERO_ALLOWED):
-                raise ParameterError(f'{name} is {value}, expected a positive number')
-        if not 1 <= self.bits <= 32:
-            raise ParameterError(f'bits is {self.bits}, expected 1 to 32')
 
     def run(self, deflection: ArrayLike, seed: int) -> FilmRecording:
         """
@@ -92,32 +81,3 @@ class FilmTestStand:
     def _converted(self, charge: Array) -> Array:
         lsb = 2.0 * self.full_scale / 2**self.bits
         return np.clip(np.round(charge / lsb) * lsb, -self.full_scale, self.full_scale - lsb)
-
-
-def sine(amplitude: float, frequency: float, duration: float, rate: float) -> Array:
-    """Return sinusoidal deflections between 0 and ``amplitude`` [m], as in paper A, from 0 on."""
-    time = _times(duration, rate)
-    return 0.5 * amplitude * (1.0 - np.cos(2.0 * math.pi * frequency * time))
-
-
-def ramps(corners: Sequence[float], speed: float, rate: float) -> Array:
-    """Return deflections [m] from 0 to each of ``corners`` in sequence at ``speed`` [m/s]."""
-    if not 0.0 < speed < math.inf:
-        raise ParameterError(f'speed is {speed}, expected a positive number')
-    distance = np.concatenate([[0.0], np.cumsum(np.abs(np.diff([0.0, *corners])))])
-    time = _times(float(distance[-1]) / speed, rate)
-    return np.interp(time * speed, distance, [0.0, *corners])
-
-
-def sines(amplitudes: Sequence[float], frequency: float, cycles: int, rate: float) -> Array:
-    """Return ``cycles`` periods of ``sine`` for each of ``amplitudes`` [m], in sequence."""
-    time = _times(len(amplitudes) * cycles / frequency, rate)
-    index = np.minimum((time * frequency / cycles).astype(int), len(amplitudes) - 1)
-    return 0.5 * np.asarray(amplitudes)[index] * (1.0 - np.cos(2.0 * math.pi * frequency * time))
-
-
-def _times(duration: float, rate: float) -> Array:
-    if not (0.0 < duration < math.inf and 0.0 < rate < math.inf):
-        raise ParameterError(f'duration {duration} s, rate {rate} Hz: expected positive numbers')
-    times: Array = np.arange(round(duration * rate) + 1) / rate
-    return times

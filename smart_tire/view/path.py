@@ -18,7 +18,7 @@ import math
 import numpy as np
 import rerun as rr
 
-from smart_tire.analysis.figure import SIGMAS
+from smart_tire.analysis.figure import ellipse, SIGMAS
 from smart_tire.arrays import Array
 from smart_tire.rotation import euler
 from smart_tire.samples import GoalPose, NS_PER_S, Odometry, PlannedPath
@@ -27,7 +27,6 @@ from smart_tire.view.recorder import AXIS, Color, COMMAND, ESTIMATE, Recorder, T
 SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
 MIN_STEP = 0.005            # m between two points of the path
 ROBOT_LENGTH = 0.3          # m, of the arrow that shows the pose
-ELLIPSE = np.linspace(0.0, math.tau, 33)
 GRID_STEPS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # m
 MAX_GRID_LINES = 6
 COVARIANCE_XY = (0, 1, 6, 7)  # in the row-major 6x6 covariance of the pose
@@ -147,11 +146,8 @@ class PathLayer:
             vectors=[on_screen(heading)], origins=[on_screen(position - 0.5 * heading)],
             colors=ESTIMATE, radii=rr.Radius.ui_points(3.0)))
         covariance = np.array([sample.pose_covariance[i] for i in COVARIANCE_XY]).reshape(2, 2)
-        values, axes = np.linalg.eigh(covariance)
-        radii = SIGMAS * np.sqrt(np.maximum(values, 0.0))
-        circle = np.stack([np.cos(ELLIPSE), np.sin(ELLIPSE)], axis=-1) * radii
         self._recorder.shape('path/bounds', sample.stamp_ns, rr.LineStrips2D(
-            [on_screen(position + circle @ axes.T)], colors=ESTIMATE, show_labels=False,
+            [on_screen(position + ellipse(covariance))], colors=ESTIMATE, show_labels=False,
             labels=f'{SIGMAS:g} σ', radii=rr.Radius.ui_points(0.75)))
 
     def _cover(self, x: float, y: float) -> None:

@@ -160,7 +160,7 @@ class Recorder:
         return (np.array(stamps, np.int64) - (self._origin_ns or 0)).astype('timedelta64[ns]')
 
 
-def dimmed(color: Color, share: float = 0.55) -> Color:
+def dimmed(color: Color) -> Color:
     """Return a darker color, for the bounds around a curve of ``color``."""
-    red, green, blue = (round(share * part) for part in color)
+    red, green, blue = (round(0.55 * part) for part in color)
     return red, green, blue

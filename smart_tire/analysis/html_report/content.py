@@ -23,7 +23,7 @@ from smart_tire.analysis.errors import error_figure, error_groups, histogram_fig
 from smart_tire.analysis.figure import bucket_count, MAX_POINTS, MAX_SLIP_SIGMA
 from smart_tire.analysis.figures import adhesion_figure, friction_figure, ground_figure
 from smart_tire.analysis.friction_metrics import (
-    column, is_informative, MAX_RELATIVE_SIGMA, stamps_of)
+    column, is_informative, MAX_RELATIVE_SIGMA)
 from smart_tire.analysis.html_report.page import Block, Folded, Report, Section
 from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.motion_figures import (
@@ -38,8 +38,8 @@ from smart_tire.analysis.tables import (
 from smart_tire.messages import find_topic
 from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import value_text
-from smart_tire.recording import seconds, SlipSeries
-from smart_tire.samples import Friction
+from smart_tire.recording import SlipSeries
+from smart_tire.samples import Friction, NS_PER_S
 
 ABOUT = (
     'Estimates are those of "smart_tire analyze" with the same parameters. Times are seconds '
@@ -71,7 +71,8 @@ def report_of(analysis: Analysis, used: BagParams, name: str,
     sections = [_recording(analysis, summary), _motion(result, summary), _slip(result, summary),
                 _friction(result, summary), _errors(result, summary), _left_out(analysis, summary),
                 _parameters(used)]
-    start, end = _time_range(result)
+    first_ns, last_ns = result.span_ns
+    start, end = 0.0, round(max((last_ns - first_ns) / NS_PER_S, 1.0), 3)
     about = [text.format(interval=(end - start) / bucket_count()) for text in ABOUT]
     return Report(name, facts, sections, about, _tiles(summary), _notes(analysis, summary),
                   (start, end), result.segments)
@@ -84,14 +85,6 @@ def _notes(analysis: Analysis, summary: Tree) -> list[str]:
               'late messages': sum(one['late'] for one in inputs)}
     found = [f'{what}: {count}' for what, count in counts.items() if count]
     return [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else []
-
-
-def _time_range(result: Result) -> tuple[float, float]:
-    estimates = result.estimates
-    stamps = np.concatenate([estimates.slips().stamp_ns, estimates.poses().stamp_ns,
-                             stamps_of(estimates.crossings)])
-    end = float(seconds(stamps, result.origin_ns).max())
-    return 0.0, round(max(end, 1.0), 3)
 
 
 def _tiles(summary: Tree) -> list[tuple[str, str, str]]:

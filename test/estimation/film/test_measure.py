@@ -22,8 +22,8 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.files import FilmParams
 from smart_tire.estimation.film.measure import measure
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.reproduction.film_test_stand import FilmTestStand, ramps, sine
-from support.film_bench import RATE, several_loops, TRUE
+from smart_tire.reproduction.film_test_stand import FilmTestStand
+from support.film_bench import ramps, RATE, several_loops, sine, TRUE
 
 pytestmark = pytest.mark.slow
 
