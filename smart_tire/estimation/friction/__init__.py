@@ -8,4 +8,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Patch crossings to friction: waveform fit, brush inversion, Bayes filter over crossings."""
+"""Patch crossings to friction: waveform fit and brush inversion."""
