@@ -19,6 +19,8 @@ import pytest
 
 from smart_tire.analysis.pipeline import smooth, SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.rts_smoother import RtsSmoother
+from smart_tire.estimation.slip.state import ESTIMATED, State
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, Odometry, TireSample
@@ -121,6 +123,22 @@ def test_late_wheel_samples_cost_little_accuracy(latency):
     (late, normalized), (timely, other) = map(filtered_errors, (latency, 0.0))
     assert rms(late) < 1.3 * rms(timely)
     assert rms(normalized) < 1.2 and rms(other) < 1.2
+
+
+def test_biases_are_known_from_the_start():
+    run, _ = driven(1)
+    recorder = RtsSmoother(ESTIMATED)
+    estimator = SlipEstimator(build(SlipEstimatorParams, {}), recorder)
+    filtered = [e for s in run.samples for e in estimator.update(s) if isinstance(e, Odometry)]
+    smoothed = list(recorder.states())
+    first, last = smoothed[0], smoothed[-1]
+    for row in (State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y):
+        assert first.P[row, row] < 2.0 * last.P[row, row]
+        assert abs(first.x[row] - last.x[row]) < 3.0 * np.sqrt(first.P[row, row])
+    start = [first.x[State.GYRO_BIAS_Z] - state.context.imu.yaw_rate for state in smoothed[:100]]
+    assert abs(np.mean(start)) < 0.003  # stationary: the gyro shows the bias only
+    assert np.sqrt(first.P[State.GYRO_BIAS_Z, State.GYRO_BIAS_Z]) < 0.1 * np.sqrt(
+        filtered[0].twist_covariance[-1])
 
 
 def test_a_clock_that_is_set_back_restarts_the_smoother():
