@@ -22,6 +22,7 @@ from smart_tire.launching import (
 from smart_tire.parameters import FILES as PARAMETER_FILES
 
 SPECIAL = ('motor_driver', 'slip_estimator')  # started in another way
+PORTS = {'motor_driver': 'motors', 'imu_driver': 'imu', 'tire_receiver': 'tire_radio'}
 NODES = [node for file in ('hardware.yaml', 'tuning.yaml') for node in PARAMETER_FILES[file]
          if node not in SPECIAL]
 FILES = {  # parameter file -> its content
@@ -30,7 +31,7 @@ FILES = {  # parameter file -> its content
     'tuning': 'estimators and controllers',
 }
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
-             **dict.fromkeys(FILES, file)}
+             'simulated': boolean, **dict.fromkeys(FILES, file)}
 DESCRIBED = ('namespace', 'description', 'rviz', 'robot', 'tuning')  # arguments of description.py
 RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readable
 
@@ -46,7 +47,7 @@ def restart_stopped(event, context):
     """Return a motor_driver with the emergency stop latched, in place of one that died."""
     if context.is_shutdown or not boolean(context.launch_configurations['respawn']):
         return []
-    again = new_node('motor_driver', {'start_stopped': True},
+    again = new_node('motor_driver', *port_of('motor_driver', context), {'start_stopped': True},
                      respawn=True, respawn_delay=RESPAWN_DELAY)
     return [TimerAction(period=RESPAWN_DELAY, actions=[again])]
 
@@ -55,6 +56,19 @@ def respawning(executable, *parameters):
     """Return a node that restarts with ``respawn:=true``."""
     return new_node(executable, *parameters, respawn=LaunchConfiguration('respawn'),
                     respawn_delay=RESPAWN_DELAY)
+
+
+def port_of(executable, context):
+    """Return the parameter that makes a driver of a simulated robot open no real device."""
+    if executable not in PORTS or not boolean(context.launch_configurations['simulated']):
+        return []
+    return [{'port': f'simulated:{PORTS[executable]}'}]
+
+
+def start(context):
+    """Return one process per node, all with the same parameter files."""
+    return [new_node('motor_driver', *port_of('motor_driver', context), on_exit=restart_stopped),
+            *(respawning(node, *port_of(node, context)) for node in NODES)]
 
 
 def describe(context):
@@ -70,7 +84,7 @@ def describe(context):
 
 
 def generate_launch_description():
-    """Return one process per node, all with the same parameter files."""
+    """Return the drivers, the estimators and the controllers."""
     config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='',
@@ -81,12 +95,14 @@ def generate_launch_description():
         DeclareLaunchArgument('description', default_value='true',
                               description='start robot_state_publisher, if it is installed'),
         DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
+        DeclareLaunchArgument('simulated', default_value='false',
+                              description='open the ports of robot_simulator in this namespace, '
+                                          'whatever the parameter files say'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, content in FILES.items()),
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
-        new_node('motor_driver', on_exit=restart_stopped),
-        *map(respawning, NODES),
+        OpaqueFunction(function=start),
         OpaqueFunction(function=describe),
     ])

@@ -23,21 +23,23 @@ FILES = {  # parameter file -> its content
     'simulation': 'ground, drive, radio and ports',
     'tuning': 'estimators and controllers',
 }
+PORTS = {f'ports.{name}': f'simulated:{name}' for name in ('tire_radio', 'imu', 'motors')}
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
              **dict.fromkeys(FILES, file)}
 
 
 def robot(context):
     """
-    Return ``robot.launch.py`` with drivers that open the ports of the simulator.
+    Return ``robot.launch.py`` with drivers that open the ports of the simulator only.
 
-    As the result of a function, its argument ``hardware``, which is set here, is not listed by
-    ``ros2 launch --show-args``.
+    As the result of a function, its arguments ``hardware`` and ``simulated``, which are set here,
+    are not listed by ``ros2 launch --show-args``.
     """
     same = {name: LaunchConfiguration(name) for name in ARGUMENTS if name != 'simulation'}
     return [IncludeLaunchDescription(
         PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'robot.launch.py']),
-        launch_arguments={**same, 'hardware': LaunchConfiguration('simulation')}.items())]
+        launch_arguments={**same, 'hardware': LaunchConfiguration('simulation'),
+                          'simulated': 'true'}.items())]
 
 
 def generate_launch_description():
@@ -58,6 +60,6 @@ def generate_launch_description():
         OpaqueFunction(function=hold_interrupts),
         Node(package='smart_tire', executable='robot_simulator', output='screen',
              namespace=LaunchConfiguration('namespace'),
-             parameters=[LaunchConfiguration('robot'), LaunchConfiguration('simulation')]),
+             parameters=[LaunchConfiguration('robot'), LaunchConfiguration('simulation'), PORTS]),
         OpaqueFunction(function=robot),
     ])

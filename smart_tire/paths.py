@@ -9,7 +9,7 @@
 # the License.
 
 """
-Checks of the paths given to a program, before anything slow is imported; writing of texts.
+Checks of the paths given to a program, before anything slow is imported; ports; writing of texts.
 
 A bag may be given by a folder that contains it, such as ``demo_output``.
 """
@@ -23,6 +23,22 @@ from smart_tire.errors import BagError, ParameterError
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 BAG_METADATA = 'metadata.yaml'
+SIMULATED = 'simulated:'  # scheme of the ports of simulated devices
+
+
+def port_url(port: str, namespace: str) -> str:
+    """
+    Return ``port``, with ``simulated:NAME`` as ``simulated:`` and the path of a link.
+
+    Simulator and drivers of one user, ROS domain and ``namespace`` find the same link, and no
+    others do. A port with this scheme is opened only if it is a pseudo-terminal.
+    """
+    name = port.removeprefix(SIMULATED)
+    if name == port or '/' in name:
+        return port
+    domain = os.environ.get('ROS_DOMAIN_ID') or '0'
+    folder = Path(f'/tmp/smart_tire-{os.getuid()}', domain, namespace.strip('/'))
+    return f'{SIMULATED}{folder / name}'
 
 
 def find_bag(path: Path) -> Path:

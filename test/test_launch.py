@@ -33,7 +33,7 @@ from typing import Any
 import pytest
 
 from smart_tire.launching import check_arguments, hold_interrupts
-from smart_tire.parameters import build, NODE_PARAMS, RobotParams
+from smart_tire.parameters import build, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
 
 pytestmark = pytest.mark.processes
@@ -42,7 +42,8 @@ ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch'
 MODULES = ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',
            'launch_ros.actions', 'launch_ros.parameter_descriptions', 'launch_ros.substitutions')
-DEFAULTS = {'description': 'true', 'rviz': 'false', 'robot': str(ROOT / 'config' / 'robot.yaml'),
+DEFAULTS = {'description': 'true', 'rviz': 'false', 'simulated': 'false',
+            'robot': str(ROOT / 'config' / 'robot.yaml'),
             'tuning': str(ROOT / 'config' / 'tuning.yaml')}
 ESTIMATORS = {'slip_estimator', 'friction_estimator'}
 INCLUDED = LAUNCH / 'description.py'  # starts no nodes of this package
@@ -148,7 +149,8 @@ def test_arguments_that_are_used_are_declared_and_described(path, described):
     found = described(path)
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
     assert all(options['description'] for options in declared.values())
-    assert used(found) == declared.keys() or path == INCLUDED  # read by its function
+    by_function = {'simulated'}
+    assert used(found) == declared.keys() - by_function or path == INCLUDED
 
 
 @every_file
@@ -196,29 +198,39 @@ def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
     include, = of_kind(found, 'IncludeLaunchDescription')
     place, = include.args
     assert (LAUNCH / place.args[0][-1]).name == 'robot.launch.py'
-    given = {name: call.args[0] for name, call in include.options['launch_arguments']}
+    given = {name: call if isinstance(call, str) else call.args[0]
+             for name, call in include.options['launch_arguments']}
     taken = {call.args[0] for call in of_kind(described(LAUNCH / 'robot.launch.py'),
                                               'DeclareLaunchArgument')}
-    assert given == {**{name: name for name in taken}, 'hardware': 'simulation'}
+    assert given == {**{name: name for name in taken}, 'hardware': 'simulation',
+                     'simulated': 'true'}
+    simulator, = of_kind(found, 'Node')
+    ports = simulator.options['parameters'][-1]  # whatever the parameter files say
+    robot = described(LAUNCH / 'robot.launch.py', simulated='true')
+    assert sorted(ports.values()) == sorted(
+        node.options['parameters'][-1]['port'] for node in of_kind(robot, 'Node')
+        if 'port' in specs(NODE_PARAMS[node.options['executable']]))
+    assert {f'ports.{port.removeprefix("simulated:")}' for port in ports.values()} == ports.keys()
 
 
 @pytest.mark.parametrize(('respawn', 'shutdown', 'restarted'), [
     ('true', False, True), ('false', False, False), ('true', True, False)])
+@pytest.mark.parametrize('simulated', ['true', 'false'])
 def test_a_motor_driver_that_died_restarts_with_the_stop_latched(
-        respawn, shutdown, restarted, stand_ins):
-    robot = runpy.run_path(str(LAUNCH / 'robot.launch.py'))
-    first, = (node for node in of_kind(list(calls(robot['generate_launch_description']())), 'Node')
-              if node.options['executable'] == 'motor_driver')
+        respawn, shutdown, restarted, simulated, described):
+    first, = (node for node in of_kind(described(LAUNCH / 'robot.launch.py', simulated=simulated),
+                                       'Node') if node.options['executable'] == 'motor_driver')
     assert 'respawn' not in first.options
     assert not any('start_stopped' in part for part in first.options['parameters']
                    if isinstance(part, dict))
-    context = SimpleNamespace(is_shutdown=shutdown, launch_configurations={'respawn': respawn})
+    context = SimpleNamespace(is_shutdown=shutdown, launch_configurations={
+        'respawn': respawn, 'simulated': simulated})
     actions = first.options['on_exit'](SimpleNamespace(returncode=-9), context)
     if not restarted:
         assert actions == []
         return
     timer, = actions  # cancelled by launch at shutdown
-    assert timer.kind == 'TimerAction' and timer.options['period'] == robot['RESPAWN_DELAY']
+    assert timer.kind == 'TimerAction' and timer.options['period'] > 0.0
     again, = timer.options['actions']
     assert again.options['executable'] == 'motor_driver' and again.options['respawn'] is True
     assert again.options['parameters'][-1] == {'start_stopped': True}
@@ -404,18 +416,14 @@ def test_an_invalid_argument_ends_the_launch_in_one_line(name, word, message, is
 
 
 @pytest.fixture
-def simulation(tmp_path):
+def simulation():
     """Return the arguments of a simulation with its own ports; skip if not installed."""
     index = pytest.importorskip('ament_index_python', reason='no ROS distribution is sourced')
     try:
         index.get_package_prefix('smart_tire')
     except index.PackageNotFoundError:
         pytest.skip('smart_tire is not installed in a workspace')
-    described = (ROOT / 'config' / 'simulation.yaml').read_text()
-    assert '/tmp/smart_tire/' in described
-    (tmp_path / 'simulation.yaml').write_text(
-        described.replace('/tmp/smart_tire/', f'{tmp_path}/'))
-    return f'simulation:={tmp_path}/simulation.yaml'
+    return f'simulation:={ROOT}/config/tuning.yaml'  # names no ports of the simulator
 
 
 @real

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from smart_tire.errors import BagError, ParameterError
-from smart_tire.paths import check_file, check_writable, find_bag
+from smart_tire.paths import check_file, check_writable, find_bag, port_url
 
 
 def made(folder: Path, *files: str) -> Path:
@@ -27,6 +27,18 @@ def made(folder: Path, *files: str) -> Path:
     for name in files:
         (folder / name).touch()
     return folder
+
+
+def test_simulated_ports_differ_by_namespace_and_domain_and_other_ports_are_left(monkeypatch):
+    urls = set()
+    for domain in ('', '7'):
+        monkeypatch.setenv('ROS_DOMAIN_ID', domain)
+        urls |= {port_url('simulated:imu', namespace) for namespace in ('/', '/r1', '/r1/a')}
+        assert port_url('simulated:imu', '/r1') == port_url('simulated:imu', 'r1/')
+    assert len(urls) == 6
+    assert all(url.startswith('simulated:/') and url.endswith('/imu') for url in urls)
+    for port in ('/dev/ttyUSB0', 'socket://h:1', 'simulated:/x/imu'):
+        assert port_url(port, '/r1') == port
 
 
 @pytest.mark.parametrize('file', ['metadata.yaml', 'drive_0.mcap', 'drive_0.db3',

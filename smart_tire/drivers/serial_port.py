@@ -24,12 +24,14 @@ from typing import Any
 import serial
 
 from smart_tire.errors import LinkError
+from smart_tire.paths import SIMULATED
 
 READ_TIMEOUT = 0.1      # s, bounds the time to notice ``stop`` while waiting for bytes
 WRITE_TIMEOUT = 0.5     # s; a device that accepts no bytes for this long counts as lost
 MIN_RETRY_DELAY = 0.25  # s between the first attempts to open a port; doubled up to the maximum
 MAX_RETRY_DELAY = 2.0   # s
 CLOSE_TIMEOUT = 5.0     # s for the thread to end
+PSEUDO_TERMINALS = '/dev/pts/'
 PORT_ERRORS = (OSError, termios.error)  # raised by pyserial when a port is lost
 
 REASONS = {
@@ -45,10 +47,14 @@ def open_port(url: str, baud_rate: int, timeout: float = READ_TIMEOUT) -> Any:
     """
     Return the port, opened exclusively and with an empty input buffer.
 
-    Raises LinkError if it is absent, busy, not permitted, or does not support the baud rate.
+    With the scheme ``simulated:`` (``paths.port_url``) a real device is never opened. Raises
+    LinkError if it is absent, busy, not permitted, or does not support the baud rate.
     """
+    path = url.removeprefix(SIMULATED)
+    if path != url and not os.path.realpath(path).startswith(PSEUDO_TERMINALS):
+        raise LinkError(f'cannot open {path}: no simulator of this namespace and ROS domain runs')
     try:
-        port = serial.serial_for_url(url, baudrate=baud_rate, timeout=timeout,
+        port = serial.serial_for_url(path, baudrate=baud_rate, timeout=timeout,
                                      write_timeout=WRITE_TIMEOUT, exclusive=True)
         port.reset_input_buffer()
     except (*PORT_ERRORS, ValueError) as error:

@@ -22,6 +22,7 @@ from smart_tire.drivers.sample_stream import Protocol as DeviceProtocol, SampleS
 from smart_tire.drivers.serial_port import read_loop, SerialPort
 from smart_tire.nodes.base import MAX_INPUT_AGE, SmartTireNode
 from smart_tire.nodes.diagnostics import CHECK_PERIOD, PortLog, Status
+from smart_tire.paths import port_url
 from smart_tire.samples import NS_PER_S
 
 Params = TypeVar('Params')
@@ -71,9 +72,10 @@ class DriverNode(SmartTireNode[Params]):
         """Run ``work`` with the open port, in a thread, once the node has started."""
         params: Any = self.params
         self._source = source
-        self._port = SerialPort(params.port, params.baud_rate, work, self._on_port_state)
-        self.hardware_id = params.port
-        self.input_log.watch(f'frames from {params.port}', lambda: source.frames_ok, required=True,
+        url = port_url(params.port, self.get_namespace())
+        self._port = SerialPort(url, params.baud_rate, work, self._on_port_state)
+        self.hardware_id = url
+        self.input_log.watch(f'frames from {url}', lambda: source.frames_ok, required=True,
                            excused=lambda: bool(self._port.problem))
 
     def start(self) -> None:

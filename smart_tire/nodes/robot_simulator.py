@@ -49,7 +49,8 @@ class RobotSimulator(SmartTireNode[SimulatorParams]):
         self._publish = {name: self.make_publisher(name, wheels=wheels)
                          for name in TOPICS if name.startswith('ground_truth/')}
         try:
-            self._hardware = SimulatedHardware(self.params, self._publish_truth, time.time_ns())
+            self._hardware = SimulatedHardware(
+                self.params, self._publish_truth, time.time_ns(), self.get_namespace())
         except LinkError as error:
             raise ParameterError(f'ports or truth_log: {error}') from error
         self._stopping = threading.Event()

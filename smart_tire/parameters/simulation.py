@@ -132,11 +132,11 @@ class SensorErrorParams:
 
 @dataclass(frozen=True, kw_only=True)
 class PortsParams:
-    """Symbolic links to the pseudo-terminals of the simulated devices."""
+    """Links to the simulated devices: paths, or names in this namespace and ROS domain."""
 
-    tire_radio: str = param('/tmp/smart_tire/tire_radio', '-', 'XBee coordinator')
-    imu: str = param('/tmp/smart_tire/imu', '-', 'IMU')
-    motors: str = param('/tmp/smart_tire/motors', '-', 'motor boards')
+    tire_radio: str = param('simulated:tire_radio', '-', 'XBee coordinator')
+    imu: str = param('simulated:imu', '-', 'IMU')
+    motors: str = param('simulated:motors', '-', 'motor boards')
 
 
 @dataclass(frozen=True, kw_only=True)

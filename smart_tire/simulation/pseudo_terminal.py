@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import select
 import termios
@@ -46,7 +47,7 @@ class PtyPort:
         self._poll.register(self._fd, 0)
         self._connected = False
         try:
-            self._make_link()
+            self._lock = self._make_link()
         except OSError as error:
             os.close(self._fd)
             raise LinkError(f'{link}: {error}') from error
@@ -93,6 +94,7 @@ class PtyPort:
         os.close(self._fd)
         if os.path.islink(self.link) and os.readlink(self.link) == self._name:
             os.unlink(self.link)
+        os.close(self._lock)
 
     def _hung_up(self) -> bool:
         """Return whether no host has the port open; discard bytes left unread by the last one."""
@@ -104,11 +106,25 @@ class PtyPort:
         self._connected = connected
         return not connected
 
-    def _make_link(self) -> None:
-        """Create the link atomically, replacing an old link but never another kind of file."""
+    def _make_link(self) -> int:
+        """
+        Create the link atomically and return its lock (a descriptor), which ends with the process.
+
+        An old link is replaced, but never another kind of file, nor the link of another port.
+        """
         os.makedirs(os.path.dirname(os.path.abspath(self.link)), exist_ok=True)
         if os.path.lexists(self.link) and not os.path.islink(self.link):
             raise FileExistsError('exists and is not a link')
+        lock = os.open(f'{self.link}.lock', os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            owner = os.read(lock, MAX_READ_BYTES).decode('ascii', 'replace')
+            os.close(lock)
+            raise FileExistsError(f'another simulator uses it (process {owner})') from error
+        os.ftruncate(lock, 0)
+        os.write(lock, str(os.getpid()).encode())
         new = f'{self.link}.{os.getpid()}'
         os.symlink(self._name, new)
         os.replace(new, self.link)
+        return lock

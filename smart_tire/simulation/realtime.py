@@ -23,6 +23,7 @@ import numpy as np
 
 from smart_tire.errors import LinkError, ParameterError
 from smart_tire.parameters.simulation import SimulatorParams
+from smart_tire.paths import port_url, SIMULATED
 from smart_tire.protocol import tire_payload
 from smart_tire.samples import ImuSample, NS_PER_S
 from smart_tire.simulation.device_emulators import ImuEmulator, RadioEmulator, RoboclawEmulator
@@ -44,11 +45,12 @@ class SimulatedHardware:
     Robot, radio, IMU and motor boards on pseudo-terminals, until ``close``.
 
     All external times are host times [ns]; the plant starts at ``host_ns``. ``publish`` is called
-    with the ground truth. A step of the host clock does not affect the robot.
+    with the ground truth. Ports ``simulated:NAME`` are those of ``namespace``. A step of the host
+    clock does not affect the robot.
     """
 
     def __init__(self, params: SimulatorParams, publish: Callable[[Truth], None],
-                 host_ns: int) -> None:
+                 host_ns: int, namespace: str = '') -> None:
         _check_payload(params)
         self.clock_jumps = 0
         self._robot = Robot(params)
@@ -61,12 +63,12 @@ class SimulatedHardware:
         self._radio = RadioEmulator(self._robot.sensor_nodes, rng, delay=radio.delay,
                                     jitter=radio.jitter, max_delay=radio.max_delay,
                                     loss=radio.loss)
-        self._open(params)
+        self._open(params, namespace)
 
-    def _open(self, params: SimulatorParams) -> None:
+    def _open(self, params: SimulatorParams, namespace: str) -> None:
         with ExitStack() as opened:
             self._imu_port, self._radio_port, self._motor_port = (
-                opened.enter_context(PtyPort(link))
+                opened.enter_context(PtyPort(port_url(link, namespace).removeprefix(SIMULATED)))
                 for link in (params.ports.imu, params.ports.tire_radio, params.ports.motors))
             self._log: TextIO | None = None
             if params.truth_log:

@@ -62,6 +62,18 @@ def test_a_port_that_cannot_be_opened_is_refused_with_the_reason(url, reason):
         open_port(url, 9600)
 
 
+def test_a_simulated_port_is_never_a_real_device(port, tmp_path):
+    real = tmp_path / 'ttyUSB0'
+    real.touch()
+    for target in (real, tmp_path / 'absent'):
+        other = tmp_path / f'link to {target.name}'
+        other.symlink_to(target)
+        with pytest.raises(LinkError, match='no simulator of this namespace and ROS domain runs'):
+            open_port(f'simulated:{other}', 115200)
+    port.plug_in()
+    open_port(f'simulated:{port.path}', 115200).close()
+
+
 def test_a_plain_file_is_refused_with_a_reason_and_not_modified(tmp_path):
     path = tmp_path / 'notes.txt'
     path.write_text('hello')

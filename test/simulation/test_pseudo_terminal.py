@@ -120,10 +120,14 @@ def test_a_stale_link_is_replaced(link):
         assert host.read(5) == b'hello'
 
 
-def test_a_link_taken_over_by_another_port_is_not_removed(link):
-    first = PtyPort(link)
+def test_the_link_of_another_port_is_not_replaced_while_its_process_has_it(link):
     with PtyPort(link):
-        first.close()
+        target, descriptors = os.readlink(link), len(os.listdir('/proc/self/fd'))
+        with pytest.raises(LinkError, match=rf'simulator uses it \(process {os.getpid()}\)'):
+            PtyPort(link)
+        assert os.readlink(link) == target
+        assert len(os.listdir('/proc/self/fd')) == descriptors
+    with PtyPort(link):
         assert os.path.islink(link)
     assert not os.path.lexists(link)
 

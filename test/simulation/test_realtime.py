@@ -240,7 +240,7 @@ def test_ports_are_removed_if_the_log_cannot_be_opened(tmp_path):
     params = build(SimulatorParams, {**links, 'truth_log': str(tmp_path / 'no' / 'log.csv')})
     with pytest.raises(LinkError, match='log.csv'):
         SimulatedHardware(params, print, START_NS)
-    assert list(tmp_path.iterdir()) == []
+    assert not any(path.is_symlink() for path in tmp_path.iterdir())
 
 
 def test_a_resolution_that_the_payload_does_not_support_is_refused():
