@@ -18,12 +18,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from smart_tire.analysis.calibrate_robot import TimeRange
-from smart_tire.analysis.pipeline import FrictionStage, SlipStage, SmoothedSlip
+from smart_tire.analysis.pipeline import estimates_of, forwarded, SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film_crossings import CrossingCollector, CrossingWithSlip
 from smart_tire.calibration.film_gains import GainFit
 from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.calibration_file import Identified
@@ -35,14 +36,13 @@ def read_crossings(path: Path, robot: RobotParams, time_range: TimeRange,
                    names: TopicNames = STANDARD_NAMES) -> list[CrossingWithSlip]:
     """Return the crossings in a bag with their smoothed slip, estimated without the films."""
     plain = replace(robot, film=replace(robot.film, wheels=()))
-    ground = FrictionStage(FrictionEstimatorParams(robot=plain))  # from motor torques
+    ground = FrictionEstimator(FrictionEstimatorParams(robot=plain))  # from motor torques
     collector = CrossingCollector(robot, FrictionEstimatorParams(robot=robot).reorder_window)
     with closing(SmoothedSlip(SlipEstimatorParams(robot=plain))) as slip:
-        stage = SlipStage(slip)
         for sample in _inputs(Bag(path, names, robot.joints), time_range):
             if isinstance(sample, (ImuSample, WheelSample)):
-                for forwarded in ground.update(sample):
-                    stage.update(forwarded)
+                for item in forwarded(ground, sample):
+                    estimates_of(slip, item)
             if isinstance(sample, (TireSample, WheelSample)):
                 collector.update(sample)
         collector.finish()

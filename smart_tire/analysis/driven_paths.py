@@ -28,14 +28,13 @@ from smart_tire.analysis.metrics import compared_poses, rms, rotated
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import State
-from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, specs
+from smart_tire.parameters import load_node
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.recording import PoseSeries
 from smart_tire.samples import NS_PER_S, PathProgress, PlannedPath, Sample
 
 PATH = 'path'
 PATH_TOPICS = (PATH, 'path_progress')
-SIMULATOR = 'robot_simulator'
 SPACING = 0.01      # m between compared points of path and track
 MAX_POINTS = 3000   # of path and track each; longer ones are compared at a larger spacing
 FRAME = 'odom'  # of the estimates; a path in another frame is refused by the controller
@@ -169,9 +168,7 @@ class Grounds:
 
 def load_grounds(files: Iterable[Path]) -> Grounds:
     """Return the ground in the parameter files of a simulation; raise ParameterError."""
-    values = load_files(files, SIMULATOR, known_names(NODE_PARAMS.values()),
-                        specs(NODE_PARAMS[SIMULATOR]))
-    return grounds_of(build(SimulatorParams, values))
+    return grounds_of(load_node(files, 'robot_simulator'))
 
 
 def grounds_of(params: SimulatorParams) -> Grounds:

@@ -29,13 +29,14 @@ import numpy as np
 
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
-    EstimateRecord, ESTIMATES, EstimatorParams, FrictionStage, INPUTS, SlipStage, SmoothedSlip,
+    EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, SmoothedSlip,
     TRUTHS)
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError, EstimatorError, SmartTireError
+from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.recording import Faults, Recording
@@ -136,7 +137,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     with ExitStack() as stack:
         writers = [EstimateWriter(folder, stack, params) for folder in folders]
         slip = (SmoothedSlip if smooth else SlipEstimator)(params.slip)
-        stage, read = SlipStage(slip), partial(_read, path, params, names)
+        read = partial(_read, path, params, names)
         held: list[tuple[int, EstimateRecord | None]] = []  # None: the next smoothed motion
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
@@ -144,7 +145,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
                 continue
             progress(item.share / (1 + smooth))
             for receive_ns, sample in item.forwarded:
-                estimates = stage.update(sample)
+                estimates = estimates_of(slip, sample)
                 writers[0].write(receive_ns, estimates)
                 held += [(receive_ns, None if isinstance(one, Odometry) else one)
                          for one in estimates
@@ -158,7 +159,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, stage.late, source)
+        analysis.summary = _summary(path, analysis, slip.late, source)
         if out is not None:
             _write(out / 'summary.json', analysis.summary)
     return analysis
@@ -175,10 +176,10 @@ def _check_folders(path: Path, folders: Iterable[Path | None]) -> None:
 def _read(path: Path, params: EstimatorParams, names: TopicNames
           ) -> Iterator[StageBatch | BagContents]:
     """Yield the output of the friction stage in batches, and finally the contents of the bag."""
-    contents, stage = BagContents(), FrictionStage(params.friction)
+    contents, friction = BagContents(), FrictionEstimator(params.friction)
     with Bag(path, names, params.robot.joints) as bag:
         start, end = bag.span_ns
-        forwarded: list[Received] = []
+        batch: list[Received] = []
         receive_ns = end
         for count, (receive_ns, topic, sample) in enumerate(
                 bag.samples((*INPUTS, *TRUTHS, PATH))):
@@ -188,13 +189,13 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
                 contents.paths.add_message(receive_ns, sample)
             else:
                 contents.inputs.add_sample(sample, receive_ns)
-                forwarded += [(receive_ns, item) for item in stage.update(sample)]
+                batch += [(receive_ns, item) for item in forwarded(friction, sample)]
             if count % BATCH_SIZE == 0:
-                yield StageBatch((receive_ns - start) / max(1, end - start), forwarded)
-                forwarded = []
-        forwarded += [(receive_ns, item) for item in stage.finish()]
-        yield StageBatch(1.0, forwarded)
-        contents.late, contents.faults = stage.late, bag.faults
+                yield StageBatch((receive_ns - start) / max(1, end - start), batch)
+                batch = []
+        batch += [(receive_ns, item) for item in friction.finish()]
+        yield StageBatch(1.0, batch)
+        contents.late, contents.faults = friction.late, bag.faults
         contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)

@@ -26,8 +26,8 @@ from smart_tire.estimation.slip.estimator import SlipEstimator, SlipOutputBuilde
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import (
-    build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
-    SlipEstimatorParams, specs)
+    build, FrictionEstimatorParams, known_names, load_node, NODE_PARAMS, RobotParams,
+    SlipEstimatorParams)
 from smart_tire.parameters.files import Block, blocks_in, snapshot_text, values_for
 from smart_tire.parameters.spec import is_known, values_of
 from smart_tire.recording import Recording
@@ -42,6 +42,7 @@ INPUTS, ESTIMATES = streams.INPUTS, streams.ESTIMATES
 TRUTHS = tuple(f'ground_truth/{name}' for name in ('odom', 'wheel_slip', 'tire_friction'))
 
 FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'
+NODES = 'slip_estimator', 'friction_estimator'
 HOLD_NS = 2 * NS_PER_S  # of inputs, until the ground of their time is known
 EstimateRecord = Odometry | WheelSlip | Icr | GroundState | Friction
 
@@ -56,11 +57,8 @@ class EstimatorParams:
     @classmethod
     def load(cls, files: Iterable[str | Path]) -> EstimatorParams:
         """Return the parameters in ``files``, later ones override; raise ParameterError."""
-        files, known = list(files), known_names(NODE_PARAMS.values())
-        slip, friction = (
-            load_files(files, node, known, specs(NODE_PARAMS[node]))
-            for node in ('slip_estimator', 'friction_estimator'))
-        return cls(build(SlipEstimatorParams, slip), build(FrictionEstimatorParams, friction))
+        paths = list(files)
+        return cls(*(load_node(paths, node) for node in NODES))
 
     @classmethod
     def from_text(cls, text: str, where: str) -> EstimatorParams:
@@ -71,11 +69,9 @@ class EstimatorParams:
         ParameterError, with ``where`` the text is from, if a value is invalid.
         """
         blocks = blocks_in(text, where)
-        slip, friction = (
-            values_for(node, blocks, known_names([NODE_PARAMS[node]]))
-            for node in ('slip_estimator', 'friction_estimator'))
         try:
-            return cls(build(SlipEstimatorParams, slip), build(FrictionEstimatorParams, friction))
+            return cls(*(build(NODE_PARAMS[node], values_for(
+                node, blocks, known_names([NODE_PARAMS[node]]))) for node in NODES))
         except ParameterError as error:
             raise ParameterError(f'{where}: {error}') from error
 
@@ -86,8 +82,7 @@ class EstimatorParams:
 
     def by_node(self) -> dict[str, dict[str, Any]]:
         """Return the flat parameters by node."""
-        return {'slip_estimator': values_of(self.slip),
-                'friction_estimator': values_of(self.friction)}
+        return dict(zip(NODES, (values_of(self.slip), values_of(self.friction))))
 
     @property
     def robot(self) -> RobotParams:
@@ -161,34 +156,14 @@ def _unknown_names(blocks: Sequence[Block]) -> list[str]:
                    if not is_known(name, known)})
 
 
-class FrictionStage:
-    """The friction estimator: inputs in; its estimates and the inputs of the slip stage out."""
-
-    def __init__(self, params: FrictionEstimatorParams) -> None:
-        self._friction = FrictionEstimator(params)
-
-    def update(self, sample: Sample) -> list[Sample]:
-        """Process an input, in order of reception."""
-        found: list[Sample] = []
-        if type(sample) in streams.FRICTION.inputs:
-            found += self._friction.update(sample)
-        if type(sample) in streams.SLIP.inputs:
-            found.append(sample)
-        return found
-
-    def finish(self) -> list[Sample]:
-        """Return the last estimates, at the end of all inputs."""
-        return [*self._friction.finish()]
-
-    @property
-    def late(self) -> Counter[str]:
-        """Return topic -> number of late samples."""
-        return self._friction.late
-
-    @property
-    def status(self) -> dict[str, str]:
-        """Return the values for diagnostics."""
-        return {key: str(value) for key, value in self._friction.status().items()}
+def forwarded(friction: FrictionEstimator, sample: Sample) -> list[Sample]:
+    """Return the estimates of an input, in order of reception, and the input if slip needs it."""
+    found: list[Sample] = []
+    if type(sample) in streams.FRICTION.inputs:
+        found += friction.update(sample)
+    if type(sample) in streams.SLIP.inputs:
+        found.append(sample)
+    return found
 
 
 class SmoothedSlip:
@@ -251,37 +226,26 @@ def smooth(params: SlipEstimatorParams,
     return filtered, smoothed
 
 
-class SlipStage:
-    """The slip estimator after the friction stage: output of that in, all estimates out."""
-
-    def __init__(self, slip: SlipEstimator | SmoothedSlip) -> None:
-        self._slip = slip
-
-    def update(self, sample: Sample) -> list[EstimateRecord]:
-        """Process output of the friction stage, in order."""
-        found: list[EstimateRecord] = []
-        if isinstance(sample, (Friction, GroundState)):
-            found.append(sample)
-        if isinstance(sample, (ImuSample, WheelSample, GroundState)):
-            found += self._slip.update(sample)
-        return found
-
-    @property
-    def late(self) -> Counter[str]:
-        """Return topic -> number of late samples."""
-        return self._slip.late
+def estimates_of(slip: SlipEstimator | SmoothedSlip, sample: Sample) -> list[EstimateRecord]:
+    """Return all estimates after one item of ``forwarded``, in order."""
+    found: list[EstimateRecord] = []
+    if isinstance(sample, (Friction, GroundState)):
+        found.append(sample)
+    if isinstance(sample, (ImuSample, WheelSample, GroundState)):
+        found += slip.update(sample)
+    return found
 
 
 class Pipeline:
-    """Both stages: inputs in, estimates out."""
+    """Both estimators: inputs in, estimates out."""
 
     def __init__(self, params: EstimatorParams) -> None:
-        self._friction = FrictionStage(params.friction)
-        self._slip = SlipStage(SlipEstimator(params.slip))
+        self._friction = FrictionEstimator(params.friction)
+        self._slip = SlipEstimator(params.slip)
 
     def update(self, sample: Sample) -> list[EstimateRecord]:
         """Process an input, in order of reception; return the estimates that it completes."""
-        return self._estimates(self._friction.update(sample))
+        return self._estimates(forwarded(self._friction, sample))
 
     def finish(self) -> list[EstimateRecord]:
         """Return the last estimates, at the end of all inputs."""
@@ -290,7 +254,7 @@ class Pipeline:
     @property
     def status(self) -> dict[str, str]:
         """Return the values for diagnostics of the friction estimator."""
-        return self._friction.status
+        return {key: str(value) for key, value in self._friction.status().items()}
 
-    def _estimates(self, forwarded: list[Sample]) -> list[EstimateRecord]:
-        return [estimate for item in forwarded for estimate in self._slip.update(item)]
+    def _estimates(self, items: Iterable[Sample]) -> list[EstimateRecord]:
+        return [estimate for item in items for estimate in estimates_of(self._slip, item)]

@@ -15,16 +15,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.parameters import (
-    build, FrictionEstimatorParams, known_names, load_files, NODE_PARAMS, RobotParams,
-    SimulatorParams, SlipEstimatorParams)
+    known_names, load_node, NODE_PARAMS, RobotParams, SimulatorParams)
 from smart_tire.parameters.files import check_names
-from smart_tire.parameters.spec import is_known
-
-Node = TypeVar('Node')
 
 
 @dataclass(frozen=True)
@@ -55,15 +51,6 @@ def load_params(*files: str | Path, values: Mapping[str, Any] | None = None) -> 
     """
     given = dict(values or {})
     check_names(given, known_names(NODE_PARAMS.values()))
-    estimators = EstimatorParams(
-        _of_node(SlipEstimatorParams, 'slip_estimator', files, given),
-        _of_node(FrictionEstimatorParams, 'friction_estimator', files, given))
-    return Params(estimators, _of_node(SimulatorParams, 'robot_simulator', files, given))
-
-
-def _of_node(cls: type[Node], node: str, files: tuple[str | Path, ...],
-             values: Mapping[str, Any]) -> Node:
-    own = known_names([cls])
-    found = load_files(files, node, known_names(NODE_PARAMS.values()), own)
-    return build(cls, {**found, **{name: value for name, value in values.items()
-                                   if is_known(name, own)}})
+    slip, friction, simulator = (load_node(files, node, given) for node in (
+        'slip_estimator', 'friction_estimator', 'robot_simulator'))
+    return Params(EstimatorParams(slip, friction), simulator)

@@ -165,14 +165,9 @@ def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
 def _port_findings(files: list[Path]) -> Iterator[Finding]:
     from smart_tire.drivers.port_scan import expected_ports, port_findings, ports_to_scan
     from smart_tire.drivers.port_scan import scan, serial_devices
-    from smart_tire.parameters import (
-        build, ImuDriverParams, known_names, load_files, MotorDriverParams, NODE_PARAMS, specs,
-        TireReceiverParams)
-    known = known_names(NODE_PARAMS.values())
-    tire, imu, motor = (load_files(files, name, known, specs(NODE_PARAMS[name]))
-                        for name in ('tire_receiver', 'imu_driver', 'motor_driver'))
-    expected = expected_ports(build(TireReceiverParams, tire), build(ImuDriverParams, imu),
-                              build(MotorDriverParams, motor))
+    from smart_tire.parameters import load_node
+    expected = expected_ports(*(load_node(files, name) for name in (
+        'tire_receiver', 'imu_driver', 'motor_driver')))
     devices = serial_devices()
     rates, boards = ports_to_scan(expected, devices)
     yield from port_findings(expected, devices, scan(rates, boards))

@@ -10,15 +10,16 @@
 
 """Parameters: validated frozen dataclasses, filled from YAML files, from ROS or in tests."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.files import load_files
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
 from smart_tire.parameters.robot import JointParams, RobotParams, STANDARD_JOINTS
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.parameters.spec import build, known_names, Spec, specs
+from smart_tire.parameters.spec import build, is_known, known_names, Spec, specs
 from smart_tire.parameters.tuning import FrictionEstimatorParams, SlipEstimatorParams
 
 FILES: dict[str, dict[str, type]] = {  # in config/ -> nodes with their parameters
@@ -40,8 +41,21 @@ def load_robot(files: Iterable[str | Path]) -> RobotParams:
         NODE_PARAMS.values()), specs(RobotParams)))
 
 
+def load_node(files: Iterable[str | Path], node: str,
+              values: Mapping[str, Any] | None = None) -> Any:
+    """
+    Return the parameters of ``node`` in ``files``, later ones override, with ``values`` on top.
+
+    Parameters of other nodes are ignored. Raises ParameterError.
+    """
+    own = known_names([NODE_PARAMS[node]])
+    given = {name: value for name, value in (values or {}).items() if is_known(name, own)}
+    return build(NODE_PARAMS[node], {
+        **load_files(files, node, known_names(NODE_PARAMS.values()), own), **given})
+
+
 __all__ = [
     'build', 'FILES', 'FrictionEstimatorParams', 'ImuDriverParams', 'JointParams', 'known_names',
-    'load_files', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS', 'RobotParams',
+    'load_files', 'load_node', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS', 'RobotParams',
     'SimulatorParams', 'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS',
     'TireReceiverParams', 'TrajectoryControllerParams', 'WheelControllerParams']
