@@ -119,12 +119,12 @@ def write_icr(path: Path, fit: IcrFit) -> bool:
 def write_motor(path: Path, found: MotorFit) -> bool:
     """Draw the available fits to ``path``; return False without any."""
     panels = []
-    if (ground := found.ground) is not None:
-        kappa = ground.kappa.value
+    if found.balance is not None:
+        kappa, (balance, torque) = found.kappa, found.balance
         panels.append(Panel([
-            dots(ground.balance, ground.torque, 'measured, without friction'),
-            straight(ground.balance, kappa, f'slope {kappa:.3f}'),
-            straight(ground.balance, 1.0, 'equal', 'ink', dashed=True)],
+            dots(balance, torque, 'measured, without friction'),
+            straight(balance, kappa, f'slope {kappa:.3f}'),
+            straight(balance, 1.0, 'equal', 'ink', dashed=True)],
             'r m f + J dw/dt of all wheels [N m]', 'measured motor torque [N m]'))
     if found.duty is not None:
         speed, duty = found.duty

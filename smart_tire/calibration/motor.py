@@ -27,16 +27,17 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.motor_model import (
-    Assumptions, fit_drive, GroundFit, mean_gain, Runs, Solution, solve,
-    speed_gains, steady_motion)
+    COMMON, COULOMB as COULOMB_VALUES, DUTY_GAIN, INERTIA as INERTIA_VALUE, KAPPA, load_torque,
+    MotorModel, SPEED_GAIN, VISCOUS as VISCOUS_VALUE)
 from smart_tire.calibration.motor_rows import motor_rows
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.results import (
-    CONFIGURED_SIGMA, Found, MAX_STANDARD_ERROR, SIGNIFICANT_SIGMAS)
+    CONFIGURED_SIGMA, Found, MAX_STANDARD_ERROR, MIN_ROWS, SIGNIFICANT_SIGMAS)
 from smart_tire.errors import EstimatorError
+from smart_tire.numerics.least_squares import Fit
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
-from smart_tire.samples import GRAVITY, WHEELS
+from smart_tire.samples import WHEELS
 from smart_tire.uncertain import Uncertain
 
 CONSTANT, INERTIA, COULOMB = 'torque constant', 'inertia', 'Coulomb friction'
@@ -46,14 +47,15 @@ IN_STEP = 'readings in step with the motor commands miss the torque in between'
 SEVERAL_SPEEDS = 'requires lifted wheels at several speeds in both directions'
 MAX_VISCOUS_SHARE = 0.2    # of Coulomb friction: standard error of viscous friction at top speed
 MAX_SAMPLING_ERROR = 0.03  # relative; above it, readings are in step with the commands
-EQUAL_SIGMA = 0.03         # relative, of the force or inertia of one wheel among four; assumed
+SAMPLED_SIGMA = 0.04       # relative, of an inertia without motor_commands: 16 Hz of 50 Hz
 
 
 @dataclass
 class MotorFit(Found):
     """Identified quantities, reasons of those not observable, and data for figures."""
 
-    ground: GroundFit | None = None
+    balance: tuple[Array, Array] | None = None  # (n,) N m of all wheels: by mass, and as measured
+    kappa: float = 1.0                          # measured over true torque
     duty: tuple[Array, Array] | None = None  # (n,) rad/s and duty, of all wheels in motion
 
     def parameters(self) -> list[Identified]:
@@ -76,34 +78,68 @@ def identify_motor(grounds: Sequence[Recording], lifted: Sequence[Recording],
     """
     for recording in (*grounds, *lifted):
         _check_torque(recording)
-    runs, off_ground = ([motor_rows(one, robot) for one in some] for some in (grounds, lifted))
-    found, between = MotorFit(), ''
-    _add_feed_forward(found, runs)
-    try:
-        fit_drive(runs, Assumptions())
-    except EstimatorError as error:
-        between = str(error)
-    best = solve(runs, off_ground, robot, with_duty=not between)
-    found.ground, in_step = best.ground, best.sampling_error > MAX_SAMPLING_ERROR
-    _add_constant(found, best, robot, runs, f'{IN_STEP}: {between}' if in_step else '')
-    # without a constant, friction and inertia rest on what is known already
-    kappa = best.kappa if found.get(CONSTANT) is not None else Uncertain(
-        1.0, robot.motor.torque_constant_sigma)
-    if best.lifted is None:
+    on_ground, off_ground = ([motor_rows(one, robot) for one in some]
+                             for some in (grounds, lifted))
+    found = MotorFit()
+    model = MotorModel(on_ground, off_ground, robot, duty=False)
+    if any(np.isnan(rows.duty).any() for rows in on_ground):
+        found.refused[FEED_FORWARD] = between = 'requires motor_commands during straight motion'
+    else:
+        driven = MotorModel(on_ground, off_ground, robot, duty=True)
+        fit = driven.fit()
+        _add_feed_forward(found, driven, fit)
+        between = _drive_error(driven, fit)
+    if between:
+        fit = model.fit()
+    else:
+        model = driven
+    in_step = model.sampling_error > MAX_SAMPLING_ERROR
+    found.balance = model.balance(fit)
+    kappa = _mean(fit, KAPPA)
+    found.kappa = kappa.value
+    relative = kappa.sigma / abs(kappa.value)
+    # of two reasons the one with the larger part of the standard error, if that is too large
+    steady = in_step and relative > max(
+        robot.motor.torque_constant_sigma, math.sqrt(2.0) * model.sampling_error)
+    _add_constant(found, fit, kappa, robot, lifted=bool(lifted),
+                  in_step=f'{IN_STEP}: {between}' if in_step and not steady else '')
+    if found.get(CONSTANT) is None:
+        # friction and inertia rest on what is known already; the errors of motors are independent
+        fit = model.fit(2.0 * robot.motor.torque_constant_sigma)
+    if not lifted:
         found.refused[INERTIA] = 'acts like mass on the ground: requires lifted wheels'
         found.refused[COULOMB] = found.refused[VISCOUS] = (
             'acts like rolling resistance on the ground: requires lifted wheels')
     elif in_step:
         found.refused.update(dict.fromkeys((INERTIA, COULOMB, VISCOUS), IN_STEP))
     else:
-        _add_lifted(found, best, kappa)
-    _add_resistance(found, best, kappa, robot)
-    if best.drive is not None:
-        stall = float(best.drive.stall_torque.mean())
-        found.add(STALL, _over(Uncertain(stall, best.drive.relative_sigma * stall), kappa), 'N m',
+        _add_lifted(found, fit, 0.0 if not between else SAMPLED_SIGMA,
+                    float(np.abs(model.lifted.speed).max()))
+    _add_resistance(found, fit, robot)
+    if not between:
+        inverse = fit.values[DUTY_GAIN]
+        spread = _mean(fit, DUTY_GAIN, -inverse ** -2)
+        found.add(STALL, Uncertain(float(np.mean(1.0 / inverse)), spread.sigma), 'N m',
                   'of one motor', 'pid.stall_torque')
-    _add_scales(found, best)
+    _add_scales(found, fit)
     return found
+
+
+def _drive_error(model: MotorModel, fit: Fit) -> str:
+    """Return why the torque is not known from the duty, '' if it is."""
+    gains = [fit.estimate(row) for row in range(DUTY_GAIN.start, DUTY_GAIN.stop)]
+    if model.instants < MIN_ROWS:
+        return 'all torques are measured within a few milliseconds of a change of the duty'
+    if not all(gain.determined for gain in gains):
+        return 'the torque does not follow the duty, or the duty hardly changes'
+    return '' if min(gains)[0] > 0.0 else 'the torque falls with the duty: a sign is wrong'
+
+
+def _mean(fit: Fit, rows: slice, factor: Array | float = 1.0) -> Uncertain:
+    """Return the mean of the motors' values in ``rows``, each times ``factor``."""
+    factors = np.zeros(len(fit.values))
+    factors[rows] = 0.25 * factor
+    return fit.combined(factors)
 
 
 def _check_torque(recording: Recording) -> None:
@@ -117,85 +153,62 @@ def _check_torque(recording: Recording) -> None:
         raise EstimatorError(f'the motor torque of {missing} was not measured')
 
 
-def _add_constant(found: MotorFit, best: Solution, robot: RobotParams, runs: Runs,
-                  in_step: str) -> None:
-    kappa, known = best.kappa, robot.motor.torque_constant_sigma
-    relative = kappa.sigma / abs(kappa.value)
+def _add_constant(found: MotorFit, fit: Fit, kappa: Uncertain, robot: RobotParams, *,
+                  lifted: bool, in_step: str) -> None:
+    relative, known = kappa.sigma / abs(kappa.value), robot.motor.torque_constant_sigma
     if kappa.value > 0.0 and relative < known and not in_step:
         constant = robot.motor.torque_constant / kappa.value
-        assumed = f'; inertia as configured, {CONFIGURED_SIGMA:.0%} sigma'
         found.add(CONSTANT, Uncertain(constant, constant * relative), 'N m/A',
-                  f'proportional to the given mass of {robot.mass:g} kg'
-                  + (assumed if best.lifted is None else ''), 'motor.torque_constant')
+                  f'proportional to the given mass of {robot.mass:g} kg' + (
+                      '' if lifted else f'; inertia as configured, {CONFIGURED_SIGMA:.0%} sigma'),
+                  'motor.torque_constant')
         return
-    if steady := steady_motion(runs):
-        cause = steady
-    elif in_step:
-        cause = in_step
-    elif best.lifted is None and abs(best.inertia_shift) > 0.5 * kappa.sigma:
-        cause = 'mostly from the inertia of the wheels: requires a recording with lifted wheels'
-    else:
-        cause = 'requires more starts and stops'
-    found.refused[CONSTANT] = (f'standard error of {relative:.1%}, already known to {known:.1%}; '
-                               + cause)
+    common = float(fit.covariance[KAPPA, INERTIA_VALUE].mean())
+    inertial = common ** 2 > 0.25 * (kappa.sigma * fit.estimate(INERTIA_VALUE).sigma) ** 2
+    found.refused[CONSTANT] = (
+        f'standard error of {relative:.1%}, already known to {known:.1%}; ' + (in_step or (
+            'mostly from the inertia of the wheels: requires a recording with lifted wheels'
+            if inertial and not lifted else 'requires starts and stops')))
 
 
-def _add_lifted(found: MotorFit, best: Solution, kappa: Uncertain) -> None:
-    """Add inertia and friction, in true torque."""
-    assert best.lifted is not None
-    extra = (0.0, 0.0, 0.0 if best.drive is None else best.drive.viscous_sigma)
-    inertia, coulomb, viscous = (
-        Uncertain(value, math.hypot(sigma, shift, more))
-        for (value, sigma), shift, more in zip(best.lifted.means, best.shifts, extra))
-    # a larger inertia reduces kappa: both errors add
-    inertia = Uncertain(inertia.value, inertia.sigma + abs(
-        best.inertia_shift / best.kappa.value) * inertia.value)
-    inertia, coulomb, viscous = (_over(value, kappa) for value in (inertia, coulomb, viscous))
-    for name, value, known, unit, parameter in (
-            (INERTIA, inertia, CONFIGURED_SIGMA, 'kg m2', 'motor.inertia'),
-            (COULOMB, coulomb, CONFIGURED_SIGMA, 'N m', 'motor.coulomb_friction')):
-        if 0.0 < value.sigma < known * value.value:
+def _add_lifted(found: MotorFit, fit: Fit, inertia_error: float, max_speed: float) -> None:
+    inertia = fit.estimate(INERTIA_VALUE)
+    inertia = Uncertain(inertia.value, math.hypot(inertia.sigma, inertia_error * inertia.value))
+    coulomb, viscous = _mean(fit, COULOMB_VALUES), fit.estimate(VISCOUS_VALUE)
+    for name, value, unit, parameter in (
+            (INERTIA, inertia, 'kg m2', 'motor.inertia'),
+            (COULOMB, coulomb, 'N m', 'motor.coulomb_friction')):
+        if 0.0 < value.sigma < CONFIGURED_SIGMA * value.value:
             found.add(name, value, unit, 'of one wheel with its drive, mean of four', parameter)
         else:
-            found.refused[name] = (f'{value.value:.2g} ± {value.sigma:.1g} {unit}, expected a '
-                                   f'standard error below {known:.0%}: {SEVERAL_SPEEDS}')
+            found.refused[name] = (
+                f'{value.value:.2g} ± {value.sigma:.1g} {unit}, expected a standard error below '
+                f'{CONFIGURED_SIGMA:.0%}: {SEVERAL_SPEEDS}')
     if COULOMB not in found.refused and (
-            viscous.sigma * best.lifted.max_speed < MAX_VISCOUS_SHARE * coulomb.value):
+            viscous.sigma * max_speed < MAX_VISCOUS_SHARE * coulomb.value):
         found.add(VISCOUS, viscous, 'N m s/rad', 'mean of four', 'motor.viscous_friction')
     else:
         found.refused[VISCOUS] = SEVERAL_SPEEDS
 
 
-def _over(value: Uncertain, kappa: Uncertain) -> Uncertain:
-    """Return ``value`` / ``kappa``."""
-    return Uncertain(value.value / kappa.value, math.hypot(
-        value.sigma, value.value * kappa.sigma / kappa.value) / kappa.value)
-
-
-def _add_resistance(found: MotorFit, best: Solution, kappa: Uncertain,
-                    robot: RobotParams) -> None:
+def _add_resistance(found: MotorFit, fit: Fit, robot: RobotParams) -> None:
     """Add what friction and rolling resistance are together, and their share of the load."""
-    total = _over(best.ground.resistance, kappa)
-    found.add(RESISTANCE, total, 'N m', 'of one wheel on the ground at low speed: friction of '
-              'drive and axle, and rolling resistance; not written')
-    load_torque = 0.25 * robot.mass * GRAVITY * robot.wheel_radius
+    factors = np.zeros(len(fit.values))
+    factors[COMMON:] = np.tile([1.0, 1.0, 1.0, 1.0, 0.0], (len(factors) - COMMON) // 5)
+    factors /= factors.sum()
+    found.add(RESISTANCE, fit.combined(factors), 'N m', 'of one wheel on the ground at low speed: '
+              'friction of drive and axle, and rolling resistance; not written')
     reason = 'not separable from the rolling resistance of the ground'
-    coulomb = found.get(COULOMB)
-    if coulomb is not None:
-        rest = Uncertain((total.value - coulomb.value) / load_torque,
-                         math.hypot(total.sigma, coulomb.sigma) / load_torque)
+    if found.get(COULOMB) is not None:
+        factors[COULOMB_VALUES] = -0.25
+        rest = fit.combined(factors / load_torque(robot))
         reason += f'; both together are {rest.value:.3f} ± {rest.sigma:.1g} of the load'
     found.refused[AXLE] = reason
 
 
-def _add_feed_forward(found: MotorFit, runs: Runs) -> None:
-    gains = found.attempt(FEED_FORWARD, lambda: speed_gains(runs))
-    if gains is None:
-        return
-    gain = mean_gain(gains)
-    speed, duty = (np.concatenate([getattr(rows, name).mean(axis=1) for rows in runs])
-                   for name in ('speed', 'duty'))
-    found.duty = speed, duty
+def _add_feed_forward(found: MotorFit, model: MotorModel, fit: Fit) -> None:
+    ground, gain = model.ground, _mean(fit, SPEED_GAIN)
+    found.duty = ground.speed.mean(axis=1), ground.duty.mean(axis=1)
     if gain.value > 0.0 and gain.sigma < MAX_STANDARD_ERROR * gain.value:
         found.add(FEED_FORWARD, gain, 's/rad', 'duty per wheel speed of a motor without torque',
                   'pid.feed_forward')
@@ -204,16 +217,14 @@ def _add_feed_forward(found: MotorFit, runs: Runs) -> None:
             f'{gain.value:.2g} ± {gain.sigma:.1g} s/rad: requires driving at several speeds')
 
 
-def _add_scales(found: MotorFit, best: Solution) -> None:
+def _add_scales(found: MotorFit, fit: Fit) -> None:
     """Report motors whose measured torque differs from that of the others."""
-    parts = [best.ground.scales, *([] if best.lifted is None else [best.lifted.inertias])]
-    medians = [float(np.median([item.value for item in part])) for part in parts]
-    for wheel, values in zip(WHEELS, zip(*parts)):
-        scaled = [(item.value / median, math.hypot(item.sigma / median, EQUAL_SIGMA) ** -2)
-                  for item, median in zip(values, medians)]
-        weight = sum(own for _, own in scaled)
-        scale, sigma = sum(value * own for value, own in scaled) / weight, weight ** -0.5
-        if abs(scale - 1.0) > SIGNIFICANT_SIGMAS * sigma:
+    kappas = fit.values[KAPPA]
+    median = float(np.median(kappas))
+    for i, (wheel, kappa) in enumerate(zip(WHEELS, kappas)):
+        sigma = _mean(fit, KAPPA, 4.0 * np.eye(4)[i] - 1.0).sigma / median
+        if abs(kappa / median - 1.0) > SIGNIFICANT_SIGMAS * sigma:
             # a motor with a larger constant measures less torque
-            found.notes.append(f'{wheel}: torque constant {1.0 / scale:.2f} ± {sigma:.1g} times '
-                               'that of the others; one constant is written for all motors')
+            found.notes.append(
+                f'{wheel}: torque constant {median / kappa:.2f} ± {sigma:.1g} times that of the '
+                'others; one constant is written for all motors')

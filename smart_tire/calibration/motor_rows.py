@@ -61,8 +61,7 @@ class MotorRows(Samples):
     speed: Array          # (n, 4) rad/s, of one sign within a window
     speed_sigma: Array    # (n, 4) rad/s, of ``speed``: its course between samples is not known
     acceleration: Array   # (n, 4) rad/s2
-    torque: Array         # (n, 4) N m, mean of the measurements, or what stands for it
-    torque_sigma: Array   # (n, 4) N m, model error of ``torque``, common to all motors
+    torque: Array         # (n, 4) N m, mean of the measurements
     duty: Array           # (n, 4) mean of the commands
     duty_rate: Array      # (n, 4) 1/s, its rate of change
     force: Array          # (n,) m/s2, forward specific force at the center of mass
@@ -75,8 +74,9 @@ class MotorRows(Samples):
     center_speed: Array   # (n, 4) rad/s, at the center
     center_slip: Array    # (n, 4) rad/s, share of it from the slip at the center
     rest_force: Uncertain  # m/s2, forward specific force at rest: bias, slope and tilt
-    force_noise: float    # m/s2, standard deviation of ``force`` from noise and vibration
+    force_noise: Array    # (n,) m/s2, standard deviation of ``force`` from noise and vibration
     lags: int             # neighbors on each side that share samples with a row
+    step: float           # s between rows
 
     @property
     def direction(self) -> Array:
@@ -150,10 +150,11 @@ def motor_rows(recording: Recording, robot: RobotParams) -> MotorRows:
     duty, duty_rate, held = (nowhere,) * 3 if duties is None else _duty(duties, windows)
     return MotorRows(
         center, speed, np.abs(speed - linear), windows.mean(angle), torque,
-        np.zeros_like(torque), duty, duty_rate, acting, rate, ripple,
+        duty, duty_rate, acting, rate, ripple,
         nowhere if wheels.torque is None else wheels.torque[windows.center], held,
         speed + body[:, None] / robot.wheel_radius + slip, slip, _rest_force(recording, robot),
-        noise_level(force.c, 2) * math.sqrt(2.0 / 3.0 * period(imu.time) / (n * step)), 2 * n)
+        np.full(len(center), noise_level(force.c, 2) * math.sqrt(
+            2.0 / 3.0 * period(imu.time) / (n * step))), 2 * n, step)
 
 
 def _slip(force: Array, robot: RobotParams) -> Array:

@@ -128,6 +128,7 @@ class Errors:
     correlation: Correlation = independent  # of neighboring rows, removed before the fit
     group: Indices | None = None            # (n,) 0 to g - 1: rows with the same noise
     instant: Indices | None = None          # (n,) from 0 on: rows that may have common errors
+    repeats: float = 1.0                    # rows with common errors, that count as one
 
     def noise(self, residuals: Array, model_sigma: Array) -> Array:
         """Return the standard deviation (n,) of the noise in ``residuals`` (n,)."""
@@ -238,14 +239,15 @@ def _reweighted(residual: Callable[[Array], Array],
     """
     residuals, model_sigma = residual(values), sigma(values)
     row_sigma = np.hypot(errors.noise(residuals, np.zeros(len(residuals))), model_sigma)
-    weight, correlation = np.ones(len(residuals)), independent(residuals)
+    weight, correlation = np.full(len(residuals), 1.0 / errors.repeats), independent(residuals)
     for _ in range(REWEIGHTING_ROUNDS):
         white = _weighted(row_sigma, correlation, weight)
         values, jacobian = solve(white, values)
         residuals, model_sigma = residual(values), sigma(values)
         row_sigma = np.hypot(errors.noise(residuals, model_sigma), model_sigma)
         correlation = errors.correlation(residuals / row_sigma)
-        weight = huber_weights(correlation(residuals / row_sigma), HUBER_THRESHOLD)
+        normalized = correlation(residuals / row_sigma)
+        weight = huber_weights(normalized, HUBER_THRESHOLD) / errors.repeats
     covariance = sandwich_covariance(jacobian, white(residuals), prior.sigma, errors.lags,
                                      errors.instant)
     return Fit(values, covariance, row_sigma, residuals, white)
