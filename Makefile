@@ -46,7 +46,7 @@ help:
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard'
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
 	@echo '                     for others'
-	@echo 'make bench           measure CPU load, latency, models, films and calibration'
+	@echo 'make bench           measure CPU load, latency and calibration'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make bench-control   measure wheel and path control; results in bench_output/control/'
@@ -86,8 +86,6 @@ demo: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.load
-	$(BIN)/python -m benchmarks.models
-	$(BIN)/python -m benchmarks.film
 	$(BIN)/python -m benchmarks.calibration --seeds 20 --first-seed 201 --force
 
 bench-slip: $(READY)

@@ -9,7 +9,7 @@
 # the License.
 
 """
-Received messages of simulated runs: cached, taken apart, and with changed motor torques.
+Received messages of simulated runs: cached, taken apart, and without motor torques.
 
 Events are cached, for repeated benchmarks while an estimator is changed, if the environment
 variable ``FOLDER_VARIABLE`` names a folder. An entry is valid for the same run and the same source
@@ -58,19 +58,6 @@ def without_efforts(samples: Iterable[Sample]) -> list[Sample]:
     """Return ``samples`` without torques."""
     return [replace(sample, effort=None) if isinstance(sample, WheelSample) else sample
             for sample in samples]
-
-
-def scaled_efforts(events: Iterable[Event], factor: float) -> list[Event]:
-    """Return ``events`` with all torques multiplied by ``factor``."""
-    return [(received_ns, topic, _scaled(sample, factor))
-            for received_ns, topic, sample in events]
-
-
-def _scaled(sample: Sample, factor: float) -> Sample:
-    if not isinstance(sample, WheelSample) or sample.effort is None:
-        return sample
-    fl, fr, rl, rr = (factor * torque for torque in sample.effort)
-    return replace(sample, effort=(fl, fr, rl, rr))
 
 
 def cached_events(run: str, make: Callable[[], list[Event]]) -> list[Event]:

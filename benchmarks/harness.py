@@ -162,14 +162,6 @@ def positive(text: str) -> int:
     return number
 
 
-def main_without_options(name: str, description: str, work: Callable[[], None]) -> int:
-    """Run a benchmark that prints its results and has no options but ``--help``."""
-    argparse.ArgumentParser(
-        prog=f'python -m benchmarks.{name}', description=description).parse_args()
-    print(machine())
-    return run_benchmark(name, work)
-
-
 def machine() -> str:
     """Return processor, number of cores, Python version and load average."""
     models = [line.partition(':')[2].strip()

@@ -38,7 +38,6 @@ SETTLING_TIME = 3.0         # s, after the start of the run
 MIN_STEADY_DISTANCE = 0.4   # s, from any fast change
 FAST_ACCELERATION = 1.5     # rad/s2, of a wheel
 ACCELERATION_WINDOW = 0.05  # s, for dw/dt; longer than the control period of 0.02 s
-AVERAGING_WINDOW = 0.125    # s, for averaged truth
 MAX_GAP = 0.5               # s, between two estimates for interpolation
 MIN_ICR_YAW_RATE = 0.1      # rad/s, for scoring the ICR
 EXCLUDED_END = 0.5          # s, at the end of a run, for which estimates may be missing
@@ -107,24 +106,20 @@ def side_means(values: Array) -> Array:
     return np.stack([values[:, wheels].mean(axis=1) for wheels in (LEFT, RIGHT)], axis=1)
 
 
-def score_motion(row: str, seed: int, estimate: Estimate, truth: Truth, *, prefix: str = '',
-                 averaged: bool = False) -> Run:
+def score_motion(row: str, seed: int, estimate: Estimate, truth: Truth, *, prefix: str = ''
+                 ) -> Run:
     """
     Return the errors of slip and speed while steady and ('all') at all times, of pose and ICR.
 
-    With ``averaged`` all times take the place of the steady ones, against truth averaged over
-    ``AVERAGING_WINDOW``. Positions have the sigma along their error. Names begin with ``prefix``.
+    Positions have the sigma along their error. Names begin with ``prefix``.
     """
-    steady, width = steady_sides(truth), AVERAGING_WINDOW if averaged else 0.0
-    if averaged:
-        steady = np.ones_like(steady)
+    steady, (error, sigma) = steady_sides(truth), slip_errors(estimate, truth)
     errors: dict[str, Errors] = {}
-    for suffix, when, window in (('', steady, width), ('_all', np.ones_like(steady), 0.0)):
-        error, sigma = slip_errors(estimate, truth, window)
+    for suffix, when in (('', steady), ('_all', np.ones_like(steady))):
         errors |= {f'slip_{side}{suffix}': Errors(error[when[:, i], i], sigma[when[:, i], i])
                    for side, i in SIDES.items()}
         both = when[:, 0] & when[:, 1]
-        errors[f'v{suffix}'] = speed_errors(estimate, truth, 0, both, window)
+        errors[f'v{suffix}'] = speed_errors(estimate, truth, 0, both)
     errors['icr'] = _icr_errors(estimate, truth, steady[:, 0] & steady[:, 1])
     path, values = _path_errors(estimate, truth)
     values |= {'nis': estimate.nis, 'step_us': estimate.step_us}
@@ -161,9 +156,9 @@ def in_motion(truth: Truth) -> Mask:
     return np.asarray(np.abs(truth.rolling).max(axis=1) > MIN_ROLLING_SPEED)
 
 
-def slip_errors(estimate: Estimate, truth: Truth, width: float = 0.0) -> tuple[Array, Array]:
+def slip_errors(estimate: Estimate, truth: Truth) -> tuple[Array, Array]:
     """Return errors and sigmas (n, 2) of the slips of both sides; NaN if undefined."""
-    true = moving_mean(side_means(truth.ratio), truth.stamp_ns, width)
+    true = side_means(truth.ratio)
     slips = estimate.slips
     error = estimated_at(truth.stamp_ns, slips.stamp_ns, side_means(slips.ratio)) - true
     sigma = estimated_at(truth.stamp_ns, slips.stamp_ns, side_means(slips.sigma))
@@ -171,34 +166,12 @@ def slip_errors(estimate: Estimate, truth: Truth, width: float = 0.0) -> tuple[A
     return np.where(missed, 1.0, error), np.where(missed, 1.0, sigma)
 
 
-def speed_errors(estimate: Estimate, truth: Truth, axis: int, when: Mask, width: float = 0.0
-                 ) -> Errors:
+def speed_errors(estimate: Estimate, truth: Truth, axis: int, when: Mask) -> Errors:
     """Return the errors of a component of the velocity of ``base_link`` at times ``when`` (n,)."""
     poses, one = estimate.poses, slice(axis, axis + 1)
-    true = moving_mean(truth.poses.twist[:, one], truth.stamp_ns, width)
     value, variance = (estimated_at(truth.stamp_ns, poses.stamp_ns, values[:, one])[:, 0]
                        for values in (poses.twist, poses.twist_variance))
-    return Errors((value - true[:, 0])[when], np.sqrt(variance)[when])
-
-
-def moving_mean(values: Array, stamp_ns: Instants, width: float) -> Array:
-    """
-    Return the means of ``values`` (n, m) over ``width`` [s] around each stamp.
-
-    NaN values are excluded from the means and stay NaN.
-    """
-    if not width:
-        return values
-    half = round(0.5 * width * NS_PER_S)
-    first = np.searchsorted(stamp_ns, stamp_ns - half)
-    last = np.searchsorted(stamp_ns, stamp_ns + half, side='right')
-    known = np.isfinite(values)
-    zero = np.zeros((1, values.shape[1]))
-    sums = np.concatenate([zero, np.cumsum(np.where(known, values, 0.0), axis=0)])
-    counts = np.concatenate([zero, np.cumsum(known, axis=0)])
-    with np.errstate(invalid='ignore', divide='ignore'):
-        means = (sums[last] - sums[first]) / (counts[last] - counts[first])
-    return np.where(known, means, math.nan)
+    return Errors((value - truth.poses.twist[:, axis])[when], np.sqrt(variance)[when])
 
 
 def estimated_at(wanted_ns: Instants, stamp_ns: Instants, values: Array) -> Array:

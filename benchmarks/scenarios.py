@@ -13,8 +13,7 @@ Simulated scenarios of the slip and localization benchmark, and the grounds of a
 
 Each is a full simulation with sensor errors and starts at standstill. The scenarios of the
 friction benchmark (``friction.scenarios``) are derived from them. The default surface is flat
-concrete. On hills and rough ground the robot drives straight, turns, stops and reverses; the
-terrain is added to the events of a horizontal plane, with a seed of its own for each run.
+concrete.
 """
 
 from __future__ import annotations
@@ -24,14 +23,12 @@ from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from typing import Any
 
-from benchmarks.events import cached_events, scaled_efforts
+from benchmarks.events import cached_events
 from benchmarks.faults import delayed, interrupted, reordered
-from benchmarks.terrain import on_rough_ground, on_slopes, ramp, rolling_hills, speed_bump, Terrain
 import numpy as np
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
-from smart_tire.parameters.simulation import (
-    DriveParams, GroundParams, PatchParams, RadioParams, SensorErrorParams)
+from smart_tire.parameters.simulation import GroundParams, PatchParams, RadioParams
 from smart_tire.simulation.offline import Event, simulate
 
 Leg = tuple[float, float, float]  # start time [s], rpm left, rpm right
@@ -43,12 +40,6 @@ DROPOUTS = {          # topic -> start and end times [s]
     'imu/data': ((20.0, 22.0), (55.0, 58.0), (90.0, 91.0), (130.0, 132.0)),
     'wheel_states': ((40.0, 42.0), (110.0, 113.0))}
 GAIN_STREAM = 3  # of random numbers; differs from the streams of the simulator
-WAVELENGTHS = 5.0, 30.0  # m, of rolling hills
-SLOPE_SIGMA = 0.02       # rad
-RAMP = 0.05              # rad, down, after RAMP_BEGIN
-RAMP_BEGIN = 4.0         # m
-BUMP = 0.05, 1.0         # m, height and length of the speed bump
-VIBRATION = 1.0          # m/s2, at 1 m/s
 
 CONCRETE = GroundParams(base='concrete', patches=())
 SAND = GroundParams(base='sand', patches=())
@@ -75,20 +66,14 @@ class Scenario:
     film: FilmParams = FilmParams(wheels=())  # nominal, known to the estimator
     gain_error: float = 0.0          # relative standard deviation of the true gains, unknown to it
     tire: TireParams = TireParams()  # of the estimator; the true C_x is that of the surface
-    platform: RobotParams = RobotParams()  # robot apart from encoders, films and tires
-    center_of_mass_error: tuple[float, float] = (0.0, 0.0)  # m, true minus known, x and y
-    drive: DriveParams = DriveParams()
-    torque_ratio: float = 1.0              # true torque constants over those of the estimator
-    errors: SensorErrorParams = SensorErrorParams()
     radio: RadioParams = RadioParams()
     fault: Fault | None = field(default=None, compare=False)
-    averaged: bool = False           # scored at all times against truth averaged over 125 ms
 
     @property
     def robot(self) -> RobotParams:
         """Return the robot parameters of the estimator."""
-        return replace(self.platform, encoder=EncoderParams(latency=self.latency),
-                       film=self.film, tire=self.tire)
+        return RobotParams(encoder=EncoderParams(latency=self.latency), film=self.film,
+                           tire=self.tire)
 
     def simulator(self, seed: int) -> SimulatorParams:
         """Return the parameters of the simulated robot and surface."""
@@ -99,11 +84,8 @@ class Scenario:
         errors = np.random.default_rng([seed, GAIN_STREAM]).standard_normal(len(nominal))
         gains = nominal * (1.0 + self.gain_error * errors)
         film = replace(robot.film, stretch_gain=tuple(gains.tolist()) or self.film.stretch_gain)
-        x, y, z = robot.center_of_mass
-        off_x, off_y = self.center_of_mass_error
-        true = replace(robot, imu=imu, film=film, center_of_mass=(x + off_x, y + off_y, z))
-        return SimulatorParams(seed=seed, ground=self.ground, radio=self.radio, drive=self.drive,
-                               errors=self.errors, robot=true)
+        return SimulatorParams(seed=seed, ground=self.ground, radio=self.radio,
+                               robot=replace(robot, imu=imu, film=film))
 
     def events(self, seed: int) -> list[Event]:
         """Return the received messages and ``ground_truth/*`` in order of reception."""
@@ -111,8 +93,6 @@ class Scenario:
         run = repr((params, self.legs, self.duration, self.wheel_rate))
         events = cached_events(run, lambda: simulate(
             params, self.legs, self.duration, wheel_rate=self.wheel_rate))
-        if self.torque_ratio != 1.0:
-            events = scaled_efforts(events, 1.0 / self.torque_ratio)
         # a delayed message arrives after its timestamp
         events = delayed(events, 'wheel_states', self.latency)
         return self.fault(events, seed) if self.fault else events
@@ -132,21 +112,6 @@ def _insert_faults(events: list[Event], seed: int) -> list[Event]:
                      max_delay=0.025, seed=seed)
 
 
-def on_terrain(terrain: Terrain, robot: RobotParams | None = None) -> Fault:
-    """Return the change of events that puts a run on ``terrain``."""
-    def change(events: list[Event], seed: int) -> list[Event]:
-        return on_slopes(events, robot or RobotParams(), terrain)
-    return change
-
-
-def _on_hills(events: list[Event], seed: int) -> list[Event]:
-    return on_slopes(events, RobotParams(), rolling_hills(SLOPE_SIGMA, WAVELENGTHS, seed))
-
-
-def _on_rough_hills(events: list[Event], seed: int) -> list[Event]:
-    return on_rough_ground(_on_hills(events, seed), VIBRATION, seed)
-
-
 REST: Leg = (1.5, 0.0, 0.0)
 STOP: Leg = (2.0, 0.0, 0.0)
 TURN = ((30.0, 120.0, 60.0),)
@@ -158,10 +123,6 @@ PULSES = ((0.9, 140.0, 140.0), (0.9, 20.0, 20.0)) * 4
 BACK = ((1.0, -140.0, -140.0), (0.6, 0.0, 0.0)) * 4
 SPIN = ((6.0, -50.0, 50.0), REST, (6.0, 60.0, -60.0), REST, (6.0, -60.0, -60.0), REST,
         (7.0, -80.0, -50.0), REST)
-COURSE = (
-    (8.0, 90.0, 90.0), (6.0, 110.0, 70.0), STOP, (8.0, 120.0, 120.0), (6.0, 70.0, 110.0),
-    (8.0, 100.0, 100.0), STOP, (4.0, -60.0, -60.0), STOP, (10.0, 110.0, 110.0),
-    (6.0, 80.0, 120.0), (8.0, 60.0, 60.0), STOP)
 
 
 def _loops() -> Iterator[Leg]:
@@ -198,13 +159,5 @@ SCENARIOS = by_name(
     _eight('degraded', 'degraded: 4 Hz, biases x3', wheel_rate=4.0, bias_scale=3.0),
     _eight('late_wheels', 'degraded: 4 Hz, 0.2 s late', wheel_rate=4.0, latency=WHEEL_LATENCY),
     _eight('gaps', 'degraded: dropouts, reordering', fault=_insert_faults),
-    scenario('straight', 'straight accelerate / brake', *STARTS, *PULSES, (0.6, 0.0, 0.0), *BACK,
-             averaged=True),
+    scenario('straight', 'straight accelerate / brake', *STARTS, *PULSES, (0.6, 0.0, 0.0), *BACK),
     scenario('spin_reverse', 'spin in place, reverse', *SPIN))
-HILL_SCENARIOS = by_name(
-    scenario('hills', 'rolling hills, 20 mrad', *COURSE, fault=_on_hills),
-    scenario('rough_hills', 'rolling hills, rough ground', *COURSE, fault=_on_rough_hills),
-    scenario('ramp', 'constant ramp, 50 mrad', *COURSE,
-             fault=on_terrain(ramp(-RAMP, RAMP_BEGIN, transition=1.0))),
-    scenario('speed_bump', 'speed bump, 50 mm', *COURSE,
-             fault=on_terrain(speed_bump(*BUMP, center=RAMP_BEGIN))))

@@ -35,8 +35,6 @@ Terrain = Callable[[Array, Array], tuple[Array, Array]]  # x, y [m] -> slopes dh
 
 TRUTH_TOPIC = 'ground_truth/odom'
 WAVES = 6                # superposed waves of rolling hills
-ROUGH_SPEED = 1.0        # m/s, at which rough ground vibrates with its nominal level
-RATE_PER_VIBRATION = 0.05  # rad/s per m/s2 of pitch and roll, of Warthog and Husky
 
 
 def rolling_hills(sigma: float, wavelengths: tuple[float, float], seed: int) -> Terrain:
@@ -58,22 +56,6 @@ def rolling_hills(sigma: float, wavelengths: tuple[float, float], seed: int) -> 
     return slopes
 
 
-def ramp(slope: float, begin: float, transition: float) -> Terrain:
-    """Return level ground up to x = ``begin`` [m], then ``slope`` after a ``transition`` [m]."""
-    def slopes(x: Array, y: Array) -> tuple[Array, Array]:
-        return slope * np.clip((x - begin) / transition, 0.0, 1.0), np.zeros_like(y)
-    return slopes
-
-
-def speed_bump(height: float, length: float, center: float) -> Terrain:
-    """Return level ground with a bump across x = ``center`` [m], a period of a cosine."""
-    def slopes(x: Array, y: Array) -> tuple[Array, Array]:
-        phase = math.tau * (x - center) / length
-        on_bump = np.abs(x - center) < 0.5 * length
-        return np.where(on_bump, -math.pi * height / length * np.sin(phase), 0.0), np.zeros_like(y)
-    return slopes
-
-
 def on_slopes(events: Sequence[Event], robot: RobotParams, terrain: Terrain, *,
               with_rates: bool = True) -> list[Event]:
     """
@@ -90,21 +72,6 @@ def on_slopes(events: Sequence[Event], robot: RobotParams, terrain: Terrain, *,
     to_imu = matrix(*robot.imu.rotation)
     force, rate = GRAVITY * up @ to_imu, np.column_stack([rates, np.zeros(len(time))]) @ to_imu
     return _with_added(events, force, rate)
-
-
-def on_rough_ground(events: Sequence[Event], vibration: float, seed: int) -> list[Event]:
-    """
-    Return ``events`` with a vibration [m/s2] of all axes of the IMU, in proportion to the speed.
-
-    It has this standard deviation at ``ROUGH_SPEED`` and is independent from sample to sample.
-    """
-    truth = [event[2] for event in events if isinstance(event[2], Odometry)]
-    imu_ns = [event[2].stamp_ns for event in events if isinstance(event[2], ImuSample)]
-    speed = np.interp(imu_ns, [sample.stamp_ns for sample in truth],
-                      [math.hypot(*sample.linear[:2]) for sample in truth])
-    noise = np.random.default_rng(seed).standard_normal((2, len(imu_ns), 3))
-    noise *= vibration * (speed / ROUGH_SPEED)[:, np.newaxis]
-    return _with_added(events, noise[0], RATE_PER_VIBRATION * noise[1])
 
 
 def _attitude(events: Sequence[Event], terrain: Terrain, stamps_ns: Array) -> tuple[Array, Array]:

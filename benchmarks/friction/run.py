@@ -13,7 +13,7 @@ Benchmark of friction: errors, ratio to the Cramer-Rao bound, and consistency.
 
 Crossings synthesized from the exact model are estimated with the true slip, by the waveform and by
 the method of paper B. Simulated runs are estimated by the complete pipeline with the default
-parameters, with motor torques and with the efforts removed from the same messages.
+parameters.
 """
 
 from __future__ import annotations
@@ -22,39 +22,28 @@ import argparse
 from collections.abc import Iterator, Sequence
 from functools import partial
 import math
-import time
 
-from benchmarks.events import inputs_of, truth_of, without_efforts
+from benchmarks.events import inputs_of, truth_of
 from benchmarks.friction.crossings import (
-    absolute_errors, bounded_errors, convergence, COUNTED_FROM, FUSED, match_rows, on_one_surface,
-    ratio_errors, relative_errors, revolutions_on_ground, Rows as Crossings, SINGLE,
-    true_crossings, Truths)
+    absolute_errors, bounded_errors, convergence, FUSED, match_rows, on_one_surface, ratio_errors,
+    relative_errors, Rows as Crossings, SINGLE, true_crossings, Truths)
 from benchmarks.friction.grid import all_cases, Case, quick_cases
 from benchmarks.friction.monte_carlo import run_case
 from benchmarks.friction.paper_method import friction_from_peaks, MAPS
-from benchmarks.friction.scenarios import GROUND_SCENARIOS, SURFACE_SCENARIOS
-from benchmarks.harness import Benchmark, Column, figure_table, Job, milli, percent, Rows
-from benchmarks.motion import (
-    as_estimate, as_truth, Estimate, in_motion, Mask, slip_errors, speed_errors, steady_sides,
-    Truth)
-from benchmarks.scenarios import Scenario
-from benchmarks.scoring import Errors, part_of, pooled, Run
+from benchmarks.friction.scenarios import FRICTION_SCENARIOS
+from benchmarks.harness import Benchmark, Column, figure_table, Job, percent, Rows
+from benchmarks.scoring import Errors, Run
 import numpy as np
 from rich.table import Table
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.estimation import streams
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
-from smart_tire.parameters.simulation import GroundParams
 from smart_tire.reproduction.printed import two_peaks
-from smart_tire.samples import Friction, NS_PER_S, Sample
+from smart_tire.samples import Friction
 from smart_tire.simulation.offline import Event
 
 CROSSINGS = 'crossings'        # name of the synthesized crossings among the runs
 COUNT, QUICK_COUNT = 400, 150  # crossings per case: 6 and 9 % error of a spread from quartiles
-COUNTED_FROM_JUMP = 4          # revolution; the surfaces of mu_jumps are too short for five
-NO_TORQUE, TORQUE = VARIANTS = 'no torque', 'torque'
-MAX_STRAIGHT_RATE = 0.02       # rad/s, yaw rate while cruising straight
-SCENARIOS = {**SURFACE_SCENARIOS, **GROUND_SCENARIOS}
 
 NOTES = """\
 Errors of mu and C_x are relative: median / 90 % quantile of absolute errors. bound: Cramer-Rao
@@ -62,10 +51,7 @@ bound of the standard deviation of mu from one crossing; sd: standard deviation 
 interquartile range, over the bound where that is below 10 %; 2 s.: share within two sigma; NEES:
 normalized error squared, 1 if consistent, of single crossings for mu F_z / C_x without the sigmas
 of C_x and load. revs: revolutions until the fused mu is within 10 %. Crossings on two surfaces are
-not scored one by one. Two peaks: method of paper B without rejection, film 1, raw samples. With
-and without torque crossings count from the fifth revolution after the start and after each change
-of ground (mu jumps: from the fourth). v_y: rms while moving; slip: rms while steady; straight: rms
-of the mean slip of both sides while cruising straight.
+not scored one by one. Two peaks: method of paper B without rejection, film 1, raw samples.
 """
 CASES = (
     percent('bound\n[%]', 'bound'), percent('found\n[%]', 'found', 0),
@@ -87,28 +73,12 @@ SINGLES = (
         column for which in MAPS for column in (
             percent(f'{which} map:\nbias [%]', f'{which}.bias', 0),
             percent('\n90 % [%]', f'{which}.q90', 0))))
-FORCES = (
-    percent('mu:\nmedian [%]', 'mu.median'), percent('\n90 %', 'mu.q90'),
-    percent('\n2 s.', 'mu.within_two', 0), Column('\nNEES', 'mu.nees'),
-    percent('C_x:\nmedian [%]', 'stiffness.median'), percent('\n90 %', 'stiffness.q90'),
-    percent('\nbias', 'stiffness.bias'), percent('\n2 s.', 'stiffness.within_two', 0),
-    Column('\nNEES', 'stiffness.nees'), milli('v_y\n[mm/s]', 'v_y.rms'),
-    Column('slip:\nleft', 'slip_left.rms', 4), Column('\nright', 'slip_right.rms', 4),
-    Column('\nstraight', 'straight.rms', 4), Column('revs:\nmedian', 'jump.median', 0),
-    Column('\nmost', 'jump.max', 0), milli('CPU\n[ms/s]', 'load', 0))
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of methods."""
-    parser.add_argument('--forces-only', action='store_true',
-                        help='only estimates without and with torque, no comparison of methods')
 
 
 def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
     """Return the jobs of a scenario, or of the synthesized crossings."""
     if name != CROSSINGS:
-        compare = not args.forces_only and name in SURFACE_SCENARIOS
-        return [partial(run_scenario, name, seed, compare=compare) for seed in seeds]
+        return [partial(run_scenario, name, seed) for seed in seeds]
     count = QUICK_COUNT if args.quick else COUNT
     return [partial(run_cases, title, case, count) for title, case in cases(args.quick)]
 
@@ -126,78 +96,19 @@ def run_cases(title: str, case: Case, count: int) -> list[Run]:
     return [run_case(f'{CROSSINGS}/{title}', case, count)]
 
 
-def run_scenario(name: str, seed: int, *, compare: bool) -> list[Run]:
-    """Simulate one run and score it without and with torque."""
-    scenario = SCENARIOS[name]
+def run_scenario(name: str, seed: int) -> list[Run]:
+    """Simulate one run and score the crossings of each wheel with films."""
+    scenario = FRICTION_SCENARIOS[name]
     events, robot = scenario.events(seed), scenario.robot
-    records = truth_of(events)
-    truths = {wheel: true_crossings(records, robot, wheel) for wheel in robot.film.wheels}
-    truth, found = as_truth(records, robot), list[Run]()
-    for variant in VARIANTS:
-        samples = inputs_of(events)
-        begin = time.thread_time()
-        estimates = _estimates(samples if variant == TORQUE else without_efforts(samples), robot)
-        spent = (time.thread_time() - begin) / ((events[-1][0] - events[0][0]) / NS_PER_S)
-        frictions = [one for one in estimates if isinstance(one, Friction)]
-        rows = {wheel: match_rows(true, frictions, wheel) for wheel, true in truths.items()}
-        found += force_runs(scenario, seed, variant, list(rows.values()),
-                            motion_errors(as_estimate(estimates), truth, _first(name)), spent)
-    if compare:
-        found += [single_run(name, seed, own, truths[wheel], robot, wheel, events)
-                  for wheel, own in rows.items()]  # with torque, the last of VARIANTS
-    return found
-
-
-def _first(name: str) -> int:
-    return COUNTED_FROM_JUMP if name == 'mu_jumps' else COUNTED_FROM
-
-
-def _estimates(samples: Sequence[Sample], robot: RobotParams) -> list[Sample]:
     pipeline = Pipeline(EstimatorParams(
         SlipEstimatorParams(robot=robot), FrictionEstimatorParams(robot=robot)))
-    found = [estimate for sample in samples for estimate in pipeline.update(sample)]
-    return [*found, *pipeline.finish()]
-
-
-def force_runs(scenario: Scenario, seed: int, variant: str, wheels: Sequence[Crossings],
-               motion: dict[str, Errors], load: float) -> Iterator[Run]:
-    """Yield errors of mu and C_x of a run, with its motion, and on each of several grounds."""
-    counted = [revolutions_on_ground(rows) >= _first(scenario.name) for rows in wheels]
-    present = [name for name in scenario.ground.names if any(
-        (mask & _on(scenario.ground, name, rows)).any() for mask, rows in zip(counted, wheels))]
-    jumps = [revolutions for rows in wheels for revolutions in convergence(rows)[1:]]
-    for name in ('', *(present if len(present) > 1 else ())):
-        errors = {what: pooled([
-            relative_errors(rows, quantity, mask & _on(scenario.ground, name, rows))
-            for rows, mask in zip(wheels, counted)])
-            for what, quantity in (('mu', FUSED), ('stiffness', 'stiffness'))}
-        if not name:
-            errors |= {**motion, 'jump': Errors.without_sigma(jumps)}
-        yield Run(f'{scenario.name}/{name}', seed,
-                  {f'{variant}.{what}': one for what, one in errors.items()},
-                  {} if name else {f'{variant}.load': load})
-
-
-def _on(ground: GroundParams, name: str, rows: Crossings) -> Mask:
-    """Return which crossings (n,) are on the surface ``name``, or all."""
-    if not name:
-        return np.ones(len(rows.found), bool)
-    i = ground.names.index(name)
-    return np.asarray(np.isclose(rows.true[FUSED], ground.friction[i], rtol=1e-3)
-                      & np.isclose(rows.true['stiffness'], ground.stiffness[i], rtol=1e-3))
-
-
-def motion_errors(estimate: Estimate, truth: Truth, first: int) -> dict[str, Errors]:
-    """Return the errors of slip while steady and straight, and of v_y from a revolution on."""
-    steady, (error, sigma) = steady_sides(truth), slip_errors(estimate, truth)
-    speed = np.abs(truth.rolling).mean(axis=1)
-    rolled = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(truth.stamp_ns) / NS_PER_S)])
-    late = rolled > math.tau * truth.radius * first
-    straight = late & steady.all(axis=1) & (np.abs(truth.poses.twist[:, 2]) < MAX_STRAIGHT_RATE)
-    return {'slip_left': Errors(error[steady[:, 0], 0], sigma[steady[:, 0], 0]),
-            'slip_right': Errors(error[steady[:, 1], 1], sigma[steady[:, 1], 1]),
-            'straight': Errors(error[straight].mean(axis=1), sigma[straight].mean(axis=1)),
-            'v_y': speed_errors(estimate, truth, 1, late & in_motion(truth))}
+    estimates = [*(one for sample in inputs_of(events) for one in pipeline.update(sample)),
+                 *pipeline.finish()]
+    frictions = [one for one in estimates if isinstance(one, Friction)]
+    truths = {wheel: true_crossings(truth_of(events), robot, wheel)
+              for wheel in robot.film.wheels}
+    return [single_run(name, seed, match_rows(truth, frictions, wheel), truth, robot, wheel,
+                       events) for wheel, truth in truths.items()]
 
 
 def single_run(name: str, seed: int, rows: Crossings, truths: Truths, robot: RobotParams,
@@ -225,27 +136,19 @@ def single_run(name: str, seed: int, rows: Crossings, truths: Truths, robot: Rob
 
 
 def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
-    """Yield the tables of synthesized crossings, of single crossings, and of the torques."""
+    """Yield the tables of synthesized crossings and of crossings of simulated runs."""
     own = {row.removeprefix(f'{CROSSINGS}/'): figures for row, figures in rows.items()
            if row.startswith(f'{CROSSINGS}/')}
     if own:
         yield figure_table('Synthesized crossings, with the true slip', own.items(), CASES)
-    runs = [(row.partition('/')[0], row.partition('/')[2], figures)
-            for row, figures in rows.items() if not row.startswith(f'{CROSSINGS}/')]
-    singles = [(f'{SCENARIOS[run].title}, {part.replace("_", " ")}', figures)
-               for run, part, figures in runs if 'single.median' in figures]
+    singles = [(f'{FRICTION_SCENARIOS[run].title}, {wheel.replace("_", " ")}', figures)
+               for row, figures in rows.items() for run, wheel in [row.split('/', 1)]
+               if run != CROSSINGS]
     if singles:
         yield figure_table('Crossings of simulated runs', singles, SINGLES)
-    forces = [(f'{SCENARIOS[run].title}{part and f", on {part}"}: {variant}',
-               part_of(figures, variant))
-              for run, part, figures in runs for variant in VARIANTS
-              if f'{variant}.mu.median' in figures]
-    if forces:
-        yield figure_table('Friction and motion, without and with torque', forces, FORCES)
 
 
 FRICTION = Benchmark(
     'friction', 'accuracy of friction, compared with the method of paper B', NOTES,
     {CROSSINGS: 'synthesized crossings',
-     **{name: scenario.title for name, scenario in SCENARIOS.items()}}, jobs, tables,
-    add_arguments)
+     **{name: scenario.title for name, scenario in FRICTION_SCENARIOS.items()}}, jobs, tables)

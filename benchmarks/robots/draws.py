@@ -32,7 +32,6 @@ import zlib
 
 from benchmarks.events import cached_events, inputs_of, truth_of, without_efforts
 from benchmarks.faults import delayed
-from benchmarks.friction.scenarios import HEAVY, HEAVY_DRIVE, HEAVY_TIRE
 from benchmarks.grounds import (
     CONCRETE, GRAVEL, ground, HEAVY_SURFACES, SAND, SURFACES, Surfaces, WET_TILES)
 from benchmarks.robots import manoeuvres, plant
@@ -44,7 +43,7 @@ import numpy as np
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams)
-from smart_tire.parameters.robot import FilmParams, TireParams
+from smart_tire.parameters.robot import FilmParams, MotorParams, TireParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams, SensorErrorParams
 from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
 from smart_tire.simulation.films import BUMP_HALF_WIDTHS
@@ -57,6 +56,12 @@ TUNING_SEED = 1001  # first of the seeds for tuning; those for tests are below
 FILM = FilmParams(wheels=('front_right', 'front_left'))
 ICE = 'ice'
 GROUNDS = {**SURFACES, ICE: (0.08, 40.0, 0.005)}  # mu [-], C_x [N], drag over load [-]
+HEAVY = RobotParams(
+    mass=30.0, wheel_radius=0.15, track_width=0.6, wheelbase=0.5, yaw_inertia=2.2,
+    center_of_mass=(0.0, 0.0, 0.05),
+    motor=MotorParams(torque_constant=3.0, coulomb_friction=0.4, inertia=0.04))
+HEAVY_TIRE = TireParams(contact_length=0.08, longitudinal_stiffness=HEAVY_SURFACES[CONCRETE][1])
+HEAVY_DRIVE = DriveParams(stall_torque=15.0)
 PURE_BRUSH_SHARE = 1.0 / 3.0  # of the robots have no falling friction
 HILLS = 0.030        # rad, slope of the row hills
 PUSH_FORCE = 10.0    # N

@@ -32,7 +32,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
-from benchmarks.scenarios import WAVELENGTHS
 from benchmarks.terrain import rolling_hills, Terrain
 import numpy as np
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
@@ -45,6 +44,7 @@ from smart_tire.simulation.plant import (
 FALL_BEGIN, FALL_WIDTH = 0.8, 1.2  # -, normalized slip; assumed: the peak is near t = 1
 RELAXATION_SPEED = 0.5  # m/s, minimum: a tire at rest must not oscillate on its relaxation length
 TERRAIN_STEPS = 10      # plant steps between two slopes: 8 mm of travel at 0.8 m/s
+WAVELENGTHS = 5.0, 30.0  # m, of rolling hills
 MIN_LOAD = 0.05         # N, of a lifted wheel: a critical slip of 0 has no adhesion ratio
 DIAGONAL = 1.0, -1.0, -1.0, 1.0  # signs of the loads if one wheel is lifted: same sum and moments
 

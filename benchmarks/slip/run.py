@@ -25,7 +25,7 @@ from pathlib import Path
 from benchmarks.events import inputs_of, truth_of
 from benchmarks.harness import Benchmark, Column, DATA, figure_table, Job, milli, percent, Rows
 from benchmarks.motion import as_truth, score_motion
-from benchmarks.scenarios import HILL_SCENARIOS, SCENARIOS
+from benchmarks.scenarios import SCENARIOS
 from benchmarks.scoring import part_of, Run
 from benchmarks.slip.methods import compare_methods, METHODS
 from benchmarks.slip.recordings import RECORDING_COLUMNS, recording_jobs, recording_rows
@@ -33,15 +33,13 @@ from rich.table import Table
 from smart_tire.parameters import SlipEstimatorParams
 
 RECORDINGS = 'recordings'  # name of the recordings among the runs
-RUNS = {**SCENARIOS, **HILL_SCENARIOS}
 DEGREES = 57.29577951308232  # per rad
 
 NOTES = """\
-steady: |r w| > 0.1 m/s, t > 3 s, more than 0.4 s from any |dw/dt| > 1.5 rad/s2; on the straight
-run instead all times, against truth averaged over 125 ms; NaN while the true slip is defined
-counts as 1. position: error in percent of the distance. NEES: normalized error squared, 1 if
-consistent; NIS: normalized innovation squared. Ratios of recordings are to wheels and gyroscope,
-for v_y and slip to zero.
+steady: |r w| > 0.1 m/s, t > 3 s, more than 0.4 s from any |dw/dt| > 1.5 rad/s2; NaN while the true
+slip is defined counts as 1. position: error in percent of the distance. NEES: normalized error
+squared, 1 if consistent; NIS: normalized innovation squared. Ratios of recordings are to wheels
+and gyroscope, for v_y and slip to zero.
 """
 ERRORS = (
     Column('slip L\nsteady', 'slip_left.rms', 4), Column('R\nsteady', 'slip_right.rms', 4),
@@ -75,27 +73,27 @@ def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]
 
 def run_scenario(name: str, seed: int) -> list[Run]:
     """Simulate one run and score all methods."""
-    scenario = RUNS[name]
+    scenario = SCENARIOS[name]
     events = scenario.events(seed)
     truth = as_truth(truth_of(events), scenario.robot)
     estimates = compare_methods(inputs_of(events), SlipEstimatorParams(robot=scenario.robot))
-    return [score_motion(name, seed, estimate, truth, prefix=f'{method}.',
-                         averaged=scenario.averaged) for method, estimate in estimates.items()]
+    return [score_motion(name, seed, estimate, truth, prefix=f'{method}.')
+            for method, estimate in estimates.items()]
 
 
 def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
     """Yield errors and consistency of all methods on simulated runs, and on recordings."""
-    runs = [(f'{RUNS[run].title}: {title}', part_of(figures, method))
-            for run, figures in rows.items() if run in RUNS
+    runs = [(f'{SCENARIOS[run].title}: {title}', part_of(figures, method))
+            for run, figures in rows.items() if run in SCENARIOS
             for method, title in METHODS.items() if f'{method}.v.rms' in figures]
     if runs:
         yield figure_table('Errors', runs, ERRORS)
         yield figure_table('Consistency', runs, CONSISTENCY)
-    if recorded := recording_rows({run: one for run, one in rows.items() if run not in RUNS}):
+    if recorded := recording_rows({run: one for run, one in rows.items() if run not in SCENARIOS}):
         yield figure_table('Recordings of other robots', recorded, RECORDING_COLUMNS)
 
 
 SLIP = Benchmark(
     'slip', 'accuracy of slip and pose, compared with other methods', NOTES,
-    {**{name: scenario.title for name, scenario in RUNS.items()},
+    {**{name: scenario.title for name, scenario in SCENARIOS.items()},
      RECORDINGS: 'recordings of other robots'}, jobs, tables, add_arguments)

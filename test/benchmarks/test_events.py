@@ -80,12 +80,8 @@ def test_ground_truth_and_inputs_are_apart():
     assert (events.truth_of(both), events.inputs_of(both)) == (['truth'], ['input'])
 
 
-def test_efforts_are_removed_and_scaled_where_measured():
+def test_efforts_are_removed_where_measured():
     assert events.has_efforts([IMU, SILENT, WHEELS])
     assert not events.has_efforts([IMU, SILENT, replace(SILENT, effort=(math.nan,) * 4)])
     assert events.without_efforts([IMU, WHEELS, SILENT]) == [
         IMU, WheelSample(2, WHEELS.velocity, WHEELS.position), SILENT]
-    made = [(5, 'imu/data', IMU), (6, 'wheel_states', WHEELS), (7, 'wheel_states', SILENT)]
-    scaled = events.scaled_efforts(made, 2.0)
-    assert scaled[1][2].effort == pytest.approx((0.2, 0.4, -0.6, math.nan), nan_ok=True)
-    assert [scaled[0], scaled[2]] == [made[0], made[2]]

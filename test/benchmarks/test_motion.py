@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from benchmarks.motion import (
-    as_truth, Estimate, estimated_at, moving_mean, score_motion, steady_sides, Truth)
+    as_truth, Estimate, estimated_at, score_motion, steady_sides, Truth)
 import numpy as np
 import pytest
 from smart_tire.parameters import RobotParams
@@ -111,25 +111,6 @@ def test_a_slow_ramp_is_steady_and_a_fast_one_is_not(rate, calm):
     time = np.arange(len(truth.stamp_ns)) / 100
     truth.rolling[:] = (0.3 + RADIUS * rate * time)[:, np.newaxis]
     assert steady_sides(truth)[time > 3.5].all() == steady_sides(truth)[time > 3.5].any() == calm
-
-
-def test_averaging_ignores_and_keeps_undefined_values():
-    stamps, values = PERIOD_NS * np.arange(100), np.ones((100, 1))
-    values[50], values[:20] = 14.0, math.nan
-    means = moving_mean(values, stamps, 0.125)
-    assert np.isnan(means[:20]).all() and means[20, 0] == 1.0
-    assert means[[43, 57], 0] == pytest.approx(1.0)
-    assert means[44:57, 0] == pytest.approx(2.0)  # 13 stamps lie within 0.125 s
-
-
-def test_the_averaged_score_covers_all_times():
-    truth = straight_run()
-    truth.ratio[500] += 1.3
-    found = score_motion('row', 1, estimate_with(straight_run()), truth, averaged=True)
-    own, whole = found.errors['slip_left'], found.errors['slip_left_all']
-    assert len(own.error) == len(whole.error)
-    assert np.nansum(own.error ** 2) == pytest.approx(13 * 0.1 ** 2)
-    assert np.nansum(whole.error ** 2) == pytest.approx(1.3 ** 2)
 
 
 def test_path_errors_from_a_common_start_are_shares_of_the_distance():

@@ -21,7 +21,7 @@ from benchmarks.slip.methods import LIVE, METHODS
 
 
 def test_a_run_gives_tables_and_results(monkeypatch, tmp_path, capsys):
-    monkeypatch.setitem(run.RUNS, 'concrete', replace(SCENARIOS['concrete'], duration=6.0))
+    monkeypatch.setitem(SCENARIOS, 'concrete', replace(SCENARIOS['concrete'], duration=6.0))
     out = tmp_path / 'slip'
     assert run.SLIP.main(['--seeds', '1', '--runs', 'concrete', '--out', str(out)]) == 0
     output = capsys.readouterr().out
