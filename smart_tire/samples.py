@@ -39,6 +39,7 @@ MAX_ANGULAR_RATE = 1e2    # rad/s; gyroscopes of robots measure up to 35 rad/s (
 
 Vector3 = tuple[float, float, float]
 Four = tuple[float, float, float, float]
+STOPPED: Four = (0.0, 0.0, 0.0, 0.0)  # speeds or duties
 Value = TypeVar('Value')
 
 

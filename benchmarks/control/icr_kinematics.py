@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 
-from smart_tire.control.ground_motion import STANDSTILL_SPEED
+from smart_tire.control.constants import STANDSTILL_SPEED
 from smart_tire.control.slip_kinematics import (
     Motion, SlipCoefficient, SlipKinematics, Velocity)
 from smart_tire.control.trajectory_control import TrajectoryControl

@@ -16,26 +16,27 @@ import math
 
 import numpy as np
 
-from smart_tire.control.path_library import curve, planned, SPACING
+from smart_tire.control.constants import GRID_STEP
+from smart_tire.control.path_library import curve, planned
 from smart_tire.samples import NAN, PlannedPath
 
 
 def u_turn(radius: float, lead: float = 1.0) -> PlannedPath:
     """Return a half circle of ``radius`` [m] to the left, between straights of ``lead`` [m]."""
-    angle = np.linspace(0.0, math.pi, math.ceil(math.pi * radius / SPACING) + 1)
+    angle = np.linspace(0.0, math.pi, math.ceil(math.pi * radius / GRID_STEP) + 1)
     x, y = lead + radius * np.sin(angle), radius - radius * np.cos(angle)
     return planned([(0.0, 0.0, NAN), *curve(x, y), (0.0, 2.0 * radius, NAN)])
 
 
 def slalom(length: float, width: float, count: int = 3) -> PlannedPath:
     """Return ``count`` cosine waves to the left, each ``length`` [m] long and ``width`` wide."""
-    x = np.linspace(0.0, count * length, math.ceil(count * length / SPACING) + 1)
+    x = np.linspace(0.0, count * length, math.ceil(count * length / GRID_STEP) + 1)
     return planned(curve(x, 0.5 * width * (1.0 - np.cos(math.tau / length * x))))
 
 
 def spiral(radius: float, length: float) -> PlannedPath:
     """Return a clothoid to the left, which tightens to ``radius`` [m] after ``length`` [m]."""
-    edges = np.linspace(0.0, length, math.ceil(length / SPACING) + 1)
+    edges = np.linspace(0.0, length, math.ceil(length / GRID_STEP) + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     heading = 0.5 * middle ** 2 / (radius * length)
     step = float(edges[1])
@@ -51,7 +52,7 @@ def reverse_parking(radius: float, lead: float = 1.0) -> PlannedPath:
     straight in the bay. The robot arrives with its front to the left.
     """
     x, y = lead + radius, -radius
-    angle = np.linspace(0.0, 0.5 * math.pi, math.ceil(0.5 * math.pi * radius / SPACING) + 1)
+    angle = np.linspace(0.0, 0.5 * math.pi, math.ceil(0.5 * math.pi * radius / GRID_STEP) + 1)
     curve = zip((x - radius * np.sin(angle)).tolist(), (y + radius * np.cos(angle)).tolist(),
                 angle.tolist())
     return planned([(0.0, 0.0, 0.0), *curve, (lead, y - 0.5 * lead, 0.5 * math.pi)])

@@ -16,12 +16,9 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 import math
 
+from smart_tire.control import constants as c
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
-
-MIN_STALL_NS = 250_000_000    # gap between ticks that indicates a stopped process
-QUEUE_DRAIN_NS = 100_000_000  # after a stall, within which queued messages are read
-MAX_SEQUENCE_GAP = 1000       # sequence numbers of one publisher: its lost messages
 
 
 class StallDetector:
@@ -40,14 +37,14 @@ class StallDetector:
 
     def tick(self, now_ns: int) -> None:
         """Record that the process is running."""
-        if now_ns - self._ticked_ns > MIN_STALL_NS:
+        if now_ns - self._ticked_ns > c.MIN_STALL_NS:
             self._resumed_ns = now_ns
             self.stalls += 1
         self._ticked_ns = now_ns
 
     def may_be_queued(self, received_ns: int) -> bool:
         """Return whether a message received then may have been queued during a stall."""
-        return self._resumed_ns is not None and received_ns < self._resumed_ns + QUEUE_DRAIN_NS
+        return self._resumed_ns is not None and received_ns < self._resumed_ns + c.QUEUE_DRAIN_NS
 
 
 def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: float,
@@ -109,7 +106,7 @@ class SequenceTracker:
     def publisher(self, number: int) -> int:
         """Return the index of the publisher that sent message ``number``, counted from 0."""
         gaps = [(number - latest, index) for index, latest in enumerate(self._latest)
-                if 0 < number - latest <= MAX_SEQUENCE_GAP]
+                if 0 < number - latest <= c.MAX_SEQUENCE_GAP]
         if not gaps:
             self._latest.append(number)
             return len(self._latest) - 1

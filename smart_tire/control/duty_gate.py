@@ -16,10 +16,8 @@ from collections.abc import Callable
 import math
 import threading
 
-from smart_tire.samples import Four, NS_PER_S
-
-STOPPED: Four = (0.0, 0.0, 0.0, 0.0)
-MIN_PAUSE_NS = NS_PER_S  # without commands, to reset a trip; above any period of commands
+from smart_tire.control import constants as c
+from smart_tire.samples import Four, NS_PER_S, STOPPED
 
 
 class DutyGate:
@@ -175,7 +173,7 @@ class DutyGate:
 
     def _reset_trip(self, duty: Four, now_ns: int) -> None:
         """Reset the trip after a pause; an uninterrupted stream of commands must not reset it."""
-        pause = self._command_ns is None or now_ns - self._command_ns > MIN_PAUSE_NS
+        pause = self._command_ns is None or now_ns - self._command_ns > c.MIN_PAUSE_NS
         if not self._holds and (pause or duty == STOPPED):
             self._trip = ''
 

@@ -15,35 +15,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from smart_tire.control import constants as c
 from smart_tire.models.vehicle.drive import traction_force
 from smart_tire.parameters.path_following import FrictionLimitParams, GroundParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import GRAVITY, GroundState, NS_PER_S, WHEELS, WheelSample
+from smart_tire.samples import GRAVITY, GroundState, MAX_SPEED, NS_PER_S, WHEELS, WheelSample
 from smart_tire.uncertain import fused, Uncertain
-
-# Rubber on dry ground: 0.8 to 0.9 on asphalt (Wong, Theory of Ground Vehicles, table 1.3),
-# above 1 only for soft compounds.
-MAX_FRICTION = 1.2
-MIN_FRICTION = 1e-3        # -; wet ice: 0.02
-MIN_GROUND_STIFFNESS, MAX_GROUND_STIFFNESS = 1.0, 1e6  # N, plausible C_x of a tire on ground
-# Relative, of friction and critical slip: 5 mm of an unknown center of mass over half a wheelbase.
-MIN_RELATIVE_SIGMA = 0.04
-PRIOR_SIGMA = 0.15         # -, of the friction coefficient of unknown ground; assumed
-MAX_FADE_LENGTHS = 3.0     # older measurements, in fade distances or times, do not count
-MAX_RESISTANCE = 0.2   # -, rolling resistance and slope over the weight
-MIN_SPEED = 0.1        # m/s, at which the resistance is learned
-MAX_VALUE = 1e3        # N m and rad/s, of plausible torques and wheel speeds
-MAX_GAP = 0.5          # s, between readings of the wheels whose difference is an acceleration
-MIN_STIFFNESS = 0.57   # C_x of the softest ground over that of the tire: 30 N of 52.7 N
-DROP_TIME = 0.3        # s, in which a start forgets friction that the slip contradicts
-# Soft ground has a rolling resistance over the weight above this one, and above the share of the
-# acceleration that a wrong mass resembles; its force grows with the slip far beyond SOFT_SHARE.
-SOFT_RESISTANCE, MASS_ERROR = 0.06, 0.6
-RAISE_SHARE = 0.36     # force over friction, up to which friction is raised on such ground
-# Force over friction of a tire at the slip aimed at, on the softest ground (brush model): a
-# larger share is no sign of less friction.
-SOFT_SHARE = 0.77
-REACHED_SHARE = 0.7    # of the slip aimed at, from which it is evidence
 
 
 @dataclass(frozen=True)
@@ -85,17 +62,17 @@ class GroundKnowledge:
         """
         (mu, mu_sigma), (stiffness, stiffness_sigma) = (ground.friction_coefficient,
                                                         ground.stiffness)
-        if not (MIN_FRICTION <= mu <= MAX_FRICTION and 0.0 <= mu_sigma < math.inf
-                and MIN_GROUND_STIFFNESS <= stiffness <= MAX_GROUND_STIFFNESS
+        if not (c.MIN_FRICTION <= mu <= c.MAX_FRICTION and 0.0 <= mu_sigma < math.inf
+                and c.MIN_GROUND_STIFFNESS <= stiffness <= c.MAX_GROUND_STIFFNESS
                 and 0.0 <= stiffness_sigma < math.inf
                 and abs(ground.stiffness_friction_correlation) <= 1.0):
             return
         one, other = mu_sigma / mu, stiffness_sigma / stiffness
         common = 2.0 * ground.stiffness_friction_correlation * one * other
         slip = 3.0 * mu / stiffness
-        sigma = math.sqrt(max(one * one + other * other - common, MIN_RELATIVE_SIGMA ** 2))
+        sigma = math.sqrt(max(one * one + other * other - common, c.MIN_RELATIVE_SIGMA ** 2))
         self._measured = Measured(
-            Uncertain(mu, max(mu_sigma, MIN_RELATIVE_SIGMA * mu)), Uncertain(slip, slip * sigma),
+            Uncertain(mu, max(mu_sigma, c.MIN_RELATIVE_SIGMA * mu)), Uncertain(slip, slip * sigma),
             ground.stamp_ns, self._driven - behind)
 
     def latest(self, fading: GroundParams) -> tuple[Measured, float] | None:
@@ -105,11 +82,11 @@ class GroundKnowledge:
             return None
         lengths = ((self._driven - one.distance) / fading.fade_distance
                    + abs(self._now_ns - one.stamp_ns) / NS_PER_S / fading.fade_time)
-        return (one, math.exp(-lengths)) if lengths <= MAX_FADE_LENGTHS else None
+        return (one, math.exp(-lengths)) if lengths <= c.MAX_FADE_LENGTHS else None
 
     def friction(self, unknown: float, fading: GroundParams) -> Uncertain:
         """Return the friction coefficient: the measured one fused with that of unknown ground."""
-        prior = Uncertain(unknown, PRIOR_SIGMA)
+        prior = Uncertain(unknown, c.PRIOR_SIGMA)
         if (known := self.latest(fading)) is None:
             return prior
         one, weight = known
@@ -124,7 +101,7 @@ class GroundKnowledge:
         It is a share of the lower bound of the friction, mu - k sigma. That of unknown ground is
         ``unknown``; an estimate that is less certain does not lower the bound.
         """
-        mu, sigma = self.friction(params.unknown + params.sigmas * PRIOR_SIGMA, params)
+        mu, sigma = self.friction(params.unknown + params.sigmas * c.PRIOR_SIGMA, params)
         return params.share * max(mu - params.sigmas * sigma, params.minimum) * GRAVITY
 
 
@@ -149,7 +126,7 @@ class ShownFriction:
     def period_ns(self, stamp_ns: int) -> int:
         """Return the time [ns] since the latest reading, 0 if it is not plausible."""
         gap_ns = 0 if self._wheels is None else stamp_ns - self._wheels.stamp_ns
-        return gap_ns if 0 < gap_ns <= MAX_GAP * NS_PER_S else 0
+        return gap_ns if 0 < gap_ns <= c.MAX_GAP_NS else 0
 
     def add_wheels(self, wheels: WheelSample, v_x: float, time_constant: float) -> None:
         """
@@ -163,10 +140,10 @@ class ShownFriction:
         self._wheels, self._force, self._slip = wheels, None, 0.0
         robot, torques = self._robot, wheels.effort or (math.nan,)
         rolling = robot.wheel_radius * sum(wheels.velocity) / len(WHEELS)
-        if abs(rolling) < MAX_VALUE:  # false for NaN, too
-            new = (rolling - v_x) / max(abs(rolling), abs(v_x), MIN_SPEED)
+        if abs(rolling) <= MAX_SPEED:  # false for NaN, too
+            new = (rolling - v_x) / max(abs(rolling), abs(v_x), c.MIN_SPEED)
             self._slip = slip + gain * (new - slip)
-            if all(abs(torque) < MAX_VALUE for torque in torques):
+            if all(abs(torque) <= c.MAX_TORQUE for torque in torques):
                 new = float(traction_force(
                     torques, wheels.velocity, 0.0, robot.mass * GRAVITY / len(WHEELS),
                     robot.motor, robot.wheel_radius).sum())
@@ -174,17 +151,17 @@ class ShownFriction:
 
     def begin(self, expected: float) -> None:
         """Begin an acceleration at the limit, on ground of the ``expected`` friction."""
-        self.value = min(expected, MAX_FRICTION)
+        self.value = min(expected, c.MAX_FRICTION)
 
     def learn_resistance(self, acceleration: float, v_x: float, period: float,
                          time_constant: float) -> None:
         """Learn the resistance at an acceleration [m/s2] and a speed [m/s]."""
-        if self._force is None or abs(v_x) < MIN_SPEED:
+        if self._force is None or abs(v_x) < c.MIN_SPEED:
             return
         robot = self._robot
         inertia = robot.mass + len(WHEELS) * robot.motor.inertia / robot.wheel_radius ** 2
         excess = (self._force - inertia * acceleration) / (robot.mass * GRAVITY)
-        excess = math.copysign(1.0, v_x) * min(max(excess, -MAX_RESISTANCE), MAX_RESISTANCE)
+        excess = math.copysign(1.0, v_x) * min(max(excess, -c.MAX_RESISTANCE), c.MAX_RESISTANCE)
         self._resistance += period / (period + time_constant) * (excess - self._resistance)
 
     def learn_friction(self, acceleration: float, v_x: float, direction: int, aimed: float,
@@ -197,16 +174,16 @@ class ShownFriction:
         driving = direction * v_x >= 0.0
         used = max(direction * acceleration / GRAVITY
                    + (self._resistance if driving else -self._resistance), 0.0)
-        soft = self._resistance > MASS_ERROR * abs(acceleration) / GRAVITY + SOFT_RESISTANCE
-        share = RAISE_SHARE if soft else SOFT_SHARE
+        soft = self._resistance > c.MASS_ERROR * abs(acceleration) / GRAVITY + c.SOFT_RESISTANCE
+        share = c.RAISE_SHARE if soft else c.SOFT_SHARE
         if soft:
             self.value = max(self.value, used / share)
         # the force of a stop builds up late: an early doubt would prolong it
-        if driving and direction * self._slip > REACHED_SHARE * aimed:
+        if driving and direction * self._slip > c.REACHED_SHARE * aimed:
             bound = max(self._largest(used), used / share)
             if self.value > bound:
-                self.value = bound + math.exp(-period / DROP_TIME) * (self.value - bound)
-        self.value = min(max(used, self.value), MAX_FRICTION)
+                self.value = bound + math.exp(-period / c.DROP_TIME) * (self.value - bound)
+        self.value = min(max(used, self.value), c.MAX_FRICTION)
 
     def _largest(self, used: float) -> float:
         """
@@ -215,10 +192,10 @@ class ShownFriction:
         The brush model for small slip, F = p (1 - t + t^2 / 3) with p = C_x s and t = p / (3 mu).
         """
         robot = self._robot
-        elastic = MIN_STIFFNESS * robot.tire.longitudinal_stiffness * abs(self._slip) / (
+        elastic = c.MIN_STIFFNESS * robot.tire.longitudinal_stiffness * abs(self._slip) / (
             robot.mass * GRAVITY / len(WHEELS))
         if used >= elastic:
-            return MAX_FRICTION
+            return c.MAX_FRICTION
         if 3.0 * used <= elastic:
             return used
         return elastic / (1.5 * (3.0 - math.sqrt(12.0 * used / elastic - 3.0)))

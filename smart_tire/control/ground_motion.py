@@ -15,17 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from smart_tire.control import constants as c
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.rotation import euler
 from smart_tire.samples import MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
-
-STANDSTILL_SPEED = 0.02        # m/s, of estimates at standstill, at most
-STANDSTILL_RATE = 0.05         # rad/s, the same
-YAW_JUMP = 0.5                 # rad, more than the yaw rates explain
-MIN_INTERVAL_NS = 4_000_000    # between estimates whose difference is an acceleration
-MAX_INTERVAL_NS = 200_000_000  # larger gaps restart the acceleration
-EXTRAPOLATION_SIGMA = 0.02     # m/s, of a speed: 0.2 m/s2 for 0.1 s, the age of odom and a period
-CLOCK_JUMP_NS = NS_PER_S       # timestamps that go back by more are those of a new clock
 
 
 @dataclass(frozen=True)
@@ -46,7 +39,7 @@ class Motion:
         The latter [m/s2] is that of ``v_x``; braking ends at standstill.
         """
         later = self.v_x + acceleration * dt
-        if later * self.v_x < 0.0 and abs(self.v_x) > STANDSTILL_SPEED:
+        if later * self.v_x < 0.0 and abs(self.v_x) > c.STANDSTILL_SPEED:
             later = 0.0
         v_x, middle = 0.5 * (self.v_x + later), self.yaw + 0.5 * self.yaw_rate * dt
         cos, sin = math.cos(middle), math.sin(middle)
@@ -60,7 +53,7 @@ class Motion:
 
     def at_rest(self) -> bool:
         """Return whether the robot stands."""
-        return self.speed() < STANDSTILL_SPEED and abs(self.yaw_rate) < STANDSTILL_RATE
+        return self.speed() < c.STANDSTILL_SPEED and abs(self.yaw_rate) < c.STANDSTILL_RATE
 
 
 def wrap(angle: float) -> float:
@@ -135,9 +128,9 @@ class MotionMonitor(LatestMotion):
                             f'at most {params.odom_jump:g} m more than the speed explains')
             return 0.0
         turned = abs(wrap(motion.yaw - last.yaw))
-        if turned > YAW_JUMP + max(abs(last.yaw_rate), abs(motion.yaw_rate)) * dt:
+        if turned > c.YAW_JUMP + max(abs(last.yaw_rate), abs(motion.yaw_rate)) * dt:
             self._set_fault(f'odom: yaw jumped by {turned:.2f} rad, expected at most '
-                            f'{YAW_JUMP:g} rad more than the yaw rate explains')
+                            f'{c.YAW_JUMP:g} rad more than the yaw rate explains')
             return 0.0
         return moved
 
@@ -180,7 +173,7 @@ class GroundSpeed(LatestMotion):
         ``time_constant`` [s] is that of the low-pass filter of the acceleration.
         """
         motion, stamp_ns, last_ns = motion_of(odometry), odometry.stamp_ns, self.stamp_ns
-        if motion is None or last_ns is not None and 0 <= last_ns - stamp_ns <= CLOCK_JUMP_NS:
+        if motion is None or last_ns is not None and 0 <= last_ns - stamp_ns <= c.CLOCK_JUMP_NS:
             return False
         if last_ns is not None and stamp_ns > last_ns:
             self.distance += abs(motion.v_x) * (stamp_ns - last_ns) / NS_PER_S
@@ -193,11 +186,11 @@ class GroundSpeed(LatestMotion):
         return True
 
     def _differentiate(self, stamp_ns: int, v_x: float, time_constant: float) -> None:
-        anchor_ns, anchor = self._anchor or (stamp_ns - MAX_INTERVAL_NS - 1, 0.0)
+        anchor_ns, anchor = self._anchor or (stamp_ns - c.MAX_GAP_NS - 1, 0.0)
         elapsed = (stamp_ns - anchor_ns) / NS_PER_S
-        if stamp_ns - anchor_ns > MAX_INTERVAL_NS:
+        if stamp_ns - anchor_ns > c.MAX_GAP_NS:
             self._acceleration, self._anchor = 0.0, (stamp_ns, v_x)
-        elif stamp_ns - anchor_ns >= MIN_INTERVAL_NS:
+        elif stamp_ns > anchor_ns:
             slope = (v_x - anchor) / elapsed
             self._acceleration += elapsed / (elapsed + time_constant) * (
                 slope - self._acceleration)
@@ -205,7 +198,7 @@ class GroundSpeed(LatestMotion):
 
     def speed_at(self, stamp_ns: int) -> float:
         """Return the forward speed [m/s] at a recent time, 0 without an estimate."""
-        longest = MAX_INTERVAL_NS / NS_PER_S
+        longest = c.MAX_GAP_NS / NS_PER_S
         later = min(max(self.age(stamp_ns), -longest), longest)
         return self.motion.v_x + self._acceleration * later
 
@@ -225,5 +218,5 @@ class GroundSpeed(LatestMotion):
         mean = measured + unseen / horizon * (acceleration - measured) if horizon else measured
         return Expected(
             **vars(self.motion.after(horizon, mean)), acceleration=acceleration,
-            v_x_sigma=math.hypot(self._v_x_sigma, EXTRAPOLATION_SIGMA), measured=measured,
+            v_x_sigma=math.hypot(self._v_x_sigma, c.EXTRAPOLATION_SIGMA), measured=measured,
             unseen=weight)

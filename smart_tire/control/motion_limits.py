@@ -17,14 +17,9 @@ import math
 
 import numpy as np
 
+from smart_tire.control import constants as c
 from smart_tire.control.path_geometry import Segment
 from smart_tire.parameters.control import TrajectoryControllerParams
-
-# Share of friction for lateral acceleration in curves; the rest of the circle is longitudinal.
-LATERAL_SHARE = 0.8    # of the friction, for lateral acceleration; both are on a circle
-PLANNED_SHARE = 0.85   # of deceleration and yaw acceleration, in plans; the rest is for control
-MIN_CURVATURE = 1e-9   # 1/m
-COMMAND_SHARE = 1.1    # of the largest speed and yaw rate, that the wheels are commanded at most
 
 
 @dataclass(frozen=True)
@@ -40,7 +35,7 @@ class MotionLimits:
 
     def curve_speed(self, curvature: float) -> float:
         """Return the speed [m/s] in a curve with ``curvature`` [1/m]."""
-        magnitude = max(abs(curvature), MIN_CURVATURE)
+        magnitude = max(abs(curvature), c.TINY)
         return min(self.speed, self.yaw_rate / magnitude, math.sqrt(self.lateral / magnitude))
 
     def path_speed(self, segment: Segment, distance: float) -> float:
@@ -50,14 +45,14 @@ class MotionLimits:
         From it the speed limits of all curves ahead and the stop at the end are reached with the
         planned deceleration: v(s)^2 <= v_limit(s')^2 + 2 d (s' - s) for all s' ahead.
         """
-        planned = PLANNED_SHARE * self.deceleration
+        planned = c.PLANNED_SHARE * self.deceleration
         first = segment.index(distance)
         last = segment.index(distance + self.speed ** 2 / (2.0 * planned)) + 1
         ahead = np.maximum(segment.distance[first:last] - distance, 0.0)
-        curvature = np.maximum(np.abs(segment.curvature[first:last]), MIN_CURVATURE)
-        rate = np.maximum(segment.curvature_rate[first:last], MIN_CURVATURE)
+        curvature = np.maximum(np.abs(segment.curvature[first:last]), c.TINY)
+        rate = np.maximum(segment.curvature_rate[first:last], c.TINY)
         squared = np.minimum((self.yaw_rate / curvature) ** 2, self.lateral / curvature)
-        squared = np.minimum(squared, PLANNED_SHARE * self.yaw_acceleration / rate)
+        squared = np.minimum(squared, c.PLANNED_SHARE * self.yaw_acceleration / rate)
         to_end = 2.0 * planned * max(segment.length - distance, 0.0)
         return math.sqrt(min(self.speed ** 2, to_end, float(np.min(
             squared + 2.0 * planned * ahead))))
@@ -71,7 +66,7 @@ class MotionLimits:
         """Return the yaw rate [rad/s] towards ``wanted``, ``dt`` [s] after ``last``."""
         change = self.yaw_acceleration * dt
         rate = min(max(wanted, last - change), last + change)
-        bound = min(self.yaw_rate, self.lateral / max(abs(speed), MIN_CURVATURE))
+        bound = min(self.yaw_rate, self.lateral / max(abs(speed), c.TINY))
         return min(max(rate, -bound), bound)
 
 
@@ -83,12 +78,12 @@ def motion_limits(params: TrajectoryControllerParams, friction: float,
     ``factors`` are the commanded over the reached speed and yaw rate: what the body can reach
     within the limits of the command.
     """
-    limits, longitudinal = params.limits, math.sqrt(1.0 - LATERAL_SHARE ** 2) * friction
-    speed, yaw_rate = (COMMAND_SHARE / max(factor, COMMAND_SHARE) for factor in factors)
+    limits, longitudinal = params.limits, math.sqrt(1.0 - c.LATERAL_SHARE ** 2) * friction
+    speed, yaw_rate = (c.COMMAND_SHARE / max(factor, c.COMMAND_SHARE) for factor in factors)
     return MotionLimits(
         speed * params.max_speed, min(limits.acceleration, longitudinal),
         min(limits.deceleration, longitudinal),
-        min(limits.lateral_acceleration, LATERAL_SHARE * friction),
+        min(limits.lateral_acceleration, c.LATERAL_SHARE * friction),
         yaw_rate * limits.yaw_rate, limits.yaw_acceleration)
 
 
@@ -101,5 +96,5 @@ def command_share(command: tuple[float, float], params: TrajectoryControllerPara
     """
     if not all(map(math.isfinite, command)):
         return 0.0
-    return COMMAND_SHARE / max(COMMAND_SHARE, abs(command[0]) / params.max_speed,
+    return c.COMMAND_SHARE / max(c.COMMAND_SHARE, abs(command[0]) / params.max_speed,
                                abs(command[1]) / params.limits.yaw_rate)

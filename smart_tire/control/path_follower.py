@@ -15,27 +15,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, wrap
-from smart_tire.control.motion_limits import MotionLimits, PLANNED_SHARE
+from smart_tire.control.motion_limits import MotionLimits
 from smart_tire.control.path_geometry import FORWARD, Maneuver, PathPoint, Segment, Spin
 from smart_tire.parameters.control import TrajectoryControllerParams
-
-DONE_SHARE = 0.5   # of the yaw tolerance; it is left for the rest of the rotation
-BOOST_GAIN = 1.0   # 1/s, of the integral of the yaw rate error
-HOLD_GAIN = 3.0    # 1/s, from the distance to the speed that holds the position
-MAX_HOLD_SPEED = 0.1  # m/s
-PROJECTION_WINDOW = 0.2   # m, in addition to twice the distance driven since the last step
-MAX_SETTLING = 1.0        # s, wait for standstill between maneuvers
-MAX_ALIGN_FACTOR = 2.0    # of align_angle, while driving
-
-# v_x [m/s], yaw rate [rad/s] -> angle [rad] from the x axis to the velocity, modulo pi
 
 
 class SpinControl:
     """
     Yaw rate of one turn in place; ``done`` once the yaw error is small, and remains so.
 
-    On ground on which the robot turns slower than commanded, an integrator raises the command.
     Wheels that turn in place slide in all directions: the speed keeps the robot at ``hold``
     (x, y) [m], ahead and behind only.
     """
@@ -44,10 +34,9 @@ class SpinControl:
         self._hold = hold
         self.done = False
         self.error = math.inf  # rad
-        self._boost = 0.0      # rad/s
         self._side = 0.0       # sign of the turn
 
-    def step(self, error: float, yaw_rate: float, dt: float, limits: MotionLimits,
+    def step(self, error: float, dt: float, limits: MotionLimits,
              params: TrajectoryControllerParams) -> float:
         """Return the yaw rate [rad/s] to command; ``error`` [rad] is yaw still to turn."""
         if self._side == 0.0:
@@ -55,28 +44,24 @@ class SpinControl:
         elif abs(error) > 0.75 * math.pi:
             error = error % (self._side * math.tau)  # keep the side of the turn
         self.error = error
-        if abs(error) <= DONE_SHARE * params.arrival.yaw_tolerance:
+        if abs(error) <= c.DONE_SHARE * params.arrival.yaw_tolerance:
             self.done = True
             return 0.0
         follower = params.follower
         highest = min(follower.spin_rate, limits.yaw_rate)
-        stopping = math.sqrt(2.0 * PLANNED_SHARE * limits.yaw_acceleration * abs(error))
+        stopping = math.sqrt(2.0 * c.PLANNED_SHARE * limits.yaw_acceleration * abs(error))
         if params.slip_compensation:  # its feedback of the reached yaw rate follows with a delay
             stopping = min(stopping, abs(error) / max(follower.actuation_delay, dt))
         wanted = min(highest, max(stopping, follower.min_spin_rate))
-        side = math.copysign(1.0, error)
-        if not params.slip_compensation:
-            self._boost += BOOST_GAIN * dt * (wanted - side * yaw_rate)
-            self._boost = min(max(self._boost, 0.0), highest - wanted)
-        return side * (wanted + self._boost)
+        return math.copysign(wanted, error)
 
     def holding_speed(self, motion: Motion, last: float, dt: float,
                       limits: MotionLimits) -> float:
         """Return the speed [m/s] towards the position to hold, ``dt`` [s] after ``last``."""
         x, y = self._hold
         ahead = (x - motion.x) * math.cos(motion.yaw) + (y - motion.y) * math.sin(motion.yaw)
-        bound = min(MAX_HOLD_SPEED, limits.speed)
-        wanted = min(max(HOLD_GAIN * ahead, -bound), bound)
+        bound = min(c.MAX_HOLD_SPEED, limits.speed)
+        wanted = min(max(c.HOLD_GAIN * ahead, -bound), bound)
         change = min(limits.acceleration, limits.deceleration) * dt
         return min(max(wanted, last - change), last + change)
 
@@ -161,7 +146,7 @@ class PathFollower:
         """Wait for standstill, then go on; a turn that misses its yaw is repeated."""
         self._settling = (self._settling or 0.0) + now.dt
         at_rest = now.motion.at_rest() and self._v_x == self._yaw_rate == 0.0
-        if not at_rest and self._settling <= MAX_SETTLING:
+        if not at_rest and self._settling <= c.MAX_SETTLING:
             return
         self._settling, self._spin, self._distance, self.point = None, None, None, None
         maneuver, tolerance = self._maneuvers[self._number], now.params.arrival.yaw_tolerance
@@ -190,12 +175,11 @@ class PathFollower:
     def _turn(self, now: Conditions, yaw: float, *, ends: bool) -> tuple[float, float]:
         """Turn in place; at its end settle, or follow the segment if it does not end there."""
         motion = now.motion
-        if abs(self._v_x) > MAX_HOLD_SPEED:
+        if abs(self._v_x) > c.MAX_HOLD_SPEED:
             return self._stop(now)
         if self._spin is None:
             self._spin = SpinControl(self._hold or (motion.x, motion.y))
-        rate = self._spin.step(wrap(yaw - motion.yaw), motion.yaw_rate, now.dt, now.limits,
-                               now.params)
+        rate = self._spin.step(wrap(yaw - motion.yaw), now.dt, now.limits, now.params)
         speed = self._spin.holding_speed(motion, self._v_x, now.dt, now.limits)
         if self._spin.done and ends:
             self._settling = 0.0
@@ -210,7 +194,7 @@ class PathFollower:
             low, reach = 0.0, segment.point(0.0, x, y).offset()
         else:
             low, reach = self._distance, 2.0 * now.motion.speed() * now.dt
-        return segment.project(x, y, low, min(low + PROJECTION_WINDOW + reach, segment.length))
+        return segment.project(x, y, low, min(low + c.PROJECTION_WINDOW + reach, segment.length))
 
     def _follow(self, now: Conditions, segment: Segment, point: PathPoint) -> tuple[float, float]:
         """Pursue a point on the tangent, and add the curvature of the path."""
@@ -236,4 +220,4 @@ class PathFollower:
         """Return whether the direction of travel is corrected by turning in place."""
         if self._spin is not None:
             return True
-        return abs(error) > limit * (1.0 if self._v_x == 0.0 else MAX_ALIGN_FACTOR)
+        return abs(error) > limit * (1.0 if self._v_x == 0.0 else c.MAX_ALIGN_FACTOR)

@@ -18,9 +18,8 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.control import constants as c
 
-GRID_STEP = 0.02          # m, maximum distance between the points of a segment
-SMOOTHING_WINDOW = 0.15   # m, of the moving averages of the tangent's direction
 FORWARD, REVERSE = 1, -1
 
 
@@ -59,12 +58,12 @@ class Segment:
         lengths = np.hypot(np.diff(x), np.diff(y))
         arc = np.concatenate([[0.0], np.cumsum(lengths)])
         self.length = float(arc[-1])
-        count = math.ceil(self.length / GRID_STEP) + 1
+        count = math.ceil(self.length / c.GRID_STEP) + 1
         self.direction = direction
         self.distance = np.linspace(0.0, self.length, max(count, 2))
         self.x, self.y = np.interp(self.distance, arc, x), np.interp(self.distance, arc, y)
         self._step = float(self.distance[1])
-        half = int(0.5 * SMOOTHING_WINDOW / self._step)
+        half = int(0.5 * c.SMOOTHING_WINDOW / self._step)
         edges = np.unwrap(np.arctan2(np.diff(self.y), np.diff(self.x)))
         heading = np.concatenate([edges[:1], 0.5 * (edges[1:] + edges[:-1]), edges[-1:]])
         self.heading = moving_average(moving_average(heading, half), half)

@@ -18,9 +18,9 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.control import constants as c
 from smart_tire.samples import NAN, PlannedPath, Vector3
 
-SPACING = 0.02  # m, between poses of a curve
 FRAME = 'odom'
 
 
@@ -39,7 +39,7 @@ def figure_eight(radius: float) -> PlannedPath:
     crossing, where it begins and ends. It is 15.7 radii long, and 6 radii wide.
     """
     scale = 3.0 * radius
-    count = math.ceil(5.2441 * scale / SPACING)
+    count = math.ceil(5.2441 * scale / c.GRID_STEP)
     t = np.linspace(-0.5 * math.pi, 1.5 * math.pi, max(count, 100) + 1)
     x = scale * np.cos(t) / (1.0 + np.sin(t) ** 2)
     y = x * np.sin(t)
@@ -61,7 +61,7 @@ def lane_change(length: float, width: float) -> PlannedPath:
     polynomial with neither slope nor curvature at both ends.
     """
     run = 0.25 * length
-    u = np.linspace(0.0, 1.0, max(math.ceil(length / SPACING), 2) + 1)
+    u = np.linspace(0.0, 1.0, max(math.ceil(length / c.GRID_STEP), 2) + 1)
     x, y = run + length * u, width * u ** 3 * (10.0 - 15.0 * u + 6.0 * u ** 2)
     return planned([(0.0, 0.0, NAN), *curve(x, y), (2.0 * run + length, width, NAN)])
 

@@ -29,19 +29,14 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.path_geometry import FORWARD, Maneuver, REVERSE, Segment, Spin
 from smart_tire.errors import CommandError
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import GoalPose, PlannedPath, Vector3
 
-MIN_SPACING = 0.002        # m; nearer poses count as one position
-CHORD_LENGTH = 0.03        # m, before and after a point, for the angle of a corner
-YAW_AGREEMENT = math.radians(30.0)
-MIN_AGREEING_SHARE = 0.75  # of the length
-MIN_SPIN = math.radians(10.0)  # yaw between poses at the same position
 FRAME = 'odom'
-MAX_COORDINATE = 1e5  # m
 
 
 def plan_path(poses: Sequence[Vector3], corner_angle: float) -> tuple[Maneuver, ...]:
@@ -95,9 +90,9 @@ def _distinct(poses: Sequence[Vector3]) -> tuple[Array, dict[int, float]]:
     kept = [poses[0]]
     spins: dict[int, float] = {}
     for pose in poses[1:]:
-        if math.hypot(pose[0] - kept[-1][0], pose[1] - kept[-1][1]) >= MIN_SPACING:
+        if math.hypot(pose[0] - kept[-1][0], pose[1] - kept[-1][1]) >= c.MIN_SPACING:
             kept.append(pose)
-        elif (abs(wrap(pose[2] - kept[-1][2])) > MIN_SPIN
+        elif (abs(wrap(pose[2] - kept[-1][2])) > c.MIN_SPIN
               or len(kept) - 1 in spins and not math.isnan(pose[2])):
             spins[len(kept) - 1] = pose[2]
     if len(kept) > 1 and len(kept) - 1 not in spins:
@@ -111,8 +106,8 @@ def _directions(points: Array) -> Array | None:
     heading, lengths = np.arctan2(dy, dx), np.hypot(dx, dy)
     ends = np.cos(np.stack([yaw[:-1] - heading, yaw[1:] - heading]))
     agreement = np.where(np.abs(ends[0]) >= np.abs(ends[1]), ends[0], ends[1])
-    agrees = np.abs(agreement) >= math.cos(YAW_AGREEMENT)
-    if lengths[agrees].sum() < MIN_AGREEING_SHARE * lengths.sum():
+    agrees = np.abs(agreement) >= math.cos(c.YAW_AGREEMENT)
+    if lengths[agrees].sum() < c.MIN_AGREEING_SHARE * lengths.sum():
         return None
     if np.ptp(yaw) == 0.0 and not agrees.all():
         return None
@@ -131,7 +126,7 @@ def _split(points: Array, directions: Array, spins: dict[int, float],
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points[:, :2], axis=0).T))])
     # noise next to an end, or a cusp found one point too late, is not a segment of its own
     corners = [corner for corner in _corners(points, arc, corner_angle)
-               if np.abs(arc[ends] - arc[corner]).min() >= CHORD_LENGTH]
+               if np.abs(arc[ends] - arc[corner]).min() >= c.CHORD_LENGTH]
     return sorted([*ends, *corners])
 
 
@@ -140,7 +135,7 @@ def _corners(points: Array, arc: Array, corner_angle: float) -> list[int]:
     x, y = points[:, 0], points[:, 1]
     inner = arc[1:-1]
     # chords of dense points are longer than their edges; those of coarse ones are the edges
-    before, after = inner - CHORD_LENGTH, inner + CHORD_LENGTH
+    before, after = inner - c.CHORD_LENGTH, inner + c.CHORD_LENGTH
     into = np.arctan2(y[1:-1] - np.interp(before, arc, y), x[1:-1] - np.interp(before, arc, x))
     out = np.arctan2(np.interp(after, arc, y) - y[1:-1], np.interp(after, arc, x) - x[1:-1])
     turn = np.abs((out - into + math.pi) % math.tau - math.pi)
@@ -151,7 +146,7 @@ def _peaks(turn: Array, arc: Array, limit: float) -> list[int]:
     """Return the indices of points (inner ones from 1 on) with the largest turn of each run."""
     corners: list[int] = []
     for index in np.flatnonzero(turn > limit).tolist():
-        if corners and arc[index] - arc[corners[-1] - 1] < CHORD_LENGTH:
+        if corners and arc[index] - arc[corners[-1] - 1] < c.CHORD_LENGTH:
             if turn[index] > turn[corners[-1] - 1]:
                 corners[-1] = index + 1
         else:
@@ -204,8 +199,7 @@ def _check_frame(what: str, frame: str) -> None:
 
 def _check_pose(what: str, pose: Vector3) -> None:
     x, y, yaw = pose
-    if not (abs(x) <= MAX_COORDINATE and abs(y) <= MAX_COORDINATE):
-        raise CommandError(f'{what}: position ({x:g}, {y:g}) m, expected finite numbers up to '
-                           f'{MAX_COORDINATE:g} m')
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise CommandError(f'{what}: position ({x:g}, {y:g}) m, expected finite numbers')
     if math.isinf(yaw):
         raise CommandError(f'{what}: yaw {yaw:g} rad, expected a finite number, or NaN for any')

@@ -20,28 +20,13 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from smart_tire.control.ground_motion import CLOCK_JUMP_NS, STANDSTILL_SPEED
+from smart_tire.control import constants as c
 from smart_tire.control.motion_limits import command_share
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
 
-GATE = 5.0         # -, innovations beyond this many times their spread are clipped to it
-SPREAD_TIME = 1.0  # s, of the mean over squared innovations
-MIN_SPREAD = 5e-3  # m/s, of innovations, lower limit: that of wheel speeds and odometry
-HISTORY_NS = 2 * NS_PER_S  # of wanted velocities, longer than the largest actuation delay
 
 Velocity = tuple[float, float]  # v_x [m/s], yaw rate [rad/s]
-WINDOW_NS = 80_000_000        # of slip and motion that are averaged for one correction
-MAX_OFFSET_NS = 30_000_000    # from the motion that belongs to a slip
-HISTORY = 256                 # odometry messages: 2 s, longer than slip is late
-MAX_SPEED_SHARE = 0.5         # of the wanted speed, by which the feedback changes it at most
-MAX_YAW_SHARE = 0.3           # of the largest yaw rate, by which it changes the yaw rate at most
-SPREAD = 0.02                 # m/s, of slip velocities and v_y around the model, at the start
-TURNING_LENGTH = 0.2          # -, of the turning share, correlation length of tires
-# slip velocity over speed: mean, sigma and range of the prior, from firm ground to sand
-RESISTANCE = 0.01, 0.15, -0.05, 0.5
-WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; the most in narrow turns on sand
-MAX_COMPLIANCE = 4.0          # over that of the calibrated ground
 
 Motion = tuple[float, float, float]  # v_x, v_y [m/s], yaw rate [rad/s]
 
@@ -64,7 +49,7 @@ class SlipCoefficient:
 
     def reset(self) -> None:
         """Return to the prior."""
-        self.value, self._variance, self._spread2 = self._mean, self._prior_variance, SPREAD ** 2
+        self.value, self._variance, self._spread2 = self._mean, self._prior_variance, c.SPREAD ** 2
 
     def after(self, change: float) -> float:
         """Return the value that is expected after a ``change`` since the last update."""
@@ -83,14 +68,14 @@ class SlipCoefficient:
         self._variance = kept * self._variance + (1.0 - kept) * self._prior_variance
         if not math.isfinite(regressor * regressor + measured):
             return
-        limit = GATE * max(math.sqrt(self._spread2), MIN_SPREAD)
+        limit = c.GATE * max(math.sqrt(self._spread2), c.MIN_SPREAD)
         innovation = min(max(measured - self.value * regressor, -limit), limit)
-        noise = max(self._spread2, sigma * sigma, MIN_SPREAD * MIN_SPREAD)
+        noise = max(self._spread2, sigma * sigma, c.MIN_SPREAD * c.MIN_SPREAD)
         gain = self._variance * regressor / (self._variance * regressor * regressor + noise)
         low, high = self._range
         self.value = min(max(self.value + gain * innovation, low), high)
         self._variance *= 1.0 - gain * regressor
-        share = min(duration / SPREAD_TIME, 1.0)
+        share = min(duration / c.SPREAD_TIME, 1.0)
         self._spread2 += share * (innovation * innovation - self._spread2)
 
 
@@ -113,7 +98,7 @@ class VelocityFeedback:
 
     def want(self, velocity: Velocity, now_ns: int) -> None:
         """Add the velocity that is commanded now."""
-        while self._wanted and not 0 < now_ns - self._wanted[0][0] <= HISTORY_NS:
+        while self._wanted and not 0 < now_ns - self._wanted[0][0] <= c.HISTORY_NS:
             self._wanted.popleft()
         self._wanted.append((now_ns, velocity))
 
@@ -157,11 +142,11 @@ class SlipKinematics:
         self._track, self._wheelbase = robot.track_width, robot.wheelbase
         self._effective_track, self._fade_time = params.effective_track, params.friction.fade_time
         compliance = 0.25 * robot.mass / robot.tire.longitudinal_stiffness
-        self._resistance = SlipCoefficient(*RESISTANCE)
+        self._resistance = SlipCoefficient(*c.RESISTANCE)
         self._widening = SlipCoefficient(
-            _prior_widening(params), WIDENING_SIGMA, 0.0, MAX_WIDENING)
+            _prior_widening(params), c.WIDENING_SIGMA, 0.0, c.MAX_WIDENING)
         self._compliance = SlipCoefficient(  # s2/m, slip angle over v_x and yaw rate
-            compliance, compliance, 0.0, MAX_COMPLIANCE * compliance)
+            compliance, compliance, 0.0, c.MAX_COMPLIANCE * compliance)
         self.reset()
 
     def reset(self) -> None:
@@ -171,7 +156,7 @@ class SlipKinematics:
         self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
         self._turning = 0.0                             # turning share that they belong to
-        self._motions = deque[tuple[int, Motion]](maxlen=HISTORY)
+        self._motions = deque[tuple[int, Motion]]()
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
 
@@ -179,12 +164,14 @@ class SlipKinematics:
         """Add an estimate of the motion of the body; older ones than the last are ignored."""
         stamp_ns = odometry.stamp_ns
         if self._motions and stamp_ns <= self._motions[-1][0]:
-            if stamp_ns > self._motions[-1][0] - CLOCK_JUMP_NS:
+            if stamp_ns > self._motions[-1][0] - c.CLOCK_JUMP_NS:
                 return
             self.reset()
         motion = odometry.linear[0], odometry.linear[1], odometry.angular[2]
         if all(map(math.isfinite, motion)):
             self._motions.append((stamp_ns, motion))
+            while self._motions[0][0] < stamp_ns - c.HISTORY_NS:
+                self._motions.popleft()
 
     def add_slip(self, slip: WheelSlip) -> None:
         """Add estimated slips; without motion of the same time they are ignored."""
@@ -196,7 +183,7 @@ class SlipKinematics:
         right = _side(slip, RIGHT, motion[0] + half)
         if left is None or right is None:
             return
-        if self._window and slip.stamp_ns - self._window_ns >= WINDOW_NS:
+        if self._window and slip.stamp_ns - self._window_ns >= c.SLIP_WINDOW_NS:
             self._learn()
         if not self._window:
             self._window_ns = slip.stamp_ns
@@ -213,7 +200,7 @@ class SlipKinematics:
             reached_ns, (reached, _, reached_rate) = self._motions[-1]
             added = self._feedback.correction(
                 (reached, reached_rate), reached_ns, params.follower.actuation_delay,
-                (MAX_SPEED_SHARE * abs(v_x), MAX_YAW_SHARE * params.limits.yaw_rate))
+                (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
         else:
             added = 0.0, 0.0
         command = speed * (v_x + added[0]), turn * (yaw_rate + added[1])
@@ -236,18 +223,18 @@ class SlipKinematics:
 
     def _change(self, v_x: float, yaw_rate: float) -> float:
         """Return the change of the turning share from the one learned last, over its length."""
-        return abs(self._turning_share(v_x, yaw_rate) - self._turning) / TURNING_LENGTH
+        return abs(self._turning_share(v_x, yaw_rate) - self._turning) / c.TURNING_LENGTH
 
     def _turning_share(self, v_x: float, yaw_rate: float) -> float:
         """Return the share of sideways motion of the wheels: 0 straight on, 1 in place."""
         sideways = 0.5 * self._wheelbase * abs(yaw_rate)
-        return sideways / (sideways + abs(v_x) + STANDSTILL_SPEED)
+        return sideways / (sideways + abs(v_x) + c.STANDSTILL_SPEED)
 
     def _motion_at(self, stamp_ns: int) -> Motion | None:
         """Return the latest motion up to then, None if there is no recent one."""
         for motion_ns, motion in reversed(self._motions):
             if motion_ns <= stamp_ns:
-                return motion if stamp_ns - motion_ns <= MAX_OFFSET_NS else None
+                return motion if stamp_ns - motion_ns <= c.SLIP_WINDOW_NS else None
         return None
 
     def _learn(self) -> None:

@@ -15,13 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-DEAD_SHARE = 0.5   # of the commanded yaw rate, within which a deviation is slip in a turn
-MIN_SHARE = 0.2    # of the force that remains on a side
-DEAD_FORCE = 0.02  # of the force of a side, a difference that is left as it is
-RELIEF, MAX_RELIEF = 0.3, 0.06  # of the other side, which may slide: it then loses no force
-MIN_DELAY = 0.01   # s, of the estimates and of the wheels
-MIN_FORCE = 1.0    # N, of a side; lower limit in the denominator of the gain
-MIN_SPEED = 0.2    # rad/s, of a wheel; lower limit in the denominator of its slip
+from smart_tire.control import constants as c
 
 
 def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
@@ -117,7 +111,7 @@ class TireLoad:
     def slip_share(self, speed: float) -> float:
         """Return the slip of a wheel at ``speed`` [rad/s] over the critical slip, 0 or more."""
         return abs(speed - self.speed) / (
-            max(abs(speed), MIN_SPEED) * self.critical_slip + self.speed_sigma)
+            max(abs(speed), c.STANDSTILL_WHEEL_SPEED) * self.critical_slip + self.speed_sigma)
 
     def _force_share(self, speed: float) -> float:
         """Return the force over that of a sliding wheel, 0 to 1."""
@@ -149,9 +143,9 @@ class YawControl:
         side at its limit, ``direction`` that of all forces, 1 for driving forward.
         """
         self.heading += deviation * period
-        bandwidth = 0.5 / max(delay, MIN_DELAY)
+        bandwidth = 0.5 / max(delay, 2.0 * c.LINE_DELAY)
         moment = bandwidth * (deviation + 0.25 * bandwidth * self.heading)  # critically damped
-        excess = direction * moment / (self.arm * max(force, MIN_FORCE))  # of the right side
+        excess = direction * moment / (self.arm * max(force, c.TINY))  # of the right side
         return _share(-excess), _share(excess)
 
 
@@ -162,12 +156,12 @@ def yaw_deviation(yaw_rate: float, commanded: float) -> float:
     >>> yaw_deviation(0.2, 0.0), yaw_deviation(0.3, 0.5), yaw_deviation(0.2, 0.5)
     (0.2, 0.0, -0.05)
     """
-    error, dead = yaw_rate - commanded, DEAD_SHARE * abs(commanded)
+    error, dead = yaw_rate - commanded, c.DEAD_SHARE * abs(commanded)
     return math.copysign(max(abs(error) - dead, 0.0), error) if abs(error) > dead else 0.0
 
 
 def _share(excess: float) -> float:
     """Return the share of its force that a side may have, for its ``excess`` of force."""
-    if excess < -DEAD_FORCE:
-        return max(1.0 + RELIEF * (excess + DEAD_FORCE), 1.0 - MAX_RELIEF)
-    return min(max(1.0 - excess + DEAD_FORCE, MIN_SHARE), 1.0)
+    if excess < -c.DEAD_FORCE:
+        return max(1.0 + c.RELIEF * (excess + c.DEAD_FORCE), 1.0 - c.MAX_RELIEF)
+    return min(max(1.0 - excess + c.DEAD_FORCE, c.MIN_FORCE_SHARE), 1.0)

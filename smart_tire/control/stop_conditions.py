@@ -17,21 +17,14 @@ from collections.abc import Iterable
 import math
 from statistics import fmean
 
-from smart_tire.control.ground_motion import CLOCK_JUMP_NS, Motion, wrap
+from smart_tire.control import constants as c
+from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.path_follower import PathFollower
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WheelSample
 
-WINDOW_NS = 500_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz
-# m in the window, from which on it is judged. A start with 0.5 m/s2 takes 0.45 s for it, in which
-# odometry that lags by 0.2 s, with plausible stamps, has seen 0.3 of it: more than 1 - max_slip.
-MIN_DISTANCE = 0.05
-HISTORY_NS = 2 * NS_PER_S  # kept: the window, and by how much one input is later than the other
 Distances = tuple[float, float]  # m: mean of both sides, and half of right - left
-MIN_ADVANCE = 0.02  # m
-MIN_TURN = 0.04     # rad
-MAX_WAIT = 10.0     # s, for the first odometry
 
 
 class Travel:
@@ -47,7 +40,7 @@ class Travel:
 
     def elapsed(self, stamp_ns: int) -> float:
         """Return the time [s] since the latest sample; 0 if there is none in ``CLOCK_JUMP_NS``."""
-        if self.stamps and not 0 <= stamp_ns - self.stamps[-1] <= CLOCK_JUMP_NS:
+        if self.stamps and not 0 <= stamp_ns - self.stamps[-1] <= c.CLOCK_JUMP_NS:
             self.clear()
         return (stamp_ns - self.stamps[-1]) / NS_PER_S if self.stamps else 0.0
 
@@ -56,7 +49,7 @@ class Travel:
         before = self._sums[-1] if self._sums else (0.0, 0.0)
         self.stamps.append(stamp_ns)
         self._sums.append((before[0] + forward, before[1] + turning))
-        old = bisect(self.stamps, stamp_ns - HISTORY_NS)
+        old = bisect(self.stamps, stamp_ns - c.HISTORY_NS)
         del self.stamps[:old], self._sums[:old]
 
     def between(self, begin_ns: int, end_ns: int) -> Distances:
@@ -111,7 +104,7 @@ class OdometryCheck:
         if min(len(self._wheels.stamps), len(self._odom.stamps)) < 2:
             return ''
         end_ns = min(self._wheels.stamps[-1], self._odom.stamps[-1])
-        begin_ns = max(self._wheels.stamps[0], self._odom.stamps[0], end_ns - WINDOW_NS)
+        begin_ns = max(self._wheels.stamps[0], self._odom.stamps[0], end_ns - c.WINDOW_NS)
         if begin_ns >= end_ns:
             return ''
         wheels, odom = (item.between(begin_ns, end_ns) for item in (self._wheels, self._odom))
@@ -130,11 +123,11 @@ def contradict(wheels: Distances, odom: Distances, max_slip: float) -> bool:
     # wheels that roll: the component of the motion in their direction. Resistance to turning
     # makes one of drive and turn slip much more than the other.
     rolled = math.hypot(*wheels)
-    moved = (wheels[0] * odom[0] + wheels[1] * odom[1]) / max(rolled, MIN_DISTANCE)
+    moved = (wheels[0] * odom[0] + wheels[1] * odom[1]) / max(rolled, c.MIN_DISTANCE)
     # wheels that stand: on ground of two kinds, one rolling side can turn and move the robot
     most_rolled, most_moved = (sum(map(abs, distances)) for distances in (wheels, odom))
-    return (rolled > MIN_DISTANCE and moved < (1.0 - max_slip) * rolled
-            or most_moved > MIN_DISTANCE and most_rolled < (1.0 - max_slip) * most_moved)
+    return (rolled > c.MIN_DISTANCE and moved < (1.0 - max_slip) * rolled
+            or most_moved > c.MIN_DISTANCE and most_rolled < (1.0 - max_slip) * most_moved)
 
 
 def _finite(values: Iterable[float]) -> list[float]:
@@ -156,9 +149,9 @@ class ProgressMonitor:
         """Return the reason to stop while there is no odometry yet; empty if there is none."""
         if self._waiting_ns is None:
             self._waiting_ns = now_ns
-        if now_ns - self._waiting_ns <= MAX_WAIT * NS_PER_S:
+        if now_ns - self._waiting_ns <= c.MAX_WAIT * NS_PER_S:
             return ''
-        return f'odom: none for {MAX_WAIT:g} s, expected poses of the robot'
+        return f'odom: none for {c.MAX_WAIT:g} s, expected poses of the robot'
 
     def check(self, follower: PathFollower, motion: Motion, now_ns: int,
               params: TrajectoryControllerParams) -> str:
@@ -196,7 +189,7 @@ class ProgressMonitor:
                         params: TrajectoryControllerParams) -> str:
         now, timeout = follower.advance(), params.checks.progress_timeout
         mark = self._mark
-        if mark is None or now[0] > mark[0] + MIN_ADVANCE or now[1] > mark[1] + MIN_TURN:
+        if mark is None or now[0] > mark[0] + c.MIN_ADVANCE or now[1] > mark[1] + c.MIN_TURN:
             self._mark, self._mark_ns = now, now_ns
         elif now_ns - self._mark_ns > timeout * NS_PER_S:
             return f'no progress for {timeout:g} s: blocked, or the wheels do not turn'

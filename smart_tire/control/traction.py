@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from smart_tire.control.ground_knowledge import (
-    GroundKnowledge, MAX_RESISTANCE, Measured, PRIOR_SIGMA, ShownFriction)
+from smart_tire.control import constants as c
+from smart_tire.control.ground_knowledge import GroundKnowledge, Measured, ShownFriction
 from smart_tire.control.ground_motion import Expected, GroundSpeed, Motion, Onset
 from smart_tire.control.slip_limits import (
     bounded, share_within, slip_band, TireLoad, yaw_deviation, YawControl)
@@ -25,22 +25,13 @@ from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_
 from smart_tire.parameters.control import TractionParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import (
-    Four, Friction, GRAVITY, GroundState, LEFT, Odometry, RIGHT, WHEELS, WheelSample)
+    Four, four, Friction, GRAVITY, GroundState, LEFT, Odometry, RIGHT, WHEELS, WheelSample)
 from smart_tire.uncertain import fused, Uncertain
 
 NOT_SLIPPING = (None,) * len(WHEELS)
-AXLES = (0, 1), (2, 3)   # indices into WHEELS
+AXLES = tuple(zip(LEFT, RIGHT))
 SIDES = tuple(map(float, SIDE_SIGNS))
 ENDS = tuple(map(float, AXLE_SIGNS))
-MAX_STIFFENING = 1.3        # C_x of any ground over that of the tire: three sigma
-PRIOR_RELATIVE_SIGMA = 1.6  # of the critical slip of unknown ground: other curves and loads
-CONFIRMED = 1.2             # friction used over that shown, at most; error of the force
-MAX_ONSET_WEIGHT = 0.3                # weight of an onset, below which estimates show the friction
-MIN_CRITICAL_SLIP = 1e-3    # -, lower limit in denominators
-MIN_SHARE = 0.5             # of a slip limit that remains for the longitudinal slip
-ONSET_DELAY = 0.05          # s, from an onset until the robot accelerates
-MIN_SLIP_SHARE = 0.3        # of critical slip, down to which a wheel that was limited slips
-MIN_EXCESS = 0.1            # m/s, sum of wanted minus limited rolling speeds that is an onset
 
 
 Known = tuple[Measured, float] | None  # latest measurement of a side's ground, and its weight
@@ -141,28 +132,24 @@ class TractionControl:
         else:
             limited, tires = self._limited(set_points, now_ns, period)
         step = self.params.min_deceleration * period / self._robot.wheel_radius
-        a, b, c, d = map(bounded, limited, set_points, self._latest or set_points, (step,) * 4)
-        self._latest = a, b, c, d
-        self.tires = tuple(
-            tire if speed != target or (before is not None and target != 0.0
-                                        and tire.slip_share(target) > MIN_SLIP_SHARE) else None
-            for tire, before, speed, target in zip(tires, self.tires, self._latest, set_points)
-        ) or NOT_SLIPPING
+        self._latest = four(
+            map(bounded, limited, set_points, self._latest or set_points, (step,) * 4))
+        self.tires = tuple(tire if speed != target else None for tire, speed, target in zip(
+            tires, self._latest, set_points)) or NOT_SLIPPING
         return self._latest
 
     def _limited(self, set_points: Four, now_ns: int, period: float) -> tuple[
             Four, list[TireLoad]]:
         """Return the set points [rad/s] with slips within their limits, and the tires there."""
         sides, radius = self._sides(), self._robot.wheel_radius
-        a, b, c, d = (radius * speed for speed in set_points)
-        wanted = a, b, c, d
+        wanted = four(radius * speed for speed in set_points)
         limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
         if self._begins(sum(wanted) - sum(limited), now_ns, sides):
             limited, motion, grounds = self._predicted_limit(wanted, now_ns, period, sides)
-        elif self._direction and motion.unseen < MAX_ONSET_WEIGHT:
+        elif self._direction and motion.unseen < c.MAX_ONSET_WEIGHT:
             self._shown.learn_friction(motion.measured, motion.v_x, self._direction,
                                        min(ground.limit for ground in grounds), period)
-        if motion.unseen < MAX_ONSET_WEIGHT:
+        if motion.unseen < c.MAX_ONSET_WEIGHT:
             self._shown.learn_resistance(
                 motion.measured, motion.v_x, period, self.params.acceleration_filter)
         tires = [self._tire(*one, motion) for one in zip(range(4), grounds, set_points)]
@@ -171,21 +158,22 @@ class TractionControl:
         else:
             limited = self._balanced(limited, tires, motion, now_ns, period)
         self._report('', limited != wanted, min(ground.limit for ground in grounds))
-        a, b, c, d = (speed / radius for speed in limited)
-        return (a, b, c, d) if self.state.limiting else set_points, tires
+        if self.state.limiting:
+            set_points = four(speed / radius for speed in limited)
+        return set_points, tires
 
     def _sides(self) -> list[Side]:
         """Return the ground of the left and the right side; one without films has the other's."""
         left, right = (Side(known, ground.friction(self.params.unknown, self.params))
                        if (known := ground.latest(self.params)) else None
                        for ground in self._grounds)
-        unknown = Side(None, Uncertain(self.params.unknown, PRIOR_SIGMA))
+        unknown = Side(None, Uncertain(self.params.unknown, c.PRIOR_SIGMA))
         return [left or right or unknown, right or left or unknown]
 
     def _predicted_limit(self, wanted: Four, now_ns: int, period: float, sides: Sequence[Side]
                          ) -> tuple[Four, Expected, list[WheelGround]]:
         """Return limited rolling speeds [m/s], and the motion and the ground for them."""
-        bound = GRAVITY * (1.0 if sides[0].known is None else MAX_RESISTANCE + max(
+        bound = GRAVITY * (1.0 if sides[0].known is None else c.MAX_RESISTANCE + max(
             sum(side.friction) for side in sides))
         motion = self._motion.expected(
             now_ns, period + self.params.lead, self._onset, bound)
@@ -203,19 +191,19 @@ class TractionControl:
         """
         params, shown = self.params, self._shown.value
         per_friction = 3.0 * load / self._robot.tire.longitudinal_stiffness
-        critical = Uncertain(shown * per_friction, PRIOR_RELATIVE_SIGMA * shown * per_friction)
+        critical = Uncertain(shown * per_friction, c.PRIOR_RELATIVE_SIGMA * shown * per_friction)
         friction = shown
         if side.known is not None:
             measured, weight = side.known
-            friction = min(side.friction.value, CONFIRMED * shown)
-            confirmed = min(CONFIRMED * shown / measured.friction.value, 1.0)
+            friction = min(side.friction.value, shown)
+            confirmed = min(shown / measured.friction.value, 1.0)
             slip, sigma = measured.slip_per_load
-            slip = max(slip * load, measured.friction.value * per_friction / MAX_STIFFENING)
+            slip = max(slip * load, measured.friction.value * per_friction / c.MAX_STIFFENING)
             mean, sigma = fused(critical, Uncertain(confirmed * slip, sigma * load))
             critical = Uncertain(critical.value + weight * (mean - critical.value), sigma)
         bound = max(critical.value - params.sigmas * critical.sigma, 0.0)
         return WheelGround(min(params.share * bound, params.max_slip),
-                           max(critical.value, MIN_CRITICAL_SLIP), friction * load)
+                           max(critical.value, c.TINY), friction * load)
 
     def _tire(self, wheel: int, ground: WheelGround, command: float, motion: Expected) -> TireLoad:
         radius = self._robot.wheel_radius
@@ -236,19 +224,19 @@ class TractionControl:
             yaw_deviation(motion.yaw_rate, commanded), period,
             self._motion.age(now_ns) + period + self.params.lead,
             0.5 * sum(tire.torque for tire in tires) / radius, self._direction)
-        a, b, c, d = (radius * tire.with_share(speed / radius, shares[i % 2])
-                      for i, (speed, tire) in enumerate(zip(speeds, tires)))
-        return a, b, c, d
+        return four(radius * tire.with_share(speed / radius, shares[i % 2])
+                    for i, (speed, tire) in enumerate(zip(speeds, tires)))
 
     def _begins(self, excess: float, now_ns: int, sides: Sequence[Side]) -> bool:
         """Return whether the robot begins to accelerate or to brake at the limit."""
-        direction = (excess > MIN_EXCESS) - (excess < -MIN_EXCESS)
+        least = 2.0 * self.params.floor
+        direction = (excess > least) - (excess < -least)
         begins = direction not in (0, self._direction)
         if begins:
             self._shown.begin(self._shown.value if sides[0].known is None else min(
                 side.friction.value for side in sides))
             self._onset = Onset(now_ns, direction * GRAVITY * self._shown.value,
-                                self.params.acceleration_filter + ONSET_DELAY)
+                                self.params.acceleration_filter + c.ONSET_DELAY)
         self._direction = direction
         return begins
 
@@ -266,10 +254,9 @@ class TractionControl:
     def _loads(self, motion: Expected) -> Four:
         robot = self._robot
         lateral = min(max(motion.v_x * motion.yaw_rate, -GRAVITY), GRAVITY)
-        a, b, c, d = normal_loads(
+        return four(normal_loads(
             robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
-            motion.acceleration, lateral, radius=robot.wheel_radius).tolist()
-        return a, b, c, d
+            motion.acceleration, lateral, radius=robot.wheel_radius).tolist())
 
     def _within(self, wanted: Four, motion: Expected, grounds: Sequence[WheelGround]) -> Four:
         """
@@ -287,8 +274,7 @@ class TractionControl:
                 speed = (wanted[i] if share == 1.0
                          else rolling[i] + share * (wanted[i] - rolling[i]))
                 result[i] = min(max(speed, low), high)
-        a, b, c, d = result
-        return a, b, c, d
+        return four(result)
 
     def _rolling(self, wanted: Four, motion: Motion) -> Four:
         """Return the rolling speeds [m/s] at the present speed on the commanded curve."""
@@ -297,10 +283,8 @@ class TractionControl:
             sum_ = abs(left + right)
             self._ratio = (right - left) / (left + right) if sum_ > abs(right - left) else math.nan
         if math.isnan(self._ratio):  # spinning
-            a, b, c, d = (self._free_rolling(i, motion) for i in range(4))
-        else:
-            a, b, c, d = (motion.v_x * (1.0 - side * self._ratio) for side in SIDES)
-        return a, b, c, d
+            return four(self._free_rolling(i, motion) for i in range(4))
+        return four(motion.v_x * (1.0 - side * self._ratio) for side in SIDES)
 
     def _free_rolling(self, wheel: int, motion: Motion) -> float:
         """Return the rolling speed [m/s] of a wheel without longitudinal force."""
@@ -312,6 +296,6 @@ class TractionControl:
         lateral = motion.v_y + 0.5 * ENDS[wheel] * self._robot.wheelbase * motion.yaw_rate
         lateral_slip = lateral / max(abs(speed), self.params.floor)
         margin = self.params.sigmas * motion.v_x_sigma / max(abs(speed), self.params.floor)
-        slip = math.sqrt(max(limit ** 2 - lateral_slip ** 2, (MIN_SHARE * limit) ** 2))
-        slip = max(slip - margin, MIN_SHARE * limit)
+        slip = math.sqrt(max(limit ** 2 - lateral_slip ** 2, (c.MIN_SHARE * limit) ** 2))
+        slip = max(slip - margin, c.MIN_SHARE * limit)
         return slip_band(speed, slip, self.params.floor)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from enum import Enum, IntEnum
 
+from smart_tire.control import constants as c
 from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor
 from smart_tire.control.motion_limits import command_share, motion_limits
@@ -27,9 +28,6 @@ from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import (
     GoalPose, GroundState, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, VelocityCommand,
     WheelSample, WheelSlip)
-
-MAX_STEP_PERIODS = 4  # upper limit of the time step, in periods
-MIN_HEADING_SPEED = 0.05  # m/s; the direction of a slower motion is not known
 
 
 class State(IntEnum):
@@ -210,8 +208,8 @@ class TrajectoryControl:
         factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
                    else (1.0, 1.0))
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
-        self._last = follower.step(
-            Conditions(motion, dt, limits, params, self._drift()))
+        drift = self._kinematics.drift(*self._last) if params.slip_compensation else 0.0
+        self._last = follower.step(Conditions(motion, dt, limits, params, drift))
         reason = self._progress.check(follower, self._motion.motion, now_ns, params)
         if follower.finished or reason:
             self._end(State.STOPPED if reason else State.ARRIVED, reason, Cause.MOTION)
@@ -227,14 +225,8 @@ class TrajectoryControl:
         share = command_share(command, self.params)
         return (share * command[0], share * command[1]) if share else (0.0, 0.0)
 
-    def _drift(self) -> float:
-        """Return the angle [rad] of the motion to the body; at low speeds it is not defined."""
-        if not self.params.slip_compensation or abs(self._last[0]) <= MIN_HEADING_SPEED:
-            return 0.0
-        return self._kinematics.drift(*self._last)
-
     def _time_step(self, now_ns: int, last_ns: int | None) -> float:
         period = 1.0 / self.params.rate
         if last_ns is None:
             return period
-        return min((now_ns - last_ns) / NS_PER_S, MAX_STEP_PERIODS * period)
+        return min((now_ns - last_ns) / NS_PER_S, c.MAX_STEP_PERIODS * period)

@@ -16,19 +16,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 import math
 
-from smart_tire.control.duty_gate import STOPPED
+from smart_tire.control import constants as c
 from smart_tire.control.slip_limits import TireLoad
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.control.wheel_servo import drive_model, DriveModel, Pid, SpeedReference
 from smart_tire.parameters.control import WheelControllerParams
-from smart_tire.samples import Four, NS_PER_S, VelocityCommand
-
-MAX_STEP_PERIODS = 4    # upper limit of the time step of the controllers, in periods
-STANDSTILL_SPEED = 0.1  # rad/s; a slower wheel with a set point of zero is held
-# -, holds on slopes of 35 degrees, and is below ``stall_duty`` of motor_driver: a wheel that
-# stands at this duty is not taken for a blocked one.
-MAX_HOLD_DUTY = 0.25
+from smart_tire.samples import Four, four, NS_PER_S, STOPPED, VelocityCommand
 
 
 def wheel_speeds(command: VelocityCommand, *, radius: float, effective_track: float) -> Four:
@@ -83,12 +77,12 @@ class WheelServo:
         measured = latest.velocity[self._wheel] if latest else 0.0
         if set_point != 0.0:
             self._holding = False
-        elif not self._holding and abs(measured) < STANDSTILL_SPEED:
+        elif not self._holding and abs(measured) < c.STANDSTILL_WHEEL_SPEED:
             self.reset()
             self._holding = True
         params, reference = self._params, self._reference
         pid = params.pid if not self._holding else replace(
-            params.pid, limit=min(params.pid.limit, MAX_HOLD_DUTY))
+            params.pid, limit=min(params.pid.limit, c.MAX_HOLD_DUTY))
         if reference is None:  # a rolling wheel is taken over at its speed
             reference = self._reference = SpeedReference(
                 0.0 if self._holding else measured, now_ns)
@@ -201,10 +195,9 @@ class WheelControl:
             return set_points, STOPPED
         if not self.motors_enabled:
             self._reset()
-        a, b, c, d = (
+        return set_points, four(
             servo.step(set_point, self._feedback, dt, now_ns, tire)
             for servo, set_point, tire in zip(self._servos, set_points, self.traction.tires))
-        return set_points, (a, b, c, d)
 
     def _reset(self) -> None:
         for servo in self._servos:
@@ -217,12 +210,11 @@ class WheelControl:
 
     def _limited(self, velocity: Sequence[float]) -> Four:
         excess = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
-        a, b, c, d = (speed / excess for speed in velocity)
-        return a, b, c, d
+        return four(speed / excess for speed in velocity)
 
     def _elapsed(self, now_ns: int) -> float:
         period = 1.0 / self._params.rate
         before, self._stepped_ns = self._stepped_ns, now_ns
         if before is None or now_ns <= before:
             return period
-        return min((now_ns - before) / NS_PER_S, MAX_STEP_PERIODS * period)
+        return min((now_ns - before) / NS_PER_S, c.MAX_STEP_PERIODS * period)

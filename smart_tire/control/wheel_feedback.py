@@ -17,17 +17,8 @@ from dataclasses import dataclass
 import math
 from statistics import fmean, median
 
-from smart_tire.control.duty_gate import STOPPED
-from smart_tire.samples import Four, NS_PER_S
-
-MAX_SPEED = 100.0        # rad/s; a larger one is no measurement
-PERIODS = 5              # gaps between readings whose median is their period
-ARRIVALS = 32            # latest readings, of which the earliest arrival relates both clocks
-MAX_LATENESS_NS = 100_000_000  # of an arrival after the earliest one; more: the clocks differ
-MAX_GAP_RATIO = 1.5      # gap over period, above which a reading was lost
-MIN_PERIOD_NS, MAX_PERIOD_NS = 100_000, 2 * NS_PER_S  # between plausible timestamps
-MAX_AGE_PERIODS = 2.0    # age of a reading that still advances integrals
-LINE_DELAY = 0.005       # s, of a duty to the motors and of a reading from the encoders; assumed
+from smart_tire.control import constants as c
+from smart_tire.samples import Four, four, NS_PER_S, STOPPED
 
 
 @dataclass(frozen=True)
@@ -54,8 +45,8 @@ class WheelFeedback:
 
     def __init__(self, window: float) -> None:
         self._window_ns = round(window * NS_PER_S)
-        self._gaps: deque[int] = deque(maxlen=PERIODS)
-        self._lateness: deque[int] = deque(maxlen=ARRIVALS)  # ns, of arrivals after ``time_ns``
+        self._gaps: deque[int] = deque(maxlen=c.PERIODS)
+        self._lateness: deque[int] = deque(maxlen=c.ARRIVALS)  # ns, of arrivals after ``time_ns``
         self._readings: deque[Reading] = deque()
 
     def add_reading(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
@@ -66,12 +57,12 @@ class WheelFeedback:
         ``position`` are the angles [rad] at that time; without them a speed is the mean since the
         reading before. Speeds that are not finite or not possible are ignored.
         """
-        if not all(abs(speed) <= MAX_SPEED for speed in velocity):  # false for NaN, too
+        if not all(abs(speed) <= c.MAX_READING for speed in velocity):  # false for NaN, too
             return
         before = self.latest
         if before is not None and (gap_ns := _gap(before, now_ns, stamp_ns)) > 0:
             self._gaps.append(gap_ns)
-            if position is None and gap_ns > MAX_GAP_RATIO * median(self._gaps):
+            if position is None and gap_ns > c.MAX_GAP_RATIO * median(self._gaps):
                 self._readings.clear()  # others are missing in between
         elif before is not None:  # another one of the same time
             self._readings.pop()
@@ -95,7 +86,7 @@ class WheelFeedback:
         angle = STOPPED if before is None else _angle(before, velocity, position, gap_ns)
         time_ns = now_ns if before is None else before.time_ns + gap_ns
         late_ns = now_ns - time_ns
-        if self._lateness and late_ns > min(self._lateness) + MAX_LATENESS_NS:
+        if self._lateness and late_ns > min(self._lateness) + c.MAX_LATENESS_NS:
             self._lateness.clear()
         self._lateness.append(late_ns)
         readings = self._readings
@@ -127,7 +118,7 @@ class WheelFeedback:
             return None
         first, last = self._readings[0], self._readings[-1]
         duration_ns = last.time_ns - first.time_ns
-        end_ns = last.time_ns + min(self._lateness) - round(LINE_DELAY * NS_PER_S)
+        end_ns = last.time_ns + min(self._lateness) - round(c.LINE_DELAY * NS_PER_S)
         turned = last.angle[wheel] - first.angle[wheel]
         return turned * NS_PER_S / duration_ns, end_ns - duration_ns, end_ns
 
@@ -143,7 +134,7 @@ class WheelFeedback:
         """Return whether the latest reading is not older than it should be."""
         if self.latest is None or self.period is None:
             return False
-        most_ns = (MAX_AGE_PERIODS * self.period * NS_PER_S
+        most_ns = (c.MAX_AGE_PERIODS * self.period * NS_PER_S
                    + max(self._lateness) - min(self._lateness))
         return now_ns - self.latest.arrived_ns <= most_ns
 
@@ -157,13 +148,13 @@ class WheelFeedback:
         period = self.period or math.inf
         window = max(self._window_ns / NS_PER_S, period)
         late = fmean(self._lateness) - min(self._lateness) if self._lateness else 0.0
-        return 0.5 * (window + period + control_period) + LINE_DELAY + late / NS_PER_S
+        return 0.5 * (window + period + control_period) + c.LINE_DELAY + late / NS_PER_S
 
 
 def _gap(before: Reading, now_ns: int, stamp_ns: int) -> int:
     """Return the time [ns] since the reading ``before``, by timestamps if they are plausible."""
     gap_ns = stamp_ns - before.stamp_ns
-    plausible = MIN_PERIOD_NS <= gap_ns <= MAX_PERIOD_NS
+    plausible = c.MIN_PERIOD_NS <= gap_ns <= c.MAX_PERIOD_NS
     return gap_ns if plausible else now_ns - before.arrived_ns
 
 
@@ -173,7 +164,6 @@ def _angle(before: Reading, velocity: Four, position: Four | None, gap_ns: int) 
     turned = [speed * elapsed for speed in velocity]
     if position is not None and before.position is not None:
         measured = [new - old for old, new in zip(before.position, position)]
-        if all(abs(angle) <= MAX_SPEED * elapsed for angle in measured):  # else restarted, or NaN
+        if all(abs(angle) <= c.MAX_READING * elapsed for angle in measured):  # else restarted, NaN
             turned = measured
-    a, b, c, d = (old + angle for old, angle in zip(before.angle, turned))
-    return a, b, c, d
+    return four(old + angle for old, angle in zip(before.angle, turned))

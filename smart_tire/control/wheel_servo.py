@@ -16,15 +16,11 @@ from collections import deque
 from dataclasses import dataclass, replace
 import math
 
+from smart_tire.control import constants as c
 from smart_tire.control.slip_limits import TireLoad
 from smart_tire.parameters.control import PidParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, NS_PER_S, WHEELS
-
-MAX_HISTORY_NS = 3 * NS_PER_S  # of the expected angle; more than two readings at 1 Hz
-# Of the wheel's own inertia, added by the derivative. With a delay the loop is stable below 1 for
-# the true acceleration; readings give its mean of the past, with the noise of their timestamps.
-MAX_DERIVATIVE_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -104,7 +100,7 @@ class DriveModel:
             (pid.integral, fastest)) if gain > 0.0])
         wheel_inertia = self.wheel_time_constant * self.speed_gain  # s2/rad: over stall torque
         return Gains(factor * pid.proportional, factor * pid.integral,
-                     min(factor * pid.derivative, MAX_DERIVATIVE_SHARE * wheel_inertia))
+                     min(factor * pid.derivative, c.MAX_DERIVATIVE_SHARE * wheel_inertia))
 
 
 def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
@@ -195,7 +191,7 @@ class SpeedReference:
         angle += self._input * elapsed + lag * (self._expected - self._input - rest)
         self._expected = self._input + rest
         self._history.append((now_ns, angle))
-        while len(self._history) > 2 and self._history[1][0] < now_ns - MAX_HISTORY_NS:
+        while len(self._history) > 2 and self._history[1][0] < now_ns - c.HISTORY_NS:
             self._history.popleft()
 
     def _angle(self, time_ns: int) -> float:

@@ -36,7 +36,7 @@ import threading
 import time
 from typing import Any
 
-from smart_tire.control.duty_gate import DutyGate, STOPPED
+from smart_tire.control.duty_gate import DutyGate
 from smart_tire.drivers.motor_board import Board, CurrentReader, MotionCheck, WheelEncoder
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.errors import FrameError
@@ -45,7 +45,7 @@ from smart_tire.protocol.roboclaw import (
     ACKNOWLEDGE, BATTERY_RESOLUTION, duty_code, duty_from_code, READ_BATTERY, READ_ENCODERS,
     READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT, STATUS_NORMAL, timeout_code,
     TIMEOUT_RESOLUTION)
-from smart_tire.samples import four, NS_PER_S, WHEELS, WheelSample
+from smart_tire.samples import four, NS_PER_S, STOPPED, WHEELS, WheelSample
 
 MAX_POLL_PERIOD = 0.0625           # s between encoder readings, for the checks at low sample rates
 KEEP_ALIVE_PERIOD_NS = 30_000_000  # between duties, a fraction of any board time-out

@@ -16,7 +16,6 @@ from functools import partial
 import sys
 
 from smart_tire.control.command_check import VelocityMux
-from smart_tire.control.duty_gate import STOPPED
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.messages import velocity_from_twist, wheels_from_msg
 from smart_tire.nodes.base import SmartTireNode
@@ -25,7 +24,7 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.qos import latched
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
-from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand, WheelSample
+from smart_tire.samples import MotorCommand, STOPPED, VelocityCommand, WheelCommand, WheelSample
 from std_msgs.msg import Bool
 
 EXPIRY_CHECK_PERIOD = 0.025   # s between checks for expired commands, at any control rate

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 import pytest
 
 from smart_tire.control.command_check import (
-    check_age, MAX_SEQUENCE_GAP, MIN_STALL_NS, PublisherMonitor, QUEUE_DRAIN_NS, SequenceTracker,
-    StallDetector, VelocityMux)
+    check_age, PublisherMonitor, SequenceTracker, StallDetector, VelocityMux)
+from smart_tire.control.constants import MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 

@@ -110,7 +110,7 @@ def test_a_locked_wheel_and_one_against_the_motion_slide():
 
 
 def test_near_standstill_the_slip_refers_to_a_minimum_speed():
-    assert TireLoad(0.0, 0.5, 0.3, 0.0, 20.0).slip_share(0.03) == pytest.approx(0.5)
+    assert TireLoad(0.0, 0.5, 0.3, 0.0, 20.0).slip_share(0.015) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize('tire, speed, set_point, slips', [

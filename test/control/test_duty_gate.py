@@ -16,8 +16,9 @@ import math
 
 import pytest
 
-from smart_tire.control.duty_gate import DutyGate, MIN_PAUSE_NS, STOPPED
-from smart_tire.samples import NS_PER_S
+from smart_tire.control.constants import MIN_PAUSE_NS
+from smart_tire.control.duty_gate import DutyGate
+from smart_tire.samples import NS_PER_S, STOPPED
 
 AHEAD = (0.5, 0.5, 0.5, 0.5)
 TIMEOUT_NS = NS_PER_S // 4

@@ -17,8 +17,8 @@ import math
 
 import pytest
 
-from smart_tire.control.ground_knowledge import (
-    GroundKnowledge, MAX_FRICTION, PRIOR_SIGMA, RAISE_SHARE, ShownFriction)
+from smart_tire.control.constants import MAX_FRICTION, PRIOR_SIGMA, RAISE_SHARE
+from smart_tire.control.ground_knowledge import GroundKnowledge, ShownFriction
 from smart_tire.parameters.path_following import FrictionLimitParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, GroundState, NS_PER_S, WheelSample

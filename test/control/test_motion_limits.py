@@ -19,8 +19,8 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from smart_tire.control.motion_limits import (
-    LATERAL_SHARE, motion_limits, MotionLimits, PLANNED_SHARE)
+from smart_tire.control.constants import LATERAL_SHARE, PLANNED_SHARE
+from smart_tire.control.motion_limits import motion_limits, MotionLimits
 from smart_tire.control.path_geometry import Segment
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import MotionLimitParams

@@ -17,7 +17,8 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.control.path_geometry import GRID_STEP, moving_average, Segment
+from smart_tire.control.constants import GRID_STEP
+from smart_tire.control.path_geometry import moving_average, Segment
 from smart_tire.control.path_library import figure_eight
 
 

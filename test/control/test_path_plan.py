@@ -17,9 +17,10 @@ import math
 import numpy as np
 import pytest
 
+from smart_tire.control.constants import MIN_SPACING
 from smart_tire.control.path_geometry import FORWARD, REVERSE, Segment, Spin
 from smart_tire.control.path_library import figure_eight, square
-from smart_tire.control.path_plan import MIN_SPACING, plan_goal, plan_path
+from smart_tire.control.path_plan import plan_goal, plan_path
 from smart_tire.samples import NAN
 
 CORNER = 0.8

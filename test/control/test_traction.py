@@ -17,7 +17,7 @@ import math
 
 import pytest
 
-from smart_tire.control import ground_motion, traction as control_of_traction
+from smart_tire.control import constants
 from smart_tire.control.slip_limits import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
@@ -42,8 +42,8 @@ FAST, REVERSE, STOPPED = (20.0,) * 4, (-20.0,) * 4, (0.0,) * 4
 
 @pytest.fixture(autouse=True)
 def exact_extrapolation(monkeypatch):
-    monkeypatch.setattr(ground_motion, 'EXTRAPOLATION_SIGMA', 0.0)
-    monkeypatch.setattr(control_of_traction, 'PRIOR_RELATIVE_SIGMA', 0.5)
+    monkeypatch.setattr(constants, 'EXTRAPOLATION_SIGMA', 0.0)
+    monkeypatch.setattr(constants, 'PRIOR_RELATIVE_SIGMA', 0.5)
 
 
 def odometry(v_x=1.0, *, stamp_ns=NOW_NS, v_y=0.0, yaw_rate=0.0, sigma=0.0):
@@ -126,7 +126,6 @@ def test_the_side_with_less_friction_limits_its_axle_whichever_was_measured_last
     speeds = [rolling(traction, FAST) for traction in found]
     assert speeds[0] == speeds[1]
     assert max(speeds[0]) < 0.95 / (1.0 - MEASURED)
-    assert found[0].tires[0].torque > found[0].tires[1].torque
     assert found[2].tires[0].torque == pytest.approx(found[2].tires[1].torque)
 
 
@@ -158,7 +157,8 @@ def test_an_uncertain_critical_slip_is_fused_with_that_of_the_friction_and_the_t
     traction = control(ground(0.6, sigma))
     traction.limit(FAST, NOW_NS, 0.0)
     expected = 0.4 * traction.state.friction / UNKNOWN_FRICTION
-    value = (expected / (0.5 * expected) ** 2 + 0.6 / sigma ** 2) / (
+    confirmed = 0.6 * traction.state.friction / (0.6 * STIFFNESS / (3.0 * LOAD))
+    value = (expected / (0.5 * expected) ** 2 + confirmed / sigma ** 2) / (
         (0.5 * expected) ** -2 + sigma ** -2)
     bound = value - ((0.5 * expected) ** -2 + sigma ** -2) ** -0.5
     assert traction.state.slip_limit == pytest.approx(0.5 * bound, rel=1e-3)
@@ -181,7 +181,7 @@ def test_the_standard_deviation_of_the_speed_counts(v_x, monkeypatch):
     limited = [abs(speed) for speed in rolling(control(odometry(
         v_x, stamp_ns=NOW_NS + 1, sigma=0.03), v_x=v_x), FAST if v_x > 0.0 else REVERSE)]
     assert limited == pytest.approx([1.0 / 0.93] * 4)
-    monkeypatch.setattr(ground_motion, 'EXTRAPOLATION_SIGMA', 0.04)
+    monkeypatch.setattr(constants, 'EXTRAPOLATION_SIGMA', 0.04)
     assert rolling(control(odometry(stamp_ns=NOW_NS + 1, sigma=0.03)), FAST) == pytest.approx(
         [1.0 / 0.95] * 4)
     assert rolling(control(odometry(stamp_ns=NOW_NS + 1, sigma=0.3)), FAST) == pytest.approx(
@@ -384,7 +384,7 @@ def test_a_start_is_not_prevented_by_a_yaw_rate(yaw_rate):
     assert speeds == pytest.approx([0.02] * 4, abs=1e-3)
 
 
-def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_slip():
+def test_wheels_have_the_load_of_their_tires_while_they_are_limited():
     traction = control(params=replace(PARAMS, unknown=0.2))
     assert traction.tires == (None,) * 4
     traction.limit((1.05 / RADIUS,) * 4, NOW_NS, 0.0)
@@ -394,13 +394,8 @@ def test_wheels_have_the_load_of_their_tires_from_the_limit_until_they_hardly_sl
     assert (load.speed, load.command) == (pytest.approx(1.0 / RADIUS), 20.0)
     assert load.torque == pytest.approx(0.2 * LOAD * RADIUS)
     assert load.critical_slip == pytest.approx(0.4 * 0.2 / UNKNOWN_FRICTION)
-    traction.limit((1.08 / RADIUS,) * 4, NOW_NS, 0.0)  # 0.074 of 0.30: below the share
+    traction.limit((1.05 / RADIUS,) * 4, NOW_NS, 0.0)
     assert traction.tires == (None,) * 4
-    traction.limit(FAST, NOW_NS, 0.0)
-    traction.params = replace(PARAMS, share=0.9, sigmas=0.0, unknown=0.2)
-    assert traction.limit((1.15 / RADIUS,) * 4, NOW_NS, 0.0) == pytest.approx((1.15 / RADIUS,) * 4)
-    assert not traction.state.limiting
-    assert None not in traction.tires  # 0.13 of 0.30
 
 
 def test_it_can_be_switched_at_run_time_in_the_wheel_controller():

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 
 import pytest
-from smart_tire.control.wheel_feedback import LINE_DELAY, WheelFeedback
+from smart_tire.control.constants import LINE_DELAY
+from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.samples import NS_PER_S
 
 MS = 1_000_000

@@ -17,7 +17,8 @@ import math
 from benchmarks.control.closed_loop import run_closed_loop
 import numpy as np
 import pytest
-from smart_tire.control.wheel_control import MAX_HOLD_DUTY, WheelControl
+from smart_tire.control.constants import MAX_HOLD_DUTY
+from smart_tire.control.wheel_control import WheelControl
 from smart_tire.drivers.motor_board import MotionCheck, Reading
 from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.hardware import MotorDriverParams

@@ -59,7 +59,7 @@ def test_the_heading_is_restored_and_forgotten_at_the_end_of_the_limit():
 def test_the_gain_decreases_with_the_delay_and_is_finite_without_one():
     assert shares(0.1, delay=0.2)[1] > shares(0.1, delay=0.1)[1]
     assert shares(0.001, delay=0.0) == shares(0.001, delay=0.01)
-    assert shares(0.01, force=0.0) == shares(0.01, force=1.0)
+    assert shares(0.01, force=0.0) == shares(10.0)
 
 
 @pytest.mark.parametrize('track_error', [0.7, 1.0, 1.3])

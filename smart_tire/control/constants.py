@@ -1,0 +1,137 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Constants of the control: value, unit, meaning; origin; the run that needs it.
+
+What a user may want to change is a parameter. Runs are files of ``test/control``, and scenarios of
+``benchmarks.control``.
+"""
+
+import math
+
+from smart_tire.samples import NS_PER_S
+
+TINY = 1e-9  # in any unit, of denominators
+
+# -- time ----------------------------------------------------------------------------------------
+CLOCK_JUMP_NS = NS_PER_S  # by which timestamps of a new clock go back; assumed; test_traction
+MAX_GAP_NS = 500_000_000  # between estimates or readings whose difference is a rate of change;
+#                           assumed: wheel_states at 4 Hz; test_ground_motion
+HISTORY_NS = 3 * NS_PER_S  # kept of past values; more than two readings at 1 Hz; test_wheel_servo
+MAX_STEP_PERIODS = 4  # time step of a controller; assumed; test_wheel_control: a late step
+
+# -- validity of commands ------------------------------------------------------------------------
+MIN_STALL_NS = 250_000_000    # between ticks of a stopped process; assumed; safety: stopped nodes
+QUEUE_DRAIN_NS = 100_000_000  # after it, to read queued messages; assumed; the same
+MIN_PAUSE_NS = NS_PER_S       # without any, to reset a trip; above their period; test_duty_gate
+MAX_SEQUENCE_GAP = 1000       # numbers of one publisher: its lost messages; assumed; test_commands
+
+# -- standstill ----------------------------------------------------------------------------------
+# m/s and rad/s, of estimates; three sigma at rest; test_path_follower
+STANDSTILL_SPEED, STANDSTILL_RATE = 0.02, 0.05
+STANDSTILL_WHEEL_SPEED = 0.1  # rad/s; resolution of readings; test_wheel_hold
+# -, holds on slopes of 35 degrees, and is below ``stall_duty`` of motor_driver: a wheel that
+# stands at this duty is not taken for a blocked one; derived; test_wheel_hold
+MAX_HOLD_DUTY = 0.25
+
+# -- readings of the wheels ----------------------------------------------------------------------
+MAX_READING = 100.0  # rad/s, of a measurement; as motor_driver; test_wheel_feedback
+# gaps whose median is the period, arrivals of which the earliest relates both clocks; assumed
+PERIODS, ARRIVALS = 5, 32
+MAX_LATENESS_NS = 100_000_000  # after the earliest arrival; more: the clocks differ; assumed
+MIN_PERIOD_NS, MAX_PERIOD_NS = 100_000, 2 * NS_PER_S  # between plausible timestamps; assumed
+MAX_GAP_RATIO = 1.5    # gap over period, above: a reading was lost; derived; lost readings
+MAX_AGE_PERIODS = 2.0  # of a reading that advances integrals; assumed; test_wheel_servo
+LINE_DELAY = 0.005     # s, of a duty or a reading on the serial line; assumed; test_wheel_servo
+# Of the wheel's own inertia, added by the derivative. With a delay the loop is stable below 1 for
+# the true acceleration; readings give its mean of the past, with noise; derived; test_drive_model
+MAX_DERIVATIVE_SHARE = 0.25
+
+# -- motion in odom ------------------------------------------------------------------------------
+YAW_JUMP = 0.5  # rad, more than the yaw rates explain; assumed; test_ground_motion
+EXTRAPOLATION_SIGMA = 0.02  # m/s: 0.2 m/s2 for the age of odom and a period, 0.1 s; ice_unknown
+
+# -- friction of the ground ----------------------------------------------------------------------
+# -: wet ice 0.02; rubber on asphalt 0.8 to 0.9 (Wong, Theory of Ground Vehicles, table 1.3), above
+# 1 only for soft compounds; wrong_estimates
+MIN_FRICTION, MAX_FRICTION = 1e-3, 1.2
+MIN_GROUND_STIFFNESS, MAX_GROUND_STIFFNESS = 1.0, 1e6  # N, C_x of any tire; wrong_estimates
+# Relative, of friction and critical slip: 5 mm of an unknown center of mass over half a wheelbase.
+MIN_RELATIVE_SIGMA = 0.04  # derived; slippery
+PRIOR_SIGMA = 0.15         # -, friction of unknown ground; assumed; slippery_unknown
+PRIOR_RELATIVE_SIGMA = 1.6  # its critical slip: other curves and loads; tuned; slippery_unknown
+MAX_FADE_LENGTHS = 3.0     # distances or times of fading, of a measurement; assumed; 5 % remain
+MAX_STIFFENING = 1.3       # C_x of any ground over that of the tire: three sigma; wrong_estimates
+MIN_STIFFNESS = 0.57       # the softest: 30 N of 52.7 N; friction.soft; ice_unknown
+# Force over friction at the slip aimed at on the softest ground (brush model): a larger share is
+# no sign of less friction; derived; slippery_unknown
+SOFT_SHARE = 0.77
+REACHED_SHARE = 0.7  # of the slip aimed at, from which it is evidence; assumed; slippery, 100 Hz
+DROP_TIME = 0.3  # s, in which friction that the slip contradicts is forgotten; tuned; ice_unknown
+# Rolling resistance of soft ground over the weight; share of the acceleration that a wrong mass
+# resembles; simulated sand (0.15); sand_unknown, split
+SOFT_RESISTANCE, MASS_ERROR = 0.06, 0.6
+RAISE_SHARE = 0.36  # force over friction, to which friction is raised there; tuned; sand_unknown
+MAX_RESISTANCE = 0.2  # -, rolling resistance and slope over the weight; assumed; sand_unknown
+MAX_TORQUE = 1e3      # N m, of a plausible motor; assumed; test_ground_knowledge
+MIN_SPEED = 0.1       # m/s, at which the resistance is learned; assumed; soft_unknown
+
+# -- traction control ----------------------------------------------------------------------------
+MIN_SHARE = 0.5        # of a slip limit, for the longitudinal slip; assumed; turns
+MIN_FORCE_SHARE = 0.2  # of the force of a side, that remains; assumed; test_yaw_control
+ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; split, ice_unknown
+MAX_ONSET_WEIGHT = 0.3  # of an onset, below which estimates show the friction; tuned; ice_unknown
+DEAD_SHARE = 0.5   # of the commanded yaw rate: a smaller deviation is slip; tuned; turns
+DEAD_FORCE = 0.02  # of the force of a side, difference that is left; tuned; slippery, 3 % shorter
+RELIEF, MAX_RELIEF = 0.3, 0.06  # of the other side, which may slide; tuned; ice_unknown, start
+
+# -- motion along a path -------------------------------------------------------------------------
+LATERAL_SHARE = 0.8   # of friction for lateral acceleration, on a circle; test_motion_limits
+PLANNED_SHARE = 0.85  # of deceleration in plans, the rest is for control; assumed; tracking
+COMMAND_SHARE = 1.1   # of the largest speed and yaw rate, commanded; assumed; test_command_bounds
+DONE_SHARE = 0.5      # of the yaw tolerance; the rest is for the rotation that is left; corners
+# 1/s, distance to the speed that holds the position in a turn, and m/s, its bound; tuned; spins
+HOLD_GAIN, MAX_HOLD_SPEED = 3.0, 0.1
+PROJECTION_WINDOW = 0.2  # m, and twice the distance driven since; assumed; crossings of a path
+MAX_SETTLING = 1.0       # s, wait for standstill between maneuvers; assumed; test_path_follower
+MAX_ALIGN_FACTOR = 2.0   # of align_angle, while driving; assumed; test_path_follower
+
+# -- geometry of paths ---------------------------------------------------------------------------
+GRID_STEP = 0.02         # m, between the points of a segment; assumed; test_path_geometry
+SMOOTHING_WINDOW = 0.15  # m, of averages of the direction; tuned; test_path_geometry
+MIN_SPACING = 0.002      # m; nearer poses have one position; assumed; test_path_plan
+CHORD_LENGTH = 0.03      # m, about a point, for the angle of a corner; assumed; test_path_plan
+YAW_AGREEMENT, MIN_SPIN = math.radians(30.0), math.radians(10.0)  # rad; assumed; test_path_plan
+MIN_AGREEING_SHARE = 0.75  # of the length; assumed; test_path_plan
+
+# -- compensation of slip ------------------------------------------------------------------------
+GATE = 5.0         # -, spreads to which innovations are clipped; assumed; one outlier
+SPREAD_TIME = 1.0  # s, of the mean over squared innovations; assumed; change of ground
+# m/s, of slip velocities and v_y around the model: least, at the start; measured; tracking
+MIN_SPREAD, SPREAD = 5e-3, 0.02
+# averaged for one correction; ten estimates at 125 Hz, and motion that belongs to a slip; CPU time
+SLIP_WINDOW_NS = 80_000_000
+# of the wanted speed and the largest yaw rate, by which feedback changes them; assumed;
+# test_command_bounds
+MAX_SPEED_SHARE, MAX_YAW_SHARE = 0.5, 0.3
+TURNING_LENGTH = 0.2  # -, of the turning share, correlation length of tires; tuned; tracking
+# slip velocity over speed: mean, sigma and range of the prior, firm ground to sand; assumed; sand
+RESISTANCE = 0.01, 0.15, -0.05, 0.5
+WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow turns on sand
+MAX_COMPLIANCE = 4.0  # over that of the calibrated ground; assumed; ice
+
+# -- conditions to stop --------------------------------------------------------------------------
+WINDOW_NS = 500_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz; derived
+# m in the window, from which on it is judged. A start with 0.5 m/s2 takes 0.45 s for it, in which
+# odometry that lags by 0.2 s, with plausible stamps, has seen 0.3 of it: more than 1 - max_slip.
+MIN_DISTANCE = 0.05  # derived; test_stop_conditions
+MIN_ADVANCE, MIN_TURN = 0.02, 0.04  # m, rad, of progress; resolution of odom; test_stop_conditions
+MAX_WAIT = 10.0  # s, for the first odometry; start of the estimators; test_stop_conditions
