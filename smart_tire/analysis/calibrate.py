@@ -20,7 +20,8 @@ from typing import Any
 from smart_tire.analysis.calibrate_robot import (
     ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.analysis.calibrate_tire import gain_parameters, read_crossings
-from smart_tire.analysis.calibration_figures import write_icr, write_motor, write_stiffness
+from smart_tire.analysis.calibration_figures import icr_figure, motor_figure, stiffness_figure
+from smart_tire.analysis.figure import Figure
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film_gains import identify_gains
@@ -33,7 +34,6 @@ from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 
 MIXED = 'mixed'  # a recording with rest, straight starts and stops, and turns
 PARTS = (REST, STRAIGHT, TURNS)  # of a mixed recording
-FIGURES = ('stiffness.png', 'motor.png', 'icr.png')
 TIRE_SAMPLES = 'tire_samples'
 
 Bags = Mapping[str, Sequence[Path]]  # step -> bags; MIXED: of all parts
@@ -121,11 +121,8 @@ def present_values(params: EstimatorParams) -> dict[str, Any]:
     return values
 
 
-def write_figures(folder: Path, found: Calibration) -> list[Path]:
-    """Write the figures of the fits into ``folder``; return their paths."""
-    drawn = []
-    for name, fit, write in zip(FIGURES, (found.stiffness, found.motor, found.icr),
-                                (write_stiffness, write_motor, write_icr)):
-        if fit is not None and write(folder / name, fit) is not False:  # type: ignore[operator]
-            drawn.append(folder / name)
-    return drawn
+def figures(found: Calibration) -> list[Figure | None]:
+    """Return the figures of the fits."""
+    return [None if found.stiffness is None else stiffness_figure(found.stiffness),
+            None if found.motor is None else motor_figure(found.motor),
+            None if found.icr is None else icr_figure(found.icr)]

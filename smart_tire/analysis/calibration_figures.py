@@ -13,11 +13,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from smart_tire.analysis.drawing import save
 from smart_tire.analysis.figure import (
     Curve, dots, Figure, Mark, PAIR, Panel, straight, TIME_LABEL)
 from smart_tire.arrays import Array
@@ -34,23 +32,20 @@ MM = 1e3
 ERRORS = 'Values are given with their standard errors.'
 
 
-def _write(path: Path, title: str, caption: str, rows: Sequence[Sequence[Panel]],
-           cell: tuple[float, float] = (5.2, 3.8)) -> bool:
-    """Write panels, each with a legend of its own, to ``path``; return False without any."""
-    if not any(rows):
-        return False
-    save(Figure(path.stem, title, caption, rows, cell, panel_legends=True), path)
-    return True
+def _figure(name: str, title: str, caption: str, rows: Sequence[Sequence[Panel]],
+            cell: tuple[float, float] = (5.2, 3.8)) -> Figure | None:
+    """Return a figure of panels, each with a legend of its own; None without any."""
+    return Figure(name, title, caption, rows, cell, panel_legends=True) if any(rows) else None
 
 
-def write_geometry(path: Path, found: Geometry) -> bool:
-    """Draw the available fits to ``path``; return False without any."""
+def geometry_figure(found: Geometry) -> Figure | None:
+    """Return the available fits; None without any."""
     delay, radius = found.yaw_rate_fit, found.radius_fit
     panels = [*([] if delay is None else [_track_panel(delay)]),
               *([] if radius is None else [_radius_panel(radius)])]
     rows = [panels] if delay is None else [[_delay_panel(delay)] * len(panels), panels]
-    return _write(
-        path, 'Encoder latency, effective track and rolling radius',
+    return _figure(
+        'geometry', 'Encoder latency, effective track and rolling radius',
         f'{ERRORS} The yaw rate is shown in the {SHOWN_DURATION:.0f} s in which it changes most; '
         'an interval is the time between two wheel messages, or between reference poses.', rows,
         (10.4 / max(len(panels), 1), 3.8))
@@ -92,8 +87,8 @@ def _radius_panel(fit: RadiusFit) -> Panel:
               'vermillion')], TIME_LABEL, 'distance, reference minus wheels [mm]')
 
 
-def write_icr(path: Path, fit: IcrFit) -> bool:
-    """Draw the fit of S and its value in each turn to ``path``."""
+def icr_figure(fit: IcrFit) -> Figure | None:
+    """Return the fit of S and its value in each turn."""
     x, y, icr = fit.regressor, fit.response, fit.icr
     low, high = np.quantile(y, (0.01, 0.99))
     margin = 0.3 * (high - low)
@@ -109,15 +104,15 @@ def write_icr(path: Path, fit: IcrFit) -> bool:
              'S ± 2σ'),
         dots(fit.turn_time, MM * fit.turn_icr, 'turns ± 2σ', 'orange', MM * fit.turn_sigma)],
         TIME_LABEL, 'S [mm]')
-    return _write(
-        path, 'Instantaneous centers of rotation',
+    return _figure(
+        'icr', 'Instantaneous centers of rotation',
         'Left: the slope is S, the x coordinate of the instantaneous centers of rotation, given '
         'with its standard error; points beyond the axes are extreme intervals. Right: S of each '
         'turn; band: two standard deviations of S in another recording.', [[slope, turns]])
 
 
-def write_motor(path: Path, found: MotorFit) -> bool:
-    """Draw the available fits to ``path``; return False without any."""
+def motor_figure(found: MotorFit) -> Figure | None:
+    """Return the available fits; None without any."""
     panels = []
     if found.balance is not None:
         kappa, (balance, torque) = found.kappa, found.balance
@@ -133,17 +128,17 @@ def write_motor(path: Path, found: MotorFit) -> bool:
             marks.append(straight(speed, gain.value,
                                 f'feed-forward {gain.value:.4f} ± {gain.sigma:.1g} s/rad'))
         panels.append(Panel(marks, 'wheel speed [rad/s]', 'duty [-]'))
-    return _write(
-        path, 'Motor torque and duty',
+    return _figure(
+        'motor', 'Motor torque and duty',
         'Torque: with the right torque constant, the measured torque equals the one that force '
         f'and inertia require (dashed). {ERRORS}', [panels])
 
 
-def write_stiffness(path: Path, found: StiffnessFit) -> bool:
-    """Draw force over slip of each interval between wheel samples, the fit and its slope C_x."""
+def stiffness_figure(found: StiffnessFit) -> Figure | None:
+    """Return force over slip of each interval between wheel samples, fit and slope C_x."""
     stiffness, force = found.stiffness, np.array([found.force.min(), found.force.max()])
-    return _write(
-        path, 'Stiffness of the tire',
+    return _figure(
+        'stiffness', 'Stiffness of the tire',
         'Force of one wheel over its slip; the slope at zero is C_x, given with its standard '
         'error.', [[Panel([
             dots(found.slip, found.force, 'intervals between wheel samples'),
@@ -154,8 +149,8 @@ def write_stiffness(path: Path, found: StiffnessFit) -> bool:
             'slip ratio [-]', 'force of one wheel, positive in traction [N]')]], (7.0, 3.8))
 
 
-def write_gains(path: Path, found: GainFit) -> bool:
-    """Draw the identified gains and an example waveform to ``path``; return False without any."""
+def gains_figure(found: GainFit) -> Figure | None:
+    """Return the identified gains and an example waveform; None without any."""
     wheels = list(dict.fromkeys(one.wheel for one in found.films if one.gain is not None))
     panels = [_gain_panel(wheel, [one for one in found.films if one.wheel == wheel])
               for wheel in wheels]
@@ -165,7 +160,7 @@ def write_gains(path: Path, found: GainFit) -> bool:
         panels.append(_waveform_panel(found.example))
         caption += (' Right: the films during one crossing; samples at the limit of the amplifier '
                     'output are not fitted.')
-    return _write(path, 'Gains of the films', caption, [panels])
+    return _figure('gains', 'Gains of the films', caption, [panels])
 
 
 def _gain_panel(wheel: str, films: Sequence[FilmGain]) -> Panel:
@@ -192,9 +187,9 @@ def _waveform_panel(example: Waveform) -> Panel:
                  f'{example.wheel.replace("_", " ")}, slip {example.slip:+.3f}')
 
 
-def write_fit(path: Path, time: Array, inputs: Array, measured: Array, fitted: Array, *,
-              input_label: str, output_label: str) -> None:
-    """Draw measured and fitted output over input and time, and the residual over time."""
+def fit_figure(name: str, time: Array, inputs: Array, measured: Array, fitted: Array, *,
+              input_label: str, output_label: str) -> Figure:
+    """Return measured and fitted output over input and time, and the residual over time."""
     rest = measured - fitted
     size = 5.0 * float(np.quantile(np.abs(rest), 0.9))
     loop, over_time = (Panel([
@@ -203,19 +198,19 @@ def write_fit(path: Path, time: Array, inputs: Array, measured: Array, fitted: A
         for x, label in ((inputs, input_label), (time, TIME_LABEL)))
     residual = Panel([Mark(Curve(time, rest), '', 'vermillion', width=0.8)], TIME_LABEL,
                      f'residual, {output_label}', y_limits=(-size, size) if size > 0.0 else None)
-    save(Figure(
-        path.stem, 'Output of the film, measured and fitted',
+    return Figure(
+        name, 'Output of the film, measured and fitted',
         'Output of the film over its input and over time, measured and fitted. Residual: measured '
         'minus fitted; its axis ends at five times the 90 % quantile.',
-        [[loop, over_time], [loop, residual]], (5.5, 2.2)), path)
+        [[loop, over_time], [loop, residual]], (5.5, 2.2))
 
 
-def write_measurement(path: Path, time: Array, value: Array, sigma: Array,
-                      reference: Array | None, *, label: str) -> None:
-    """Draw the measured values with a two-sigma band, and the reference if given."""
+def measurement_figure(name: str, time: Array, value: Array, sigma: Array,
+                       reference: Array | None, *, label: str) -> Figure:
+    """Return the measured values with a two-sigma band, and the reference if given."""
     marks = [Mark(Curve(time, value, sigma), 'film ± 2σ')]
     if reference is not None:
         marks.append(Mark(Curve(time, reference), 'reference', 'ink', width=1.1, dashed=True))
-    save(Figure(path.stem, 'Measurement with the film',
-                'Measurement with the film. Band: ± 2σ, where σ is its standard deviation.',
-                [[Panel(marks, TIME_LABEL, label)]]), path)
+    return Figure(name, 'Measurement with the film',
+                  'Measurement with the film. Band: ± 2σ, where σ is its standard deviation.',
+                  [[Panel(marks, TIME_LABEL, label)]])

@@ -41,6 +41,13 @@ def save(figure: Figure, path: Path) -> Path:
     return path
 
 
+def save_all(figures: Iterable[Figure | None], folder: Path) -> list[Path]:
+    """Draw those of ``figures`` that have something to show into ``folder``; return the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return [save(figure, folder / f'{figure.name}.png')
+            for figure in figures if figure is not None]
+
+
 def render(figure: Figure) -> Canvas:
     """Return ``figure``; below its panels, its segments are drawn in panels of their own."""
     panels, parts = figure.panels, list(zip(ascii_uppercase, figure.segments))

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from smart_tire.analysis.crossing import crossing_waveform, CrossingWaveform
-from smart_tire.analysis.drawing import save
+from smart_tire.analysis.drawing import save_all
 from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, limits, Mark, PAIR, Panel, share_outside, TIME_LABEL, truth_marks,
     TWO_SIGMA)
@@ -38,11 +38,8 @@ SINGLE = 'single crossing ± 2σ'
 
 def write_figures(directory: Path, result: Result, robot: RobotParams) -> list[Path]:
     """Draw slip, path, friction and one crossing, where available; return the files."""
-    directory.mkdir(parents=True, exist_ok=True)
-    figures = (slip_figure(result), path_figure(result), friction_figure(result),
-               crossing_figure(result, robot))
-    return [save(figure, directory / f'{figure.name}.png')
-            for figure in figures if figure is not None]
+    return save_all((slip_figure(result), path_figure(result), friction_figure(result),
+                     crossing_figure(result, robot)), directory)
 
 
 def friction_marks(single: Curve, fused: Curve, truth: Curve) -> list[Mark]:

@@ -18,14 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from smart_tire.analysis.calibrate_robot import (
     check_all_measured, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.analysis.calibrate_tire import gain_parameters, gain_report, read_crossings
 from smart_tire.analysis.calibration_figures import (
-    write_gains, write_geometry, write_icr, write_motor, write_stiffness)
+    gains_figure, geometry_figure, icr_figure, motor_figure, stiffness_figure)
+from smart_tire.analysis.figure import Figure
 from smart_tire.bags import STANDARD_NAMES, TopicNames
 from smart_tire.calibration import geometry, turning
 from smart_tire.calibration.film_gains import identify_gains
@@ -56,11 +56,11 @@ class Source:
 
 @dataclass(frozen=True)
 class Identification:
-    """What a kind has identified; ``draw`` writes its figure, False if there is none."""
+    """What a kind has identifiedand its figure."""
 
     found: Found                  # of the report
     parameters: list[Identified]  # of the parameter file
-    draw: Callable[[Path], bool]
+    figure: Figure | None
 
 
 def identify(kind: str, source: Source) -> Identification:
@@ -76,33 +76,32 @@ def identify(kind: str, source: Source) -> Identification:
 def _geometry(source: Source) -> Identification:
     found = geometry.combine([geometry.identify_geometry(one, source.robot)
                               for one in source.recordings()])
-    return Identification(found, found.parameters(source.robot),
-                          partial(write_geometry, found=found))
+    return Identification(found, found.parameters(source.robot), geometry_figure(found))
 
 
 def _icr(source: Source) -> Identification:
     fit = turning.combine([turning.identify_icr(one, source.robot)
                            for one in source.recordings()])
-    return Identification(fit.report(), fit.parameters(source.robot), partial(write_icr, fit=fit))
+    return Identification(fit.report(), fit.parameters(source.robot), icr_figure(fit))
 
 
 def _motor(source: Source) -> Identification:
     check_all_measured(source.robot, 'motor')
     found = identify_motor(source.recordings(), source.recordings(source.lifted), source.robot)
-    return Identification(found, found.parameters(), partial(write_motor, found=found))
+    return Identification(found, found.parameters(), motor_figure(found))
 
 
 def _stiffness(source: Source) -> Identification:
     check_all_measured(source.robot, 'stiffness')
     fit = identify_stiffness(source.recordings(), source.robot)
-    return Identification(fit.report(), fit.parameters(), partial(write_stiffness, found=fit))
+    return Identification(fit.report(), fit.parameters(), stiffness_figure(fit))
 
 
 def _gains(source: Source) -> Identification:
     fit = identify_gains([read_crossings(bag, source.robot, source.time_range, source.names)
                           for bag in source.bags], source.robot)
     return Identification(gain_report(fit, [bag.name for bag in source.bags]),
-                          gain_parameters(fit, source.robot), partial(write_gains, found=fit))
+                          gain_parameters(fit, source.robot), gains_figure(fit))
 
 
 KINDS: Mapping[str, Callable[[Source], Identification]] = {

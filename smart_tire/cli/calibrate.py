@@ -74,7 +74,8 @@ def identify_only(args: argparse.Namespace, bags: Bags) -> int:
 
 def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
-    from smart_tire.analysis.calibrate import calibrate_bags, write_figures
+    from smart_tire.analysis.calibrate import calibrate_bags, figures
+    from smart_tire.analysis.drawing import save_all
     settings = bag_settings([path for paths in bags.values() for path in paths], args)
     result = calibrate_bags(bags, settings.params, f'{date.today():%Y-%m-%d}', truth=args.truth,
                             names=settings.names)
@@ -86,8 +87,8 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     out = args.out / PARAMETER_FILE
     write_text(out, result.text)
-    figures = write_figures(args.out, found)
-    print(f'written to {", ".join(map(str, (out, *figures)))}')
+    drawn = save_all(figures(found), args.out)
+    print(f'written to {", ".join(map(str, (out, *drawn)))}')
     return IDENTIFIED
 
 

@@ -55,6 +55,7 @@ def run_bags(args: argparse.Namespace) -> int:
 
 def report(kind: str, source: Source, out: Path, figure: Path) -> int:
     """Print what ``source`` shows, write parameter file and figure; return the exit status."""
+    from smart_tire.analysis.drawing import save
     from smart_tire.analysis.identify import identify
     from smart_tire.parameters.calibration_file import identified_text
     made = identify(kind, source)
@@ -72,7 +73,9 @@ def report(kind: str, source: Source, out: Path, figure: Path) -> int:
         return NOT_IDENTIFIED
     bags = ', '.join(map(str, (*source.bags, *source.lifted)))
     write_text(out, identified_text([f'Identified from {bags}.'], made.parameters))
-    print(f'written to {out}' + (f' and {figure}' if made.draw(figure) else ''))
+    if made.figure is not None:
+        save(made.figure, figure)
+    print(f'written to {out}' + ('' if made.figure is None else f' and {figure}'))
     return IDENTIFIED
 
 
@@ -81,7 +84,8 @@ def run_film(args: argparse.Namespace) -> int:
     out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
-    from smart_tire.analysis.calibration_figures import write_fit
+    from smart_tire.analysis.calibration_figures import fit_figure
+    from smart_tire.analysis.drawing import save
     from smart_tire.calibration.film_bench import identify_film, write_params
     from smart_tire.estimation.film.files import COLUMNS, PRODUCTS, read_recording
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
@@ -91,8 +95,8 @@ def run_film(args: argparse.Namespace) -> int:
     if film is None:
         notes.insert(0, f'{columns[1]} is used directly as input of the hysteresis')
     write_params(out, params, fit, notes, None if args.gain is None else args.gain * 1e-9)
-    write_fit(figure, recording.time, recording.input, recording.output, fit.fitted,
-              input_label=columns[1], output_label=columns[2])
+    save(fit_figure(figure.stem, recording.time, recording.input, recording.output, fit.fitted,
+                    input_label=columns[1], output_label=columns[2]), figure)
     for name in PRODUCTS:
         estimate = getattr(fit, name)
         print(f'{name:11}{estimate.value:12.5g} ± {estimate.sigma:.2g}'

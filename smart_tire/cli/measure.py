@@ -26,7 +26,8 @@ def run(args: argparse.Namespace) -> int:
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
     import numpy as np
-    from smart_tire.analysis.calibration_figures import write_measurement
+    from smart_tire.analysis.calibration_figures import measurement_figure
+    from smart_tire.analysis.drawing import save
     from smart_tire.estimation.film.files import read_columns, read_params, write_columns
     from smart_tire.estimation.film.measure import measure
     params = read_params(args.params)
@@ -37,8 +38,8 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f'{args.data}: {error}') from error
     quantity = ('input', 'sigma') if params.film is None else ('deflection_m', 'sigma_m')
     write_columns(out, ('time_s', *quantity), (result.time, result.value, result.sigma))
-    write_measurement(figure, result.time, result.value, result.sigma,
-                      rest[0] if rest else None, label=quantity[0])
+    save(measurement_figure(figure.stem, result.time, result.value, result.sigma,
+                            rest[0] if rest else None, label=quantity[0]), figure)
     known = np.isfinite(result.value)
     print(f'{result.valid_count} of {known.size} samples measured')
     if result.valid_count:

@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from smart_tire.analysis.calibrate_robot import ANY_REFERENCE, read_recording, TimeRange
-from smart_tire.analysis.calibration_figures import write_geometry
+from smart_tire.analysis.calibration_figures import geometry_figure
+from smart_tire.analysis.drawing import save_all
 from smart_tire.calibration.geometry import Geometry, identify_geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.parameters import build, RobotParams
@@ -67,8 +68,6 @@ def test_a_bag_with_too_few_inputs_is_rejected(run, tmp_path):
 
 
 def test_a_figure_is_written_if_there_is_a_fit(bag, tmp_path):
-    assert write_geometry(tmp_path / 'all.png', identify_geometry(
-        read_recording(bag, ROBOT, TimeRange()), ROBOT))
-    assert (tmp_path / 'all.png').read_bytes().startswith(b'\x89PNG')
-    assert not write_geometry(tmp_path / 'none.png', Geometry())
-    assert not (tmp_path / 'none.png').exists()
+    found = identify_geometry(read_recording(bag, ROBOT, TimeRange()), ROBOT)
+    [path] = save_all([geometry_figure(found), geometry_figure(Geometry())], tmp_path / 'new')
+    assert path.name == 'geometry.png' and path.read_bytes().startswith(b'\x89PNG')
