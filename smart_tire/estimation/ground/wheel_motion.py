@@ -25,10 +25,12 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimation.ground.unknowns import BLOCK, JERK_DENSITY, SMOOTHINGS
+from smart_tire.estimation.ground.unknowns import BLOCK, ITERATIONS, JERK_DENSITY
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
+from smart_tire.samples import WHEELS
 
 # mean of the wheels, side difference, axle difference, and the remaining one: orthogonal
-MODES = 0.25 * np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [1, 1, -1, -1], [1, -1, -1, 1]])
+MODES = np.stack([np.ones(4), -SIDE_SIGNS, AXLE_SIGNS, SIDE_SIGNS * AXLE_SIGNS]) / len(WHEELS)
 
 
 class WheelMotion(NamedTuple):
@@ -61,7 +63,7 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
     variance = (jitter * rate) ** 2 + step ** 2 / 4.0
     measured = np.apply_along_axis(np.diag, 0, 1.0 / variance).transpose(2, 0, 1)  # (4, n, n)
     weight, found = np.ones(n - 3), y
-    for _ in range(SMOOTHINGS):
+    for _ in range(2 * ITERATIONS):
         prior = (jerk.T * weight) @ jerk
         found = np.linalg.solve(prior + measured, (y / variance).T[:, :, np.newaxis])[:, :, 0].T
         weight = 2.0 / (1.0 + np.sum((jerk @ found) ** 2, axis=1))

@@ -37,10 +37,14 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
     disturbed, Measurements, Motion, Passage, STREAMS, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    CANDIDATES, CHANGE_EVIDENCE, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, FREEDOM,
-    GROUND, Hypothesis, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors,
-    SIDES, SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
+    CHANGE_EVIDENCE, CONVERGED, DISTURBANCE_TIME, DYNAMIC, FREEDOM, GROUND, Hypothesis, initial,
+    ITERATIONS, LENGTH, OLD_GROUND, OWN, Prior, priors, SIDES, SIDES_DIFFER, SIZE, START,
+    TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
+from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import NS_PER_S
+
+HOP = GROUND_STATE_PERIOD_NS / NS_PER_S  # s, between two windows
 
 
 class Rows(NamedTuple):
@@ -158,7 +162,7 @@ class GroundWindow:
                 self.changes += 1
                 best = main, fit = found
                 found = None
-            elif end - change > DECISION_TIME:
+            elif end - change > LENGTH - 0.5 * hop:  # hardly anything before it is left
                 found = None
             else:
                 likely, other = (found, (main, fit)) if gain > 0.0 else ((main, fit), found)
@@ -212,7 +216,6 @@ class GroundWindow:
             hessian = information + rows.jacobian.T @ rows.jacobian
             covariance = np.linalg.inv(hessian)
             step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
-            step *= min(1.0, MAX_STEP / max(float(np.abs(step[:DYNAMIC]).max()), 1e-9))
             at, x = x, x + step
             if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < CONVERGED:
                 break
@@ -250,7 +253,7 @@ class GroundWindow:
     def _changed(self, main: Hypothesis, fit: Fit, measurements: Measurements, leaving: float
                  ) -> tuple[Hypothesis, Fit] | None:
         """Return a fit with a change of ground if that is much more likely; None otherwise."""
-        candidates = [measurements.times[-1] - before for before in CANDIDATES]
+        candidates = measurements.times[-1] - HOP * np.arange(1.0, 0.5 * LENGTH / HOP + 1.0)
         runs = np.tile(fit.x, (3 * len(candidates) + 1, 1))
         runs[:, OLD_GROUND] = fit.x[GROUND]
         steps = np.tile(self._steps[GROUND], len(candidates))
