@@ -15,7 +15,7 @@ from __future__ import annotations
 from benchmarks.friction.grid import Case, ERRORS, LOAD, WHEEL
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.constants import TAIL_MARGIN
+from smart_tire.estimation.contact.constants import OUTER_LENGTH
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmSamples, PatchCrossing)
@@ -45,7 +45,7 @@ class CrossingSynthesizer:
         self._rng = np.random.default_rng(seed)
         self._detector = CrossingDetector(self._robot)
         self._chain = SignalChain(film)
-        self._margin = TAIL_MARGIN * film.length  # m, of samples around a crossing
+        self._margin = OUTER_LENGTH * film.length  # m, of samples around a crossing
 
     def crossing(self) -> PatchCrossing:
         """Return the next crossing at a time of 1 s; the reference distance is 0."""

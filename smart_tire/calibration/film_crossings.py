@@ -191,8 +191,8 @@ class ObservationFitter:
         self._bending = {wheel: film.bending(wheel) for wheel in film.wheels}
         self._shapes = {wheel: ShapeEstimator() for wheel in film.wheels}
         self._fitters = {wheel: WaveformFitter(
-            robot, film.gains(wheel), film.bending(wheel), gain_sigma=self._sigmas[0],
-            length_sigma=self._sigmas[1], shape=self._shapes[wheel]) for wheel in film.wheels}
+            robot, film.gains(wheel), film.bending(wheel), self._shapes[wheel],
+            gain_sigma=self._sigmas[0], length_sigma=self._sigmas[1]) for wheel in film.wheels}
 
     def fit_crossing(self, crossing: CrossingWithSlip, *, gains: bool) -> GainObservation | None:
         """

@@ -20,12 +20,22 @@ import numpy as np
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
 from smart_tire.estimation.contact.records import TrajectoryErrors
+from smart_tire.estimation.friction.waveform_shape import ShapeEstimator, ShapePrior
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 from smart_tire.simulation.films import bump
 
 WHEEL = 'front_right'
+KNOWN = 1e9  # precision of a shape that is known
 SAMPLE_MARGIN = 0.028  # m, of samples before and after a film's crossing
+
+
+def known_shape() -> ShapeEstimator:
+    """Return the nominal shape of release and bumps, with negligible standard deviations."""
+    shape = ShapeEstimator()
+    count = len(shape.prior.value)
+    shape.prior = ShapePrior(np.zeros(count), KNOWN * np.eye(count))
+    return shape
 
 
 def crossing_samples(

@@ -20,9 +20,8 @@ import numpy as np
 # -- trajectory of the wheel ---------------------------------------------------------------------
 JERK_DENSITY = 3.0         # (rad/s3)^2 s, of a speed-controlled wheel; from simulations; all
 SMOOTHING_NS = 400_000_000  # used before and after an interval; derived: twice the filter; all
-MAX_EXTRAPOLATION = 1.0    # s, beyond the newest angle; assumed; silent wheels
-MIN_NOISE_DENSITY = 1e-12  # rad^2 s, of exact angles: no division by zero; scripted drives
-HISTORY_LENGTH = 1024      # angles kept, without standstill; derived: LOOKBACK at 200 Hz; start
+MAX_SILENCE_NS = 500_000_000  # extrapolated beyond the newest angle; assumed; silent wheels
+HISTORY_LENGTH = 1024      # angles kept, grid steps at once; derived: LOOKBACK at 200 Hz; start
 SEGMENT_GRID = np.linspace(0.0, 1.0, 200)  # of a segment's distance; derived: below 1 mm; stops
 SPEED_GRID = np.linspace(0.0, 1.0, 9)      # of the same, for the change of speed; stops
 ORDERS = np.arange(2, 14)  # of Legendre polynomials; 0 is a shift, 1 a scale error; slow drives
@@ -34,28 +33,24 @@ STANDSTILL_SPEED = 0.1     # film lengths per s, slower films sample nothing new
 # -- blocks --------------------------------------------------------------------------------------
 BLOCK_NS = 48_000_000      # of message time, six grid steps, processed together; CPU time
 SETTLING_NS = 100_000_000  # before the newest angle, and least step of the trajectory; all
-MAX_SILENCE_NS = 500_000_000  # after which a silent wheel is extrapolated; assumed; radio loss
-STANDSTILL_NS = 200_000_000  # without motion, after which nothing is awaited; assumed; stops
-MAX_GRID_STEPS = 1000      # of the trajectory at once; bounds the work; implausible spin
-MAX_CROSSINGS_PER_STEP = 100  # predicted at once; bounds the work; implausible spin
-REMEMBERED = 64            # gaps, reversals, segments and detections; bounds the work; all
+STANDSTILL_NS = 200_000_000  # without motion, after which nothing is awaited; assumed; braking
+REMEMBERED = 64            # gaps, reversals, segments, detections, and crossings predicted at
+#                            once; bounds the work; implausible spin
 
 # -- timestamps and segments of the films --------------------------------------------------------
 AVERAGING_SAMPLES = 200    # over which errors of batch timestamps average out; derived; all
 GAP_PERIODS = 2.5          # sample periods: a longer step is a gap; derived; radio loss
 ACTIVITY_SHARE = 0.25      # of the bending peak; derived: bumps stay below half of that; all
-ACTIVITY_SIGMAS = 6.0      # of a sample, least threshold; derived; noisy
 CLOSING = 1.75             # film lengths of silence after a segment: braking shows 1.3; braking
-LEAD_MARGIN = 2.5          # film lengths of samples before the first active one: entry, bump; all
-TAIL_MARGIN = 1.5          # film lengths after a crossing: bump, recovery, late detections; all
+OUTER_LENGTH = 1.5         # film lengths of samples outside the contact: bumps, recovery; all
 MAX_ACTIVE_CROSSINGS = 2.5  # of activity, then the baseline has moved; derived; wrong baseline
 BASELINE_GAIN = 0.1        # share of a new median in the baseline; assumed; wrong baseline
 
 # -- detection -----------------------------------------------------------------------------------
 MIN_SAMPLES = 8            # of a crossing, or of a median; assumed; radio loss
 SEARCH_STEP = 0.125        # film lengths, between tried centers; from simulations; CPU time
+MAX_SEARCH_SAMPLES = 60    # longer segments are decimated; CPU time; braking
 TABLE_STEPS = 25           # entries of the waveform table in that step; derived: 1 mV; all
-MAX_SEARCH_SAMPLES = 60    # longer segments are decimated; CPU time at 15 rpm
 NORMALIZED_SLIPS = np.array([0.15, 0.5, 1.0])  # of the templates; from simulations; slip
 ENTRY_SHARE = 0.75         # of a film: before, the signal is small and bumps disturb; bumps_far
 BENDING_SIGMA = 0.5        # -, of the bending peak: it varies by cycle; Fig. 11(b); all
@@ -71,6 +66,4 @@ MIN_DETECTIONS = 2         # consistent ones, to trust the position or to replac
 LOOKBACK_REVOLUTIONS = 2.5  # before the first detection, that are reported; assumed; start
 CLEARANCE = 0.05           # film lengths between film and patch: timestamp jitter; rolling in
 ACTIVE_WAIT = 5.0          # film lengths after a crossing while a film seems active; radio loss
-LOST_SHARE_PARTIAL = 0.15  # of a crossing's time, that explains activity without detection; lost
-LOST_SHARE_WHOLE = 0.5     # of a crossing's time, that explains no activity; lost
 MAX_SPEED_CHANGE = 0.7     # relative, in a crossing whose waveform is fitted; assumed; stops

@@ -106,8 +106,8 @@ class MountPosition:
         if self._next is None:
             self._next = _initial_number(previous, forward, backward)
             return []
-        first, last = max(self._next, forward - c.MAX_CROSSINGS_PER_STEP), min(
-            self._next, backward + c.MAX_CROSSINGS_PER_STEP)
+        first, last = max(self._next, forward - c.REMEMBERED), min(
+            self._next, backward + c.REMEMBERED)
         self._next = min(max(self._next, forward), backward)
         return [PredictedCrossing(self._position + self._circumference * n, direction, instant)
                 for direction, numbers in ((1, range(first, forward)),

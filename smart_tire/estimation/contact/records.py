@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimation.contact.constants import ACTIVITY_SHARE, ACTIVITY_SIGMAS, CLEARANCE
+from smart_tire.estimation.contact.constants import ACTIVITY_SHARE, CLEARANCE
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -52,7 +52,7 @@ class FilmGroup:
         half_crossing = 0.5 * (patch + film.length)
         return cls(
             tuple(films), tuple(gains[i] for i in films), tuple(bending[i] for i in films),
-            tuple(max(ACTIVITY_SHARE * bending[i], ACTIVITY_SIGMAS * film.noise) for i in films),
+            tuple(ACTIVITY_SHARE * bending[i] for i in films),
             tuple(position - positions[0] - 0.5 * extent for position in positions), film.length,
             max(0.5 * abs(patch - film.length), CLEARANCE * film.length), half_crossing,
             half_crossing + 0.5 * extent,

@@ -203,8 +203,9 @@ class SegmentExtractor:
     def _segment(self, film: int, first: int, last: int, leg: Array) -> ActiveSegment:
         """Return the samples around the first and the last active one, in the same ``leg``."""
         distance = self._sampled
-        around = leg & (distance >= distance[first] - c.LEAD_MARGIN * self._length) & (
-            distance <= distance[last] + c.TAIL_MARGIN * self._length)
+        # the first active sample is at most a film length after the entry
+        around = leg & (distance >= distance[first] - (c.OUTER_LENGTH + 1.0) * self._length) & (
+            distance <= distance[last] + c.OUTER_LENGTH * self._length)
         return ActiveSegment(
             film, int(self._instants[first]), int(self._instants[last]), self._instants[around],
             self._volts[around, film], float(self._baseline[film]))

@@ -112,7 +112,7 @@ class ContactTracker:
     def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
         """Follow the wheel up to ``horizon``; return its position there, and reversals."""
         begin = horizon if self._horizon_ns is None else max(
-            self._horizon_ns + GRID_NS, horizon - c.MAX_GRID_STEPS * GRID_NS)
+            self._horizon_ns + GRID_NS, horizon - c.HISTORY_LENGTH * GRID_NS)
         self._horizon_ns = horizon
         instants = np.array([*range(begin, horizon, GRID_NS), horizon])
         distance = self._trajectory.interpolate(instants)
@@ -150,7 +150,7 @@ class ContactTracker:
         return (self._associator.complete(predicted)
                 or self._reversals.direction != predicted.direction
                 or not self._extractor.active
-                and self._beyond(predicted, position) > c.TAIL_MARGIN * self._group.film_length)
+                and self._beyond(predicted, position) > c.OUTER_LENGTH * self._group.film_length)
 
     def _beyond(self, predicted: PredictedCrossing, position: Point) -> float:
         """Return the distance [m] rolled since the end of a predicted crossing."""
@@ -223,7 +223,7 @@ class CrossingAssembler:
             segment = film.segment
             distance = direction * trajectory.distance_at(segment.instants)
             near = np.abs(distance - center) < (
-                self._group.half_crossing + c.TAIL_MARGIN * self._group.film_length)
+                self._group.half_crossing + c.OUTER_LENGTH * self._group.film_length)
             volts = segment.volts[near]
             rail = (volts > high).astype(np.int8) - (volts < low)
             samples.append(FilmSamples(self._group.films[segment.film], distance[near],
@@ -249,11 +249,11 @@ class CrossingAssembler:
         for film, offset in enumerate(self._group.offsets):
             position = self._group.reach + direction * offset
             begin, center, end = (travel.instant_at(position + by) for by in (-half, 0.0, half))
-            lost = self._extractor.lost_share(begin, end)
-            lost_films += lost > c.LOST_SHARE_WHOLE
-            for segment in self._segments:
-                if segment.film == film and (
-                        segment.begin_ns < center < segment.end_ns or lost > c.LOST_SHARE_PARTIAL
-                        and segment.begin_ns < end and segment.end_ns > begin):
-                    return True
+            lost = self._extractor.lost_share(begin, end) > 1.0 - c.MIN_FREE_COVERAGE
+            lost_films += lost
+            if not lost:
+                begin = end = center
+            if any(segment.film == film and segment.begin_ns < end and segment.end_ns > begin
+                   for segment in self._segments):
+                return True
         return trusted and lost_films == len(self._group.offsets)

@@ -28,7 +28,7 @@ from functools import cache
 import math
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import PPoly
 from scipy.linalg import solveh_banded
 from scipy.special import spherical_jn
 
@@ -67,16 +67,19 @@ class WheelTrajectory:
     def add_wheel(self, stamp_ns: int, speed: float, position: float | None) -> None:
         """Add the mean speed [rad/s] up to ``stamp_ns`` and, if available, the angle [rad]."""
         stamp_ns -= self._latency_ns
-        angle = 0.0
-        if self._stamps:
-            dt = (stamp_ns - self._stamps[-1]) / NS_PER_S
-            if dt <= 0.0:
-                return
-            angle = self._angles[-1] + self._angle_step(speed, position, dt)
+        if not self._stamps:
+            self._append(stamp_ns - c.SETTLING_NS, -speed * c.SETTLING_NS / NS_PER_S, speed)
+        dt = (stamp_ns - self._stamps[-1]) / NS_PER_S
+        if dt <= 0.0:
+            return
+        angle = self._angles[-1] + self._angle_step(speed, position, dt)
         self._position = position
         if len(self._angles) > 1 and self._angles[-2] == self._angles[-1] == angle:
             self._stamps[-1] = stamp_ns  # at standstill the first and last sample are sufficient
-            return
+        else:
+            self._append(stamp_ns, angle, speed)
+
+    def _append(self, stamp_ns: int, angle: float, speed: float) -> None:
         self._stamps.append(stamp_ns)
         self._angles.append(angle)
         self._speeds.append(speed)
@@ -98,8 +101,8 @@ class WheelTrajectory:
         low = max(bisect_right(self._stamps, int(instants.min())) - 1, 0)
         angle = np.interp(instants, np.array(self._stamps[low:]), np.array(self._angles[low:]))
         if instants.max() > self._stamps[-1]:
-            beyond = (instants - self._stamps[-1]) / NS_PER_S
-            angle += self._speeds[-1] * np.clip(beyond, 0.0, c.MAX_EXTRAPOLATION)
+            beyond = np.clip(instants - self._stamps[-1], 0, c.MAX_SILENCE_NS)
+            angle += self._speeds[-1] * beyond / NS_PER_S
         distance: Array = self._radius * angle
         return distance
 
@@ -125,7 +128,7 @@ class WheelTrajectory:
 
     def smooth(self, begin_ns: int, end_ns: int) -> SmoothedTrajectory:
         """Return the smoothed trajectory between two instants."""
-        high = bisect_left(self._stamps, end_ns + c.SMOOTHING_NS)
+        high = max(bisect_left(self._stamps, end_ns + c.SMOOTHING_NS), 4)
         low = max(min(bisect_left(self._stamps, begin_ns - c.SMOOTHING_NS), high - 4), 0)
         times = (np.array(self._stamps[low:high]) - begin_ns) / NS_PER_S
         angles = np.array(self._angles[low:high])
@@ -135,7 +138,7 @@ class WheelTrajectory:
         period = (times[-1] - times[0]) / max(len(times) - 1, 1)
         density = float(sigma @ sigma) / len(sigma) * period
         return SmoothedTrajectory(begin_ns, times, smooth_angles(times, angles, sigma),
-                                  self._radius, max(density, c.MIN_NOISE_DENSITY))
+                                  self._radius, density)
 
 
 class SmoothedTrajectory:
@@ -149,9 +152,8 @@ class SmoothedTrajectory:
                  density: float) -> None:
         self._origin_ns, self._radius, self._density = origin_ns, radius, density
         self._ends, distance = times[[0, -1]], radius * angles
-        # monotone: a stop has no overshoot
-        self._curve = (PchipInterpolator(times, distance) if len(times) > 1
-                       else lambda at, order=0: np.full(np.shape(at), (1 - order) * distance[0]))
+        slopes, self._curve = _monotone_cubics(times, distance)
+        self._speeds = slopes[-1], slopes[0]
 
     @property
     def speed_sigma(self) -> float:
@@ -174,11 +176,30 @@ class SmoothedTrajectory:
         times = (instants - self._origin_ns) / NS_PER_S
         inner = np.clip(times, *self._ends)
         distance: Array = self._curve(inner)
-        beyond = np.clip(times - inner, -c.MAX_EXTRAPOLATION, c.MAX_EXTRAPOLATION)
+        limit = c.MAX_SILENCE_NS / NS_PER_S
+        beyond = np.clip(times - inner, -limit, limit)
         if beyond.any():
-            first, last = self._curve(self._ends, 1)
-            distance = distance + np.where(beyond > 0.0, last, first) * beyond
+            distance += np.where(beyond > 0.0, *self._speeds) * beyond
         return distance
+
+
+def _monotone_cubics(times: Array, distance: Array) -> tuple[Array, PPoly]:
+    """
+    Return the slopes (n,) of a monotone cubic spline, which has no overshoot at a stop, and it.
+
+    The slopes are harmonic means of those of both secants (Fritsch and Butland).
+    """
+    step = np.diff(times)
+    secant = np.diff(distance) / step
+    before, after = secant[:-1], secant[1:]
+    product, near = before * after, step[:-1] + 2.0 * step[1:]
+    far = 3.0 * (step[:-1] + step[1:]) - near
+    inner = (near + far) * product / np.where(
+        product > 0.0, near * after + far * before, np.inf)
+    slopes = np.concatenate([secant[:1], inner, secant[-1:]])
+    bend = (slopes[:-1] + slopes[1:] - 2.0 * secant) / step
+    return slopes, PPoly.construct_fast(np.stack([
+        bend / step, (secant - slopes[:-1]) / step - bend, slopes[:-1], distance[:-1]]), times)
 
 
 def shape_error_sigmas(density: float, cutoff: float, duration: float) -> Array:

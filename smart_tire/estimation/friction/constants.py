@@ -19,7 +19,7 @@ import numpy as np
 
 # -- fit of the waveform: start and priors -------------------------------------------------------
 CENTER_SIGMA = 0.25      # film lengths, of a detected center; derived from its tests; all
-BASELINE_SIGMA = 0.01    # V, of the tracked baseline; assumed: two sigmas of a sample; all
+BASELINE_SIGMAS = 1.0    # of a sample, of the tracked baseline; assumed; all
 BUMP_SHARE = 0.12        # of the bending peak, prior and its sigma; Fig. 11(b): 0.10-0.15; bumps
 LOG_RECOVERY_SIGMA = 0.5  # of ln of the recovery length; assumed; releases fig8
 LOG_ALPHA_SIGMA = 0.03   # of ln of alpha in B(15); assumed; all
@@ -27,44 +27,41 @@ SLIP_SIGMA = 1.0         # -, weak prior on slip, which lies in [-1, 1]; all
 PRIOR_NORMALIZED_SLIP, NORMALIZED_SLIP_SIGMA = 0.3, 3.0  # -, weak prior; assumed; low slip
 TYPICAL_SLIP = 0.08      # -, slip with the prior's normalized slip; assumed; start at low slip
 MIN_NORMALIZED_SCALE = 0.1  # -, least start, and least scale of a relative change; low slip
-MIN_SLIP = 0.02          # -, of a start, below which a relative change is undefined; low slip
-MIN_SLIP_SCALE = 0.01    # -, of a fit, in the same role; low slip
-MIN_GAIN_SIGMA = 1e-6    # -, of gains that are given as exact; synthesized crossings
-RESTART_EXCESS = 1.5     # mean squared normalized residual of a wrong start; release_mixed
+MIN_SLIP = 0.02          # -, below which a relative change is undefined; low slip
+POOR_EXCESS = 1.5        # mean squared normalized residual of a wrong start, or of a fit that
+#                          contradicts the shape; release_mixed, lasting change
 ROUGH_REDUCTION = 3.0    # chi-squared, last step of the fit with known bumps; CPU time
-MAX_CENTER_STEP = 0.15   # film lengths, of a center in an iteration; derived: entry; all
+MAX_CENTER_STEP = 0.15   # film lengths, of a center in an iteration, and its largest sigma;
+#                          derived: the entry is linear; all, lost batches
 NORMALIZED_SLIP_RANGE = (-5.0, 10.0)  # -, far beyond observable values; full sliding
 MIN_NORMALIZED_SLIP = 0.01  # -, the model is linear below: noise may make it negative; low slip
 
 # -- shape of release and bumps, learned ---------------------------------------------------------
 SHARE_SIGMA, SIZE_SIGMA = 0.2, 0.1  # -, of the release, about the configured one; release_mixed
 BUMP_SIGMA = 0.6         # of a bump's shape over its height; derived: all shapes; bumps_far
-LEAK_LENGTH = 0.2        # film lengths inside the contact in which that decays by e; bumps_skewed
-CORRELATION_LENGTH = 0.15  # film lengths, of the deviations along a bump; bumps_skewed
+CORRELATION_LENGTH = 0.15  # film lengths, of the deviations along a bump, and of their decay by
+#                            e inside the contact; bumps_skewed
 UNCORRELATED_SIGMA = 0.03  # of the shape at each knot; assumed; bumps_skewed
 RANDOM_WALK_SHARE = 0.001  # of the initial sigmas, per crossing; assumed; lasting change
 INFORMATION_SHARE = 0.5  # of a crossing's: its errors over distance are correlated; all
 STEADY_SPEED_CHANGE = 0.02  # -, in a crossing, that halves the information; starts and stops
 OUTLIER_SIGMAS = 5.0     # of the squared innovation, beyond which it has less weight; mu_jumps
-POOR_EXCESS = 2.0        # of a fit that contradicts the shape; lasting change
 MAX_OUTLIERS = 3         # consecutive, after which the shape has changed; lasting change
 
 # -- what a fit shows ----------------------------------------------------------------------------
-MAX_CENTER_SIGMA = 0.15  # film lengths; derived: as above; lost batches
 CHANGE_SIGMA = 0.01      # -, of the slip over a contact length; assumed; all
 SLIP_CHANGE_SHARE = 0.5  # of a relative change of wheel speed, linear change of slip; stops
 SLIP_RESIDUAL_SHARE = 0.05  # of that, nonlinear change of slip; starts and stops
-SPEED_CHANGE_NOISE = 0.01  # -, apparent change by timestamp jitter; derived; all
 CURVATURE_SHARE = 0.5    # of a squared relative change, error of the linear model; stops
 FULL_SLIDING_ONSET = 0.8  # -, normalized slip from which the waveform hardly depends on it
 FULL_SLIDING_SIGMAS = 4.0  # within which that onset counts as reached; wet tiles
 MIN_RATIO_CORRELATION = 0.5  # of slip and normalized slip, if their ratio is known; wet tiles
-SLOPE_STEP = 1e-3        # -, of normalized slip, for a finite difference
 MAX_SIGMA = 0.3          # -, of slip, adhesion ratio, x_m over L: larger ones are unknown; noisy
 
 # -- friction of a single crossing ---------------------------------------------------------------
 PRIOR_MEDIAN, PRIOR_LOG_SIGMA = 0.45, float(np.log(2.0))  # of mu, log-normal; assumed; noisy
 MAX_INVERSE_SIGMA = 0.35  # of 1 / mu over that of a likely surface, to be informative; noisy
-NEGLIGIBLE_PRIOR_SIGMA = 0.12  # -, of mu, below which the prior does not matter; concrete
-MU_GRID = np.geomspace(0.02, 4.0, 1000)  # of the posterior; derived; noisy
+MIN_RELATIVE_SIGMA = 0.12  # of 1 / mu, informative on every surface; wet tiles
+MAX_MU = 4.0             # far beyond any surface; noisy
+DEVIATIONS = np.linspace(-6.0, 6.0, 301)  # of 1 / mu in the posterior, in sigmas; derived; noisy
 MAX_WAIT_NS = 2_000_000_000  # of a crossing for a window of the ground; derived; standstill

@@ -87,19 +87,20 @@ def friction_estimate(inverse_mu: float, sigma: float, likely: float = math.nan)
     typical surface and on one with friction ``likely``. That decision must not depend on the
     measured value: keeping only the low outcomes of noisy measurements would bias mu low.
     """
-    if sigma < c.NEGLIGIBLE_PRIOR_SIGMA * inverse_mu:
-        return Uncertain(1.0 / inverse_mu, sigma / inverse_mu**2)
-    lowest = min(c.PRIOR_MEDIAN, likely if math.isfinite(likely) else c.PRIOR_MEDIAN)
-    if not sigma * lowest < c.MAX_INVERSE_SIGMA:
+    lowest = float(np.fmin(c.PRIOR_MEDIAN, likely))
+    if not sigma < max(c.MAX_INVERSE_SIGMA / lowest, c.MIN_RELATIVE_SIGMA * inverse_mu):
         return UNKNOWN
-    grid = c.MU_GRID
-    weight = np.exp(-0.5 * ((np.log(grid / c.PRIOR_MEDIAN) / c.PRIOR_LOG_SIGMA)**2
-                            + ((1.0 / grid - inverse_mu) / sigma)**2))
-    cumulative = np.cumsum(weight)
-    if not cumulative[-1] > 0.0:
+    inverse = inverse_mu + sigma * c.DEVIATIONS
+    possible = inverse > 1.0 / c.MAX_MU
+    grid = 1.0 / inverse[possible]
+    # density over 1 / mu: that of ln mu times mu
+    weight = grid * np.exp(-0.5 * ((np.log(grid / c.PRIOR_MEDIAN) / c.PRIOR_LOG_SIGMA)**2
+                                   + c.DEVIATIONS[possible]**2))
+    total = float(weight.sum())
+    if not total > 0.0:
         return UNKNOWN
-    mu = float(grid[np.searchsorted(cumulative, 0.5 * cumulative[-1])])
-    return Uncertain(mu, math.sqrt(float(weight @ (grid - mu)**2) / float(cumulative[-1])))
+    mu = float(np.interp(0.5 * total, weight.cumsum() - 0.5 * weight, grid))
+    return Uncertain(mu, math.sqrt(float(weight @ (grid - mu)**2) / total))
 
 
 def _product(first: Uncertain, second: Uncertain) -> Uncertain:

@@ -104,18 +104,17 @@ class WaveformFitter:
     Fits ``WaveformModel`` to the crossings of one wheel.
 
     ``gains`` [V/m] and ``bending`` [V] are the nominal ones of all films of the wheel.
-    ``gain_sigma`` (by default the robot's tolerance) and ``length_sigma`` are relative standard
-    deviations of gains and contact length; the contact length is fixed where its sigma is 0.
-    ``shape`` has the prior of release and bumps; without it they have their nominal shape.
+    ``shape`` has the prior of release and bumps. ``gain_sigma`` (by default the robot's tolerance)
+    and ``length_sigma`` are relative standard deviations of gains and contact length; where they
+    are 0, these are fixed.
     """
 
-    def __init__(self, robot: RobotParams, gains: Sequence[float], bending: Sequence[float], *,
-                 gain_sigma: float | None = None, length_sigma: float = 0.0,
-                 shape: ShapeEstimator | None = None) -> None:
+    def __init__(self, robot: RobotParams, gains: Sequence[float], bending: Sequence[float],
+                 shape: ShapeEstimator, *, gain_sigma: float | None = None,
+                 length_sigma: float = 0.0) -> None:
         self._robot, film = robot, robot.film
         self._gains, self._bending = tuple(gains), tuple(bending)
-        tolerance = film.stretch_gain_tolerance if gain_sigma is None else gain_sigma
-        self._gain_sigma = max(tolerance, c.MIN_GAIN_SIGMA)
+        self._gain_sigma = film.stretch_gain_tolerance if gain_sigma is None else gain_sigma
         self._length_sigma = length_sigma
         self._shape = shape
 
@@ -140,7 +139,7 @@ class WaveformFitter:
             return self._evaluate(samples, solver.run(p, prior))
         best = self._solve(samples, solver, prior, p)
         for other in (-slip, 0.0):
-            if best.excess <= c.RESTART_EXCESS:
+            if best.excess <= c.POOR_EXCESS:
                 break
             p = p.copy()
             p[Shared.SLIP] = other
@@ -152,10 +151,8 @@ class WaveformFitter:
     def _solve(self, samples: CrossingSamples, solver: LevenbergMarquardt, prior: Prior, p: Array
                ) -> WaveformFit:
         """Fit with the bumps as learned before all parameters: far from the minimum it is fast."""
-        if self._shape is not None:
-            rough = solver.run(p, prior.without(BUMPS), c.ROUGH_REDUCTION).point
-            return self._evaluate(samples, solver.run(rough, prior))
-        return self._evaluate(samples, solver.run(p, prior))
+        rough = solver.run(p, prior.without(BUMPS), c.ROUGH_REDUCTION).point
+        return self._evaluate(samples, solver.run(rough, prior))
 
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return the fitted output [V] above baseline at each sample, film by film."""
@@ -170,8 +167,7 @@ class WaveformFitter:
     def _start(self, samples: CrossingSamples) -> Array:
         count = film_index(len(samples.films), PerFilm.CENTER)
         p = np.zeros(count + len(samples.errors.shape_sigmas))
-        if self._shape is not None:
-            p[SHAPE] = self._shape.prior.value
+        p[SHAPE] = self._shape.prior.value
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             bump = c.BUMP_SHARE * self._bending[film.film]
             p[film_index(i, PerFilm.CENTER):film_index(i, PerFilm.GAIN)] = (
@@ -194,21 +190,20 @@ class WaveformFitter:
             slips.slip.sigma, c.NORMALIZED_SLIP_SIGMA, slips.change.sigma / abs(scale),
             errors.scale_sigma, c.LOG_ALPHA_SIGMA, self._length_sigma)
         sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
-        if self._shape is not None:
-            value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0
+        value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0
+        baseline = c.BASELINE_SIGMAS * math.sqrt(self._robot.film.sample_variance)
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             peak, block = self._bending[film.film], slice(
                 film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
             bump = c.BUMP_SHARE * peak
             value[block] = detection.center, 0.0, peak, bump, bump, 0.0, 0.0
-            sigma[block] = (
-                c.CENTER_SIGMA * self._robot.film.length, c.BASELINE_SIGMA, BENDING_SIGMA * peak,
-                bump, bump, self._gain_sigma, c.LOG_RECOVERY_SIGMA)
+            sigma[block] = (c.CENTER_SIGMA * self._robot.film.length, baseline,
+                            BENDING_SIGMA * peak, bump, bump, self._gain_sigma,
+                            c.LOG_RECOVERY_SIGMA)
         free = np.flatnonzero(sigma > 0.0)
         prior = Prior(value, np.diag(sigma[free]**-2), free)
-        if self._shape is not None:
-            shape = prior.rows(np.arange(SHAPE.start, SHAPE.stop))
-            prior.precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
+        shape = prior.rows(np.arange(SHAPE.start, SHAPE.stop))
+        prior.precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
         return prior
 
     def _evaluate(self, samples: CrossingSamples, result: FitResult) -> WaveformFit:
@@ -228,9 +223,8 @@ class WaveformFitter:
         covariance[prior.free[:, np.newaxis], prior.free] = inverse
         # the slip prior, gains and shape have the same errors in all crossings
         both = covariance[[Shared.SLIP, Shared.NORM_SLIP]]
-        same = np.array([Shared.SLIP, *(film_index(i, PerFilm.GAIN)
-                                        for i in range(len(samples.films))),
-                         *(range(SHAPE.start, SHAPE.stop) if self._shape is not None else ())])
+        same = np.intersect1d(prior.free, [Shared.SLIP, *range(SHAPE.start, SHAPE.stop), *(
+            film_index(i, PerFilm.GAIN) for i in range(len(samples.films)))])
         gain, rows = both[:, same], prior.rows(same)
         systematic = gain @ prior.precision[rows[:, np.newaxis], rows] @ gain.T
         white = excess * (both[:, [Shared.SLIP, Shared.NORM_SLIP]] - systematic)

@@ -87,11 +87,10 @@ class SlipVariation:
 
 def slip_variation(crossing: PatchCrossing, contact_length: float) -> SlipVariation:
     """Return the variation of slip that the change of wheel speed in ``crossing`` allows."""
-    speed_change = max(crossing.speed_change - c.SPEED_CHANGE_NOISE, 0.0)
     return SlipVariation(
-        Uncertain(0.0, math.hypot(c.CHANGE_SIGMA, c.SLIP_CHANGE_SHARE * speed_change
+        Uncertain(0.0, math.hypot(c.CHANGE_SIGMA, c.SLIP_CHANGE_SHARE * crossing.speed_change
                                   * contact_length / crossing.distance)),
-        c.SLIP_RESIDUAL_SHARE * speed_change)
+        c.SLIP_RESIDUAL_SHARE * crossing.speed_change)
 
 
 class WaveformMethod:
@@ -101,7 +100,7 @@ class WaveformMethod:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
         self.shape = ShapeEstimator()
-        self._fitter = WaveformFitter(robot, self._gains, self._bending, shape=self.shape)
+        self._fitter = WaveformFitter(robot, self._gains, self._bending, self.shape)
 
     def measure(self, crossing: PatchCrossing) -> FilmResult | None:
         """Return what the films show of ``crossing``, None if its waveform is implausible."""
@@ -124,7 +123,7 @@ class WaveformMethod:
             center = fit.film_parameter(i, PerFilm.CENTER)
             if not (low < bending / self._bending[film.film] < high
                     and fit.residual_rms < MAX_RESIDUAL * bending
-                    and center.sigma < c.MAX_CENTER_SIGMA * self._film.length):
+                    and center.sigma < c.MAX_CENTER_STEP * self._film.length):
                 return False
         return True
 
@@ -143,10 +142,10 @@ class WaveformMethod:
         slip, t = fit.slip.value, fit.normalized_slip
         if fit.samples.films[0].film or length >= self._patch or slip <= 0.0 or t.value <= 0.0:
             return UNKNOWN, UNKNOWN
-        around = t.value + c.SLOPE_STEP * np.array([-1.0, 0.0, 1.0])
+        around = t.value + t.sigma * np.array([-1.0, 0.0, 1.0])
         below, x_m, above = strain_charge.peak_position(
             np.maximum(1.0 - around, 0.0) * self._patch, length, self._patch).tolist()
-        sigma = (above - below) / (2.0 * c.SLOPE_STEP) * t.sigma  # m, of x_m
+        sigma = 0.5 * (above - below)  # m, of x_m
         if sigma > c.MAX_SIGMA * self._patch:
             return UNKNOWN, UNKNOWN
         scale = fit.shared(Shared.SCALE)
@@ -176,7 +175,7 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     adds a deviation of second order.
     """
     slip, normalized_slip = fit.slip.value, fit.normalized_slip.value
-    scale = max(abs(slip), c.MIN_SLIP_SCALE)
+    scale = max(abs(slip), c.MIN_SLIP)
     change = fit.shared(Shared.CHANGE)
     growth = math.hypot(c.CURVATURE_SHARE * (change.value**2 + change.sigma**2), residual / scale)
     sigma = growth * np.array([scale, max(abs(normalized_slip), c.MIN_NORMALIZED_SCALE)])

@@ -80,7 +80,7 @@ class ShapeEstimator:
 def initial_covariance() -> Array:
     """Return the covariance of the shape before any crossing."""
     knots = tread_film.KNOTS
-    sigma = c.BUMP_SIGMA * np.exp(np.minimum(knots, 0.0) / c.LEAK_LENGTH)
+    sigma = c.BUMP_SIGMA * np.exp(np.minimum(knots, 0.0) / c.CORRELATION_LENGTH)
     distance = (knots[:, np.newaxis] - knots) / c.CORRELATION_LENGTH
     bump = np.outer(sigma, sigma) * np.exp(-0.5 * distance**2) + c.UNCORRELATED_SIGMA**2 * np.eye(
         KNOTS)

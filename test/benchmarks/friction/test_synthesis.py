@@ -19,6 +19,7 @@ import pytest
 from smart_tire.estimation.friction.waveform_fit import WaveformFitter
 from smart_tire.estimation.friction.waveform_model import Shared
 from smart_tire.models.tire import brush_tire
+from support.crossings import known_shape
 
 
 def volts(crossing):
@@ -69,7 +70,8 @@ def test_driving_increases_the_signal_and_braking_decreases_it():
 def test_without_noise_the_model_fits_a_crossing():
     case = Case(slip=0.15, noise=0.0, combined=1.3)
     film = case.robot.film
-    fitter = WaveformFitter(case.robot, film.gains('front_right'), film.bending('front_right'))
+    fitter = WaveformFitter(case.robot, film.gains('front_right'), film.bending('front_right'),
+                            known_shape())
     fit = fitter.fit(CrossingSynthesizer(case, 3, gain_error=0.0).crossing().samples)
     assert fit.residual_rms < film.code_voltage
     assert fit.shared(Shared.SLIP)[0] == pytest.approx(case.slip, rel=0.02)

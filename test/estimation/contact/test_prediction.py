@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smart_tire.estimation.contact.constants import MAX_CROSSINGS_PER_STEP, POSITION_GATE
+from smart_tire.estimation.contact.constants import POSITION_GATE, REMEMBERED
 from smart_tire.estimation.contact.prediction import (
     CrossingAssociator, MountPosition, PredictedCrossing)
 from smart_tire.estimation.contact.records import (
@@ -98,9 +98,9 @@ def test_of_a_million_revolutions_only_the_latest_are_reported(direction):
     mount = learned([(0, 0.1)])
     mount.advance((0, 0.1))
     found = crossings(mount, direction * (10**6 + 0.1) * CIRCUMFERENCE)
-    assert len(found) == MAX_CROSSINGS_PER_STEP
+    assert len(found) == REMEMBERED
     assert found == [(found[0][0] + direction * i, direction)
-                     for i in range(MAX_CROSSINGS_PER_STEP)]
+                     for i in range(REMEMBERED)]
     assert abs(found[-1][0]) == pytest.approx(10**6, abs=2)
 
 

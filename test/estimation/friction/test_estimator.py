@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.contact.constants import MAX_CROSSINGS_PER_STEP
+from smart_tire.estimation.contact.constants import REMEMBERED
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.parameters import build, FrictionEstimatorParams, SimulatorParams
 from smart_tire.samples import (
@@ -251,7 +251,7 @@ def test_an_implausible_spin_for_a_minute_yields_a_bounded_number_of_crossings()
     found, estimator = estimate([*samples, *in_order([spin], late)])
     again, _ = estimate(late)
     assert not estimator.dropped
-    assert len(found) < 2 * len(again) + MAX_CROSSINGS_PER_STEP + 5
+    assert len(found) < 2 * len(again) + REMEMBERED + 5
 
 
 def test_a_repeated_bag_restarts_the_estimator(driven):

@@ -24,7 +24,7 @@ from smart_tire.estimation.friction.waveform_fit import (
 from smart_tire.estimation.friction.waveform_model import PerFilm, Shared
 from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain
-from support.crossings import crossing_samples, WHEEL
+from support.crossings import crossing_samples, known_shape, WHEEL
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +37,9 @@ def robot(**values):
 
 
 def fitter(robot, **options):
-    return WaveformFitter(robot, robot.film.gains(WHEEL), robot.film.bending(WHEEL), **options)
+    """Return a fitter that knows the shape of release and bumps."""
+    return WaveformFitter(robot, robot.film.gains(WHEEL), robot.film.bending(WHEEL),
+                          known_shape(), **options)
 
 
 def fits(robot, count, slip, normalized_slip, *, seed=0, sigma=None, **options):

@@ -196,7 +196,7 @@ def test_the_result_does_not_depend_on_errors_of_the_detection():
 
 
 def test_a_change_of_wheel_speed_allows_a_change_of_slip():
-    steady, changing = (slip_variation(patch_crossing(None, change), L) for change in (0.0, 0.21))
+    steady, changing = (slip_variation(patch_crossing(None, change), L) for change in (0.0, 0.2))
     assert steady.change == (0.0, CHANGE_SIGMA)
     assert steady.residual == 0.0 and changing.residual == pytest.approx(0.05 * 0.2)
     assert changing.change.sigma == pytest.approx(np.hypot(CHANGE_SIGMA, 0.5 * 0.2 * L / 0.1))
