@@ -60,6 +60,12 @@ def find_bag(path: Path) -> Path:
     return below[0]
 
 
+def bag_name(path: Path) -> str:
+    """Return the name of a bag: that of its folder, or of its file without suffix."""
+    bag = path.resolve()
+    return bag.name if bag.is_dir() else bag.stem
+
+
 def is_bag(folder: Path) -> bool:
     """Return whether ``folder`` has the files of a bag; a bag may lack its metadata."""
     return (folder / BAG_METADATA).is_file() or any(

@@ -8,15 +8,15 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Contents of a bag: interface of its files; metadata.yaml, read in any version, written in 9."""
+"""Contents of a bag: metadata.yaml, read in any version, written in 9."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 import os
 from pathlib import Path, PurePath
-from typing import Any, Protocol
+from typing import Any
 
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_METADATA
@@ -45,27 +45,6 @@ class Channel:
 
 
 Message = tuple[int, Channel, bytes]  # receive time [ns], channel, data
-
-
-class Storage(Protocol):
-    """One file of a bag, open for reading."""
-
-    warnings: list[str]           # what could not be read, for the user
-
-    def counts(self) -> dict[Channel, int]:
-        """Return the message count of each channel."""
-
-    def custom_data(self) -> dict[str, str]:
-        """Return the custom data of ``ros2 bag record --custom-data``."""
-
-    def span(self) -> tuple[int, int] | None:
-        """Return the receive times of the first and last message [ns]; None without messages."""
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics`` (None: all) in order of receive time."""
-
-    def close(self) -> None:
-        """Close the file."""
 
 
 def add_warning(warnings: list[str], text: str) -> None:
@@ -118,17 +97,9 @@ def write_metadata(directory: Path, contents: Contents) -> None:
     os.replace(draft, directory / BAG_METADATA)
 
 
-@dataclass(frozen=True)
-class Metadata:
-    """What a reader needs of metadata.yaml."""
-
-    files: list[Path]
-    custom_data: dict[str, str]
-
-
-def read_metadata(directory: Path) -> Metadata | None:
+def read_metadata(directory: Path) -> tuple[list[Path], dict[str, str]] | None:
     """
-    Return the content of metadata.yaml in ``directory``; None if there is none.
+    Return the files and the custom data in metadata.yaml of ``directory``; None if it is missing.
 
     Raises BagError if it is invalid.
     """
@@ -146,7 +117,7 @@ def read_metadata(directory: Path) -> Metadata | None:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise BagError(f'{path}: relative_file_paths is missing')
     # Old versions prefix the folder.
-    return Metadata([directory / PurePath(name).name for name in names], custom_data_of(root))
+    return [directory / PurePath(name).name for name in names], custom_data_of(root)
 
 
 def custom_data_of(entry: object) -> dict[str, str]:

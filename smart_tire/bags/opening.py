@@ -17,7 +17,7 @@ import re
 import tempfile
 
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
-from smart_tire.bags.metadata import read_metadata, Storage
+from smart_tire.bags.metadata import read_metadata
 from smart_tire.bags.sqlite_file import SqliteFile, ZSTD_MAGIC
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_SUFFIXES
@@ -36,7 +36,7 @@ class OpenFiles:
     """
 
     def __init__(self, path: Path, warnings: list[str]) -> None:
-        self.files: list[Storage] = []
+        self.files: list[McapFile | SqliteFile] = []
         self.custom_data: dict[str, str] = {}
         self._path, self._warnings = path, warnings
         self._decompressed = tempfile.TemporaryDirectory(prefix='smart_tire_')
@@ -77,7 +77,7 @@ class OpenFiles:
             if metadata is None:
                 self._warnings.append(f'{self._path}: metadata.yaml is missing')
             else:
-                listed, self.custom_data = metadata.files, metadata.custom_data
+                listed, self.custom_data = metadata
         for path in listed:
             if not path.exists():
                 self._warnings.append(f'{path}: file is missing')
@@ -89,7 +89,7 @@ class OpenFiles:
                            'file)')
         return paths
 
-    def _open(self, path: Path) -> Storage:
+    def _open(self, path: Path) -> McapFile | SqliteFile:
         plain = self._decompress(path) if _first_bytes(path).startswith(ZSTD_MAGIC) else path
         head = _first_bytes(plain)
         if head.startswith(MCAP_MAGIC):

@@ -155,9 +155,7 @@ class Session:
 
     def refuse_other_driver(self) -> None:
         """Raise RobotError while a path is followed: two sources of commands stop the motors."""
-        end = time.monotonic() + REPORT_TIME
-        while self.pilot.progress is None and time.monotonic() < end:
-            self.spin()
+        self.wait(lambda: self.pilot.progress is not None, REPORT_TIME)
         report = self.pilot.progress
         if report is not None and report.state == State.FOLLOWING:
             raise RobotError('trajectory_controller follows a path: cancel it first (cancel_path)')
@@ -184,12 +182,15 @@ class Session:
                               for topic in awaited), START_TIMEOUT,
                   RobotError(f'the recorder does not receive {" and ".join(awaited)}'))
 
-    def wait(self, condition: Callable[[], bool], seconds: float, error: Exception) -> None:
-        """Handle messages until ``condition`` holds; raise ``error`` after ``seconds``."""
+    def wait(self, condition: Callable[[], bool], seconds: float,
+             error: Exception | None = None) -> None:
+        """Handle messages until ``condition`` holds, or for ``seconds``; then raise ``error``."""
         end = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > end:
-                raise error
+                if error is not None:
+                    raise error
+                return
             self.spin()
 
     @contextmanager
@@ -239,11 +240,10 @@ class Session:
 
     def reason(self, state: State) -> tuple[str, str]:
         """Return why the controller has stopped or refused the path, and the cause."""
-        self.pilot.health.pop(FOLLOWER, None)  # it may be that of a path before
-        end, found = time.monotonic() + REASON_TIME, dict[str, str]()
-        while found.get('state') != state.name.lower() and time.monotonic() < end:
-            self._runner.spin(SPIN_TIME)
-            found = self.pilot.health.get(FOLLOWER, {})
+        health = self.pilot.health
+        health.pop(FOLLOWER, None)  # it may be that of a path before
+        self.wait(lambda: health.get(FOLLOWER, {}).get('state') == state.name.lower(), REASON_TIME)
+        found = health.get(FOLLOWER, {})
         return found.get('reason', ''), found.get('cause', '')
 
     def await_standstill(self) -> None:

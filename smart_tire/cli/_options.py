@@ -219,14 +219,6 @@ def _bag_files(folder: Path) -> set[str]:
     return {f'{folder.resolve().name}_0.mcap', BAG_METADATA}
 
 
-def output_path(args: argparse.Namespace, kind: str) -> Path:
-    """Return the output file: ``--out``, or a name derived from the first bag."""
-    if args.out is not None:
-        return Path(args.out)
-    bag = args.bags[0].resolve()
-    return Path(f'{bag.name if bag.is_dir() else bag.stem}_{kind}.yaml')
-
-
 def print_counts(counts: Mapping[str, int]) -> None:
     """Print the message count of each topic."""
     width = max((len(str(count)) for count in counts.values()), default=1)

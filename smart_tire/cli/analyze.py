@@ -22,7 +22,8 @@ from smart_tire.cli._options import (
     check_options, FIGURES, open_bag, refuse_existing,
     refuse_existing_bag, refuse_folder_of_bag, REQUIRED)
 from smart_tire.cli._progress import Progress
-from smart_tire.errors import BagError
+from smart_tire.errors import BagError, ParameterError
+from smart_tire.paths import bag_name
 
 ESTIMATED, NOTHING_ESTIMATED, USAGE = 0, 1, 2  # exit statuses
 
@@ -32,8 +33,7 @@ def run(args: argparse.Namespace) -> int:
     names = folder_names(args.bags)
     for name, count in Counter(names).items():
         if count > 1:
-            print(f'smart_tire analyze: {count} bags have the name {name}', file=sys.stderr)
-            return USAGE
+            raise ParameterError(f'{count} bags have the name {name}')
     outs = [args.out] if len(args.bags) == 1 else [args.out / name for name in names]
     for out in outs:
         check_out(out, args)
@@ -66,17 +66,11 @@ def check_out(out: Path, args: argparse.Namespace) -> None:
 
 def folder_names(bags: Sequence[Path]) -> list[str]:
     """Return a name for each bag: its own, or that of its folder where the names are equal."""
-    names = [folder_name(bag) for bag in bags]
+    names = [bag_name(bag) for bag in bags]
     if len(set(names)) < len(names):
         folders = [bag.resolve().parent.name for bag in bags]
         return folders if len(set(folders)) == len(folders) else names
     return names
-
-
-def folder_name(bag: Path) -> str:
-    """Return the name of a bag: its folder name, or its file name without suffix."""
-    bag = bag.resolve()
-    return bag.name if bag.is_dir() else bag.stem
 
 
 def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
@@ -90,7 +84,7 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             for name in missing:
                 print(f'  {name} is not in the bag, nor a topic that may be it by another name')
             return NOTHING_ESTIMATED
-    with Progress(folder_name(bag)) as progress:
+    with Progress(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
                            names=settings.names, source=settings.source.tree)
     if analysis.summary is None:

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._options import (
-    bag_settings, IDENTIFIED, NOT_IDENTIFIED, output_path, refuse_existing)
+    bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing)
 from smart_tire.errors import ParameterError
-from smart_tire.paths import write_text
+from smart_tire.paths import bag_name, write_text
 
 if TYPE_CHECKING:
     from smart_tire.analysis.identify import Source
@@ -42,7 +42,8 @@ def run(args: argparse.Namespace) -> int:
 
 def run_bags(args: argparse.Namespace) -> int:
     """Identify from bags, print the result, and write parameters and figure."""
-    out, lifted = output_path(args, args.kind), getattr(args, 'lifted', [])
+    out = args.out or Path(f'{bag_name(args.bags[0])}_{args.kind}.yaml')
+    lifted = getattr(args, 'lifted', [])
     figure, bags = out.with_suffix('.png'), [*args.bags, *lifted]
     refuse_existing([out, figure], force=args.force, inputs=[*bags, *args.params])
     from smart_tire.analysis.calibrate_robot import TimeRange

@@ -16,13 +16,13 @@ import argparse
 
 from smart_tire.cli._options import (
     print_counts, print_warnings, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
+from smart_tire.paths import bag_name
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the repaired bag; print message counts and warnings."""
-    bag = args.bag.resolve()
-    out = args.out or bag.with_name(f'{bag.stem if bag.is_file() else bag.name}_recovered')
-    refuse_folder_of_bag(out, [bag])
+    out = args.out or args.bag.resolve().with_name(f'{bag_name(args.bag)}_recovered')
+    refuse_folder_of_bag(out, [args.bag])
     refuse_existing_bag(out, force=args.force)
     from smart_tire.bags import recover
     remove_bag(out)

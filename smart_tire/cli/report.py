@@ -22,9 +22,9 @@ import smart_tire
 from smart_tire.cli._options import (
     check_options, open_bag, refuse_existing, refuse_folder_of_bag)
 from smart_tire.cli._progress import Progress
-from smart_tire.cli.analyze import each_bag, ESTIMATED, folder_name, NOTHING_ESTIMATED
+from smart_tire.cli.analyze import each_bag, ESTIMATED, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
-from smart_tire.paths import write_text
+from smart_tire.paths import bag_name, write_text
 
 SUFFIXES = ('.html', '.htm')
 DEMO_BAG = 'bag'  # folder of the bag in the output of "smart_tire demo", which has no name
@@ -58,7 +58,7 @@ def output_files(paths: Sequence[Path], out: Path | None) -> list[Path]:
 
 def report_name(bag: Path) -> str:
     """Return the title of the report: the name of the bag, of its folder if it has none."""
-    name = folder_name(bag)
+    name = bag_name(bag)
     return bag.resolve().parent.name if name == DEMO_BAG else name
 
 
