@@ -19,9 +19,8 @@ writes are deleted, by name.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 import math
 import os
 from pathlib import Path
@@ -76,24 +75,11 @@ def check_options(args: argparse.Namespace) -> None:
     TopicNames.parse(args.remap)
 
 
-@dataclass(frozen=True)
-class BagSettings:
-    """How a bag is read."""
-
-    source: BagParams   # parameters, and where they are from
-    names: TopicNames
-
-    @property
-    def params(self) -> EstimatorParams:
-        """Return the parameters of the estimators."""
-        return self.source.params
-
-
 @contextmanager
 def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] = REQUIRED,
-             prefix: str = '') -> Iterator[tuple[Bag, BagSettings]]:
+             prefix: str = '') -> Iterator[tuple[Bag, BagParams]]:
     """
-    Open a bag with the options of ``--params`` and ``--remap``; yield it and its settings.
+    Open a bag with the options of ``--params`` and ``--remap``; yield it and its parameters.
 
     Prints the source of the parameters, and the topics and joints that were recognized, with
     ``prefix`` before each line. Raises BagError if one of the ``required`` topics has to be
@@ -101,34 +87,31 @@ def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] 
     """
     from smart_tire.analysis.pipeline import bag_params
     from smart_tire.bags import Bag, check_inputs, TopicNames
-    names = TopicNames.parse(args.remap)
-    with Bag(path, names) as bag:
+    with Bag(path, TopicNames.parse(args.remap)) as bag:
         source = bag_params(bag, args.params)
         bag.joints = source.params.robot.joints
         check_inputs(bag, required)
         for line in (*source.lines(), *bag.notes):
             print(prefix + line)
-        yield bag, BagSettings(source, names)
+        yield bag, source
 
 
-def bag_settings(paths: Iterable[Path], args: argparse.Namespace, *,
-                 required: Collection[str] = REQUIRED) -> BagSettings:
+def bag_settings(paths: Sequence[Path],
+                 args: argparse.Namespace) -> tuple[EstimatorParams, TopicNames]:
     """
-    Return the settings for bags of one robot; print as ``open_bag`` does.
+    Return parameters and topic names for bags of one robot; print as ``open_bag`` does.
 
     Raises ParameterError if the bags carry different parameters of the robot.
     """
-    found: BagSettings | None = None
-    paths = list(paths)
+    found = []
     for path in paths:
-        with open_bag(path, args, required=required,
-                      prefix=f'{path}: ' if len(paths) > 1 else '') as (_, settings):
-            if found is not None and settings.params.robot != found.params.robot:
-                raise ParameterError(f'{paths[0]} and {path} carry different parameters of the '
-                                     'robot: select one set with --params')
-            found = found or settings
-    assert found is not None  # argparse requires one bag
-    return found
+        prefix = f'{path}: ' if len(paths) > 1 else ''
+        with open_bag(path, args, prefix=prefix) as (bag, source):
+            found.append((source.params, bag.names))
+        if source.params.robot != found[0][0].robot:
+            raise ParameterError(f'{paths[0]} and {path} carry different parameters of the '
+                                 'robot: select one set with --params')
+    return found[0]
 
 
 def check_paths(args: argparse.Namespace) -> None:

@@ -77,8 +77,8 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     """Analyze one bag, write the results to ``out``, print a report; return the exit status."""
     from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.tables import lines
-    with open_bag(bag, args) as (opened, settings):
-        params, shown = settings.params, opened.notes
+    with open_bag(bag, args) as (opened, source):
+        params, shown = source.params, opened.notes
         if missing := [name for name in REQUIRED if name not in opened.match(REQUIRED)]:
             print(f'{bag}: nothing can be estimated without {" and ".join(missing)}')
             for name in missing:
@@ -86,7 +86,7 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             return NOTHING_ESTIMATED
     with Progress(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
-                           names=settings.names, source=settings.source.tree)
+                           names=opened.names, source=source.tree)
     if analysis.summary is None:
         print(f'{bag}: nothing can be estimated')
         for text in analysis.contents.skipped:

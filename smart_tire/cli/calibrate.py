@@ -65,10 +65,10 @@ def identify_only(args: argparse.Namespace, bags: Bags) -> int:
                        if (step == 'lifted') is off] for off in (False, True))
     if not ground:
         raise ParameterError(f'--only {args.only}: no recording on the ground')
-    settings = bag_settings([*ground, *lifted], args)
+    params, names = bag_settings([*ground, *lifted], args)
     return report(args.only, Source(
-        ground, settings.params.robot, reference='any' if args.truth else 'none',
-        names=settings.names, lifted=lifted), args.out / PARAMETER_FILE,
+        ground, params.robot, reference='any' if args.truth else 'none',
+        names=names, lifted=lifted), args.out / PARAMETER_FILE,
         args.out / f'{args.only}.png')
 
 
@@ -76,9 +76,9 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
     from smart_tire.analysis.calibrate import calibrate_bags, figures
     from smart_tire.analysis.drawing import save_all
-    settings = bag_settings([path for paths in bags.values() for path in paths], args)
-    result = calibrate_bags(bags, settings.params, f'{date.today():%Y-%m-%d}', truth=args.truth,
-                            names=settings.names)
+    params, names = bag_settings([path for paths in bags.values() for path in paths], args)
+    result = calibrate_bags(bags, params, f'{date.today():%Y-%m-%d}', truth=args.truth,
+                            names=names)
     found = result.calibration
     print_calibration(found)
     if not found.found:

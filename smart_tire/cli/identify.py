@@ -48,10 +48,10 @@ def run_bags(args: argparse.Namespace) -> int:
     refuse_existing([out, figure], force=args.force, inputs=[*bags, *args.params])
     from smart_tire.analysis.calibrate_robot import TimeRange
     from smart_tire.analysis.identify import Source
-    settings = bag_settings(bags, args)
+    params, names = bag_settings(bags, args)
     return report(args.kind, Source(
-        args.bags, settings.params.robot, TimeRange(args.since, args.until),
-        getattr(args, 'reference', 'none'), settings.names, lifted), out, figure)
+        args.bags, params.robot, TimeRange(args.since, args.until),
+        getattr(args, 'reference', 'none'), names, lifted), out, figure)
 
 
 def report(kind: str, source: Source, out: Path, figure: Path) -> int:

@@ -179,8 +179,6 @@ class SmartTireCommand:
     package also runs without ros2cli.
     """
 
-    NAME = 'smart_tire'
-
     def add_arguments(self, parser: argparse.ArgumentParser, cli_name: str, *,
                       argv: Sequence[str] | None = None) -> None:
         """Add the verbs and their arguments."""

@@ -67,11 +67,11 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     from smart_tire.analysis.html_report.content import report_of
     from smart_tire.analysis.html_report.page import html_page
     from smart_tire.analysis.offline import analyze
-    with open_bag(bag, args) as (_, settings):
+    with open_bag(bag, args) as (opened, source):
         pass
     with Progress(report_name(bag)) as progress:
-        result = analyze(bag, None, settings.params, progress.share, names=settings.names,
-                         source=settings.source.tree)
+        result = analyze(bag, None, source.params, progress.share, names=opened.names,
+                         source=source.tree)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated, no report is written')
         for text in result.contents.skipped:
@@ -80,7 +80,7 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     facts = [('Recorded', date_text(result.contents.start_ns)), ('Bag', str(bag.resolve())),
              ('Report', f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC'),
              ('Software', f'smart_tire {smart_tire.__version__}')]
-    write_text(out, html_page(report_of(result, settings.source, report_name(bag), facts)))
+    write_text(out, html_page(report_of(result, source, report_name(bag), facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
     return ESTIMATED
 

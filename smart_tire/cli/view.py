@@ -27,12 +27,13 @@ from typing import TYPE_CHECKING
 import webbrowser
 
 from smart_tire.cli._options import (
-    BagSettings, open_bag, refuse_existing)
+    open_bag, refuse_existing)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.bags import TopicNames
     from smart_tire.messages import NodeStatus
     from smart_tire.samples import Sample
     from smart_tire.view.scene import Scene
@@ -64,10 +65,10 @@ def run(args: argparse.Namespace) -> int:
         import_module('smart_tire.nodes.observer')
         return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), _show_live)
     bag, estimates = find_bags(args.bag)
-    with open_bag(bag, args, required=()) as (_, settings):
+    with open_bag(bag, args, required=()) as (opened, source):
         pass  # an error before the viewer appears
-    return _with_viewer(args, bag.resolve().name, settings.params,
-                        partial(_show_bag, args, bag, estimates, settings))
+    return _with_viewer(args, bag.resolve().name, source.params,
+                        partial(_show_bag, args, bag, estimates, source.params, opened.names))
 
 
 def has_display(environment: Mapping[str, str]) -> bool:
@@ -104,12 +105,13 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
 
 
 def _show_bag(args: argparse.Namespace, bag: Path, estimates: Path | None,
-              settings: BagSettings, scene: Scene, viewer: Viewer | None) -> int:
+              params: EstimatorParams, names: TopicNames, scene: Scene,
+              viewer: Viewer | None) -> int:
     """Show a bag; wait while a viewer for browsers is served."""
     from smart_tire.view.bag import show
     with Progress(bag.name) as progress:
-        show(bag, estimates, scene, settings.params, estimate=args.estimate,
-             describe=partial(print, flush=True), progress=progress.share, names=settings.names)
+        show(bag, estimates, scene, params, estimate=args.estimate,
+             describe=partial(print, flush=True), progress=progress.share, names=names)
     if viewer is not None and viewer.address.web is not None:
         try:
             while viewer.running:
