@@ -37,13 +37,15 @@ from smart_tire.nodes.compat import (
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.parameters import declare, read
-from smart_tire.nodes.qos import publisher_qos, subscriber_qos
+from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos
 from smart_tire.parameters import build
 from smart_tire.samples import NS_PER_S
+from std_msgs.msg import Bool
 
 Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
+STATE_DEPTH = 10  # queued states of the motor driver, so that a short stop is not missed
 REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 
 
@@ -72,6 +74,7 @@ class SmartTireNode(Node, Generic[Params]):
         self.params: Params = declare(self, params_class)
         self.inputs: dict[str, InputCounter] = {}
         self.outputs: dict[str, InputCounter] = {}
+        self._counts: dict[str, int] = {}  # in the latest diagnostics
         self._params_class = params_class
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._publish_diagnostics = self.make_guarded_publisher(
@@ -155,6 +158,12 @@ class SmartTireNode(Node, Generic[Params]):
                         else self.wrap_callback(name, on_message)),
             subscriber_qos(topic_name, wheels=wheels, reliability=reliability), raw=raw)
 
+    def subscribe_state(self, name: str, on_state: Callable[[bool], None]) -> None:
+        """Subscribe to a state of the motor driver; call ``on_state`` with each, also the last."""
+        profile = latched()
+        profile.depth = STATE_DEPTH
+        self.create_subscription(Bool, name, lambda state: on_state(bool(state.data)), profile)
+
     def _subscribe_once(self, cls: type[Any], name: str, callback: Callable[[Any, Any], None],
                         profiles: Sequence[QoSProfile], raw: bool) -> None:
         """Subscribe with each of ``profiles``; a publisher need not match all of them."""
@@ -215,11 +224,11 @@ class SmartTireNode(Node, Generic[Params]):
 
     def status(self) -> Status:
         """Return the diagnostic status: counts and ages of inputs, then those of the subclass."""
-        status = Status()
+        status = Status(counts=self._counts)
         self._fill_inputs(status)
         status.values['publish_errors'] = sum(counter.bad for counter in self.outputs.values())
         for name, counter in self.outputs.items():
-            if new := counter.newly_bad():
+            if new := status.new(f'publish {name}', counter.bad):
                 status.error(f'{new} messages on {name} not published')
         self.fill_status(status)
         return status
@@ -233,7 +242,7 @@ class SmartTireNode(Node, Generic[Params]):
             status.values['last_message_age'] = min(ages.values())
         for name, counter in self.inputs.items():
             status.values[f'{name}.last_message_age'] = ages[name]
-            if new := counter.newly_bad():
+            if new := status.new(name, counter.bad):
                 status.warn(f'{new} messages on {name} rejected, latest: {counter.latest}')
             if counter.required and ages[name] > MAX_INPUT_AGE:
                 status.warn(f'no {name}')

@@ -45,7 +45,6 @@ class InputCounter:
     bad: int = 0                # rejected
     last_ns: int | None = None  # steady clock, arrival of the latest accepted one
     latest: str = ''            # reason of the latest rejection
-    reported: int = 0           # ``bad`` at the last report
 
     def accept(self, now_ns: int, count: int = 1) -> None:
         """Count ``count`` accepted inputs that arrived at ``now_ns``."""
@@ -62,11 +61,6 @@ class InputCounter:
         """Return the time since the latest accepted input [s], infinite if there was none."""
         return math.inf if self.last_ns is None else (now_ns - self.last_ns) / NS_PER_S
 
-    def newly_bad(self) -> int:
-        """Return the number of rejections since the previous call."""
-        new, self.reported = self.bad - self.reported, self.bad
-        return new
-
 
 @dataclass
 class Status:
@@ -75,6 +69,12 @@ class Status:
     warnings: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
     values: dict[str, Any] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)  # those of the previous status
+
+    def new(self, name: str, count: int) -> int:
+        """Return by how much a count has grown since the previous status; it may restart at 0."""
+        before, self.counts[name] = self.counts.get(name, 0), count
+        return count - before if count >= before else count
 
     def warn(self, text: str) -> None:
         """Add a problem with which the node still does its work."""

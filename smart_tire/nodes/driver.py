@@ -62,8 +62,6 @@ class DriverNode(SmartTireNode[Params]):
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name, params_class)
-        self._bad_reported = 0      # bad frames at the last report
-        self._skipped_reported = 0  # skipped bytes at the last report
         self._next_logged = 1       # number of bad frames at which the next line is logged
         self._port_log = PortLog(self.get_logger(), self.steady_ns)
         self.create_steady_timer(CHECK_PERIOD, self._port_log.check)
@@ -110,16 +108,13 @@ class DriverNode(SmartTireNode[Params]):
     def _fill_bad_frames(self, status: Status) -> None:
         source = self._source
         bad, latest = source.frames_bad, source.last_error or 'damaged'
-        if bad > self._bad_reported:
-            status.warn(f'{bad - self._bad_reported} bad frames, latest: {latest}')
+        if new := status.new('bad frames', bad):
+            status.warn(f'{new} bad frames, latest: {latest}')
         if bad >= self._next_logged:  # the 1st, 2nd, 4th, 8th ..., checked once a second
             self._next_logged = 1 << bad.bit_length()
             self.get_logger().warning(f'{bad} bad frames, latest: {latest}')
-        self._bad_reported = bad
-        skipped = source.bytes_skipped
-        if skipped > self._skipped_reported:
-            status.warn(f'{skipped - self._skipped_reported} bytes skipped')
-        self._skipped_reported = skipped
+        if new := status.new('bytes skipped', source.bytes_skipped):
+            status.warn(f'{new} bytes skipped')
 
 
 class SampleDriver(DriverNode[Params]):

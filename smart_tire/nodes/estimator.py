@@ -57,13 +57,11 @@ class EstimatorNode(SmartTireNode[Params]):
         self._follower = Follower(self, self.restart, self.finish)
         for topic in self._topics.values():
             self._follower.add_output(topic)
-        self._foreign_reported = 0
         self.restart()
 
     def restart(self) -> None:
         """Replace the estimator by a new one in its initial state."""
         self.estimator = self._new_estimator(self.params)
-        self._late_reported = 0
         self._has_estimates = False
 
     def wrap_callback(self, name: str,
@@ -116,10 +114,8 @@ class EstimatorNode(SmartTireNode[Params]):
         status.values['late_messages'] = total = sum(late.values())
         status.values.update({f'{name}.late_messages': count for name, count in late.items()})
         status.values.update(self.estimator.status())
-        if total > self._late_reported:
-            status.warn(f'{total - self._late_reported} messages dropped: older than '
-                        'reorder_window')
-        self._late_reported = total
+        if new := status.new('late', total):
+            status.warn(f'{new} messages dropped: older than reorder_window')
         self._fill_replay(status)
 
     def _fill_replay(self, status: Status) -> None:
@@ -128,6 +124,5 @@ class EstimatorNode(SmartTireNode[Params]):
                                       'they arrive')
         if self._follower.leader:
             status.values['replay'] = self._follower.leader
-        if new := self._follower.foreign - self._foreign_reported:
+        if new := status.new('foreign', self._follower.foreign):
             status.warn(f'{new} messages received during a replay that are not part of it')
-        self._foreign_reported = self._follower.foreign

@@ -74,7 +74,6 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             Bool, 'emergency_stop_active', latched())
         self._publish_enabled = self.make_guarded_publisher(Bool, 'motors_enabled', latched())
         self._was_enabled = False
-        self._rejected_reported = 0  # currents at the last report
         self._line_logged = False
         queue = QoSProfile(depth=SERVICE_DEPTH)
         self.create_service(
@@ -157,10 +156,8 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self._commands.fill_status(status)
         for reason in gate.reasons():
             status.warn(f'motors stopped: {reason}')
-        if currents.rejected > self._rejected_reported:
-            status.warn(f'{currents.rejected - self._rejected_reported} motor currents '
-                        f'beyond {self.params.max_current:g} A rejected')
-        self._rejected_reported = currents.rejected
+        if new := status.new('currents', currents.rejected):
+            status.warn(f'{new} motor currents beyond {self.params.max_current:g} A rejected')
         for board in currents.silent_boards():
             status.warn(f'no motor torques: {board} does not report currents')
         if not self._port.problem:

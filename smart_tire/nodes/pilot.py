@@ -20,12 +20,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from smart_tire.messages import statuses_from_msg
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.qos import latched, latest_qos, subscriber_qos
+from smart_tire.nodes.qos import latest_qos, subscriber_qos
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import (
     Friction, Odometry, PathProgress, PlannedPath, Sample, Vector3, VelocityCommand, WHEELS,
     WheelSample, WheelSlip)
-from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 FRAME = 'odom'  # of the paths
@@ -71,7 +70,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self.subscribe('tire_friction', self._on_friction, wheels=len(WHEELS))
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
                                  subscriber_qos('/diagnostics'))
-        self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, latched())
+        self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
         self.create_steady_timer(COMMAND_PERIOD, self._repeat)
 
     def listeners(self, topic: str) -> int:
@@ -143,9 +142,9 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self.friction[friction.wheel] = friction
         self.crossings[friction.wheel] = self.crossings.get(friction.wheel, 0) + 1
 
-    def _on_emergency_stop(self, msg: Any) -> None:
-        self.emergency_stop = bool(msg.data)
-        if self.emergency_stop and self._driven is not None:
+    def _on_emergency_stop(self, engaged: bool) -> None:
+        self.emergency_stop = engaged
+        if engaged and self._driven is not None:
             self.halt()
 
     def _on_diagnostics(self, msg: Any) -> None:

@@ -50,7 +50,6 @@ class SequenceGaps:
 
     def __init__(self, initial_publishers: Container[bytes] | None = None) -> None:
         self.lost = self.missed = 0
-        self.reported = 0  # sum of both at the last report
         self._initial_publishers = initial_publishers
         self._last: dict[bytes, int] = {}  # publisher -> latest sequence number
 
@@ -67,12 +66,6 @@ class SequenceGaps:
             self.missed += number - 1
         self._last[publisher] = max(last or 0, number)
         return before.bit_length() < (self.lost + self.missed).bit_length()
-
-    def newly_lost(self) -> int:
-        """Return the number of messages lost or missed since the previous call."""
-        total = self.lost + self.missed
-        new, self.reported = total - self.reported, total
-        return new
 
     def __str__(self) -> str:
         if self.missed and self.lost:
@@ -128,10 +121,10 @@ class Recorder(SmartTireNode[NoParams]):
         status.values['messages'] = sum(counts.values())
         lost = {name: gaps.lost + gaps.missed for name, gaps in self._gaps.items()}
         status.values['messages_lost'] = sum(lost.values())
-        for name, gaps in self._gaps.items():
-            if lost[name]:
-                status.values[f'{name}.messages_lost'] = lost[name]
-            if new := gaps.newly_lost():
+        for name, count in lost.items():
+            if count:
+                status.values[f'{name}.messages_lost'] = count
+            if new := status.new(f'lost {name}', count):
                 status.warn(f'lost {new} messages of {name}')
         for name in sorted(self._names - counts.keys()):
             status.warn(f'no {name}')

@@ -26,15 +26,13 @@ from smart_tire.messages import path_from_bytes, wheels_from_msg
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.command_input import PublisherCheck
 from smart_tire.nodes.diagnostics import InputCounter, Status
-from smart_tire.nodes.qos import latched, order_profiles
+from smart_tire.nodes.qos import order_profiles
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import TrajectoryControllerParams
 from smart_tire.samples import GoalPose, Odometry, PlannedPath
-from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 PROGRESS_PERIOD = 0.25  # s between messages of path_progress, docs/topics.md
-STATE_DEPTH = 10  # queued states of the emergency stop, so that a short one is not missed
 PUBLISHER_WINDOW = 5.0  # s: planners that renew their paths at 0.2 Hz and faster are in conflict
 LOG_PERIOD = 1.0  # s between log lines for messages that are refused
 Order = PlannedPath | GoalPose
@@ -71,9 +69,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
                        reliability=params.reliability)
         self.subscribe('ground_state', self._control.set_ground, announced=True,
                        reliability=params.reliability)
-        profile = latched()
-        profile.depth = STATE_DEPTH
-        self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)
+        self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
         self.create_service(Trigger, 'cancel_path', self._on_cancel)
         self.create_steady_timer(1.0 / params.rate, self._step)
         self.create_steady_timer(PROGRESS_PERIOD, self._send_progress)
@@ -130,9 +126,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._odometry = odometry
         self._control.add_odometry(odometry, self.now_ns())
 
-    def _on_emergency_stop(self, state: Bool) -> None:
-        self._emergency_stop = state.data
-        if state.data:
+    def _on_emergency_stop(self, engaged: bool) -> None:
+        self._emergency_stop = engaged
+        if engaged:
             self._end('emergency stop')
 
     def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

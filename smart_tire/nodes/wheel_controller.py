@@ -21,16 +21,13 @@ from smart_tire.messages import velocity_from_twist, wheels_from_msg
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
-from smart_tire.nodes.qos import latched
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import MotorCommand, STOPPED, VelocityCommand, WheelCommand, WheelSample
-from std_msgs.msg import Bool
 
 EXPIRY_CHECK_PERIOD = 0.025   # s between checks for expired commands, at any control rate
 DUTY_REPEAT_NS = 100_000_000  # after which a duty is sent again; time-out of motor_driver: longer
 TWIST = 'geometry_msgs/msg/Twist'
-STATE_DEPTH = 10  # queued states of the emergency stop, so that a short one is not missed
 
 
 class WheelController(SmartTireNode[WheelControllerParams]):
@@ -63,10 +60,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             timeout=params.wheel_states_timeout, required=True, reliability=params.reliability,
             # a joint that is only recognized by its name must not move the robot
             from_msg=partial(wheels_from_msg, joints=params.robot.joints, recognize=False))
-        profile = latched()
-        profile.depth = STATE_DEPTH
-        self.create_subscription(Bool, 'emergency_stop_active', self._on_emergency_stop, profile)
-        self.create_subscription(Bool, 'motors_enabled', self._on_motors_enabled, latched())
+        self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
+        self.subscribe_state('motors_enabled', self._on_motors_enabled)
         self._estimates_subscribed = False
         self._subscribe_estimates()
         self.create_steady_timer(1.0 / params.rate, self._step)
@@ -118,15 +113,15 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             self._control.discard_measurement()
             self._step()
 
-    def _on_emergency_stop(self, state: Bool) -> None:
-        if state.data or self._control.emergency_stop:
+    def _on_emergency_stop(self, engaged: bool) -> None:
+        if engaged or self._control.emergency_stop:
             self._mux.discard()
-        if state.data != self._control.emergency_stop:
-            self._control.emergency_stop = state.data
+        if engaged != self._control.emergency_stop:
+            self._control.emergency_stop = engaged
             self._step()
 
-    def _on_motors_enabled(self, state: Bool) -> None:
-        self._control.motors_enabled = state.data
+    def _on_motors_enabled(self, enabled: bool) -> None:
+        self._control.motors_enabled = enabled
 
     def _check_expiry(self) -> None:
         """Stop at once if the command or the wheel speeds have expired; else repeat the duty."""

@@ -60,7 +60,11 @@ def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():
 def test_only_the_1st_2nd_4th_and_8th_rejection_is_logged():
     counter = InputCounter()
     assert [count for count in range(1, 20) if counter.reject()] == [1, 2, 4, 8, 16]
-    assert (counter.newly_bad(), counter.newly_bad()) == (19, 0)
+
+
+def test_a_status_has_what_is_new_since_the_previous_one():
+    counts = {}
+    assert [Status(counts=counts).new('bad', count) for count in (3, 3, 7, 2)] == [3, 0, 4, 2]
 
 
 def test_ages_are_measured_from_the_latest_accepted_input():
