@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.models.tire.tread_film import crossing_voltage
+from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import seconds
 from smart_tire.samples import Friction
@@ -98,37 +98,47 @@ def _half(robot: RobotParams) -> float:
     return 0.5 * (robot.tire.contact_length + robot.film.length)
 
 
-Model = Callable[[int, Array, float], Array]  # film, position [m], bending peak [V] -> V
+Model = Callable[[int, Array], tuple[Array, Array]]  # film, position [m] -> stretch [V], shapes
 
 
 def _model(crossing: Friction, robot: RobotParams) -> Model | None:
-    """Return the voltage above rest for the estimates of ``crossing``; None if unknown."""
+    """
+    Return the stretch output for the estimates of ``crossing``; None if they are unknown.
+
+    With it, the shapes (3, n) of bending and of the bumps before and after the contact, of which
+    the amplitudes vary from cycle to cycle.
+    """
     film, patch = robot.film, robot.tire.contact_length
     slip, adhesion = crossing.film_slip.value, crossing.adhesion_ratio.value
     if not math.isfinite(slip + adhesion):
         return None
     gains = film.gains(crossing.wheel)
-    return lambda which, position, peak: crossing_voltage(
-        position + 0.5 * (patch - film.length), slip=slip, total_slip=1.0 - adhesion,
-        critical_slip=1.0, film_length=film.length, contact_length=patch,
-        bending_peak=peak, bending_alpha=film.bending_alpha, stretch_gain=gains[which],
-        release=film.release)
+
+    def model(which: int, position: Array) -> tuple[Array, Array]:
+        x = position + 0.5 * (patch - film.length)
+        stretched = gains[which] * strain_charge.overlap_integral(
+            x, slip, 1.0 - adhesion, 1.0, film.length, patch)
+        bent = tread_film.bending(x, film.length, patch, film.bending_alpha, film.release).value
+        bumps = tread_film.bumps(x, film.length, patch)
+        return stretched, np.stack([bent, bumps.value * ~bumps.after, bumps.value * bumps.after])
+    return model
 
 
 def _film_waveform(film: int, delay: float, position: Array, volts: Array, robot: RobotParams,
                    model: Model | None) -> FilmWaveform:
-    """Return the waveform of a film; bending peak and place, which vary most, are fitted."""
+    """Return the waveform of a film; its amplitudes and its place, which vary most, are fitted."""
     outside = np.abs(position) > _half(robot)
     rest = float(np.median(volts[outside])) if outside.any() else robot.film.rest_voltage
     if model is None:
         return FilmWaveform(film, delay, rest, position, volts, np.empty(0), np.empty(0))
     shifts = robot.tire.contact_length * SHIFTS
-    shifted = position - shifts[:, np.newaxis]  # a row for each shift
-    stretched, both = (model(film, shifted.ravel(), peak).reshape(shifted.shape)
-                       for peak in (0.0, 1.0))
-    bent, above = both - stretched, volts - rest - stretched
-    peaks = np.sum(bent * above, axis=1) / np.maximum(np.sum(bent ** 2, axis=1), 1e-9)
-    best = np.argmin(np.sum((above - peaks[:, np.newaxis] * bent) ** 2, axis=1))
+    stretched, shapes = model(film, (position - shifts[:, np.newaxis]).ravel())
+    above = volts - rest - stretched.reshape(len(shifts), -1)
+    at_shift = shapes.reshape(-1, *above.shape).swapaxes(0, 1)
+    fits = [np.linalg.lstsq(one.T, left, rcond=None)[0] for one, left in zip(at_shift, above)]
+    misfits = [left - fit @ one for fit, one, left in zip(fits, at_shift, above)]
+    best = int(np.argmin(np.sum(np.square(misfits), axis=1)))
     places = np.linspace(position[0], position[-1], CURVE_POINTS)
+    stretched, shapes = model(film, places - shifts[best])
     return FilmWaveform(film, delay, rest, position, volts, places,
-                        rest + model(film, places - shifts[best], float(peaks[best])))
+                        rest + stretched + fits[best] @ shapes)

@@ -274,7 +274,7 @@ def test_a_scene_shows_each_crossing_with_its_samples_and_the_model(recorded):
     assert len(points) == len(crossings) >= 3
     for (_, measured), (_, models) in zip(points, strips):
         assert len(models) == 2
-        assert distance_to_curves(np.array(measured), models) < 3.0  # of 30 mm per volt
+        assert distance_to_curves(np.array(measured), models) < 1.0  # of 30 mm per volt
     texts = sorted(found.rows(f'contact/{WHEEL}/result', 'TextDocument:text'))
     assert ['no samples' in text for _, (text,) in texts].count(True) == 1
     assert any('| adhesion ratio | 0.' in text for _, (text,) in texts)

@@ -68,7 +68,8 @@ def test_derivatives_of_the_bumps_agree_with_finite_differences():
 @pytest.mark.parametrize('film', [FILM, 0.07])
 @pytest.mark.parametrize('slip, total', [(0.1, 0.13), (-0.2, 0.25), (0.9, 1.2)])
 def test_a_crossing_is_continuous_and_starts_and_ends_at_rest(release, film, slip, total):
-    x = np.linspace(-film - 0.02, L + 6.0 * film, 200_001)
+    end = L + 20.0 * tread_film.RECOVERY * film
+    x = np.linspace(-film - 0.02, end, 200_001)
     volts = tread_film.crossing_voltage(x, slip=slip, total_slip=total, release=release,
                                         **{**CROSSING, 'film_length': film})
     assert np.abs(np.diff(volts)).max() < 1e-3
