@@ -12,18 +12,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import math
 
 import numpy as np
 
 from smart_tire.estimation.contact.detection import CrossingDetector
-from smart_tire.estimation.contact.records import CrossingSamples, FilmSamples
-from smart_tire.estimation.contact.records import TrajectoryErrors
+from smart_tire.estimation.contact.records import (
+    CrossingSamples, FilmSamples, TrajectoryErrors)
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator, ShapePrior
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
-from smart_tire.simulation.films import bump
 
 WHEEL = 'front_right'
 KNOWN = 1e9  # precision of a shape that is known
@@ -58,8 +56,7 @@ def crossing_samples(
     samples = [_film_samples(rng, robot, film, i, slip, (normalized_slip, other, edge), speed,
                              gain_error, growth, spread, scale, bending)
                for i, film in enumerate(films)]
-    nominal = replace(robot, film=replace(robot.film, length=round(robot.film.length, 3)))
-    detector = CrossingDetector(nominal)
+    detector = CrossingDetector(robot)
     detections = []
     for i, film in enumerate(samples):
         unclipped, center = film.rail == 0, i * robot.film.spacing
@@ -85,17 +82,15 @@ def _film_samples(
     normalized = np.where((position > 0) if edge is None else (distance + center > edge), other,
                           first)
     total = 1.3 * abs(slip)
-    tread = round(film.length, 3)  # m; an error of the film's length does not change the tread
     peak = bending * film.bending(WHEEL)[index] * (1.0 + rng.uniform(-0.15, 0.15))
     volts = tread_film.crossing_voltage(
         x, slip=slip * slip_factor, total_slip=total * spread_factor,
         critical_slip=total / normalized if slip else 0.5, film_length=film.length,
         contact_length=patch, bending_peak=peak, bending_alpha=film.bending_alpha,
         stretch_gain=film.gains(WHEEL)[index] * (1.0 + gain_error * rng.standard_normal()),
-        release=film.release, recovery=tread_film.RECOVERY * tread)
+        release=film.release)
     heights = np.where(distance < 0.0, *rng.uniform(0.10, 0.15, 2))
-    offset = np.abs(distance) - 0.5 * (patch + film.length) - tread_film.BUMP_DISTANCE * tread
-    volts = volts - heights * peak * bump(offset, tread_film.BUMP_HALF_WIDTH * tread)
+    volts = volts - heights * peak * tread_film.bumps(x, film.length, patch).value
     volts = volts + film.noise * rng.standard_normal(len(x)) + film.rest_voltage
     codes = np.clip(np.rint(volts / film.code_voltage), 0, 2**film.bits - 1)
     rail = np.where(codes == 0, -1, np.where(codes == 2**film.bits - 1, 1, 0))
