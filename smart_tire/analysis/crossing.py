@@ -136,8 +136,8 @@ def _film_waveform(film: int, delay: float, position: Array, volts: Array, robot
     above = volts - rest - stretched.reshape(len(shifts), -1)
     at_shift = shapes.reshape(-1, *above.shape).swapaxes(0, 1)
     fits = [np.linalg.lstsq(one.T, left, rcond=None)[0] for one, left in zip(at_shift, above)]
-    misfits = [left - fit @ one for fit, one, left in zip(fits, at_shift, above)]
-    best = int(np.argmin(np.sum(np.square(misfits), axis=1)))
+    errors = [left - fit @ one for fit, one, left in zip(fits, at_shift, above)]
+    best = int(np.argmin(np.sum(np.square(errors), axis=1)))
     places = np.linspace(position[0], position[-1], CURVE_POINTS)
     stretched, shapes = model(film, places - shifts[best])
     return FilmWaveform(film, delay, rest, position, volts, places,
