@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.signal import correlate
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
@@ -76,8 +77,7 @@ def check_crossings(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _crossings(volts: Array, sigma: float, quiet_share: float) -> int:
     """Return the number of times the signal leaves its rest, apart by a share of all samples."""
-    active = np.abs(volts - np.median(volts)) > max(
-        limits.MIN_CROSSING, limits.MIN_CROSSING_SIGMAS * sigma)
+    active = np.abs(volts - np.median(volts)) > limits.CROSSING_SIGMAS * sigma
     edges = np.flatnonzero(active)
     return int((np.diff(edges) > int(quiet_share * len(volts))).sum()) + bool(len(edges))
 
@@ -90,7 +90,7 @@ def check_order(recording: CheckedRecording) -> Iterator[Finding]:
         if film.count != 2 or stream.values.shape[1] != 2:
             continue
         shift = _shift(stream.ordered.values, radius * _angles(recording, stream),
-                       stream.ordered.stamp_ns / NS_PER_S, 2.0 * np.pi * radius, 0.1 * film.length)
+                       2.0 * np.pi * radius, 0.1 * film.length)
         if shift is not None and abs(shift - spacing) > 0.5 * spacing:
             swapped = abs(shift + spacing) < 0.5 * spacing
             yield finding('films_swapped' if swapped else 'film_spacing',
@@ -98,8 +98,7 @@ def check_order(recording: CheckedRecording) -> Iterator[Finding]:
                           shift=1e3 * shift, lead=-1e3 * shift, spacing=1e3 * spacing)
 
 
-def _shift(volts: Array, distance: Array, time: Array, circumference: float,
-           step: float) -> float | None:
+def _shift(volts: Array, distance: Array, circumference: float, step: float) -> float | None:
     """
     Return the rolled distance [m] by which film 2 follows film 1; None if it is not clear.
 
@@ -107,15 +106,15 @@ def _shift(volts: Array, distance: Array, time: Array, circumference: float,
     """
     half = int(0.5 * circumference / step)
     total, power = np.zeros(2 * half + 1), np.zeros(2)
-    for first, last in _runs(distance, time, limits.MIN_RUN * circumference):
-        order = slice(first, last) if distance[last - 1] > distance[first] else slice(
-            last - 1, first - 1 if first else None, -1)
-        grid = np.arange(distance[order][0], distance[order][-1], step)
-        one, two = (np.interp(grid, distance[order], film) for film in volts[order].T)
+    for run in _runs(distance, limits.MIN_RUN * circumference):
+        way, films = distance[run], volts[run]
+        if way[-1] < way[0]:
+            way, films = way[::-1], films[::-1]
+        grid = np.arange(way[0], way[-1], step)
+        one, two = (np.interp(grid, way, film) for film in films.T)
         one, two = one - np.median(one), two - np.median(two)
-        size = 1 << (2 * len(grid)).bit_length()
-        product = np.fft.irfft(np.conj(np.fft.rfft(one, size)) * np.fft.rfft(two, size), size)
-        total += np.concatenate([product[-half:], product[:half + 1]])
+        zero = len(grid) - 1  # index of the correlation without shift
+        total += correlate(two, one)[zero - half:zero + half + 1]
         power += np.sum(one ** 2), np.sum(two ** 2)
     best = int(np.argmax(total))
     if not power.all() or total[best] < limits.MIN_CORRELATION * np.sqrt(power[0] * power[1]):
@@ -123,15 +122,14 @@ def _shift(volts: Array, distance: Array, time: Array, circumference: float,
     return (best - half) * step
 
 
-def _runs(distance: Array, time: Array, length: float) -> Iterator[tuple[int, int]]:
-    """Yield first and last + 1 of samples that roll one way, at least ``length`` [m]."""
-    steps = np.diff(distance)
-    state = np.where(np.isnan(steps) | (np.diff(time) > limits.MAX_FILM_GAP), 0.0, np.sign(steps))
+def _runs(distance: Array, length: float) -> Iterator[slice]:
+    """Yield the samples that roll one way, at least ``length`` [m]."""
+    state = np.nan_to_num(np.sign(np.diff(distance)))
     edges = np.flatnonzero(np.diff(state)) + 1
     bounds = [0, *edges.tolist(), len(state)]
     for begin, end in zip(bounds, bounds[1:]):
         if state[begin] and abs(distance[end] - distance[begin]) >= length:
-            yield begin, end + 1
+            yield slice(begin, end + 1)
 
 
 def check_battery(recording: CheckedRecording) -> Iterator[Finding]:

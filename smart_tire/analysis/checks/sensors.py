@@ -67,7 +67,7 @@ def check_gyro_bias(recording: CheckedRecording) -> Iterator[Finding]:
     if still.sum() < limits.MIN_READINGS:
         return
     largest = float(np.abs(np.median(imu.ordered['rate'][still], axis=0)).max())
-    if largest > max(limits.MIN_BIAS, limits.MIN_BIAS_SIGMAS * configured):
+    if largest > limits.BIAS_SIGMAS * configured:
         yield finding('gyro_bias', imu.name, largest=largest, configured=configured)
 
 
