@@ -21,8 +21,10 @@ pytestmark = pytest.mark.slow
 SEED = 31  # not tuned on
 
 
-@pytest.mark.parametrize('plant', [OWN, OTHER])
-@pytest.mark.parametrize('path', ['u_turn_30', 'spiral', 'reverse_parking'])
+@pytest.mark.parametrize(('path', 'plant'), [
+    ('u_turn_30', OWN), ('spiral', OTHER), ('reverse_parking', OWN), *(
+        pytest.param(*case, marks=pytest.mark.long) for case in (
+            ('u_turn_30', OTHER), ('spiral', OWN), ('reverse_parking', OTHER)))])
 def test_narrow_paths_are_tracked_better_than_by_ideal_kinematics(path, plant):
     ours, ideal = (part_of(combined([run_tracking(
         TrackingCase(path, 'concrete', TRUE, plant, kinematics), SEED)]), kinematics)
