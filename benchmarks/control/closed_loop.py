@@ -16,8 +16,10 @@ from collections.abc import Callable
 import heapq
 from typing import Protocol
 
+from smart_tire.control.wheel_control import WheelControl
+from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.samples import Four, NS_PER_S, Sample
+from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
 from smart_tire.simulation.offline import EPOCH_NS, Event, SimulatedHost
 from smart_tire.simulation.plant import Plant, TIME_STEP
 from smart_tire.simulation.robot import PeriodicTimer, Robot
@@ -36,6 +38,33 @@ class Controller(Protocol):
 
     def finished(self, now_ns: int) -> bool:
         """Return whether the run may end."""
+
+
+class WheelHost:
+    """Wheel control that follows ``set_points`` [rad/s], of the time [s] since the first duty."""
+
+    def __init__(self, params: WheelControllerParams, set_points: Callable[[float], Four]) -> None:
+        self.control = WheelControl(params)
+        self._set_points = set_points
+        self._begin_ns: int | None = None
+
+    def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
+        """Take the wheel speeds."""
+        if isinstance(sample, WheelSample):
+            self.control.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position)
+
+    def elapsed(self, now_ns: int) -> float:
+        """Return the time [s] since the first duty; 0 before."""
+        return (now_ns - (self._begin_ns or now_ns)) / NS_PER_S
+
+    def duty(self, now_ns: int) -> Four:
+        """Return the duties for the set points at ``now_ns``."""
+        self._begin_ns = self._begin_ns or now_ns
+        return self.control.step(self._set_points(self.elapsed(now_ns)), now_ns)[1]
+
+    def finished(self, now_ns: int) -> bool:
+        """Return False: the run ends by its duration."""
+        return False
 
 
 def run_closed_loop(params: SimulatorParams, controller: Controller, duration: float, *,

@@ -16,11 +16,10 @@ from collections import deque
 import itertools
 from typing import NamedTuple
 
-from benchmarks.control.closed_loop import run_closed_loop
+from benchmarks.control.closed_loop import run_closed_loop, WheelHost
 from benchmarks.scoring import Errors, Run
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.robot import FilmParams
@@ -60,40 +59,33 @@ READINGS = (Readings(4.0, 16.0), Readings(16.0, 16.0), Readings(100.0, 100.0),
 RESPONSE = 'rise', 'overshoot', 'settling', 'settled'
 
 
-class _Steps:
-    """Gives the set points to a wheel controller, as ``Controller`` of ``run_closed_loop``."""
+class _LateHost(WheelHost):
+    """Wheel control that gets its readings late, but in order."""
 
     def __init__(self, readings: Readings, seed: int) -> None:
-        self._control = WheelControl(WheelControllerParams(rate=readings.control_rate))
-        self._first_ns: int | None = None
+        super().__init__(WheelControllerParams(rate=readings.control_rate), _set_points)
         self._rng, self._lateness = np.random.default_rng(seed), readings.lateness
         self._arriving = deque[tuple[int, WheelSample]]()
 
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
-        """Take the wheel speeds, which arrive late and in order."""
+        """Keep the wheel speeds until they arrive."""
         if isinstance(sample, WheelSample):
             late_ns = round(self._lateness * self._rng.random() * NS_PER_S)
             last_ns = self._arriving[-1][0] if self._arriving else 0
             self._arriving.append((max(now_ns + late_ns, last_ns), sample))
 
-    def _take_arrived(self, now_ns: int) -> None:
+    def duty(self, now_ns: int) -> Four:
+        """Return the duties after the readings that have arrived."""
         while self._arriving and self._arriving[0][0] <= now_ns:
             arrived_ns, sample = self._arriving.popleft()
-            self._control.add_reading(sample.velocity, arrived_ns, sample.stamp_ns,
-                                             sample.position)
+            super().receive('wheel_states', sample, arrived_ns)
+        return super().duty(now_ns)
 
-    def duty(self, now_ns: int) -> Four:
-        """Return the duties for the set point at ``now_ns``."""
-        self._take_arrived(now_ns)
-        if self._first_ns is None:
-            self._first_ns = now_ns
-        step = int(((now_ns - self._first_ns) / NS_PER_S - START + STEP_TIME) / STEP_TIME)
-        set_point = SET_POINTS[min(step, len(SET_POINTS)) - 1] if step else 0.0
-        return self._control.step((set_point,) * 4, now_ns)[1]
 
-    def finished(self, now_ns: int) -> bool:
-        """Return False: the run ends by its duration."""
-        return False
+def _set_points(time: float) -> Four:
+    """Return the set points [rad/s] at a time [s] since the first duty."""
+    step = int((time - START + STEP_TIME) / STEP_TIME)
+    return (SET_POINTS[min(step, len(SET_POINTS)) - 1] if step else 0.0,) * 4
 
 
 def wheel_steps(ground: str, readings: Readings, seed: int) -> Run:
@@ -112,7 +104,7 @@ def wheel_steps(ground: str, readings: Readings, seed: int) -> Run:
 
     run_closed_loop(
         SimulatorParams(seed=seed, ground=params, robot=robot),
-        _Steps(readings, seed), START + STEP_TIME * len(SET_POINTS),
+        _LateHost(readings, seed), START + STEP_TIME * len(SET_POINTS),
         wheel_rate=readings.rate, control_rate=readings.control_rate, watch=watch)
     time, *wheels = np.array(speeds).T
     steps = [_response(time - begin, wheel, before, after)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.control.closed_loop import run_closed_loop
+from benchmarks.control.closed_loop import run_closed_loop, WheelHost
 import numpy as np
 import pytest
 from smart_tire.control.constants import MAX_HOLD_DUTY
@@ -34,36 +34,29 @@ SPEED = 6.0      # rad/s
 FREE_SPEED = 22.2  # rad/s
 
 
-class Host:
+class Host(WheelHost):
     """Drives with ``speed`` [rad/s], then commands zero; checks it as motor_driver does."""
 
     def __init__(self, speed, rate):
-        self._speed, self._control = speed, WheelControl(WheelControllerParams(rate=rate))
+        super().__init__(WheelControllerParams(rate=rate),
+                         lambda time: (speed * (time < STOP),) * 4)
         self._checks = [MotionCheck(MotorDriverParams(), RESOLUTION) for _ in range(4)]
-        self._begin_ns, self._duty = None, (0.0,) * 4
-        self.rows, self.faults = [], []
+        self._duty, self.rows, self.faults = (0.0,) * 4, [], []
 
     def receive(self, topic, sample, now_ns):
         """Take a reading of the wheels."""
-        if not isinstance(sample, WheelSample):
-            return
-        self._control.add_reading(
-            sample.velocity, now_ns, sample.stamp_ns, sample.position)
-        self.faults += filter(None, (
-            check.check_reading(Reading(sample.stamp_ns / NS_PER_S, *reading))
-            for check, *reading in zip(self._checks, sample.position, self._duty, sample.effort)))
+        super().receive(topic, sample, now_ns)
+        if isinstance(sample, WheelSample):
+            self.faults += filter(None, (
+                check.check_reading(Reading(sample.stamp_ns / NS_PER_S, *reading))
+                for check, *reading in zip(
+                    self._checks, sample.position, self._duty, sample.effort)))
 
     def duty(self, now_ns):
         """Return the duties."""
-        self._begin_ns = self._begin_ns or now_ns
-        driving = now_ns - self._begin_ns < STOP * NS_PER_S
-        self._duty = self._control.step((self._speed * driving,) * 4, now_ns)[1]
-        self.rows.append((now_ns - self._begin_ns, *self._duty))
+        self._duty = super().duty(now_ns)
+        self.rows.append((self.elapsed(now_ns), *self._duty))
         return self._duty
-
-    def finished(self, now_ns):
-        """Return False: the run has a fixed duration."""
-        return False
 
 
 def stopped(degrees, speed, rate=16.0):
@@ -78,7 +71,7 @@ def stopped(degrees, speed, rate=16.0):
     rolled = RADIUS * np.abs(states[:, 4:] - states[rest, 4:]).max(axis=1)
     rows = np.array(host.rows)
     return (rolled[rest:].max(), RADIUS * np.ptp(states[-3000:, 4:], axis=0).max(),
-            rows[rows[:, 0] > (DURATION - 3.0) * NS_PER_S, 1:], host.faults)
+            rows[rows[:, 0] > DURATION - 3.0, 1:], host.faults)
 
 
 @pytest.mark.parametrize('speed', [SPEED, -SPEED], ids=['uphill', 'downhill'])

@@ -14,12 +14,11 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.control.closed_loop import run_closed_loop
+from benchmarks.control.closed_loop import run_closed_loop, WheelHost
 import numpy as np
 import pytest
-from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import PidParams, WheelControllerParams
-from smart_tire.samples import NS_PER_S, WheelSample
+from smart_tire.samples import NS_PER_S
 from support.motors import simulator
 
 START = 0.3  # s, of the step of the set points
@@ -27,37 +26,27 @@ RATES = [(4.0, 16.0), (16.0, 16.0), (100.0, 100.0)]  # Hz, of readings and dutie
 AHEAD = (6.0,) * 4
 
 
-class Robot:
+class Robot(WheelHost):
     """Simulated robot whose wheels follow set points after ``START``."""
 
     def __init__(self, rates, seed, *, set_points=AHEAD, lifted=False, lost=(), **params):
-        self._set_points, self._lost = set_points, lost
-        self._control = WheelControl(WheelControllerParams(rate=rates[1], **params))
-        self._begin_ns, self._states = None, []
-        self.duties, self.released = [], math.inf
+        super().__init__(WheelControllerParams(rate=rates[1], **params),
+                         lambda time: set_points if time >= START else (0.0,) * 4)
+        self._lost, self._states, self.duties, self.released = lost, [], [], math.inf
         self._rates, self._simulator = rates, simulator(seed, lifted=lifted)
 
     def receive(self, topic, sample, now_ns):
         """Take wheel speeds that are not lost."""
-        since = 0.0 if self._begin_ns is None else (now_ns - self._begin_ns) / NS_PER_S
-        if isinstance(sample, WheelSample) and not any(
-                begin <= since < end for begin, end in self._lost):
-            self._control.add_reading(sample.velocity, now_ns, sample.stamp_ns,
-                                             sample.position)
+        since = self.elapsed(now_ns)
+        if not any(begin <= since < end for begin, end in self._lost):
+            super().receive(topic, sample, now_ns)
 
     def duty(self, now_ns):
         """Return the duties."""
-        self._begin_ns = self._begin_ns or now_ns
-        if now_ns - self._begin_ns >= self.released * NS_PER_S:
-            self._control.set_params(WheelControllerParams(rate=self._rates[1]))
-        started = now_ns - self._begin_ns >= START * NS_PER_S
-        self.duties.append(self._control.step(
-            self._set_points if started else (0.0,) * 4, now_ns)[1])
+        if self.elapsed(now_ns) >= self.released:
+            self.control.set_params(WheelControllerParams(rate=self._rates[1]))
+        self.duties.append(super().duty(now_ns))
         return self.duties[-1]
-
-    def finished(self, now_ns):
-        """Return False: the run has a fixed duration."""
-        return False
 
     def run(self, duration=2.5):
         """Return times [s] since the step (n,), and true wheel speeds [rad/s] (n, 4)."""

@@ -16,7 +16,7 @@ import re
 
 GROUPS = ('processes', 'safety')  # markers, declared in pyproject.toml
 MODULE_MARK = re.compile(rf'^pytestmark = .*\bpytest\.mark\.({"|".join(GROUPS)})\b', re.MULTILINE)
-CHAINS = ('test/nodes/',), ('test/integration/', 'test/safety/')  # and all other folders
+CHAINS = 'test/nodes/', 'test/safety/'  # and one of all other folders
 
 
 def group_of(text: str) -> str | None:
@@ -34,4 +34,4 @@ def chain_of(file: str, text: str) -> str | None:
     """
     if not group_of(text):
         return None
-    return next((folders[0] for folders in CHAINS if file.startswith(folders)), 'other chain')
+    return next((folder for folder in CHAINS if file.startswith(folder)), 'other folders')
