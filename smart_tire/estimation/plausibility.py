@@ -27,12 +27,10 @@ from smart_tire.samples import (
     GroundState, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_WHEEL_SPEED, Odometry,
     TireSample, WheelSample, WheelSlip)
 
-MAX_SLIP_SIGMA = 1e3           # -, finite ones beyond are errors: slip is in [-1, 1]
 MAX_RATE_CHANGE = 5.0          # rad/s between two IMU samples; no robot yaws so abruptly
 MAX_FORCE_CHANGE = 20.0        # m/s2 between two IMU samples, in addition to vibration ...
-MAX_VIBRATION_SIGMAS = 8.0     # ... of this many standard deviations
+SPIKE_SIGMAS = 8.0             # ... of this many standard deviations; of deviations of a speed
 MAX_SPEED_DEVIATION = 3.0      # rad/s of a wheel, from its other measurements
-SPEED_NOISE_FACTOR = 8.0       # times the median deviation, in addition
 MAX_ANGLE_DEVIATION = 1.0      # rad of a wheel, from its integrated speed
 
 
@@ -53,7 +51,7 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
             return all(map(isfinite, (*sample.linear, *sample.angular)))
         case WheelSlip():  # the slip of a stationary wheel is NaN
             return not any(abs(ratio) > 1.0 for ratio in sample.ratio) and all(
-                0.0 <= sigma <= MAX_SLIP_SIGMA or sigma == inf for sigma in sample.sigma)
+                sigma >= 0.0 for sigma in sample.sigma)  # False for NaN
         case GroundState():  # what friction is estimated with
             stiffness, sigma = sample.stiffness
             ratios = sample.friction_coefficient.value, sample.lateral_stiffness_ratio.value
@@ -69,7 +67,7 @@ def is_imu_spike(rate: float, force_x: float, force_y: float, vibration: float) 
     The changes are those of yaw rate [rad/s] and specific force [m/s2]; ``vibration`` [m/s2] is
     the standard deviation of the force.
     """
-    max_force_change = MAX_FORCE_CHANGE + MAX_VIBRATION_SIGMAS * vibration
+    max_force_change = MAX_FORCE_CHANGE + SPIKE_SIGMAS * vibration
     return abs(rate) > MAX_RATE_CHANGE or max(abs(force_x), abs(force_y)) > max_force_change
 
 
@@ -103,7 +101,7 @@ def speed_spikes(speed: Array) -> NDArray[np.bool_]:
     deviation = np.abs(speed - 0.5 * (before + after))
     moving = deviation[deviation > 0.0]  # at high rates quantization and jitter dominate
     typical = float(np.median(moving)) if moving.size else 0.0
-    limit = np.abs(after - before) + MAX_SPEED_DEVIATION + SPEED_NOISE_FACTOR * typical
+    limit = np.abs(after - before) + MAX_SPEED_DEVIATION + SPIKE_SIGMAS * typical
     spikes: NDArray[np.bool_] = ~(deviation <= limit)  # True for NaN
     spikes[[0, -1]] = False
     return spikes
