@@ -50,11 +50,12 @@ class Result:
 def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: bool = False,
                    names: TopicNames = STANDARD_NAMES) -> Result:
     """
-    Return what ``bags`` show of a robot with the parameters ``params``.
+    Return the parameters identified from ``bags``, and the text of a file with them.
 
-    ``names`` are the topics with other names in the bags. Ground truth in the bags is used with
-    ``truth`` only. Raises BagError if a bag cannot be read, EstimatorError if it lacks IMU or
-    wheels.
+    ``params`` are the present values: the prior, and the value of what cannot be identified.
+    ``date`` is written into the file. ``names`` are the topics with other names in the bags;
+    pose references in the bags are used with ``truth`` only. Raises BagError if a bag cannot be
+    read, EstimatorError if it lacks IMU or wheels.
     """
     robot, reference = params.robot, ANY_REFERENCE if truth else NO_REFERENCE
     recordings = {path: read_recording(path, robot, TimeRange(), reference, duties=True,
@@ -64,7 +65,8 @@ def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: boo
     def of(step: str) -> list[Recording]:
         return [recordings[path] for path in bags_of(bags, step)]
 
-    # in starts and stops the wheel angle between two samples is less certain than in turns
+    # film gains only from turns: in starts and stops, the wheel angle between two samples is less
+    # certain
     films = [path for path in bags_of(bags, TURNS) if has_films(path, names)]
 
     def gains(known: RobotParams) -> list[Identified]:
@@ -78,7 +80,7 @@ def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: boo
 
 
 def bags_of(bags: Bags, step: str) -> list[Path]:
-    """Return the bags of a step, with mixed ones."""
+    """Return the bags of a step, and the mixed ones if they contain it."""
     mixed = bags.get(MIXED, ()) if step in PARTS else ()
     return [*bags.get(step, ()), *mixed]
 
@@ -113,7 +115,7 @@ def _text(found: Calibration, bags: Bags, params: EstimatorParams, date: str) ->
 
 
 def present_values(params: EstimatorParams) -> dict[str, Any]:
-    """Return the values of all parameters of the nodes: ``params``, of others the defaults."""
+    """Return all parameters of all nodes: the values in ``params``, otherwise the defaults."""
     values = {name: spec.default for cls in NODE_PARAMS.values()
               for name, spec in specs(cls).items()}
     for given in params.by_node().values():
@@ -122,7 +124,7 @@ def present_values(params: EstimatorParams) -> dict[str, Any]:
 
 
 def figures(found: Calibration) -> list[Figure | None]:
-    """Return the figures of the fits."""
+    """Return the figures in the order of ``FIGURES``, None for a fit that is missing."""
     return [None if found.stiffness is None else stiffness_figure(found.stiffness),
             None if found.motor is None else motor_figure(found.motor),
             None if found.icr is None else icr_figure(found.icr)]

@@ -54,7 +54,7 @@ class FilmSensor:
 
     @classmethod
     def load(cls, path: str | Path) -> FilmSensor:
-        """Return the film in a file of ``smart_tire identify film``; raise ParameterError."""
+        """Return the film in a file of ``smart_tire identify film``, or raise ParameterError."""
         return cls(params=read_params(Path(path)))
 
     def charge(self, deflection: ArrayLike) -> Array:
@@ -123,7 +123,8 @@ class TreadFilm:
     """
     Film in the tread of a rolling tire; the defaults are film 1 of paper B.
 
-    Raises ParameterError for lengths that are not positive and an unknown release.
+    Raises ParameterError if a length or ``bending_alpha`` is not positive, or for an unknown
+    release.
 
     >>> film = TreadFilm()
     >>> print(film.voltage([0.0, 0.02, 0.046], slip=0.1, critical_slip=0.71).round(2))
@@ -135,7 +136,7 @@ class TreadFilm:
     bending_peak: float = 0.83     #: V, output of the film when flat and without slip
     bending_alpha: float = 67.0    #: 1/m, shape of entry and exit, B(14)
     stretch_gain: float = 307.5    #: V/m, output per overlap integral of B(23)
-    release: str = 'fig8'          #: 'fig8' (opposite peak at the exit) or 'state' (none)
+    release: str = 'fig8'          #: at the exit: 'fig8' (opposite peak) or 'state' (none)
     recovery: float = 0.005        #: m of travel in which the opposite peak decays by e
 
     def __post_init__(self) -> None:
@@ -145,7 +146,11 @@ class TreadFilm:
 
     @classmethod
     def of(cls, params: Params, wheel: str, film: int = 0) -> TreadFilm:
-        """Return film number ``film``, 0 for film 1, of a wheel; raise ParameterError."""
+        """
+        Return the film with index ``film`` (0: film 1) of a wheel, with the values in ``params``.
+
+        Raises ParameterError if there is no such wheel or film.
+        """
         robot = params.robot
         validation.one_of('wheel', wheel, WHEELS)
         validation.one_of('film', str(film), tuple(map(str, range(len(robot.film.centers)))))

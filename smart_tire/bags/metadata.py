@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Contents of a bag: metadata.yaml, read in any version, written in 9."""
+"""The file metadata.yaml of a bag: reads any version of the format, writes version 9."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ ROOT = 'rosbag2_bagfile_information'
 VERSION = 9
 NO_START = 2**63 - 1                       # ns, start time of a bag without messages
 INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFINITE
-# Those of the C library, if installed, are ten times as fast.
+# The variants of libyaml, if it is installed, are ten times as fast.
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
-@dataclass(frozen=True, eq=False)  # compared and hashed by identity: once per message
+@dataclass(frozen=True, eq=False)  # hashed for each message, so by identity, which is fast
 class Channel:
     """A topic as recorded in a bag file; one object per topic and file."""
 
@@ -86,7 +86,7 @@ def qos_text(profiles: list[Qos]) -> str:
 
 
 def metadata_text(contents: Contents) -> str:
-    """Return the text of metadata.yaml for ``contents``, without the root key."""
+    """Return the content of metadata.yaml without its root key, for the record in the bag file."""
     return _dump(_entry(contents))
 
 
@@ -116,7 +116,7 @@ def read_metadata(directory: Path) -> tuple[list[Path], dict[str, str]] | None:
     names = root.get('relative_file_paths') if isinstance(root, Mapping) else None
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise BagError(f'{path}: relative_file_paths is missing')
-    # Old versions prefix the folder.
+    # Old versions put the name of the folder in front.
     return [directory / PurePath(name).name for name in names], custom_data_of(root)
 
 

@@ -125,7 +125,7 @@ def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
 
 
 def combine(fits: Sequence[IcrFit]) -> IcrFit:
-    """Return the combined result of several recordings; regression data are those of the first."""
+    """Return the combined result of recordings; regression data and source are of the first."""
     time, value, sigma = (np.concatenate([getattr(fit, name) for fit in fits])
                           for name in ('turn_time', 'turn_icr', 'turn_sigma'))
     return replace(fits[0], icr=weighted_mean([fit.icr for fit in fits]), turn_time=time,
@@ -215,11 +215,12 @@ def _spread(values: Array, sigmas: Array) -> float:
 
 def effective_track(fits: Sequence[YawRateFit], radius: Uncertain) -> Uncertain:
     """
-    Return the effective track [m] of long turns in ``fits``, for a wheel ``radius`` [m].
+    Return the effective track [m] of the turns in ``fits``, for a wheel ``radius`` [m].
 
-    It is the total of the rolled difference over that of the yaw; the spread between turns is a
-    part of the standard error. Raises EstimatorError if that is large, or without turns in both
-    directions, or if turns differ by much: the track depends on the ground.
+    It is the radius times the total wheel difference over the total yaw, without the first and
+    last interval of each turn; the standard error includes the spread between turns. Raises
+    EstimatorError if it is large, without turns in both directions, or if turns differ by much:
+    the track depends on the ground.
     """
     turns = [(fit.wheel_difference[inside], fit.yaw_rate[inside]) for fit in fits
              for turn in turns_of(fit.time, fit.yaw_rate)

@@ -8,7 +8,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Live part of ``smart_tire calibrate``: guides through the steps, records and drives them."""
+"""
+Live part of ``smart_tire calibrate``: guides the user through the steps and records them.
+
+Each step becomes one bag in the folder ``--out``. With ``--drive`` the robot drives the steps
+itself, otherwise the user does.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +39,7 @@ from smart_tire.samples import Sample
 if TYPE_CHECKING:
     from smart_tire.nodes.pilot import Pilot
 
-SPIN_TIME = 0.1          # s between two looks at keyboard and progress
+SPIN_TIME = 0.1          # s between two checks of keyboard and progress
 INPUT_TIMEOUT = 10.0     # s until the first samples of IMU and wheels
 KEYS_HELP = 'Enter: start or end the step, r: repeat, s: skip, q: quit'
 
@@ -83,7 +88,7 @@ class Keyboard:
         self._open = True
 
     def typed(self) -> list[Key]:
-        """Return the requests typed since the last call; the end of the input is QUIT."""
+        """Return the requests typed since the last call, QUIT at the end of the input."""
         found: list[Key] = []
         while self._open and select.select([sys.stdin], [], [], 0.0)[0]:
             chunk = os.read(sys.stdin.fileno(), 4096)
@@ -116,7 +121,7 @@ class Sequence:
     def on_sample(self, sample: Sample) -> None:
         """Take a sample of IMU or wheels."""
         self._seen.add(type(sample).__name__)
-        # a driven step ends with its last leg, also if less would do
+        # a driven step ends with its last leg, even if the guide has enough data earlier
         if self._drive and self.guide.watch is not None:
             self.guide.watch.take(sample)
         else:
@@ -179,7 +184,7 @@ class Sequence:
             print('\ndiscarded')
 
     def _drive_on(self, pilot: Pilot) -> None:
-        """Command the present leg; the step ends after the last one."""
+        """Command the next leg when the present one is over; end the step after the last one."""
         if not (self._drive and self._recording) or self._actions:
             return
         if pilot.emergency_stop:
@@ -205,7 +210,7 @@ class Sequence:
 
 
 def _enable(pilot: Pilot) -> None:
-    """Create the publisher of commands; raise if nothing takes them, or the robot is stopped."""
+    """Create the publisher of commands; raise if none subscribes, or in an emergency stop."""
     if not pilot.listeners('cmd_vel'):
         raise ParameterError('--drive: no node subscribes to cmd_vel, start wheel_controller')
     if pilot.emergency_stop:

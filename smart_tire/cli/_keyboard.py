@@ -13,7 +13,8 @@ Driving by keys that are held down: the keys, the commands they give, and reques
 
 A terminal reports no release of a key, only its repetition while it is held: after half a second
 (at most ``FIRST_HOLD``), then about 30 times a second. So a key is in force for ``FIRST_HOLD``
-after it was pressed, and for ``REPEAT_HOLD`` after a repetition.
+after it was pressed, and for ``REPEAT_HOLD`` after a repetition. The same key after a pause longer
+than ``REPEAT_HOLD`` is a new press, which the first repetition often is.
 """
 
 from __future__ import annotations
@@ -52,13 +53,13 @@ SEQUENCE = re.compile(r'\x1b(?:\[[0-9;?]*([@-~])|O([@-~]))')
 INCOMPLETE = re.compile(r'\x1b(?:\[[0-9;?]*|O)?\Z')
 INPUT_FLAGS, LOCAL_FLAGS, CONTROLS = 0, 3, 6  # items of termios.tcgetattr
 FIRST_HOLD = 0.75    # s; the delay of the first repetition is 0.25 to 0.66 s by default
-REPEAT_HOLD = 0.3    # s; also the longest time between two repetitions
+REPEAT_HOLD = 0.3    # s; the same key within this time is a repetition
 ACCELERATION, BRAKING = 0.8, 1.6         # m/s2 of the commanded speed
 YAW_ACCELERATION, YAW_BRAKING = 3.0, 6.0  # rad/s2 of the commanded yaw rate
-YAW_RATE = 1.2       # rad/s, at first
+YAW_RATE = 1.2       # rad/s, before it is changed by ``FASTER`` or ``SLOWER``
 STEP_FACTOR = 1.1    # of speed and yaw rate, per key press
 MIN_SCALE, MAX_SCALE = 0.2, 3.0  # of speed and yaw rate, relative to those at first
-MAX_PERIOD = 0.1     # s; a longer pause between two steps is no time to accelerate
+MAX_PERIOD = 0.1     # s between two steps; of a longer pause, the rest changes no command
 DIRECTIONS = {Key.FORWARD: 1.0, Key.BACKWARD: -1.0, Key.LEFT: 1.0, Key.RIGHT: -1.0}
 SPEED_KEYS = Key.FORWARD, Key.BACKWARD
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""``smart_tire drive``: along a path or by the keyboard, the simulated or the running robot."""
+"""``smart_tire drive``: drives a simulated or a running robot along a path or by the keyboard."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     """Drive, evaluate the recording; return 0 if the end was reached or the keyboard was left."""
     poses = _checked(args)
     if args.view:
-        import_module('smart_tire.view.viewer')  # is it installed?
+        import_module('smart_tire.view.viewer')  # raises if rerun is not installed
     # Importing rclpy may restart Python, so it must come before any child and any output.
     from smart_tire.nodes.pilot import Pilot
     _announce(args, poses)
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 def _checked(args: argparse.Namespace) -> Poses:
     """Return the path, empty for the keyboard; raise ParameterError for a wrong argument."""
     if args.keyboard:
-        Keyboard(sys.stdin)
+        Keyboard(sys.stdin)  # raises if it is not a terminal
         if args.absolute or args.scale != 1.0:
             raise ParameterError('--absolute and --scale are for --path')
     elif args.robot and args.speed is not None:
@@ -82,7 +82,11 @@ def _checked(args: argparse.Namespace) -> Poses:
 
 
 def read_plan(name: str, scale: float) -> Poses:
-    """Return the path with this name, or in this file; raise ParameterError if there is none."""
+    """
+    Return the poses of one of ``PATHS``, or of a path file, with lengths times ``scale``.
+
+    Raises ParameterError if there is none of this name.
+    """
     from smart_tire.cli._path_file import read_path, scaled
     from smart_tire.control import path_library
     plans: dict[str, Callable[[], Any]] = {

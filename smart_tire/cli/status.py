@@ -37,13 +37,14 @@ OK, WARNING, ERROR, STALE = range(4)  # levels, as in DiagnosticStatus
 LEVELS = ('ok', 'warning', 'error', 'stale')
 MAX_STATUS_AGE = 3.0  # s without diagnostics, which are published once a second
 RATE_WINDOW = 3.0     # s over which rates are counted
-MIN_RATE_TIME = 0.5   # s after the first message, before which a rate is too low
+MIN_RATE_TIME = 0.5   # s over which rates are counted at least, also after the first message
 MAX_TOPIC_AGE = 2.0   # s without a message of a periodic topic, or MAX_MISSING of its periods
 MAX_MISSING = 3.0
+# published on events, so that silence is no fault although a rate is nominal
 ON_EVENTS = ('tire_friction', 'ground_truth/tire_friction', 'icr', 'ground_state')
 STOP, ENABLED = 'emergency_stop_active', 'motors_enabled'  # topics with a Bool
-BOOL_OFFSET = 4       # bytes of the encapsulation header of a serialized message
-EXIT_STATUSES = (0, 1, 2, 2)  # by the highest level
+BOOL_OFFSET = 4       # bytes before the Bool in a serialized message: its encapsulation header
+EXIT_STATUSES = (0, 1, 2, 2)  # index: highest level of all nodes and topics
 STYLES = {OK: 'green', WARNING: 'yellow', ERROR: 'bold red', STALE: 'magenta'}
 YES_NO = {True: 'yes', False: 'no', None: 'unknown'}
 NO_NODES = ('no node of smart_tire is heard: is one running in this ROS_DOMAIN_ID, and is '
@@ -51,7 +52,7 @@ NO_NODES = ('no node of smart_tire is heard: is one running in this ROS_DOMAIN_I
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the status; return the exit status of the latest one."""
+    """Show the status, once or until Ctrl-C; return the exit status for the last one shown."""
     from smart_tire.nodes.observer import Observer
     from smart_tire.nodes.runner import NodeRunner
     console, name = Console(), f'status_{os.getpid()}'

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Table of the topics in docs/topics.md: type, sample class, conversions, rate and frame."""
+"""Table of all topics: message type, sample class, conversions, rate and frame; docs/topics.md."""
 
 from __future__ import annotations
 
@@ -96,11 +96,12 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
         wheel_slip_from_msg, topic='overhead/wheel_slip'), wheel_slip_to_msg,
         30.0, 'base_link', 'truth'),
 )}
+# reversed: of topics with the same sample class the first counts, which is not the ground truth
 _NAME_OF = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
 
 
 def topic_of(sample: Sample) -> str:
-    """Return the name of the topic of ``sample``."""
+    """Return the name of the first topic in ``TOPICS`` that has samples of this class."""
     return _NAME_OF[type(sample)]
 
 

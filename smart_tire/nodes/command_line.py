@@ -11,7 +11,7 @@
 """
 Command line of the nodes: ``--help`` and ``--version``, answered without importing rclpy.
 
-All other arguments are those of ROS.
+All other arguments are for ROS; ``foreign_arguments`` finds those that are not.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ EXIT_STATUSES = (
 
 
 def foreign_arguments(words: Sequence[str]) -> list[str]:
-    """Return the arguments of a command line that are not ROS arguments; rclpy ignores most."""
+    """Return the arguments that are not for ROS; rclpy would ignore most of them silently."""
     in_ros_args, foreign = False, []
     for word in words[1:]:
         if word in (ROS_ARGS, END_OF_ROS_ARGS):
@@ -51,8 +51,8 @@ def ros_arguments(words: Sequence[str]) -> list[str]:
     """
     Return the ROS arguments of a command line, for ``rclpy.init``.
 
-    Without them rcl takes any ``from:=to``, such as that of ``--remap`` of this package, for a
-    deprecated remapping.
+    With the whole command line, rcl would take any ``from:=to``, such as that of the option
+    ``--remap`` of this package, for a deprecated remapping.
     """
     return list(words[words.index(ROS_ARGS):]) if ROS_ARGS in words else []
 

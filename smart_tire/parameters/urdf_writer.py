@@ -15,8 +15,8 @@ Writes the robot description (URDF) from the parameters of the robot.
 that ``urdf/smart_tire.urdf``, the robot with the default parameters, is current.
 
 The joints of the wheels have the names in ``wheel_states``, so that robot_state_publisher can
-subscribe to it in place of ``joint_states``. The root link has no inertia, which KDL does not
-support.
+subscribe to it in place of ``joint_states``. The root link has no inertia, because KDL does not
+support one there.
 
 The parameters give mass, center of mass and yaw inertia of the whole robot. The mass of a wheel
 and the size of the chassis are not parameters: they are assumed here. The bodies together have the

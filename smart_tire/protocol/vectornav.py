@@ -33,7 +33,7 @@ from smart_tire.samples import ImuSample
 
 SYNC = 0xFA
 
-# Bytes per field, by group and bit; 0: undefined field. UM001, table before 4.3.7.
+# Bytes per field: one row per group, one column per bit; 0: undefined. UM001, table before 4.3.7.
 FIELD_SIZES = (
     (8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8, 0),
     (8, 8, 8, 2, 8, 8, 8, 4, 4, 1, 1, 0, 0, 0, 0, 0),
@@ -118,7 +118,7 @@ def decode_binary(body: bytes, stamp_ns: int = 0) -> tuple[int | None, ImuSample
     Return the device time [ns] (None without TimeStartup) and the sample with ``stamp_ns``.
 
     Acceleration and angular rate are those of the compensated fields, or else of the uncompensated
-    field Imu. Raise FrameError if the body has neither, or values that no sensor measures.
+    field Imu. Raises FrameError if the body has neither, or a value is not finite or out of range.
     """
     if not body or not body[0] & 1:
         raise FrameError(f'VectorNav frame has groups {body[:1].hex()}, expected group 1')
@@ -143,7 +143,11 @@ def decode_binary(body: bytes, stamp_ns: int = 0) -> tuple[int | None, ImuSample
 
 
 def encode_binary(device_time_ns: int, sample: ImuSample, fields: int = DEFAULT_FIELDS) -> bytes:
-    """Return the body for ``decode_binary``; fields that it does not decode are zero."""
+    """
+    Return a body of group 1 that ``decode_binary`` reads; fields not in ``Field`` are zero.
+
+    Raises FrameError for undefined fields.
+    """
     size = payload_size(struct.pack('<BH', 1, fields))
     if size == 0:
         raise FrameError(f'VectorNav group 1 has undefined fields in {fields:#06x}')

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Series and shapes over time, sent to a rerun stream in columns."""
+"""Series and shapes over time for the viewer: series are sent to a rerun stream in columns."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Track:
     """Values of the series of one entity since they were last sent."""
 
     def __init__(self, style: Style, width: int) -> None:
-        self.style, self.width = style, width  # 0: single points
+        self.style, self.width = style, width  # values per instant; 0: single points
         self._stamps, self._values = array('q'), array('d')
 
     def add(self, stamp_ns: int, *values: float) -> None:
@@ -80,7 +80,7 @@ class Track:
 
 class Recorder:
     """
-    The stream of a recording.
+    Writer of what is shown in the viewer to a rerun stream; it records no bag.
 
     Times in the viewer are those since the instant given to ``begin``. Nothing is sent before
     ``flush``, except shapes and texts, which rerun itself collects.

@@ -36,14 +36,15 @@ APPLICATION = 'smart_tire'
 LOOPBACK = '127.0.0.1'
 GRPC_PORT, WEB_PORT = 9876, 9090  # the usual ones of rerun, if they are free
 START_TIMEOUT, STOP_TIMEOUT, POLL_PERIOD = 20.0, 5.0, 0.05  # s
-# Data are sent by ``Scene.flush``; viewers read few large parts much faster than many small ones.
+# ``Scene.flush`` sends the data, rerun itself rarely: viewers read few large parts much faster
+# than many small ones.
 FLUSH_TICK, FLUSH_BYTES, FLUSH_ROWS = 10.0, 1 << 23, 1 << 20  # s, bytes, rows
 MEMORY_LIMIT = '2GB'    # of the server, which then drops the oldest data
 
 
 @dataclass(frozen=True)
 class Address:
-    """Ports of a viewer on this machine."""
+    """Ports of a viewer on this machine; ``page`` requires that of a web viewer."""
 
     grpc: int
     web: int | None  # None for the native viewer
@@ -139,7 +140,7 @@ def open_stream(name: str, blueprint: rrb.Blueprint, *, address: str | None = No
 
 
 def free_port(wanted: int, *taken: int) -> int:
-    """Return the TCP port ``wanted`` if it is free on this machine, otherwise any free one."""
+    """Return the TCP port ``wanted``, or another one if it is in use or one of ``taken``."""
     for port in (wanted, 0):
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

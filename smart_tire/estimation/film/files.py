@@ -28,10 +28,11 @@ from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 import yaml
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
-PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
+PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')  # alpha K, a K, b K with the input gain K
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
 MIN_SAMPLES = 20  # of a recording
-# of the calibrated range; assumed: linear errors of undetermined products end there
+# of the calibrated range, up to which the covariance of undetermined products describes the error;
+# assumed
 EXTRAPOLATION_FACTOR = 1.5
 
 
@@ -133,22 +134,22 @@ def _numbers(path: Path, line: int, row: list[str], width: int) -> list[float]:
 
 @dataclass(frozen=True, kw_only=True)
 class FilmParams:
-    """Parameters of a calibrated film, as ``measure`` requires them."""
+    """Parameters of a calibrated film, the input of ``measure``; see ``PRODUCTS``."""
 
-    film: BucklingFilm | None  # None: the input is that of the operator itself
+    film: BucklingFilm | None  # geometry; None: the input is that of the operator itself
     alpha_gain: float          # 1 / unit of the input
     a_gain: float              # C / unit of the input
-    b_gain: float
+    b_gain: float              # C / unit of the input
     low_corner: float   # Hz, 0 if no amplifier was found
     drift: float        # C/s, in addition to the discharge of the amplifier
-    covariance: Array   # (5, 5) of the five
+    covariance: Array   # (5, 5), of ``alpha_gain`` to ``drift``
     span: float         # range of the input in the calibration
     noise: float        # C, of one sample
     model_error: float  # C, rms of the residuals without noise
 
     @property
     def max_input(self) -> float:
-        """Return the largest valid input: little beyond the range if a product is undetermined."""
+        """Return the largest valid input, which is limited only if a product is undetermined."""
         products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
         determined = np.sqrt(np.diag(self.covariance)[:3]) <= MAX_RELATIVE_SIGMA * np.abs(products)
         return math.inf if determined.all() else EXTRAPOLATION_FACTOR * self.span
@@ -160,7 +161,7 @@ class FilmParams:
 
 
 def read_params(path: Path) -> FilmParams:
-    """Return the parameters in a file of ``write_params``; raise ParameterError if invalid."""
+    """Return the parameters in a file of ``smart_tire identify film``, or raise ParameterError."""
     try:
         tree = yaml.safe_load(path.read_text(encoding='utf-8'))
     except OSError as error:

@@ -9,9 +9,11 @@
 # the License.
 
 """
-Output of all films of a wheel in one patch crossing, and its Jacobian: Fig. 8 with B(15), B(23).
+Output of all films of a wheel in one patch crossing, and its Jacobian, for a waveform fit.
 
-Samples are given over rolled distance in the direction of motion, up to a constant. The parameters
+The output is that of ``tread_film``: bending B(15), strain B(23), release of Fig. 8, and bumps.
+
+Samples are given over rolled distance in the direction of motion, from any origin. The parameters
 are those that the films share, then a block for each film, then the coefficients [m] of Legendre
 polynomials of order 2, 3, ... that describe the distance errors over all samples. The shape of
 release and bumps, which no theory gives, is part of the shared parameters (``SHAPE``).
@@ -50,7 +52,7 @@ class Shared(IntEnum):
 class Release(IntEnum):
     """Parameters of the release, shared by all films; within ``SHAPE``."""
 
-    SHARE = 0  # -, share of the release other than ``film.release``
+    SHARE = 0  # -, share of the release in ``RELEASES`` that ``film.release`` does not name
     SIZE = 1   # -, additional opposite charge over the bending peak
 
 
@@ -112,8 +114,9 @@ class WaveformModel:
             tread_film.RELEASES, key=lambda name: name != robot.film.release))
         self._by_release = np.array([other - self._release, [1.0, 0.0]])
         low, high = float(self._distance.min()), float(self._distance.max())
-        even = (2.0 * self._distance - low - high) / max(high - low, self._patch)
-        self._polynomials = legvander(even, warps + 1).T[2:]
+        # -1 to 1, the domain of the polynomials
+        centered = (2.0 * self._distance - low - high) / max(high - low, self._patch)
+        self._polynomials = legvander(centered, warps + 1).T[2:]
 
     def linearized(self, p: Array) -> tuple[Array, Array]:
         """
@@ -159,7 +162,11 @@ class WaveformModel:
         return offset + peak * bend.value + strain.volts - height * bump.value, jacobian
 
     def moved(self, p: Array, step: Array) -> Array:
-        """Return ``p`` after ``step``, shortened if a film center would move too far."""
+        """
+        Return ``p`` after ``step``, shortened if a film center would move too far.
+
+        The normalized slip is limited to ``NORMALIZED_SLIP_RANGE``.
+        """
         largest = float(np.abs(step[self._own][PerFilm.CENTER::len(PerFilm)]).max())
         limit = MAX_CENTER_STEP * self._film.length
         moved: Array = p + step * min(1.0, limit / max(largest, limit))

@@ -12,7 +12,10 @@
 # cython: cdivision=True, infer_types=True, show_performance_hints=False
 
 """
-Kalman filter with considered states: prediction, scalar and joint corrections, robust to outliers.
+Kalman filter with considered (Schmidt) states, robust to outliers.
+
+It predicts, and corrects with one or two innovations; motion and measurement models are those of
+the caller (``filter``, ``ground``). ``state`` names the rows.
 
 This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. Without one,
 numpy takes the place of loops over the covariance.
@@ -41,7 +44,7 @@ else:
     from math import sqrt
 
 COMPILED: bool = cython.compiled
-LOOPS = COMPILED  # over the covariance; as Python they would take milliseconds
+LOOPS = COMPILED  # over the covariance, otherwise numpy: loops in Python would take milliseconds
 
 # constants and rows of the state that are numbers of C
 cython.declare(
@@ -53,10 +56,12 @@ SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
 
 IDENTITY = np.eye(N)
 CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states never corrected
-# lasting errors of the forces and of the ICR kinematics must not calibrate sensors
+# values of ``held``: lasting errors of the force balance and of the ICR kinematics must not be
+# taken for sensor errors
 SENSORS_HELD = CONSIDERED.copy()
 SENSORS_HELD[[State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0
-# unequal radii and slip of the sides last: they would be taken for a bias, which a rest shows
+# lasting slip and unequal radii of the sides would be taken for a gyro bias, which is observed at
+# standstill
 GYRO_HELD = CONSIDERED.copy()
 GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z]] = 1.0
 
@@ -187,8 +192,9 @@ class KalmanFilter:
         """
         Correct with two innovations ``y`` with Jacobian ``H`` (2, n); return the NIS over 2.
 
-        First with one of them, then with what is new in the other. With ``slip_held`` the mean of
-        both slips is considered, only their difference corrected.
+        First with ``y[0]``, then with the part of ``y[1]`` that is not correlated with it. With
+        ``slip_held`` the mean of both slip velocities is considered, only their difference is
+        corrected. NIS: normalized innovation squared.
         """
         g: cython.double[::1] = self._G[0]
         other: cython.double[::1] = self._G[1]
@@ -230,7 +236,7 @@ class KalmanFilter:
     @cython.cfunc
     def _apply(self, g: cython.double[::1], y: cython.double, variance: cython.double,
                held: cython.double[::1], slip_held: cython.bint) -> cython.void:
-        """Correct with an innovation ``y`` whose covariance with the states is ``g``."""
+        """Correct with an innovation ``y``; ``g``, its covariance with ``x``, is overwritten."""
         x: cython.double[::1] = self._x
         P: cython.double[:, ::1] = self._P
         d: cython.double[::1] = self._G[2]  # of g, the part that is not applied

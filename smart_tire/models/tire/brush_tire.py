@@ -12,8 +12,10 @@
 Brush tire model with combined slip and parabolic pressure: B(17) to B(22).
 
 The slip is a vector in the body frame, ``s = (r w - v_x, -v_y) / |r w|``, with the velocity of the
-wheel center. Its magnitude is the total slip; the force on the robot has its direction. The tire
-is isotropic (C_y = C_x), an assumption. Arguments broadcast against each other.
+wheel center. Its magnitude is the total slip; the force on the robot has its direction. These
+functions assume an isotropic tire (C_y = C_x). Arguments broadcast against each other.
+
+The prior of the ground is that of the estimators, which do estimate C_y / C_x.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from smart_tire.arrays import Array, ArrayLike
 from smart_tire.uncertain import Uncertain
 
 MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical slip
-MAX_FORCE_SHARE = 0.995  # of friction times load; a common slip is not observable above
+MAX_FORCE_SHARE = 0.995  # of friction times load; closer to the limit, force hardly shows the slip
 MAX_ITERATIONS = 30      # of Newton's method, which converges from below
 FORCE_TOLERANCE = 1e-9   # relative
 
@@ -34,7 +36,8 @@ FORCE_TOLERANCE = 1e-9   # relative
 LN_STIFFNESS_SIGMA = 0.4                            # ln C_x, about the nominal one
 LN_FRICTION = Uncertain(math.log(0.4), 0.6)         # ln mu
 LN_RESISTANCE = Uncertain(math.log(0.025), 1.0)     # ln of the rolling resistance over the load
-LATERAL_SHARE = Uncertain(0.0, 1.5)                 # logit of its share along the velocity
+# logit of the share of the resistance that acts along the velocity of the wheel, not along x
+LATERAL_SHARE = Uncertain(0.0, 1.5)
 LN_LATERAL_RATIO = Uncertain(-0.1, 0.15)            # ln C_y / C_x
 
 
