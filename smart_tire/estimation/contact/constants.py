@@ -44,7 +44,6 @@ ACTIVITY_SHARE = 0.25      # of the bending peak; derived: bumps stay below half
 CLOSING = 1.75             # film lengths of silence after a segment: braking shows 1.3; braking
 OUTER_LENGTH = 1.5         # film lengths of samples outside the contact: bumps, recovery; all
 MAX_ACTIVE_CROSSINGS = 2.5  # of activity, then the baseline has moved; derived; wrong baseline
-BASELINE_GAIN = 0.1        # share of a new median in the baseline; assumed; wrong baseline
 
 # -- detection -----------------------------------------------------------------------------------
 MIN_SAMPLES = 8            # of a crossing, or of a median; assumed; radio loss
@@ -61,9 +60,9 @@ MIN_FREE_COVERAGE = 0.7    # of a crossing accepted without being expected; roll
 MIN_EXPECTED_COVERAGE = 0.3  # of an expected crossing; assumed; radio loss
 
 # -- prediction and assembly ---------------------------------------------------------------------
-MIN_POSITION_GAIN = 0.2    # share of a detection in the mounting position; assumed; slow drift
+RECURSIVE_GAIN = 0.2       # share of a detection in the mounting position, of a median in the
+#                            baseline; assumed; slow drift, wrong baseline
 MIN_DETECTIONS = 2         # consistent ones, to trust the position or to replace it; assumed; lost
 LOOKBACK_REVOLUTIONS = 2.5  # before the first detection, that are reported; assumed; start
 CLEARANCE = 0.05           # film lengths between film and patch: timestamp jitter; rolling in
-ACTIVE_WAIT = 5.0          # film lengths after a crossing while a film seems active; radio loss
 MAX_SPEED_CHANGE = 0.7     # relative, in a crossing whose waveform is fitted; assumed; stops

@@ -80,7 +80,7 @@ class MountPosition:
         if abs(error) <= self._gate:
             self._detections += 1
             self._outliers = 0
-            self._position += error * max(c.MIN_POSITION_GAIN, 1.0 / self._detections)
+            self._position += error * max(c.RECURSIVE_GAIN, 1.0 / self._detections)
             return False, []
         first = not self._detections
         self._outliers += 1

@@ -214,4 +214,4 @@ class SegmentExtractor:
         if len(volts) >= c.MIN_SAMPLES:
             error = upper_median(volts) - float(self._baseline[film])
             if math.isfinite(error):  # a film may be absent
-                self._baseline[film] += c.BASELINE_GAIN * error
+                self._baseline[film] += c.RECURSIVE_GAIN * error

@@ -139,8 +139,7 @@ class ContactTracker:
         """Return the predicted crossings for which no further detection is awaited."""
         pending = self._associator.pending
         standstill = bool(pending) and self._stands_still(position)
-        longest = c.ACTIVE_WAIT * self._group.film_length
-        if standstill or any(self._beyond(p, position) > longest for p in pending):
+        if standstill:
             self._detect(self._extractor.finish())
         return self._associator.release(
             lambda predicted: standstill or self._settled(predicted, position))
