@@ -88,13 +88,7 @@ class ContactTracker:
         horizon = max(newest - c.SETTLING_NS, now_ns - c.MAX_SILENCE_NS)
         if self._horizon_ns is not None and horizon < self._horizon_ns + c.SETTLING_NS:
             return []
-        position, reversals = self._follow(horizon)
-        self._detect(self._segment(horizon, reversals))
-        self._associator.predict([*reversals, position])
-        crossings = self._assemble(self._completed(position))
-        if reversals:
-            self._associator.drop_before(reversals[-1][0])
-        return crossings
+        return self._advance(horizon, last=False)
 
     def finish(self, now_ns: int) -> list[PatchCrossing]:
         """Process all samples, the latest at ``now_ns``; return the completed crossings."""
@@ -103,11 +97,22 @@ class ContactTracker:
             return []
         # the last speed applies until the next wheel sample would have arrived
         horizon = max(newest, min(now_ns, newest + c.MAX_SILENCE_NS), self._horizon_ns or newest)
+        return self._advance(horizon, last=True)
+
+    def _advance(self, horizon: int, last: bool) -> list[PatchCrossing]:
+        """Process samples up to ``horizon``; if it is the ``last`` one, await nothing further."""
         position, reversals = self._follow(horizon)
         self._detect(self._segment(horizon, reversals))
-        self._detect(self._extractor.finish())
         self._associator.predict([*reversals, position])
-        return self._assemble(self._associator.release(lambda predicted: True))
+        last = last or bool(self._associator.pending) and self._stands_still(position)
+        if last:
+            self._detect(self._extractor.finish())
+            self._associator.predict([position])
+        crossings = self._assemble(self._associator.release(
+            lambda predicted: last or self._settled(predicted, position)))
+        if reversals:
+            self._associator.drop_before(reversals[-1][0])
+        return crossings
 
     def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
         """Follow the wheel up to ``horizon``; return its position there, and reversals."""
@@ -134,15 +139,6 @@ class ContactTracker:
                 self.undetected += 1
             else:
                 self._associator.add_crossing(crossing, self._reversals.points)
-
-    def _completed(self, position: Point) -> list[PredictedCrossing]:
-        """Return the predicted crossings for which no further detection is awaited."""
-        pending = self._associator.pending
-        standstill = bool(pending) and self._stands_still(position)
-        if standstill:
-            self._detect(self._extractor.finish())
-        return self._associator.release(
-            lambda predicted: standstill or self._settled(predicted, position))
 
     def _settled(self, predicted: PredictedCrossing, position: Point) -> bool:
         """Return whether no further detection can be expected while the wheel rolls."""
