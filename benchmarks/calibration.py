@@ -38,7 +38,7 @@ from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.arrays import Array
 from smart_tire.bags import BagWriter
 from smart_tire.calibration.guide import Leg, LEGS
-from smart_tire.calibration.stiffness import ACCEL_SCALE_SIGMA
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSlip
 from smart_tire.simulation.offline import EPOCH_NS, Event, simulate
@@ -110,7 +110,7 @@ def guided(seed: int) -> Simulated:
     steps = {'rest': LEGS['rest'], 'straight': (*LEGS['straight'], (1.0, 0.0, 0.0)),
              'turns': (*LEGS['turns'], (1.0, 0.0, 0.0))}
     legs, end = leg_schedule([leg for step in steps.values() for leg in step])
-    scale = 1.0 + ACCEL_SCALE_SIGMA * float(rng.standard_normal())
+    scale = 1.0 + PRIORS['acceleration on straight lines'].sigma * float(rng.standard_normal())
     events = [_pitched(event, scale) for event in simulate(params, legs, end)]
     ends = np.cumsum([leg_schedule(step)[1] for step in steps.values()])
     parts = {name: [event for event in events if begin <= _seconds(event[2].stamp_ns) < end]

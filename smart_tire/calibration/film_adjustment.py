@@ -24,7 +24,7 @@ are scaled.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -32,11 +32,16 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film_crossings import GainObservation
+from smart_tire.calibration.film_crossings import (
+    CrossingWithSlip, GainObservation, ObservationFitter)
+from smart_tire.calibration.priors import LIMITS, PRIORS
+from smart_tire.calibration.results import MIN_ROBUST, SIGNIFICANT_SIGMAS
+from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Prior, solve_with_prior
-from smart_tire.numerics.robust import huber_weights
+from smart_tire.numerics.robust import huber_weights, winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
+from smart_tire.uncertain import Uncertain
 
 # shares of the smoothed slip's sigma, from simulations with default sensors: 0.55 of it lasts
 # through a segment and hardly longer; 0.2 is new in every crossing at steady speed, 0.6 otherwise
@@ -46,8 +51,10 @@ MAX_SEGMENT_PAUSE = 3.0  # s between two crossings of a segment: a revolution of
 MIN_SIGMA = 1e-6  # -, of parameters that are configured as exact
 HUBER_THRESHOLD = 2.5   # sigmas, beyond which a crossing or segment has lower weight
 REWEIGHTING_ROUNDS = 8  # more do not change the result
-GAIN_SIGMA, LENGTH_SIGMA, ALPHA_SIGMA, POSITION_SIGMA = 10.0, 1.0, 0.3, 1.0  # -, -, -, m; wide
-FILM_LENGTH_SIGMA = 0.005  # relative, of film.length: 0.1 mm of 20 mm; assumed
+MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
+MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
+CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
+MAX_FACTORS = 3.0, 1.3  # of gains and contact length in one iteration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,10 +149,11 @@ class _Adjuster:
         radius = max(robot.wheel_radius_sigma, MIN_SIGMA)
         # followed by an offset of the slips of each recording, and the slip error of each segment
         sigma = np.full(index.size + max(recordings, default=-1) + 1, radius)
-        sigma[:index.length] = GAIN_SIGMA
+        sigma[:index.length] = PRIORS['film gain'].sigma
         sigma[index.length:index.position(0)] = (
-            LENGTH_SIGMA, ALPHA_SIGMA, radius, FILM_LENGTH_SIGMA)
-        sigma[index.position(0):index.size] = POSITION_SIGMA
+            PRIORS['ln of the contact length'].sigma, PRIORS['ln of alpha'].sigma, radius,
+            PRIORS['length of a film'].sigma)
+        sigma[index.position(0):index.size] = PRIORS['film position'].sigma
         self._common = sigma
         relative = np.array([one.crossing.slip[1] / abs(one.crossing.slip[0])
                              for one in observations])
@@ -224,3 +232,107 @@ def _slip_variance_ratio(errors: Array, variance: Array, previous: float) -> flo
         return previous
     clipped = np.minimum(errors ** 2, HUBER_THRESHOLD ** 2 * previous)
     return max(1.0, float(np.sum(clipped)) / dof)
+
+
+@dataclass(frozen=True, eq=False)
+class GainAdjustment:
+    """An adjustment with the robot and the fitter it is based on."""
+
+    robot: RobotParams             # nominal parameters of ``result``
+    groups: list[tuple[int, ...]]  # of films that cross the patch together
+    fitter: ObservationFitter
+    result: Adjustment
+
+
+def bending_peaks(observations: Sequence[GainObservation], wheel: str, film: int) -> list[float]:
+    """Return the bending peaks [V] of a film in all observations."""
+    return [observation.bending[observation.films.index(film)] for observation in observations
+            if observation.crossing.wheel == wheel and film in observation.films]
+
+
+def relative_position(result: Adjustment, film: int, reference: int) -> Uncertain:
+    """Return the offset [m] of a film from its nominal position, relative to another film."""
+    both = [result.index.position(film), result.index.position(reference)]
+    variance = np.array([1.0, -1.0]) @ result.covariance[np.ix_(both, both)] @ [1.0, -1.0]
+    return Uncertain(float(result.value[both[0]] - result.value[both[1]]),
+                     math.sqrt(max(float(variance), 0.0)))
+
+
+def per_film(robot: RobotParams) -> RobotParams:
+    """Return ``robot`` with one value per film of each wheel."""
+    film = robot.film
+    gains, bending = ([value for wheel in film.wheels for value in values(wheel)]
+                      for values in (film.gains, film.bending))
+    return replace(robot, film=replace(film, stretch_gain=tuple(gains),
+                                       bending_peak=tuple(bending)))
+
+
+def iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
+             robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
+    """Fit all crossings until the shared parameters converge."""
+    groups, refined = robot.film_groups, False
+    for _ in range(MAX_ITERATIONS):
+        fitter = ObservationFitter(robot, refined=refined)
+        observed = [(observation, i) for i, crossings in enumerate(recordings)
+                    for crossing in crossings
+                    if (observation := fitter.fit_crossing(
+                        crossing, gains=_makes_gains_observable(crossing))) is not None]
+        observations, sources = [observation for observation, _ in observed], [
+            i for _, i in observed]
+        if len(observations) < MIN_ROBUST:
+            raise EstimatorError(
+                f'{len(observations)} crossings of films could be fitted, of '
+                f'{sum(map(len, recordings))} with known slip; expected at least {MIN_ROBUST}')
+        result = adjust(observations, sources, robot)
+        found = GainAdjustment(robot, groups, fitter, result)
+        change = result.value / np.sqrt(np.diag(result.covariance))
+        robot = _updated(found, observations)
+        if refined and np.max(np.abs(change[:result.index.radius])) < CONVERGED_SIGMAS:
+            break
+        refined = bool(np.all(_gain_factors(result) > 0.0))  # no film has its poles swapped
+    return observations, sources, found
+
+
+def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
+    slip, sigma = crossing.slip
+    return abs(slip) > max(MIN_SLIP, SIGNIFICANT_SIGMAS * sigma)
+
+
+def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> RobotParams:
+    """Return the robot with the adjusted parameters, within the limits of one iteration."""
+    robot, result = found.robot, found.result
+    film, index = robot.film, result.index
+    max_gain, max_length = MAX_FACTORS
+    factor = _gain_factors(result)
+    factor = np.where(factor > 0.0, np.clip(factor, 1.0 / max_gain, max_gain), 1.0)
+    length, alpha = np.exp(np.clip(result.value[[index.length, index.alpha]],
+                                   -math.log(max_length), math.log(max_length))).tolist()
+    peaks = (bending_peaks(observations, wheel, i)
+             for wheel in film.wheels for i in range(film.count))
+    bending = [winsorized_mean(values, SIGNIFICANT_SIGMAS).value if values else nominal
+               for values, nominal in zip(peaks, film.bending_peak)]
+    positions = [nominal + offset
+                 for nominal, offset in zip(film.centers, _position_offsets(found))]
+    layout = ({'positions': tuple(positions)} if film.positions
+              else {'spacing': positions[1]}) if positions == sorted(positions) else {}
+    film = replace(film, stretch_gain=tuple((factor * film.stretch_gain).tolist()),
+                   bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **layout)
+    return replace(robot, film=film, tire=replace(
+        robot.tire, contact_length=length * robot.tire.contact_length))
+
+
+def _gain_factors(result: Adjustment) -> Array:
+    """Return the gains over the nominal ones."""
+    factors: Array = 1.0 + result.value[:result.index.length]
+    return factors
+
+
+def _position_offsets(found: GainAdjustment) -> list[float]:
+    """Return the offset [m] of each film from its nominal position, relative to its group."""
+    offsets = [0.0] * found.robot.film.count
+    for group in found.groups:
+        for film in group[1:]:
+            offset = relative_position(found.result, film, group[0])
+            if offset.sigma < LIMITS['film position'].sigma:
+                offsets[film] = offset.value
+    return offsets

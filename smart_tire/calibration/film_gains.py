@@ -19,32 +19,24 @@ the wheel radius (``wheel_radius_sigma``) and of the film length.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
 
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.film_adjustment import adjust, Adjustment
-from smart_tire.calibration.film_crossings import (
-    CrossingWithSlip, GainObservation, ObservationFitter)
+from smart_tire.calibration.film_adjustment import (
+    bending_peaks, GainAdjustment, iterate, MIN_SLIP, per_film, relative_position)
+from smart_tire.calibration.film_crossings import CrossingWithSlip, GainObservation
+from smart_tire.calibration.priors import LIMITS, PRIORS, require
 from smart_tire.calibration.results import MIN_ROBUST, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import mad_sigma, winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
 
-LATENCY_SIGMA = 0.003  # s, of the configured latency between films and wheels; assumed
 MAX_SCATTER = 0.1      # rad, 9 mm of the paper's wheel: more than the error of any fit
 MIN_SCATTER = 1e-3     # rad, lower limit of the scatter: a tenth of a millimeter
-
-MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
-MAX_RELATIVE_SIGMA = 0.1    # standard error above which a gain or the contact length is refused
-MAX_POSITION_SIGMA = 0.003  # m, standard error above which a film position is refused
-
-MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
-CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
-MAX_FACTORS = 3.0, 1.3  # of gains and contact length in one iteration
 
 
 def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
@@ -66,7 +58,8 @@ def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
                              'positions restart within the recording')
     inliers = np.abs(deviations - median) < SIGNIFICANT_SIGMAS * scatter
     design = np.stack([np.ones(int(inliers.sum())), np.asarray(speeds)[inliers]])
-    normal = design @ design.T / scatter ** 2 + np.diag([0.0, LATENCY_SIGMA ** -2])
+    normal = design @ design.T / scatter ** 2 + np.diag(
+        [0.0, PRIORS['latency of films'].sigma ** -2])
     covariance = np.linalg.inv(normal)
     angle = float((covariance @ (design @ deviations[inliers]))[0]) / scatter ** 2
     return Uncertain((first + angle) % math.tau, math.sqrt(float(covariance[0, 0])))
@@ -134,16 +127,6 @@ def volts_per_slip(gain: float, film_length: float, contact_length: float) -> fl
     return gain * inside * (1.0 - 0.5 * inside / contact_length)
 
 
-@dataclass(frozen=True, eq=False)
-class GainAdjustment:
-    """An adjustment with the robot and the fitter it is based on."""
-
-    robot: RobotParams             # nominal parameters of ``result``
-    groups: list[tuple[int, ...]]  # of films that cross the patch together
-    fitter: ObservationFitter
-    result: Adjustment
-
-
 class Results:
     """Fills a ``GainFit`` from the adjustment of the shared parameters."""
 
@@ -168,10 +151,10 @@ class Results:
         fit, index = self._fit, self._index
         value, sigma = self._result.estimate(index.length)
         length = self._robot.tire.contact_length * math.exp(value)
-        if sigma < MAX_RELATIVE_SIGMA:
-            fit.length = Uncertain(length, sigma * length)
-        else:
-            fit.refused['contact length'] = _sigma_reason(sigma)
+        try:
+            fit.length = require('contact length', Uncertain(length, sigma * length))
+        except EstimatorError as error:
+            fit.refused['contact length'] = str(error)
 
     def _fill_film(self, wheel: str, film: int) -> None:
         name = f'gain of film {film + 1}, {wheel}'
@@ -267,7 +250,7 @@ class Results:
                 self._fit.places[group[0]] = start
             for film in group[1:]:
                 offset = relative_position(self._result, film, group[0])
-                if offset.sigma > MAX_POSITION_SIGMA:
+                if offset.sigma > LIMITS['film position'].sigma:
                     self._fit.refused[f'spacing, film 1 to {film + 1}'] = (
                         f'never detected together with film {group[0] + 1} in a crossing')
                     continue
@@ -310,10 +293,6 @@ class Results:
             tuple(film.volts for film in samples.films), tuple(self._fitter.volts(observation)))
 
 
-def _sigma_reason(sigma: float) -> str:
-    return f'standard error of {sigma:.0%}, expected at most {MAX_RELATIVE_SIGMA:.0%}'
-
-
 def _refusal(observed: Sequence[GainObservation], informative: Sequence[GainObservation],
              gain: Uncertain) -> str:
     """Return the reason why a gain is refused, '' if it is not."""
@@ -325,24 +304,11 @@ def _refusal(observed: Sequence[GainObservation], informative: Sequence[GainObse
     if gain.value <= 0.0:
         return ('negative: the poles of the film, or the direction in which it crosses the patch, '
                 'are swapped')
-    if gain.sigma > MAX_RELATIVE_SIGMA * gain.value:
-        return (f'{_sigma_reason(gain.sigma / gain.value)}: the slip is not accurate enough; '
-                'turn left and right')
+    try:
+        require('film gain', gain, 'the slip is not accurate enough; turn left and right')
+    except EstimatorError as error:
+        return str(error)
     return ''
-
-
-def bending_peaks(observations: Sequence[GainObservation], wheel: str, film: int) -> list[float]:
-    """Return the bending peaks [V] of a film in all observations."""
-    return [observation.bending[observation.films.index(film)] for observation in observations
-            if observation.crossing.wheel == wheel and film in observation.films]
-
-
-def relative_position(result: Adjustment, film: int, reference: int) -> Uncertain:
-    """Return the offset [m] of a film from its nominal position, relative to another film."""
-    both = [result.index.position(film), result.index.position(reference)]
-    variance = np.array([1.0, -1.0]) @ result.covariance[np.ix_(both, both)] @ [1.0, -1.0]
-    return Uncertain(float(result.value[both[0]] - result.value[both[1]]),
-                     math.sqrt(max(float(variance), 0.0)))
 
 
 def identify_gains(recordings: Sequence[Sequence[CrossingWithSlip]],
@@ -352,90 +318,10 @@ def identify_gains(recordings: Sequence[Sequence[CrossingWithSlip]],
 
     Raises EstimatorError if there are too few crossings that can be fitted.
     """
-    robot = _per_film(robot)
-    observations, sources, found = _iterate(recordings, robot)
+    robot = per_film(robot)
+    observations, sources, found = iterate(recordings, robot)
     fit = GainFit(found.robot, crossings=len(observations),
                   informative=sum(observation.gains for observation in observations),
                   segments=found.result.segments, excess=found.result.slip_variance_ratio)
     Results(fit, observations, sources, found).fill()
     return fit
-
-
-def _per_film(robot: RobotParams) -> RobotParams:
-    """Return ``robot`` with one value per film of each wheel."""
-    film = robot.film
-    gains, bending = ([value for wheel in film.wheels for value in values(wheel)]
-                      for values in (film.gains, film.bending))
-    return replace(robot, film=replace(film, stretch_gain=tuple(gains),
-                                       bending_peak=tuple(bending)))
-
-
-def _iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
-             robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
-    """Fit all crossings until the shared parameters converge."""
-    groups, refined = robot.film_groups, False
-    for _ in range(MAX_ITERATIONS):
-        fitter = ObservationFitter(robot, refined=refined)
-        observed = [(observation, i) for i, crossings in enumerate(recordings)
-                    for crossing in crossings
-                    if (observation := fitter.fit_crossing(
-                        crossing, gains=_makes_gains_observable(crossing))) is not None]
-        observations, sources = [observation for observation, _ in observed], [
-            i for _, i in observed]
-        if len(observations) < MIN_ROBUST:
-            raise EstimatorError(
-                f'{len(observations)} crossings of films could be fitted, of '
-                f'{sum(map(len, recordings))} with known slip; expected at least {MIN_ROBUST}')
-        result = adjust(observations, sources, robot)
-        found = GainAdjustment(robot, groups, fitter, result)
-        change = result.value / np.sqrt(np.diag(result.covariance))
-        robot = _updated(found, observations)
-        if refined and np.max(np.abs(change[:result.index.radius])) < CONVERGED_SIGMAS:
-            break
-        refined = bool(np.all(_gain_factors(result) > 0.0))  # no film has its poles swapped
-    return observations, sources, found
-
-
-def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
-    slip, sigma = crossing.slip
-    return abs(slip) > max(MIN_SLIP, SIGNIFICANT_SIGMAS * sigma)
-
-
-def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> RobotParams:
-    """Return the robot with the adjusted parameters, within the limits of one iteration."""
-    robot, result = found.robot, found.result
-    film, index = robot.film, result.index
-    max_gain, max_length = MAX_FACTORS
-    factor = _gain_factors(result)
-    factor = np.where(factor > 0.0, np.clip(factor, 1.0 / max_gain, max_gain), 1.0)
-    length, alpha = np.exp(np.clip(result.value[[index.length, index.alpha]],
-                                   -math.log(max_length), math.log(max_length))).tolist()
-    peaks = (bending_peaks(observations, wheel, i)
-             for wheel in film.wheels for i in range(film.count))
-    bending = [winsorized_mean(values, SIGNIFICANT_SIGMAS).value if values else nominal
-               for values, nominal in zip(peaks, film.bending_peak)]
-    positions = [nominal + offset
-                 for nominal, offset in zip(film.centers, _position_offsets(found))]
-    layout = ({'positions': tuple(positions)} if film.positions
-              else {'spacing': positions[1]}) if positions == sorted(positions) else {}
-    film = replace(film, stretch_gain=tuple((factor * film.stretch_gain).tolist()),
-                   bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **layout)
-    return replace(robot, film=film, tire=replace(
-        robot.tire, contact_length=length * robot.tire.contact_length))
-
-
-def _gain_factors(result: Adjustment) -> Array:
-    """Return the gains over the nominal ones."""
-    factors: Array = 1.0 + result.value[:result.index.length]
-    return factors
-
-
-def _position_offsets(found: GainAdjustment) -> list[float]:
-    """Return the offset [m] of each film from its nominal position, relative to its group."""
-    offsets = [0.0] * found.robot.film.count
-    for group in found.groups:
-        for film in group[1:]:
-            offset = relative_position(found.result, film, group[0])
-            if offset.sigma < MAX_POSITION_SIGMA:
-                offsets[film] = offset.value
-    return offsets

@@ -26,11 +26,12 @@ from operator import attrgetter
 import numpy as np
 
 from smart_tire.calibration.latency import (
-    fit_speed_changes, fit_yaw_rate, SpeedChangeFit, TURN_SLIP, YawRateFit)
+    fit_speed_changes, fit_yaw_rate, SpeedChangeFit, YawRateFit)
+from smart_tire.calibration.priors import PRIORS, require
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.reference import (
     fit_gyro_scale, fit_radius, RadiusFit, usable_reference)
-from smart_tire.calibration.results import Found, MAX_STANDARD_ERROR, Quantity, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import Found, Quantity, SIGNIFICANT_SIGMAS
 from smart_tire.calibration.sensor_noise import fit_jitter, fit_rest, motion_noise, RestFit
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
@@ -41,9 +42,7 @@ from smart_tire.uncertain import Uncertain, weighted_mean
 LATENCY, JITTER, TRACK = 'wheel latency', 'timestamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, STATIC_IMU = 'rolling radius', 'gyro scale', 'IMU at standstill'
 ROLL, PITCH, ROTATION = 'mounting roll', 'mounting pitch', 'imu.rotation'
-MAX_LATENCY_SIGMA = 0.03   # s, standard error above which a latency is refused: half of 16 Hz
-MAX_RADIUS_SIGMA = 0.02    # relative, above which a radius is refused
-HALF_FACTOR = 2.0          # of these limits, for half of a recording
+HALF_FACTOR = 2.0          # of the limits of standard errors, for half of a recording
 MIN_RESTS = 2              # in each half: one alone may be on a slope
 MAX_NOISE_RATIO = 1.2      # of the noise in motion over that at rest
 MAX_REPEATED_SHARE = 0.05  # of samples equal to the previous one: more is not chance
@@ -168,10 +167,8 @@ def _geometry(recording: Recording, robot: RobotParams, factor: float = 1.0) -> 
 
 def _add_latency(found: Geometry, recording: Recording, robot: RobotParams) -> None:
     def by(fit: YawRateFit | SpeedChangeFit) -> YawRateFit | SpeedChangeFit:
-        if not fit.latency.sigma <= found.factor * MAX_LATENCY_SIGMA:
-            raise EstimatorError(
-                f'standard error of {fit.latency.sigma:.2g} s, expected at most '
-                f'{MAX_LATENCY_SIGMA:g} s: yaw rate or speed hardly change with the wheels')
+        require(LATENCY, fit.latency, 'yaw rate or speed hardly change with the wheels',
+                factor=found.factor)
         return fit
 
     turns = found.attempt(LATENCY, lambda: by(fit_yaw_rate(recording, robot)))
@@ -204,16 +201,13 @@ def _add_radius(found: Geometry, recording: Recording, robot: RobotParams,
     def fit() -> RadiusFit:
         poses = usable_reference(recording)
         latency = found.get(LATENCY) or Uncertain(robot.encoder.latency, math.inf)
-        turn_slip = TURN_SLIP
+        turn_slip = PRIORS['share of side slip lost in turns'].value
         if found.yaw_rate_fit is not None:
             track = found.yaw_rate_fit.slope.value * robot.wheel_radius
             turn_slip = min(max(1.0 - robot.track_width / track, 0.0), 1.0)
         made = fit_radius(recording.wheels, poses, latency.value - reference_latency, robot,
                           turn_slip)
-        relative = made.radius.sigma / made.radius.value
-        if relative > found.factor * MAX_RADIUS_SIGMA:
-            raise EstimatorError(f'standard error of {relative:.1%}, expected at most '
-                                 f'{MAX_RADIUS_SIGMA:.0%}')
+        require(RADIUS, made.radius, factor=found.factor)
         return made
 
     found.radius_fit = found.attempt(RADIUS, fit)
@@ -241,10 +235,7 @@ def _add_track(found: Geometry, robot: RobotParams) -> None:
     slope, radius = found.yaw_rate_fit.slope, found.get(RADIUS)
     value, sigma = radius or (robot.wheel_radius, 0.0)
     track = Uncertain(slope.value * value, math.hypot(slope.sigma * value, slope.value * sigma))
-    if track.sigma > found.factor * MAX_STANDARD_ERROR * track.value:
-        found.refused[TRACK] = (f'standard error of {track.sigma / track.value:.0%}, expected at '
-                                f'most {MAX_STANDARD_ERROR:.0%}')
-    else:
+    if found.attempt(TRACK, lambda: require(TRACK, track, factor=found.factor)) is not None:
         found.add(TRACK, track, 'm', 'for the configured wheel_radius' if radius is None
                   else 'for the rolling radius above', 'effective_track')
 

@@ -29,6 +29,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import period, Recording, side_slip, Signal, WheelIntervals
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
@@ -41,9 +42,6 @@ MIN_INTERVAL = 0.15  # s; over shorter times the yaw rate changes little and noi
 IMU_SAMPLES_PER_INTERVAL = 3.0  # minimum; between samples the rate is interpolated
 MAX_DELAY = 1.0          # s, range of the search: that of the parameter
 MAX_GRID_STEP = 0.02     # s, of the search, or a quarter of the period of the wheels
-RADIUS_DIFFERENCE_SIGMA = 0.05  # relative sigma of the difference of the sides' radii; assumed
-TURN_SLIP = 0.3          # -, share of ``side_slip`` that is lost, and its sigma; assumed
-PITCHING_ERROR = 0.1     # relative error of accelerations from pitching: 0.6 degrees at 1 m/s2
 CHANGE_INTERVAL = 1.0    # s between compared intervals: duration of a speed change or a turn
 CORRELATION_TIME = 2.0   # s over which slip, and thereby the effective track, is correlated
 
@@ -117,8 +115,8 @@ def fit_yaw_rate(recording: Recording, robot: RobotParams) -> YawRateFit:
             difference, -speed * change, -uneven, mean / nominal, np.ones(len(time))]), yaw_rate,
             np.hypot(lag * speed * change, accel_slip * uneven))
 
-    prior = Prior.of(None, (lag, lag), (accel_slip, accel_slip), (0.0, RADIUS_DIFFERENCE_SIGMA),
-                     (0.0, robot.imu.gyro_bias))
+    prior = Prior.of(None, (lag, lag), (accel_slip, accel_slip),
+                     PRIORS['radius difference of the sides'].prior, (0.0, robot.imu.gyro_bias))
     fit = fit_delay(rows, prior, delay_grid(recording))
     # the delay is determined by changes of the yaw rate, the track by sustained turns, in which
     # errors may be correlated for longer
@@ -163,20 +161,22 @@ def fit_speed_changes(recording: Recording, robot: RobotParams) -> SpeedChangeFi
     slipped = changes(speed * np.gradient(mean, intervals.center))  # m2/s3
     turned = changes(side_slip(mean, 0.5 * radius * np.abs(sides[:, 1] - sides[:, 0])))
     lag = robot.mass / (4.0 * robot.tire.longitudinal_stiffness)    # s2/m
-    sigma = np.hypot(lag * slipped, TURN_SLIP * turned)
+    lost = PRIORS['share of side slip lost in turns']
+    sigma = np.hypot(lag * slipped, lost.sigma * turned)
     matrix = np.column_stack([rolled, -slipped, changes(intervals.center), -turned])
 
     def rows(delay: float) -> Rows:
         return Rows(intervals.center[after], matrix, changes(gained.mean(
             intervals.begin - delay, intervals.end - delay)), sigma)
 
-    prior = Prior.of(None, (lag, lag), None, (TURN_SLIP, TURN_SLIP))
+    prior = Prior.of(None, (lag, lag), None, lost.prior)
     fit = fit_delay(rows, prior, delay_grid(recording), overlapping=True)
     scale = fit.estimate(0)
     return SpeedChangeFit(
         _with_lag(fit, speed[after], rolled),
         Uncertain(radius * scale.value, radius * math.hypot(
-            scale.sigma, PITCHING_ERROR * scale.value)), scale.value * rolled)
+            scale.sigma, PRIORS['acceleration of the body'].sigma * scale.value)),
+        scale.value * rolled)
 
 
 def _with_lag(fit: DelayFit, speed: Array, signal: Array) -> Uncertain:

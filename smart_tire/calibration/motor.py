@@ -30,9 +30,10 @@ from smart_tire.calibration.motor_model import (
     COMMON, COULOMB as COULOMB_VALUES, DUTY_GAIN, INERTIA as INERTIA_VALUE, KAPPA, load_torque,
     MotorModel, SPEED_GAIN, VISCOUS as VISCOUS_VALUE)
 from smart_tire.calibration.motor_rows import motor_rows
+from smart_tire.calibration.priors import LIMITS, PRIORS, require
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.results import (
-    CONFIGURED_SIGMA, Found, MAX_STANDARD_ERROR, MIN_ROWS, SIGNIFICANT_SIGMAS)
+    Found, MIN_ROWS, SIGNIFICANT_SIGMAS)
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Fit
 from smart_tire.parameters import RobotParams
@@ -45,9 +46,7 @@ VISCOUS, AXLE, FEED_FORWARD = 'viscous friction', 'axle friction', 'feed-forward
 RESISTANCE, STALL = 'resistance', 'stall torque'
 IN_STEP = 'readings in step with the motor commands miss the torque in between'
 SEVERAL_SPEEDS = 'requires lifted wheels at several speeds in both directions'
-MAX_VISCOUS_SHARE = 0.2    # of Coulomb friction: standard error of viscous friction at top speed
 MAX_SAMPLING_ERROR = 0.03  # relative; above it, readings are in step with the commands
-SAMPLED_SIGMA = 0.04       # relative, of an inertia without motor_commands: 16 Hz of 50 Hz
 
 
 @dataclass
@@ -113,8 +112,8 @@ def identify_motor(grounds: Sequence[Recording], lifted: Sequence[Recording],
     elif in_step:
         found.refused.update(dict.fromkeys((INERTIA, COULOMB, VISCOUS), IN_STEP))
     else:
-        _add_lifted(found, fit, 0.0 if not between else SAMPLED_SIGMA,
-                    float(np.abs(model.lifted.speed).max()))
+        sampled = PRIORS['inertia without motor_commands'].sigma if between else 0.0
+        _add_lifted(found, fit, sampled, float(np.abs(model.lifted.speed).max()))
     _add_resistance(found, fit, robot)
     if not between:
         inverse = fit.values[DUTY_GAIN]
@@ -157,10 +156,10 @@ def _add_constant(found: MotorFit, fit: Fit, kappa: Uncertain, robot: RobotParam
                   lifted: bool, in_step: str) -> None:
     relative, known = kappa.sigma / abs(kappa.value), robot.motor.torque_constant_sigma
     if kappa.value > 0.0 and relative < known and not in_step:
-        constant = robot.motor.torque_constant / kappa.value
+        constant, inertia = robot.motor.torque_constant / kappa.value, PRIORS['motor parameters']
         found.add(CONSTANT, Uncertain(constant, constant * relative), 'N m/A',
                   f'proportional to the given mass of {robot.mass:g} kg' + (
-                      '' if lifted else f'; inertia as configured, {CONFIGURED_SIGMA:.0%} sigma'),
+                      '' if lifted else f'; inertia as configured, {inertia.sigma:.0%} sigma'),
                   'motor.torque_constant')
         return
     common = float(fit.covariance[KAPPA, INERTIA_VALUE].mean())
@@ -174,18 +173,19 @@ def _add_constant(found: MotorFit, fit: Fit, kappa: Uncertain, robot: RobotParam
 def _add_lifted(found: MotorFit, fit: Fit, inertia_error: float, max_speed: float) -> None:
     inertia = fit.estimate(INERTIA_VALUE)
     inertia = Uncertain(inertia.value, math.hypot(inertia.sigma, inertia_error * inertia.value))
+    known = PRIORS['motor parameters'].sigma
     coulomb, viscous = _mean(fit, COULOMB_VALUES), fit.estimate(VISCOUS_VALUE)
     for name, value, unit, parameter in (
             (INERTIA, inertia, 'kg m2', 'motor.inertia'),
             (COULOMB, coulomb, 'N m', 'motor.coulomb_friction')):
-        if 0.0 < value.sigma < CONFIGURED_SIGMA * value.value:
+        if 0.0 < value.sigma < known * value.value:
             found.add(name, value, unit, 'of one wheel with its drive, mean of four', parameter)
         else:
             found.refused[name] = (
                 f'{value.value:.2g} ± {value.sigma:.1g} {unit}, expected a standard error below '
-                f'{CONFIGURED_SIGMA:.0%}: {SEVERAL_SPEEDS}')
+                f'{known:.0%}: {SEVERAL_SPEEDS}')
     if COULOMB not in found.refused and (
-            viscous.sigma * max_speed < MAX_VISCOUS_SHARE * coulomb.value):
+            viscous.sigma * max_speed < LIMITS[VISCOUS].sigma * coulomb.value):
         found.add(VISCOUS, viscous, 'N m s/rad', 'mean of four', 'motor.viscous_friction')
     else:
         found.refused[VISCOUS] = SEVERAL_SPEEDS
@@ -209,12 +209,10 @@ def _add_resistance(found: MotorFit, fit: Fit, robot: RobotParams) -> None:
 def _add_feed_forward(found: MotorFit, model: MotorModel, fit: Fit) -> None:
     ground, gain = model.ground, _mean(fit, SPEED_GAIN)
     found.duty = ground.speed.mean(axis=1), ground.duty.mean(axis=1)
-    if gain.value > 0.0 and gain.sigma < MAX_STANDARD_ERROR * gain.value:
+    if found.attempt(FEED_FORWARD, lambda: require(
+            FEED_FORWARD, gain, 'requires driving at several speeds')) is not None:
         found.add(FEED_FORWARD, gain, 's/rad', 'duty per wheel speed of a motor without torque',
                   'pid.feed_forward')
-    else:
-        found.refused[FEED_FORWARD] = (
-            f'{gain.value:.2g} ± {gain.sigma:.1g} s/rad: requires driving at several speeds')
 
 
 def _add_scales(found: MotorFit, fit: Fit) -> None:

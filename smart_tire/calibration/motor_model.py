@@ -38,8 +38,9 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.motor_rows import COMMAND_DELAY, MotorRows
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import Mask
-from smart_tire.calibration.results import CONFIGURED_SIGMA, MIN_ROWS
+from smart_tire.calibration.results import MIN_ROWS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import (
     Errors, Fit, HAC_TIME, nonlinear_fit, Prior, regression, Rows)
@@ -50,14 +51,6 @@ Runs = Sequence[MotorRows]
 
 WIDE = 10.0              # times a start value: sigma of what the recordings determine
 MAX_TURN_SHARE = 0.2     # of the speed: half the difference of the sides; tires scrub in turns
-EQUAL_SIGMA = 0.03       # relative, of the force on one wheel among four; assumed
-VISCOUS_SHARE = 0.05     # of r m g / 4: sigma of viscous friction at the largest speed; assumed
-OFFSET_SHARE = 0.01      # of r m g / 4: sigma of the offset of a measured torque; assumed
-TORQUE_DELAY_SIGMA = 0.01  # s, of the torque against the IMU; assumed
-READING_DELAY = 0.002    # s from the encoders to the currents: boards are read in turn; assumed
-SLIP_SHARE, DELAY_SIGMA = 0.2, 0.002  # -, s, sigma of the slip in a speed and of delays; assumed
-ACCEL_SCALE_SIGMA = 0.005   # relative, of the accelerometer; data sheets of MEMS sensors
-SAMPLED_TORQUE_SHARE = 0.2  # of the torque that accelerates a wheel: error of a mean of readings
 SAMPLING_FACTOR = 2.0    # error of the torque over the ripple of the force, which tires smooth
 MIN_FOLLOWED_ACCELERATION = 0.2  # m/s2 rms of the wheels, to compare them with the body
 MIN_FOLLOWING = 0.4      # acceleration of the body over that of the wheels: on the ground
@@ -141,14 +134,16 @@ class MotorModel:
             np.zeros(5 + 5 * len(self._grounds))])
         sigma = np.full(len(start), np.inf)
         sigma[:8] = WIDE * np.abs(start[:8])
-        sigma[KAPPA], sigma[OFFSET], sigma[SHARE] = known_kappa, OFFSET_SHARE * load, EQUAL_SIGMA
+        sigma[KAPPA], sigma[SHARE] = known_kappa, PRIORS['force on one wheel'].sigma
+        sigma[OFFSET] = PRIORS['offset of a measured torque'].sigma * load
         sigma[COULOMB] = WIDE * load
         sigma[INERTIA:COMMON] = (
-            (WIDE if lifted else CONFIGURED_SIGMA) * motor.inertia,
-            VISCOUS_SHARE * load / float(np.abs(ground.speed).max()),
-            math.hypot(robot.wheel_radius_sigma, ACCEL_SCALE_SIGMA, self.sampling_error,
-                       self._attenuation()),
-            TORQUE_DELAY_SIGMA, DELAY_SIGMA, DELAY_SIGMA, SLIP_SHARE)
+            (WIDE if lifted else PRIORS['motor parameters'].sigma) * motor.inertia,
+            PRIORS['viscous friction at top speed'].sigma * load / np.abs(ground.speed).max(),
+            math.hypot(robot.wheel_radius_sigma, PRIORS['scale of the accelerometer'].sigma,
+                       self.sampling_error, self._attenuation()),
+            *(PRIORS[name].sigma for name in ('delay of the torque', 'delay of a command',
+                                              'delay of a reading', 'slip in a wheel speed')))
         sigma[COMMON + 4::5] = [  # the force at rest may be that of a slope, or a bias
             math.hypot(*rows.rest_force) for rows in self._grounds]
         return Prior(start, sigma)
@@ -176,7 +171,7 @@ class MotorModel:
         free = (x[INERTIA] * lifted.acceleration + x[VISCOUS] * lifted.speed
                 + x[COULOMB] * lifted.direction)
         speed = (ground.center_speed + x[SLIP_ERROR] * ground.center_slip
-                 + (READING_DELAY + x[READING_ERROR]) * ground.acceleration)
+                 + (PRIORS['delay of a reading'].value + x[READING_ERROR]) * ground.acceleration)
         instants = ground.center_torque - x[OFFSET] - x[KAPPA] / x[DUTY_GAIN] * (
             ground.center_duty - x[SPEED_GAIN] * speed)
         windows = _window(x, ground, load, duty=self._duty) - self._slipping
@@ -187,8 +182,10 @@ class MotorModel:
         """Return the standard deviations of effects that the residuals omit."""
         def window(rows: MotorRows, duty: bool) -> Array:
             return (np.abs(x[SPEED_GAIN]) * rows.speed_sigma if duty else np.abs(
-                x[KAPPA] * SAMPLED_TORQUE_SHARE * self._robot.motor.inertia * rows.acceleration))
-        slip = SLIP_SHARE * x[KAPPA] / x[DUTY_GAIN] * x[SPEED_GAIN] * self.ground.center_slip
+                x[KAPPA] * PRIORS['mean of torque readings'].sigma * self._robot.motor.inertia
+                * rows.acceleration))
+        slip = (PRIORS['slip in a wheel speed'].sigma * x[KAPPA] / x[DUTY_GAIN] * x[SPEED_GAIN]
+                * self.ground.center_slip)
         return np.concatenate([window(self.ground, self._duty), np.abs(slip),
                                window(self.lifted, self._lifted_duty)]).ravel()
 

@@ -27,11 +27,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
 
 from smart_tire.arrays import Array
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
     covered, DutyRecord, Indices, Mask, MAX_IMU_GAP, MIN_ROLLING_SPEED, MOTION_MARGIN, period,
     Recording, rotation_increments, Samples)
-from smart_tire.calibration.sensor_noise import GROUND_SLOPE_SIGMA, stationary_intervals
-from smart_tire.calibration.stiffness import FRICTION
+from smart_tire.calibration.sensor_noise import stationary_intervals
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire.brush_tire import linear_tire_force
 from smart_tire.models.vehicle.skid_steer import normal_loads
@@ -44,7 +44,7 @@ REACH = 0.25             # s from the center of a window to its ends: a start or
 MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
 MAX_LENGTHENING = 1.25   # of a window against its number of periods; beyond, a sample is missing
 MAX_TORQUE_GAP = 0.15    # s; over longer gaps the torque is not known
-COMMAND_DELAY = 0.003    # s from a command's timestamp until the boards apply it; assumed
+COMMAND_DELAY = PRIORS['delay of a command'].value  # s from its timestamp to its application
 EDGE_MARGIN = 0.006      # s around a change of the duty, in which the duty in force is uncertain
 DELAY_STEP = 0.01        # s, for derivatives with respect to a delay
 
@@ -161,7 +161,7 @@ def _slip(force: Array, robot: RobotParams) -> Array:
     """Return the slip of the tires at a specific ``force`` [m/s2] (n,), with its sign."""
     loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
                          force, np.zeros_like(force), radius=robot.wheel_radius)
-    linear = linear_tire_force(robot.mass * force, FRICTION[0], loads.T)
+    linear = linear_tire_force(robot.mass * force, PRIORS['friction'].value, loads.T)
     return linear / robot.tire.longitudinal_stiffness
 
 
@@ -188,7 +188,7 @@ def _rest_force(recording: Recording, robot: RobotParams) -> Uncertain:
         chosen = (imu.time > begin + MOTION_MARGIN) & (imu.time < end - MOTION_MARGIN)
         if chosen.any():
             means.append(float(imu.force[chosen, 0].mean()))
-    slope = GRAVITY * GROUND_SLOPE_SIGMA
+    slope = GRAVITY * PRIORS['slope of the ground'].sigma
     if not means:
         return Uncertain(0.0, math.hypot(slope, robot.imu.accel_bias))
     return Uncertain(float(np.mean(means)), slope / math.sqrt(len(means)))

@@ -32,10 +32,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.latency import CHANGE_INTERVAL, MAX_DELAY, TURN_SLIP
+from smart_tire.calibration.latency import CHANGE_INTERVAL, MAX_DELAY
+from smart_tire.calibration.priors import PRIORS, require
 from smart_tire.calibration.recording import (
     PoseRecord, Recording, rotation_increments, side_slip, Signal, WheelRecord)
-from smart_tire.calibration.results import MAX_STANDARD_ERROR, MIN_ROBUST
+from smart_tire.calibration.results import MIN_ROBUST
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay import fit_delay
 from smart_tire.numerics.least_squares import anticorrelated, Errors, Prior, regression, Rows
@@ -49,8 +50,6 @@ DELAY_STEP = 0.05        # s, of the search for the latency of the reference
 MIN_YAW_RATE = 0.05      # rad/s; slower intervals do not make the scale observable
 CLEAR_YAW = 1.0          # rad of yaw in a recording that a gyro bias does not explain
 MAX_PIVOT_SHARE = 0.1    # of the angle of an interval from turns in place
-FREE_ROLLING_SLIP = 0.01      # share of the distance: varying slip of straight rolling; assumed
-REFERENCE_OFFSET_SIGMA = 0.3  # tracks; lateral offset of the reference from the center; assumed
 LAGS = 2                 # intervals whose slips and poses may be correlated
 
 
@@ -94,15 +93,12 @@ def fit_gyro_scale(recording: Recording) -> tuple[Uncertain, float]:
     fit = fit_delay(
         lambda delay: Rows(end, matrix, gyro.mean(begin - delay, end - delay), np.zeros(len(end))),
         Prior.of(None, None), np.arange(-MAX_DELAY, MAX_DELAY + DELAY_STEP, DELAY_STEP))
-    scale = fit.estimate(0)
-    if scale.sigma > MAX_STANDARD_ERROR:
-        raise EstimatorError(f'standard error of {scale.sigma:.2g}, expected at most '
-                             f'{MAX_STANDARD_ERROR:g}: the robot hardly yaws')
-    return scale, fit.delay
+    return require('gyro scale', fit.estimate(0), 'the robot hardly yaws'), fit.delay
 
 
 def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
-               robot: RobotParams, turn_slip: float = TURN_SLIP) -> RadiusFit:
+               robot: RobotParams,
+               turn_slip: float = PRIORS['share of side slip lost in turns'].value) -> RadiusFit:
     """
     Return the mean rolling radius; raise EstimatorError with the reason if not observable.
 
@@ -120,14 +116,15 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
             f'expected at least {MIN_ROBUST}')
     forward, _ = reference.path_components()
     distance = forward[last] - forward[first]
+    lost = PRIORS['share of side slip lost in turns'].sigma
     slip, lag = robot.wheel_radius * slip, robot.mass / (4.0 * robot.tire.longitudinal_stiffness)
     rows = Rows(
         0.5 * (begin + end), np.column_stack([
             angle, -slip, -robot.wheel_radius ** 2 * change,
             robot.track_width * (reference.yaw[last] - reference.yaw[first])]), distance,
-        np.hypot(TURN_SLIP * slip, FREE_ROLLING_SLIP * distance)).where(used)
-    fit = regression(rows, Prior.of(None, (turn_slip, TURN_SLIP), (lag, lag),
-                                    (0.0, REFERENCE_OFFSET_SIGMA)),
+        np.hypot(lost * slip, PRIORS['slip of free rolling'].sigma * distance)).where(used)
+    fit = regression(rows, Prior.of(None, (turn_slip, lost), (lag, lag),
+                                    PRIORS['lateral offset of the reference'].prior),
                      Errors(LAGS, anticorrelated(
                          np.append(False, begin[used][1:] == end[used][:-1]))))
     radius = fit.estimate(0)

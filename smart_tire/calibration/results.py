@@ -21,8 +21,6 @@ from smart_tire.uncertain import Uncertain
 
 SIGNIFICANT_SIGMAS = 3.0   # standard errors, of a difference or outlier that is not chance
 CONTRADICTION_SIGMAS = 4.0  # standard errors, of a difference for which data are refused
-MAX_STANDARD_ERROR = 0.05   # relative, above which a value is refused unless it has its own limit
-CONFIGURED_SIGMA = 0.1      # relative, of configured motor parameters: from data sheets; assumed
 MIN_SPREAD = 3  # below this number values do not determine their spread
 MIN_ROBUST = 5  # below this number outliers cannot be detected
 MIN_ROWS = 30   # below this number residuals do not determine their noise

@@ -30,6 +30,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import MOTION_MARGIN, period, Recording, WheelRecord
 from smart_tire.calibration.results import MIN_ROWS, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
@@ -41,7 +42,6 @@ from smart_tire.samples import GRAVITY, LEFT, RIGHT
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 WINDOW = 1.0               # s, over which the noise is estimated
-GROUND_SLOPE_SIGMA = 0.01  # rad, of the ground at too few standstills; assumed
 QUIET_QUANTILE = 0.1       # of the windows' noise that serves as reference for quiet ones
 ROLLING_SPEED = 0.1        # rad/s, of wheels in motion
 
@@ -126,7 +126,7 @@ def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
     x, y, z = (force / np.linalg.norm(force, axis=1)[:, None]).T
     tilts = np.stack([np.arctan2(y, z), -np.arcsin(x)], axis=1)
     slope = (float(tilts.std(axis=0, ddof=1).max()) if len(tilts) >= MIN_SPREAD
-             else GROUND_SLOPE_SIGMA)
+             else PRIORS['slope of the ground'].sigma)
     sigma = math.hypot(robot.imu.accel_bias / GRAVITY, slope / math.sqrt(len(tilts)))
     roll, pitch = tilts.mean(axis=0).tolist()
     return Uncertain(roll, sigma), Uncertain(pitch, sigma)

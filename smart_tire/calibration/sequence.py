@@ -26,10 +26,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from smart_tire.calibration.geometry import (
-    add_rest, combine as combine_geometry, Geometry, identify_geometry, NO_POSITIONS, RADIUS,
-    STATIC_IMU)
+    add_rest, combine as combine_geometry, Geometry, identify_geometry,
+    LATENCY as WHEEL_LATENCY, NO_POSITIONS, RADIUS, STATIC_IMU)
 from smart_tire.calibration.latency import fit_yaw_rate
 from smart_tire.calibration.motor import CONSTANT, identify_motor, INERTIA, MotorFit
+from smart_tire.calibration.priors import LIMITS, PRIORS, require
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS
 from smart_tire.calibration.sensor_noise import fit_jitter, stationary_intervals
@@ -45,15 +46,13 @@ from smart_tire.uncertain import Uncertain, weighted_mean
 Fit = TypeVar('Fit')
 
 MIN_PART = 6.0          # s, of a recording that is compared with its other part
+WRITTEN_SHARE = 0.5     # of the limit of a latency that is not compared with the configured one
 MAX_SLIDING_SHARE = 0.3    # of the time in motion, beyond the critical slip
 
 REST, STRAIGHT, TURNS, LIFTED = 'rest', 'straight', 'turns', 'lifted'
 STEPS = (REST, STRAIGHT, TURNS, LIFTED)
 LATENCY, JITTER, TRACK = 'encoder.latency', 'encoder.stamp_jitter', 'effective_track'
 STIFFNESS, STIFFNESS_SIGMA = 'tire.longitudinal_stiffness', 'tire.longitudinal_stiffness_sigma'
-MAX_LATENCY_SIGMA = 0.015     # s: a quarter of the period of the wheel encoders
-UNKNOWN_LATENCY_SIGMA = 0.03  # s, of the configured latency if turns do not show it
-IMU_DELAY_SIGMA = 0.001       # s, of the timestamps of the IMU: its filter and sampling; assumed
 Gains = Callable[[RobotParams], Sequence[Identified]]
 
 
@@ -248,10 +247,8 @@ def _add_turns(found: Calibration, inputs: Inputs) -> Uncertain | None:
     latency, radius = weighted_mean([fit.latency for fit in fits]), found.robot.wheel_radius
     if not inputs.positions:
         found.keep(LATENCY, NO_POSITIONS)
-    elif latency.sigma > MAX_LATENCY_SIGMA:
-        found.keep(LATENCY, f'standard error of {latency.sigma:.2g} s, expected at most '
-                            f'{MAX_LATENCY_SIGMA:g} s')
-    else:
+    elif found.attempt([LATENCY], lambda: require(
+            WHEEL_LATENCY, latency, factor=WRITTEN_SHARE)) is not None:
         found.accept(TURNS, Identified(LATENCY, *latency, 'wheel speed difference against gyro'))
     track = found.attempt([TRACK], lambda: effective_track(fits, Uncertain(radius, 0.0)))
     if track is not None:
@@ -266,7 +263,7 @@ def _add_stiffness(found: Calibration, inputs: Inputs, latency: Uncertain | None
     Raises EstimatorError if the ground changes, or if turns contradict the latency.
     """
     recordings = _needed(inputs.straight, 'of straight starts and stops')
-    sigma = UNKNOWN_LATENCY_SIGMA
+    sigma = PRIORS[WHEEL_LATENCY].sigma
     if LATENCY in found.found and latency is not None:
         sigma = latency.sigma
     if 'several grounds' in found.kept.get(TRACK, ''):
@@ -275,13 +272,13 @@ def _add_stiffness(found: Calibration, inputs: Inputs, latency: Uncertain | None
     result = identify_stiffness(recordings, found.robot, sigma)
     check_rolling(result, found.robot)
     late = Uncertain(found.robot.encoder.latency + result.latency_error.value,
-                     math.hypot(result.latency_error.sigma, IMU_DELAY_SIGMA))
+                     math.hypot(result.latency_error.sigma, PRIORS['IMU latency'].sigma))
     if latency is not None and abs(late.value - latency.value) > CONTRADICTION_SIGMAS * math.hypot(
             late.sigma, latency.sigma):
         raise EstimatorError(
             f'starts and stops give a latency of {late.value:.3f} ± {late.sigma:.2g} s, turns '
             f'{latency.value:.3f} ± {latency.sigma:.2g} s: the wheels slip in one of them')
-    if inputs.positions and late.sigma <= MAX_LATENCY_SIGMA:
+    if inputs.positions and late.sigma <= WRITTEN_SHARE * LIMITS[WHEEL_LATENCY].sigma:
         found.accept(STRAIGHT, Identified(LATENCY, *late, 'fitted together with C_x'))
     C_x, found.stiffness = result.stiffness, result
     found.accept(

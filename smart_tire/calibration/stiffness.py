@@ -37,11 +37,13 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import block_diag
 
 from smart_tire.arrays import Array
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import Indices, MIN_ROLLING_SPEED, Recording
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS, Found
 from smart_tire.calibration.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
 from smart_tire.errors import EstimatorError
+from smart_tire.models.tire.brush_tire import axle_slip
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import (
     anticorrelated, Errors, Fit, HAC_TIME, nonlinear_fit, Prior)
@@ -50,22 +52,10 @@ from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain, weighted_mean
 
-LATENCY_ERROR_SIGMA = 0.01  # s, of the configured latency between wheels and IMU; assumed
-STIFFNESS_FACTOR = 100.0    # per sigma, uninformative
-DRAG = 0.015, 0.15          # of the weight, and its sigma: firm ground, and up to deep sand
-FRICTION = 0.45, 2.0        # median of mu, and factor per sigma of grounds; assumed
-ACCEL_SCALE_SIGMA = 0.05    # of accelerations; the body pitches by 0.3 degrees at 1 m/s2; assumed
-BIAS_SIGMA = 0.15           # m/s2, turn-on bias and mounting of the accelerometer; assumed
-SLOPE_SIGMA = 0.1           # m/s2, g times the mean slope of a segment; assumed
-SLOPE_WALK = 0.02           # m/s2 per root of a second, changes of the slope; assumed
 KNOT_INTERVAL = 0.5         # s, of the changes of the accelerometer error
-FORCE_ERROR = 0.03          # m/s2, of the force balance; assumed
-STATIONARY_SIGMA = 0.001    # m/s, of a body at standstill
 DRAG_SPEED = 0.02           # m/s, below which drag is linear in the speed
 DIFFERENCE = 1e-6           # of a value, for its derivative
-NEWTON_STEPS = 4            # of the inverse brush model
 LOAD_FILTER = 13            # samples, of the acceleration that transfers load
-MAX_SHARE = 0.9999          # of friction, beyond which the slip is not determined
 MAX_NOISE_SHARE = 0.08      # of accelerations; more noise makes a tire seem too stiff
 MAX_LATENCY_ERROR = 0.04    # s, of the configured latency
 MAX_RESIDUAL = 0.1            # of the rolled distances, of the residuals
@@ -149,9 +139,11 @@ class _Motion:
         """Return the prior of initial speed, accelerometer bias, mean slope and its changes."""
         segment, step = self.segment, float(np.median(np.diff(self.segment.time)))
         sigma = math.hypot(segment.noise * math.sqrt(step / KNOT_INTERVAL),
-                           SLOPE_WALK * math.sqrt(KNOT_INTERVAL))
-        return [(0.0, STATIONARY_SIGMA) if segment.stationary[0] else None,
-                (0.0, BIAS_SIGMA), (0.0, SLOPE_SIGMA), *[(0.0, sigma)] * self.hats.shape[1]]
+                           PRIORS['changes of that'].sigma * math.sqrt(KNOT_INTERVAL))
+        return [PRIORS['speed at rest'].prior if segment.stationary[0] else None,
+                PRIORS['bias of the accelerometer'].prior,
+                PRIORS['g times the slope of a segment'].prior,
+                *[(0.0, sigma)] * self.hats.shape[1]]
 
     def wheels(self, common: Array, own: Array) -> tuple[Array, Array, Array, Array]:
         """Return speeds of body and wheels [m/s], force over mass [m/s2] and slip of the tires."""
@@ -199,11 +191,11 @@ class _Motion:
     def sigma(self, common: Array, own: Array) -> Array:
         """Return the standard deviations of ``residual`` from errors of the force balance."""
         _, _, force, _ = self.wheels(common, own)
-        segment, slip = self.segment, FORCE_ERROR * self._slip(common, force)[1]
+        segment, slip = self.segment, PRIORS['force balance'].sigma * self._slip(common, force)[1]
         center = 0.5 * (segment.stamps[1:] + segment.stamps[:-1])
         error = np.interp(center, segment.time, slip) * np.diff(segment.stamps)
         return np.concatenate([error[self.used],
-                               np.full(len(segment.resting), STATIONARY_SIGMA)])
+                               np.full(len(segment.resting), PRIORS['speed at rest'].sigma)])
 
     def contiguous(self) -> Array:
         """Return which rows begin with the timestamp that ended the previous one."""
@@ -211,29 +203,9 @@ class _Motion:
                                np.zeros(len(self.segment.resting), bool)])
 
 
-def axle_slip(force: Array, limits: Array) -> tuple[Array, Array]:
-    """
-    Return two C_x times the slip [N] of brush tires at a total ``force`` [N], and its derivative.
-
-    ``limits`` (2, m) are friction times load of the axle with less and with more load. Beyond the
-    limit of the first axle, the other one carries the rest; up to there the force is a cubic in
-    the slip, which Newton's method inverts from below.
-    """
-    small, large = limits
-    linear = 0.5 * force
-    for _ in range(NEWTON_STEPS):
-        first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
-        missing = force - small * (1.0 - first ** 3) - large * (1.0 - second ** 3)
-        linear = linear + missing / np.maximum(first ** 2 + second ** 2, 1e-3)
-    rest = np.clip((force - small) / large, 0.0, MAX_SHARE)
-    sliding = 3.0 * large * (1.0 - np.cbrt(1.0 - rest))
-    linear = np.where(sliding > 3.0 * small, sliding, np.minimum(linear, 3.0 * small))
-    first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
-    return linear, 1.0 / np.maximum(first ** 2 + second ** 2, (1.0 - MAX_SHARE) ** (2.0 / 3.0))
-
-
 def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
-                       latency_sigma: float = LATENCY_ERROR_SIGMA) -> StiffnessFit:
+                       latency_sigma: float = PRIORS['error of the latency'].sigma
+                       ) -> StiffnessFit:
     """
     Return the stiffness from recordings on the same ground.
 
@@ -296,11 +268,12 @@ def _motions(recording: Recording, robot: RobotParams) -> list[_Motion]:
 
 
 def _fit(motions: Sequence[_Motion], robot: RobotParams, latency_sigma: float) -> StiffnessFit:
-    priors = [motion.prior for motion in motions]
+    priors, friction = [motion.prior for motion in motions], PRIORS['friction']
     prior = Prior.of(
-        (math.log(robot.tire.longitudinal_stiffness), math.log(STIFFNESS_FACTOR)), DRAG,
-        (math.log(FRICTION[0]), math.log(FRICTION[1])), (0.0, latency_sigma),
-        (0.0, ACCEL_SCALE_SIGMA), *[item for part in priors for item in part])
+        (math.log(robot.tire.longitudinal_stiffness), math.log(PRIORS['stiffness'].sigma)),
+        PRIORS['drag'].prior, (math.log(friction.value), math.log(friction.sigma)),
+        (0.0, latency_sigma), PRIORS['acceleration on straight lines'].prior,
+        *[item for part in priors for item in part])
     ends = np.cumsum([len(Common), *map(len, priors)])
     start = prior.mean.copy()
     start[ends[:-1]] = [0.0 if motion.segment.stationary[0] else motion.segment.speed[0]
@@ -367,7 +340,7 @@ def _result(motions: Sequence[_Motion], fit: Fit, wheels: Sequence[tuple[Array, 
         Common.STIFFNESS, Common.FRICTION, Common.DRAG))
     return StiffnessFit(
         # a wrong radius scales all speeds, and thereby the forces
-        Uncertain(stiffness, stiffness * math.hypot(robot.wheel_radius_sigma, C_x.sigma)),
+        Uncertain(stiffness, stiffness * math.hypot(PRIORS['rolling radius'].sigma, C_x.sigma)),
         Uncertain(friction, friction * mu.sigma),
         Uncertain(weight * drag.value, weight * drag.sigma), fit.estimate(Common.LATENCY_ERROR),
         len(motions), sum(float(np.ptp(motion.segment.stamps)) for motion in motions),

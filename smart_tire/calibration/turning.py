@@ -35,9 +35,10 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     CORRELATION_TIME, moving_intervals, yaw_motion, YawRateFit)
+from smart_tire.calibration.priors import PRIORS, require
 from smart_tire.calibration.recording import Mask, Recording, Signal
 from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
-from smart_tire.calibration.results import Found, MAX_STANDARD_ERROR
+from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.numerics.robust import mad_sigma
@@ -49,12 +50,7 @@ DISPLACEMENT_INTERVAL = 0.5   # s, of the displacements of the reference: shorte
 MIN_YAW_RATE = 0.1            # rad/s, of a turn
 TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate changes
 MIN_TOTAL_YAW = 2.0           # rad, in a recording
-MAX_ICR_SIGMA = 0.2           # wheelbases, standard error above which S is not reported
 MAX_GROUND_SPREAD = 0.1       # relative, between turns: tires on other ground
-REFERENCE_YAW_SIGMA = 0.05    # rad, yaw misalignment of the reference; assumed
-SPEED_RELATIVE_SIGMA = 0.1    # of the mean wheel speed as speed over ground in turns; assumed
-ROLL_DELAY = 0.03             # s by which body roll delays the measured force; assumed
-YAW_RATE_SQUARED_SIGMA = 0.2  # m, sigma of y_M and of other effects proportional to W^2; assumed
 
 Turn = tuple[float, float]  # begin and end [s]
 
@@ -141,7 +137,7 @@ def _displacements(recording: Recording, robot: RobotParams) -> tuple[Rows, Prio
     forward, left = (path[last] - path[first] for path in poses.path_components())
     matrix = np.column_stack([poses.yaw[first] - poses.yaw[last], forward])
     return (Rows(0.5 * (poses.time[first] + poses.time[last]), matrix, left, np.zeros(len(first))),
-            Prior.of(None, (0.0, REFERENCE_YAW_SIGMA)))
+            Prior.of(None, PRIORS['yaw misalignment of the reference'].prior))
 
 
 def _accelerations(recording: Recording, robot: RobotParams) -> tuple[Rows, Prior]:
@@ -156,9 +152,10 @@ def _accelerations(recording: Recording, robot: RobotParams) -> tuple[Rows, Prio
     delayed = -(change * speed + rate * np.gradient(speed, time))
     matrix = np.column_stack([-change, rate * speed, -rate ** 2, np.ones(len(rate)), delayed])
     lateral = Signal(imu.time, imu.force[:, 1]).mean(begin, end) - x * change + y * rate ** 2
-    return (Rows(time, matrix, lateral, SPEED_RELATIVE_SIGMA * np.abs(rate * speed)), Prior.of(
-        None, (1.0, SPEED_RELATIVE_SIGMA), (0.0, YAW_RATE_SQUARED_SIGMA), None,
-        (0.0, ROLL_DELAY)))
+    slip = PRIORS['ground speed over wheel speed']
+    return (Rows(time, matrix, lateral, slip.sigma * np.abs(rate * speed)), Prior.of(
+        None, slip.prior, PRIORS['lateral effects of the squared yaw rate'].prior, None,
+        PRIORS['delay of body roll'].prior))
 
 
 def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn],
@@ -177,11 +174,8 @@ def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn]
     mean = float(np.average(value, weights=1.0 / (sigma ** 2 + spread ** 2))) if (
         spread > 0.0) else estimate.value
     icr = Uncertain(mean, math.hypot(estimate.sigma, spread / math.sqrt(max(len(time), 1))))
-    limit = MAX_ICR_SIGMA * robot.wheelbase
-    if not icr.sigma <= limit:
-        raise EstimatorError(
-            f'standard error of {icr.sigma:.2g} m, expected at most {limit:.2g} m')
-    return IcrFit(icr, source, spread, time, value, sigma, regressor, response, unit)
+    return IcrFit(require('S', icr, scale=robot.wheelbase), source, spread, time, value, sigma,
+                  regressor, response, unit)
 
 
 def _near(turn: Turn, time: Array, margin: float = TURN_MARGIN) -> Mask:
@@ -239,7 +233,5 @@ def effective_track(fits: Sequence[YawRateFit], radius: Uncertain) -> Uncertain:
     relative = math.hypot(
         mad_sigma(np.concatenate(noise)) * math.sqrt(sum(map(len, noise))) / float(yaw.sum()),
         radius.sigma / radius.value, spread / math.sqrt(len(turns)))
-    if relative > MAX_STANDARD_ERROR:
-        raise EstimatorError(f'standard error of {relative:.0%}, expected at most '
-                             f'{MAX_STANDARD_ERROR:.0%}')
-    return Uncertain(slope * radius.value, relative * slope * radius.value)
+    return require('track of turns',
+                   Uncertain(slope * radius.value, relative * slope * radius.value))

@@ -18,7 +18,8 @@ import math
 import numpy as np
 import pytest
 from smart_tire.calibration.film_gains import (
-    film_angle, identify_gains, LATENCY_SIGMA, volts_per_slip)
+    film_angle, identify_gains, volts_per_slip)
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters import RobotParams
@@ -257,7 +258,8 @@ def test_angles_near_the_wrap_around_are_correct(angle):
 def test_a_latency_is_estimated_from_several_speeds_or_included_in_the_sigma(speeds):
     deviations = []
     for seed in range(60):
-        latency = LATENCY_SIGMA * np.random.default_rng([seed, 1]).standard_normal()
+        latency = PRIORS['latency of films'].sigma * float(
+            np.random.default_rng([seed, 1]).standard_normal())
         found = film_angle(*readings(seed, 2.0, speeds, latency))
         deviations.append((found.value - 2.0) / found.sigma)
     assert 0.75 < math.sqrt(np.mean(np.square(deviations))) < 1.3

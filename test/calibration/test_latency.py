@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from smart_tire.calibration.geometry import MAX_LATENCY_SIGMA
 from smart_tire.calibration.latency import fit_speed_changes, fit_yaw_rate
+from smart_tire.calibration.priors import LIMITS
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams, SimulatorParams
@@ -102,7 +102,7 @@ def test_a_recording_with_little_yaw_is_not_used():
     except EstimatorError as error:
         assert 'fit equally' in str(error) or 'follow' in str(error)
     else:
-        assert not fit.latency.sigma < MAX_LATENCY_SIGMA
+        assert not fit.latency.sigma < LIMITS['wheel latency'].sigma
 
 
 def test_a_stationary_robot_is_refused():
@@ -170,4 +170,4 @@ def test_a_constant_speed_shows_no_latency():
         fit = fit_speed_changes(recorded(drive(steady, 0.0 * steady, robot=FIRM)), FIRM)
     except EstimatorError:
         return
-    assert fit.latency.sigma > MAX_LATENCY_SIGMA
+    assert fit.latency.sigma > LIMITS['wheel latency'].sigma

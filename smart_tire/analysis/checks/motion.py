@@ -30,7 +30,8 @@ from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.analysis.checks.sensors import SPEED_UNITS, unit_of
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
-    fit_speed_changes, moving_intervals, PITCHING_ERROR, TURN_SLIP, yaw_motion)
+    fit_speed_changes, moving_intervals, yaw_motion)
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import side_slip, Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding
@@ -170,11 +171,13 @@ def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
     matrix = np.column_stack([W * data.mean, -W * slip * robot.wheel_radius, data.yaw_acceleration,
                               -W ** 2, np.ones(len(W))])
     rows = Rows(data.time, matrix, data.lateral, np.zeros(len(W)))
-    fit = regression(rows, Prior.of(None, (TURN_SLIP, TURN_SLIP), None, None, None),
+    lost = PRIORS['share of side slip lost in turns']
+    fit = regression(rows, Prior.of(None, lost.prior, None, None, None),
                      Errors(rows.lags(limits.CORRELATION_TIME)))
     radius = fit.estimate(RADIUS)
     return LateralFit(
-        Uncertain(radius.value, math.hypot(radius.sigma, PITCHING_ERROR * radius.value)),
+        Uncertain(radius.value, math.hypot(
+            radius.sigma, PRIORS['acceleration of the body'].sigma * radius.value)),
         fit.estimate(LEVER_X), fit.estimate(LEVER_Y),
         float(np.std(matrix[:, RADIUS] * radius.value)))
 

@@ -31,6 +31,7 @@ MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far ab
 MAX_FORCE_SHARE = 0.995  # of friction times load; closer to the limit, force hardly shows the slip
 MAX_ITERATIONS = 30      # of Newton's method, which converges from below
 FORCE_TOLERANCE = 1e-9   # relative
+AXLE_STEPS, MAX_AXLE_SHARE = 4, 0.9999  # of Newton's method and of friction, of ``axle_slip``
 
 # prior of the ground, from ice to rough concrete; tires from C_y = 0.6 C_x (narrow) to isotropic
 LN_STIFFNESS_SIGMA = 0.4                            # ln C_x, about the nominal one
@@ -170,3 +171,25 @@ def linear_tire_force(force: ArrayLike, friction: float, loads: ArrayLike) -> Ar
         if np.all(missing <= FORCE_TOLERANCE * np.maximum(target, FORCE_TOLERANCE)):
             break
     return np.asarray(np.copysign(slip, force))
+
+
+def axle_slip(force: Array, limits: Array) -> tuple[Array, Array]:
+    """
+    Return two C_x times the slip [N] of brush tires at a total ``force`` [N], and its derivative.
+
+    ``limits`` (2, m) are friction times load of the axle with less and with more load. Beyond the
+    limit of the first axle, the other one carries the rest; up to there the force is a cubic in
+    the slip, which Newton's method inverts from below.
+    """
+    small, large = limits
+    linear = 0.5 * force
+    for _ in range(AXLE_STEPS):
+        first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
+        missing = force - small * (1.0 - first ** 3) - large * (1.0 - second ** 3)
+        linear = linear + missing / np.maximum(first ** 2 + second ** 2, 1e-3)
+    rest = np.clip((force - small) / large, 0.0, MAX_AXLE_SHARE)
+    sliding = 3.0 * large * (1.0 - np.cbrt(1.0 - rest))
+    linear = np.where(sliding > 3.0 * small, sliding, np.minimum(linear, 3.0 * small))
+    first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
+    least = (1.0 - MAX_AXLE_SHARE) ** (2.0 / 3.0)
+    return linear, 1.0 / np.maximum(first ** 2 + second ** 2, least)

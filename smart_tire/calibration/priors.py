@@ -1,0 +1,125 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+What the calibrations know before a recording: one table, with unit and origin.
+
+``PRIORS`` has values and standard deviations of what a fit estimates in addition to its result, or
+takes as it is. ``LIMITS`` has the standard errors that results must reach: those of what is known
+without them, or those up to which they are useful.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from smart_tire.errors import EstimatorError
+from smart_tire.uncertain import Uncertain
+
+RELATIVE = 'relative'
+
+
+class Known(NamedTuple):
+    """A value with its standard deviation, where it comes from, and the fit that needs it."""
+
+    value: float
+    sigma: float
+    unit: str
+    origin: str  # data sheet, derived, or assumed; and why
+
+    @property
+    def prior(self) -> tuple[float, float]:
+        """Return value and standard deviation."""
+        return self.value, self.sigma
+
+
+PRIORS: Mapping[str, Known] = {
+    # latency and track
+    'radius difference of the sides': Known(0.0, 0.05, RELATIVE, 'assumed: tire pressure'),
+    'share of side slip lost in turns': Known(0.3, 0.3, '-', 'assumed'),
+    'acceleration of the body': Known(1.0, 0.1, RELATIVE, 'pitching of 0.6 degrees at 1 m/s2'),
+    'wheel latency': Known(0.0, 0.03, 's', 'half a period of encoders at 16 Hz'),
+    'IMU latency': Known(0.0, 0.001, 's', 'assumed: its filter and sampling'),
+    # reference
+    'slip of free rolling': Known(0.0, 0.01, '-', 'assumed: its variation'),
+    'lateral offset of the reference': Known(0.0, 0.3, 'track', 'assumed'),
+    'yaw misalignment of the reference': Known(0.0, 0.05, 'rad', 'assumed'),
+    # centers of rotation
+    'ground speed over wheel speed': Known(1.0, 0.1, RELATIVE, 'assumed: slip in turns'),
+    'delay of body roll': Known(0.0, 0.03, 's', 'assumed: natural frequency of 5 Hz'),
+    'lateral effects of the squared yaw rate': Known(0.0, 0.2, 'm', 'assumed: y of the IMU'),
+    # rest
+    'slope of the ground': Known(0.0, 0.01, 'rad', 'assumed: laboratory floor'),
+    # motors; loads are r m g / 4
+    'motor parameters': Known(1.0, 0.1, RELATIVE, 'data sheets'),
+    'force on one wheel': Known(1.0, 0.03, 'quarter', 'assumed'),
+    'viscous friction at top speed': Known(0.0, 0.05, 'load', 'assumed'),
+    'offset of a measured torque': Known(0.0, 0.01, 'load', 'assumed'),
+    'delay of the torque': Known(0.0, 0.01, 's', 'assumed: against the IMU'),
+    'delay of a command': Known(0.003, 0.002, 's', 'assumed: radio and boards'),
+    'delay of a reading': Known(0.002, 0.002, 's', 'assumed: boards are read in turn'),
+    'slip in a wheel speed': Known(1.0, 0.2, RELATIVE, 'assumed: stiffness as configured'),
+    'scale of the accelerometer': Known(1.0, 0.005, RELATIVE, 'data sheets of MEMS sensors'),
+    'mean of torque readings': Known(0.0, 0.2, 'of the accelerating torque', 'simulations: 16 Hz'),
+    'inertia without motor_commands': Known(1.0, 0.04, RELATIVE, 'simulations: 16 of 50 Hz'),
+    # stiffness
+    'drag': Known(0.015, 0.15, 'weight', 'firm ground, and up to deep sand'),
+    'friction': Known(0.45, 2.0, 'factor per sigma', 'assumed: grounds'),
+    'stiffness': Known(1.0, 100.0, 'factor per sigma', 'uninformative'),
+    'rolling radius': Known(1.0, 0.02, RELATIVE, 'real robots roll with 0.95 to 0.97 of theirs'),
+    'error of the latency': Known(0.0, 0.01, 's', 'assumed'),
+    'acceleration on straight lines': Known(0.0, 0.05, RELATIVE, 'pitching of 0.3 deg at 1 m/s2'),
+    'bias of the accelerometer': Known(0.0, 0.15, 'm/s2', 'data sheets: turn-on, and mounting'),
+    'g times the slope of a segment': Known(0.0, 0.1, 'm/s2', 'assumed'),
+    'changes of that': Known(0.0, 0.02, 'm/s2 per root of s', 'assumed'),
+    'force balance': Known(0.0, 0.03, 'm/s2', 'assumed: as of the slip filter'),
+    'speed at rest': Known(0.0, 0.001, 'm/s', 'assumed: flexing tires'),
+    # films
+    'latency of films': Known(0.0, 0.003, 's', 'assumed: against the wheels'),
+    'length of a film': Known(1.0, 0.005, RELATIVE, '0.1 mm of 20 mm'),
+    'film gain': Known(1.0, 10.0, RELATIVE, 'uninformative'),
+    'ln of the contact length': Known(0.0, 1.0, '-', 'uninformative'),
+    'ln of alpha': Known(0.0, 0.3, '-', 'paper: shape of bending'),
+    'film position': Known(0.0, 1.0, 'm', 'uninformative')}
+
+LIMITS: Mapping[str, Known] = {
+    'wheel latency': PRIORS['wheel latency'],
+    'rolling radius': PRIORS['rolling radius'],
+    'effective track': Known(1.0, 0.1, RELATIVE, 'spread of grounds; field'),
+    'track of turns': Known(1.0, 0.05, RELATIVE, 'benchmarks.calibration, demo'),
+    'gyro scale': Known(1.0, 0.05, '-', 'data sheets: uncalibrated'),
+    'S': Known(0.0, 0.2, 'wheelbase', 'axles limit its range'),
+    'feed-forward': Known(1.0, 0.05, RELATIVE, 'data sheet: free speed'),
+    'viscous friction': Known(0.0, 0.2, 'Coulomb friction', 'assumed: at top speed'),
+    'film gain': Known(1.0, 0.1, RELATIVE, 'production tolerance'),
+    'contact length': Known(1.0, 0.1, RELATIVE, 'measured by hand'),
+    'film position': Known(0.0, 0.003, 'm', 'placed by hand')}
+
+
+def require(name: str, estimate: Uncertain, cause: str = '', *, factor: float = 1.0,
+            scale: float = 1.0) -> Uncertain:
+    """
+    Return an estimate, whose standard error must be within the limit for ``name``.
+
+    The limit is ``factor`` times larger, and in units of ``scale``. Raises EstimatorError.
+
+    >>> require('gyro scale', Uncertain(1.0, 0.01))
+    Uncertain(value=1.0, sigma=0.01)
+    """
+    limit = LIMITS[name]
+    relative = limit.unit == RELATIVE
+    error = estimate.sigma / (abs(estimate.value) if relative else scale)
+    if error <= factor * limit.sigma:
+        return estimate
+    shown, most = (f'{value:.1%}' if relative else f'{value:.2g} {limit.unit}'
+                   for value in (error, factor * limit.sigma))
+    raise EstimatorError(
+        f'standard error of {shown}, expected at most {most}' + (cause and f': {cause}'))
