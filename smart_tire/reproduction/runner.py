@@ -32,11 +32,12 @@ SLIP_DURATION = SIGNAL_DURATION = 18.0                               # s, Fig. 1
 STIFFNESS_DURATION = 20.0                                            # s
 FILM_SECTIONS, TIRE_SECTIONS = 6, 6
 TITLE = 'Reproduced figures and tables'
-INTRODUCTION = (
+ABOUT = (
     'All figures and tables with data of the two papers, from the models of this package and '
     'simulated experiments with the parameters of the papers. Paper A: "A PVDF-Based Deformation '
     'and Motion Sensor: Modeling and Experiments". Paper B: "A Piezo-Sensor-Based Smart Tire '
-    'System for Mobile Robots and Vehicles".',
+    'System for Mobile Robots and Vehicles".')
+LIMITS = (
     'A simulation can show that formulas are consistent, that an estimator recovers the inputs, '
     'and where a printed formula is wrong. It cannot show that the real film or tire obeys the '
     'model; the assumptions are stated with each figure. Numbers and statements are computed '
@@ -50,8 +51,8 @@ def reproduce(directory: Path, progress: Progress) -> Path:
     sections = [page_section(section, directory)
                 for section in (*film_sections(steps), *tire_sections(steps))]
     report = directory / 'report.html'
-    report.write_text(page.html_page(page.Report(TITLE, (), sections, INTRODUCTION)),
-                      encoding='utf-8')
+    report.write_text(page.html_page(page.Report(
+        TITLE, (), sections, [ABOUT], notes=[LIMITS])), encoding='utf-8')
     steps.start('done')
     return report
 
