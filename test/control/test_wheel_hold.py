@@ -22,9 +22,9 @@ from smart_tire.control.wheel_control import WheelControl
 from smart_tire.drivers.motor_board import MotionCheck, Reading
 from smart_tire.parameters.control import WheelControllerParams
 from smart_tire.parameters.hardware import MotorDriverParams
-from smart_tire.samples import NS_PER_S, WheelSample
+from smart_tire.samples import GRAVITY, NS_PER_S, WheelSample
+from smart_tire.simulation.plant import Plant
 from support.motors import simulator
-from support.simulated_slip import sloped
 
 STOP = 1.0       # s, when the set points become zero
 DURATION = 7.0   # s
@@ -57,6 +57,19 @@ class Host(WheelHost):
         self._duty = super().duty(now_ns)
         self.rows.append((self.elapsed(now_ns), *self._duty))
         return self._duty
+
+
+def sloped(slope):
+    """Return a plant on ground that rises by ``slope`` [rad] along x of the world."""
+    class Sloped(Plant):
+
+        def _step_body(self):
+            forces, down = self.acceleration, -GRAVITY * math.sin(slope)
+            self.acceleration = (forces[0] + down * math.cos(self.yaw),
+                                 forces[1] - down * math.sin(self.yaw))
+            super()._step_body()
+            self.acceleration = forces  # the IMU measures specific force
+    return Sloped
 
 
 def stopped(degrees, speed, rate=16.0):

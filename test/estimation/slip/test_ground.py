@@ -24,12 +24,15 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import (
     GroundState, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip)
+from smart_tire.simulation.plant import SurfaceMap
 from smart_tire.uncertain import Uncertain
-from support.given_ground import DELAY_NS, ground_states
 
 pytestmark = pytest.mark.slow
 
 SEEDS = (11, 12)  # not used by a benchmark
+PERIOD_NS = 500_000_000
+DELAY_NS = 100_000_000  # after which a state is published
+STIFFNESS_SIGMA, FRICTION_SIGMA, RESISTANCE_SIGMA = 0.10, 0.08, 0.10  # relative
 RUNS = {**SCENARIOS, 'figure_eight': replace(SCENARIOS['figure_eight'], duration=60.0)}
 
 
@@ -45,6 +48,26 @@ def test_quantities_that_a_ground_state_does_not_have_are_unknown():
     assert estimator.status()['ground'] == 'given'
     assert math.isfinite(sum(map(sum, (
         [*one.linear, *one.twist_covariance] for one in found if isinstance(one, Odometry)))))
+
+
+def ground_states(ground, truth, seed, until):
+    """Yield states as the window would estimate them, up to ``until`` [s] after the first pose."""
+    stiffness_error, friction_error, resistance_error = np.random.default_rng(
+        seed).standard_normal(3) * (STIFFNESS_SIGMA, FRICTION_SIGMA, RESISTANCE_SIGMA)
+    surfaces, begin_ns, next_ns = SurfaceMap(ground), truth[0].stamp_ns, 0
+    for pose in truth:
+        if pose.stamp_ns < next_ns or (pose.stamp_ns - begin_ns) * 1e-9 > until:
+            continue
+        next_ns = (pose.stamp_ns // PERIOD_NS + 1) * PERIOD_NS
+        surface = surfaces.at(*pose.position[:2])
+        stiffness = surface.stiffness * math.exp(stiffness_error)
+        friction = surface.friction * math.exp(friction_error)
+        resistance = surface.drag * (1.0 + resistance_error)
+        yield GroundState(
+            pose.stamp_ns, Uncertain(stiffness, STIFFNESS_SIGMA * stiffness),
+            Uncertain(friction, FRICTION_SIGMA * friction),
+            Uncertain(resistance, RESISTANCE_SIGMA * resistance), Uncertain(0.5, 0.3),
+            Uncertain(1.0, 0.03), Uncertain(0.0, 0.003), Uncertain(0.0, 0.003))
 
 
 @cache
