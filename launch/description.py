@@ -23,7 +23,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, file, is_described, PUBLISHER, text, viewer)
+    boolean, check_arguments, file, is_described, PUBLISHER, text, TRANSFORMS, viewer)
 from smart_tire.parameters import load_robot
 from smart_tire.parameters.urdf_writer import urdf_text
 
@@ -54,11 +54,12 @@ def describe(context):
 
 def state_publisher(files):
     """Return robot_state_publisher with the URDF of the robot in parameter files."""
-    urdf = ParameterValue(urdf_text(load_robot(files)), value_type=str)
+    robot = load_robot(files)
+    urdf = ParameterValue(urdf_text(robot), value_type=str)
     return Node(package=PUBLISHER, executable=PUBLISHER, output='screen',
                 namespace=LaunchConfiguration('namespace'),
-                parameters=[{'robot_description': urdf}],
-                remappings=[('joint_states', 'wheel_states')])
+                parameters=[{'robot_description': urdf, 'frame_prefix': robot.frame_prefix}],
+                remappings=[('joint_states', 'wheel_states'), *TRANSFORMS])
 
 
 def rviz():
@@ -66,7 +67,8 @@ def rviz():
     view = PathJoinSubstitution(
         [FindPackageShare('smart_tire'), 'config', 'view', 'smart_tire.rviz'])
     return Node(package='rviz2', executable='rviz2', output='screen',
-                namespace=LaunchConfiguration('namespace'), arguments=['-d', view])
+                namespace=LaunchConfiguration('namespace'), remappings=TRANSFORMS,
+                arguments=['-d', view])
 
 
 def generate_launch_description():

@@ -18,7 +18,8 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, file, hold_interrupts, is_described, path, positive, text, viewer)
+    boolean, check_arguments, file, hold_interrupts, is_described, path, positive, text,
+    TRANSFORMS, viewer)
 
 ESTIMATORS = ('slip_estimator', 'friction_estimator')
 FILES = {  # parameter file -> its content
@@ -49,7 +50,7 @@ def fail(context):
 def estimator(executable, *parameters):
     """Return an estimator; ``parameters`` take precedence over the parameter files."""
     return Node(package='smart_tire', executable=executable, output='screen',
-                namespace=LaunchConfiguration('namespace'),
+                namespace=LaunchConfiguration('namespace'), remappings=TRANSFORMS,
                 parameters=[*map(LaunchConfiguration, FILES), *parameters])
 
 

@@ -18,7 +18,8 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, file, hold_interrupts, is_described, text, viewer)
+    boolean, check_arguments, file, hold_interrupts, is_described, text, TRANSFORMS,
+    viewer)
 from smart_tire.parameters import FILES as PARAMETER_FILES
 
 SPECIAL = ('motor_driver', 'slip_estimator')  # started in another way
@@ -39,7 +40,7 @@ RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readab
 def new_node(executable, *parameters, **options):
     """Return a node with the parameter files; ``parameters`` take precedence over them."""
     return Node(package='smart_tire', executable=executable, output='screen',
-                namespace=LaunchConfiguration('namespace'),
+                namespace=LaunchConfiguration('namespace'), remappings=TRANSFORMS,
                 parameters=[*map(LaunchConfiguration, FILES), *parameters], **options)
 
 

@@ -32,6 +32,8 @@ LAUNCH_ARGUMENTS = ('emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sig
                     'sigterm_timeout')
 BOOLEANS = {'true': True, 'false': False}
 INDEX = 'share/ament_index/resource_index/packages'  # below each path of AMENT_PREFIX_PATH
+# as in nav2: robots in namespaces have transforms of their own
+TRANSFORMS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 PUBLISHER, VIEWER = 'robot_state_publisher', 'rviz2'  # packages
 
 Converter = Callable[[str], Any]  # of a launch argument; raises ValueError if it is invalid

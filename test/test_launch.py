@@ -291,12 +291,14 @@ def test_the_description_is_the_urdf_of_the_parameter_files_with_wheel_states_as
         described, installed, tmp_path):
     installed('robot_state_publisher')
     mine = tmp_path / 'mine.yaml'
-    mine.write_text('/**: {ros__parameters: {wheel_radius: 0.1, mass: 20.0}}')
+    mine.write_text('/**: {ros__parameters: {wheel_radius: 0.1, mass: 20.0, frame_prefix: r1/}}')
     found = described(INCLUDED, tuning=str(mine))
     program, = of_kind(found, 'Node')
     assert program.options['namespace'].args == ('namespace',)
     assert program.options['package'] == program.options['executable'] == 'robot_state_publisher'
-    assert program.options['remappings'] == [('joint_states', 'wheel_states')]
+    assert program.options['remappings'] == [
+        ('joint_states', 'wheel_states'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
+    assert program.options['parameters'][0]['frame_prefix'] == 'r1/'
     value = program.options['parameters'][0]['robot_description']  # as text: XML is not YAML
     assert (value.kind, value.options) == ('ParameterValue', {'value_type': str})
     assert value.args == (urdf_text(build(RobotParams, {'wheel_radius': 0.1, 'mass': 20.0})),)

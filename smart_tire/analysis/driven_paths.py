@@ -37,7 +37,7 @@ PATH = 'path'
 PATH_TOPICS = (PATH, 'path_progress')
 SPACING = 0.01      # m between compared points of path and track
 MAX_POINTS = 3000   # of path and track each; longer ones are compared at a larger spacing
-FRAME = 'odom'  # of the estimates; a path in another frame is refused by the controller
+FRAME = 'odom'  # of the estimates, after any prefix; other paths are refused by the controller
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class PathLog:
 
     def add_message(self, receive_ns: int, sample: Sample) -> None:
         """Add one sample; other sample types are ignored."""
-        if isinstance(sample, PlannedPath) and sample.frame == FRAME:
+        if isinstance(sample, PlannedPath) and sample.frame.rpartition('/')[2] == FRAME:
             self._paths.append((sample.stamp_ns or receive_ns, sample))
         elif isinstance(sample, PathProgress):
             self._progress.append(sample)

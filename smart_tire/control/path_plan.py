@@ -36,8 +36,6 @@ from smart_tire.errors import CommandError
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import GoalPose, PlannedPath, Vector3
 
-FRAME = 'odom'
-
 
 def plan_path(poses: Sequence[Vector3], corner_angle: float) -> tuple[Maneuver, ...]:
     """
@@ -154,9 +152,9 @@ def _peaks(turn: Array, arc: Array, limit: float) -> list[int]:
     return corners
 
 
-def check_path(path: PlannedPath, params: PathCheckParams) -> None:
-    """Raise CommandError if ``path`` cannot be followed, whereever the robot is."""
-    _check_frame('path', path.frame)
+def check_path(path: PlannedPath, params: PathCheckParams, frame: str) -> None:
+    """Raise CommandError if ``path`` is not in ``frame`` or can be followed from nowhere."""
+    _check_frame('path', path.frame, frame)
     if not 2 <= len(path.poses) <= params.max_path_poses:
         raise CommandError(f'path: {len(path.poses)} poses, expected 2 to {params.max_path_poses}')
     for number, pose in enumerate(path.poses):
@@ -167,9 +165,9 @@ def check_path(path: PlannedPath, params: PathCheckParams) -> None:
                            f'{params.max_path_length:g} m (checks.max_path_length)')
 
 
-def check_goal(goal: GoalPose) -> None:
-    """Raise CommandError if ``goal`` is not a valid pose."""
-    _check_frame('goal_pose', goal.frame)
+def check_goal(goal: GoalPose, frame: str) -> None:
+    """Raise CommandError if ``goal`` is not a valid pose in ``frame``."""
+    _check_frame('goal_pose', goal.frame, frame)
     _check_pose('goal_pose', goal.pose)
 
 
@@ -192,9 +190,9 @@ def check_maneuvers(maneuvers: tuple[Maneuver, ...]) -> None:
         raise CommandError('path: all poses at one position, expected some distance or a yaw')
 
 
-def _check_frame(what: str, frame: str) -> None:
-    if frame != FRAME:
-        raise CommandError(f'{what}: frame {frame!r}, expected {FRAME}')
+def _check_frame(what: str, given: str, frame: str) -> None:
+    if given != frame:
+        raise CommandError(f'{what}: frame {given!r}, expected {frame}')
 
 
 def _check_pose(what: str, pose: Vector3) -> None:

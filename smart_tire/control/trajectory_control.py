@@ -85,10 +85,11 @@ class TrajectoryControl:
         The state is REFUSED, with the reason, if it is invalid.
         """
         try:
+            frame = self.params.robot.frames['odom']
             if isinstance(target, PlannedPath):
-                check_path(target, self.params.checks)
+                check_path(target, self.params.checks, frame)
             else:
-                check_goal(target)
+                check_goal(target, frame)
             if self._motion.initialized and not self._stale(now_ns):
                 self._begin(target)
             else:

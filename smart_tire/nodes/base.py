@@ -195,8 +195,24 @@ class SmartTireNode(Node, Generic[Params]):
         cls = message_class(topic.type)
         publish = self.make_guarded_publisher(
             cls, name, publisher_qos(name, rate=rate, wheels=wheels))
-        msg, to_msg = cls(), topic.to_msg
+        msg, to_msg = cls(), self.in_frames(topic.to_msg)
         return lambda sample: publish(to_msg(msg, sample))
+
+    def in_frames(self, to_msg: Callable[..., Any]) -> Callable[..., Any]:
+        """Return ``to_msg``, with the frames of this robot if they have other names."""
+        params: Any = self.params
+        frames: dict[str, str] = params.robot.frames
+        if all(name == frame for name, frame in frames.items()):
+            return to_msg
+
+        def renamed(*args: Any) -> Any:
+            msg = to_msg(*args)
+            msg.header.frame_id = frames.get(msg.header.frame_id, msg.header.frame_id)
+            if child := getattr(msg, 'child_frame_id', ''):
+                msg.child_frame_id = frames.get(child, child)
+            return msg
+
+        return renamed
 
     def make_guarded_publisher(self, cls: type[Any], name: str,
                                profile: QoSProfile) -> Callable[[Any], None]:

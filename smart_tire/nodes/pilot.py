@@ -27,7 +27,6 @@ from smart_tire.samples import (
     WheelSample, WheelSlip)
 from std_srvs.srv import Trigger
 
-FRAME = 'odom'  # of the paths
 COMMAND_PERIOD = 0.05  # s: several commands within the time-out of wheel_controller
 CANCEL_SERVICE = 'cancel_path'
 
@@ -87,7 +86,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         if self._publish_path is None:
             self._publish_path = self.make_publisher('path')
         self.progress = None
-        self._publish_path(PlannedPath(self.now_ns(), FRAME, poses))
+        self._publish_path(PlannedPath(self.now_ns(), self.params.robot.frames['odom'], poses))
 
     def cancel(self) -> Any:
         """Return the future of the answer of ``cancel_path``; None if nothing offers it."""

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import sys
 from typing import Any
 
@@ -37,8 +38,8 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     Estimates pose, velocity, slip of each wheel and center of rotation.
 
     Subscribes to ``imu/data``, ``wheel_states`` and ``ground_state``; publishes ``odom``,
-    ``wheel_slip``, ``icr``, ``/diagnostics`` and, if tf2_msgs is installed, ``/tf`` and, with
-    ``publish_imu_tf``, ``/tf_static``. Service: ``reset_odometry``.
+    ``wheel_slip``, ``icr``, ``/diagnostics`` and, if tf2_msgs is installed, ``/tf`` (with
+    ``publish_tf``) and ``/tf_static`` (with ``publish_imu_tf``). Service: ``reset_odometry``.
 
     Parameters: ``reorder_window``, ``differential_slip_sigma``, ``common_slip_sigma``,
     ``free_rolling_slip_sigma``, ``icr_x``, ``icr_x_sigma``, ``lateral_sigma``, ``slope_sigma``,
@@ -55,17 +56,23 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
                            required=name not in HOLDING,
                            from_msg=self.conversion(name, self.params.robot.joints))
         self.create_service(Trigger, 'reset_odometry', self._on_reset_odometry)
-        self._tf_class = transform_class()
-        if self._tf_class is not None:
-            self._tf_publisher = self.create_publisher(
-                self._tf_class, '/tf', publisher_qos('/tf'))
-            if self.params.publish_imu_tf:
-                self._publish_imu_mounting(self._tf_class)
+        transforms = transform_class()
+        self._publish_transform: Callable[[Odometry], None] | None = None
+        if transforms is not None and self.params.robot.publish_tf:
+            self._publish_transform = self._transform_publisher(transforms)
+        if transforms is not None and self.params.publish_imu_tf:
+            self._publish_imu_mounting(transforms)
+
+    def _transform_publisher(self, cls: type[Any]) -> Callable[[Odometry], None]:
+        publisher = self.create_publisher(cls, '/tf', publisher_qos('/tf'))
+        to_msg = self.in_frames(transform_to_msg)
+        return lambda sample: publisher.publish(
+            cls(transforms=[to_msg(TransformStamped(), sample)]))
 
     def _publish_imu_mounting(self, cls: type[Any]) -> None:
         """Publish the pose of the IMU once: the topic keeps it for late subscribers."""
         imu = self.params.robot.imu
-        transform = imu_mounting_to_msg(
+        transform = self.in_frames(imu_mounting_to_msg)(
             TransformStamped(), self.now_ns(), imu.position, quaternion(*imu.rotation))
         publisher = self.create_publisher(cls, '/tf_static', publisher_qos('/tf_static'))
         publisher.publish(cls(transforms=[transform]))
@@ -88,9 +95,8 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     def publish_estimate(self, estimate: Sample) -> None:
         """Publish one estimate; the pose also as a transform."""
         super().publish_estimate(estimate)
-        if self._tf_class is not None and isinstance(estimate, Odometry):
-            transform = transform_to_msg(TransformStamped(), estimate)
-            self._tf_publisher.publish(self._tf_class(transforms=[transform]))
+        if self._publish_transform is not None and isinstance(estimate, Odometry):
+            self._publish_transform(estimate)
 
     def _on_reset_odometry(self, _: Trigger.Request,
                            response: Trigger.Response) -> Trigger.Response:

@@ -247,6 +247,12 @@ class RobotParams:
     center_of_mass_sigma: tuple[float, ...] = param(
         (0.005, 0.005), 'm', 'standard deviation of its x and y: an unknown load', (1e-4, 1.0),
         length=2)
+    odom_frame: str = param('odom', '-', 'frame of the estimated pose')
+    base_frame: str = param('base_link', '-', 'frame of the body, at the center of the wheels')
+    frame_prefix: str = param(
+        '', '-', 'before the names of all frames, for example robot1/, where robots share /tf')
+    publish_tf: bool = param(
+        True, '-', 'publish the pose on /tf; false if another node, as robot_localization, does')
     imu: ImuParams = nested(ImuParams)
     encoder: EncoderParams = nested(EncoderParams)
     joints: JointParams = nested(JointParams)
@@ -264,6 +270,13 @@ class RobotParams:
         if centers[-1] - centers[0] >= circumference:
             raise ValueError(f'film.positions: {list(centers)} span more than the wheel '
                              f'circumference of {circumference:.3f} m')
+
+    @property
+    def frames(self) -> dict[str, str]:
+        """Return frame of REP-105 -> its name on this robot."""
+        return {'odom': self.frame_prefix + self.odom_frame,
+                'base_link': self.frame_prefix + self.base_frame,
+                'imu_link': f'{self.frame_prefix}imu_link'}
 
     @property
     def film_groups(self) -> list[tuple[int, ...]]:

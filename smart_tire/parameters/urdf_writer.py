@@ -64,7 +64,7 @@ def urdf_text(robot: RobotParams) -> str:
         **_inertial(chassis), center=_text(chassis.center), size=_text(chassis_size(robot)),
         ground=_text([-radius]), imu_position=_text(robot.imu.position),
         imu_rotation=_text(robot.imu.rotation), wheels=''.join(wheels))
-    return text
+    return text.replace('"base_link"', f'"{robot.base_frame}"')
 
 
 def _films(robot: RobotParams, wheel: str) -> Iterator[dict[str, str]]:

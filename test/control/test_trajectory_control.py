@@ -76,6 +76,14 @@ def test_progress_is_measured_along_the_path_and_to_the_left():
     assert under_way(seconds=2.0).progress[-1].remaining_distance < 2.6
 
 
+def test_the_frame_of_paths_and_goals_is_a_parameter():
+    params = replace(IDEAL, robot=replace(IDEAL.robot, frame_prefix='r1/', odom_frame='world'))
+    for frame, state in (('r1/world', State.FOLLOWING), ('world', State.REFUSED),
+                         ('odom', State.REFUSED)):
+        for order in (path((0, 0), (1, 0), frame=frame), GoalPose(0, frame, (1.0, 0.0, NAN))):
+            assert Run(params).start(order).control.state == state
+
+
 @pytest.mark.parametrize(('planned', 'reason'), [
     (path((0, 0), (1, 0), frame='map'), "path: frame 'map', expected odom"),
     (path(), 'path: 0 poses, expected 2 to'),

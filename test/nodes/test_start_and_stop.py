@@ -15,6 +15,8 @@ from __future__ import annotations
 import signal
 
 import pytest
+from sensor_msgs.msg import Imu
+from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.parameters import NODE_PARAMS
 from support.graph import node_arguments, Process
 
@@ -88,6 +90,24 @@ def test_integers_are_accepted_for_floats(graph):
     with graph.start('wheel_controller', rate=20, imu__position='[0, 0, 1]') as node:
         graph.until(lambda: graph.health)
         assert node.end() == 0
+
+
+def test_simulated_robots_in_two_namespaces_have_ports_of_their_own(graph, tmp_path):
+    received = [], []
+    for name, messages in zip(('/r1', '/r2'), received):
+        graph.node.create_subscription(
+            Imu, f'{name}/imu/data', messages.append, subscriber_qos('imu/data'))
+    with graph.start('robot_simulator', namespace='/r1'), \
+            graph.start('robot_simulator', namespace='/r2') as second, \
+            graph.start('imu_driver', namespace='/r1', port='simulated:imu'), \
+            graph.start('imu_driver', namespace='/r2', port='simulated:imu'):
+        graph.until(lambda: all(received))
+        with graph.start('robot_simulator', namespace='/r2') as third:
+            assert third.ended() == 2
+            assert f'another simulator uses it (process {second.popen.pid})' in third.output
+        assert second.end() == 0
+        graph.until(lambda: (received[0][-1].header.stamp.sec
+                             > received[1][-1].header.stamp.sec + 2))  # the first one goes on
 
 
 def test_the_simulator_removes_its_ports_after_the_drivers_have_closed_them(graph, tmp_path):

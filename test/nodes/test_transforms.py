@@ -19,10 +19,12 @@ import math
 import sys
 from types import SimpleNamespace
 
+from nav_msgs.msg import Odometry as OdometryMsg
 import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy
 
+from smart_tire.messages import TOPICS
 from smart_tire.nodes import compat, slip_estimator
 from smart_tire.samples import Odometry
 
@@ -76,6 +78,22 @@ def test_the_pose_is_published_on_tf(tf2_msgs):
     assert (transform.header.stamp.sec, transform.header.stamp.nanosec) == (1, 500_000_000)
     assert transform.transform.translation.y == 2.0
     assert transform.transform.rotation.z == 0.6
+
+
+def test_frames_are_named_by_parameters(tf2_msgs):
+    with started('odom_frame:=world', 'base_frame:=body', 'frame_prefix:=r1/') as node:
+        node.publish_estimate(ODOMETRY)
+        pose, imu = (only_transform(node.sent[name]) for name in ('/tf', '/tf_static'))
+        odometry = node.in_frames(TOPICS['odom'].to_msg)(OdometryMsg(), ODOMETRY)
+    for msg in (pose, odometry):
+        assert (msg.header.frame_id, msg.child_frame_id) == ('r1/world', 'r1/body')
+    assert (imu.header.frame_id, imu.child_frame_id) == ('r1/body', 'r1/imu_link')
+
+
+def test_the_pose_is_not_published_on_tf_on_request(tf2_msgs):
+    with started('publish_tf:=false') as node:
+        node.publish_estimate(ODOMETRY)
+    assert node.sent.keys() == {'/tf_static'}
 
 
 def test_the_mounting_of_the_imu_is_published_once_for_late_subscribers(tf2_msgs):

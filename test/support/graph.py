@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 import signal
 import subprocess
@@ -74,7 +75,7 @@ class Graph:
     """Context manager of a node that subscribes, publishes and calls in the test's thread."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
+        self._folder, self._numbers = folder, count()
         self._context = Context()
         rclpy.init(args=[], context=self._context)
         self.node = rclpy.create_node('test', context=self._context)
@@ -107,11 +108,12 @@ class Graph:
         """Spin until ``condition`` is true, calling ``do`` before each callback."""
         wait_for(condition, lambda: (do(), self.spin()))
 
-    def start(self, name: str, **parameters: Any) -> Process:
+    def start(self, name: str, *, namespace: str = '/', **parameters: Any) -> Process:
         """Start a node with parameters; a double underscore stands for the dot of a name."""
         arguments = [word for key, value in parameters.items()
                      for word in ('-p', f'{key.replace("__", ".")}:={value}')]
-        return Process([*node_arguments(name), *arguments], self._folder / f'{name}.log')
+        return Process([*node_arguments(name), '-r', f'__ns:={namespace}', *arguments],
+                       self._folder / f'{name}.{next(self._numbers)}.log')
 
     def subscribe(self, *names: str) -> None:
         """Collect the messages of topics of ``TOPICS`` in ``received``."""

@@ -67,9 +67,9 @@ def check_rejected(recording: CheckedRecording) -> Iterator[Finding]:
 def check_frames(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield unexpected frames; those of imu/data matter if TF is used, others are ignored."""
     for topic, frames in sorted(recording.faults.frames.items()):
-        expected = TOPICS[topic].frame
+        expected = recording.robot.frames.get(TOPICS[topic].frame, TOPICS[topic].frame)
         for frame, count in frames.items():
-            if expected and frame.rpartition('/')[2] != expected:
+            if expected and frame.rpartition('/')[2] != expected.rpartition('/')[2]:
                 yield finding('frame', topic, frame=frame, count=count, expected=expected, action=(
                     'not used by the estimators: imu.position and imu.rotation describe the '
                     'mounting' if topic == 'imu/data' else ''))
