@@ -240,10 +240,11 @@ class Session:
 
     def reason(self, state: State) -> tuple[str, str]:
         """Return why the controller has stopped or refused the path, and the cause."""
-        health = self.pilot.health
-        health.pop(FOLLOWER, None)  # it may be that of a path before
-        self.wait(lambda: health.get(FOLLOWER, {}).get('state') == state.name.lower(), REASON_TIME)
-        found = health.get(FOLLOWER, {})
+        self.pilot.health.pop(FOLLOWER, None)  # it may be that of a path before
+        end, found = time.monotonic() + REASON_TIME, dict[str, str]()
+        while found.get('state') != state.name.lower() and time.monotonic() < end:
+            self._runner.spin(SPIN_TIME)  # also after a request to stop
+            found = self.pilot.health.get(FOLLOWER, {})
         return found.get('reason', ''), found.get('cause', '')
 
     def await_standstill(self) -> None:
