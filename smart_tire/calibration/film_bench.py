@@ -33,6 +33,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import cumulative_trapezoid
 from smart_tire.arrays import Array
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.files import AMPLIFIER, FilmParams, FilmRecording, PRODUCTS
@@ -50,7 +51,6 @@ ALPHA_GAIN_GRID = np.geomspace(0.03, 100.0, 24)  # of alpha K times the range of
 COARSE_SAMPLES = 2000    # of the coarse search
 OUTLIER_SIGMAS = 5.0     # beyond which a sample is an outlier
 MIN_BRANCH_SHARE = 0.05  # of the range of the input: shorter branches do not make a loop
-LOG_ALPHA_SIGMA = 5.0    # of log(alpha K), uninformative
 LOG_ALPHA, A, B, CORNER, DRIFT, INITIAL, OFFSET = range(7)  # fitted values
 
 
@@ -188,7 +188,8 @@ def _fit(model: _Model, output: Array, trusted: npt.NDArray[np.bool_], span: flo
     fit = nonlinear_fit(
         lambda values: (output - model.output(values))[trusted] / unit,
         np.array([math.log(alpha_gain), a, b, 0.0, 0.0, initial, offset]),
-        Prior.of((math.log(alpha_gain), LOG_ALPHA_SIGMA), None, None, corner, None, None, None),
+        Prior.of((math.log(alpha_gain), PRIORS['ln of alpha K'].sigma), None, None, corner,
+                 None, None, None),
         lambda values: np.zeros(int(trusted.sum())))
     fitted, alpha_gain = model.output(fit.values), math.exp(fit.values[LOG_ALPHA])
     residual = output - fitted

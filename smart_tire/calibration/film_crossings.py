@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
+from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.estimation.contact.feed import Block, ContactFeed
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
@@ -43,16 +44,10 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
 
-MIN_CHANGE_SIGMA = 0.0005  # -, of the slip change over a contact length in steady motion
-CHANGE_ERROR_SHARE = 0.5   # of an estimated change, its standard deviation
 MEAN_MARGIN_NS = 50_000_000  # at least, on either side of a crossing, for the linear fit
 MEAN_POINTS = 5            # in a crossing, of which the mean slip is taken
 MIN_SLOPE_SAMPLES = 6
 
-INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA = 0.5, 0.1   # relative, of a first fit; uninformative
-REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA = 0.2, 0.05  # relative, of fits close to the solution
-EXACT_SLIP_SIGMA = 1e-5  # -, of a slip whose error enters in the adjustment
-UNINFORMATIVE_SLIP_SIGMA = 1.0                        # -, of a slip that is fitted
 BENDING_RANGE = (0.2, 5.0)                            # of the nominal bending peak
 # -, deviation of slip from a straight line that doubles the variance of a crossing with
 # changing speed; from simulations
@@ -152,7 +147,8 @@ class CrossingCollector:
         length = self.robot.tire.contact_length
         change = slope * length / crossing.speed
         spread = slip_variation(crossing, length)
-        change_sigma = math.hypot(MIN_CHANGE_SIGMA, CHANGE_ERROR_SHARE * change,
+        change_sigma = math.hypot(PRIORS['change of slip'].sigma,
+                                  PRIORS['estimated change of slip'].sigma * change,
                                   max(spread.change.sigma - CHANGE_SIGMA, 0.0))
         yield CrossingWithSlip(
             found.wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
@@ -185,8 +181,9 @@ class ObservationFitter:
     """Fits crossings of the films of ``robot``, whose parameters must be approximately right."""
 
     def __init__(self, robot: RobotParams, *, refined: bool) -> None:
-        self._sigmas = (REFINED_GAIN_SIGMA, REFINED_LENGTH_SIGMA) if refined else (
-            INITIAL_GAIN_SIGMA, INITIAL_LENGTH_SIGMA)
+        stage = 'refined' if refined else 'initial'
+        self._sigmas = (PRIORS[f'{stage} film gain'].sigma,
+                        PRIORS[f'{stage} contact length'].sigma)
         film = robot.film
         self._bending = {wheel: film.bending(wheel) for wheel in film.wheels}
         self._shapes = {wheel: ShapeEstimator() for wheel in film.wheels}
@@ -203,11 +200,12 @@ class ObservationFitter:
         fitter, samples = self._fitters[crossing.wheel], crossing.films
         slip = crossing.slip.value
         fit = fitter.fit(samples, CrossingSlipPrior(
-            Uncertain(slip, UNINFORMATIVE_SLIP_SIGMA), crossing.change))
+            Uncertain(slip, PRIORS['slip that is fitted'].sigma), crossing.change))
         first = fit
         if fit is not None and gains:
             fit = fitter.fit(samples, CrossingSlipPrior(
-                Uncertain(slip, EXACT_SLIP_SIGMA), crossing.change), _with_slip(fit, slip))
+                Uncertain(slip, PRIORS['slip that is adjusted later'].sigma),
+                crossing.change), _with_slip(fit, slip))
         if fit is None or not self._plausible(fit, crossing.wheel):
             return None
         if first is not None:
