@@ -29,7 +29,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance, SENSORS_HELD
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, DOUBT_TIME, ESTIMATED, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
+    BALANCE_SIGMA, ESTIMATED, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
     LEARNING_TIME, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME,
     N, SLIP_VELS, State, SUDDEN)
 from smart_tire.estimation.slip.tire_forces import TireForces
@@ -195,7 +195,7 @@ class ForceBalance:
     @property
     def follows(self) -> bool:
         """Return whether the ground is estimated, after a change that the filter has found."""
-        return self._since_change < DOUBT_TIME
+        return self._since_change < EXPIRY_TIME
 
     def set_ground(self, ground: GroundState) -> None:
         """

@@ -50,17 +50,14 @@ COMPILED: bool = cython.compiled
 
 # constants and rows of the state that are numbers of C
 cython.declare(
-    GRAVITY=cython.double, GYRO_BIAS_RANDOM_WALK=cython.double,
-    ACCEL_BIAS_RANDOM_WALK=cython.double, SLIP_CORRELATION_TIME=cython.double,
-    SLOPE_LENGTH=cython.double, MIN_SLIP_SPEED=cython.double, X=cython.int, Y=cython.int,
-    YAW=cython.int, ROLL=cython.int, PITCH=cython.int, V_X=cython.int, V_Y=cython.int,
-    GYRO_BIAS_Z=cython.int, ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int,
-    SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, TRAVEL_L=cython.int, ICR_X=cython.int,
-    ICR_L=cython.int, ICR_R=cython.int, IMU_X=cython.int)
-GRAVITY, GYRO_BIAS_RANDOM_WALK = G, state.GYRO_BIAS_RANDOM_WALK
-ACCEL_BIAS_RANDOM_WALK = state.ACCEL_BIAS_RANDOM_WALK
+    GRAVITY=cython.double, SLIP_CORRELATION_TIME=cython.double, SLOPE_LENGTH=cython.double,
+    MIN_SLIP_SPEED=cython.double, X=cython.int, Y=cython.int, YAW=cython.int, ROLL=cython.int,
+    PITCH=cython.int, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
+    ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
+    SLIP_VEL_R=cython.int, TRAVEL_L=cython.int, ICR_X=cython.int, ICR_L=cython.int,
+    ICR_R=cython.int, IMU_X=cython.int)
+GRAVITY, MIN_SLIP_SPEED = G, state.MIN_SLIP_SPEED
 SLIP_CORRELATION_TIME, SLOPE_LENGTH = state.SLIP_CORRELATION_TIME, state.SLOPE_LENGTH
-MIN_SLIP_SPEED = state.MIN_SLIP_SPEED
 
 (X, Y, YAW, ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L,
  SLIP_VEL_R, TRAVEL_L, _, ICR_X, ICR_L, ICR_R, _, IMU_X) = map(int, list(State)[:State.IMU_X + 1])
@@ -106,6 +103,8 @@ class MotionModel:
     _arms: cython.double[2]
     _x_imu: cython.double
     _y_imu: cython.double
+    _gyro_walk: cython.double   # (rad/s)^2 per s, of the gyro bias
+    _accel_walk: cython.double  # (m/s2)^2 per s
     _jacobian: Array
     _noise: Array
     _F: cython.double[:, ::1]  # the same memory
@@ -113,6 +112,8 @@ class MotionModel:
 
     def __init__(self, robot: RobotParams) -> None:
         self._x_imu, self._y_imu = robot.imu.position[:2]
+        self._gyro_walk = (state.BIAS_WALK_SHARE * robot.imu.gyro_bias) ** 2
+        self._accel_walk = (state.BIAS_WALK_SHARE * robot.imu.accel_bias) ** 2
         self.arms = [self._y_imu + sign * 0.5 * robot.track_width for sign in (-1.0, 1.0)]
         self._arms = self.arms
         self._jacobian, self._noise = np.eye(N), np.zeros((N, N))
@@ -200,8 +201,8 @@ class MotionModel:
         Q[YAW, YAW] = gyro
         Q[V_X, V_X] = speed + gyro * old[V_Y] * old[V_Y]
         Q[V_Y, V_Y] = speed + gyro * old[V_X] * old[V_X]
-        Q[GYRO_BIAS_Z, GYRO_BIAS_Z] = GYRO_BIAS_RANDOM_WALK ** 2 * dt
-        Q[ACCEL_BIAS_X, ACCEL_BIAS_X] = ACCEL_BIAS_RANDOM_WALK ** 2 * dt
+        Q[GYRO_BIAS_Z, GYRO_BIAS_Z] = self._gyro_walk * dt
+        Q[ACCEL_BIAS_X, ACCEL_BIAS_X] = self._accel_walk * dt
         Q[ACCEL_BIAS_Y, ACCEL_BIAS_Y] = Q[ACCEL_BIAS_X, ACCEL_BIAS_X]
         Q[ICR_X, ICR_X] = Q[ICR_L, ICR_L] = Q[ICR_R, ICR_R] = noise.icr ** 2 * abs(W) * dt
         return moved, self._jacobian, self._noise

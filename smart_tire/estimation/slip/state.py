@@ -9,7 +9,7 @@
 # the License.
 
 """
-State vector of the slip filter, its prior and history, inputs of its equations, all constants.
+State vector of the slip filter and its prior, inputs of its equations, all constants.
 
 Each constant has its unit, its origin and the runs that are worse without it: rows of
 ``benchmarks.robots``, recordings of ``benchmarks.slip.field``, or a test.
@@ -17,8 +17,6 @@ Each constant has its unit, its origin and the runs that are worse without it: r
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections import deque
 from enum import IntEnum
 import math
 from typing import NamedTuple
@@ -77,8 +75,7 @@ ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: ef
 # 1 to 2.2 times the track are published for skid-steer robots; field
 
 # process noise
-GYRO_BIAS_RANDOM_WALK = 2e-5   # rad/s per sqrt(s), data sheets: 10 degrees per hour after 5 min
-ACCEL_BIAS_RANDOM_WALK = 5e-4  # m/s2 per sqrt(s), data sheets of industrial IMUs; field
+BIAS_WALK_SHARE = 0.005        # of the turn-on biases of the IMU, per sqrt(s), assumed; field
 SLIP_CORRELATION_TIME = 1.0    # s, of slip and lateral speed beyond the ICR kinematics; all rows
 SLIP_CHANGE_SHARE = 0.2        # of a change of the side's speed becomes slip, assumed; sand_turn
 ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground changes; jumps
@@ -105,9 +102,9 @@ MODEL_TIME = 0.3              # s, a robot length: of lasting errors of the forc
 # innovations, and in which tires build up the slip of a turn; jumps
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
-EXPIRY_TIME = 2.5             # s without ground_state, after which it ends within the same time
+EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, the
+# ground ends after it within the same time; after a change, an old one is refused; jumps
 EVIDENCE = 8.0                # twice the log likelihood ratio of a change of the ground; jumps
-DOUBT_TIME = 2.0              # s, from a change to the window that shows it; jumps
 
 # IMU and wheels
 TYPICAL_PERIOD = 0.05         # s, of samples, until there are two; locked wheels slide for longer
@@ -149,42 +146,6 @@ class ImuStep(NamedTuple):
     accel_variance: float  # (m/s2)^2 s, noise density
     begin_rate: float      # rad/s, smoothed yaw rate at the begin and at the end of the step
     end_rate: float
-
-
-class RollingHistory:
-    """
-    Predicted r w of both sides over time, without the steps of corrections.
-
-    A correction holds for the past, too: going back from the present state, only the predicted
-    changes are undone.
-    """
-
-    def __init__(self) -> None:
-        # time [s], r w [m/s] and distance [m] of both sides, all by predictions alone
-        self._points: deque[tuple[float, float, float, float, float]] = deque()
-
-    def add_step(self, time: float, dt: float, left: float, right: float) -> None:
-        """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w [m/s] of the sides."""
-        if not self._points:
-            self._points.append((time - dt, 0.0, 0.0, 0.0, 0.0))
-        _, u_left, u_right, s_left, s_right = self._points[-1]
-        self._points.append((
-            time, u_left + left, u_right + right,
-            s_left + dt * (u_left + 0.5 * left), s_right + dt * (u_right + 0.5 * right)))
-        while self._points[0][0] < time - MAX_SAMPLE_GAP:
-            self._points.popleft()
-
-    def travel_change(self, since: float) -> list[float]:
-        """Return the distances [m] since a time [s] beyond those at the present speeds."""
-        if not self._points or since >= self._points[-1][0]:
-            return [0.0, 0.0]
-        points = list(self._points)
-        i = min(max(bisect_right(points, (since, math.inf)), 1), len(points) - 1)
-        (t0, *u0, left, right), (t1, *u1, _, _), (now, *u, s_left, s_right) = (
-            points[i - 1], points[i], points[-1])
-        h = min(max(since - t0, 0.0), t1 - t0)
-        return [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * speed
-                for end, s, a, b, speed in zip((s_left, s_right), (left, right), u0, u1, u)]
 
 
 def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
