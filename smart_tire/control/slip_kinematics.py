@@ -17,17 +17,15 @@ estimated slip; feedback of the reached velocity removes what they leave.
 
 from __future__ import annotations
 
-from collections import deque
 import math
 
 from smart_tire.control import constants as c
+from smart_tire.control.history import History
 from smart_tire.control.motion_limits import command_share
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
 
-
 Velocity = tuple[float, float]  # v_x [m/s], yaw rate [rad/s]
-
 Motion = tuple[float, float, float]  # v_x, v_y [m/s], yaw rate [rad/s]
 
 
@@ -92,15 +90,13 @@ class VelocityFeedback:
 
     def reset(self) -> None:
         """Begin without correction, at rest."""
-        self._wanted = deque[tuple[int, Velocity]]()
+        self._wanted = History()  # v_x, yaw rate
         self._correction: Velocity = 0.0, 0.0
         self._reached_ns: int | None = None
 
     def want(self, velocity: Velocity, now_ns: int) -> None:
         """Add the velocity that is commanded now."""
-        while self._wanted and not 0 < now_ns - self._wanted[0][0] <= c.HISTORY_NS:
-            self._wanted.popleft()
-        self._wanted.append((now_ns, velocity))
+        self._wanted.add(now_ns, *velocity)
 
     def correction(self, reached: Velocity, reached_ns: int, delay: float,
                    bounds: Velocity) -> Velocity:
@@ -113,19 +109,12 @@ class VelocityFeedback:
         elapsed = 0.0 if before is None else (reached_ns - before) / NS_PER_S
         # integral gain 1 / (e delay): critically damped for a pure delay
         share = min(max(elapsed / delay, 0.0), 1.0) / math.e if delay > 0.0 else 1.0 / math.e
-        wanted = self._wanted_at(reached_ns - round(delay * NS_PER_S))
+        wanted = self._wanted.held(reached_ns - round(delay * NS_PER_S)) or (0.0, 0.0)
         v_x, yaw_rate = (
             min(max(last + share * (one - got), -bound), bound)
             for last, one, got, bound in zip(self._correction, wanted, reached, bounds))
         self._correction = v_x, yaw_rate
         return self._correction
-
-    def _wanted_at(self, time_ns: int) -> Velocity:
-        """Return the velocity that was commanded then; at rest before the first one."""
-        for wanted_ns, velocity in reversed(self._wanted):
-            if wanted_ns <= time_ns:
-                return velocity
-        return 0.0, 0.0
 
 
 class SlipKinematics:
@@ -156,26 +145,25 @@ class SlipKinematics:
         self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
         self._turning = 0.0                             # turning share that they belong to
-        self._motions = deque[tuple[int, Motion]]()
+        self._motions = History()                       # v_x, v_y, yaw rate
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
 
     def add_odometry(self, odometry: Odometry) -> None:
         """Add an estimate of the motion of the body; older ones than the last are ignored."""
         stamp_ns = odometry.stamp_ns
-        if self._motions and stamp_ns <= self._motions[-1][0]:
-            if stamp_ns > self._motions[-1][0] - c.CLOCK_JUMP_NS:
+        times = self._motions.times
+        if times and stamp_ns <= times[-1]:
+            if stamp_ns > times[-1] - c.CLOCK_JUMP_NS:
                 return
             self.reset()
         motion = odometry.linear[0], odometry.linear[1], odometry.angular[2]
         if all(map(math.isfinite, motion)):
-            self._motions.append((stamp_ns, motion))
-            while self._motions[0][0] < stamp_ns - c.HISTORY_NS:
-                self._motions.popleft()
+            self._motions.add(stamp_ns, *motion)
 
     def add_slip(self, slip: WheelSlip) -> None:
         """Add estimated slips; without motion of the same time they are ignored."""
-        motion = self._motion_at(slip.stamp_ns)
+        motion = self._motions.held(slip.stamp_ns, c.SLIP_WINDOW_NS)
         if motion is None or slip.stamp_ns < self._window_ns:
             return
         half = 0.5 * self._track * motion[2]
@@ -196,8 +184,8 @@ class SlipKinematics:
             self._feedback.reset()
             return 0.0, 0.0
         speed, turn = self.factors(v_x, yaw_rate, now_ns)
-        if self._motions:
-            reached_ns, (reached, _, reached_rate) = self._motions[-1]
+        if self._motions.times:
+            reached_ns, (reached, _, reached_rate) = self._motions.times[-1], self._motions.latest
             added = self._feedback.correction(
                 (reached, reached_rate), reached_ns, params.follower.actuation_delay,
                 (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
@@ -229,13 +217,6 @@ class SlipKinematics:
         """Return the share of sideways motion of the wheels: 0 straight on, 1 in place."""
         sideways = 0.5 * self._wheelbase * abs(yaw_rate)
         return sideways / (sideways + abs(v_x) + c.STANDSTILL_SPEED)
-
-    def _motion_at(self, stamp_ns: int) -> Motion | None:
-        """Return the latest motion up to then, None if there is no recent one."""
-        for motion_ns, motion in reversed(self._motions):
-            if motion_ns <= stamp_ns:
-                return motion if stamp_ns - motion_ns <= c.SLIP_WINDOW_NS else None
-        return None
 
     def _learn(self) -> None:
         """Correct the coefficients with the means of the window, and empty it."""

@@ -12,13 +12,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect
 from collections.abc import Iterable
 import math
 from statistics import fmean
 
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, wrap
+from smart_tire.control.history import History
 from smart_tire.control.path_follower import PathFollower
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.robot import RobotParams
@@ -27,41 +27,24 @@ from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WheelSample
 Distances = tuple[float, float]  # m: mean of both sides, and half of right - left
 
 
-class Travel:
-    """Distances driven, as sums over the samples of one input."""
-
-    def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget all samples."""
-        self.stamps: list[int] = []  # ns
-        self._sums: list[Distances] = []
+class Travel(History):
+    """Distances driven [m], forward and turning, as sums over the samples of one input."""
 
     def elapsed(self, stamp_ns: int) -> float:
         """Return the time [s] since the latest sample; 0 if there is none in ``CLOCK_JUMP_NS``."""
-        if self.stamps and not 0 <= stamp_ns - self.stamps[-1] <= c.CLOCK_JUMP_NS:
+        if self.times and not 0 <= stamp_ns - self.times[-1] <= c.CLOCK_JUMP_NS:
             self.clear()
-        return (stamp_ns - self.stamps[-1]) / NS_PER_S if self.stamps else 0.0
+        return (stamp_ns - self.times[-1]) / NS_PER_S if self.times else 0.0
 
     def extend(self, stamp_ns: int, forward: float, turning: float) -> None:
         """Add distances [m] since the latest sample."""
-        before = self._sums[-1] if self._sums else (0.0, 0.0)
-        self.stamps.append(stamp_ns)
-        self._sums.append((before[0] + forward, before[1] + turning))
-        old = bisect(self.stamps, stamp_ns - c.HISTORY_NS)
-        del self.stamps[:old], self._sums[:old]
+        before = self.latest if self.times else (0.0, 0.0)
+        self.add(stamp_ns, before[0] + forward, before[1] + turning)
 
     def between(self, begin_ns: int, end_ns: int) -> Distances:
         """Return the distances in an interval within that of the samples."""
-        (forward, turning), (before_forward, before_turning) = self._at(end_ns), self._at(begin_ns)
+        (forward, turning), (before_forward, before_turning) = self.at(end_ns), self.at(begin_ns)
         return forward - before_forward, turning - before_turning
-
-    def _at(self, time_ns: int) -> Distances:
-        after = min(max(bisect(self.stamps, time_ns), 1), len(self.stamps) - 1)
-        (t_0, t_1), (one, two) = self.stamps[after - 1:after + 1], self._sums[after - 1:after + 1]
-        share = (time_ns - t_0) / max(t_1 - t_0, 1)
-        return one[0] + share * (two[0] - one[0]), one[1] + share * (two[1] - one[1])
 
 
 class OdometryCheck:
@@ -92,7 +75,7 @@ class OdometryCheck:
     def add_motion(self, motion: Motion, stamp_ns: int) -> None:
         """Add a pose; the twist is not used."""
         self._odom.elapsed(stamp_ns)
-        last, self._motion = self._motion if self._odom.stamps else None, motion
+        last, self._motion = self._motion if self._odom.times else None, motion
         last = last or motion
         turned = wrap(motion.yaw - last.yaw)
         heading = last.yaw + 0.5 * turned
@@ -101,10 +84,10 @@ class OdometryCheck:
 
     def fault(self, max_slip: float) -> str:
         """Return the contradiction; empty if there is none, or no wheels are measured."""
-        if min(len(self._wheels.stamps), len(self._odom.stamps)) < 2:
+        if min(len(self._wheels.times), len(self._odom.times)) < 2:
             return ''
-        end_ns = min(self._wheels.stamps[-1], self._odom.stamps[-1])
-        begin_ns = max(self._wheels.stamps[0], self._odom.stamps[0], end_ns - c.WINDOW_NS)
+        end_ns = min(self._wheels.times[-1], self._odom.times[-1])
+        begin_ns = max(self._wheels.times[0], self._odom.times[0], end_ns - c.WINDOW_NS)
         if begin_ns >= end_ns:
             return ''
         wheels, odom = (item.between(begin_ns, end_ns) for item in (self._wheels, self._odom))

@@ -12,11 +12,11 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, replace
 import math
 
 from smart_tire.control import constants as c
+from smart_tire.control.history import History
 from smart_tire.control.slip_limits import TireLoad
 from smart_tire.parameters.control import PidParams
 from smart_tire.parameters.robot import RobotParams
@@ -131,7 +131,8 @@ class SpeedReference:
         self._load, self._lag = 0.0, 1.0  # rad/s and s, of the latest step
         self._expected = velocity   # rad/s
         self._initial = velocity    # rad/s, before the first step
-        self._history = deque([(now_ns, 0.0)])  # time and integral of the expected speed [rad]
+        self._turned = History()    # rad, integral of the expected speed
+        self._turned.add(now_ns, 0.0)
 
     @property
     def direction(self) -> float:
@@ -183,28 +184,23 @@ class SpeedReference:
 
     def _expect(self, now_ns: int) -> None:
         """Advance the expected speed from the latest step to ``now_ns``."""
-        last_ns, angle = self._history[-1]
+        last_ns, (angle,) = self._turned.times[-1], self._turned.latest
         if now_ns <= last_ns:
             return
         elapsed, lag = (now_ns - last_ns) / NS_PER_S, self._lag
         rest = (self._expected - self._input) * math.exp(-elapsed / lag)
         angle += self._input * elapsed + lag * (self._expected - self._input - rest)
         self._expected = self._input + rest
-        self._history.append((now_ns, angle))
-        while len(self._history) > 2 and self._history[1][0] < now_ns - c.HISTORY_NS:
-            self._history.popleft()
+        self._turned.add(now_ns, angle)
 
     def _angle(self, time_ns: int) -> float:
         """Return the integral of the expected speed [rad] until ``time_ns``."""
-        after_ns, after = self._history[-1]
-        if time_ns >= after_ns:
-            return after + self._expected * (time_ns - after_ns) / NS_PER_S
-        for before_ns, before in reversed(self._history):
-            if before_ns <= time_ns:
-                share = (time_ns - before_ns) / (after_ns - before_ns)
-                return before + share * (after - before)
-            after_ns, after = before_ns, before
-        return after - self._initial * (after_ns - time_ns) / NS_PER_S
+        times = self._turned.times
+        if time_ns >= times[-1]:
+            return self._turned.latest[0] + self._expected * (time_ns - times[-1]) / NS_PER_S
+        if time_ns < times[0]:
+            return self._turned.first[0] - self._initial * (times[0] - time_ns) / NS_PER_S
+        return self._turned.at(time_ns)[0]
 
 
 def _limited(velocity: float, set_point: float, dt: float, limits: tuple[float, float]) -> float:

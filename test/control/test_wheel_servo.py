@@ -288,5 +288,5 @@ def test_a_step_at_the_same_time_does_not_advance_the_expected_speed():
 
 def test_only_the_latest_seconds_are_kept():
     reference, _ = driven([3.0] * 1000)
-    assert len(reference._history) <= 3.0 / STEP + 3
+    assert len(reference._turned.times) <= 3.0 / STEP + 3
     assert reference.mean(997 * STEP_NS, 999 * STEP_NS) == pytest.approx(3.0)
