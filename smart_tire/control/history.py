@@ -30,7 +30,7 @@ class History:
         self._values.clear()
 
     def add(self, time_ns: int, *values: float) -> None:
-        """Add the values at a time; those of later times, and all others then, are discarded."""
+        """Add the values at a time; discard all others if it is before the latest one."""
         if self.times and time_ns < self.times[-1]:
             self.clear()
         self.times.append(time_ns)
