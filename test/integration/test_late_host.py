@@ -48,7 +48,7 @@ def test_the_demo_resumes_the_path_after_odom_was_late(tmp_path):
         lines = []
         for line in demo.stdout:
             lines.append(line)
-            if 'figure-eight' in line and 'following' in line:
+            if line.startswith('following') and 'figure-eight' in lines[-2]:
                 break
         estimator = process_of(out, 'slip_estimator')
         os.kill(estimator, signal.SIGSTOP)
