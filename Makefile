@@ -113,13 +113,13 @@ ifndef ROS_DISTRO
 	else echo 'types are not checked on Python 3.10'; fi
 endif
 
-# Style and types are checked while the tests run. Four workers, for two cores: the tests in real
+# Style and types are checked while the tests run. Three workers, for two cores: the tests in real
 # time mostly wait; test/conftest.py describes their order.
 test: $(READY)
 	+@$(MAKE) --no-print-directory --jobs=2 lint pytest
 
 pytest: $(READY)
-	$(BIN)/python -m pytest -n 4 --durations=25 $(SELECTION)
+	$(BIN)/python -m pytest -n 3 --durations=25 $(SELECTION)
 
 # The results of the benchmarks are in bench_output/check/.
 check: export SELECTION := -m '' --cov --cov-report=term

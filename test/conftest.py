@@ -12,9 +12,9 @@
 What tests share: a ROS domain, serial ports, and the order in which workers run the tests.
 
 With pytest-xdist, a worker runs all tests of a file, so that its fixtures are made once. Modules
-marked ``processes`` and ``safety`` mostly wait: they run in three chains of about equal length,
-each on one worker, one test after the other. They come first, then those marked ``slow``, then all
-others, with a lower priority: a fourth worker lets these use the time in which the chains wait.
+marked ``processes`` and ``safety`` mostly wait: they run in two chains of about equal length, each
+on one worker, one test after the other. They come first, then those marked ``slow``, then all
+others, with a lower priority: a third worker lets these use the time in which the chains wait.
 ``pyproject.toml`` declares the markers.
 """
 

@@ -175,11 +175,15 @@ def linear_tire_force(force: ArrayLike, friction: float, loads: ArrayLike) -> Ar
 
 def axle_slip(force: Array, limits: Array) -> tuple[Array, Array]:
     """
-    Return two C_x times the slip [N] of brush tires at a total ``force`` [N], and its derivative.
+    Return C_x times the slip [N] of two brush tires at a total ``force`` [N], and its derivative.
 
     ``limits`` (2, m) are friction times load of the axle with less and with more load. Beyond the
     limit of the first axle, the other one carries the rest; up to there the force is a cubic in
     the slip, which Newton's method inverts from below.
+
+    >>> linear, _ = axle_slip(np.array([1.0, 6.0]), np.array([[3.0, 3.0], [5.0, 5.0]]))
+    >>> [round(float(one), 2) for one in linear]
+    [0.52, 4.62]
     """
     small, large = limits
     linear = 0.5 * force
