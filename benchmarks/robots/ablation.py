@@ -36,6 +36,8 @@ CONSTANTS: dict[str, tuple[Any, str, Any]] = {
     'outlier weights': (window, 'FREEDOM', 1e6),
     'lasting model errors': (measurements, 'MODEL_ERROR', 0.005),
     'timing errors': (measurements, 'TIMING_ERROR', 0.0),
+    'errors of film slips': (measurements, 'FILM_SLIP_ERROR', (0.0, 0.0)),
+    'errors of normalized slips': (measurements, 'FILM_RATIO_ERROR', 0.0),
     'transients of torques': (measurements, 'TRANSIENT_SHARE', 0.0),
     'different sides': (window, 'SIDES_DIFFER', math.inf),
     'changes of ground': (window, 'TRIED_EVIDENCE', math.inf),

@@ -25,8 +25,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground.measurements import LOSS, Passage, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CURVE_ERROR, DYNAMIC, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING,
-    SIZE, Unknown)
+    CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
+    MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIZE, Unknown)
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
@@ -154,7 +154,7 @@ class GroundEstimator:
         end = self._seconds(end_ns)
         end = min(end, self._wheels[-1][0] + MAX_GAP, self._imu[-1][0] + MAX_GAP)
         begin = max(self._imu[0][0], self._wheels[0][0], end - LENGTH - SETTLING)
-        if end - begin < 0.5 * LENGTH or (
+        if end - begin < MIN_DURATION or (
                 self.solution is not None and end <= self.solution.end) or (
                 sum(begin < row[0] <= end for row in self._wheels) < MIN_WHEEL_SAMPLES):
             return None
@@ -168,7 +168,7 @@ class GroundEstimator:
             return None
         measured = self.solution.measurements
         self._shown |= bool(measured.torque_count.any())
-        self._forget(end - LENGTH - 2.0 * SETTLING)
+        self._forget(end - LENGTH - SETTLING - KEPT_TIME)
         return self.solution
 
     def state(self, solution: Solution) -> GroundState:

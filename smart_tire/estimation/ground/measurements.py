@@ -28,9 +28,10 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK, BLOCK_TIME, DYNAMIC, GAINS, GROUND, Interval, LEAST_FRICTION, MODEL_ERROR, MODEL_TIME,
-    MOTORS, OFFSETS, OLD_GROUND, SETTLING, SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR,
-    TRANSIENT_SHARE, Unknown, UNMEASURED)
+    BLOCK, BLOCK_TIME, DYNAMIC, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND, Interval,
+    LEAST_FORCE, LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS, OFFSETS,
+    OLD_GROUND, SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown,
+    UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
@@ -91,7 +92,7 @@ class Measurements:
         self.edges: Array = begin + BLOCK_TIME * np.arange(blocks + 1.0)
         self.centers: Array = self.edges[1:] - 0.5 * BLOCK_TIME
         self.used = self.edges[:-1] > first - 0.5 * BLOCK_TIME
-        near = data.wheels[(data.wheels[:, 0] > begin - SETTLING) & (data.wheels[:, 0] <= end)]
+        near = data.wheels[(data.wheels[:, 0] > begin - 0.3) & (data.wheels[:, 0] <= end)]
         motion = smoothed(near[:, 0], near[:, 1:5], robot.encoder.stamp_jitter,
                           math.tau / robot.encoder.counts_per_revolution / math.sqrt(12.0))
         radius = robot.wheel_radius
@@ -216,9 +217,11 @@ class Measurements:
         """
         robot, count = self._robot, len(self.centers)
         imu = np.maximum(self.imu_count, 1)
-        force = np.hypot(*(predicted[FORCE_X:TORQUE] - biases[1:, np.newaxis]))
-        lasting = MODEL_ERROR * np.vstack([
-            predicted[:1] - biases[0], force, force, np.abs(predicted[TORQUE:])])
+        force = np.maximum(np.hypot(*(predicted[FORCE_X:TORQUE] - biases[1:, np.newaxis])),
+                           LEAST_FORCE)
+        least_torque = 0.25 * robot.mass * robot.wheel_radius * LEAST_FORCE
+        size = np.vstack([predicted[:1] - biases[0], force[np.newaxis], force[np.newaxis],
+                          np.maximum(np.abs(predicted[TORQUE:]), least_torque)])
         change = np.diff(np.eye(count + 1), axis=0) / BLOCK_TIME
         mean = 0.5 * np.abs(np.diff(np.eye(count + 1), axis=0))
         common, difference = self._speed_errors
@@ -236,6 +239,7 @@ class Measurements:
         white[:TORQUE, self.imu_count == 0] = UNMEASURED
         white[TORQUE:, self.torque_count == 0] = UNMEASURED
         white[:, ~self.used | disturbed(self.centers, disturbances)] = UNMEASURED
+        lasting = MODEL_ERROR * size
         found = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
                  * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
         found[YAW_RATE] += difference / (0.5 * robot.track_width) ** 2
@@ -250,10 +254,11 @@ class Measurements:
         wheels = np.array([one.wheel for one in self.passages])
         lasting = np.exp(-np.abs(times[:, np.newaxis] - times) / MODEL_TIME) * (
             wheels[:, np.newaxis] == wheels)
+        slip, ratio = predicted[::2], np.maximum(predicted[1::2], LEAST_RATIO)
         found = np.zeros((len(predicted), len(predicted)))
-        for part in (slice(0, None, 2), slice(1, None, 2)):  # slips, normalized slips
-            found[part, part] = MODEL_ERROR ** 2 * lasting * np.outer(
-                predicted[part], predicted[part])
+        found[::2, ::2] = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
+                                     + FILM_SLIP_ERROR[1] ** 2)
+        found[1::2, 1::2] = lasting * FILM_RATIO_ERROR ** 2 * np.outer(ratio, ratio)
         for i, one in enumerate(self.passages):
             measured = np.array([one.slip, one.ratio])
             found[2 * i:2 * i + 2, 2 * i:2 * i + 2] += one.covariance + (
@@ -308,8 +313,10 @@ class Measurements:
         fallen = 1.0 - each(Unknown.FALL) * (1.0 - 1.0 / np.maximum(ratio, 1.0))
         fallen = np.maximum(fallen, LEAST_FRICTION)
         ratio /= fallen
+        limit = np.where([one.sliding for one in passages], np.inf, MAX_RATIO)
         force = states[:, near, model.FORCE + wheel[:, np.newaxis]]
-        return np.stack([slip, ratio, load, force, np.log(fallen)], axis=-1).mean(axis=2)
+        return np.stack([slip, np.minimum(ratio, limit[:, np.newaxis]), load, force,
+                         np.log(fallen)], axis=-1).mean(axis=2)
 
 
 def disturbed(times: Array, disturbances: Sequence[Interval]) -> NDArray[np.bool_]:

@@ -80,37 +80,47 @@ GAINS = slice(Unknown.FILM_GAIN, SIZE)
 
 # window
 LENGTH = 3.0            # s, of the window, assumed; concrete
-SETTLING = 0.5          # s before, in which the model forgets its start, and again for smoothing
-MAX_GAP = 0.6           # s, of a stream: after a longer one the window restarts; slow readings
+SETTLING = 0.5          # s before, in which the model forgets its start; assumed
+MIN_DURATION = 1.5      # s, of the first window; assumed
+MAX_GAP = 0.6           # s, of a stream: after a longer one the window restarts; assumed
+KEPT_TIME = 1.0         # s before the window, of samples that are kept: smoothing, heading
 MIN_WHEEL_SAMPLES = 5   # of a window: their jerk is smoothed
 TIME_STEP = 0.016       # s, of the model
 BLOCK = 8               # steps of a block mean, slower than a wheel period; slow_readings
 BLOCK_TIME = TIME_STEP * BLOCK
 JERK_DENSITY = 3.0      # (rad/s3)^2 s, white jerk of a speed-controlled wheel, assumed; concrete
+SMOOTHINGS = 4          # iterations of its weights
 
 # fit
 ITERATIONS = 2          # Gauss-Newton steps at most; twice as many on an unknown ground
 CONVERGED = 0.1         # of a standard deviation: no further step
 FREEDOM = 5.0           # degrees of freedom of the Student distribution; lifted, pushes
+MAX_STEP = 0.7          # change of the ground in one step; beyond, the model is not linear
+CANDIDATES = 0.5, 1.0, 1.5  # s before the end: times of a change of ground; jumps
 DISTURBANCE_TIME = 1.0  # s, of a push, a lifted wheel; pushes
 TRANSITION_TIME = 0.3   # s after a change, not used: the axles follow one another; jumps
 CHANGE_EVIDENCE = 25.0  # twice the log likelihood ratio of a change of ground; jumps, pushes
 TRIED_EVIDENCE = 8.0    # ... and of one that is tried
+DECISION_TIME = 2.75    # s after a change, at which one that is not accepted is dropped
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior
 # grows; split
 
 # errors
-MODEL_ERROR = 0.05      # of forces, yaw rates, torques, slips of the films: tire curve, uneven
-# tires, assumed; NEES
+MODEL_ERROR = 0.05      # of forces, yaw rates and torques: tire curve, uneven tires, assumed
 MODEL_TIME = 1.0        # s, correlation time of the errors of the model, assumed; NEES
+LEAST_FORCE = 0.3       # m/s2, on which that share is taken at least; torques: the same force
 TIMING_ERROR = 0.006    # s, of the model: relaxation length, latencies that differ; slow_turn
 TRANSIENT_SHARE = 0.3   # of the change of acceleration within a wheel period: error of torques
+FILM_SLIP_ERROR = 0.02, 0.002  # relative and absolute error of a film's slip; NEES
+FILM_RATIO_ERROR = 0.04  # relative error of a normalized slip; NEES
+LEAST_RATIO = 0.1       # -, on which that share is taken at least
 SLIDING_WEIGHT = 10.0   # of a passage in full sliding: sigma over its slip along slip / t
 CURVE_ERROR = 0.03      # of mu: it varies with the slip where the tire is not a brush; NEES
 MAX_LN_SIGMA = 0.35     # of ln mu; above, mu is unknown
 
 # bounds
 UNMEASURED = 1e6        # standard deviation of a block without measurement
+MAX_RATIO = 1.5         # normalized slip: beyond, a waveform does not change
 LEAST_FRICTION = 0.2    # share of the friction that is left at the largest slip, at least
 
 

@@ -25,12 +25,10 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimation.ground.unknowns import BLOCK, ITERATIONS, JERK_DENSITY
-from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
-from smart_tire.samples import WHEELS
+from smart_tire.estimation.ground.unknowns import BLOCK, JERK_DENSITY, SMOOTHINGS
 
 # mean of the wheels, side difference, axle difference, and the remaining one: orthogonal
-MODES = np.stack([np.ones(4), -SIDE_SIGNS, AXLE_SIGNS, SIDE_SIGNS * AXLE_SIGNS]) / len(WHEELS)
+MODES = 0.25 * np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
 
 class WheelMotion(NamedTuple):
@@ -63,7 +61,7 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
     variance = (jitter * rate) ** 2 + step ** 2 / 4.0
     measured = np.apply_along_axis(np.diag, 0, 1.0 / variance).transpose(2, 0, 1)  # (4, n, n)
     weight, found = np.ones(n - 3), y
-    for _ in range(2 * ITERATIONS):
+    for _ in range(SMOOTHINGS):
         prior = (jerk.T * weight) @ jerk
         found = np.linalg.solve(prior + measured, (y / variance).T[:, :, np.newaxis])[:, :, 0].T
         weight = 2.0 / (1.0 + np.sum((jerk @ found) ** 2, axis=1))

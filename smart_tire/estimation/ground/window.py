@@ -37,14 +37,10 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
     disturbed, Measurements, Motion, Passage, STREAMS, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    CHANGE_EVIDENCE, CONVERGED, DISTURBANCE_TIME, DYNAMIC, FREEDOM, GROUND, Hypothesis, initial,
-    ITERATIONS, LENGTH, OLD_GROUND, OWN, Prior, priors, SIDES, SIDES_DIFFER, SIZE, START,
-    TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
-from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
+    CANDIDATES, CHANGE_EVIDENCE, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, FREEDOM,
+    GROUND, Hypothesis, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors,
+    SIDES, SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import NS_PER_S
-
-HOP = GROUND_STATE_PERIOD_NS / NS_PER_S  # s, between two windows
 
 
 class Rows(NamedTuple):
@@ -162,7 +158,7 @@ class GroundWindow:
                 self.changes += 1
                 best = main, fit = found
                 found = None
-            elif end - change > LENGTH - 0.5 * hop:  # hardly anything before it is left
+            elif end - change > DECISION_TIME:
                 found = None
             else:
                 likely, other = (found, (main, fit)) if gain > 0.0 else ((main, fit), found)
@@ -216,6 +212,7 @@ class GroundWindow:
             hessian = information + rows.jacobian.T @ rows.jacobian
             covariance = np.linalg.inv(hessian)
             step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
+            step *= min(1.0, MAX_STEP / max(float(np.abs(step[:DYNAMIC]).max()), 1e-9))
             at, x = x, x + step
             if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < CONVERGED:
                 break
@@ -253,7 +250,7 @@ class GroundWindow:
     def _changed(self, main: Hypothesis, fit: Fit, measurements: Measurements, leaving: float
                  ) -> tuple[Hypothesis, Fit] | None:
         """Return a fit with a change of ground if that is much more likely; None otherwise."""
-        candidates = measurements.times[-1] - HOP * np.arange(1.0, 0.5 * LENGTH / HOP + 1.0)
+        candidates = [measurements.times[-1] - before for before in CANDIDATES]
         runs = np.tile(fit.x, (3 * len(candidates) + 1, 1))
         runs[:, OLD_GROUND] = fit.x[GROUND]
         steps = np.tile(self._steps[GROUND], len(candidates))
