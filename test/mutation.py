@@ -46,7 +46,8 @@ SAFETY_PATH = (
     'smart_tire/control/*.py', 'smart_tire/drivers/roboclaw_*.py',
     'smart_tire/drivers/motor_board.py', 'smart_tire/nodes/command_input.py',
     'smart_tire/nodes/motor_driver.py', 'smart_tire/nodes/*_controller.py',
-    'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py')
+    'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py',
+    'smart_tire/cli/_following.py')
 PROCESS_TESTS = {  # source file -> tests that import it in other processes only
     'smart_tire/nodes/command_input.py': ['test/safety/test_commands.py'],
     'smart_tire/nodes/motor_driver.py': ['test/safety/test_emergency_stop.py'],

@@ -24,8 +24,6 @@ ground is known, the balance of forces are the corrections, B(6) to B(8). Three 
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections import deque
 import math
 
 import numpy as np
@@ -36,9 +34,10 @@ from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import (
     CONSIDERED, GYRO_HELD, KalmanFilter, LearnedVariance, SENSORS_HELD, StateRecorder)
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
+from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
     ACCEL_ERROR_SIGMA, BALANCE_SIGMA, ICR_WALK_SHARE, ICRS, ImuReading, ImuStep, initial_state,
-    LEARNING_TIME, MAX_NIS, MAX_SAMPLE_GAP, MIN_SIGMA, N, RESISTANCE_SHARE, SLIP_CHANGE_SHARE,
+    LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE, SLIP_CHANGE_SHARE,
     SLIP_CORRELATION_TIME, SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD,
     UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
@@ -48,42 +47,6 @@ SLOPES = State.ROLL, State.PITCH
 # where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
 ICR_LEARNED = np.ones(N)
 ICR_LEARNED[State.ICR_X] = 0.0
-
-
-class RollingHistory:
-    """
-    Predicted r w of both sides over time, without the steps of corrections.
-
-    A correction holds for the past, too: going back from the present state, only the predicted
-    changes are undone.
-    """
-
-    def __init__(self) -> None:
-        # time [s], r w [m/s] and distance [m] of both sides, all by predictions alone
-        self._points: deque[tuple[float, float, float, float, float]] = deque()
-
-    def add_step(self, time: float, dt: float, left: float, right: float) -> None:
-        """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w [m/s] of the sides."""
-        if not self._points:
-            self._points.append((time - dt, 0.0, 0.0, 0.0, 0.0))
-        _, u_left, u_right, s_left, s_right = self._points[-1]
-        self._points.append((
-            time, u_left + left, u_right + right,
-            s_left + dt * (u_left + 0.5 * left), s_right + dt * (u_right + 0.5 * right)))
-        while self._points[0][0] < time - MAX_SAMPLE_GAP:
-            self._points.popleft()
-
-    def travel_change(self, since: float) -> list[float]:
-        """Return the distances [m] since a time [s] beyond those at the present speeds."""
-        if not self._points or since >= self._points[-1][0]:
-            return [0.0, 0.0]
-        points = list(self._points)
-        i = min(max(bisect_right(points, (since, math.inf)), 1), len(points) - 1)
-        (t0, *u0, left, right), (t1, *u1, _, _), (now, *u, s_left, s_right) = (
-            points[i - 1], points[i], points[-1])
-        h = min(max(since - t0, 0.0), t1 - t0)
-        return [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * speed
-                for end, s, a, b, speed in zip((s_left, s_right), (left, right), u0, u1, u)]
 
 
 class SlipFilter:
