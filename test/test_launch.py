@@ -232,6 +232,7 @@ def test_a_motor_driver_that_died_restarts_with_the_stop_latched(
     timer, = actions  # cancelled by launch at shutdown
     assert timer.kind == 'TimerAction' and timer.options['period'] > 0.0
     again, = timer.options['actions']
+    assert again.options['respawn_delay'] == timer.options['period']
     assert again.options['executable'] == 'motor_driver' and again.options['respawn'] is True
     assert again.options['parameters'][-1] == {'start_stopped': True}
     assert again.options['parameters'][:-1] == first.options['parameters']

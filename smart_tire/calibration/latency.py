@@ -41,7 +41,7 @@ from smart_tire.uncertain import Uncertain
 MIN_INTERVAL = 0.15  # s; over shorter times the yaw rate changes little and noise dominates
 IMU_SAMPLES_PER_INTERVAL = 3.0  # minimum; between samples the rate is interpolated
 MAX_DELAY = 1.0          # s, range of the search: that of the parameter
-MAX_GRID_STEP = 0.02     # s, of the search, or a quarter of the period of the wheels
+DELAYS = np.arange(-MAX_DELAY, MAX_DELAY + 0.02, 0.02)  # s, of the coarse search
 CHANGE_INTERVAL = 1.0    # s between compared intervals: duration of a speed change or a turn
 CORRELATION_TIME = 2.0   # s over which slip, and thereby the effective track, is correlated
 
@@ -65,12 +65,6 @@ class SpeedChangeFit:
     latency: Uncertain  # s
     radius: Uncertain   # m, mean of the sides
     rolled: Array       # (n,) m/s, speed changes of the wheels, without slip
-
-
-def delay_grid(recording: Recording) -> Array:
-    """Return the delays [s] of the coarse search."""
-    step = min(MAX_GRID_STEP, 0.25 * max(min_interval(recording), period(recording.wheels.time)))
-    return np.asarray(np.arange(-MAX_DELAY, MAX_DELAY + step, step))
 
 
 def min_interval(recording: Recording) -> float:
@@ -117,7 +111,7 @@ def fit_yaw_rate(recording: Recording, robot: RobotParams) -> YawRateFit:
 
     prior = Prior.of(None, (lag, lag), (accel_slip, accel_slip),
                      PRIORS['radius difference of the sides'].prior, (0.0, robot.imu.gyro_bias))
-    fit = fit_delay(rows, prior, delay_grid(recording))
+    fit = fit_delay(rows, prior, DELAYS)
     # the delay is determined by changes of the yaw rate, the track by sustained turns, in which
     # errors may be correlated for longer
     steady = regression(fit.rows, prior, Errors(fit.rows.lags(CORRELATION_TIME)))
@@ -170,7 +164,7 @@ def fit_speed_changes(recording: Recording, robot: RobotParams) -> SpeedChangeFi
             intervals.begin - delay, intervals.end - delay)), sigma)
 
     prior = Prior.of(None, (lag, lag), None, lost.prior)
-    fit = fit_delay(rows, prior, delay_grid(recording), overlapping=True)
+    fit = fit_delay(rows, prior, DELAYS, overlapping=True)
     scale = fit.estimate(0)
     return SpeedChangeFit(
         _with_lag(fit, speed[after], rolled),
