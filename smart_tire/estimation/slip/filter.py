@@ -38,8 +38,8 @@ from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
     ACCEL_ERROR_SIGMA, BALANCE_SIGMA, ICR_WALK_SHARE, ICRS, ImuReading, ImuStep, initial_state,
     LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE, SLIP_CHANGE_SHARE,
-    SLIP_CORRELATION_TIME, SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD,
-    UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
+    SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS,
+    TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import Four, GRAVITY
 
@@ -61,12 +61,13 @@ class SlipFilter:
         self.forces = ForceBalance(robot, self.kalman)
         self._history = RollingHistory()
         # a smaller slope is one of the errors of the balance
-        self._slopes = [LearnedVariance(params.slope_sigma, BALANCE_SIGMA / GRAVITY, LEARNING_TIME)
+        self._slopes = [LearnedVariance(params.slope_sigma, BALANCE_SIGMA / GRAVITY,
+                                        SLIP_LEARNING_TIME)
                         for _ in SLOPES]
         self._icr_walk = ICR_WALK_SHARE * robot.track_width
         self._lateral_sigma = params.lateral_sigma
         self._common, self._difference = (LearnedVariance(
-            sigma, params.free_rolling_slip_sigma, LEARNING_TIME)
+            sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
             for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
         self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, LEARNING_TIME)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step

@@ -20,9 +20,9 @@ import math
 
 from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradicted
 from smart_tire.estimation.slip.state import (
-    DRIVE_JERK, IMU_WINDOW, ImuReading, ImuStep, MAX_SAMPLE_GAP,
-    MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES, MODEL_TIME, OUTLIER_SIGMAS, PERIOD_GAIN,
-    QUIET_TIME, RESIDUAL_GAIN, TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
+    DRIVE_JERK, IMU_WINDOW, ImuReading, ImuStep, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED,
+    MIN_QUIET_SAMPLES, OUTLIER_SIGMAS, PERIOD_GAIN, QUIET_TIME, RESIDUAL_GAIN, TURN_TIME,
+    TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, ImuSample, WheelSample
@@ -60,7 +60,7 @@ class ImuInput:
         self.reading: ImuReading | None = None  # last one, or its substitute in a dropout
         self.period = Period()
         self.yaw_accel = 0.0                    # rad/s2
-        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``MODEL_TIME``
+        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``TURN_TIME``
         self._begin_rate = 0.0                  # rad/s, that at the begin of the step
         self.force: tuple[float, float] | None = None  # m/s2, without vibration
         self.spikes = 0                         # samples rejected as spikes
@@ -76,7 +76,7 @@ class ImuInput:
         if self.time is not None and self.reading is not None:
             self.period.add_gap(dt)
             self.yaw_accel = (reading.yaw_rate - self.reading.yaw_rate) / dt
-        self.turn_rate += dt / (dt + MODEL_TIME) * (reading.yaw_rate - self.turn_rate)
+        self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
         self.time, self.reading = time, reading
         return reading
 

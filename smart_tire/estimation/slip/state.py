@@ -75,7 +75,7 @@ ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: ef
 # 1 to 2.2 times the track are published for skid-steer robots; field
 
 # process noise
-BIAS_WALK_SHARE = 0.005        # of the turn-on biases of the IMU, per sqrt(s), assumed; field
+BIAS_WALK_SHARE = 0.002        # of the turn-on biases of the IMU, per sqrt(s), assumed; field
 SLIP_CORRELATION_TIME = 1.0    # s, of slip and lateral speed beyond the ICR kinematics; all rows
 SLIP_CHANGE_SHARE = 0.2        # of a change of the side's speed becomes slip, assumed; sand_turn
 ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground changes; jumps
@@ -83,7 +83,8 @@ SLOPE_LENGTH = 2.0             # m, correlation length of the slope, assumed; hi
 ACCEL_ERROR_SIGMA = 0.3        # m/s2, slopes, suspension and tilt on unknown ground; field, grass
 UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip there: resistance over stiffness; field, NEES
 RESISTANCE_SHARE = 0.5         # rolling resistance over friction there, of concrete to ice; field
-LEARNING_TIME = 10.0           # s of driving, of noises, slip and slope, assumed; ice
+LEARNING_TIME = 10.0           # s of driving, of noises, assumed; ice
+SLIP_LEARNING_TIME = 25.0      # s of driving, of slip and slope, assumed; sand_straight, field
 
 # corrections
 OUTLIER_SIGMAS = 3.0          # beyond, variances grow with the square (Huber); pushes
@@ -99,7 +100,7 @@ MIN_SLIP_SPEED = 0.1          # m/s, of wheels; below, forces and noise do not f
 BALANCE_SIGMA = 0.03          # m/s2, lasting error of the balance, assumed; all rows
 FORCE_ERROR = 0.07            # of traction forces: torque constant, tire curve, assumed; jumps
 MODEL_TIME = 0.3              # s, a robot length: of lasting errors of the forces, of compared
-# innovations, and in which tires build up the slip of a turn; jumps
+# innovations; jumps
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
 EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, the
@@ -111,6 +112,7 @@ TYPICAL_PERIOD = 0.05         # s, of samples, until there are two; locked wheel
 PERIOD_GAIN = 0.1             # of a new one in the smoothed period
 IMU_WINDOW = 1.0              # s, of the vibration level, and of the mean yaw rate at standstill,
 # which is the gyro bias; assumed
+TURN_TIME = 0.2               # s, in which tires build up the slip of a turn: 10 cm; field
 DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; field
 IMU_DROPOUT = 0.1             # s without IMU samples (or 3 periods), then predict by the wheels
 MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differenced
