@@ -16,6 +16,7 @@ A bag may be given by a folder that contains it, such as ``demo_output``.
 
 from __future__ import annotations
 
+import fcntl
 import os
 from pathlib import Path
 
@@ -24,6 +25,8 @@ from smart_tire.errors import BagError, ParameterError
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 BAG_METADATA = 'metadata.yaml'
 SIMULATED = 'simulated:'  # scheme of the ports of simulated devices
+LOCK_SUFFIX = '.lock'     # of the file of the link of a simulated port
+MAX_LOCK_BYTES = 256      # of its text: process and terminal
 
 
 def port_url(port: str, namespace: str) -> str:
@@ -39,6 +42,26 @@ def port_url(port: str, namespace: str) -> str:
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     folder = Path(f'/tmp/smart_tire-{os.getuid()}', domain, namespace.strip('/'))
     return f'{SIMULATED}{folder / name}'
+
+
+def owned_terminal(link: str) -> str:
+    """
+    Return the terminal of the running simulator that has created ``link``, '' without one.
+
+    The simulator locks its lock file, which names its process and terminal. A link
+    that was left behind may lead to a terminal that is another program's by now.
+    """
+    try:
+        lock = os.open(link + LOCK_SUFFIX, os.O_RDONLY)
+    except OSError:
+        return ''
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return os.read(lock, MAX_LOCK_BYTES).decode('ascii', 'replace').partition(' ')[2]
+    finally:
+        os.close(lock)
+    return ''
 
 
 def find_bag(path: Path) -> Path:

@@ -24,7 +24,7 @@ from typing import Any
 import serial
 
 from smart_tire.errors import LinkError
-from smart_tire.paths import SIMULATED
+from smart_tire.paths import owned_terminal, SIMULATED
 
 READ_TIMEOUT = 0.1      # s, bounds the time to notice ``stop`` while waiting for bytes
 WRITE_TIMEOUT = 0.5     # s; a device that accepts no bytes for this long counts as lost
@@ -50,9 +50,12 @@ def open_port(url: str, baud_rate: int, timeout: float = READ_TIMEOUT) -> Any:
     With the scheme ``simulated:`` (``paths.port_url``) a real device is never opened. Raises
     LinkError if it is absent, busy, not permitted, or does not support the baud rate.
     """
-    path = url.removeprefix(SIMULATED)
-    if path != url and not os.path.realpath(path).startswith(PSEUDO_TERMINALS):
-        raise LinkError(f'cannot open {path}: no simulator of this namespace and ROS domain runs')
+    path = url
+    if url.startswith(SIMULATED):
+        path = owned_terminal(url.removeprefix(SIMULATED))
+        if not path.startswith(PSEUDO_TERMINALS):
+            raise LinkError(f'cannot open {url.removeprefix(SIMULATED)}: '
+                            'no simulator of this namespace and ROS domain runs')
     try:
         port = serial.serial_for_url(path, baudrate=baud_rate, timeout=timeout,
                                      write_timeout=WRITE_TIMEOUT, exclusive=True)

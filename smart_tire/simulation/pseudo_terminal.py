@@ -20,8 +20,10 @@ import time
 import tty
 
 from smart_tire.errors import LinkError
+from smart_tire.paths import LOCK_SUFFIX, MAX_LOCK_BYTES
 
 MAX_READ_BYTES = 4096  # bytes per read
+LOCK_ATTEMPTS, LOCK_DELAY = 5, 0.02  # -, s; a driver needs microseconds
 
 
 class PtyPort:
@@ -115,16 +117,20 @@ class PtyPort:
         os.makedirs(os.path.dirname(os.path.abspath(self.link)), exist_ok=True)
         if os.path.lexists(self.link) and not os.path.islink(self.link):
             raise FileExistsError('exists and is not a link')
-        lock = os.open(f'{self.link}.lock', os.O_RDWR | os.O_CREAT, 0o600)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            owner = os.read(lock, MAX_READ_BYTES).decode('ascii', 'replace')
+        lock = os.open(self.link + LOCK_SUFFIX, os.O_RDWR | os.O_CREAT, 0o600)
+        for _ in range(LOCK_ATTEMPTS):  # a driver holds it while it looks for a simulator
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                time.sleep(LOCK_DELAY)
+        else:
+            owner = os.read(lock, MAX_LOCK_BYTES).decode('ascii', 'replace').partition(' ')[0]
             os.close(lock)
-            raise FileExistsError(f'another simulator uses it (process {owner})') from error
+            raise FileExistsError(f'another simulator uses it (process {owner})')
         os.ftruncate(lock, 0)
-        os.write(lock, str(os.getpid()).encode())
         new = f'{self.link}.{os.getpid()}'
         os.symlink(self._name, new)
         os.replace(new, self.link)
+        os.write(lock, f'{os.getpid()} {self._name}'.encode())
         return lock

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 
@@ -19,6 +20,7 @@ import pytest
 import serial
 from smart_tire.drivers.serial_port import open_port, read_loop, SerialPort
 from smart_tire.errors import LinkError
+from smart_tire.simulation.pseudo_terminal import PtyPort
 from support.waiting import wait_for
 
 pytestmark = pytest.mark.safety
@@ -70,8 +72,22 @@ def test_a_simulated_port_is_never_a_real_device(port, tmp_path):
         other.symlink_to(target)
         with pytest.raises(LinkError, match='no simulator of this namespace and ROS domain runs'):
             open_port(f'simulated:{other}', 115200)
+    with PtyPort(str(tmp_path / 'imu')) as simulated:
+        open_port(f'simulated:{simulated.link}', 115200).close()
+
+
+def test_a_link_left_by_a_simulator_leads_to_no_terminal_of_another_program(port, tmp_path):
+    link = tmp_path / 'imu'
+    with PtyPort(str(link)):
+        pass
     port.plug_in()
-    open_port(f'simulated:{port.path}', 115200).close()
+    link.symlink_to(os.path.realpath(port.path))  # as after a kill: the number is used again
+    with pytest.raises(LinkError, match='no simulator of this namespace and ROS domain runs'):
+        open_port(f'simulated:{link}', 115200)
+    with PtyPort(str(link)) as simulated, open_port(f'simulated:{link}', 115200) as host:
+        host.write(b'x')
+        simulated.wait(1.0)
+        assert simulated.read() == b'x'
 
 
 def test_a_plain_file_is_refused_with_a_reason_and_not_modified(tmp_path):
