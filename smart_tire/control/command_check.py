@@ -26,8 +26,8 @@ class StallDetector:
     Detects messages that were queued while this process was stopped.
 
     Their DDS reception time is the time at which the process resumed, as if they had just
-    arrived. Call ``tick`` more often than every ``MIN_STALL_NS``. Times are nanoseconds of one
-    steady clock.
+    arrived, or later, if the transport repeats them. Call ``tick`` more often than every
+    ``MIN_STALL_NS``. Times are nanoseconds of one steady clock.
     """
 
     def __init__(self, now_ns: int) -> None:
@@ -42,9 +42,34 @@ class StallDetector:
             self.stalls += 1
         self._ticked_ns = now_ns
 
-    def may_be_queued(self, received_ns: int) -> bool:
-        """Return whether a message received then may have been queued during a stall."""
-        return self._resumed_ns is not None and received_ns < self._resumed_ns + c.QUEUE_DRAIN_NS
+    def may_be_queued(self, received_ns: int, excess_ns: int) -> bool:
+        """
+        Return whether a message received then may have been queued during a stall.
+
+        ``excess_ns`` is that of its transit time: the message was sent so long before, at least.
+        """
+        return self._resumed_ns is not None and (
+            received_ns < self._resumed_ns + c.QUEUE_DRAIN_NS
+            or received_ns - excess_ns < self._resumed_ns)
+
+
+class TransitTimes:
+    """
+    The least transit time of the messages of each publisher.
+
+    The difference to it is known even if the clock of the publisher is another one.
+    """
+
+    def __init__(self) -> None:
+        self._least_ns: dict[Hashable, int] = {}
+
+    def excess(self, publisher: Hashable, transit_ns: int) -> int:
+        """Return the excess [ns] of ``transit_ns``: time of reception minus that of sending."""
+        least_ns = min(self._least_ns.pop(publisher, transit_ns), transit_ns)
+        if len(self._least_ns) >= c.MAX_PUBLISHERS:
+            del self._least_ns[next(iter(self._least_ns))]  # the one that is silent for longest
+        self._least_ns[publisher] = least_ns
+        return transit_ns - least_ns
 
 
 def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: float,

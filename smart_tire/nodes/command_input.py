@@ -18,7 +18,7 @@ import time
 from typing import Any
 
 from smart_tire.control.command_check import (
-    check_age, PublisherMonitor, SequenceTracker, StallDetector)
+    check_age, PublisherMonitor, SequenceTracker, StallDetector, TransitTimes)
 from smart_tire.errors import CommandError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import publisher_names, UNDISCOVERED
@@ -49,14 +49,13 @@ class PublisherCheck:
         self._monitor = PublisherMonitor(round(window * NS_PER_S))
         self._sequences = SequenceTracker()
 
-    def record(self, info: Mapping[str, Any], now_ns: int, *, by_node: bool = False) -> str:
+    def record(self, sender: Hashable, now_ns: int, *, by_node: bool = False) -> str:
         """
         Record a message; return the text for a conflict of publishers, '' if there is none.
 
         With ``by_node``, publishers of one node count once, and those that have ended do not. The
         sender of this message has not ended, even if it is not discovered yet.
         """
-        sender = self._publisher(info)
         self._monitor.record(sender, now_ns)
         if not (publishers := self._monitor.conflicting(now_ns)):
             return ''
@@ -73,8 +72,8 @@ class PublisherCheck:
         """Return whether several publishers are active."""
         return len(self._monitor.conflicting(now_ns)) > 1
 
-    def _publisher(self, info: Mapping[str, Any]) -> Hashable:
-        """Return an identifier of the publisher; rclpy of Jazzy gives sequence numbers only."""
+    def sender(self, info: Mapping[str, Any]) -> Hashable:
+        """Return the publisher of a message, once; rclpy of Jazzy gives sequence numbers only."""
         identifier = info.get('publisher_gid')
         if identifier is not None:
             return bytes(identifier['data'])
@@ -115,7 +114,7 @@ class CommandInput:
         self._timeout, self._same_host = timeout, same_host
         window = max(MIN_PUBLISHER_WINDOW, PUBLISHER_WINDOW_TIMEOUTS * timeout)
         self._publishers = PublisherCheck(node, self._name, window)
-        self._stalls = StallDetector(node.steady_ns())
+        self._stalls, self._transit = StallDetector(node.steady_ns()), TransitTimes()
         self._conflict = ''
         self._warned_unstamped = unstamped_type is not None
         node.subscribe(topic, self._on_message, name=name, info=True, required=required,
@@ -134,13 +133,17 @@ class CommandInput:
     def _on_message(self, command: Any, info: Mapping[str, Any]) -> None:
         now_ns = self._node.steady_ns()
         self._stalls.tick(now_ns)
-        waited_ns = max(time.time_ns() - info['received_timestamp'], 0)
-        self._check_publisher(info, now_ns)
-        self._on_command(command, now_ns - self._age(command, now_ns, waited_ns))
+        received_ns = info['received_timestamp']
+        waited_ns = max(time.time_ns() - received_ns, 0)
+        sender = self._publishers.sender(info)
+        excess_ns = self._transit.excess(sender, received_ns - info['source_timestamp'])
+        self._check_publisher(sender, now_ns)
+        queued = self._stalls.may_be_queued(now_ns - waited_ns, excess_ns)
+        self._on_command(command, now_ns - self._age(command, now_ns, waited_ns, queued=queued))
 
-    def _age(self, command: Any, now_ns: int, waited_ns: int) -> int:
+    def _age(self, command: Any, now_ns: int, waited_ns: int, *, queued: bool) -> int:
         """Return the age [ns] of a command; raise CommandError if it is not of the present."""
-        queued, age_ns = self._stalls.may_be_queued(now_ns - waited_ns), waited_ns
+        age_ns = waited_ns
         if self._max_age is not None:
             by_stamp = queued or self._same_host
             oldest_ns = check_age(self._name, command.stamp_ns, self._node.now_ns(), waited_ns,
@@ -154,9 +157,9 @@ class CommandInput:
                 f'{self._name} has no timestamp: its age is counted from its arrival')
         return age_ns
 
-    def _check_publisher(self, info: Mapping[str, Any], now_ns: int) -> None:
+    def _check_publisher(self, sender: Hashable, now_ns: int) -> None:
         """Raise CommandError while more than one publisher sends."""
-        if text := self._publishers.record(info, now_ns):
+        if text := self._publishers.record(sender, now_ns):
             self._conflict = text
             self._on_conflict(text)
             raise CommandError(text)

@@ -110,7 +110,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _check_publisher(self, name: str, info: Mapping[str, Any]) -> None:
         """Raise CommandError if another node has sent the same kind of order a short time ago."""
-        if conflict := self._senders[name].record(info, self.steady_ns(), by_node=True):
+        senders = self._senders[name]
+        if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
             raise CommandError(conflict)
 
     def reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:

@@ -19,8 +19,10 @@ from hypothesis import strategies as st
 import pytest
 
 from smart_tire.control.command_check import (
-    check_age, PublisherMonitor, SequenceTracker, StallDetector, VelocityMux)
-from smart_tire.control.constants import MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS
+    check_age, PublisherMonitor, SequenceTracker, StallDetector, TransitTimes,
+    VelocityMux)
+from smart_tire.control.constants import (
+    MAX_PUBLISHERS, MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS)
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
@@ -63,15 +65,31 @@ def test_messages_right_after_a_stall_may_be_queued():
     stall = StallDetector(0)
     stall.tick(MIN_STALL_NS)
     assert stall.stalls == 0
-    assert not stall.may_be_queued(MIN_STALL_NS)
+    assert not stall.may_be_queued(MIN_STALL_NS, NS_PER_S)
     resumed = 2 * MIN_STALL_NS + 1
     stall.tick(resumed)
     assert stall.stalls == 1
-    assert stall.may_be_queued(resumed)
-    assert stall.may_be_queued(resumed + QUEUE_DRAIN_NS - 1)
-    assert not stall.may_be_queued(resumed + QUEUE_DRAIN_NS)
+    assert stall.may_be_queued(resumed, 0)
+    assert stall.may_be_queued(resumed + QUEUE_DRAIN_NS - 1, 0)
+    assert not stall.may_be_queued(resumed + QUEUE_DRAIN_NS, QUEUE_DRAIN_NS)
+    assert stall.may_be_queued(resumed + NS_PER_S, NS_PER_S + 1)  # sent before the process resumed
     stall.tick(resumed + MIN_STALL_NS)
     assert stall.stalls == 1
+
+
+def test_the_excess_of_a_transit_time_is_counted_from_the_least_one_of_its_publisher():
+    transit = TransitTimes()
+    assert [transit.excess('a', -HALF + late) for late in (5, 3, 7, 2, 2)] == [0, 0, 4, 0, 0]
+    assert transit.excess('b', 9) == 0
+    assert transit.excess('a', -HALF + 4) == 2
+
+
+def test_the_least_transit_time_of_the_publisher_that_is_silent_for_longest_is_forgotten():
+    transit = TransitTimes()
+    for publisher in (*range(MAX_PUBLISHERS), 0, 'new'):
+        transit.excess(publisher, 0)
+    assert transit.excess(0, 5) == 5
+    assert transit.excess(1, 5) == 0
 
 
 @given(st.lists(st.tuples(st.sampled_from('abc'), st.sampled_from(

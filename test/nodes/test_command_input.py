@@ -33,6 +33,6 @@ def test_a_second_node_that_sends_is_a_conflict_even_before_it_is_discovered(exi
         SimpleNamespace(endpoint_gid=gid, node_name=name, node_namespace='/')
         for gid, name in existing.items()])
     check = PublisherCheck(node, 'path', window=1.0)
-    texts = [check.record({'publisher_gid': {'data': gid}}, now_ns, by_node=True)
+    texts = [check.record(check.sender({'publisher_gid': {'data': gid}}), now_ns, by_node=True)
              for now_ns, gid in enumerate((FIRST, SECOND))]
     assert texts == ['', named and f'2 publishers on path: {named}']
