@@ -18,8 +18,8 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, file, hold_interrupts, is_described, text, TRANSFORMS,
-    viewer)
+    boolean, check_arguments, file, hold_interrupts, is_described, parameters_of, text,
+    TRANSFORMS, viewer)
 from smart_tire.parameters import FILES as PARAMETER_FILES
 
 SPECIAL = ('motor_driver', 'slip_estimator')  # started in another way
@@ -32,7 +32,8 @@ FILES = {  # parameter file -> its content
     'tuning': 'estimators and controllers',
 }
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
-             'simulated': boolean, **dict.fromkeys(FILES, file)}
+             'simulated': boolean, **dict.fromkeys(FILES, file),
+             'hardware': parameters_of(*PORTS, 'robot_simulator')}  # of which the file may be
 DESCRIBED = ('namespace', 'description', 'rviz', 'robot', 'tuning')  # arguments of description.py
 RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readable
 

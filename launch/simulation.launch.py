@@ -16,7 +16,8 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from smart_tire.launching import boolean, check_arguments, file, hold_interrupts, text, viewer
+from smart_tire.launching import (
+    boolean, check_arguments, file, hold_interrupts, parameters_of, text, viewer)
 
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
@@ -25,7 +26,7 @@ FILES = {  # parameter file -> its content
 }
 PORTS = {f'ports.{name}': f'simulated:{name}' for name in ('tire_radio', 'imu', 'motors')}
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
-             **dict.fromkeys(FILES, file)}
+             **dict.fromkeys(FILES, file), 'simulation': parameters_of('robot_simulator')}
 
 
 def robot(context):

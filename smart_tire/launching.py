@@ -26,6 +26,7 @@ import signal
 from typing import Any
 
 from smart_tire.errors import ParameterError
+from smart_tire.parameters.files import has_block_for
 
 # Arguments that launch itself reads, undeclared, for any launch file.
 LAUNCH_ARGUMENTS = ('emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sigkill_timeout',
@@ -116,6 +117,21 @@ def file(value: str) -> Path:
     if found.is_dir():
         raise ValueError('is a directory, expected a file')
     return found
+
+
+def parameters_of(*nodes: str) -> Converter:
+    """
+    Return a converter to the path of a parameter file with values for one of ``nodes``.
+
+    It raises ValueError if there are none: defaults, ports among them, would be used silently.
+    """
+    def convert(value: str) -> Path:
+        found = file(value)
+        if not has_block_for(found, nodes):
+            raise ValueError(f'no parameters of {" or ".join(nodes)} in this file')
+        return found
+
+    return convert
 
 
 def hold_interrupts(context: Any) -> None:

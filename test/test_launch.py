@@ -45,6 +45,7 @@ MODULES = ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',
 DEFAULTS = {'description': 'true', 'rviz': 'false', 'simulated': 'false',
             'robot': str(ROOT / 'config' / 'robot.yaml'),
             'tuning': str(ROOT / 'config' / 'tuning.yaml')}
+TUNING = DEFAULTS['tuning']
 ESTIMATORS = {'slip_estimator', 'friction_estimator'}
 INCLUDED = LAUNCH / 'description.py'  # starts no nodes of this package
 
@@ -163,6 +164,16 @@ def test_all_arguments_are_checked_before_any_process_starts(path, described):
     assert found.index(check) < found.index(following)
     assert (following.options['function'] is hold_interrupts) == (path != INCLUDED)
     assert all(found.index(following) < found.index(node) for node in of_kind(found, 'Node'))
+
+
+@pytest.mark.parametrize(('name', 'argument'), [
+    ('robot.launch.py', 'hardware'), ('simulation.launch.py', 'simulation')])
+def test_a_file_without_ports_is_refused_and_that_of_the_package_is_not(name, argument, stand_ins):
+    convert = runpy.run_path(str(LAUNCH / name))['ARGUMENTS'][argument]
+    with pytest.raises(ValueError, match='no parameters of'):
+        convert(TUNING)
+    for file in {argument, 'simulation'}:
+        convert(str(ROOT / 'config' / f'{file}.yaml'))
 
 
 @every_file
@@ -399,6 +410,8 @@ def given_files(name: str) -> list[str]:
     ('simulation', 'robot:=robott.yaml', 'robot:=robott.yaml: no such file'),
     ('robot', 'hardware:=/no/such.yaml', 'no such file'),
     ('robot', 'tuning:=/tmp', 'is a directory, expected a file'),
+    ('robot', f'hardware:={TUNING}', 'no parameters of motor_driver'),
+    ('simulation', f'simulation:={TUNING}', 'no parameters of robot_simulator in this file'),
     ('replay', 'tuning:=/no/such.yaml', 'no such file'),
     ('replay', 'bag:=/no/such/bag', 'bag:=/no/such/bag: no such file'),
     ('replay', 'rate:=fast', 'expected a positive number'),
@@ -419,14 +432,16 @@ def test_an_invalid_argument_ends_the_launch_in_one_line(name, word, message, is
 
 
 @pytest.fixture
-def simulation():
+def simulation(tmp_path):
     """Return the arguments of a simulation with its own ports; skip if not installed."""
     index = pytest.importorskip('ament_index_python', reason='no ROS distribution is sourced')
     try:
         index.get_package_prefix('smart_tire')
     except index.PackageNotFoundError:
         pytest.skip('smart_tire is not installed in a workspace')
-    return f'simulation:={ROOT}/config/tuning.yaml'  # names no ports of the simulator
+    file = tmp_path / 'simulation.yaml'
+    file.write_text('robot_simulator: {ros__parameters: {seed: 2}}')  # names no ports
+    return f'simulation:={file}'
 
 
 @real

@@ -22,8 +22,8 @@ import pytest
 
 from smart_tire.errors import ParameterError
 from smart_tire.launching import (
-    boolean, check_arguments, file, INDEX, is_described, is_installed, path, positive, text,
-    viewer)
+    boolean, check_arguments, file, INDEX, is_described, is_installed, parameters_of, path,
+    positive, text, viewer)
 
 LAUNCHED = '/opt/share/smart_tire/launch/robot.launch.py'
 CONVERTERS = {'namespace': text, 'respawn': boolean}
@@ -86,6 +86,20 @@ def test_the_error_names_argument_value_and_expectation():
 def test_an_invalid_value_is_refused_with_the_reason(converter, value, message):
     with pytest.raises(ValueError, match=message):
         converter(value)
+
+
+def test_a_parameter_file_without_the_nodes_that_it_is_for_is_refused(tmp_path):
+    """Their defaults would be used silently, the ports of real devices among them."""
+    given = tmp_path / 'some.yaml'
+    convert = parameters_of('robot_simulator', 'imu_driver')
+    given.write_text('/**/robot_simulatr: {ros__parameters: {seed: 2}}')
+    with pytest.raises(ValueError, match='no parameters of robot_simulator or imu_driver in this'):
+        convert(str(given))
+    for block in ('/**', '/r1/robot_simulator', 'imu_driver'):
+        given.write_text(f'{block}: {{ros__parameters: {{}}}}')
+        assert convert(str(given)) == given
+    with pytest.raises(ValueError, match='no such file'):
+        convert('/no/such.yaml')
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason='root may read everything')

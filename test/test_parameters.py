@@ -14,13 +14,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import math
+from pathlib import Path
 
 import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
     build, known_names, load_files, MotorDriverParams, NODE_PARAMS, RobotParams, SimulatorParams,
     SlipEstimatorParams, Spec, specs, TireReceiverParams, WheelControllerParams)
-from smart_tire.parameters.files import check_names, from_arguments
+from smart_tire.parameters.files import (
+    check_names, files_of, from_arguments, has_block_for, misspelled)
 from smart_tire.parameters.simulation import PatchParams
 from smart_tire.parameters.spec import inlined, is_known, nested, param
 
@@ -324,7 +326,36 @@ def test_an_invalid_or_missing_parameter_file_is_refused_with_its_name(tmp_path,
 
 
 def test_parameters_declared_by_rclpy_are_known():
-    check_names(['use_sim_time', 'qos_overrides./tf.publisher.depth', 'radius'], ['radius'])
+    check_names(['use_sim_time', 'start_type_description_service', 'radius'], ['radius'])
+
+
+def test_qualities_of_service_that_have_no_effect_are_refused():
+    with pytest.raises(ParameterError, match=r'a\.yaml: qos_overrides\./tf\.publisher\.depth: q'):
+        check_names(['radius', 'qos_overrides./tf.publisher.depth'], ['radius'], 'a.yaml: ')
+
+
+@pytest.mark.parametrize(('block', 'near'), [
+    ('slip_estimatr', 'slip_estimator'), ('/robot/wheelcontroller', 'wheel_controller'),
+    ('/**/robot_simulater', 'robot_simulator'), ('slip_estimator', ''), ('/r/imu_driver', ''),
+    ('/**', ''), ('/*', ''), ('amcl', ''), ('gps_receiver', ''), ('imu_driver_front', '')])
+def test_a_block_that_almost_has_the_name_of_a_node_is_reported(tmp_path, block, near):
+    path = written(tmp_path, 'a.yaml', f'"{block}": {{ros__parameters: {{}}}}')
+    text = f'{path}: {block} is ignored, did you mean {near}?'
+    assert list(misspelled(path, NODE_PARAMS)) == ([(near, text)] if near else [])
+
+
+@pytest.mark.parametrize(('block', 'applies'), [
+    ('cart', True), ('/**', True), ('/**/cart', True), ('/robot/cart', True), ('horse', False)])
+def test_a_file_has_a_block_for_a_node_in_any_namespace(tmp_path, block, applies):
+    path = written(tmp_path, 'a.yaml', f'"{block}": {{ros__parameters: {{}}}}')
+    assert has_block_for(path, ['cart']) == has_block_for(path, ['x', 'cart']) == applies
+    assert not has_block_for(path, [])
+
+
+def test_the_files_of_a_command_line_are_those_in_its_ros_arguments():
+    words = ['node', '--params-file', 'a', '--ros-args', '--params-file', 'b', '-p', 'x:=1',
+             '--params-file', 'c', '--', '--params-file', 'd']
+    assert files_of(words) == [Path('b'), Path('c')]
 
 
 def test_later_arguments_of_a_command_line_take_precedence(tmp_path):

@@ -127,6 +127,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the verb in ``args``; print an error in one line; return the exit status."""
     try:
         check_paths(args)
+        warn_of_names(getattr(args, 'params', ()))
         status = run_verb(args)
         sys.stdout.flush()
         return status
@@ -144,6 +145,16 @@ def execute(args: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader has closed the pipe, as "head" does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+
+
+def warn_of_names(files: Any) -> None:
+    """Print a line for each block in parameter ``files`` with a misspelled name of a node."""
+    if isinstance(files, list):  # a single one is no ROS parameter file
+        from smart_tire.parameters import NODE_PARAMS
+        from smart_tire.parameters.files import misspelled
+        for file in files:
+            for _, text in misspelled(file, NODE_PARAMS):
+                print(f'warning: {text}', file=sys.stderr)
 
 
 def run_verb(args: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import inspect
+import sys
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -36,9 +37,10 @@ from smart_tire.nodes.compat import (
     message_class, plain_message, RCLError, wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
-from smart_tire.nodes.parameters import declare, read
+from smart_tire.nodes.parameters import declare, is_unchanged, read
 from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos
-from smart_tire.parameters import build
+from smart_tire.parameters import build, NODE_PARAMS
+from smart_tire.parameters.files import files_of, misspelled
 from smart_tire.samples import NS_PER_S
 from std_msgs.msg import Bool
 
@@ -72,6 +74,10 @@ class SmartTireNode(Node, Generic[Params]):
         except InvalidParameterTypeException as error:  # use_sim_time, declared by rclpy
             raise ParameterError(wrong_type_message(error)) from error
         self.params: Params = declare(self, params_class)
+        for file in files_of(sys.argv):
+            for near, text in misspelled(file, NODE_PARAMS):
+                if near == name:  # one node warns, not each that gets the file
+                    self.get_logger().warning(text)
         self.inputs: dict[str, InputCounter] = {}
         self.outputs: dict[str, InputCounter] = {}
         self._counts: dict[str, int] = {}  # in the latest diagnostics
@@ -95,6 +101,18 @@ class SmartTireNode(Node, Generic[Params]):
 
     def on_parameters_changed(self) -> None:
         """Apply ``self.params`` after a parameter was changed at run time."""
+
+    def set_parameters_atomically(
+            self, parameter_list: list[Parameter[Any]]) -> SetParametersResult:
+        """
+        Set parameters, all or none; those that cannot be changed may be set to their value.
+
+        So ``ros2 param load`` accepts what ``ros2 param dump`` has written.
+        """
+        changes = [item for item in parameter_list if not is_unchanged(self, item)]
+        if parameter_list and not changes:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
 
     def create_steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Return a timer of ``period`` [s] on the steady clock, independent of /clock and NTP."""

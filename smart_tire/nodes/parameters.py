@@ -63,6 +63,13 @@ def _values_of(cls: type, values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if is_known(name, known)}
 
 
+def is_unchanged(node: Node, change: Parameter[Any]) -> bool:
+    """Return whether ``change`` sets a parameter that cannot be changed to the value it has."""
+    return (node.has_parameter(change.name)
+            and node.describe_parameter(change.name).read_only
+            and _plain(node.get_parameter(change.name).value) == _plain(change.value))
+
+
 def descriptor(spec: Spec) -> ParameterDescriptor:
     """Return the ROS descriptor of ``spec``, for parameter tools."""
     unit = '' if spec.unit == '-' else f' [{spec.unit}]'

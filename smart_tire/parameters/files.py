@@ -12,7 +12,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import difflib
 from fnmatch import fnmatchcase
 from pathlib import Path
 import re
@@ -27,6 +28,8 @@ import yaml
 ALL_NODES = '/**'
 WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}  # token of a block's name -> regular expression
 NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')
+PARAMS_FILE = '--params-file'  # option of a ROS command line
+SIMILARITY = 0.8  # of the name of a block and of a node, difflib: one or two wrong letters in ten
 ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # declared by rclpy on every node
 
 
@@ -66,20 +69,56 @@ def from_arguments(words: Sequence[str], node: str) -> dict[str, Any]:
     in an earlier file takes precedence over ``/**`` in a later file and over ``-p``.
     """
     values: dict[str, Any] = {}
-    inside, flags = False, iter(words)
-    for word in flags:
-        if word in ('--ros-args', '--'):
-            inside = word == '--ros-args'
-        elif inside and word == '--params-file':
-            for block, parameters in _blocks(Path(next(flags, ''))):
+    for option, given in _options(words):
+        if option == PARAMS_FILE:
+            for block, parameters in _blocks(Path(given)):
                 if _matches(block, node):
                     values.update(parameters)
-        elif inside and word in ('-p', '--param'):
-            name, _, text = next(flags, '').partition(':=')
+        else:
+            name, _, text = given.partition(':=')
             owner, _, name = name.rpartition(':')
             if name and owner in ('', node.rsplit('/', 1)[-1]):
                 values[name] = _load(text)
     return values
+
+
+def _options(words: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield the options of a ROS command line for parameters, and their values."""
+    inside, flags = False, iter(words)
+    for word in flags:
+        if word in ('--ros-args', '--'):
+            inside = word == '--ros-args'
+        elif inside and word in (PARAMS_FILE, '-p', '--param'):
+            yield word, next(flags, '')
+
+
+def files_of(words: Sequence[str]) -> list[Path]:
+    """Return the parameter files on a ROS command line."""
+    return [Path(given) for option, given in _options(words) if option == PARAMS_FILE]
+
+
+def misspelled(path: str | Path, nodes: Collection[str]) -> Iterator[tuple[str, str]]:
+    """
+    Yield one of ``nodes`` and a warning for each block in ``path`` that almost has its name.
+
+    ROS ignores a block for a node that does not exist; that of another package is none of ours.
+    Raises ParameterError if ``path`` is not a parameter file.
+    """
+    for block, _ in _blocks(Path(path)):
+        name = block.rsplit('/', 1)[-1]
+        if name not in nodes:
+            for near in difflib.get_close_matches(name, nodes, n=1, cutoff=SIMILARITY):
+                yield near, f'{path}: {block} is ignored, did you mean {near}?'
+
+
+def has_block_for(path: str | Path, nodes: Iterable[str]) -> bool:
+    """
+    Return whether the parameter file ``path`` has a block that applies to one of ``nodes``.
+
+    Raises ParameterError if it is not a parameter file.
+    """
+    blocks = _blocks(Path(path))
+    return any(_matches(block, node) for block, _ in blocks for node in nodes)
 
 
 def _load(text: str) -> Any:
@@ -94,8 +133,7 @@ def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> 
     """Raise ParameterError for the first of ``names`` that is neither ``known`` nor of rclpy."""
     known = set(known)
     for name in names:
-        if not is_known(name, known) and name not in ROS_NAMES \
-                and not name.startswith('qos_overrides.'):
+        if not is_known(name, known) and name not in ROS_NAMES:
             raise unknown_name_error(name, known, where)
 
 

@@ -31,6 +31,7 @@ from smart_tire.errors import ParameterError
 Params = TypeVar('Params')
 ANY_NAME = '*'    # in the place of the names of a ``named`` field
 NAMES = 'names'   # last part of the list parameter with the names of a ``named`` field
+QOS_OVERRIDES = 'qos_overrides.'  # begin of the names of parameters that nodes in C++ declare
 # parameters of earlier versions -> where what they chose is now
 MOVED = {
     'traction.unknown_friction': 'it is traction.unknown now, as friction.unknown',
@@ -211,6 +212,9 @@ def unknown_name_error(name: str, known: Iterable[str], where: str = '') -> Para
     """Return the error for an unknown parameter: where it is now, or the most similar name."""
     if name in MOVED:
         return ParameterError(f'{where}{name} is no parameter any more: {MOVED[name]}')
+    if name.startswith(QOS_OVERRIDES):
+        return ParameterError(f'{where}{name}: qualities of service are fixed; for publishers '
+                              'that offer best effort only set reliability')
     near = difflib.get_close_matches(name, list(known), n=1)
     hint = f', did you mean {near[0]}?' if near else ''
     return ParameterError(f'{where}unknown parameter {name}{hint}')

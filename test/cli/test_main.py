@@ -46,6 +46,15 @@ def raising(error):
     return run
 
 
+def test_a_misspelled_node_in_a_parameter_file_is_reported(tmp_path, monkeypatch, capsys):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('slip_estimatr: {ros__parameters: {}}')
+    monkeypatch.setattr(import_module('smart_tire.cli.main'), 'run_verb', lambda args: 0)
+    assert main(['drive', '--path', 'square', '--params', str(path)]) == 0
+    assert capsys.readouterr().err == (
+        f'warning: {path}: slip_estimatr is ignored, did you mean slip_estimator?\n')
+
+
 @pytest.mark.parametrize('name', VERBS)
 def test_every_verb_describes_itself(name, capsys):
     with pytest.raises(SystemExit) as ended:

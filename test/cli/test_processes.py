@@ -85,7 +85,8 @@ def test_children_end_if_the_parent_is_killed(tmp_path, module):
     wait_for(gone)
 
 
-def test_dds_is_restricted_to_this_machine_and_a_random_domain():
+def test_dds_is_restricted_to_this_machine_and_a_random_domain(monkeypatch):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')  # of the user, for a robot
     environment = isolated_environment()
     assert environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
     assert 0 < int(environment['ROS_DOMAIN_ID']) <= 101

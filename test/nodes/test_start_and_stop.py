@@ -15,12 +15,32 @@ from __future__ import annotations
 import signal
 
 import pytest
+from rcl_interfaces.msg import Parameter
+from rclpy.parameter import get_parameter_value, parameter_value_to_python
 from sensor_msgs.msg import Imu
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.parameters import NODE_PARAMS
 from support.graph import node_arguments, Process
+import yaml
 
 pytestmark = pytest.mark.processes
+
+
+def assert_dump_can_be_loaded(graph, name):
+    """Set all parameters to their values by way of YAML, as ros2 param dump and load do."""
+    names = graph.call('rcl_interfaces/srv/ListParameters', f'{name}/list_parameters').result.names
+    values = graph.call('rcl_interfaces/srv/GetParameters', f'{name}/get_parameters',
+                        names=names).values
+    dumped = {key: parameter_value_to_python(value) for key, value in zip(names, values)}
+    texts = {key: yaml.safe_dump(
+        value if isinstance(value, (str, bool, int, float)) else list(value),
+        default_flow_style=True) for key, value in dumped.items()}
+    loaded = [Parameter(name=key, value=get_parameter_value(text.removesuffix('...\n').strip()))
+              for key, text in texts.items()]
+    results = graph.call('rcl_interfaces/srv/SetParameters', f'{name}/set_parameters',
+                         parameters=loaded).results
+    assert {key: result.reason for key, result in zip(names, results)
+            if not result.successful} == {}
 
 
 @pytest.mark.parametrize('name', NODE_PARAMS)
@@ -30,6 +50,7 @@ def test_every_node_publishes_diagnostics_and_ends_cleanly_after_repeated_signal
         if name == 'robot_simulator' else {}
     with graph.start(name, **ports) as node:
         graph.until(lambda: name in graph.health)
+        assert_dump_can_be_loaded(graph, name)
         assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
         assert 'Traceback' not in node.output
 
@@ -73,6 +94,8 @@ def test_an_unknown_ros_argument_is_refused_by_its_name(graph, tmp_path):
 
 @pytest.mark.parametrize(('text', 'message'), [
     ('/**:\n  ros__parameters:\n    wheel_radios: 0.1\n', 'did you mean wheel_radius?'),
+    ('/**:\n  ros__parameters:\n    qos_overrides./tf.publisher.depth: 9\n',
+     'qualities of service are fixed'),
     ('/**:\n  ros__parameters:\n    units: [broken]\n', "units: 'broken', expected 16 hex digits"),
     ('/**: [', 'params.yaml'),
 ])
@@ -84,6 +107,17 @@ def test_an_invalid_parameter_file_is_refused(text, message, graph, tmp_path):
         assert node.ended() == 2
         assert message in node.output
         assert 'Traceback' not in node.output
+
+
+def test_the_node_whose_name_is_misspelled_in_a_file_warns_of_it(graph, tmp_path):
+    path = tmp_path / 'params.yaml'
+    path.write_text('wheel_controler: {ros__parameters: {rate: 20.0}}')
+    for name, warnings in (('wheel_controller', 1), ('imu_driver', 0)):
+        with Process([*node_arguments(name), '--params-file', str(path)], tmp_path / name) as node:
+            graph.until(lambda name=name: name in graph.health)
+            assert node.output.count('params.yaml: wheel_controler is ignored, did you mean '
+                                     'wheel_controller?') == warnings
+            assert node.end() == 0
 
 
 def test_integers_are_accepted_for_floats(graph):
