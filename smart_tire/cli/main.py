@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from importlib import import_module
 import os
 from pathlib import Path
@@ -153,8 +154,9 @@ def warn_of_names(files: Any) -> None:
         from smart_tire.parameters import NODE_PARAMS
         from smart_tire.parameters.files import misspelled
         for file in files:
-            for _, text in misspelled(file, NODE_PARAMS):
-                print(f'warning: {text}', file=sys.stderr)
+            with suppress(ParameterError):  # the verb reports it, if it reads the file
+                for _, text in misspelled(file, NODE_PARAMS):
+                    print(f'warning: {text}', file=sys.stderr)
 
 
 def run_verb(args: argparse.Namespace) -> int:
