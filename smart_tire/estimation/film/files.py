@@ -12,7 +12,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 import csv
 from dataclasses import dataclass
 import math
@@ -64,21 +65,27 @@ def check_series(time: Array, **others: Array) -> None:
 
 def header_of(path: Path) -> list[str]:
     """Return the names of the columns of a CSV file."""
+    with _csv_rows(path) as rows:
+        return [name.strip() for name in next(rows, [])]
+
+
+@contextmanager
+def _csv_rows(path: Path) -> Iterator[Any]:
+    """Yield the reader of a CSV file; raise ParameterError if the file is no text."""
     try:
-        with path.open(encoding='utf-8', newline='') as file:
-            return [name.strip() for name in next(csv.reader(file), [])]
+        with path.open(encoding='utf-8-sig', newline='') as file:
+            yield csv.reader(file)
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
-    except UnicodeDecodeError as error:
-        raise ParameterError(f'{path}: not a text file ({error.reason})') from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ParameterError(f'{path}: not a text file ({error})') from error
 
 
 def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
     """Return the named columns of a CSV file; with ``only``, others are an error."""
     header = header_of(path)
     indices = _column_indices(path, header, columns, only)
-    with path.open(encoding='utf-8', newline='') as file:
-        rows = csv.reader(file)
+    with _csv_rows(path) as rows:
         next(rows)
         table = [_numbers(path, rows.line_num, row, len(header)) for row in rows if row]
     values = np.array(table, dtype=float).reshape(-1, len(header))

@@ -12,6 +12,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+from hypothesis import given, HealthCheck, settings, strategies as st
 import numpy as np
 import pytest
 
@@ -69,6 +72,33 @@ def test_a_missing_or_binary_file_is_refused(tmp_path):
         read_recording(tmp_path / 'data.csv')
     with pytest.raises(ParameterError, match='expected time, input and output'):
         read_recording(written(tmp_path), ['time_s'])
+
+
+def test_a_byte_order_mark_is_accepted(tmp_path):
+    path = written(tmp_path)
+    expected = read_recording(path).output
+    path.write_bytes(b'\xef\xbb\xbf' + path.read_bytes())
+    np.testing.assert_array_equal(read_recording(path).output, expected)
+
+
+def test_a_late_byte_that_is_not_text_is_refused_in_one_line(tmp_path):
+    path = written(tmp_path, rows=[f'{0.01 * number:.2f},0.0,0.0' for number in range(9000)])
+    path.write_bytes(path.read_bytes() + b'90.0,\xe9,0.0\n')
+    with pytest.raises(ParameterError, match='data.csv: not a text file .*0xe9') as refused:
+        read_recording(path)
+    assert '\n' not in str(refused.value)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.tuples(st.integers(0, 900), st.integers(0, 255)), min_size=1, max_size=3))
+def test_changed_bytes_give_a_recording_or_are_refused(tmp_path, changes):
+    path = written(tmp_path)
+    data = bytearray(path.read_bytes())
+    for index, byte in changes:
+        data[index % len(data)] = byte
+    path.write_bytes(data)
+    with suppress(ParameterError):
+        assert len(read_recording(path).time) >= 20
 
 
 def test_series_of_different_lengths_are_refused():
