@@ -34,7 +34,7 @@ from smart_tire.analysis.pipeline import (
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
-    Bag, BagTopic, BagWriter, PARAMETERS_KEY, STANDARD_NAMES, TopicNames)
+    Bag, BagTopic, BagWriter, PARAMETERS_KEY, report_losses, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError, EstimatorError, SmartTireError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
@@ -63,6 +63,7 @@ class BagContents:
     paths: PathLog = field(default_factory=PathLog)  # that were to be followed
     late: Counter[str] = field(default_factory=Counter)
     faults: Faults = field(default_factory=Faults)
+    losses: list[str] = field(default_factory=list)    # of messages that cannot be read, one line
     skipped: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)     # recognized topics and joints
     warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
@@ -142,6 +143,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
                 analysis.contents = item
+                report_losses(path, item.losses)  # the logger of the other process has them only
                 continue
             progress(item.share / (1 + smooth))
             for receive_ns, sample in item.forwarded:
@@ -199,7 +201,8 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
         contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
-        contents.topics, contents.warnings = bag.topics, bag.warnings
+        contents.topics, contents.losses = bag.topics, bag.losses.lines()
+        contents.warnings = [*contents.losses, *bag.warnings]
     yield contents
 
 
@@ -307,7 +310,7 @@ def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:
             lines.append(f'{name}: recorded estimate, not read')
         elif topic is not None and available.get(topic.name, name) != name:
             lines.append(f'{name}: not read, {available[topic.name]} is used')
-    return lines + bag.faults.lines() + bag.warnings
+    return lines + bag.faults.lines() + bag.losses.lines() + bag.warnings
 
 
 def _write(path: Path, summary: Tree) -> None:

@@ -267,7 +267,7 @@ def read_bag(path: str | Path, *, params: Params | None = None,
             bag.joints = params.robot.joints
         recording = as_recording(bag.samples((*INPUTS, *TRUTHS)), params)
         return replace(recording, warnings=(
-            *bag.warnings, *bag.type_mismatches(), *bag.faults.lines()))
+            *bag.losses.lines(), *bag.warnings, *bag.type_mismatches(), *bag.faults.lines()))
 
 
 def write_bag(path: str | Path, recording: Recording) -> None:

@@ -11,6 +11,9 @@
 """
 Reader of one MCAP file: by its index, or record by record if the index is missing or damaged.
 
+Damage costs the chunk that has it: the index leads to the next chunk; without an index, the next
+record is found by its opcode, its length and the record after it.
+
 The record layout follows version 0 of the MCAP specification. Chunks and messages are parsed
 here: the libraries do not read truncated chunks, and for an intact file they take longer (rosbags
 2.6 times, mcap 4 to 8 times). All other records are parsed by the mcap library.
@@ -21,21 +24,22 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 from io import BytesIO
-import mmap
 from operator import itemgetter
 from pathlib import Path
+import re
 import struct
 from typing import NamedTuple
 from zlib import crc32
 
-import lz4.frame  # type: ignore[import-untyped]
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import ChunkIndex, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
-from smart_tire.bags.metadata import add_warning, Channel, custom_data_in, Message
+from smart_tire.bags.file_bytes import map_file, MAX_SIZE, unpacked
+from smart_tire.bags.metadata import (
+    add_warning, Channel, Losses, Message, Metadata as BagMetadata, metadata_in)
 from smart_tire.errors import BagError
 import zstandard
 
@@ -44,13 +48,31 @@ RECORD = struct.Struct('<BQ')            # opcode, length of the content
 MESSAGE = struct.Struct('<BQHIQQ')       # opcode, length, channel, sequence, log and publish time
 MESSAGE_HEAD = MESSAGE.size - RECORD.size
 CHUNK = struct.Struct('<QQQII')          # start, end, size, CRC, length of compression name
+CHECKSUM_OFFSET = RECORD.size + 24       # of the CRC in a chunk record
+LENGTH = struct.Struct('<Q')              # of compressed records
 FOOTER = struct.Struct('<BQQQI8s')       # opcode, length, summary, summary offsets, CRC, magic
 MAX_RUN_MESSAGES = 4096                  # unchunked messages that are read at a time
-END_OPCODES = (0, Opcode.DATA_END, Opcode.FOOTER)  # 0: zeros that a power failure leaves
+END_OPCODES = (Opcode.DATA_END, Opcode.FOOTER)
+# Starts of records with messages: opcode, and a length below 1 TB.
+CHUNK_START = re.compile(rb'\x06.{5}\0{3}', re.DOTALL)
+MESSAGES_START = re.compile(rb'[\x05\x06].{5}\0{3}', re.DOTALL)
+INDEX_ENTRY, INDEX_HEAD = 16, 15         # bytes of a message index: per message, and of the rest
 FIRST_PRIVATE_OPCODE = 0x80              # opcodes from here on are application-defined
+MAX_NAME_LENGTH = 16                     # of a compression
 METADATA_KEY = 'serialized_metadata'     # of the metadata record of rosbag2
 NO_SCHEMA = Schema(id=0, data=b'', encoding='', name='')
 DECODE_ERRORS = (McapError, struct.error, ValueError, EOFError, RuntimeError, zstandard.ZstdError)
+
+
+class Chunk(NamedTuple):
+    """Where the records of a chunk are, and what they must be."""
+
+    compression: str
+    start: int         # offset of the compressed records
+    length: int        # bytes, compressed
+    size: int          # bytes, decompressed
+    checksum: int      # CRC-32 of the decompressed records; 0 if there is none
+    messages: int = 0  # by the index; 0 if unknown
 
 
 class Block(NamedTuple):
@@ -61,25 +83,27 @@ class Block(NamedTuple):
     offset: int                   # of its first record
     size: int                     # bytes, including the record header
     channels: frozenset[int]      # ids of the channels of its messages; empty if unknown
-    is_chunk: bool
+    chunk: Chunk | None = None
 
 
 class McapFile:
     """An MCAP file, intact or damaged."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, losses: Losses | None = None) -> None:
         self.path = path
         self.warnings: list[str] = []
+        self.losses = Losses() if losses is None else losses
         self._schemas: dict[int, Schema] = {}
         self._records: dict[int, ChannelRecord] = {}
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[Channel] | None = None
+        self._listed = 0  # messages, by the statistics
         self._metadata_offsets: list[int] = []
-        self._data = _map_file(path)
-        if self._data[:len(MAGIC)] != MAGIC:
+        self._data = map_file(path)
+        self._blocks = self._read_index() or list(self._scan())
+        if not self._blocks and self._data[:len(MAGIC)] != MAGIC:
             self._data.close()
             raise BagError(f'{path}: not an MCAP file')
-        self._blocks = self._read_index() or list(self._scan())
         self._blocks.sort(key=itemgetter(0))
 
     def close(self) -> None:
@@ -92,9 +116,9 @@ class McapFile:
             return None
         return self._blocks[0].start_ns, max(block.end_ns for block in self._blocks)
 
-    def custom_data(self) -> dict[str, str]:
-        """Return the custom data in the metadata records of rosbag2, later ones win."""
-        found: dict[str, str] = {}
+    def metadata(self) -> list[BagMetadata]:
+        """Return the metadata records of rosbag2."""
+        found = []
         for offset in self._metadata_offsets:
             try:
                 length = RECORD.unpack_from(self._data, offset)[1]
@@ -103,13 +127,16 @@ class McapFile:
             except DECODE_ERRORS as error:
                 add_warning(self.warnings, f'{self.path.name}: damaged at byte {offset}: {error}')
             else:
-                found.update(custom_data_in(record.metadata.get(METADATA_KEY, '')))
+                found.append(metadata_in(record.metadata.get(METADATA_KEY, '')))
         return found
 
     def counts(self) -> dict[Channel, int]:
         """Return the message count of each channel; without index this reads the whole file."""
         if self._counts is None:
             self._counts = Counter(channel for _, channel, _ in self.messages())
+            if (found := self._counts.total()) < self._listed:
+                self.losses.add(f'{self.path.name}: {found} of {self._listed} messages in its '
+                                'statistics', self._listed - found)
         return {channel: self._counts[channel] for channel in self._channels.values()}
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
@@ -138,94 +165,183 @@ class McapFile:
         try:
             if checksum and crc32(data[start:-len(MAGIC) - 4]) != checksum:
                 raise ValueError('checksum mismatch')
-            summary = list(StreamReader(BytesIO(data[start:]), skip_magic=True).records)
+            summary = list(StreamReader(
+                BytesIO(data[start:]), skip_magic=True, emit_chunks=True).records)
             blocks = [self._indexed_block(entry) for entry in summary
                       if isinstance(entry, ChunkIndex)]
+            fitting = sum(map(self._has_header, blocks))
+            if not checksum and fitting < len(blocks) or 2 * fitting < len(blocks):
+                raise ValueError('chunks are not where it says')
+            return blocks if self._read_summary(summary, blocks) else []
         except DECODE_ERRORS as error:
             add_warning(self.warnings, f'{self.path.name}: index is damaged ({error})')
+            self._counts = None
             return []
-        return blocks if self._read_summary(summary, blocks) else []
 
     def _indexed_block(self, entry: ChunkIndex) -> Block:
-        """Return the block of an index entry; raise ValueError if the file has no such chunk."""
-        opcode, length = RECORD.unpack_from(self._data, entry.chunk_start_offset)
-        start_ns, end_ns, *_ = CHUNK.unpack_from(
-            self._data, entry.chunk_start_offset + RECORD.size)
-        if (opcode, RECORD.size + length, start_ns, end_ns) != (
-                Opcode.CHUNK, entry.chunk_length, entry.message_start_time,
-                entry.message_end_time):
-            raise ValueError(f'no such chunk at byte {entry.chunk_start_offset}')
-        return Block(start_ns, end_ns, entry.chunk_start_offset, entry.chunk_length,
-                     frozenset(entry.message_index_offsets), is_chunk=True)
+        """Return the block of an index entry, whatever the header of the chunk is."""
+        offset, end = entry.chunk_start_offset, entry.chunk_start_offset + entry.chunk_length
+        checksum, = struct.unpack_from('<I', self._data, offset + CHECKSUM_OFFSET)
+        channels = frozenset(entry.message_index_offsets)
+        messages = max(0, entry.message_index_length - INDEX_HEAD * len(channels)) // INDEX_ENTRY
+        return Block(
+            entry.message_start_time, entry.message_end_time, offset, entry.chunk_length, channels,
+            Chunk(entry.compression, end - entry.compressed_size, entry.compressed_size,
+                  entry.uncompressed_size, checksum, messages))
+
+    def _has_header(self, block: Block) -> bool:
+        """Return whether the file has the header of the chunk that ``block`` is by the index."""
+        opcode, length = RECORD.unpack_from(self._data, block.offset)
+        start_ns, end_ns, *_ = CHUNK.unpack_from(self._data, block.offset + RECORD.size)
+        return bool((opcode, RECORD.size + length, start_ns, end_ns) == (
+            Opcode.CHUNK, block.size, block.start_ns, block.end_ns))
 
     def _read_summary(self, summary: list[McapRecord], blocks: list[Block]) -> bool:
         """Read channels and counts from the summary; return whether it is complete."""
-        schemas = {entry.id for entry in summary if isinstance(entry, Schema)} | {0}
-        channels = {entry.id: entry for entry in summary if isinstance(entry, ChannelRecord)}
-        if not all(entry.schema_id in schemas for entry in channels.values()) or not all(
-                block.channels <= channels.keys() for block in blocks):
+        for entry in summary:
+            if isinstance(entry, Schema) or isinstance(entry, ChannelRecord) and (
+                    entry.schema_id in {0, *self._schemas}):
+                self._register(entry)
+        channels = {entry.id for entry in summary if isinstance(entry, ChannelRecord)}.union(
+            *(block.channels for block in blocks))
+        if not channels <= self._records.keys():
             return False
         self._metadata_offsets = [entry.offset for entry in summary
                                   if isinstance(entry, MetadataIndex)]
         for entry in summary:
-            if isinstance(entry, (Schema, ChannelRecord)):
-                self._register(entry)
-        for entry in summary:
+            if isinstance(entry, Statistics):
+                self._listed = entry.message_count
             if isinstance(entry, Statistics) and blocks:
                 counts = entry.channel_message_counts
+                if entry.chunk_count != len(blocks):
+                    return False
                 self._counts = Counter({channel: counts.get(number, 0)
                                         for number, channel in self._channels.items()})
-                return entry.chunk_count == len(blocks)
         return True
 
     def _scan(self) -> Iterator[Block]:
-        """Yield the blocks in file order, up to the last complete record."""
-        data, offset, run = self._data, len(MAGIC), _MessageRun()
-        while offset + RECORD.size <= len(data):
-            opcode, length = RECORD.unpack_from(data, offset)
-            end = offset + RECORD.size + length
-            if opcode in END_OPCODES or Opcode.DATA_END < opcode < FIRST_PRIVATE_OPCODE:
-                break
-            if opcode == Opcode.CHUNK and offset + RECORD.size + CHUNK.size <= len(data):
-                start_ns, end_ns, *_ = CHUNK.unpack_from(data, offset + RECORD.size)
-                size = min(end, len(data)) - offset  # a truncated chunk may be readable in part
-                yield Block(start_ns, end_ns, offset, size, frozenset(), is_chunk=True)
-            if end > len(data):
-                break
-            if opcode == Opcode.MESSAGE and length >= MESSAGE_HEAD:
-                run.extend(MESSAGE.unpack_from(data, offset)[4], offset, end)
+        """Yield the blocks in file order."""
+        run = _MessageRun()
+        self._metadata_offsets = []
+        for offset, end in self._record_extents():
+            opcode, chunk = self._data[offset], self._chunk_at(offset, end)
+            if not run.continues(offset):
+                yield from run.take()
+            if chunk is not None:
+                yield chunk
+            elif opcode == Opcode.MESSAGE:
+                run.extend(MESSAGE.unpack_from(self._data, offset)[4], offset, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._read(Block(0, 0, offset, end - offset, frozenset(), is_chunk=False), None)
+                self._read(Block(0, 0, offset, end - offset, frozenset()), None)
             elif opcode == Opcode.METADATA:
                 self._metadata_offsets.append(offset)
             if opcode != Opcode.MESSAGE or run.messages == MAX_RUN_MESSAGES:
                 yield from run.take()
-            offset = end
         yield from run.take()
-        if offset >= len(data) or data[offset] not in (Opcode.DATA_END, Opcode.FOOTER):
-            add_warning(self.warnings, f'{self.path.name}: file is truncated: no index, '
-                        f'{len(data) - offset} bytes after the last complete record')
+
+    def _record_extents(self) -> Iterator[tuple[int, int]]:
+        """Yield start and end of the records, also of damaged chunks; skip other damage."""
+        data, offset = self._data, len(MAGIC)
+        # In a damaged chunk no message is searched for: messages have no checksum of their own.
+        chunked = self._next_messages(CHUNK_START, offset) is not None
+        pattern = CHUNK_START if chunked else MESSAGES_START
+        while offset + RECORD.size <= len(data):
+            opcode, length = RECORD.unpack_from(data, offset)
+            end = offset + RECORD.size + length
+            chunk = self._chunk_at(offset, end)
+            intact = self._is_record(offset) and (opcode not in END_OPCODES or chunk is not None)
+            if not (intact and (end == len(data) or self._is_record(end))):
+                found = self._next_messages(pattern, offset + 1)
+                if not intact or found is not None and found < end:
+                    if chunk is not None:
+                        yield offset, end  # its content shows whether it is damaged
+                    elif found is not None:
+                        self.losses.add(f'{self.path.name}: {found - offset} bytes at byte '
+                                        f'{offset} are damaged')
+                    if found is None:
+                        break
+                    offset = found
+                    continue
+            yield offset, end
+            offset = end
+        if offset >= len(data) or data[offset] not in END_OPCODES:
+            self.losses.add(f'{self.path.name}: file is truncated: no index, '
+                            f'{len(data) - offset} bytes after the last complete record')
+
+    def _is_record(self, offset: int) -> bool:
+        """Return whether a complete record may begin at ``offset``."""
+        if offset + RECORD.size > len(self._data):
+            return False
+        opcode, length = RECORD.unpack_from(self._data, offset)
+        end = offset + RECORD.size + length
+        if opcode == Opcode.CHUNK:
+            block = self._chunk_at(offset, end)
+            return block is not None and block.offset + block.size == end
+        return end <= len(self._data) and (
+            length >= MESSAGE_HEAD if opcode == Opcode.MESSAGE
+            else 0 < opcode <= Opcode.DATA_END or opcode >= FIRST_PRIVATE_OPCODE)
+
+    def _next_messages(self, pattern: re.Pattern[bytes], offset: int) -> int | None:
+        """Return where the next record like ``pattern`` begins that a record follows."""
+        for match in pattern.finditer(self._data, offset):
+            start = match.start()
+            opcode, length, number, *_ = MESSAGE.unpack(
+                self._data[start:start + MESSAGE.size].ljust(MESSAGE.size, b'\0'))
+            end = start + RECORD.size + length
+            if (opcode == Opcode.CHUNK or number in self._records) and self._is_record(start) and (
+                    end == len(self._data) or self._is_record(end)):
+                return start
+        return None
+
+    def _chunk_at(self, offset: int, record_end: int) -> Block | None:
+        """
+        Return the chunk whose record begins at ``offset``; None if its header is not valid.
+
+        It may have a wrong opcode, if it ends where the record does.
+        """
+        data, head = self._data, offset + RECORD.size + CHUNK.size
+        if head > len(data) or data[offset] == Opcode.MESSAGE:
+            return None
+        start_ns, end_ns, size, checksum, name_length = CHUNK.unpack_from(
+            data, offset + RECORD.size)
+        start = head + name_length + LENGTH.size
+        if name_length > MAX_NAME_LENGTH or start > len(data):
+            return None
+        name, (length,) = data[head:head + name_length], LENGTH.unpack_from(
+            data, start - LENGTH.size)
+        if not length or not name.isalnum() and (name or size != length) or (
+                data[offset] != Opcode.CHUNK and start + length != record_end):
+            return None
+        return Block(start_ns, end_ns, offset, min(start + length, len(data)) - offset,
+                     frozenset(), Chunk(name.decode('latin-1'), start, length, size, checksum))
 
     def _read(self, block: Block, topics: Collection[str] | None) -> list[Message]:
-        """Return the messages in ``block``; add a warning if some cannot be read."""
+        """Return the messages in ``block``; add a loss if some cannot be read."""
         found: list[Message] = []
-        records = self._data[block.offset:block.offset + block.size]
         try:
-            if block.is_chunk:
-                records = _chunk_records(records)
-            rest = len(records) - self._parse_records(records, topics, found)
-            if rest:
-                raise ValueError(f'last {rest} of {len(records)} bytes are not a complete record')
+            records = (self._data[block.offset:block.offset + block.size] if block.chunk is None
+                       else self._chunk_records(block.chunk))
+            self._parse_records(records, topics, found)
         except DECODE_ERRORS as error:
-            add_warning(self.warnings,
-                        f'{self.path.name}: damaged at byte {block.offset}: {error}')
+            self.losses.add(f'{self.path.name}: damaged at byte {block.offset}: {error}',
+                            block.chunk.messages if block.chunk and not found else 0)
         return found
 
+    def _chunk_records(self, chunk: Chunk) -> bytes:
+        """Return the records of a chunk; of a truncated one, those that can be decompressed."""
+        packed = self._data[chunk.start:chunk.start + min(chunk.length, MAX_SIZE)]
+        records = unpacked(packed, chunk.compression, chunk.size)
+        if (len(packed) == chunk.length or len(records) == chunk.size) and (
+                len(records) != chunk.size
+                or chunk.checksum and crc32(records) != chunk.checksum):
+            raise ValueError('checksum mismatch')
+        return records
+
     def _parse_records(self, records: bytes, topics: Collection[str] | None,
-                       found: list[Message]) -> int:
-        """Append the messages in ``records`` to ``found``; return the end of the last record."""
+                       found: list[Message]) -> None:
+        """Append the messages in ``records`` to ``found``; raise ValueError if some are left."""
         wanted = self._wanted(topics)
-        offset, size, unpack = 0, len(records), MESSAGE.unpack_from
+        offset, unknown, size, unpack = 0, 0, len(records), MESSAGE.unpack_from
         padded = records + bytes(MESSAGE_HEAD)  # allows unpacking a short last record
         while offset + RECORD.size <= size:
             opcode, length, number, _, ns, _ = unpack(padded, offset)
@@ -235,13 +351,18 @@ class McapFile:
             if opcode == Opcode.MESSAGE:
                 if (channel := wanted.get(number)) is not None:
                     found.append((ns, channel, records[offset + MESSAGE.size:end]))
+                elif number not in self._records:
+                    unknown += 1
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 stream = ReadDataStream(BytesIO(records[offset + RECORD.size:end]))
                 reader = Schema if opcode == Opcode.SCHEMA else ChannelRecord
                 self._register(reader.read(stream))
                 wanted = self._wanted(topics)
             offset = end
-        return offset
+        if unknown:
+            raise ValueError(f'{unknown} messages of unknown topics')
+        if offset < size:
+            raise ValueError(f'last {size - offset} of {size} bytes are not a complete record')
 
     def _wanted(self, topics: Collection[str] | None) -> dict[int, Channel]:
         return {number: channel for number, channel in self._channels.items()
@@ -261,10 +382,11 @@ class McapFile:
                 add_warning(self.warnings, f'{self.path.name}: {record.topic} has a second type, '
                             f'{schema.name}, which is skipped')
                 return
+            stored = record.metadata
             self._channels[record.id] = Channel(
-                record.topic, schema.name, record.message_encoding, schema.data.decode(),
-                schema.encoding, record.metadata.get('offered_qos_profiles', ''),
-                record.metadata.get('topic_type_hash', ''))
+                record.topic, schema.name, record.message_encoding,
+                schema.data.decode(errors='replace'), schema.encoding,
+                stored.get('offered_qos_profiles', ''), stored.get('topic_type_hash', ''))
 
 
 class _MessageRun:
@@ -278,6 +400,9 @@ class _MessageRun:
     def messages(self) -> int:
         return len(self._times)
 
+    def continues(self, start: int) -> bool:
+        return not self._times or self._end == start
+
     def extend(self, ns: int, start: int, end: int) -> None:
         if not self._times:
             self._start = start
@@ -287,36 +412,5 @@ class _MessageRun:
     def take(self) -> Iterator[Block]:
         if self._times:
             yield Block(min(self._times), max(self._times), self._start, self._end - self._start,
-                        frozenset(), is_chunk=False)
+                        frozenset())
         self._times = []
-
-
-def _map_file(path: Path) -> mmap.mmap:
-    try:
-        with path.open('rb') as file:
-            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except ValueError as error:  # an empty file cannot be mapped
-        raise BagError(f'{path}: file is empty') from error
-    except OSError as error:
-        raise BagError(f'{path}: cannot be read ({error.strerror})') from error
-
-
-def _chunk_records(chunk: bytes) -> bytes:
-    """Return the records of a chunk; of a truncated one, those that can be decompressed."""
-    _, _, size, checksum, name_length = CHUNK.unpack_from(chunk, RECORD.size)
-    start = RECORD.size + CHUNK.size + name_length
-    compression = chunk[start - name_length:start].decode()
-    length = int.from_bytes(chunk[start:start + 8], 'little')
-    compressed = chunk[start + 8:start + 8 + length]
-    if compression == 'zstd':
-        records = zstandard.ZstdDecompressor().decompressobj().decompress(compressed)
-    elif compression == 'lz4':
-        records = lz4.frame.LZ4FrameDecompressor().decompress(compressed)
-    elif not compression:
-        records = compressed
-    else:
-        raise ValueError(f'compression is {compression}, expected zstd or lz4')
-    if len(compressed) == length and (len(records) != size or (
-            checksum and crc32(records) != checksum)):
-        raise ValueError('checksum mismatch')
-    return records

@@ -25,6 +25,7 @@ import yaml
 ROOT = 'rosbag2_bagfile_information'
 VERSION = 9
 NO_START = 2**63 - 1                       # ns, start time of a bag without messages
+MAX_REASONS = 3                            # of losses that are listed
 INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFINITE
 # The variants of libyaml, if it is installed, are ten times as fast.
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
@@ -53,6 +54,32 @@ def add_warning(warnings: list[str], text: str) -> None:
         warnings.append(text)
 
 
+class Losses:
+    """What of a bag could not be read."""
+
+    def __init__(self) -> None:
+        self.reasons: list[str] = []
+        self.messages = 0  # known to be lost for these reasons
+        self.missing = 0   # messages that metadata.yaml lists, but the files lack
+
+    def add(self, reason: str, messages: int = 0) -> None:
+        """Note a loss, once, of a known number of messages or of an unknown one, 0."""
+        if reason not in self.reasons:
+            self.reasons.append(reason)
+            self.messages += messages
+
+    def lines(self) -> list[str]:
+        """Return all losses in one line; none without losses."""
+        if not self.reasons:
+            return []
+        number = max(self.messages, self.missing)
+        shown = self.reasons[:MAX_REASONS]
+        if more := len(self.reasons) - len(shown):
+            shown.append(f'and {more} more')
+        return [f'{f"{number} messages or more" if number else "messages"} are missing: '
+                + '; '.join(shown)]
+
+
 @dataclass(frozen=True)
 class Qos:
     """Offered QoS of a publisher: the fields that replay needs."""
@@ -60,6 +87,16 @@ class Qos:
     reliability: str = 'reliable'          # or 'best_effort'
     durability: str = 'volatile'           # or 'transient_local'
     depth: int = 10
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """What metadata.yaml contains, or its copy in a file of the bag."""
+
+    files: tuple[str, ...] = ()  # names
+    messages: int = 0
+    ros_distro: str = ''
+    custom_data: Mapping[str, str] = field(default_factory=dict)  # none before version 6
 
 
 @dataclass
@@ -97,12 +134,8 @@ def write_metadata(directory: Path, contents: Contents) -> None:
     os.replace(draft, directory / BAG_METADATA)
 
 
-def read_metadata(directory: Path) -> tuple[list[Path], dict[str, str]] | None:
-    """
-    Return the files and the custom data in metadata.yaml of ``directory``; None if it is missing.
-
-    Raises BagError if it is invalid.
-    """
+def read_metadata(directory: Path) -> Metadata | None:
+    """Return the content of metadata.yaml; None if it is missing; BagError if it is invalid."""
     path = directory / BAG_METADATA
     try:
         document = yaml.load(path.read_text(encoding='utf-8'), LOADER)
@@ -110,29 +143,34 @@ def read_metadata(directory: Path) -> tuple[list[Path], dict[str, str]] | None:
         return None
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         raise BagError(f'{path}: not valid YAML') from error
     root = document.get(ROOT) if isinstance(document, Mapping) else None
     names = root.get('relative_file_paths') if isinstance(root, Mapping) else None
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise BagError(f'{path}: relative_file_paths is missing')
-    # Old versions put the name of the folder in front.
-    return [directory / PurePath(name).name for name in names], custom_data_of(root)
+    return _metadata_of(root)
 
 
-def custom_data_of(entry: object) -> dict[str, str]:
-    """Return the custom data of a metadata entry; versions before 6 have none."""
-    data = entry.get('custom_data') if isinstance(entry, Mapping) else None
-    return {str(key): str(value) for key, value in data.items()} if isinstance(
-        data, Mapping) else {}
-
-
-def custom_data_in(text: str) -> dict[str, str]:
-    """Return the custom data in the text of ``metadata_text``; none if it is not valid YAML."""
+def metadata_in(text: str) -> Metadata:
+    """Return the content of ``metadata_text``; empty if it is not valid YAML."""
     try:
-        return custom_data_of(yaml.load(text, LOADER))
-    except yaml.YAMLError:
-        return {}
+        return _metadata_of(yaml.load(text, LOADER))
+    except (yaml.YAMLError, ValueError):
+        return Metadata()
+
+
+def _metadata_of(entry: Any) -> Metadata:
+    """Return the valid parts of a metadata entry."""
+    if not isinstance(entry, Mapping):
+        return Metadata()
+    files, messages, distro, data = map(entry.get, (
+        'relative_file_paths', 'message_count', 'ros_distro', 'custom_data'))
+    return Metadata(
+        # Old versions put the name of the folder in front.
+        tuple(PurePath(str(name)).name for name in files) if isinstance(files, list) else (),
+        messages if isinstance(messages, int) else 0, distro if isinstance(distro, str) else '',
+        {str(key): str(value) for key, value in data.items()} if isinstance(data, Mapping) else {})
 
 
 def _dump(document: Any) -> str:

@@ -16,29 +16,28 @@ from pathlib import Path
 import re
 import tempfile
 
+from smart_tire.bags.file_bytes import unpack_file, ZSTD_MAGIC
 from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
-from smart_tire.bags.metadata import read_metadata
-from smart_tire.bags.sqlite_file import SqliteFile, ZSTD_MAGIC
+from smart_tire.bags.metadata import Losses, Metadata, read_metadata
+from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_SUFFIXES
-import zstandard
 
 SQLITE_MAGIC = b'SQLite format 3\x00'
-DECOMPRESS_BLOCK_SIZE = 1 << 20  # bytes
 
 
 class OpenFiles:
     """
     The files of the bag at ``path``, open for reading.
 
-    What is missing or damaged is appended to ``warnings``. Raises BagError if no file can be
-    read. ``custom_data`` is that in metadata.yaml.
+    What cannot be read is added to ``losses``, a missing metadata.yaml to ``warnings``. Raises
+    BagError if no file can be read.
     """
 
-    def __init__(self, path: Path, warnings: list[str]) -> None:
+    def __init__(self, path: Path, warnings: list[str], losses: Losses) -> None:
         self.files: list[McapFile | SqliteFile] = []
-        self.custom_data: dict[str, str] = {}
-        self._path, self._warnings = path, warnings
+        self.metadata = Metadata()  # content of metadata.yaml
+        self._path, self._warnings, self._losses = path, warnings, losses
         self._decompressed = tempfile.TemporaryDirectory(prefix='smart_tire_')
         try:
             self._open_all()
@@ -61,14 +60,14 @@ class OpenFiles:
                 errors.append(error)
         if not self.files:
             raise errors[0]
-        self._warnings += map(str, errors)
+        for unreadable in errors:
+            self._losses.add(str(unreadable))
 
     def _paths(self) -> list[Path]:
         if not self._path.exists():
             raise BagError(f'{self._path}: no such file or directory')
         if not self._path.is_dir():
             return [self._path]
-        listed: list[Path] = []
         try:
             metadata = read_metadata(self._path)
         except BagError as error:
@@ -77,10 +76,11 @@ class OpenFiles:
             if metadata is None:
                 self._warnings.append(f'{self._path}: metadata.yaml is missing')
             else:
-                listed, self.custom_data = metadata
+                self.metadata = metadata
+        listed = [self._path / name for name in self.metadata.files]
         for path in listed:
             if not path.exists():
-                self._warnings.append(f'{path}: file is missing')
+                self._losses.add(f'{path}: file is missing')
         paths = [path for path in listed if path.exists()] or sorted(
             (path for path in self._path.iterdir() if path.name.endswith(BAG_SUFFIXES)),
             key=_natural_sort_key)
@@ -91,22 +91,17 @@ class OpenFiles:
 
     def _open(self, path: Path) -> McapFile | SqliteFile:
         plain = self._decompress(path) if _first_bytes(path).startswith(ZSTD_MAGIC) else path
-        head = _first_bytes(plain)
-        if head.startswith(MCAP_MAGIC):
-            return McapFile(plain)
-        if head == SQLITE_MAGIC:
-            return SqliteFile(plain)
+        head = _first_bytes(plain)  # the first bytes may be damaged, too
+        if head.startswith(MCAP_MAGIC) or head != SQLITE_MAGIC and plain.suffix == '.mcap':
+            return McapFile(plain, self._losses)
+        if head == SQLITE_MAGIC or plain.suffix == '.db3':
+            return SqliteFile(plain, self._losses)
         raise BagError(f'{path}: not a bag file (neither MCAP nor sqlite3)')
 
     def _decompress(self, path: Path) -> Path:
         plain = Path(self._decompressed.name) / path.stem
-        with path.open('rb') as compressed, plain.open('wb') as file:
-            decompressor = zstandard.ZstdDecompressor().decompressobj()
-            try:
-                while part := compressed.read(DECOMPRESS_BLOCK_SIZE):
-                    file.write(decompressor.decompress(part))
-            except zstandard.ZstdError as error:
-                self._warnings.append(f'{path.name}: compressed file is damaged ({error})')
+        if problem := unpack_file(path, plain):
+            self._losses.add(f'{path.name}: {problem}')
         return plain
 
 

@@ -23,12 +23,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 import heapq
 from itertools import islice
+import logging
 import math
 from operator import itemgetter
 from pathlib import Path
 
 from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder
-from smart_tire.bags.metadata import add_warning, Channel, Message
+from smart_tire.bags.metadata import add_warning, Channel, Losses, Message, Metadata
 from smart_tire.bags.opening import OpenFiles
 from smart_tire.bags.topic_names import (
     candidates, match_by_name, RECOGNIZED, STANDARD_NAMES, TopicNames, WHEELS_TOPIC)
@@ -51,6 +52,7 @@ SAMPLES_TO_DECIDE = 50  # wheel samples with an effort
 MIN_SAMPLES = 5
 MIN_AGREEING = 0.8      # of the wheel samples; the driver limits some commands, e.g. in a stop
 
+logger = logging.getLogger(__name__)
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 
 
@@ -68,8 +70,9 @@ class Bag:
 
     ``names`` are standard topics with other names in the bag, ``joints`` the wheels in its
     ``wheel_states``. Without them, topics and joints are recognized if they are unambiguous;
-    ``notes`` lists those. Reading continues after damage and after invalid messages: ``warnings``
-    lists what could not be read, ``faults`` counts the invalid messages per topic.
+    ``notes`` lists those. Reading continues after damage and after invalid messages: ``losses``
+    are what could not be read so far, ``faults`` counts the invalid messages per topic. A closed
+    bag with losses is reported to the logger of this module.
     """
 
     def __init__(self, path: str | Path, names: TopicNames = STANDARD_NAMES,
@@ -80,7 +83,8 @@ class Bag:
         self._joint_names: dict[str, list[tuple[str, ...]]] = {}
         self.faults = Faults()
         self._warnings: list[str] = []
-        self._opened = OpenFiles(self.path, self._warnings)
+        self.losses = Losses()
+        self._opened = OpenFiles(self.path, self._warnings, self.losses)
         self._files = self._opened.files
 
     def __enter__(self) -> Bag:
@@ -92,10 +96,11 @@ class Bag:
     def close(self) -> None:
         """Close all files."""
         self._opened.close()
+        report_losses(self.path, self.losses.lines())
 
     @property
     def warnings(self) -> list[str]:
-        """Return what was found missing or damaged so far."""
+        """Return what else is wrong with the bag."""
         return self._warnings + [warning for file in self._files for warning in file.warnings]
 
     @cached_property
@@ -107,6 +112,10 @@ class Bag:
             for channel, count in file.counts().items():
                 channels.setdefault(channel.topic, channel)
                 counts[channel.topic] += count
+        listed, found = self._opened.metadata.messages, counts.total()
+        if found < listed:
+            self.losses.missing = listed - found
+            self.losses.add(f'{listed} are listed in metadata.yaml, {found} in the files')
         return {topic: BagTopic(channel, counts[topic]) for topic, channel in channels.items()}
 
     @cached_property
@@ -120,8 +129,17 @@ class Bag:
     @cached_property
     def custom_data(self) -> dict[str, str]:
         """Return the texts stored with ``ros2 bag record --custom-data`` or by this package."""
-        stored = {key: text for file in self._files for key, text in file.custom_data().items()}
-        return {**stored, **self._opened.custom_data}
+        return {key: text for one in self._metadata for key, text in one.custom_data.items()}
+
+    @property
+    def ros_distro(self) -> str:
+        """Return the ROS distribution that recorded the bag; '' if unknown."""
+        return next((one.ros_distro for one in reversed(self._metadata) if one.ros_distro), '')
+
+    @cached_property
+    def _metadata(self) -> list[Metadata]:
+        """Return the metadata in the files, and finally that in metadata.yaml."""
+        return [*(one for file in self._files for one in file.metadata()), self._opened.metadata]
 
     @property
     def parameters(self) -> str:
@@ -302,6 +320,12 @@ class Bag:
     def _has_other_type(self, name: str) -> bool:
         topic = find_topic(name)
         return topic is None or self.types[name] != topic.type
+
+
+def report_losses(path: Path, lines: Iterable[str]) -> None:
+    """Report the losses of the bag at ``path`` to the logger; the latest report is complete."""
+    for line in lines:
+        logger.warning('%s: %s', path, line)
 
 
 def efforts_are_duties(samples: Iterable[Sample]) -> bool:

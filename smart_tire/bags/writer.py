@@ -164,7 +164,8 @@ class Recovery:
     """Recovered message counts, and warnings about lost data."""
 
     counts: dict[str, int]  # messages by topic
-    warnings: list[str]
+    warnings: list[str]     # about something else than losses
+    losses: list[str]       # one line, none if nothing is lost
     span_ns: tuple[int, int]
 
 
@@ -172,18 +173,18 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
     """
     Write all readable messages of the bag at ``path`` into a new, indexed bag at ``out``.
 
-    The parameters in the bag and other custom data are kept.
+    The parameters in the bag, other custom data and the ROS distribution are kept.
 
     Raises BagError if the bag cannot be read or ``out`` exists.
     """
     with Bag(path) as bag:
         topics = [topic.channel for topic in bag.topics.values()]
-        with BagWriter(out, custom_data=bag.custom_data) as writer:
+        with BagWriter(out, ros_distro=bag.ros_distro, custom_data=bag.custom_data) as writer:
             for channel in topics:
                 writer.add_topic(_completed(channel))
             for receive_ns, channel, data in bag.raw():
                 writer.write(channel.topic, receive_ns, data)
-            return Recovery(writer.counts, bag.warnings, bag.span_ns)
+            return Recovery(writer.counts, bag.warnings, bag.losses.lines(), bag.span_ns)
 
 
 def _completed(channel: Channel) -> Channel:

@@ -22,6 +22,7 @@ import argparse
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from importlib import import_module
+import logging
 import os
 from pathlib import Path
 import platform
@@ -40,7 +41,7 @@ VERBS: dict[str, Any] = yaml.load(
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
          'not_negative': not_negative, 'step': step_and_bag}
 COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'report', 'reproduce'}  # without output
-FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141  # exit statuses
+FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
 ROS_PACKAGE_SUFFIXES = ('rclpy', '_msgs', '_srvs', '_interfaces')
@@ -129,8 +130,9 @@ def execute(args: argparse.Namespace) -> int:
     try:
         check_paths(args)
         warn_of_names(getattr(args, 'params', ()))
-        status = run_verb(args)
-        sys.stdout.flush()
+        with LossReport(args.verb) as losses:
+            status = run_verb(args) or losses.status
+            sys.stdout.flush()
         return status
     except (BagError, ParameterError) as error:
         return report_error(args.verb, error, USAGE)
@@ -182,6 +184,39 @@ def report_error(verb: str, error: object, status: int) -> int:
     """Print one line with the error; return ``status``."""
     print(f'smart_tire {verb}: {error}', file=sys.stderr)
     return status
+
+
+class LossReport(logging.Handler):
+    """
+    Collects the losses of the bags that a verb reads; a context manager.
+
+    Prints one line for each bag at the end, on standard error.
+    """
+
+    def __init__(self, verb: str) -> None:
+        super().__init__(logging.WARNING)
+        self._verb = verb
+        self._lines: dict[str, str] = {}  # by path
+
+    def __enter__(self) -> LossReport:
+        self._logger = logging.getLogger('smart_tire.bags')
+        self._logger.addHandler(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._logger.removeHandler(self)
+        for path, line in self._lines.items():
+            report_error(self._verb, f'{path}: {line}', INCOMPLETE)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Note a report of ``report_losses``; later ones of the same bag are more complete."""
+        path, line = map(str, record.args or ('bag', record.msg))
+        self._lines[path] = line
+
+    @property
+    def status(self) -> int:
+        """Return the exit status of a verb that has done its work."""
+        return INCOMPLETE if self._lines else 0
 
 
 class SmartTireCommand:

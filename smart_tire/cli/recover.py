@@ -31,6 +31,6 @@ def run(args: argparse.Namespace) -> int:
     print(f'{out}: {sum(result.counts.values())} messages, {(end_ns - start_ns) * 1e-9:.1f} s')
     print_counts(result.counts)
     print_warnings(result.warnings)
-    if not result.warnings:
+    if not result.warnings and not result.losses:
         print('no damage found')
     return 0

@@ -37,7 +37,7 @@ def read(tmp_path):
         file = McapFile(path)
         try:
             return [(ns, channel.topic, message) for ns, channel, message
-                    in file.messages(topics)], list(file.warnings)
+                    in file.messages(topics)], [*file.losses.reasons, *file.warnings]
         finally:
             file.close()
     return reader
@@ -174,7 +174,7 @@ def test_a_file_that_is_being_written_is_read_up_to_its_end(tmp_path):
         writer.add_message(channel, 2, b'y', 2)
         mcap = McapFile(path)
         assert [message for _, _, message in mcap.messages()] == [b'x']
-        assert mcap.warnings
+        assert mcap.losses.lines()
         mcap.close()
 
 

@@ -111,7 +111,7 @@ def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_pat
     out, damaged = tmp_path / 'out', tmp_path / 'damaged.mcap'
     damaged.write_text('no bag')
     assert analyze(damaged, bag, '--no-figures', '--out', out) == 2
-    assert 'damaged.mcap: not a bag file' in capsys.readouterr().err
+    assert 'damaged.mcap: not an MCAP file' in capsys.readouterr().err
     assert (out / 'drive' / 'summary.json').exists()
 
 

@@ -27,18 +27,22 @@ def cut(tmp_path):
     return path
 
 
-def test_message_counts_and_warnings_are_printed(cut, tmp_path, capsys):
-    assert main(['recover', str(cut)]) == 0
-    output = capsys.readouterr().out
+def test_message_counts_and_losses_are_printed(cut, tmp_path, capsys):
+    assert main(['recover', str(cut)]) == 3
+    output, error = capsys.readouterr()
     with Bag(tmp_path / 'cut_recovered') as bag:
         assert not bag.warnings
         for name, topic in bag.topics.items():
             assert f'{topic.messages} {name}' in output
-    assert 'warning: cut_0.mcap: file is truncated' in output
+        missing = len(stream(1.0)) - sum(topic.messages for topic in bag.topics.values())
+    assert 'no damage' not in output
+    assert error.startswith(f'smart_tire recover: {cut}: {missing} messages or more are missing: '
+                            'cut_0.mcap: file is truncated')
+    assert error.count('\n') == 1
 
 
 def test_a_single_file_is_recovered_into_a_folder(cut, tmp_path, capsys):
-    assert main(['recover', str(cut / 'cut_0.mcap'), '--out', str(tmp_path / 'whole')]) == 0
+    assert main(['recover', str(cut / 'cut_0.mcap'), '--out', str(tmp_path / 'whole')]) == 3
     assert (tmp_path / 'whole' / 'metadata.yaml').exists()
     assert str(tmp_path / 'whole') in capsys.readouterr().out
 

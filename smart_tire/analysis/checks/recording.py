@@ -116,5 +116,6 @@ def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambd
          ) -> CheckedRecording:
     """Return what the checks need of ``bag``, which is read once."""
     samples = bag.recording(READ, progress, restamp=False)
-    problems = (*(f'{text}: not read' for text in bag.type_mismatches()), *bag.warnings)
+    problems = (*(f'{text}: not read' for text in bag.type_mismatches()), *bag.warnings,
+                *bag.losses.lines())
     return CheckedRecording(robot, samples, bag.faults, problems)
