@@ -31,14 +31,14 @@ class StallDetector:
     """
 
     def __init__(self, now_ns: int) -> None:
-        self._ticked_ns = now_ns
+        self._ticked_ns = self._stalled_ns = now_ns
         self._resumed_ns: int | None = None
         self.stalls = 0
 
     def tick(self, now_ns: int) -> None:
         """Record that the process is running."""
         if now_ns - self._ticked_ns > c.MIN_STALL_NS:
-            self._resumed_ns = now_ns
+            self._stalled_ns, self._resumed_ns = self._ticked_ns, now_ns
             self.stalls += 1
         self._ticked_ns = now_ns
 
@@ -51,6 +51,10 @@ class StallDetector:
         return self._resumed_ns is not None and (
             received_ns < self._resumed_ns + c.QUEUE_DRAIN_NS
             or received_ns - excess_ns < self._resumed_ns)
+
+    def waited_ns(self, received_ns: int) -> int:
+        """Return for how long a message received then may have been queued, at most [ns]."""
+        return received_ns - self._stalled_ns if self.may_be_queued(received_ns, 0) else 0
 
 
 class TransitTimes:
@@ -109,6 +113,10 @@ class PublisherMonitor:
     def record(self, publisher: Hashable, now_ns: int) -> None:
         """Record a message of ``publisher``."""
         self._latest_ns[publisher] = now_ns
+
+    def forget(self) -> None:
+        """Forget all publishers."""
+        self._latest_ns.clear()
 
     def conflicting(self, now_ns: int) -> list[Hashable]:
         """Return the active publishers if there are several, otherwise an empty list."""

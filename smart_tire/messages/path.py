@@ -35,6 +35,7 @@ QUATERNION_TOLERANCE = 0.01  # of the norm; planners publish single precision or
 # size, counted from the end of this header.
 BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}  # CDR_BE, CDR_LE
 HEADER_SIZE = 4  # bytes
+MIN_COS_TILT = 0.98  # 11 degrees: paths are plane
 
 
 def path_from_msg(msg: Any) -> PlannedPath:
@@ -67,6 +68,15 @@ def goal_from_msg(msg: Any) -> GoalPose:
 def goal_to_msg(msg: Any, sample: GoalPose) -> Any:
     """Write ``sample`` into a PoseStamped and return it."""
     return _set_pose(msg, sample.stamp_ns, sample.frame, sample.pose)
+
+
+def transform_from_msg(msg: Any) -> Vector3:
+    """Return x, y [m] and yaw [rad] of a TransformStamped; yaw is NaN if its frame is tilted."""
+    pose = SimpleNamespace(position=msg.transform.translation, orientation=msg.transform.rotation)
+    x, y, yaw = _pose(pose, f'transform of {msg.child_frame_id}', 'transform')
+    rotation = pose.orientation
+    cos_tilt = 1.0 - 2.0 * (rotation.x**2 + rotation.y**2)
+    return x, y, yaw if cos_tilt > MIN_COS_TILT else NAN
 
 
 def progress_from_msg(msg: Any) -> PathProgress:
@@ -177,14 +187,19 @@ class CdrReader:
             orientation=SimpleNamespace(x=q_x, y=q_y, z=q_z, w=q_w)))
 
 
+def check_pose_count(count: int, max_poses: int) -> None:
+    """Raise MessageError for a path of too many poses."""
+    if count > max_poses:
+        raise MessageError(f'path: {count} poses, expected at most {max_poses} '
+                           '(checks.max_path_poses)')
+
+
 def path_from_bytes(data: bytes, max_poses: int) -> PlannedPath:
     """Return the path in a serialized Path; raise MessageError if it has too many poses."""
     reader = CdrReader(data)
     try:
         header, count = reader.header(), reader.count()
-        if count > max_poses:
-            raise MessageError(f'path: {count} poses, expected at most {max_poses} '
-                               '(checks.max_path_poses)')
+        check_pose_count(count, max_poses)
         return path_from_msg(SimpleNamespace(
             header=header, poses=(reader.stamped_pose() for _ in range(count))))
     except (struct.error, UnicodeDecodeError) as error:

@@ -21,7 +21,7 @@ from smart_tire.control.command_check import (
     check_age, PublisherMonitor, SequenceTracker, StallDetector, TransitTimes)
 from smart_tire.errors import CommandError
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import publisher_names, UNDISCOVERED
+from smart_tire.nodes.compat import action_clients, publisher_names, UNDISCOVERED
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.samples import NS_PER_S
 
@@ -42,12 +42,18 @@ def without_idle(topic: str, publishers: Iterable[str]) -> list[str]:
 
 
 class PublisherCheck:
-    """Names the publishers that send on the topic ``name`` within ``window`` [s], if several."""
+    """
+    Names the publishers that send on the topic ``name`` within ``window`` [s], if several.
 
-    def __init__(self, node: SmartTireNode[Any], name: str, window: float) -> None:
-        self._node, self._name = node, name
+    With ``action``, those are the clients that send goals to the action ``name``.
+    """
+
+    def __init__(self, node: SmartTireNode[Any], name: str, window: float, *,
+                 action: bool = False) -> None:
+        self._node, self._name, self._action = node, name, action
         self._monitor = PublisherMonitor(round(window * NS_PER_S))
         self._sequences = SequenceTracker()
+        self._latest: Hashable = None
 
     def record(self, sender: Hashable, now_ns: int, *, by_node: bool = False) -> str:
         """
@@ -56,17 +62,27 @@ class PublisherCheck:
         With ``by_node``, publishers of one node count once, and those that have ended do not. The
         sender of this message has not ended, even if it is not discovered yet.
         """
+        self._latest = sender
         self._monitor.record(sender, now_ns)
         if not (publishers := self._monitor.conflicting(now_ns)):
             return ''
-        existing = publisher_names(self._node, self._name)
+        existing = (action_clients if self._action else publisher_names)(self._node, self._name)
         if by_node and isinstance(sender, bytes):
             publishers = [item for item in publishers if item in existing or item == sender]
         names, count = self._names(publishers, existing), len(publishers)
         if by_node:
             names = sorted({*names})
             count = len(names)
-        return f'{count} publishers on {self._name}: {", ".join(names)}' if count > 1 else ''
+        kind = 'clients of' if self._action else 'publishers on'
+        return f'{count} {kind} {self._name}: {", ".join(names)}' if count > 1 else ''
+
+    def renew(self, now_ns: int) -> None:
+        """Record that what the latest sender has sent is still in force."""
+        self._monitor.record(self._latest, now_ns)
+
+    def forget(self) -> None:
+        """Forget all senders: what they have sent is done."""
+        self._monitor.forget()
 
     def conflicting(self, now_ns: int) -> bool:
         """Return whether several publishers are active."""

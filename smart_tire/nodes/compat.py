@@ -45,7 +45,7 @@ def new_executor() -> Any:
 
 
 def message_class(type_name: str) -> type[Any]:
-    """Return the class of a message or service type such as ``sensor_msgs/msg/Imu``."""
+    """Return the class of a message, service or action type such as ``sensor_msgs/msg/Imu``."""
     package, kind, name = type_name.split('/')
     return cast('type[Any]', getattr(import_module(f'{package}.{kind}'), name))
 
@@ -62,10 +62,10 @@ def has_matched(node: Node, topic: str) -> bool:
     return publishers > 0 and all(count >= publishers for count in counts)
 
 
-def transform_class() -> type[Any] | None:
-    """Return the message class of /tf; None if tf2_msgs is not installed."""
+def installed_class(type_name: str) -> type[Any] | None:
+    """Return the class of a message or action type; None if its package is not installed."""
     try:
-        return message_class('tf2_msgs/msg/TFMessage')
+        return message_class(type_name)
     except ModuleNotFoundError:
         return None
 
@@ -88,6 +88,18 @@ def publisher_names(node: Node, topic: str) -> dict[Hashable, str]:
     """Return endpoint identifier -> fully qualified node name of the publishers of ``topic``."""
     return {bytes(info.endpoint_gid): full_name(info)
             for info in node.get_publishers_info_by_topic(topic)}
+
+
+def action_clients(node: Node, action: str) -> dict[Hashable, str]:
+    """Return endpoint identifier -> fully qualified node name of the clients of ``action``."""
+    return {bytes(info.endpoint_gid): full_name(info) for info in
+            node.get_subscriptions_info_by_topic(f'{action}/_action/feedback')}
+
+
+def action_servers(node: Node, action: str) -> list[str]:
+    """Return the fully qualified names of the nodes that serve ``action``."""
+    return sorted({full_name(info) for info in
+                   node.get_publishers_info_by_topic(f'{action}/_action/feedback')})
 
 
 def full_name(info: Any) -> str:

@@ -20,7 +20,7 @@ from geometry_msgs.msg import TransformStamped
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.streams import HOLDING, SLIP
 from smart_tire.messages import imu_mounting_to_msg, transform_to_msg
-from smart_tire.nodes.compat import transform_class
+from smart_tire.nodes.compat import installed_class
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
 from smart_tire.nodes.qos import publisher_qos
@@ -56,7 +56,7 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
                            required=name not in HOLDING,
                            from_msg=self.conversion(name, self.params.robot.joints))
         self.create_service(Trigger, 'reset_odometry', self._on_reset_odometry)
-        transforms = transform_class()
+        transforms = installed_class('tf2_msgs/msg/TFMessage')
         self._publish_transform: Callable[[Odometry], None] | None = None
         if transforms is not None and self.params.robot.publish_tf:
             self._publish_transform = self._transform_publisher(transforms)

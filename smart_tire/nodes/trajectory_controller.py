@@ -21,13 +21,17 @@ from typing import Any
 
 from smart_tire.control.command_check import check_age
 from smart_tire.control.trajectory_control import State, TrajectoryControl
-from smart_tire.errors import CommandError
-from smart_tire.messages import path_from_bytes, wheels_from_msg
+from smart_tire.errors import CommandError, SmartTireError
+from smart_tire.messages import (
+    check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.command_input import PublisherCheck
+from smart_tire.nodes.compat import installed_class
 from smart_tire.nodes.diagnostics import InputCounter, Status
+from smart_tire.nodes.follow_path import FollowPathServer, Goal, NAME as ACTION
 from smart_tire.nodes.qos import order_profiles
 from smart_tire.nodes.runner import run
+from smart_tire.nodes.transforms import Order, Transforms
 from smart_tire.parameters import TrajectoryControllerParams
 from smart_tire.samples import GoalPose, Odometry, PlannedPath
 from std_srvs.srv import Trigger
@@ -35,7 +39,7 @@ from std_srvs.srv import Trigger
 PROGRESS_PERIOD = 0.25  # s between messages of path_progress, docs/topics.md
 PUBLISHER_WINDOW = 5.0  # s: planners that renew their paths at 0.2 Hz and faster are in conflict
 LOG_PERIOD = 1.0  # s between log lines for messages that are refused
-Order = PlannedPath | GoalPose
+ORDERS = ('path', 'goal_pose', ACTION)
 
 
 class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
@@ -43,9 +47,11 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     Follows a path, or drives to a goal, with commands of the body velocity.
 
     Subscribes to ``path``, ``goal_pose``, ``odom``, ``wheel_states``, ``wheel_slip``,
-    ``ground_state`` and ``emergency_stop_active``; publishes ``cmd_vel`` (only while it follows,
+    ``ground_state``, ``emergency_stop_active`` and, if tf2_msgs is installed, ``/tf`` and
+    ``/tf_static``; publishes ``cmd_vel`` (only while it follows,
     then one command of zero, or zero from then on with ``hold_on_arrival``), ``path_progress`` and
-    ``/diagnostics``. Service: ``cancel_path``.
+    ``/diagnostics``. Service: ``cancel_path``. Action, if nav2_msgs is installed and unless
+    ``follow_path`` is false: ``follow_path``.
 
     Parameters: those of ``TrajectoryControllerParams``.
     """
@@ -54,13 +60,22 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         super().__init__('trajectory_controller', TrajectoryControllerParams)
         params = self.params
         self._control = TrajectoryControl(params)
-        self._order: Order | None = None  # the latest one that was accepted
+        self._given: Order | None = None  # the latest one that was accepted
+        self._order: Order | None = None  # the same in the frame of odom
+        self._goal: Goal | None = None    # of follow_path, from which it is
+        self._is_ending = False
         self._odometry: Odometry | None = None
         self._emergency_stop = False
         self._reported = self._control.state, self._control.reason
         self._publish_velocity = self.make_publisher('cmd_vel')
         self._publish_progress = self.make_publisher('path_progress')
+        self._transforms = Transforms(self)
         self._subscribe_orders()
+        self._server: FollowPathServer | None = None
+        action = installed_class('nav2_msgs/action/FollowPath')
+        if action is not None and params.follow_path:
+            self.inputs[ACTION] = InputCounter()
+            self._server = FollowPathServer(self, action, self._on_goal, self._step)
         self.subscribe('odom', self._on_odometry, required=True, reliability=params.reliability)
         self.subscribe('wheel_states', self._control.add_wheels, announced=True,
                        reliability=params.reliability,
@@ -75,8 +90,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self.create_steady_timer(PROGRESS_PERIOD, self._send_progress)
 
     def _subscribe_orders(self) -> None:
-        self._senders = {name: PublisherCheck(self, name, PUBLISHER_WINDOW)
-                            for name in ('path', 'goal_pose')}
+        self._senders = {name: PublisherCheck(self, name, PUBLISHER_WINDOW, action=name == ACTION)
+                         for name in ORDERS}
         self.subscribe('path', partial(self._on_order, 'path'),
                        profiles=order_profiles('path'), raw=True, from_msg=self._read_path)
         self.subscribe('goal_pose', partial(self._on_order, 'goal_pose'),
@@ -87,24 +102,52 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def stop(self) -> None:
         """Stop the robot if it follows a path."""
+        self._is_ending = True
         self._end('node ended')
+        if self._server is not None:
+            self._server.close()
+
+    def destroy_node(self) -> None:
+        """Destroy the action server, which rclpy leaves to its owner, and the node."""
+        if self._server is not None:
+            self._server.destroy()
+        super().destroy_node()
 
     def on_parameters_changed(self) -> None:
         """Use the new parameters."""
         self._control.params = self.params
 
-    def _on_order(self, name: str, order: Order, info: Mapping[str, Any]) -> None:
+    def _on_goal(self, goal: Goal, info: Mapping[str, Any]) -> None:
+        """Follow the path in a goal of the action, under the same conditions as others."""
+        counter, path = self.inputs[ACTION], goal.request.path
+        try:
+            check_pose_count(len(path.poses), self.params.checks.max_path_poses)
+            self._on_order(ACTION, path_from_msg(path), info, goal)
+        except SmartTireError as error:
+            self.reject_input(ACTION, counter, error)
+        else:
+            counter.accept(self.steady_ns())
+
+    def _on_order(self, name: str, order: Order, info: Mapping[str, Any],
+                  goal: Goal | None = None) -> None:
         """Follow a new path or goal, unless it is of the past, or another node sends them, too."""
+        if self._is_ending:
+            raise CommandError(f'{name}: the node ends')
         self._check_publisher(name, info)
-        if self._control.state == State.FOLLOWING and order == self._order:
-            return  # repeated: a new beginning would lead back to parts already driven
+        if self._control.state == State.FOLLOWING and order == self._given:
+            # repeated: a new beginning would lead back to parts already driven
+            self._goal = goal or self._goal
+            self._step()
+            return
         # from its publication on, since a latched one is received when this node starts
         waited_ns = max(time.time_ns() - info['source_timestamp'], 0)
         check_age(name, order.stamp_ns, self.now_ns(), waited_ns, self.params.path_max_age)
         if self._emergency_stop:
             raise CommandError(f'{name}: the emergency stop is active')
-        self._order = order
-        self._control.follow(order, self.now_ns())
+        self._order = self._transforms.in_frame(
+            self.params.robot.frames['odom'], name, order, self.params.transform_max_age)
+        self._given, self._goal = order, goal
+        self._control.follow(self._order, self.now_ns())
         self._reported = self._reported[0], 'new order'  # report it, also if the state is the same
         self._step()
 
@@ -116,7 +159,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
         """Stop the robot for a path or goal that is invalid: the one before is outdated."""
-        if name not in ('path', 'goal_pose'):
+        if name not in ORDERS:
             super().reject_input(name, counter, error)
             return
         counter.reject(str(error))
@@ -146,13 +189,27 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         return True
 
     def _step(self) -> None:
+        if self._goal is not None and self._goal.is_cancel_requested:
+            self._control.cancel('canceled by the client of follow_path')
         command = self._control.step(self.now_ns())
         if command is not None:
             self._publish_velocity(command)
+        if self._server is not None:
+            self._end_goals(self._server)
         if self._reported != (found := (self._control.state, self._control.reason)):
             self._log_state(before=self._reported[0])
             self._reported = found
             self._send_progress()
+
+    def _end_goals(self, server: FollowPathServer) -> None:
+        """End goals of the action that are not followed any more."""
+        server.tick()
+        state, senders = self._control.state, self._senders[ACTION]
+        if state != State.FOLLOWING:
+            self._goal = None
+            if not senders.conflicting(self.steady_ns()):
+                senders.forget()  # another client may be the next
+        server.end_others(self._goal, state, self._control.cause, self._control.reason)
 
     def _log_state(self, before: State) -> None:
         state, reason = self._control.state, self._control.reason
@@ -181,7 +238,14 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         return math.dist(end[:2], self._odometry.position[:2])
 
     def _send_progress(self) -> None:
-        self._publish_progress(self._control.progress(self.now_ns()))
+        progress = self._control.progress(self.now_ns())
+        self._publish_progress(progress)
+        if self._server is None or self._goal is None or self._odometry is None:
+            return
+        self._senders[ACTION].renew(self.steady_ns())
+        if math.isfinite(progress.remaining_distance):
+            self._server.send_feedback(self._goal, progress.remaining_distance,
+                                       progress.cross_track_error, abs(self._odometry.linear[0]))
 
     def fill_status(self, status: Status) -> None:
         """Add state and progress, and why the robot does not follow."""

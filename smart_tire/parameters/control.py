@@ -162,6 +162,11 @@ class TrajectoryControllerParams:
     path_max_age: float = param(
         2.0, 's', 'path or goal_pose older or further in the future is refused', (0.1, 3600.0),
         live=True)
+    transform_max_age: float = param(
+        2.0, 's', 'path in another frame refused if a transform to odom_frame is older', (
+            0.05, 3600.0), live=True)
+    follow_path: bool = param(
+        True, '-', 'serve the action follow_path of nav2; false: its controller_server does')
     hold_on_arrival: bool = param(
         False, '-', 'keep commanding zero after arrival, so that the wheels hold', live=True)
     limits: MotionLimitParams = nested(MotionLimitParams, live=True)

@@ -73,6 +73,8 @@ def test_messages_right_after_a_stall_may_be_queued():
     assert stall.may_be_queued(resumed + QUEUE_DRAIN_NS - 1, 0)
     assert not stall.may_be_queued(resumed + QUEUE_DRAIN_NS, QUEUE_DRAIN_NS)
     assert stall.may_be_queued(resumed + NS_PER_S, NS_PER_S + 1)  # sent before the process resumed
+    assert stall.waited_ns(resumed + 5) == resumed + 5 - MIN_STALL_NS
+    assert stall.waited_ns(resumed + QUEUE_DRAIN_NS) == 0
     stall.tick(resumed + MIN_STALL_NS)
     assert stall.stalls == 1
 

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Poses on /tf and /tf_static, published only if tf2_msgs is installed."""
+"""Transforms: published, and used for orders in other frames, only if tf2_msgs is installed."""
 
 from __future__ import annotations
 
@@ -18,15 +18,22 @@ from contextlib import contextmanager
 import math
 import sys
 from types import SimpleNamespace
+from typing import Any
 
+from hypothesis import given, HealthCheck, settings, strategies as st
 from nav_msgs.msg import Odometry as OdometryMsg
+import numpy as np
 import pytest
 import rclpy
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.messages import TOPICS
-from smart_tire.nodes import compat, slip_estimator
-from smart_tire.samples import Odometry
+from smart_tire.nodes import compat, slip_estimator, transforms
+from smart_tire.nodes.diagnostics import InputCounter
+from smart_tire.nodes.transforms import MAX_FRAMES, Transforms
+from smart_tire.rotation import quaternion
+from smart_tire.samples import GoalPose, Odometry, PlannedPath
 
 pytestmark = pytest.mark.processes
 
@@ -61,7 +68,7 @@ def started(*parameters: str) -> Iterator[Node]:
 @pytest.fixture
 def tf2_msgs(monkeypatch, isolated_ros):
     """Replace the message class of tf2_msgs by a stand-in."""
-    monkeypatch.setattr(slip_estimator, 'transform_class', lambda: SimpleNamespace)
+    monkeypatch.setattr(slip_estimator, 'installed_class', lambda _: SimpleNamespace)
 
 
 def only_transform(messages):
@@ -118,7 +125,155 @@ def test_the_mounting_of_the_imu_is_left_to_robot_state_publisher_on_request(tf2
 
 def test_nothing_is_published_on_tf_without_tf2_msgs(monkeypatch, isolated_ros):
     monkeypatch.setitem(sys.modules, 'tf2_msgs', None)
-    assert compat.transform_class() is None
+    assert compat.installed_class('tf2_msgs/msg/TFMessage') is None
     with started() as node:
         node.publish_estimate(ODOMETRY)
     assert not hasattr(node, 'sent')
+
+
+class Listener:
+    """A stand-in of the node that follows orders; its clocks show ``now``."""
+
+    def __init__(self) -> None:
+        self.now = 100.0  # s
+        self.inputs: dict[str, InputCounter] = {}
+        self.profiles: dict[str, QoSProfile] = {}
+        self.rejected: list[str] = []
+        self.transforms = Transforms(self)
+
+    def create_subscription(self, cls, name, callback, profile):
+        """Keep the profile."""
+        self.profiles[name] = profile
+
+    def now_ns(self) -> int:
+        """Return the time."""
+        return round(self.now * 1e9)
+
+    steady_ns = now_ns
+
+    def reject_input(self, name, counter, error):
+        """Keep the message."""
+        self.rejected.append(f'{name}: {error}')
+
+    def add(self, parent, child, x, y, yaw, *, tilt=0.0, age=0.0, name='/tf'):
+        """Receive a transform."""
+        stamp = SimpleNamespace(sec=0, nanosec=round((self.now - age) * 1e9))
+        turn = quaternion(tilt, 0.0, yaw)
+        self.transforms.add(name, SimpleNamespace(transforms=[SimpleNamespace(
+            header=SimpleNamespace(stamp=stamp, frame_id=parent), child_frame_id=child,
+            transform=SimpleNamespace(
+                translation=SimpleNamespace(x=x, y=y, z=0.0),
+                rotation=SimpleNamespace(**dict(zip('xyzw', turn)))))]))
+
+    def odom(self, frame, *pose):
+        """Return a pose of ``frame`` in odom."""
+        goal = self.transforms.in_frame('odom', 'goal_pose', GoalPose(1, frame, pose), 2.0)
+        assert (goal.stamp_ns, goal.frame) == (1, 'odom')
+        return goal.pose
+
+
+@pytest.fixture
+def listener(monkeypatch):
+    """Return a node that receives transforms."""
+    monkeypatch.setattr(transforms, 'installed_class', lambda _: SimpleNamespace)
+    return Listener()
+
+
+numbers = st.floats(-50.0, 50.0)
+places = st.tuples(numbers, numbers, st.floats(-math.pi, math.pi))
+
+
+def as_matrix(x: float, y: float, yaw: float) -> Any:
+    """Return the homogeneous matrix of a pose in the plane."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, x], [sin, cos, y], [0.0, 0.0, 1.0]])
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(odom=places, field=places, dock=places, pose=places)
+def test_a_pose_is_converted_through_all_frames_up_to_the_common_one(
+        listener, odom, field, dock, pose):
+    listener.add('earth', 'map', 1.0, 2.0, 3.0)
+    listener.add('map', 'odom', *odom)
+    listener.add('odom', 'base_link', 3.0, 2.0, 1.0)
+    listener.add('map', 'field', *field, name='/tf_static')
+    listener.add('field', 'dock', *dock, name='/tf_static')
+    expected = np.linalg.inv(as_matrix(*odom)) @ as_matrix(*field) @ as_matrix(
+        *dock) @ as_matrix(*pose)
+    assert as_matrix(*listener.odom('dock', *pose)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_path_keeps_poses_without_yaw_and_one_in_odom_is_left_as_it_is(listener):
+    listener.add('map', 'odom', 1.0, 0.0, math.pi / 2.0)
+    path = PlannedPath(7, 'map', ((1.0, 0.0, math.nan), (1.0, 2.0, math.pi / 2.0)))
+    found = listener.transforms.in_frame('odom', 'path', path, 2.0)
+    assert (found.stamp_ns, found.frame) == (7, 'odom')
+    assert np.array(found.poses) == pytest.approx(
+        np.array([[0.0, 0.0, math.nan], [2.0, 0.0, 0.0]]), nan_ok=True)
+    for frame in ('odom', ''):
+        order = PlannedPath(7, frame, ())
+        assert listener.transforms.in_frame('odom', 'path', order, 2.0) is order
+
+
+def test_old_transforms_are_late_but_static_ones_are_not(listener):
+    listener.add('map', 'odom', 0.0, 0.0, 0.0)
+    listener.add('map', 'dock', 1.0, 0.0, 0.0, name='/tf_static')
+    assert listener.odom('dock', 0.0, 0.0, 0.0) == (1.0, 0.0, 0.0)
+    listener.now += 2.1
+    with pytest.raises(LateCommandError, match='/tf from map to odom: 2.1 s old'):
+        listener.odom('dock', 0.0, 0.0, 0.0)
+    listener.add('map', 'odom', 0.0, 0.0, 0.0, age=2.1)  # from another clock, or delayed
+    with pytest.raises(LateCommandError):
+        listener.odom('map', 0.0, 0.0, 0.0)
+    listener.add('map', 'odom', 0.0, 0.0, 0.0, age=-1.0)  # as amcl, which stamps in the future
+    assert listener.odom('map', 0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+    listener.now += 2.1  # amcl has ended
+    with pytest.raises(LateCommandError):
+        listener.odom('map', 0.0, 0.0, 0.0)
+
+
+def test_frames_without_connection_are_late_and_loops_end(listener):
+    for parent, child in (('map', 'camera'), ('one', 'two'), ('two', 'one'), ('odom', 'odom')):
+        listener.add(parent, child, 0.0, 0.0, 0.0)
+    for frame in ('map', 'camera', 'one', 'nowhere'):
+        with pytest.raises(LateCommandError, match=f"frame '{frame}', expected odom: /tf does"):
+            listener.odom(frame, 0.0, 0.0, 0.0)
+
+
+def test_frames_that_move_with_the_robot_or_are_tilted_are_refused(listener):
+    listener.add('odom', 'base_link', 1.0, 0.0, 0.0)
+    listener.add('base_link', 'laser', 0.1, 0.0, 0.0)
+    for frame in ('base_link', 'laser'):
+        with pytest.raises(CommandError, match='or a frame that does not move') as found:
+            listener.odom(frame, 1.0, 0.0, 0.0)
+        assert not isinstance(found.value, LateCommandError)
+    listener.add('map', 'odom', 0.0, 0.0, 0.0, tilt=0.1)
+    assert listener.odom('map', 1.0, 0.0, 0.0)[0] == pytest.approx(1.0)
+    listener.add('map', 'odom', 0.0, 0.0, 0.0, tilt=0.3)
+    with pytest.raises(CommandError, match='tilted'):
+        listener.odom('map', 1.0, 0.0, 0.0)
+
+
+def test_invalid_transforms_are_counted_and_their_number_is_bounded(listener):
+    listener.add('map', 'odom', 0.0, 0.0, 0.0)
+    listener.add('map', 'odom', math.nan, 0.0, 0.0)
+    assert 'transform of odom' in listener.rejected[0]
+    for index in range(MAX_FRAMES + 10):
+        listener.add('map', f'frame {index}', 1.0, 0.0, 0.0)
+    assert listener.odom('frame 10', 1.0, 0.0, 0.0)[0] == 2.0
+    with pytest.raises(LateCommandError):
+        listener.odom(f'frame {MAX_FRAMES}', 0.0, 0.0, 0.0)
+    listener.add('map', 'odom', 1.0, 0.0, 0.0)  # known ones are still renewed
+    assert listener.odom('map', 1.0, 0.0, 0.0)[0] == 0.0
+
+
+def test_static_transforms_of_many_publishers_from_before_are_received(listener):
+    static = listener.profiles['/tf_static']
+    assert (static.durability, static.depth) == (DurabilityPolicy.TRANSIENT_LOCAL, 100)
+    assert listener.profiles['/tf'].depth == 100
+
+
+def test_orders_are_not_converted_without_tf2_msgs(monkeypatch):
+    monkeypatch.setattr(transforms, 'installed_class', lambda _: None)
+    order = PlannedPath(0, 'map', ())
+    assert Listener().transforms.in_frame('odom', 'path', order, 2.0) is order

@@ -1,0 +1,386 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Action ``follow_path``, with a robot in the test, and paths in frames that /tf connects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import math
+import os
+import signal
+import sys
+import time
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import TransformStamped
+import pytest
+import rclpy
+from rclpy.action import ActionClient, ActionServer, GoalResponse
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from smart_tire.control.trajectory_control import State
+from smart_tire.messages.path import path_to_msg
+from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.follow_path import REPLACED
+from smart_tire.nodes.qos import latched
+from smart_tire.rotation import quaternion
+from smart_tire.samples import NS_PER_S, PlannedPath
+from std_msgs.msg import Bool
+from support.graph import Graph
+from support.moving_robot import Robot, SHORT
+from support.ros_classes import folder_of_classes, INTERFACES, missing
+
+pytestmark = [pytest.mark.processes, pytest.mark.skipif(bool(missing()), reason=missing())]
+
+NODE = 'trajectory_controller'
+PACKAGES = {interface.partition('/')[0] for interface in INTERFACES}
+PATH = message_class('nav_msgs/msg/Path')
+
+
+class Client:
+    """A client of the action, in a node of its own, spun by ``until`` of the robot."""
+
+    def __init__(self, name: str, robot: Robot) -> None:
+        self._robot, self._context = robot, Context()
+        rclpy.init(args=[], context=self._context)
+        self._node = rclpy.create_node(name, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._action = message_class('nav2_msgs/action/FollowPath')
+        self._client = ActionClient(self._node, self._action, 'follow_path')
+        self.feedback: list[Any] = []
+        self.until(self._client.server_is_ready)
+        self.until(lambda: self._node.count_publishers('follow_path/_action/feedback'))
+
+    def until(self, condition: Callable[[], object]) -> None:
+        """Drive and handle the replies until ``condition``."""
+        self._robot.graph.until(condition, lambda: (
+            self._robot.step(), self._executor.spin_once(timeout_sec=0.0)))
+
+    def send(self, path: PlannedPath) -> Any:
+        """Send a goal; return its handle once it is accepted."""
+        goal = self._action.Goal(path=path_to_msg(PATH(), path), controller_id='FollowPath')
+        future = self._client.send_goal_async(
+            goal, feedback_callback=lambda msg: self.feedback.append(msg.feedback))
+        self.until(future.done)
+        assert future.result().accepted
+        return future.result()
+
+    def drive(self) -> Any:
+        """Send a long path; return the handle when the robot moves."""
+        goal = self.send(self._robot.path())
+        self.until(lambda: self._robot.speed > 0.1)
+        return goal
+
+    def result(self, goal: Any) -> tuple[int, str, str]:
+        """Return status, name of the error and message of a goal that ends."""
+        future = goal.get_result_async()
+        self.until(future.done)
+        result = future.result().result
+        names = [name for name in dir(type(result)) if name.isupper()
+                 and getattr(type(result), name) == result.error_code]
+        return future.result().status, names[0], result.error_msg
+
+    def close(self) -> None:
+        """End the node, as a process that ends orderly."""
+        self._client.destroy()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.shutdown()
+
+
+@pytest.fixture(scope='module')
+def nav2_msgs(isolated_ros: None) -> Iterator[None]:
+    """Make the classes importable, here and in processes."""
+    folder = str(folder_of_classes())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        patch.setenv('PYTHONPATH', os.pathsep.join([folder, os.environ.get('PYTHONPATH', '')]))
+        yield
+    for name in [name for name in sys.modules if name.partition('.')[0] in PACKAGES]:
+        del sys.modules[name]
+
+
+@pytest.fixture(scope='module')
+def running(tmp_path_factory: pytest.TempPathFactory, nav2_msgs: None) -> Iterator[Robot]:
+    """Return a robot with a node that the tests share."""
+    with Graph(tmp_path_factory.mktemp('graph')) as graph:
+        robot = Robot(graph)
+        with graph.start(NODE) as robot.node:
+            robot.until_state(State.IDLE)
+            yield robot
+            robot.until_more_progress()  # the latest odom may be old
+            client = Client('last', robot)
+            future = client.drive().get_result_async()
+            robot.until_more_progress()
+            robot.node.popen.send_signal(signal.SIGINT)
+            client.until(future.done)
+            assert future.result().status == GoalStatus.STATUS_ABORTED
+            assert future.result().result.error_msg == 'node ended'
+            client.close()
+            assert robot.node.ended() == 0
+            robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
+
+
+@pytest.fixture
+def robot(running: Robot) -> Iterator[Robot]:
+    """Return the robot at rest; its log begins with the test."""
+    running.is_silent = False
+    before = running.node.output
+    running.graph.received['cmd_vel'].clear()
+    running.log = lambda: running.node.output.removeprefix(before)
+    running.until_more_progress()  # the latest odom may be old
+    yield running
+    running.graph.call('std_srvs/srv/Trigger', 'cancel_path')
+
+
+@pytest.fixture
+def client(robot: Robot) -> Iterator[Client]:
+    """Return a client of the action."""
+    made = Client('navigator', robot)
+    yield made
+    made.close()
+
+
+def test_a_goal_is_followed_with_feedback_and_succeeds(robot, client):
+    start = robot.x
+    goal = client.send(robot.path(3.0 * SHORT))
+    client.until(lambda: len(client.feedback) >= 2 and client.feedback[-1].speed > 0.1)
+    assert goal.status == GoalStatus.STATUS_EXECUTING
+    assert client.result(goal) == (GoalStatus.STATUS_SUCCEEDED, 'NONE', '')
+    assert robot.x - start == pytest.approx(3.0 * SHORT, abs=0.1)
+    distances = [feedback.distance_to_goal for feedback in client.feedback]
+    assert 3.0 * SHORT + 0.01 > distances[0] > distances[-1] >= 0.0
+    robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
+    assert robot.progress.state == State.ARRIVED
+
+
+def test_a_canceled_goal_stops_the_robot_at_once(robot, client):
+    goal = client.drive()
+    client.feedback.clear()
+    asked, cancel = time.monotonic(), goal.cancel_goal_async()
+    client.until(lambda: robot.speed == 0.0)
+    assert time.monotonic() - asked < 0.5
+    client.until(cancel.done)
+    assert len(cancel.result().goals_canceling) == 1
+    assert client.result(goal) == (GoalStatus.STATUS_CANCELED, 'NONE', '')
+    robot.assert_stopped(State.STOPPED, 'canceled by the client of follow_path')
+
+
+def test_a_newer_goal_of_the_same_client_replaces_the_path_without_a_stop(robot, client):
+    first = client.drive()
+    robot.graph.received['cmd_vel'].clear()
+    second = client.send(robot.path(2.0))
+    assert client.result(first) == (
+        GoalStatus.STATUS_ABORTED, 'INVALID_CONTROLLER', REPLACED)
+    robot.until_more_progress()
+    assert min(robot.commands)[0] > 0.1
+    assert robot.progress.remaining_distance < 2.0
+    assert client.result(second)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_the_same_path_in_a_newer_goal_is_no_new_begin(robot, client):
+    path = robot.path(2.0)
+    first = client.send(path)
+    client.until(lambda: robot.speed > 0.1)
+    second = client.send(path)
+    assert client.result(first)[2] == REPLACED
+    assert client.result(second)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert robot.log().count('following path') == 1
+
+
+def test_the_newer_of_a_goal_and_a_path_is_followed(robot, client):
+    goal = client.drive()
+    robot.follow(robot.path())
+    assert client.result(goal)[2] == REPLACED
+    robot.until_more_progress()
+    assert (robot.progress.state, robot.speed > 0.1) == (State.FOLLOWING, True)
+    assert client.result(client.send(robot.path(SHORT)))[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def stop_publisher(robot: Robot) -> Any:
+    """Return a publisher of the state of the emergency stop."""
+    publisher = robot.graph.node.create_publisher(Bool, 'emergency_stop_active', latched())
+    robot.until(publisher.get_subscription_count)
+    return publisher
+
+
+def test_an_emergency_stop_aborts_the_goal_and_refuses_the_next_one(robot, client):
+    goal, stop = client.drive(), stop_publisher(robot)
+    stop.publish(Bool(data=True))
+    assert client.result(goal) == (
+        GoalStatus.STATUS_ABORTED, 'INVALID_CONTROLLER', 'emergency stop')
+    refused = client.result(client.send(robot.path()))
+    assert refused == (GoalStatus.STATUS_ABORTED, 'INVALID_PATH',
+                       'follow_path: the emergency stop is active')
+    assert robot.speed == 0.0
+    stop.publish(Bool(data=False))
+    robot.graph.node.destroy_publisher(stop)
+    robot.until_more_progress()
+
+
+def test_cancel_path_and_missing_odom_abort_the_goal_with_their_reasons(robot, client):
+    goal = client.drive()
+    robot.graph.call('std_srvs/srv/Trigger', 'cancel_path')
+    assert client.result(goal) == (
+        GoalStatus.STATUS_ABORTED, 'INVALID_CONTROLLER', 'canceled by cancel_path')
+    robot.until_more_progress()
+    goal = client.drive()
+    robot.is_silent = True
+    status, error, text = client.result(goal)
+    assert (status, error) == (GoalStatus.STATUS_ABORTED, 'TF_ERROR')
+    assert text.startswith('odom: ')
+
+
+def test_a_robot_that_jumps_aborts_the_goal(robot, client):
+    goal = client.drive()
+    robot.x += 1.0
+    status, error, text = client.result(goal)
+    assert (status, error) == (GoalStatus.STATUS_ABORTED, 'FAILED_TO_MAKE_PROGRESS')
+    assert 'odom' in text
+
+
+@pytest.mark.parametrize(('change', 'error', 'reason'), [
+    ({'length': 0.0}, 'INVALID_PATH', '1 poses'),
+    ({'length': 300.0}, 'INVALID_PATH', '6001 poses, expected at most 5000'),
+    ({'stamp_ns': 1}, 'TF_ERROR', 's old, expected at most 2 s'),
+    ({'frame': 'nowhere'}, 'TF_ERROR', "frame 'nowhere', expected odom: /tf does not connect"),
+    ({'frame': ''}, 'INVALID_PATH', "frame '', expected odom")],
+    ids=['short', 'long', 'old', 'frame', 'no frame'])
+def test_an_invalid_goal_stops_the_robot_and_its_result_has_the_reason(
+        robot, client, change, error, reason):
+    first = client.drive()
+    result = client.result(client.send(robot.path(**change)))
+    assert result[:2] == (GoalStatus.STATUS_ABORTED, error)
+    assert reason in result[2]
+    assert client.result(first)[:2] == (GoalStatus.STATUS_ABORTED, error)
+    robot.assert_stopped(State.REFUSED, reason)
+
+
+def test_a_goal_without_a_timestamp_is_followed(robot, client):
+    goal = client.send(robot.path(SHORT, stamp_ns=0))
+    assert client.result(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_goal_that_was_queued_while_the_node_was_stopped_is_not_followed(robot, client):
+    """It has no timestamp: its age is unknown, but at most the duration of the stop."""
+    action = client._action
+    robot.node.popen.send_signal(signal.SIGSTOP)
+    stopped = time.monotonic()
+    future = client._client.send_goal_async(
+        action.Goal(path=path_to_msg(PATH(), robot.path(stamp_ns=0))))
+    client.until(lambda: time.monotonic() - stopped > 2.5)
+    robot.node.popen.send_signal(signal.SIGCONT)
+    client.until(future.done)
+    status, error, text = client.result(future.result())
+    assert (status, error) == (GoalStatus.STATUS_ABORTED, 'TF_ERROR')
+    assert 's old, expected at most 2 s' in text
+    robot.until_more_progress()
+    assert robot.speed == 0.0
+
+
+def test_another_client_may_be_the_next_one(robot, client):
+    other = Client('stranger', robot)
+    for one in (client, other, client):
+        assert one.result(one.send(robot.path(SHORT))) == (
+            GoalStatus.STATUS_SUCCEEDED, 'NONE', '')
+    other.close()
+
+
+def test_the_path_is_followed_to_its_end_if_the_client_ends(robot):
+    client = Client('short_lived', robot)
+    client.drive()
+    client.close()
+    robot.until_more_progress()
+    assert (robot.progress.state, robot.speed > 0.1) == (State.FOLLOWING, True)
+
+
+def transform(parent: str, child: str, x: float, y: float, yaw: float,
+              stamp_ns: int) -> TransformStamped:
+    """Return a transform as a message."""
+    msg = TransformStamped(child_frame_id=child)
+    msg.header.frame_id = parent
+    msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(stamp_ns, NS_PER_S)
+    msg.transform.translation.x, msg.transform.translation.y = x, y
+    rotation = msg.transform.rotation
+    rotation.x, rotation.y, rotation.z, rotation.w = quaternion(0.0, 0.0, yaw)
+    return msg
+
+
+def test_a_path_in_map_is_followed_where_tf_leads_to_odom(robot, client):
+    """The frame odom is turned by a quarter in map: ahead is along its y axis."""
+    tf_message = message_class('tf2_msgs/msg/TFMessage')
+
+    def localize(age: float = 0.0) -> None:
+        robot.graph.publish_message('/tf', tf_message(transforms=[transform(
+            'map', 'odom', 5.0, -2.0, math.pi / 2.0, time.time_ns() - round(age * NS_PER_S))]))
+
+    def ahead(stamp_ns: int) -> PlannedPath:
+        return PlannedPath(stamp_ns, 'map', tuple(
+            (5.0, -2.0 + robot.x + step, math.pi / 2.0) for step in (0.0, 0.5 * SHORT, SHORT)))
+
+    localize(age=60.0)
+    result = client.result(client.send(ahead(time.time_ns())))
+    assert result[:2] == (GoalStatus.STATUS_ABORTED, 'TF_ERROR')
+    assert '/tf from map to odom' in result[2]
+    localize()
+    robot.until_more_progress()
+    localize()
+    start = robot.x
+    assert client.result(client.send(ahead(time.time_ns()))) == (
+        GoalStatus.STATUS_SUCCEEDED, 'NONE', '')
+    assert robot.x - start == pytest.approx(SHORT, abs=0.1)
+    localize()
+    robot.until_more_progress()
+    robot.follow(ahead(time.time_ns()))  # on the topic, too
+    robot.until_state(State.FOLLOWING)
+    robot.until_state(State.ARRIVED)
+    localize()
+    assert robot.x - start == pytest.approx(2.0 * SHORT, abs=0.2)
+
+
+def test_goals_are_rejected_while_another_node_serves_the_action(robot, client):
+    action = message_class('nav2_msgs/action/FollowPath')
+    server = ActionServer(robot.graph.node, action, 'follow_path', lambda goal: action.Result(),
+                          goal_callback=lambda goal: GoalResponse.REJECT)
+    goal = action.Goal(path=path_to_msg(PATH(), robot.path()))
+    rejected = 'goal rejected: 2 servers of follow_path: /test, /trajectory_controller'
+
+    def send():
+        if not client._client.server_is_ready():
+            return
+        client.until(client._client.send_goal_async(goal).done)
+
+    robot.until(lambda: rejected in robot.log() or send())
+    assert robot.speed == 0.0
+    server.destroy()
+    client.until(lambda: len(robot.graph.node.get_publishers_info_by_topic(
+        'follow_path/_action/feedback')) == 1)
+    robot.until_more_progress()
+    assert client.result(client.send(robot.path(SHORT)))[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_goal_of_a_second_client_stops_the_robot_and_both_are_named(robot, client):
+    other = Client('stranger', robot)
+    first = client.drive()
+    robot.until_more_progress()
+    second = other.send(robot.path())
+    for one, goal in ((client, first), (other, second)):
+        status, error, text = one.result(goal)
+        assert (status, error) == (GoalStatus.STATUS_ABORTED, 'INVALID_PATH')
+        assert text == '2 clients of follow_path: /navigator, /stranger'
+    robot.assert_stopped(State.REFUSED, '2 clients of follow_path: /navigator, /stranger')
+    assert '2 clients' in client.result(client.send(robot.path()))[2]
+    other.close()
+    ended = time.monotonic()
+    client.until(lambda: time.monotonic() - ended > 0.5)
+    assert client.result(client.send(robot.path(SHORT)))[0] == GoalStatus.STATUS_SUCCEEDED

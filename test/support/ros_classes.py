@@ -1,0 +1,123 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Python classes of ROS interfaces that no wheel has, generated and compiled as a ROS build does.
+
+They are kept for later runs, in the temporary folder of the machine.
+"""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from importlib.util import find_spec
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+
+import numpy as np
+
+FOLLOW_PATH = """nav_msgs/Path path
+string controller_id
+string goal_checker_id
+string progress_checker_id
+---
+uint16 NONE=0
+uint16 UNKNOWN=100
+uint16 INVALID_CONTROLLER=101
+uint16 TF_ERROR=102
+uint16 INVALID_PATH=103
+uint16 PATIENCE_EXCEEDED=104
+uint16 FAILED_TO_MAKE_PROGRESS=105
+uint16 NO_VALID_CONTROL=106
+uint16 CONTROLLER_TIMED_OUT=107
+std_msgs/Empty result
+uint16 error_code
+string error_msg
+---
+float32 distance_to_goal
+float32 speed
+"""
+INTERFACES = {  # of Jazzy and Kilted: package/kind/file -> fields
+    'nav2_msgs/action/FollowPath.action': FOLLOW_PATH,
+    'tf2_msgs/msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n'}
+LIBRARIES = ('lib*__rosidl_*_c.so', 'lib*__rosidl_generator_py.so', 'librosidl_*_c.so',
+             'libfastcdr.so', 'librmw.so', 'librcutils.so')
+PREFIX = Path(sys.prefix)  # of the wheels of ROS
+GENERATE = """
+import pathlib, sys
+from rosidl_adapter.action import convert_action_to_idl
+from rosidl_adapter.msg import convert_msg_to_idl
+from rosidl_generator_c.cli import GenerateC
+from rosidl_generator_py.cli import GeneratePython
+from rosidl_typesupport_c.cli import GenerateCTypesupport
+from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
+source, package, file, share, output = sys.argv[1:]
+file = pathlib.Path(file)
+convert = convert_action_to_idl if file.suffix == '.action' else convert_msg_to_idl
+convert(pathlib.Path(source), package, file, pathlib.Path(source) / file.parent)
+for generator in (
+        GenerateC(''), GenerateFastRTPSCTypesupport(''),
+        GenerateCTypesupport('', typesupport_implementations=['rosidl_typesupport_fastrtps_c']),
+        GeneratePython('', typesupport_implementations=['rosidl_typesupport_c'])):
+    generator.generate(package, [f'{source}:{file.with_suffix(".idl")}'], [share],
+                       pathlib.Path(output))
+"""
+
+
+def missing() -> str:
+    """Return why the classes cannot be made on this machine; '' if they can."""
+    for name in ('rosidl_adapter', 'rosidl_generator_py', 'rosidl_typesupport_fastrtps_c'):
+        if find_spec(name) is None:
+            return f'{name} is not installed'
+    if not (PREFIX / 'include' / 'fastcdr').is_dir():
+        return f'no headers of ROS in {PREFIX}'
+    return '' if shutil.which('gcc') and shutil.which('g++') else 'no compiler'
+
+
+def folder_of_classes() -> Path:
+    """Return a folder from which Python imports the packages of ``INTERFACES``."""
+    key = sha256(repr((INTERFACES, GENERATE, sys.prefix, sys.version)).encode()).hexdigest()[:16]
+    made = Path(tempfile.gettempdir()) / f'smart_tire_test_interfaces_{key}'
+    if not made.is_dir():
+        with tempfile.TemporaryDirectory(dir=made.parent) as name:
+            for interface, fields in INTERFACES.items():
+                _build(Path(name), interface, fields)
+            try:
+                (Path(name) / 'classes').rename(made)
+            except OSError:  # another run was faster
+                assert made.is_dir()
+    return made
+
+
+def _build(folder: Path, interface: str, fields: str) -> None:
+    package, kind, file = interface.split('/')
+    source, classes = folder / 'source' / package, folder / 'classes'
+    (source / kind).mkdir(parents=True)
+    (source / kind / file).write_text(fields, encoding='utf-8')
+    _run([sys.executable, '-c', GENERATE, str(source), package, f'{kind}/{file}',
+          str(PREFIX / 'share'), str(classes / package)])
+    (classes / package / '__init__.py').touch()
+    headers = [PREFIX / 'include', *(PREFIX / 'include').iterdir(), classes,
+               Path(sysconfig.get_path('include')), Path(np.get_include())]
+    code = [path for end in ('*.c', '*.cpp') for path in (classes / package).rglob(end)]
+    libraries = [path for end in LIBRARIES for path in sorted((PREFIX / 'lib').glob(end))]
+    _run(['gcc', '-O0', '-w', '-shared', '-fPIC', *(f'-I{path}' for path in headers),
+          *map(str, code), '-o', str(classes / package / f'{package}_s__rosidl_typesupport_c.so'),
+          *map(str, libraries), '-lstdc++', '-Wl,--as-needed', f'-Wl,-rpath,{PREFIX / "lib"}'])
+
+
+def _run(command: list[str]) -> None:
+    subprocess.run(command, check=True, capture_output=True,
+                   env={**os.environ, 'AMENT_PREFIX_PATH': str(PREFIX)})
