@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from heapq import heappop, heappush
 
 
 class Deframer(ABC):
@@ -72,9 +73,14 @@ class HeaderDeframer(Deframer):
 
     def __init__(self) -> None:
         super().__init__()
-        self._incomplete: list[int] = []  # starts of candidates with missing bytes, ascending
-        self._scanned = 0                 # start bytes before this index have been examined
-        self._counted = 0                 # bad frames before this index have been counted
+        # Positions in the stream:
+        self._base = 0     # of the buffer
+        self._scanned = 0  # start bytes before it have been examined
+        self._counted = 0  # bad frames before it have been counted
+        self._incomplete: set[int] = set()      # starts of candidates with missing bytes
+        self._starts: list[int] = []            # heap of the same, and some others
+        self._ends: list[tuple[int, int]] = []  # heap of their ends and starts, and some others
+        self._complete: list[int] = []          # heap of candidates that are to be examined
 
     @abstractmethod
     def _size(self, start: int) -> int | None:
@@ -92,38 +98,61 @@ class HeaderDeframer(Deframer):
     def _bodies(self) -> Iterator[bytes]:
         while (found := self._first_intact()) is not None:
             start, end, body = found
-            if self._incomplete and self._incomplete[0] < start:
-                self._count_bad_frame(self._incomplete[0], start)  # it was truncated
-            self._discard(start)
+            if (first := self._first_incomplete()) is not None and first < start:
+                self._count_bad_frame(first, start)  # it was truncated
+            self._discard(start - self._base)
             del self._buffer[:end - start]
-            self._shift(end)
+            self._base, self._scanned = end, max(self._scanned, end)
+            while (first := self._first_incomplete()) is not None and first < end:
+                self._incomplete.remove(first)
             yield body
-        keep = self._incomplete[0] if self._incomplete else len(self._buffer)
-        self._discard(keep)
-        self._shift(keep)
+        kept = self._first_incomplete()
+        begin = self._scanned if kept is None else kept
+        self._discard(begin - self._base)
+        self._base = begin
 
     def _first_intact(self) -> tuple[int, int, bytes] | None:
         """Examine candidates in order; return start, end and body of the first intact one."""
-        pending, self._incomplete = self._incomplete, []
-        while pending or (start := self._buffer.find(self.START, self._scanned)) >= 0:
-            if pending:
-                start = pending.pop(0)
-            else:
-                self._scanned = start + 1
-            size = self._size(start)
+        limit = self._base + len(self._buffer)
+        while self._ends and self._ends[0][0] <= limit:
+            _, known = heappop(self._ends)
+            if known in self._incomplete:
+                self._incomplete.remove(known)
+                heappush(self._complete, known)
+        while (start := self._next_candidate()) is not None:
+            index = start - self._base
+            size = self._size(index)
+            end = limit + 1 if size is None else start + size  # one more byte of the header
             if size == NOT_A_FRAME:
                 continue
             if size == INVALID_HEADER:
                 self._count_bad_frame(start, start + 1)
-                continue
-            if size is None or start + size > len(self._buffer):
-                self._incomplete.append(start)
-                continue
-            body = self._body(bytes(self._buffer[start:start + size]))
-            if body is not None:
-                return start, start + size, body
-            self._count_bad_frame(start, start + size)
+            elif end > limit:
+                self._incomplete.add(start)
+                heappush(self._starts, start)
+                heappush(self._ends, (end, start))
+            elif (body := self._body(bytes(self._buffer[index:end - self._base]))) is not None:
+                return start, end, body
+            else:
+                self._count_bad_frame(start, end)
         return None
+
+    def _next_candidate(self) -> int | None:
+        """Return the first complete candidate, else the next start byte; None if there is none."""
+        while self._complete:
+            if (start := heappop(self._complete)) >= self._base:  # else inside an intact frame
+                return start
+        index = self._buffer.find(self.START, self._scanned - self._base)
+        if index < 0:
+            self._scanned = self._base + len(self._buffer)
+            return None
+        self._scanned = self._base + index + 1
+        return self._scanned - 1
+
+    def _first_incomplete(self) -> int | None:
+        while self._starts and self._starts[0] not in self._incomplete:
+            heappop(self._starts)
+        return self._starts[0] if self._starts else None
 
     def _count_bad_frame(self, start: int, end: int) -> None:
         """
@@ -131,12 +160,7 @@ class HeaderDeframer(Deframer):
 
         Failures behind an incomplete candidate are not counted: they may be its data.
         """
-        if start >= self._counted and (not self._incomplete or start <= self._incomplete[0]):
+        first = self._first_incomplete()
+        if start >= self._counted and (first is None or start <= first):
             self.bad_frames += 1
             self._counted = end
-
-    def _shift(self, size: int) -> None:
-        """Move all indices after ``size`` bytes have been removed from the buffer's front."""
-        self._incomplete = [start - size for start in self._incomplete if start >= size]
-        self._scanned = max(self._scanned - size, 0)
-        self._counted = max(self._counted - size, 0)

@@ -98,15 +98,23 @@ class XBeeDeframer(Deframer):
     the checksum wrong, or if another 0x7E precedes its end; that one starts the next frame.
     """
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._needed = 0  # bytes in the buffer, with fewer the frame cannot be complete
+
     def _bodies(self) -> Iterator[bytes]:
         while (start := self._buffer.find(START)) >= 0:
             self._discard(start)
             end = self._buffer.find(START, 1)
+            if end < 0 and len(self._buffer) < self._needed:
+                return
             content = unescape(bytes(self._buffer[1:end if end > 0 else None]))
             length = int.from_bytes(content[:2], 'big') if len(content) >= 2 else 0
-            size = 2 + length + 1
+            size = 2 + length + 1 if len(content) >= 2 else 2
             if end < 0 and len(content) < size and length <= MAX_BODY_LENGTH:
-                return  # incomplete
+                self._needed = len(self._buffer) + size - len(content)
+                return
+            self._needed = 0
             end = end if end > 0 else len(self._buffer)
             body = content[2:2 + length]
             if 1 <= length <= MAX_BODY_LENGTH and _intact(body, content[2 + length:size]):

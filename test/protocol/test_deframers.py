@@ -11,10 +11,13 @@
 """All deframers: any split, corrupt neighbors, bounded memory and correct counters."""
 
 from binascii import crc_hqx
+from collections import Counter
+import math
 
 from hypothesis import assume, given, settings, strategies as st
 import pytest
 from smart_tire.protocol import vectornav, vectornav_ascii, xbee, xsens
+from smart_tire.protocol.deframer import HeaderDeframer
 from support.frames import each_frame, frames
 
 ASCII = st.text('ABCVNYMR0123456789.,+-', max_size=60).map(str.encode)
@@ -227,3 +230,34 @@ def test_bodies_that_were_not_consumed_are_yielded_by_the_next_feed(protocol):
 @each_frame('crc16')
 def test_the_crc_of_a_published_message_is_the_published_one(frame):
     assert crc_hqx(frame.data[:-2], 0) == frame['crc']
+
+
+HOSTILE = [
+    b'\xfa\xff\x36\xff\x08\x00',              # Xsens: every sixth byte claims 2048 bytes of data
+    b'\xfa', b'\xfa\xff', b'\xfa\xff\x36\xfe', b'\xfa\x01\xff\x1f', b'\xfa' + 15 * b'\x7f',
+    b'\x7e', b'\x7e\x02\x00' + 512 * b'\x7d\x5d', b'\x7e\x7d\x22\x00' + 1100 * b'\x7d',  # XBee
+    b'$', b'$VNIMU,', b'*']
+
+
+@each_protocol
+@pytest.mark.parametrize('pattern', HOSTILE, ids=lambda pattern: pattern[:6].hex())
+def test_the_work_per_byte_is_bounded(protocol, pattern, monkeypatch):
+    stream, work = pattern * (6000 // len(pattern)), Counter()
+
+    def count(owner, name, kind, size):
+        work_of = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *args: (
+            work.update({kind: size(args[-1])}) or work_of(*args)))
+
+    if issubclass(protocol.deframer, HeaderDeframer):
+        count(protocol.deframer, '_size', 'headers', lambda start: 1)
+        count(protocol.deframer, '_body', 'checksums', len)
+    elif protocol.deframer is xbee.XBeeDeframer:
+        count(xbee, 'unescape', 'escapes', len)
+    deframer = protocol.deframer()
+    for byte in stream:
+        list(deframer.extract(bytes((byte,))))
+    assert work['headers'] <= 20 * len(stream)  # again with each byte of the header
+    # each time that at least half of the missing bytes have arrived
+    assert work['escapes'] <= math.log2(2 * protocol.limit) * len(stream)
+    assert work['checksums'] <= 0.5 * protocol.limit * len(stream)  # of every second byte
