@@ -34,7 +34,7 @@ from rclpy.timer import Timer
 from smart_tire.errors import ParameterError, SmartTireError
 from smart_tire.messages import OtherJointsError, TOPICS
 from smart_tire.nodes.compat import (
-    message_class, plain_message, RCLError, wrong_type_message)
+    full_name, message_class, plain_message, RCLError, wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.parameters import declare, is_unchanged, read
@@ -80,6 +80,8 @@ class SmartTireNode(Node, Generic[Params]):
                     self.get_logger().warning(text)
         self.inputs: dict[str, InputCounter] = {}
         self.outputs: dict[str, InputCounter] = {}
+        self._types: dict[str, str] = {}        # of the inputs
+        self._mismatches: dict[str, str] = {}   # input -> warning of publishers of another type
         self._counts: dict[str, int] = {}  # in the latest diagnostics
         self._params_class = params_class
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -145,7 +147,7 @@ class SmartTireNode(Node, Generic[Params]):
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
-        self.inputs[name] = counter
+        self.inputs[name], self._types[name] = counter, type_name or topic.type
         convert = from_msg or topic.from_msg
         if required or announced:
             self.input_log.watch(name, lambda: counter.ok, required=required)
@@ -167,7 +169,7 @@ class SmartTireNode(Node, Generic[Params]):
         def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
             handle(msg, message_info)
 
-        cls = message_class(type_name or topic.type)
+        cls = message_class(self._types[name])
         if profiles:
             self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
             return None
@@ -278,8 +280,23 @@ class SmartTireNode(Node, Generic[Params]):
             status.values[f'{name}.last_message_age'] = ages[name]
             if new := status.new(name, counter.bad):
                 status.warn(f'{new} messages on {name} rejected, latest: {counter.latest}')
-            if counter.required and ages[name] > MAX_INPUT_AGE:
-                status.warn(f'no {name}')
+            if ages[name] > MAX_INPUT_AGE:
+                if counter.required:
+                    status.warn(f'no {name}')
+                if text := self._type_mismatch(name):
+                    status.warn(text)
+
+    def _type_mismatch(self, name: str) -> str:
+        """Return a warning if nodes publish another type on an input, which DDS does not match."""
+        other = sorted({f'{info.topic_type} of {full_name(info)}'
+                        for info in self.get_publishers_info_by_topic(name)
+                        if info.topic_type != self._types[name]})
+        text = (f'{name}: {", ".join(other)} not received, expected {self._types[name]}'
+                if other else '')
+        if text and text != self._mismatches.get(name):
+            self.get_logger().warning(text)
+        self._mismatches[name] = text
+        return text
 
     def _on_diagnostics_timer(self) -> None:
         name = self.get_fully_qualified_name().lstrip('/')  # distinguishes robots in namespaces

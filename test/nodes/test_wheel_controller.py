@@ -259,3 +259,17 @@ def test_traction_control_is_switched_on_and_off_at_run_time(graph, controller):
     assert graph.set_parameter(NODE, 'traction.enabled', False)
     graph.until(lambda: graph.value('wheel_controller', 'traction.reason') == 'disabled', drive)
     graph.until(lambda: latest(graph)[0][0] == pytest.approx(wanted), drive_with_odometry)
+
+
+def test_commands_of_another_type_are_reported_once(graph, controller):
+    with_stamp = 'expected geometry_msgs/msg/TwistStamped'
+    publisher = graph.node.create_publisher(Twist, 'cmd_vel', 1)
+    graph.until(lambda: with_stamp in graph.status_message(NODE),
+                lambda: publisher.publish(twist(0.5)))
+    for _ in range(2):  # of the diagnostics
+        graph.health.clear()
+        graph.until(lambda: NODE in graph.health)
+    assert controller.output.count(
+        f'cmd_vel: geometry_msgs/msg/Twist of /test not received, {with_stamp}') == 1
+    graph.node.destroy_publisher(publisher)
+    graph.until(lambda: with_stamp not in graph.status_message(NODE))
