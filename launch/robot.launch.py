@@ -10,6 +10,8 @@
 
 """Start the drivers, the estimators and the controllers of one robot."""
 
+import time
+
 from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction, TimerAction)
@@ -22,10 +24,9 @@ from smart_tire.launching import (
     TRANSFORMS, viewer)
 from smart_tire.parameters import FILES as PARAMETER_FILES
 
-SPECIAL = ('motor_driver', 'slip_estimator')  # started in another way
 PORTS = {'motor_driver': 'motors', 'imu_driver': 'imu', 'tire_receiver': 'tire_radio'}
 NODES = [node for file in ('hardware.yaml', 'tuning.yaml') for node in PARAMETER_FILES[file]
-         if node not in SPECIAL]
+         if node != 'slip_estimator']  # which is started in another way
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'hardware': 'drivers and ports',
@@ -36,6 +37,9 @@ ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rvi
              'hardware': parameters_of(*PORTS, 'robot_simulator')}  # of which the file may be
 DESCRIBED = ('namespace', 'description', 'rviz', 'robot', 'tuning')  # arguments of description.py
 RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readable
+MAX_RESPAWN_DELAY = 60.0  # s, of a node that dies again and again
+ENDED = (0, 2)  # exit status: interrupted, wrong arguments or parameters
+STOP = {'start_stopped': True}
 
 
 def new_node(executable, *parameters, **options):
@@ -45,19 +49,27 @@ def new_node(executable, *parameters, **options):
                 parameters=[*map(LaunchConfiguration, FILES), *parameters], **options)
 
 
-def restart_stopped(event, context):
-    """Return a motor_driver with the emergency stop latched, in place of one that died."""
-    if context.is_shutdown or not boolean(context.launch_configurations['respawn']):
-        return []
-    again = new_node('motor_driver', *port_of('motor_driver', context), {'start_stopped': True},
-                     respawn=True, respawn_delay=RESPAWN_DELAY)
-    return [TimerAction(period=RESPAWN_DELAY, actions=[again])]
+def supervised(executable, *parameters, wait=0.0):
+    """
+    Return a node, started ``wait`` [s] from now, that starts again when it dies.
 
+    The wait doubles up to ``MAX_RESPAWN_DELAY`` until the node has run that long. A node that
+    ended by itself, also because of wrong parameters, is not started again. motor_driver restarts
+    with the emergency stop latched: an operator has to release it.
+    """
+    begin = time.monotonic() + wait
 
-def respawning(executable, *parameters):
-    """Return a node that restarts with ``respawn:=true``."""
-    return new_node(executable, *parameters, respawn=LaunchConfiguration('respawn'),
-                    respawn_delay=RESPAWN_DELAY)
+    def restart(event, context):
+        if (context.is_shutdown or event.returncode in ENDED
+                or not boolean(context.launch_configurations['respawn'])):
+            return []
+        lasted = time.monotonic() - begin > MAX_RESPAWN_DELAY
+        period = min(2.0 * wait, MAX_RESPAWN_DELAY) if wait and not lasted else RESPAWN_DELAY
+        stop = [STOP] if executable == 'motor_driver' and STOP not in parameters else []
+        return [TimerAction(period=period, actions=[
+            supervised(executable, *parameters, *stop, wait=period)])]
+
+    return new_node(executable, *parameters, on_exit=restart)
 
 
 def port_of(executable, context):
@@ -69,8 +81,7 @@ def port_of(executable, context):
 
 def start(context):
     """Return one process per node, all with the same parameter files."""
-    return [new_node('motor_driver', *port_of('motor_driver', context), on_exit=restart_stopped),
-            *(respawning(node, *port_of(node, context)) for node in NODES)]
+    return [supervised(node, *port_of(node, context)) for node in NODES]
 
 
 def describe(context):
@@ -81,7 +92,7 @@ def describe(context):
         IncludeLaunchDescription(
             PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'description.py']),
             launch_arguments={name: LaunchConfiguration(name) for name in DESCRIBED}.items()),
-        respawning('slip_estimator', *own),
+        supervised('slip_estimator', *own),
     ]
 
 
@@ -91,7 +102,7 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='',
                               description='namespace of all nodes'),
-        DeclareLaunchArgument('respawn', default_value='false',
+        DeclareLaunchArgument('respawn', default_value='true',
                               description='restart nodes that die; motor_driver with the '
                                           'emergency stop latched'),
         DeclareLaunchArgument('description', default_value='true',

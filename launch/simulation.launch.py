@@ -49,7 +49,7 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='',
                               description='namespace of all nodes'),
-        DeclareLaunchArgument('respawn', default_value='false',
+        DeclareLaunchArgument('respawn', default_value='true',
                               description='restart nodes that die, as in robot.launch.py'),
         DeclareLaunchArgument('description', default_value='true',
                               description='start robot_state_publisher, if it is installed'),

@@ -27,6 +27,7 @@ import runpy
 import signal
 import subprocess
 import sys
+import time
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -150,8 +151,9 @@ def test_arguments_that_are_used_are_declared_and_described(path, described):
     found = described(path)
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
     assert all(options['description'] for options in declared.values())
-    by_function = {'simulated'}
-    assert used(found) == declared.keys() - by_function or path == INCLUDED
+    by_function = {'simulated', 'respawn'}
+    assert used(found) >= declared.keys() - by_function or path == INCLUDED
+    assert used(found) <= declared.keys() or path == INCLUDED
 
 
 @every_file
@@ -224,29 +226,47 @@ def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
     assert {f'ports.{port.removeprefix("simulated:")}' for port in ports.values()} == ports.keys()
 
 
-@pytest.mark.parametrize(('respawn', 'shutdown', 'restarted'), [
-    ('true', False, True), ('false', False, False), ('true', True, False)])
-@pytest.mark.parametrize('simulated', ['true', 'false'])
-def test_a_motor_driver_that_died_restarts_with_the_stop_latched(
-        respawn, shutdown, restarted, simulated, described):
-    first, = (node for node in of_kind(described(LAUNCH / 'robot.launch.py', simulated=simulated),
-                                       'Node') if node.options['executable'] == 'motor_driver')
-    assert 'respawn' not in first.options
-    assert not any('start_stopped' in part for part in first.options['parameters']
-                   if isinstance(part, dict))
+def exited(node: Call, status: int = -9, shutdown: bool = False, respawn: str = 'true',
+           simulated: str = 'false') -> list[Call]:
+    """Return the actions of ``robot.launch.py`` when a node has ended with ``status``."""
     context = SimpleNamespace(is_shutdown=shutdown, launch_configurations={
         'respawn': respawn, 'simulated': simulated})
-    actions = first.options['on_exit'](SimpleNamespace(returncode=-9), context)
-    if not restarted:
-        assert actions == []
-        return
-    timer, = actions  # cancelled by launch at shutdown
-    assert timer.kind == 'TimerAction' and timer.options['period'] > 0.0
-    again, = timer.options['actions']
-    assert again.options['respawn_delay'] == timer.options['period']
-    assert again.options['executable'] == 'motor_driver' and again.options['respawn'] is True
-    assert again.options['parameters'][-1] == {'start_stopped': True}
-    assert again.options['parameters'][:-1] == first.options['parameters']
+    return node.options['on_exit'](SimpleNamespace(returncode=status), context)
+
+
+@pytest.mark.parametrize('simulated', ['true', 'false'])
+def test_nodes_that_died_restart_and_motor_driver_with_the_stop_latched(simulated, described):
+    found = described(LAUNCH / 'robot.launch.py', simulated=simulated)
+    respawn, = (call for call in of_kind(found, 'DeclareLaunchArgument')
+                if call.args[0] == 'respawn')
+    assert respawn.options['default_value'] == 'true'
+    for first in of_kind(found, 'Node'):
+        assert 'respawn' not in first.options
+        assert {'start_stopped': True} not in first.options['parameters']
+        for ended in ({'status': 0}, {'status': 2}, {'shutdown': True}, {'respawn': 'false'}):
+            assert exited(first, **ended) == []
+        node = first
+        for _ in range(3):
+            timer, = exited(node, simulated=simulated)  # cancelled by launch at shutdown
+            assert timer.kind == 'TimerAction'
+            node, = timer.options['actions']
+            is_driver = node.options['executable'] == 'motor_driver'
+            assert node.options['parameters'] == first.options['parameters'] + (
+                [{'start_stopped': True}] if is_driver else [])
+            assert node.options.keys() == first.options.keys()
+
+
+def test_the_restarts_of_a_node_become_rare_until_it_lasts(described, monkeypatch):
+    node, *_ = of_kind(described(LAUNCH / 'robot.launch.py'), 'Node')
+    now, delays = time.monotonic(), []
+    monkeypatch.setattr(time, 'monotonic', lambda: now)
+    for lasted in (*[50.0] * 7, 70.0, 50.0, 50.0):  # s
+        now += lasted
+        timer, = exited(node)
+        delays.append(timer.options['period'])
+        node, = timer.options['actions']
+        now += delays[-1]
+    assert delays == [2.0, 4.0, 8.0, 16.0, 32.0, 60.0, 60.0, 2.0, 4.0, 8.0]
 
 
 def test_a_replay_starts_the_estimators_and_requires_a_bag(described):
