@@ -31,14 +31,16 @@ class StallDetector:
     """
 
     def __init__(self, now_ns: int) -> None:
-        self._ticked_ns = self._stalled_ns = now_ns
+        self._ticked_ns = self._stalled_ns = self._drained_ns = now_ns
         self._resumed_ns: int | None = None
         self.stalls = 0
 
     def tick(self, now_ns: int) -> None:
         """Record that the process is running."""
         if now_ns - self._ticked_ns > c.MIN_STALL_NS:
-            self._stalled_ns, self._resumed_ns = self._ticked_ns, now_ns
+            if self._ticked_ns >= self._drained_ns:  # otherwise still the backlog of the last one
+                self._stalled_ns = self._ticked_ns
+            self._resumed_ns, self._drained_ns = now_ns, 2 * now_ns - self._stalled_ns
             self.stalls += 1
         self._ticked_ns = now_ns
 
@@ -53,8 +55,13 @@ class StallDetector:
             or received_ns - excess_ns < self._resumed_ns)
 
     def waited_ns(self, received_ns: int) -> int:
-        """Return for how long a message received then may have been queued, at most [ns]."""
-        return received_ns - self._stalled_ns if self.may_be_queued(received_ns, 0) else 0
+        """
+        Return for how long a message handled then may have been queued [ns], at most.
+
+        For messages without reception time: what a stall has left is handled within a time as long
+        as the stall.
+        """
+        return received_ns - self._stalled_ns if received_ns < self._drained_ns else 0
 
 
 class TransitTimes:

@@ -81,8 +81,9 @@ class PublisherCheck:
         self._monitor.record(self._latest, now_ns)
 
     def forget(self) -> None:
-        """Forget all senders: what they have sent is done."""
+        """Forget all senders and their sequence numbers: what they have sent is done."""
         self._monitor.forget()
+        self._sequences = SequenceTracker()
 
     def conflicting(self, now_ns: int) -> bool:
         """Return whether several publishers are active."""

@@ -35,17 +35,16 @@ class FollowPathServer(ActionServer):
     """
     Accepts goals, and returns their results when the node reports that they have ended.
 
-    ``on_goal`` is called with each goal and its origin, as rclpy gives it for messages;
-    ``on_cancel`` after the client of a goal has canceled it. Goals are rejected while another node
-    serves the action.
+    ``on_goal`` is called with each goal and its origin, as rclpy gives it for messages. A goal
+    that its client cancels is marked so. Goals are rejected while another node serves the action.
     """
 
     def __init__(self, node: SmartTireNode[Any], action: type[Any],
-                 on_goal: Callable[[Goal, Mapping[str, Any]], None],
-                 on_cancel: Callable[[], None]) -> None:
+                 on_goal: Callable[[Goal, Mapping[str, Any]], None]) -> None:
         super().__init__(node, action, NAME, lambda goal: None, goal_callback=self._check,
-                         handle_accepted_callback=self._accept, cancel_callback=self._cancel)
-        self._owner, self._on_goal, self._on_cancel = node, on_goal, on_cancel
+                         handle_accepted_callback=self._accept,
+                         cancel_callback=lambda goal: CancelResponse.ACCEPT)
+        self._owner, self._on_goal = node, on_goal
         self._goals: list[Goal] = []  # that have not ended
         self._number = 0  # of the request, counted by its client
         self._stalls = StallDetector(node.steady_ns())
@@ -73,14 +72,11 @@ class FollowPathServer(ActionServer):
         goal.execute()
         self._goals.append(goal)
         self.tick()
-        waited_ns = self._stalls.waited_ns(self._owner.steady_ns())
+        stamp = goal.request.path.header.stamp
+        waited_ns = (0 if stamp.sec or stamp.nanosec else
+                     self._stalls.waited_ns(self._owner.steady_ns()))
         self._on_goal(goal, {'publication_sequence_number': self._number,
                              'source_timestamp': time.time_ns() - waited_ns})
-
-    def _cancel(self, goal: Goal) -> CancelResponse:
-        assert self._owner.executor is not None, 'it has called this function'
-        self._owner.executor.create_task(self._on_cancel)  # after the state of the goal changed
-        return CancelResponse.ACCEPT
 
     def tick(self) -> None:
         """Record that the process is running."""

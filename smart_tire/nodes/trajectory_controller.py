@@ -75,7 +75,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         action = installed_class('nav2_msgs/action/FollowPath')
         if action is not None and params.follow_path:
             self.inputs[ACTION] = InputCounter()
-            self._server = FollowPathServer(self, action, self._on_goal, self._step)
+            self._server = FollowPathServer(self, action, self._on_goal)
         self.subscribe('odom', self._on_odometry, required=True, reliability=params.reliability)
         self.subscribe('wheel_states', self._control.add_wheels, announced=True,
                        reliability=params.reliability,

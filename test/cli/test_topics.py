@@ -30,7 +30,7 @@ def test_fields_publisher_and_subscribers_of_topics_are_printed(capsys):
     assert 'velocity [m/s]  slip velocity r omega - v_x' in first
     assert 'published by slip_estimator; subscribers: trajectory_controller' in first
     assert second.startswith('/tf  [tf2_msgs/msg/TFMessage]')
-    assert second.endswith('published by slip_estimator\n')
+    assert second.endswith('published by slip_estimator; subscribers: trajectory_controller\n')
 
 
 def test_an_unknown_topic_is_a_usage_error_that_lists_the_known_ones(capsys):

@@ -73,10 +73,26 @@ def test_messages_right_after_a_stall_may_be_queued():
     assert stall.may_be_queued(resumed + QUEUE_DRAIN_NS - 1, 0)
     assert not stall.may_be_queued(resumed + QUEUE_DRAIN_NS, QUEUE_DRAIN_NS)
     assert stall.may_be_queued(resumed + NS_PER_S, NS_PER_S + 1)  # sent before the process resumed
-    assert stall.waited_ns(resumed + 5) == resumed + 5 - MIN_STALL_NS
-    assert stall.waited_ns(resumed + QUEUE_DRAIN_NS) == 0
     stall.tick(resumed + MIN_STALL_NS)
     assert stall.stalls == 1
+
+
+def test_without_reception_time_messages_are_queued_while_the_backlog_of_a_stall_is_handled():
+    begin, length = 5 * NS_PER_S, 2 * NS_PER_S
+    stall = StallDetector(begin)
+    assert stall.waited_ns(begin) == 0
+    stall.tick(begin + length)
+    assert stall.waited_ns(begin + length) == length
+    busy = begin + length + MIN_STALL_NS + 1
+    stall.tick(busy)  # handling it: the stall goes on
+    assert stall.waited_ns(busy + length) == busy + length - begin
+    assert stall.waited_ns(2 * busy - begin) == 0
+    again = 2 * busy - begin
+    for now in range(busy, again + 1, MIN_STALL_NS):
+        stall.tick(now)
+    stall.tick(again)
+    stall.tick(again + MIN_STALL_NS + 1)
+    assert stall.waited_ns(again + MIN_STALL_NS + 1) == MIN_STALL_NS + 1
 
 
 def test_the_excess_of_a_transit_time_is_counted_from_the_least_one_of_its_publisher():

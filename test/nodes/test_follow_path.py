@@ -32,6 +32,7 @@ from smart_tire.messages.path import path_to_msg
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.follow_path import REPLACED
 from smart_tire.nodes.qos import latched
+from smart_tire.nodes.trajectory_controller import PUBLISHER_WINDOW
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, PlannedPath
 from std_msgs.msg import Bool
@@ -122,7 +123,12 @@ def running(tmp_path_factory: pytest.TempPathFactory, nav2_msgs: None) -> Iterat
             client = Client('last', robot)
             future = client.drive().get_result_async()
             robot.until_more_progress()
-            robot.node.popen.send_signal(signal.SIGINT)
+            robot.node.popen.send_signal(signal.SIGSTOP)
+            stopped = time.monotonic()
+            client.until(lambda: time.monotonic() - stopped > 0.3)
+            robot.follow(robot.path())  # still queued when the node ends
+            for number in (signal.SIGINT, signal.SIGCONT):
+                robot.node.popen.send_signal(number)
             client.until(future.done)
             assert future.result().status == GoalStatus.STATUS_ABORTED
             assert future.result().result.error_msg == 'node ended'
@@ -293,6 +299,9 @@ def test_another_client_may_be_the_next_one(robot, client):
     for one in (client, other, client):
         assert one.result(one.send(robot.path(SHORT))) == (
             GoalStatus.STATUS_SUCCEEDED, 'NONE', '')
+        robot.until_more_progress()
+    other.drive()  # its numbers are those of the first one
+    assert other.result(other.send(robot.path(SHORT)))[0] == GoalStatus.STATUS_SUCCEEDED
     other.close()
 
 
@@ -371,8 +380,8 @@ def test_goals_are_rejected_while_another_node_serves_the_action(robot, client):
 
 def test_a_goal_of_a_second_client_stops_the_robot_and_both_are_named(robot, client):
     other = Client('stranger', robot)
-    first = client.drive()
-    robot.until_more_progress()
+    first, began = client.drive(), time.monotonic()
+    client.until(lambda: time.monotonic() - began > PUBLISHER_WINDOW + 0.5)
     second = other.send(robot.path())
     for one, goal in ((client, first), (other, second)):
         status, error, text = one.result(goal)
