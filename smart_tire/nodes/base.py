@@ -283,7 +283,7 @@ class SmartTireNode(Node, Generic[Params]):
             if ages[name] > MAX_INPUT_AGE:
                 if counter.required:
                     status.warn(f'no {name}')
-                if text := self._type_mismatch(name):
+                if name in self._types and (text := self._type_mismatch(name)):
                     status.warn(text)
 
     def _type_mismatch(self, name: str) -> str:
