@@ -42,14 +42,7 @@ ENDED = (0, 2)  # exit status: interrupted, wrong arguments or parameters
 STOP = {'start_stopped': True}
 
 
-def new_node(executable, *parameters, **options):
-    """Return a node with the parameter files; ``parameters`` take precedence over them."""
-    return Node(package='smart_tire', executable=executable, output='screen',
-                namespace=LaunchConfiguration('namespace'), remappings=TRANSFORMS,
-                parameters=[*map(LaunchConfiguration, FILES), *parameters], **options)
-
-
-def supervised(executable, *parameters, wait=0.0):
+def supervised(context, executable, *parameters, wait=0.0):
     """
     Return a node, started ``wait`` [s] from now, that starts again when it dies.
 
@@ -67,9 +60,14 @@ def supervised(executable, *parameters, wait=0.0):
         period = min(2.0 * wait, MAX_RESPAWN_DELAY) if wait and not lasted else RESPAWN_DELAY
         stop = [STOP] if executable == 'motor_driver' and STOP not in parameters else []
         return [TimerAction(period=period, actions=[
-            supervised(executable, *parameters, *stop, wait=period)])]
+            supervised(context, executable, *parameters, *stop, wait=period)])]
 
-    return new_node(executable, *parameters, on_exit=restart)
+    space = context.launch_configurations['namespace'].strip('/')
+    enclave = '/'.join(('', *filter(None, (space, executable))))  # docs/how_to/security.md
+    return Node(package='smart_tire', executable=executable, output='screen',
+                namespace=LaunchConfiguration('namespace'), remappings=TRANSFORMS,
+                parameters=[*map(LaunchConfiguration, FILES), *parameters],
+                ros_arguments=['--enclave', enclave], on_exit=restart)
 
 
 def port_of(executable, context):
@@ -81,7 +79,7 @@ def port_of(executable, context):
 
 def start(context):
     """Return one process per node, all with the same parameter files."""
-    return [supervised(node, *port_of(node, context)) for node in NODES]
+    return [supervised(context, node, *port_of(node, context)) for node in NODES]
 
 
 def describe(context):
@@ -92,7 +90,7 @@ def describe(context):
         IncludeLaunchDescription(
             PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'description.py']),
             launch_arguments={name: LaunchConfiguration(name) for name in DESCRIBED}.items()),
-        supervised('slip_estimator', *own),
+        supervised(context, 'slip_estimator', *own),
     ]
 
 

@@ -33,6 +33,7 @@ from typing import Any
 
 import pytest
 
+from security_policy import policy
 from smart_tire.launching import check_arguments, hold_interrupts
 from smart_tire.parameters import build, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
@@ -43,7 +44,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch'
 MODULES = ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',
            'launch_ros.actions', 'launch_ros.parameter_descriptions', 'launch_ros.substitutions')
-DEFAULTS = {'description': 'true', 'rviz': 'false', 'simulated': 'false',
+DEFAULTS = {'namespace': '', 'description': 'true', 'rviz': 'false', 'simulated': 'false',
             'robot': str(ROOT / 'config' / 'robot.yaml'),
             'tuning': str(ROOT / 'config' / 'tuning.yaml')}
 TUNING = DEFAULTS['tuning']
@@ -230,7 +231,7 @@ def exited(node: Call, status: int = -9, shutdown: bool = False, respawn: str = 
            simulated: str = 'false') -> list[Call]:
     """Return the actions of ``robot.launch.py`` when a node has ended with ``status``."""
     context = SimpleNamespace(is_shutdown=shutdown, launch_configurations={
-        'respawn': respawn, 'simulated': simulated})
+        'namespace': '', 'respawn': respawn, 'simulated': simulated})
     return node.options['on_exit'](SimpleNamespace(returncode=status), context)
 
 
@@ -254,6 +255,14 @@ def test_nodes_that_died_restart_and_motor_driver_with_the_stop_latched(simulate
             assert node.options['parameters'] == first.options['parameters'] + (
                 [{'start_stopped': True}] if is_driver else [])
             assert node.options.keys() == first.options.keys()
+
+
+@pytest.mark.parametrize('namespace', ['', 'r1', '/r1/a/'])
+def test_the_enclave_of_a_node_is_that_of_the_policy(namespace, described):
+    for node in of_kind(described(LAUNCH / 'robot.launch.py', namespace=namespace), 'Node'):
+        option, enclave = node.options['ros_arguments']
+        assert option == '--enclave'
+        assert f'<enclave path="{enclave}">' in policy(namespace.strip('/'))
 
 
 def test_the_restarts_of_a_node_become_rare_until_it_lasts(described, monkeypatch):

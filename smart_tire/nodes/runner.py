@@ -25,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.command_line import foreign_arguments, ros_arguments
-from smart_tire.nodes.compat import new_executor, plain_message
+from smart_tire.nodes.compat import new_executor, plain_message, RCLError
 
 MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
@@ -110,6 +110,9 @@ def _spin(node_class: Callable[[], SmartTireNode[Any]], exit_statuses: list[int]
         node = node_class()
     except ParameterError as error:
         get_logger('smart_tire').fatal(str(error))
+        return EXIT_REFUSED
+    except RCLError as error:  # such as DDS security that the middleware does not have
+        get_logger('smart_tire').fatal(plain_message(error))
         return EXIT_REFUSED
     executor = new_executor()
     executor.add_node(node)

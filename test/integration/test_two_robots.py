@@ -17,6 +17,7 @@ import os
 
 import numpy as np
 import pytest
+from security_policy import policy
 from smart_tire.cli._stack import NODES, PORTS, Stack
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
@@ -24,6 +25,7 @@ from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.samples import NS_PER_S, VelocityCommand
 from support.graph import Graph
 from support.machine import exclusive_cores
+from support.policies import rules_in
 from support.stack import parameter_file
 
 pytestmark = pytest.mark.processes
@@ -33,6 +35,17 @@ DRIVERS = dict(zip(('tire_receiver', 'imu_driver', 'motor_driver'), PORTS))
 OUTPUTS = ('odom', 'wheel_slip', 'ground_state', 'wheel_states', 'imu/data', 'tire_samples',
            'wheel_commands', 'motor_commands')
 SPEED = 0.4  # m/s
+
+
+def assert_permitted(observer, robot):
+    """Assert that the policy of a robot allows all that its nodes have created."""
+    ask = {('topics', 'publish'): observer.get_publisher_names_and_types_by_node,
+           ('topics', 'subscribe'): observer.get_subscriber_names_and_types_by_node,
+           ('services', 'reply'): observer.get_service_names_and_types_by_node,
+           ('services', 'request'): observer.get_client_names_and_types_by_node}
+    rules = rules_in(policy(robot))
+    assert not {(node, rule, name) for node in NODES for rule, names_and_types in ask.items()
+                for name, _ in names_and_types(node, f'/{robot}') if name not in rules[node][rule]}
 
 
 def test_a_robot_is_driven_while_the_other_one_stands(tmp_path, isolated_ros):
@@ -64,6 +77,7 @@ def test_a_robot_is_driven_while_the_other_one_stands(tmp_path, isolated_ros):
             stamps = [msg.header.stamp.sec * NS_PER_S + msg.header.stamp.nanosec
                       for msg in messages if topic.endswith('odom')]
             assert stamps == sorted(set(stamps)), topic  # those of one robot
+        assert_permitted(graph.node, 'r1')
         assert graph.call('std_srvs/srv/SetBool', '/r2/emergency_stop', data=True).success
         stacks['r2'].stop()
         later = len(graph.received['/r1/odom']) + 250
