@@ -125,6 +125,15 @@ def test_a_missing_port_is_opened_when_it_appears(port, link):
     assert len(link.reports) == 2  # absent, open: one line each, for any number of attempts
 
 
+def test_a_port_is_opened_soon_after_it_appears_however_long_it_was_missing(port, link):
+    link.start()
+    wait_for(lambda: link.refused >= 8)
+    begin = time.monotonic()
+    port.plug_in()
+    wait_for(lambda: link.opened)
+    assert time.monotonic() - begin < 1.0  # s
+
+
 def test_a_port_that_is_unplugged_is_opened_again(port, link):
     port.plug_in()
     link.start()

@@ -147,6 +147,38 @@ def test_the_driver_recovers_from_a_missing_busy_or_unplugged_port(graph, port):
         assert 'Traceback' not in node.output
 
 
+@pytest.mark.parametrize(('name', 'topic', 'frame', 'parameters'), [
+    ('imu_driver', 'imu/data', lambda number: imu_frame('vectornav_binary', number), {}),
+    ('tire_receiver', 'tire_samples', lambda number: packet(number, 0x0013A20040A1B2C2),
+     {'units': '["0013A20040A1B2C2=front_left"]'})])
+def test_the_data_of_a_link_return_within_two_seconds(name, topic, frame, parameters, graph, port):
+    numbers, received = count(), graph.received[topic]
+
+    def send():
+        port.write(frame(next(numbers)))
+
+    def until_data():
+        received.clear()
+        begin = time.monotonic()
+        graph.until(lambda: received, send)
+        return time.monotonic() - begin
+
+    graph.subscribe(topic)
+    port.plug_in()
+    with graph.start(name, port=port.path, **parameters) as node:
+        until_data()
+        port.unplug()
+        graph.until(lambda: graph.status_message(name).startswith('cannot open'))
+        port.plug_in()
+        assert until_data() < 2.0  # s
+        graph.until(lambda: graph.status_message(name) == 'ok', send)
+        graph.until(lambda: graph.status_message(name) != 'ok')  # it stalls
+        assert until_data() < 2.0
+        port.write(frame(next(numbers))[:20] + bytes(range(256)))  # it resets
+        assert until_data() < 2.0
+        assert node.end() == 0
+
+
 FAILING_PUBLISHER = """
 import sys
 
