@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 import os
 from pathlib import Path, PurePath
 from typing import Any
@@ -100,14 +101,35 @@ class Metadata:
 
 
 @dataclass
-class Contents:
-    """Contents of a bag of one file."""
+class Span:
+    """Number of messages, and times of the first and the last one."""
 
-    file: str
-    counts: dict[Channel, int]
+    messages: int = 0
     start_ns: int = NO_START
     end_ns: int = 0
+
+    def add(self, receive_ns: int) -> None:
+        """Add a message."""
+        self.messages += 1
+        self.start_ns = min(self.start_ns, receive_ns)
+        self.end_ns = max(self.end_ns, receive_ns)
+
+    def entries(self) -> dict[str, Any]:
+        """Return the entries of rosbag2."""
+        duration = max(0, self.end_ns - self.start_ns) if self.messages else 0
+        return {'duration': {'nanoseconds': duration},
+                'starting_time': {'nanoseconds_since_epoch': self.start_ns},
+                'message_count': self.messages}
+
+
+@dataclass
+class Contents:
+    """Contents of a bag."""
+
     ros_distro: str = ''
+    files: dict[str, Span] = field(default_factory=dict)      # by name, in order
+    counts: dict[Channel, int] = field(default_factory=dict)  # messages in all files
+    span: Span = field(default_factory=Span)
     custom_data: dict[str, str] = field(default_factory=dict)  # as of ros2 bag record
 
 
@@ -179,22 +201,18 @@ def _dump(document: Any) -> str:
 
 
 def _entry(contents: Contents) -> dict[str, Any]:
-    messages = sum(contents.counts.values())
-    duration = {'nanoseconds': max(0, contents.end_ns - contents.start_ns) if messages else 0}
-    start = {'nanoseconds_since_epoch': contents.start_ns}
     return {
-        'version': VERSION, 'storage_identifier': 'mcap', 'duration': duration,
-        'starting_time': start, 'message_count': messages,
+        'version': VERSION, 'storage_identifier': 'mcap', **contents.span.entries(),
         'topics_with_message_count': [
             {'topic_metadata': _topic(channel), 'message_count': count}
             for channel, count in contents.counts.items()],
         'compression_format': '', 'compression_mode': '',
-        'relative_file_paths': [contents.file],
-        'files': [{'path': contents.file, 'starting_time': start, 'duration': duration,
-                   'message_count': messages}],
+        'relative_file_paths': list(contents.files),
+        'files': [{'path': name, **span.entries()} for name, span in contents.files.items()],
         'custom_data': contents.custom_data or None, 'ros_distro': contents.ros_distro}
 
 
+@lru_cache(maxsize=1024)  # the profiles of all topics take longer to parse than a crash may cost
 def _topic(channel: Channel) -> dict[str, Any]:
     return {
         'name': channel.topic, 'type': channel.type, 'serialization_format': channel.encoding,

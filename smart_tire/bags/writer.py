@@ -11,7 +11,9 @@
 """
 Crash-safe writer of rosbag2 directories, and recovery of damaged bags.
 
-A crash loses at most half a second of messages.
+A crash loses the messages since the latest chunk: 0.2 s at most if ``flush`` is called every
+0.1 s. The index of a file is in memory until the file is complete (3 kB per chunk with 30 topics):
+a long recording is divided into several files.
 """
 
 from __future__ import annotations
@@ -19,17 +21,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+import math
+import os
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
 from smart_tire.bags.cdr import definition, SampleEncoder
 from smart_tire.bags.metadata import (
-    Channel, Contents, metadata_text, Qos, qos_text, write_metadata)
+    Channel, Contents, metadata_text, Qos, qos_text, Span, write_metadata)
 from smart_tire.bags.reader import Bag
 from smart_tire.errors import BagError
 from smart_tire.messages import TOPICS
-from smart_tire.samples import Sample
+from smart_tire.samples import NS_PER_S, Sample
 
 FLUSH_PERIOD_NS = 250_000_000       # of message time between chunks: half of the loss allowed
 METADATA_PERIOD_NS = 5_000_000_000  # of message time between updates of metadata.yaml
@@ -47,25 +51,22 @@ class BagWriter:
     Writes an MCAP bag that ``ros2 bag`` can open, even if the process was killed while writing.
 
     The writer has no clock: chunks end by message time. If messages may stop arriving, call
-    ``flush`` periodically.
+    ``flush`` periodically. A new file begins with the first message after a file has ``max_size``
+    [bytes], without its last chunk and its index, or ``max_duration`` [s] of message time.
     """
 
     def __init__(self, directory: str | Path, *, ros_distro: str = '',
-                 custom_data: Mapping[str, str] | None = None) -> None:
+                 custom_data: Mapping[str, str] | None = None, max_size: float = math.inf,
+                 max_duration: float = math.inf) -> None:
         self.directory = Path(directory)
-        name = f'{self.directory.resolve().name}_0.mcap'
+        self._max_size, self._max_ns = max_size, max_duration * NS_PER_S
+        self._contents = Contents(ros_distro)
+        self._numbers: dict[str, tuple[int, Channel]] = {}  # by topic: of the channel in this file
+        self._encoders: dict[str, SampleEncoder] = {}
+        self._receive_ns = self._flushed_ns = self._metadata_ns = 0
         with self._errors_named():
             self.directory.mkdir(parents=True)
-            self._file = (self.directory / name).open('xb')
-        self._contents = Contents(name, {}, ros_distro=ros_distro)
-        self._channels: dict[str, tuple[int, Channel]] = {}
-        self._schemas: dict[str, int] = {}
-        self._encoders: dict[str, SampleEncoder] = {}
-        self._flushed_ns = self._metadata_ns = 0
-        self._mcap = Writer(self._file, compression=CompressionType.ZSTD)
-        self._mcap.start(profile='ros2', library='smart_tire')
-        self._file.flush()
-        self._write_metadata()
+        self._begin_file()
         for key, text in (custom_data or {}).items():
             self.set_custom_data(key, text)
 
@@ -87,30 +88,29 @@ class BagWriter:
             self._add_metadata_record()  # for readers of the file alone, after a crash
             self._write_metadata()
 
+    def has_topic(self, topic: str) -> bool:
+        """Return whether a topic is registered."""
+        return topic in self._numbers
+
     def add_topic(self, channel: Channel) -> None:
         """Register a topic; no effect if it is already registered."""
-        if channel.topic in self._channels:
-            return
-        if channel.type not in self._schemas:
-            self._schemas[channel.type] = self._mcap.register_schema(
-                channel.type, channel.definition_encoding, channel.definition.encode())
-        number = self._mcap.register_channel(
-            channel.topic, channel.encoding, self._schemas[channel.type],
-            {'offered_qos_profiles': channel.qos, 'topic_type_hash': channel.type_hash})
-        self._channels[channel.topic] = number, channel
-        self._contents.counts[channel] = 0
-        self._write_metadata()
+        if not self.has_topic(channel.topic):
+            self._contents.counts[channel] = 0
+            self._register(channel)
+            self._write_metadata()
 
     def write(self, topic: str, receive_ns: int, data: bytes) -> None:
         """Write the serialized message of a registered topic."""
-        number, channel = self._channels[topic]
-        contents = self._contents
+        if self._is_full(receive_ns):
+            self._end_file()
+            self._begin_file()
+        number, channel = self._numbers[topic]
         self._mcap.add_message(number, receive_ns, data, receive_ns)
-        contents.counts[channel] += 1
-        contents.start_ns = min(contents.start_ns, receive_ns)
-        contents.end_ns = max(contents.end_ns, receive_ns)
+        self._contents.counts[channel] += 1
+        self._contents.span.add(receive_ns)
+        self._span.add(receive_ns)
+        self._receive_ns = receive_ns
         if abs(receive_ns - self._flushed_ns) >= FLUSH_PERIOD_NS:
-            self._flushed_ns = receive_ns
             self.flush()
         if abs(receive_ns - self._metadata_ns) >= METADATA_PERIOD_NS:
             self._metadata_ns = receive_ns
@@ -126,17 +126,48 @@ class BagWriter:
 
     def flush(self) -> None:
         """Hand over all written data to the operating system."""
+        self._flushed_ns = self._receive_ns
         with self._errors_named():
             self._mcap.flush()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
         """Finish the bag; no effect the second time."""
-        if self._file.closed:
-            return
+        if not self._file.closed:
+            self._end_file()
+            self._write_metadata()
+
+    def _is_full(self, receive_ns: int) -> bool:
+        """Return whether the message of this time begins a new file."""
+        return self._span.messages > 0 and (
+            receive_ns - self._span.start_ns >= self._max_ns or self._max_size < math.inf
+            and os.fstat(self._file.fileno()).st_size >= self._max_size)
+
+    def _begin_file(self) -> None:
+        name = f'{self.directory.resolve().name}_{len(self._contents.files)}.mcap'
+        with self._errors_named():
+            self._file = (self.directory / name).open('xb')
+            self._mcap = Writer(self._file, compression=CompressionType.ZSTD)
+            self._mcap.start(profile='ros2', library='smart_tire')
+            self._file.flush()
+        self._span = self._contents.files[name] = Span()
+        self._schemas: dict[str, int] = {}
+        for channel in self._contents.counts:
+            self._register(channel)
+        self._write_metadata()
+
+    def _end_file(self) -> None:
         with self._errors_named(), self._file:
             self._add_metadata_record()
             self._mcap.finish()  # type: ignore[no-untyped-call]
-        self._write_metadata()
+
+    def _register(self, channel: Channel) -> None:
+        """Add the channel to the present file."""
+        if channel.type not in self._schemas:
+            self._schemas[channel.type] = self._mcap.register_schema(
+                channel.type, channel.definition_encoding, channel.definition.encode())
+        self._numbers[channel.topic] = self._mcap.register_channel(
+            channel.topic, channel.encoding, self._schemas[channel.type],
+            {'offered_qos_profiles': channel.qos, 'topic_type_hash': channel.type_hash}), channel
 
     def _add_metadata_record(self) -> None:
         with self._errors_named():

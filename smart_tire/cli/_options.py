@@ -24,6 +24,7 @@ from contextlib import contextmanager
 import math
 import os
 from pathlib import Path
+import re
 import sys
 from typing import Any, TYPE_CHECKING
 
@@ -199,7 +200,8 @@ def remove(folder: Path, names: Iterable[str]) -> None:
 
 
 def _bag_files(folder: Path) -> set[str]:
-    return {f'{folder.resolve().name}_0.mcap', BAG_METADATA}
+    files = re.compile(rf'{re.escape(folder.resolve().name)}_[0-9]+\.mcap')
+    return {path.name for path in folder.iterdir() if files.fullmatch(path.name)} | {BAG_METADATA}
 
 
 def print_counts(counts: Mapping[str, int]) -> None:

@@ -23,6 +23,9 @@ from rich.filesize import decimal
 
 from smart_tire.cli._options import print_counts, refuse_existing_bag, remove_bag
 from smart_tire.cli._progress import Progress, Rate
+from smart_tire.errors import ParameterError
+
+MIN_SIZE, MIN_DURATION = 1.0, 1.0  # MB, s of a file: a bag of thousands of files opens slowly
 
 
 class RecordStatus:
@@ -50,8 +53,13 @@ def run(args: argparse.Namespace) -> int:
     """
     Record until interrupted; print the message count of each topic.
 
-    Lost messages are reported, but do not change the exit status.
+    Lost messages are reported, but do not change the exit status. Raises ParameterError for files
+    below ``MIN_SIZE`` or ``MIN_DURATION``.
     """
+    for name, value, least in (('size', args.max_size, MIN_SIZE),
+                               ('duration', args.max_duration, MIN_DURATION)):
+        if value < least:
+            raise ParameterError(f'--max-{name} is {value:g}, expected at least {least:g}')
     directory = args.out or Path(f'rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}')
     refuse_existing_bag(directory, force=args.force)
     parameters = None
@@ -63,7 +71,8 @@ def run(args: argparse.Namespace) -> int:
     with Progress(timer=False) as progress:
         status = RecordStatus(directory)
         recording = record(directory, args.topics, parameters,
-                           lambda counts, lost: progress.show(status.text(counts, lost)))
+                           lambda counts, lost: progress.show(status.text(counts, lost)),
+                           max_size=args.max_size * 1e6, max_duration=args.max_duration)
     print(f'{directory}:')
     print_counts(recording.counts)
     for loss in recording.losses:

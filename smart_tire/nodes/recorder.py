@@ -14,14 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Mapping
 from dataclasses import dataclass
+import math
 import os
 from pathlib import Path
+import shutil
+import signal
 import time
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from smart_tire.bags import BagWriter, channel_of, PARAMETERS_KEY, Qos
+from smart_tire.bags import BagWriter, Channel, channel_of, PARAMETERS_KEY, Qos
+from smart_tire.errors import BagError
 from smart_tire.nodes.base import NoParams, SmartTireNode, with_info
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.diagnostics import Status
@@ -31,8 +35,10 @@ from smart_tire.nodes.runner import run
 from smart_tire.parameters.files import snapshot_text
 
 DISCOVERY_PERIOD = 0.2      # s between queries of the published topics
-FLUSH_PERIOD = 0.25         # s between chunks, half of what a crash may cost
-PROGRESS_PERIOD = 1.0       # s between reports of the progress
+FLUSH_PERIOD = 0.1          # s between chunks, half of what a crash may cost
+PROGRESS_PERIOD = 1.0       # s between reports of the progress, and looks at the disk
+MIN_FREE = 200_000_000      # bytes on the disk with which a recording ends: the bag is completed
+MAX_DURATION = 300.0        # s of a file: its index is in memory, up to 10 MB with 30 topics
 DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start: publishers found until then existed before
 
 Progress = Callable[[Mapping[str, int], int], None]  # topic -> messages, number of lost ones
@@ -79,8 +85,10 @@ class Recorder(SmartTireNode[NoParams]):
 
     The bag also gets the parameters of the nodes of this package, by default ``parameters`` (flat
     values by node). Publishes ``/diagnostics``, subscribes to ``/parameter_events``. Hidden
-    topics, topics with several types and those whose type is not installed are skipped. No
-    parameters. ``on_progress`` is called once a second.
+    topics and those whose type is not installed are skipped. Of several types of a topic, such as
+    ``Twist`` and ``TwistStamped``, the type found last before its first message is recorded. No
+    parameters. ``on_progress`` is called once a second. When the disk is almost full, ``problem``
+    is set and the recording ends.
     """
 
     def __init__(self, writer: BagWriter, topics: Collection[str] = (),
@@ -93,8 +101,9 @@ class Recorder(SmartTireNode[NoParams]):
         self._collector = ParameterCollector(self)
         self._stored: Mapping[str, Mapping[str, Any]] = {}  # parameters in the bag
         self._names = {self.resolve_topic_name(topic) for topic in topics}
-        self._recorded: dict[str, tuple[QoSProfile, Any]] = {}
-        self._skipped: set[str] = set()
+        self._recorded: dict[str, tuple[str, QoSProfile, Any]] = {}  # type, profile, subscription
+        self._published: dict[str, list[str]] = {}  # of the publishers, in the order of discovery
+        self.problem = ''  # that ended the recording
         self._initial_publishers: set[bytes] = set()  # those that existed before the recorder
         self._initial_until_ns = self.steady_ns() + DISCOVERY_GRACE_NS
         self._gaps: dict[str, SequenceGaps] = {}
@@ -130,20 +139,20 @@ class Recorder(SmartTireNode[NoParams]):
             status.warn(f'no {name}')
 
     def _report(self) -> None:
+        free = shutil.disk_usage(self._writer.directory).free
+        if free < MIN_FREE and not self.problem:
+            self.problem = (f'{self._writer.directory}: the recording ended, its disk has '
+                            f'{free / 1e6:.0f} MB left, needed are {MIN_FREE / 1e6:.0f} MB')
+            signal.raise_signal(signal.SIGTERM)  # ends the runner as an operator does
         if self._on_progress is not None:
             lost = sum(gaps.lost + gaps.missed for gaps in self._gaps.values())
             self._on_progress(self._writer.counts, lost)
 
     def _discover(self) -> None:
-        for name, types in self.get_topic_names_and_types():
-            if self._names and name not in self._names:
-                continue
-            if not self._names and '/_' in name:  # hidden, such as the events of services
-                continue
-            if len(types) == 1:
-                self._record(name, types[0])
-            else:
-                self._skip(name, f'has several types: {", ".join(types)}')
+        for name, _ in self.get_topic_names_and_types():
+            hidden = not self._names and '/_' in name  # such as the events of services
+            if not hidden and (not self._names or name in self._names):
+                self._record(name)
 
     def _collect_parameters(self) -> None:
         self._collector.poll()
@@ -152,49 +161,71 @@ class Recorder(SmartTireNode[NoParams]):
             self._stored = found
             self._writer.set_custom_data(PARAMETERS_KEY, snapshot_text(found))
 
-    def _record(self, name: str, type_name: str) -> None:
-        publishers = self.get_publishers_info_by_topic(name)
+    def _record(self, name: str) -> None:
+        published = self.get_publishers_info_by_topic(name)
+        if not published:
+            return
+        type_name = self._type_of(name, [info.topic_type for info in published])
+        publishers = [info for info in published if info.topic_type == type_name]
         if self.steady_ns() < self._initial_until_ns:
             self._initial_publishers.update(bytes(info.endpoint_gid) for info in publishers)
-        offers = [info.qos_profile for info in publishers]
-        if not offers or name in self._skipped:
+        if not publishers or not is_installed(type_name):
             return
+        offers = [info.qos_profile for info in publishers]
         requested = matching_qos(name, offers)
         if name in self._recorded:
-            profile, subscription = self._recorded[name]
-            if not requests_less(requested, profile):
+            present, profile, subscription = self._recorded[name]
+            if present == type_name and not requests_less(requested, profile):
                 return
             self.destroy_subscription(subscription)
-        else:
-            try:
-                message_class(type_name)
-            except (ModuleNotFoundError, AttributeError):
-                self._skip(name, f'is {type_name}, which is not installed')
+            if present != type_name:  # two types at a time on a topic are not possible
+                del self._recorded[name]
                 return
-            self._writer.add_topic(channel_of(name, type_name, tuple(map(recorded_qos, offers))))
+        else:
             self.get_logger().info(f'recording {name}')
-        callback = with_info(self._write_callback(name, requested))
-        self._recorded[name] = requested, self.create_subscription(
+        channel = channel_of(name, type_name, tuple(map(recorded_qos, offers)))
+        callback = with_info(self._write_callback(channel, requested))
+        self._recorded[name] = type_name, requested, self.create_subscription(
             message_class(type_name), name, callback, requested, raw=True)
 
-    def _write_callback(self, name: str,
+    def _type_of(self, name: str, published: list[str]) -> str:
+        """Return the type to record: that of the recorded messages, or the one found last."""
+        found = self._published.setdefault(name, [])
+        new = list(dict.fromkeys(kind for kind in published if kind not in found))
+        found += new
+        type_name = self._recorded[name][0] if self._writer.has_topic(name) else found[-1]
+        if new and not is_installed(type_name):
+            self.get_logger().warning(f'{name} is {type_name}, which is not installed: not '
+                                      'recorded')
+        elif new and len(found) > 1:
+            self.get_logger().warning(f'{name} is published as {" and ".join(sorted(found))}: '
+                                      f'only {type_name} is recorded')
+        return type_name
+
+    def _write_callback(self, channel: Channel,
                         profile: QoSProfile) -> Callable[[Any, Mapping[str, Any]], None]:
+        name = channel.topic
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         gaps = self._gaps.setdefault(
             name, SequenceGaps(None if latched else self._initial_publishers))
-        write, now_ns = self._writer.write, time.time_ns
+        add_topic, write, now_ns = self._writer.add_topic, self._writer.write, time.time_ns
 
         def on_message(data: bytes, info: Mapping[str, Any]) -> None:
+            add_topic(channel)
             write(name, now_ns(), data)
             if gaps.count(info):
                 self.get_logger().warning(f'lost {gaps} messages of {name} so far')
 
         return on_message
 
-    def _skip(self, name: str, reason: str) -> None:
-        if name not in self._skipped:
-            self._skipped.add(name)
-            self.get_logger().warning(f'{name} {reason}: not recorded')
+
+def is_installed(type_name: str) -> bool:
+    """Return whether messages of a type can be received."""
+    try:
+        message_class(type_name)
+    except (ModuleNotFoundError, AttributeError):
+        return False
+    return True
 
 
 def recorded_qos(profile: QoSProfile) -> Qos:
@@ -216,12 +247,14 @@ class Recording:
 
 def record(directory: Path, topics: Collection[str] = (),
            parameters: Mapping[str, Mapping[str, Any]] | None = None,
-           on_progress: Progress | None = None) -> Recording:
+           on_progress: Progress | None = None, *, max_size: float = math.inf,
+           max_duration: float = MAX_DURATION) -> Recording:
     """
     Record all topics, or ``topics``, into ``directory`` until SIGINT or SIGTERM.
 
-    The bag carries ``parameters`` (flat values by node), or those of the running nodes.
-    ``on_progress`` is called once a second.
+    The bag carries ``parameters`` (flat values by node), or those of the running nodes. A new file
+    begins after ``max_size`` [bytes] or ``max_duration`` [s]. ``on_progress`` is called once a
+    second. Raises BagError, with the bag complete, when its disk is almost full.
     """
     recorders: list[Recorder] = []
 
@@ -229,6 +262,10 @@ def record(directory: Path, topics: Collection[str] = (),
         recorders.append(Recorder(writer, topics, parameters, on_progress))
         return recorders[-1]
 
-    with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', '')) as writer:
+    with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', ''), max_size=max_size,
+                   max_duration=max_duration) as writer:
         status = run(new_recorder, own_arguments=True)
-        return Recording(status, writer.counts, recorders[0].losses if recorders else [])
+    for recorder in recorders:
+        if recorder.problem:
+            raise BagError(recorder.problem)
+    return Recording(status, writer.counts, recorders[0].losses if recorders else [])

@@ -12,9 +12,11 @@
 
 from __future__ import annotations
 
+import gc
 import random
 import resource
 import shutil
+import tracemalloc
 
 from mcap.reader import make_reader
 import pytest
@@ -193,3 +195,49 @@ def test_missing_definitions_are_added(tmp_path):
 def test_an_existing_folder_is_not_overwritten(tmp_path, broken):
     with pytest.raises(BagError, match='File exists'):
         recover(broken, broken)
+
+
+@pytest.mark.parametrize(('limit', 'least'), [
+    ({'max_duration': 0.2}, 4), ({'max_size': 20_000.0}, 2), ({}, 1)])
+def test_a_bag_in_several_files_has_the_same_messages(limit, least, tmp_path):
+    events = stream(1.0)
+    with BagWriter(tmp_path / 'bag', custom_data={'key': 'text'}, **limit) as writer:
+        for receive_ns, topic, sample in events:
+            writer.write_sample(topic, receive_ns, sample)
+    count = len(list((tmp_path / 'bag').glob('*.mcap')))
+    names = [f'bag_{number}.mcap' for number in range(count)]
+    assert count >= least and (limit or count == 1)
+    with Bag(tmp_path / 'bag') as bag, AnyReader([tmp_path / 'bag']) as reader:
+        assert list(bag.samples(TOPICS)) == events
+        assert not bag.warnings and not bag.losses.lines()
+        assert bag.custom_data['key'] == 'text'
+        assert [time for _, time, _ in reader.messages()] == [event[0] for event in events]
+    found = metadata(tmp_path / 'bag')
+    assert found['relative_file_paths'] == names == [file['path'] for file in found['files']]
+    assert sum(file['message_count'] for file in found['files']) == found['message_count']
+    spans = [(file['starting_time']['nanoseconds_since_epoch'], file['duration']['nanoseconds'])
+             for file in found['files']]
+    assert spans[0][0] == found['starting_time']['nanoseconds_since_epoch'] == events[0][0]
+    assert sum(spans[-1]) == events[-1][0] == events[0][0] + found['duration']['nanoseconds']
+    assert all(duration < limit.get('max_duration', 2.0) * 1e9 for _, duration in spans)
+    for name in names:  # each can be read alone
+        with Bag(tmp_path / 'bag' / name) as part:
+            assert part.custom_data['key'] == 'text'
+            assert list(part.raw())
+
+
+def test_the_memory_of_a_recording_in_several_files_is_bounded(tmp_path):
+    grown = {}
+    for limit in (10.0, 1e9):  # s
+        tracemalloc.start()
+        with BagWriter(tmp_path / f'{limit}', max_duration=limit) as writer:
+            writer.add_topic(channel_of('odom', 'nav_msgs/msg/Odometry'))
+            for number in range(3000):
+                writer.write('/odom', number * 100_000_000, bytes(10))
+                writer.flush()
+                if number == 290:
+                    before, _ = tracemalloc.get_traced_memory()
+            gc.collect()
+            grown[limit] = tracemalloc.get_traced_memory()[0] - before
+        tracemalloc.stop()
+    assert grown[10.0] < 0.2 * grown[1e9]

@@ -115,14 +115,14 @@ def test_a_dangling_link_counts_as_existing(here):
 
 def test_a_bag_is_removed_completely(here):
     with BagWriter(here / 'bag'):
-        pass
+        make(here / 'bag' / 'bag_1.mcap')  # of a long recording
     refuse_existing_bag(here / 'bag', force=True)
     remove_bag(here / 'bag')
     assert not (here / 'bag').exists()
     remove_bag(here / 'bag')  # nothing to do
 
 
-@pytest.mark.parametrize('name', ['notes.txt', 'bag_1.mcap', 'bag_0.db3', 'other_0.mcap'])
+@pytest.mark.parametrize('name', ['notes.txt', 'bag_x.mcap', 'bag_0.db3', 'other_0.mcap'])
 def test_a_folder_with_other_files_is_rejected_even_with_force(name, here):
     with BagWriter(here / 'bag'):
         pass

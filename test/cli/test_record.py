@@ -12,14 +12,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+import os
 from pathlib import Path
 import signal
 import textwrap
 import time
 
+from loaded_demo import busy
 import pytest
 from smart_tire.bags import Bag
+from smart_tire.cli.main import main
 from support.command import command, Python
+from support.machine import exclusive_cores
 from support.recordings import stream, write_bag
 from support.stack import count
 from support.waiting import wait_for
@@ -185,3 +190,114 @@ def test_messages_published_before_the_connection_are_counted(tmp_path):
     first = int.from_bytes(contents(tmp_path / 'bag')['/flood'][0][4:12], 'little')
     assert first > 100
     assert f'lost the first {first - 1} messages of /flood' in recorder.lines
+
+
+CLOCK = textwrap.dedent("""
+    import sys
+    import time
+    import rclpy
+    from rclpy.qos import QoSProfile
+    from std_msgs.msg import Int64
+    rclpy.init()
+    node = rclpy.create_node('clock')
+    publishers = [node.create_publisher(Int64, f'time_{number}', QoSProfile(depth=100))
+                  for number in range(10)]
+    print('ready', flush=True)
+    while True:
+        for publisher in publishers:
+            publisher.publish(Int64(data=time.time_ns()))
+        time.sleep(0.01)
+    """)
+
+
+@pytest.mark.parametrize('loops', [0, 2 * (os.cpu_count() or 1)])
+def test_a_killed_recorder_loses_at_most_a_fifth_of_a_second(loops, tmp_path):
+    lost = []
+    with exclusive_cores(), busy(loops):
+        for number in range(5):
+            bag = tmp_path / f'bag{number}'
+            # publishers of its own: a killed subscriber can delay those that sent to it
+            with Python('-c', CLOCK) as clock, command(
+                    'record', '--out', bag, '--max-duration', 1) as recorder:
+                clock.wait_for('ready')
+                wait_for(lambda bag=bag: count(bag, 'time_9') > 0)
+                time.sleep(1.0 + 0.13 * number)
+                killed_ns = time.time_ns()
+                recorder.signal(signal.SIGKILL)
+                recorder.end()
+            files = sorted(path.name for path in bag.glob('*.mcap'))
+            assert files == [f'{bag.name}_{number}.mcap' for number in range(len(files))]
+            latest = [int.from_bytes(data[4:12], 'little') for name, parts in contents(bag).items()
+                      if 'time_' in name for data in parts]
+            lost.append((killed_ns - max(latest)) * 1e-9)
+    assert max(lost) < 0.2, lost
+
+
+ONE_TYPE = textwrap.dedent("""
+    import sys
+    import rclpy
+    from geometry_msgs.msg import Twist, TwistStamped
+    rclpy.init()
+    node = rclpy.create_node('teleop' + sys.argv[1])
+    publisher = node.create_publisher({'Twist': Twist, 'TwistStamped': TwistStamped}[sys.argv[1]],
+                                      'cmd_vel', 10)
+    print('ready', flush=True)
+    if sys.argv[2] == 'publish':
+        node.create_timer(0.02, lambda: publisher.publish(publisher.msg_type()))
+    rclpy.spin(node)
+    """)
+
+
+def test_cmd_vel_is_recorded_in_the_type_that_is_sent(tmp_path):
+    with Python('-c', ONE_TYPE, 'TwistStamped', 'idle') as controller, command(
+            'record', '--out', tmp_path / 'bag') as recorder:
+        controller.wait_for('ready')
+        recorder.wait_for('recording /cmd_vel')
+        with Python('-c', ONE_TYPE, 'Twist', 'publish'):
+            wait_for(lambda: count(tmp_path / 'bag', 'cmd_vel') > 5)
+        with Python('-c', ONE_TYPE, 'TwistStamped', 'publish') as other:
+            other.wait_for('ready')
+            time.sleep(0.5)
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0
+    line, = (line for line in recorder.lines if 'is published as' in line)
+    assert line.endswith('/cmd_vel is published as geometry_msgs/msg/Twist and geometry_msgs/msg/'
+                         'TwistStamped: only geometry_msgs/msg/Twist is recorded')
+    with Bag(tmp_path / 'bag') as bag:
+        assert bag.types['/cmd_vel'] == 'geometry_msgs/msg/Twist'
+        assert all(len(data) == 4 + 6 * 8 for _, _, data in bag.raw(['/cmd_vel']))
+
+
+FULL_DISK = textwrap.dedent("""
+    import sys
+    from types import SimpleNamespace
+    from smart_tire.cli.main import main
+    from smart_tire.nodes import recorder
+    calls = []
+    recorder.shutil.disk_usage = lambda path: calls.append(path) or SimpleNamespace(
+        free=2e8 if len(calls) < 3 else 199e6)
+    sys.exit(main())
+    """)
+
+
+def test_a_recording_ends_before_the_disk_is_full(tmp_path):
+    bag = tmp_path / 'bag'
+    with Python('-c', FULL_DISK, 'record', '--out', bag) as recorder:
+        assert recorder.end() == 2
+    line, = (line for line in recorder.lines if 'disk' in line)
+    assert line == (f'smart_tire record: {bag}: the recording ended, its disk has 199 MB left, '
+                    'needed are 200 MB')
+    assert 'Traceback' not in recorder.output
+    with Bag(bag) as found:
+        assert found.topics['/diagnostics'].messages
+        assert not found.warnings
+
+
+@pytest.mark.parametrize(('option', 'value'), [
+    ('--max-size', '0.9'), ('--max-duration', '0.9'), ('--max-size', '0'),
+    ('--max-duration', 'nan'), ('--max-duration', '-5')])
+def test_absurd_limits_of_a_file_are_refused(option, value, tmp_path, capsys):
+    with suppress(SystemExit):
+        assert main(['record', '--out', str(tmp_path / 'bag'), option, value]) == 2
+    assert option in capsys.readouterr().err
+    assert not (tmp_path / 'bag').exists()
