@@ -73,7 +73,7 @@ def _track_panel(fit: YawRateFit) -> Panel:
     return Panel([
         dots(fit.yaw_rate, fit.wheel_difference, 'intervals'),
         straight(fit.yaw_rate, slope.value,
-               f'{slope.value:.3f} ± {slope.sigma:.3f} wheel rad per yaw rad', 'ink')],
+                 f'{slope.value:.3f} ± {slope.sigma:.3f} wheel rad per yaw rad', 'ink')],
         'yaw rate [rad/s]', 'wheel speed, right minus left [rad/s]')
 
 
@@ -83,8 +83,8 @@ def _radius_panel(fit: RadiusFit) -> Panel:
     return Panel([
         straight(fit.time, 0.0, '', 'ink'),
         dots(fit.time, MM * (fit.reference_distance - fit.wheel_distance),
-              f'intervals; radius {MM * radius.value:.1f} ± {MM * radius.sigma:.1f} mm',
-              'vermillion')], TIME_LABEL, 'distance, reference minus wheels [mm]')
+             f'intervals; radius {MM * radius.value:.1f} ± {MM * radius.sigma:.1f} mm',
+             'vermillion')], TIME_LABEL, 'distance, reference minus wheels [mm]')
 
 
 def icr_figure(fit: IcrFit) -> Figure | None:
@@ -126,7 +126,7 @@ def motor_figure(found: MotorFit) -> Figure | None:
         marks = [dots(speed, duty, 'in motion')]
         if (gain := found.get(FEED_FORWARD)) is not None:
             marks.append(straight(speed, gain.value,
-                                f'feed-forward {gain.value:.4f} ± {gain.sigma:.1g} s/rad'))
+                                  f'feed-forward {gain.value:.4f} ± {gain.sigma:.1g} s/rad'))
         panels.append(Panel(marks, 'wheel speed [rad/s]', 'duty [-]'))
     return _figure(
         'motor', 'Motor torque and duty',
@@ -170,8 +170,8 @@ def _gain_panel(wheel: str, films: Sequence[FilmGain]) -> Panel:
         if (volts := one.per_slip) is not None:
             marks += [dots(one.slip, one.stretch, '', color, one.stretch_sigma, one.slip_sigma),
                       straight(np.append(one.slip, 0.0), volts.value,
-                             f'film {one.film + 1}: {volts.value:.3f} ± {volts.sigma:.3f} V per '
-                             'unit', color)]
+                               f'film {one.film + 1}: {volts.value:.3f} ± {volts.sigma:.3f} V per '
+                               'unit', color)]
     return Panel(marks, 'slip ratio ± 2σ [-]', 'stretch voltage at full adhesion ± 2σ [V]',
                  wheel.replace('_', ' '))
 
@@ -188,7 +188,7 @@ def _waveform_panel(example: Waveform) -> Panel:
 
 
 def fit_figure(name: str, time: Array, inputs: Array, measured: Array, fitted: Array, *,
-              input_label: str, output_label: str) -> Figure:
+               input_label: str, output_label: str) -> Figure:
     """Return measured and fitted output over input and time, and the residual over time."""
     rest = measured - fitted
     size = 5.0 * float(np.quantile(np.abs(rest), 0.9))

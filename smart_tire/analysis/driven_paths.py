@@ -133,7 +133,7 @@ def driven_tree(drive: DrivenPath) -> Tree:
               for name, positions in (('in_odom', drive.estimated), ('in_truth', drive.true))}
     return plain({'state': drive.state.name.lower(), 'duration_s': drive.duration,
                   'resumed': drive.resumed, **{name: None if score is None else asdict(score)
-                     for name, score in scores.items()}})
+                                               for name, score in scores.items()}})
 
 
 def driven_lines(name: str, tree: Tree) -> Iterator[str]:

@@ -268,7 +268,7 @@ def per_film(robot: RobotParams) -> RobotParams:
 
 
 def iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
-             robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
+            robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
     """Fit all crossings until the shared parameters converge."""
     groups, refined = robot.film_groups, False
     for _ in range(MAX_ITERATIONS):

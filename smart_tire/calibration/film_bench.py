@@ -122,7 +122,7 @@ class _Model:
                                 -2.0 * math.pi * self._integral])
 
     def output(self, values: Array) -> Array:
-        """Return the output (n,)."""
+        """Return the predicted output, shape (n,)."""
         # the amplifier discharges relative to the offset, the integral is that from the median
         drain = 2.0 * math.pi * values[CORNER] * (self._center - values[OFFSET])
         return np.asarray(

@@ -98,7 +98,7 @@ class Session:
             f'no node subscribes to {topic}: start {listener}, or give the namespace of the '
             'robot: --ros-args -r __ns:=/NAME'))
         self.wait(lambda: self.pilot.odometry is not None, START_TIMEOUT,
-                   RobotError(f'no messages on odom within {START_TIMEOUT:.0f} s'))
+                  RobotError(f'no messages on odom within {START_TIMEOUT:.0f} s'))
         if self.pilot.emergency_stop:
             raise RobotError('the emergency stop is active: release it first')
 
@@ -178,8 +178,8 @@ class Session:
         """Wait for a pose of the standing robot that is measured from now on."""
         begin_ns = self.pilot.now_ns()
         self.wait(lambda: self.pilot.odometry.stamp_ns >= begin_ns
-                   and abs(self.pilot.odometry.linear[0]) < STANDING_SPEED, START_TIMEOUT,
-                   RobotError(f'no recent odom of a standing robot within {START_TIMEOUT:.0f} s'))
+                  and abs(self.pilot.odometry.linear[0]) < STANDING_SPEED, START_TIMEOUT,
+                  RobotError(f'no recent odom of a standing robot within {START_TIMEOUT:.0f} s'))
 
     def teleoperate(self, keyboard: Keyboard, teleoperation: Teleoperation) -> None:
         """Drive by the keyboard until it asks for the end."""

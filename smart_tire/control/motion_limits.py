@@ -97,4 +97,4 @@ def command_share(command: tuple[float, float], params: TrajectoryControllerPara
     if not all(map(math.isfinite, command)):
         return 0.0
     return c.COMMAND_SHARE / max(c.COMMAND_SHARE, abs(command[0]) / params.max_speed,
-                               abs(command[1]) / params.limits.yaw_rate)
+                                 abs(command[1]) / params.limits.yaw_rate)

@@ -80,7 +80,7 @@ class OdometryCheck:
         turned = wrap(motion.yaw - last.yaw)
         heading = last.yaw + 0.5 * turned
         self._odom.extend(stamp_ns, (motion.x - last.x) * math.cos(heading)
-                       + (motion.y - last.y) * math.sin(heading), self._arm * turned)
+                          + (motion.y - last.y) * math.sin(heading), self._arm * turned)
 
     def fault(self, max_slip: float) -> str:
         """Return the contradiction; empty if there is none, or no wheels are measured."""

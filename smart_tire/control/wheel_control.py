@@ -139,7 +139,7 @@ class WheelControl:
             servo.set_params(params, model)
 
     def add_reading(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
-                           position: Four | None = None) -> None:
+                    position: Four | None = None) -> None:
         """
         Set the wheel speeds [rad/s] received at ``now_ns``; those not finite are ignored.
 

@@ -175,7 +175,7 @@ class InputLog:
         self._next_ns = WAIT_NS      # waiting time of the next line
 
     def watch(self, name: str, count: Callable[[], int], *, required: bool,
-            excused: Callable[[], bool] = lambda: False) -> None:
+              excused: Callable[[], bool] = lambda: False) -> None:
         """Watch an input by its ``count`` of messages; silence is no news while ``excused``."""
         self._inputs.append((InputWatch(name, required), count, excused))
 

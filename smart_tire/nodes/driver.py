@@ -74,7 +74,7 @@ class DriverNode(SmartTireNode[Params]):
         self._port = SerialPort(url, params.baud_rate, work, self._on_port_state)
         self.hardware_id = url
         self.input_log.watch(f'frames from {url}', lambda: source.frames_ok, required=True,
-                           excused=lambda: bool(self._port.problem))
+                             excused=lambda: bool(self._port.problem))
 
     def start(self) -> None:
         """Open the port."""

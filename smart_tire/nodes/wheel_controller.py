@@ -104,7 +104,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
 
     def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
         self._control.add_reading(sample.velocity, received_ns, sample.stamp_ns,
-                                         sample.position)
+                                  sample.position)
         if self.params.traction.enabled:
             self._control.traction.add_wheels(sample)
 

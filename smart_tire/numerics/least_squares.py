@@ -59,7 +59,7 @@ class Prior:
 
     @classmethod
     def of(cls, *values: tuple[float, float] | None) -> Prior:
-        """Return the prior of (mean, sigma) of each value, None without a prior."""
+        """Return the prior from mean and sigma of each value, None without a prior."""
         mean, sigma = np.array([value or (0.0, math.inf) for value in values]).T
         return cls(mean, sigma)
 

@@ -215,7 +215,7 @@ def settled_loop(film: Specimen, amplitude: float,
     """Return the loop of a sine with ``amplitude`` [m] about its mean deflection."""
     phase = 2.0 * math.pi * np.arange((SETTLING_CYCLES + AVERAGED_CYCLES) * SAMPLES) / SAMPLES
     recording = bench(film, amplitude * (1.0 - np.cos(phase)), frequency * SAMPLES,
-                                 round(1e6 * amplitude + frequency))
+                      round(1e6 * amplitude + frequency))
     cycles = slice(SETTLING_CYCLES * SAMPLES, None)
     deflection = recording.input[cycles].reshape(AVERAGED_CYCLES, SAMPLES)
     charge = _without_drift(recording.output[cycles])

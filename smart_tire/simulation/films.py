@@ -268,7 +268,7 @@ class _Films:
         distance, width = (np.where(before, *values)
                            for values in (errors.bump_distance, errors.bump_width))
         return bump(np.abs(past) - (self._half_crossing + distance), width,
-                                errors.bump_shape)
+                    errors.bump_shape)
 
     def _direction(self, near: npt.NDArray[np.bool_],
                    backward: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

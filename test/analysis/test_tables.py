@@ -53,7 +53,7 @@ def test_columns_are_aligned_and_a_table_without_rows_has_no_text():
     ['imu/data', '8000', '100.0', '2', '3', '0.500', '1', '0'],
     ['skipped:', 'tire_samples', 'is', 'not', 'in', 'the', 'bag'],
     ['distance', 'traveled', '[m]', '25.10', '-'], ['y', 'at', 'the', 'end', '[m]', '-2.000',
-                                                     '0.200'],
+                                                    '0.200'],
     ['yaw', 'at', 'the', 'end', '[rad]', '0.500', '0.030'], ['left', '0.1000', '-'],
     ['front', 'left', '20', '15', '0.450', '0.460', '0.030'],
     ['position', 'error,', 'rms', '[m]', '0.500'],

@@ -127,7 +127,7 @@ def shown(force, slip, *, prior=0.2, drag=0.0, seconds=1.0, aimed=0.2, effort=Tr
         force * LOAD, omega, acceleration / ROBOT.wheel_radius, LOAD, ROBOT))
     for step in range(round(seconds / PERIOD)):
         friction.add_wheels(WheelSample(round(step * PERIOD * NS_PER_S), (omega,) * 4, None,
-                                           (torque,) * 4 if effort else None), V_X, 0.0)
+                                        (torque,) * 4 if effort else None), V_X, 0.0)
         friction.learn_resistance(acceleration, V_X, PERIOD, 0.05)
         friction.learn_friction(acceleration, V_X, 1, aimed, PERIOD)
     return friction

@@ -136,6 +136,6 @@ def test_set_points_after_an_interruption_begin_at_the_command():
     traction.limit((12.0,) * 4, NOW_NS, PERIOD)
     traction.reset()
     traction.add_odometry(Odometry(NOW_NS, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0),
-                                      (0.0,) * 3, (0.0,) * 36, (0.0,) * 36))
+                                   (0.0,) * 3, (0.0,) * 36, (0.0,) * 36))
     assert traction.limit((0.0,) * 4, NOW_NS, PERIOD) == (0.0,) * 4
     assert traction.limit((5.0,) * 4, NOW_NS, PERIOD) == pytest.approx((5.0,) * 4)

@@ -92,7 +92,7 @@ def test_a_drift_far_beyond_the_prior_is_estimated_within_seconds(drift):
     clock, rng = ClockSync(), np.random.default_rng(5)
     for start in range(0, 15_000_000_000, 40_000_000):
         clock.add_arrival(DEVICE_NS + start,
-                     HOST_NS + round(start * rate + rng.exponential(3e-3) * 1e9))
+                          HOST_NS + round(start * rate + rng.exponential(3e-3) * 1e9))
     assert clock.drift == pytest.approx(drift, abs=20e-6)
     assert clock.jitter == pytest.approx(3e-3, rel=0.2)
 

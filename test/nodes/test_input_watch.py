@@ -40,7 +40,7 @@ class Inputs:
     def add(self, name, *, required=True):
         self.counts[name] = 0
         self.log.watch(name, lambda: self.counts[name], required=required,
-                     excused=lambda: self.excuse)
+                       excused=lambda: self.excuse)
 
     def run(self, seconds, **rates):
         """Let time pass in tenths of a second; ``rates`` are messages per tenth."""

@@ -51,7 +51,7 @@ class SlipFit:
 
     @property
     def covariance(self) -> Array:
-        """Return the covariance (2, 2) of all errors."""
+        """Return the 2 x 2 covariance of all errors."""
         return self.white_cov + self.systematic_cov
 
     @property

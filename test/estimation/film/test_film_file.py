@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from smart_tire.calibration.film_bench import identify_film, write_params
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.estimation.film.files import PRODUCTS, read_params
-from smart_tire.estimation.film.files import FilmRecording, read_recording
+from smart_tire.estimation.film.files import (
+    FilmRecording, PRODUCTS, read_params, read_recording)
 from smart_tire.models.film.buckling_film import FILMS
 from support.film_bench import one_loop, several_loops, TRUE
 import yaml

@@ -194,7 +194,7 @@ def test_odometry_serves_in_place_of_the_imu_until_there_is_one(samples):
     before = len(estimator._imu)
     estimator.add_sample(next(s for s in samples if isinstance(s, ImuSample)))
     estimator.add_sample(replace(next(s for s in samples if isinstance(s, Odometry)),
-                          stamp_ns=samples[-1].stamp_ns + 10_000_000))
+                                 stamp_ns=samples[-1].stamp_ns + 10_000_000))
     assert len(estimator._imu) == before
 
 

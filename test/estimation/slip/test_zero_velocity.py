@@ -25,8 +25,8 @@ def feed(detector, duration, *, rate=lambda t: 0.0, force=lambda t: 0.0, seed=0,
     rng = np.random.default_rng(seed)
     for time in np.arange(start, start + duration, 0.01):
         detector.add_reading(time, ImuReading(rate(time) + GYRO * rng.standard_normal(),
-                                         force(time) + ACCEL * rng.standard_normal(),
-                                         ACCEL * rng.standard_normal()))
+                                              force(time) + ACCEL * rng.standard_normal(),
+                                              ACCEL * rng.standard_normal()))
     return start + duration
 
 
