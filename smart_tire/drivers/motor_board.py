@@ -171,12 +171,16 @@ class MotionCheck:
             for early, late in itertools.pairwise(readings)]
         inertial = self._inertia * abs(speeds[-1] - speeds[0]) / (
             (readings[-1].time - readings[0].time) * params.stall_torque)
-        measured = [one for one in readings[1:] if not math.isnan(one.torque)]
+        # the duty may have changed at any time between two readings, which a stall of the host
+        # moves apart: the smaller one counts
+        held = [(min(early.duty, late.duty, key=abs), abs(late.torque))
+                for early, late in itertools.pairwise(readings)]
+        measured = [one for one in held if not math.isnan(one[1])]
         if len(measured) < MIN_MEASURED:
-            return fmean(one.duty for one in readings[1:]), MAX_LOAD + inertial
-        torque = fmean(abs(one.torque) for one in measured)
+            return fmean(duty for duty, _ in held), MAX_LOAD + inertial
+        torque = fmean(torque for _, torque in measured)
         ratio = (1.0 + params.motor_tolerance) / (1.0 - params.motor_tolerance)
-        return (fmean(one.duty for one in measured),
+        return (fmean(duty for duty, _ in measured),
                 (ratio * torque + MAX_TORQUE_ERROR) / params.stall_torque + inertial)
 
     def _unloaded_speed(self, duty: float) -> float:

@@ -143,6 +143,16 @@ def test_an_encoder_that_toggles_by_one_count_is_a_fault(duty):
 
 
 @both_directions
+@pytest.mark.parametrize('gap', [0.1, 0.15, 0.2, 0.3, 0.5])
+def test_a_duty_after_a_stall_of_the_host_has_the_whole_stall_time_to_turn_the_wheel(sign, gap):
+    motor = Motor(sign)
+    motor.run(0.0, 0.0, 1.0, 0.0)
+    motor.time += gap
+    problem, after = motor.run(0.06, 0.0, 1.0, 0.005)
+    assert 'no encoder counts' in problem and 0.2 <= after - DT < 0.2 + DT
+
+
+@both_directions
 @pytest.mark.parametrize('load', [math.nan, 0.0])
 def test_a_braking_wheel_is_not_a_fault_even_if_the_board_measures_no_braking(sign, load):
     motor, speed = Motor(sign), 12.0
