@@ -80,7 +80,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
-        'argcomplete', 'filterpy>=2.0', 'lz4', 'matplotlib', 'mcap>=1.6', 'numpy', 'plotly',
+        'argcomplete', 'lz4', 'matplotlib', 'mcap>=1.6', 'numpy', 'plotly',
         'pyserial', 'pyyaml', 'rich', 'rosbags', 'scipy', 'zstandard',
     ],
     extras_require={

@@ -36,7 +36,7 @@ ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
     'scipy': 'python3-scipy', 'serial': 'python3-serial', 'yaml': 'python3-yaml',
 }
 PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ
-WITHOUT_KEY = {'filterpy', 'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
+WITHOUT_KEY = {'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
 # module -> extra and distribution with it
 EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas')}
 BUILD = {'cython': 'cython3'}  # module -> its key; used to build, and not needed to run
