@@ -277,7 +277,7 @@ class ZeroVelocityDetector:
         if rolling or not self._is_quiet():
             self._quiet_since = None
             if rolling and self._window:
-                self._last_turn = time, self._peak_yaw_rate()
+                self._last_turn = time, self._peak_yaw_rate(time)
             return None
         if self._quiet_since is None:
             self._quiet_since = time
@@ -286,13 +286,13 @@ class ZeroVelocityDetector:
             _mean(self._rates), self._noise / math.sqrt(len(self._rates)),
             self._unwinding_sigma(time), duration, duration >= IMU_WINDOW - QUIET_TIME)
 
-    def _peak_yaw_rate(self) -> float:
+    def _peak_yaw_rate(self, now: float) -> float:
         """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""
         latest = abs(_mean(self._rates))
         if self._last_turn is None:
             return latest
         time, rate = self._last_turn
-        return max(latest, rate * math.exp((time - self._window[-1][0]) / IMU_WINDOW))
+        return max(latest, rate * math.exp((time - now) / IMU_WINDOW))
 
     def _unwinding_sigma(self, time: float) -> float:
         """

@@ -87,3 +87,12 @@ def test_slow_rolling_before_a_stop_keeps_the_unwinding_sigma():
     detector.detect(time, 0.02)
     time = feed(detector, 1.0, start=time)
     assert detector.detect(time, 0.0).unwinding_sigma > 0.01
+
+
+def test_the_peak_yaw_rate_does_not_grow_while_wheels_roll_without_imu():
+    detector = ZeroVelocityDetector(GYRO, ACCEL)
+    begin = feed(detector, 2.0, rate=lambda t: 0.5)
+    for k in range(1, 20000):  # 20 min without IMU samples
+        assert detector.detect(begin + k / 16.0, 1.0) is None
+    time = feed(detector, 2.0, start=begin + 20000 / 16.0)
+    assert detector.detect(time, 0.0).unwinding_sigma < 0.06
