@@ -19,10 +19,11 @@ from dataclasses import dataclass
 import math
 
 from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradicted
+from smart_tire.estimation.slip.kalman import LearnedVariance
 from smart_tire.estimation.slip.state import (
-    DRIVE_JERK, IMU_WINDOW, ImuReading, ImuStep, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED,
-    MIN_QUIET_SAMPLES, OUTLIER_SIGMAS, PERIOD_GAIN, QUIET_TIME, RESIDUAL_GAIN, TURN_TIME,
-    TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
+    DRIVE_JERK, IMU_WINDOW, ImuReading, ImuStep, LEARNING_TIME, MAX_SAMPLE_GAP,
+    MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES, OUTLIER_SIGMAS, PERIOD_GAIN, QUIET_TIME,
+    RESIDUAL_GAIN, SPEED_WALK, TURN_TIME, TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, ImuSample, WheelSample
@@ -178,6 +179,8 @@ class WheelOdometry:
         self._encoders = robot.joints.encoders_per_side
         self._last: tuple[float, WheelSample] | None = None
         self._period = Period()
+        self._speeds: Four = (0.0, 0.0, 0.0, 0.0)         # m/s, latest
+        self._speed_walk = LearnedVariance(SPEED_WALK, SPEED_WALK, LEARNING_TIME)  # (m/s)^2 per s
         self.side_speeds = (0.0, 0.0)                     # m/s, latest
         self.wheel_residual: Four = (0.0, 0.0, 0.0, 0.0)  # m/s, wheel minus mean of its side
         self.independent = False  # the sides differed once; otherwise both are only their mean
@@ -190,18 +193,19 @@ class WheelOdometry:
 
     def add_sample(self, time: float, sample: WheelSample) -> WheelSpeeds | None:
         """Add a sample of ``time`` [s]; return the mean speeds, None if it is not newer."""
+        speeds: Four = tuple(self._radius * w for w in sample.velocity)  # type: ignore[assignment]
         if self._last is None:
             self._last = (time, sample)
-            return self._from_velocities(sample, self._period.value)
+            return self._mean_speeds(self._period.value, speeds)
         before, previous = self._last
         if time <= before:
             return None
         gap, self._last = time - before, (time, sample)
         self._period.add_gap(gap)
-        speeds = self._position_differences(previous, sample, gap)
-        if speeds is not None and gap < MAX_SAMPLE_GAP:
-            return self._mean_speeds(gap, speeds, from_positions=True)
-        return self._from_velocities(sample, min(gap, 1.5 * self._period.value))
+        rolled = self._position_differences(previous, sample, gap)
+        if rolled is not None and gap < MAX_SAMPLE_GAP:
+            return self._mean_speeds(gap, rolled, from_positions=True)
+        return self._mean_speeds(gap, speeds, missing=max(gap - self._period.value, 0.0))
 
     def _position_differences(self, previous: WheelSample, sample: WheelSample,
                               gap: float) -> Four | None:
@@ -213,22 +217,27 @@ class WheelOdometry:
             return None
         return tuple(self._radius * rate for rate in rates)  # type: ignore[return-value]
 
-    def _from_velocities(self, sample: WheelSample, duration: float) -> WheelSpeeds:
-        speeds: Four = tuple(self._radius * w for w in sample.velocity)  # type: ignore[assignment]
-        return self._mean_speeds(duration, speeds, from_positions=False)
-
-    def _mean_speeds(self, duration: float, speeds: Four, from_positions: bool) -> WheelSpeeds:
-        left, right = _side_mean(speeds[0], speeds[2]), _side_mean(speeds[1], speeds[3])
+    def _mean_speeds(self, duration: float, speeds: Four, *, missing: float = 0.0,
+                     from_positions: bool = False) -> WheelSpeeds:
+        """Return means over ``duration`` [s]; the ``missing`` part [s] of it is interpolated."""
+        sides = _side_mean(speeds[0], speeds[2]), _side_mean(speeds[1], speeds[3])
         speeds = tuple(side if math.isnan(speed) else speed  # type: ignore[assignment]
-                       for speed, side in zip(speeds, (left, right) * 2))
-        self.side_speeds = left, right
-        self.independent = self.independent or left != right
+                       for speed, side in zip(speeds, sides * 2))
+        self.independent = self.independent or sides[0] != sides[1]
         self.wheel_residual = tuple(  # type: ignore[assignment]
-            old + RESIDUAL_GAIN * (speeds[i] - self.side_speeds[i % 2] - old)
+            old + RESIDUAL_GAIN * (speeds[i] - sides[i % 2] - old)
             for i, old in enumerate(self.wheel_residual))
+        share = 0.5 * missing / duration  # of the sample before in the mean
+        means = [new + share * (old - new) for old, new in zip(self._speeds, speeds)]
+        change = max(abs(new - old) for old, new in zip(self.side_speeds, sides))
         # both ends are uniform over a count; a side is the mean of its encoders
-        variance = (self._count / duration) ** 2 / (6.0 * self._encoders)
-        return WheelSpeeds(duration, speeds, self.side_speeds, variance, from_positions)
+        variance = ((self._count / duration) ** 2 / (6.0 * self._encoders)
+                    + self._speed_walk.variance * missing ** 3 / (12.0 * duration ** 2))
+        self._speed_walk.add_square(change ** 2 / duration, duration)
+        self.side_speeds, self._speeds = sides, speeds
+        return WheelSpeeds(duration, tuple(means),  # type: ignore[arg-type]
+                           (0.5 * (means[0] + means[2]), 0.5 * (means[1] + means[3])),
+                           variance, from_positions)
 
 
 @dataclass(frozen=True, slots=True)

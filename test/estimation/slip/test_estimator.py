@@ -97,6 +97,18 @@ def test_slip_is_estimated_at_any_rate_and_without_positions(options):
     assert np.all(np.abs((ratio - truth)[steady]) < 4.0 * sigma[steady] + 0.02)
 
 
+@pytest.mark.parametrize('lost', [0.3, 0.6])
+def test_lost_velocities_without_positions_are_no_slip(lost):
+    errors = []
+    for seed in range(3):
+        run, rng = turning(seed, positions=False), np.random.default_rng(seed)
+        samples = [sample for sample in run.samples
+                   if not isinstance(sample, WheelSample) or rng.random() >= lost]
+        time, ratio, _, truth = slips(run, estimate(samples)[1])
+        errors.append((ratio - truth)[time > 5.0])
+    assert np.sqrt(np.mean(np.square(np.concatenate(errors)))) < 0.03
+
+
 def test_slip_has_the_same_sign_in_reverse():
     knots = [(t, -left, -right) for t, left, right in CIRCLE]
     run = turning(1, knots=knots)

@@ -37,14 +37,37 @@ def test_positions_give_the_mean_speed_over_the_gap():
     assert speeds.duration == 0.5 and speeds.from_positions
 
 
-def test_velocities_describe_one_period_after_a_lost_message():
+def after_a_gap(gap, last=3.0, jump=0.0):
+    """Return the speeds after samples of 3 rad/s each 0.1 s and a gap; the last but one jumps."""
     odometry = WheelOdometry(ROBOT)
-    for k in range(20):
-        speeds = odometry.add_sample(0.1 * k, sample(3.0))
+    for k in range(200):
+        speeds = odometry.add_sample(0.1 * k, sample(3.0 + jump * (k % 2)))
     assert speeds.duration == pytest.approx(0.1) and not speeds.from_positions
-    speeds = odometry.add_sample(0.1 * 25, sample(3.0))
-    assert speeds.duration < 0.2
-    assert speeds.side_speeds == pytest.approx((3.0 * R, 3.0 * R))
+    return odometry.add_sample(19.9 + gap, sample(last)), odometry
+
+
+def test_without_positions_the_speed_is_interpolated_over_lost_messages():
+    speeds, odometry = after_a_gap(0.5, last=6.0)
+    assert speeds.duration == pytest.approx(0.5)
+    # the last period is measured; the smoothed period has grown by 0.01 s
+    mean = (4.5 * 0.39 + 6.0 * 0.11) / 0.5 * R
+    assert speeds.side_speeds == pytest.approx((mean, mean))
+    assert speeds.wheel_speeds == pytest.approx((mean,) * 4)
+    assert odometry.side_speeds == pytest.approx((6.0 * R, 6.0 * R))
+
+
+def test_the_variance_of_interpolated_speeds_is_that_of_a_brownian_bridge():
+    """Of the distance: q T^3 / 12."""
+    for gap in 1.0, 2.0:
+        speeds, _ = after_a_gap(gap)
+        assert speeds.variance == pytest.approx(
+            0.2 ** 2 * (gap - 0.11) ** 3 / 12.0 / gap ** 2, rel=0.01)
+
+
+def test_the_walk_of_the_speed_is_learned():
+    speeds, _ = after_a_gap(1.0, jump=2.0)
+    assert speeds.variance == pytest.approx(
+        (2.0 * R) ** 2 / 0.1 * 0.89 ** 3 / 12.0, rel=0.2)
 
 
 def test_an_encoder_reset_is_detected():
