@@ -83,6 +83,8 @@ def identify_motor(grounds: Sequence[Recording], lifted: Sequence[Recording],
     model = MotorModel(on_ground, off_ground, robot, duty=False)
     if any(np.isnan(rows.duty).any() for rows in on_ground):
         found.refused[FEED_FORWARD] = between = 'requires motor_commands during straight motion'
+    elif not np.nanmedian(np.abs(model.ground.duty), axis=0).all():
+        found.refused[FEED_FORWARD] = between = 'the duty is zero while the wheels turn'
     else:
         driven = MotorModel(on_ground, off_ground, robot, duty=True)
         fit = driven.fit()

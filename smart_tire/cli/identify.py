@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from smart_tire.models.film.buckling_film import BucklingFilm
 
 NAME_WIDTH = 32
+UNITS = (('s', ('ms', 'us', 'ns')), ('m', ('mm', 'um', 'cm')), ('C', ('pC', 'nC', 'uC')))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -90,6 +91,8 @@ def run_film(args: argparse.Namespace) -> int:
     from smart_tire.calibration.film_bench import identify_film, write_params
     from smart_tire.estimation.film.files import COLUMNS, PRODUCTS, read_recording
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
+    if not args.raw:
+        _check_units(columns)
     recording = read_recording(args.data, columns)
     film = _film(args, recording)
     params, fit, notes = identify_film(recording, film)
@@ -109,6 +112,14 @@ def run_film(args: argparse.Namespace) -> int:
         print(f'note: {note}')
     print(f'written to {out} and {figure}')
     return 0
+
+
+def _check_units(columns: list[str]) -> None:
+    """Raise ParameterError if the name of a column ends with another unit than s, m and C."""
+    for column, (unit, others) in zip(columns, UNITS):
+        if column.rpartition('_')[2] in others:
+            raise ParameterError(f'column {column}: expected {unit}; convert it, or give --raw to '
+                                 'identify in the units of the file')
 
 
 def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:

@@ -186,6 +186,13 @@ def test_a_duty_that_does_not_change_does_not_determine_the_torque():
     assert CONSTANT in fit.refused and fit.get(STALL) is None
 
 
+def test_a_duty_of_zero_is_no_feed_forward():
+    run = in_step_run(3)
+    fit = identify_motor([replace(run, duties=replace(
+        run.duties, duty=np.zeros_like(run.duties.duty)))], [], ROBOT)
+    assert fit.refused[FEED_FORWARD] == 'the duty is zero while the wheels turn'
+
+
 def test_a_constant_that_is_known_better_is_kept():
     robot = build(RobotParams, {'motor.torque_constant_sigma': 0.01})
     fit = found(1, lifted=False, robot=robot)

@@ -62,3 +62,13 @@ def test_a_negative_length_is_a_usage_error(data, capsys):
         command('film', data, '--length', '-3')
     assert left.value.code == 2
     assert '--length' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('columns, text', [
+    ('t_s,d_mm,q_C', 'column d_mm: expected m;'), ('t_s,d_m,q_pC', 'column q_pC: expected C;'),
+    ('t_ms,d_m,q_C', 'column t_ms: expected s;')])
+def test_columns_in_other_units_are_refused(columns, text, tmp_path):
+    (tmp_path / 'data.csv').write_text(columns)
+    with pytest.raises(ParameterError, match=text):
+        command('film', tmp_path / 'data.csv', '--columns', columns)
+    assert [path.name for path in tmp_path.iterdir()] == ['data.csv']
