@@ -21,6 +21,7 @@ from typing import Any
 
 from smart_tire.errors import BagError
 from smart_tire.paths import BAG_METADATA
+from smart_tire.yaml_text import parse_yaml
 import yaml
 
 ROOT = 'rosbag2_bagfile_information'
@@ -30,7 +31,6 @@ MAX_REASONS = 3                            # of losses that are listed
 INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFINITE
 # The variants of libyaml, if it is installed, are ten times as fast.
 DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
-LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
 @dataclass(frozen=True, eq=False)  # hashed for each message, so by identity, which is fast
@@ -160,12 +160,12 @@ def read_metadata(directory: Path) -> Metadata | None:
     """Return the content of metadata.yaml; None if it is missing; BagError if it is invalid."""
     path = directory / BAG_METADATA
     try:
-        document = yaml.load(path.read_text(encoding='utf-8'), LOADER)
+        document = parse_yaml(path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         return None
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
-    except (yaml.YAMLError, ValueError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise BagError(f'{path}: not valid YAML') from error
     root = document.get(ROOT) if isinstance(document, Mapping) else None
     names = root.get('relative_file_paths') if isinstance(root, Mapping) else None
@@ -177,8 +177,8 @@ def read_metadata(directory: Path) -> Metadata | None:
 def metadata_in(text: str) -> Metadata:
     """Return the content of ``metadata_text``; empty if it is not valid YAML."""
     try:
-        return _metadata_of(yaml.load(text, LOADER))
-    except (yaml.YAMLError, ValueError):
+        return _metadata_of(parse_yaml(text))
+    except yaml.YAMLError:
         return Metadata()
 
 
@@ -190,9 +190,13 @@ def _metadata_of(entry: Any) -> Metadata:
         'relative_file_paths', 'message_count', 'ros_distro', 'custom_data'))
     return Metadata(
         # Old versions put the name of the folder in front.
-        tuple(PurePath(str(name)).name for name in files) if isinstance(files, list) else (),
+        tuple(PurePath(name).name for name in files if isinstance(name, str))
+        if isinstance(files, list) else (),
         messages if isinstance(messages, int) else 0, distro if isinstance(distro, str) else '',
-        {str(key): str(value) for key, value in data.items()} if isinstance(data, Mapping) else {})
+        # The text of a collection may be longer than memory: its aliases multiply.
+        {str(key): str(value) for key, value in data.items()
+         if isinstance(value, str | int | float)}
+        if isinstance(data, Mapping) else {})
 
 
 def _dump(document: Any) -> str:
@@ -216,5 +220,12 @@ def _entry(contents: Contents) -> dict[str, Any]:
 def _topic(channel: Channel) -> dict[str, Any]:
     return {
         'name': channel.topic, 'type': channel.type, 'serialization_format': channel.encoding,
-        'offered_qos_profiles': yaml.safe_load(channel.qos) or [] if channel.qos else [],
+        'offered_qos_profiles': _profiles(channel.qos),
         'type_description_hash': channel.type_hash}
+
+
+def _profiles(qos: str) -> Any:
+    try:
+        return parse_yaml(qos) or []
+    except yaml.YAMLError:  # of a damaged bag
+        return []

@@ -33,11 +33,10 @@ from typing import Any
 import smart_tire
 from smart_tire.cli._options import check_paths, not_negative, positive, step_and_bag
 from smart_tire.errors import BagError, ParameterError, SmartTireError
-import yaml
+from smart_tire.yaml_text import load_own
 
-VERBS: dict[str, Any] = yaml.load(
-    Path(__file__).with_name('verbs.yaml').read_text(encoding='utf-8'),
-    getattr(yaml, 'CSafeLoader', yaml.SafeLoader))['verbs']
+VERBS: dict[str, Any] = load_own(
+    Path(__file__).with_name('verbs.yaml').read_text(encoding='utf-8'))['verbs']
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
          'not_negative': not_negative, 'step': step_and_bag}
 COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'report', 'reproduce'}  # without output

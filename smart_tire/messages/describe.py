@@ -19,7 +19,7 @@ from textwrap import wrap
 from typing import Any
 
 from smart_tire.messages.topics import find_topic, TOPICS
-import yaml
+from smart_tire.yaml_text import load_own
 
 WIDTH = 99             # characters of a line
 MAX_NAME_COLUMN = 28   # characters; longer names have a line of their own
@@ -79,7 +79,7 @@ def _node(name: str, purpose: str, services: dict[str, Any] | None = None,
         **{role: tuple(names) for role, names in topics.items()})
 
 
-_TEXT = yaml.safe_load(Path(__file__).with_name('topics.yaml').read_text(encoding='utf-8'))
+_TEXT = load_own(Path(__file__).with_name('topics.yaml').read_text(encoding='utf-8'))
 TOPIC_NAMES = tuple(_TEXT['topics'])
 STATE_TOPICS = tuple(name for name in TOPIC_NAMES if name not in TOPICS)  # without samples
 NODE_TABLE = {name: _node(name, **entry) for name, entry in _TEXT['nodes'].items()}

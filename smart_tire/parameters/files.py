@@ -23,24 +23,17 @@ from typing import Any
 from smart_tire.errors import ParameterError
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import is_known, specs, unknown_name_error
+from smart_tire.yaml_text import parse_yaml
 import yaml
 
 ALL_NODES = '/**'
 WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}  # token of a block's name -> regular expression
-NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')
 PARAMS_FILE = '--params-file'  # option of a ROS command line
 SIMILARITY = 0.8  # of the name of a block and of a node, difflib: one or two wrong letters in ten
 ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # declared by rclpy on every node
 
 
 Block = tuple[str, dict[str, Any]]  # name of the node or pattern, flat parameters
-
-
-class Loader(yaml.SafeLoader):
-    """YAML loader that reads 1e-3 as a number, as rcl and YAML 1.2 do."""
-
-
-Loader.add_implicit_resolver('tag:yaml.org,2002:float', NUMBER, list('-+.0123456789'))
 
 
 def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
@@ -124,7 +117,7 @@ def has_block_for(path: str | Path, nodes: Iterable[str]) -> bool:
 def _load(text: str) -> Any:
     """Return the value of ``text`` as YAML, ``text`` itself if it is not valid YAML."""
     try:
-        return yaml.load(text, Loader)
+        return parse_yaml(text)
     except yaml.YAMLError:
         return text
 
@@ -153,7 +146,7 @@ def blocks_in(text: str, where: str) -> list[Block]:
     Raises ParameterError, with ``where`` the text is from, if it is not a parameter file.
     """
     try:
-        document = yaml.load(text, Loader)
+        document = parse_yaml(text)
     except yaml.YAMLError as error:
         raise ParameterError(f'{where}: not a YAML file: {error}') from error
     if not isinstance(document, Mapping):

@@ -37,7 +37,7 @@ from smart_tire.parameters import load_robot
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.paths import write_text
 from smart_tire.samples import LEFT, Vector3, WHEELS
-import yaml
+from smart_tire.yaml_text import load_own
 
 SPOKE_SIZE = (1.6, 1.04, 0.2)            # of wheel radius, tire width and wheel radius
 FILM_THICKNESS = 0.002                   # m, drawn; the film itself is thinner
@@ -50,7 +50,7 @@ CHASSIS_WIDTH_SHARE = 0.9      # of the space between the tires
 
 def urdf_text(robot: RobotParams) -> str:
     """Return the URDF of ``robot``."""
-    templates = yaml.safe_load(
+    templates = load_own(
         Path(__file__).with_name('urdf_templates.yaml').read_text(encoding='utf-8'))
     chassis, bodies = rigid_bodies(robot)
     radius, width = robot.wheel_radius, tire_width(robot)

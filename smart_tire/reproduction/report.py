@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from smart_tire.analysis.figure import Figure, Panel
-import yaml
+from smart_tire.yaml_text import load_own
 
-TEXTS: dict[str, Any] = yaml.safe_load(
+TEXTS: dict[str, Any] = load_own(
     Path(__file__).with_name('sections.yaml').read_text(encoding='utf-8'))
 
 

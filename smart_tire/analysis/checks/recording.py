@@ -30,11 +30,11 @@ from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, Recording as Samples, Stream
 from smart_tire.samples import ImuSample, WheelSample
-import yaml
+from smart_tire.yaml_text import load_own
 
 READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands',
         'cmd_vel')
-TEXTS: dict[str, dict[str, str]] = yaml.safe_load(
+TEXTS: dict[str, dict[str, str]] = load_own(
     Path(__file__).with_name('findings.yaml').read_text(encoding='utf-8'))
 
 

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import csv
 from dataclasses import dataclass
+from io import StringIO
 import math
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.hysteresis import DuhemParams, series
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA
+from smart_tire.yaml_text import parse_yaml
 import yaml
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
@@ -73,8 +75,8 @@ def header_of(path: Path) -> list[str]:
 def _csv_rows(path: Path) -> Iterator[Any]:
     """Yield the reader of a CSV file; raise ParameterError if the file is no text."""
     try:
-        with path.open(encoding='utf-8-sig', newline='') as file:
-            yield csv.reader(file)
+        # decoded as a whole: the error has the position in the file
+        yield csv.reader(StringIO(path.read_bytes().decode('utf-8-sig'), newline=''))
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
     except (UnicodeDecodeError, csv.Error) as error:
@@ -170,7 +172,7 @@ class FilmParams:
 def read_params(path: Path) -> FilmParams:
     """Return the parameters in a file of ``smart_tire identify film``, or raise ParameterError."""
     try:
-        tree = yaml.safe_load(path.read_text(encoding='utf-8'))
+        tree = parse_yaml(path.read_text(encoding='utf-8'))
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -83,8 +83,10 @@ def test_a_byte_order_mark_is_accepted(tmp_path):
 
 def test_a_late_byte_that_is_not_text_is_refused_in_one_line(tmp_path):
     path = written(tmp_path, rows=[f'{0.01 * number:.2f},0.0,0.0' for number in range(9000)])
+    size = path.stat().st_size
     path.write_bytes(path.read_bytes() + b'90.0,\xe9,0.0\n')
-    with pytest.raises(ParameterError, match='data.csv: not a text file .*0xe9') as refused:
+    with pytest.raises(ParameterError, match=(
+            f'data.csv: not a text file .*0xe9 in position {size + 5}:')) as refused:
         read_recording(path)
     assert '\n' not in str(refused.value)
 
