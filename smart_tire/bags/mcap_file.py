@@ -57,6 +57,7 @@ END_OPCODES = (Opcode.DATA_END, Opcode.FOOTER)
 CHUNK_START = re.compile(rb'\x06.{5}\0{3}', re.DOTALL)
 MESSAGES_START = re.compile(rb'[\x05\x06].{5}\0{3}', re.DOTALL)
 INDEX_ENTRY, INDEX_HEAD = 16, 15         # bytes of a message index: per message, and of the rest
+NO_OPCODE = 0                            # of no record
 FIRST_PRIVATE_OPCODE = 0x80              # opcodes from here on are application-defined
 MAX_NAME_LENGTH = 16                     # of a compression
 METADATA_KEY = 'serialized_metadata'     # of the metadata record of rosbag2
@@ -279,7 +280,7 @@ class McapFile:
             return block is not None and block.offset + block.size == end
         return end <= len(self._data) and (
             length >= MESSAGE_HEAD if opcode == Opcode.MESSAGE
-            else 0 < opcode <= Opcode.DATA_END or opcode >= FIRST_PRIVATE_OPCODE)
+            else NO_OPCODE < opcode <= Opcode.DATA_END or opcode >= FIRST_PRIVATE_OPCODE)
 
     def _next_messages(self, pattern: re.Pattern[bytes], offset: int) -> int | None:
         """Return where the next record like ``pattern`` begins that a record follows."""
@@ -358,6 +359,8 @@ class McapFile:
                 reader = Schema if opcode == Opcode.SCHEMA else ChannelRecord
                 self._register(reader.read(stream))
                 wanted = self._wanted(topics)
+            elif opcode == NO_OPCODE:  # zeros would be millions of records
+                break
             offset = end
         if unknown:
             raise ValueError(f'{unknown} messages of unknown topics')

@@ -24,6 +24,7 @@ from smart_tire.errors import BagError
 from smart_tire.paths import BAG_SUFFIXES
 
 SQLITE_MAGIC = b'SQLite format 3\x00'
+ROS1_MAGIC = b'#ROSBAG V2.0'
 
 
 class OpenFiles:
@@ -92,15 +93,26 @@ class OpenFiles:
     def _open(self, path: Path) -> McapFile | SqliteFile:
         plain = self._decompress(path) if _first_bytes(path).startswith(ZSTD_MAGIC) else path
         head = _first_bytes(plain)  # the first bytes may be damaged, too
-        if head.startswith(MCAP_MAGIC) or head != SQLITE_MAGIC and plain.suffix == '.mcap':
-            return McapFile(plain, self._losses)
-        if head == SQLITE_MAGIC or plain.suffix == '.db3':
-            return SqliteFile(plain, self._losses)
+        try:
+            if head.startswith(MCAP_MAGIC) or head != SQLITE_MAGIC and plain.suffix == '.mcap':
+                return McapFile(plain, self._losses)
+            if head == SQLITE_MAGIC or plain.suffix == '.db3':
+                return SqliteFile(plain, self._losses)
+        except BagError as error:
+            raise BagError(str(error).replace(str(plain), str(path))) from error
+        if head.startswith(ROS1_MAGIC):
+            raise BagError(f'{path}: a ROS 1 bag; convert it: rosbags-convert --src {path} '
+                           f'--dst {path.with_suffix("")} --dst-storage mcap')
+        if plain.suffix == '.csv':
+            raise BagError(f'{path}: a table, expected a bag; write its rows as samples with '
+                           'smart_tire.bags.BagWriter.write_sample')
         raise BagError(f'{path}: not a bag file (neither MCAP nor sqlite3)')
 
     def _decompress(self, path: Path) -> Path:
         plain = Path(self._decompressed.name) / path.stem
         if problem := unpack_file(path, plain):
+            if not plain.stat().st_size:
+                raise BagError(f'{path}: {problem}')
             self._losses.add(f'{path.name}: {problem}')
         return plain
 

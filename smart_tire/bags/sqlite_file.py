@@ -34,7 +34,7 @@ from smart_tire.errors import BagError
 import zstandard
 
 VALID = """topic_id IN (SELECT id FROM topics) AND typeof(timestamp) = 'integer'
-           AND typeof(data) = 'blob'"""  # of a message
+           AND timestamp >= 0 AND typeof(data) = 'blob'"""  # of a message
 
 
 class SqliteFile:
@@ -178,7 +178,7 @@ class _DamagedDatabase:
                  if len(entry) == 2 and all(isinstance(one, int) for one in entry)}
         found, valid = len(self._cells), {
             row: (ns, row, number, cell) for ns, row, number, cell in self._cells
-            if number in self.channels and times.get(row, ns) == ns}
+            if ns >= 0 and number in self.channels and times.get(row, ns) == ns}
         self._cells = sorted(valid.values())
         self.lost = max(len(times.keys() - valid.keys()),
                         self._pages.damaged + found - len(valid))
@@ -214,9 +214,9 @@ def _connect(path: Path) -> sqlite3.Connection:
             connection.execute('SELECT count(*) FROM sqlite_master')
         except sqlite3.OperationalError:
             connection.close()
-        except sqlite3.DatabaseError:
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             connection.close()
-            raise
+            raise sqlite3.DatabaseError(str(error)) from error
         else:
             return connection
     raise sqlite3.OperationalError('cannot be opened')

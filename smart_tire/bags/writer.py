@@ -214,6 +214,8 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
             for channel in topics:
                 writer.add_topic(_completed(channel))
             for receive_ns, channel, data in bag.raw():
+                if not writer.has_topic(channel.topic):  # with another name in the summary
+                    writer.add_topic(_completed(channel))
                 writer.write(channel.topic, receive_ns, data)
             return Recovery(writer.counts, bag.warnings, bag.losses.lines(), bag.span_ns)
 

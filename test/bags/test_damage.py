@@ -21,7 +21,6 @@ from mcap.writer import CompressionType, Writer
 import pytest
 from smart_tire.bags import Bag, BagWriter, channel_of, recover
 from smart_tire.bags.mcap_file import McapFile
-from smart_tire.bags.metadata import Losses
 from smart_tire.errors import BagError
 from support.recordings import stream, write_bag
 
@@ -292,17 +291,6 @@ def test_messages_that_metadata_lists_are_missing_without_them(tmp_path):
     _, losses, _ = read(bag)
     assert losses.lines() == [f'9 messages or more are missing: {len(events) + 9} are listed in '
                               f'metadata.yaml, {len(events)} in the files']
-
-
-def test_losses_are_one_line_and_counted_once(caplog, tmp_path):
-    losses = Losses()
-    assert losses.lines() == []
-    for reason in 'aabcde':
-        losses.add(reason, 2)
-    assert losses.lines() == ['10 messages or more are missing: a; b; c; and 2 more']
-    unknown = Losses()
-    unknown.add('a')
-    assert unknown.lines() == ['messages are missing: a']
 
 
 def test_a_closed_bag_with_losses_is_reported(caplog, folder, mcap):

@@ -70,6 +70,42 @@ def test_other_efforts_are_torques(effort):
     assert not efforts_are_duties(samples_of(run(60, effort)))
 
 
+def torques(number):
+    """Return efforts that agree with no command."""
+    return tuple(2.0 * duty for duty in duties(number))
+
+
+@pytest.mark.parametrize(('count', 'are_duties'), [(4, False), (5, True)])
+def test_a_few_samples_are_too_few_to_decide(count, are_duties):
+    assert efforts_are_duties(samples_of(run(count, acknowledged))) is are_duties
+
+
+@pytest.mark.parametrize(('others', 'are_duties'), [(10, True), (11, False)])
+def test_at_least_four_fifths_of_fifty_samples_agree(others, are_duties):
+    events = run(50, lambda number: (0.01,) * 4 if number < others else acknowledged(number))
+    rest = run(50, lambda number: (0.01,) * 4)  # are not read
+    assert efforts_are_duties(samples_of(events + rest)) is are_duties
+
+
+@pytest.mark.parametrize(('difference', 'are_duties'), [(0.9e-3, True), (1.1e-3, False)])
+def test_duties_agree_up_to_their_rounding(difference, are_duties):
+    assert efforts_are_duties(samples_of(run(
+        20, lambda number: tuple(duty - difference for duty in duties(number))))) is are_duties
+
+
+@pytest.mark.parametrize(('age', 'are_duties'), [(7, True), (8, False)])
+def test_a_duty_is_that_of_one_of_the_latest_eight_commands(age, are_duties):
+    events = run(50, lambda number: duties(number - age))[2 * age:]
+    assert efforts_are_duties(samples_of(events)) is are_duties
+
+
+@pytest.mark.parametrize(('effort', 'are_duties'), [(1.0, True), (1.001, False), (-1.1, False)])
+def test_a_duty_is_at_most_1(effort, are_duties):
+    events = run(20, lambda number: (effort,) * 4, commands=False)
+    commands = [(0, 'motor_commands', MotorCommand(0, (effort,) * 4))]
+    assert efforts_are_duties(samples_of(commands + events)) is are_duties
+
+
 def test_without_commands_efforts_are_torques():
     assert not efforts_are_duties(samples_of(run(60, acknowledged, commands=False)))
 
@@ -111,9 +147,9 @@ def test_a_replay_leaves_duties_out_and_nothing_else(tmp_path):
 
 
 def test_a_bag_gives_the_torques_of_new_recordings(tmp_path):
-    torques = run(60, lambda number: tuple(2.0 * duty for duty in duties(number)))
-    with Bag(write(tmp_path / 'new', torques)) as bag:
+    events = run(60, torques)
+    with Bag(write(tmp_path / 'new', events)) as bag:
         found = [sample for _, _, sample in bag.samples(['wheel_states'])]
-        assert found == [sample for _, topic, sample in torques if topic == 'wheel_states']
+        assert found == [sample for _, topic, sample in events if topic == 'wheel_states']
         assert list(bag.replayable(['/wheel_states'])) == list(bag.raw(['/wheel_states']))
         assert not bag.warnings

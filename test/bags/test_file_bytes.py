@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import struct
 import tracemalloc
+from types import SimpleNamespace
 
 import lz4.frame
 from mcap.writer import CompressionType, Writer
@@ -63,7 +64,7 @@ def test_a_bomb_takes_no_memory(small):
     ('', MEGABYTE)])
 def test_the_size_of_a_chunk_is_that_in_its_header(compression, packed):
     assert unpacked(packed, compression, len(MEGABYTE)) == MEGABYTE
-    assert len(unpacked(packed[:-3], compression, len(MEGABYTE))) < len(MEGABYTE) + 1
+    assert MEGABYTE.startswith(unpacked(packed[:-3], compression, len(MEGABYTE)))
     if compression == 'lz4':
         assert len(unpacked(packed, compression, 1000)) == 1000
     with pytest.raises(ValueError, match='at most 268 MB'):
@@ -133,3 +134,34 @@ def test_a_chunk_that_is_too_large_is_a_loss(tmp_path):
             line, = bag.losses.lines()
     assert line.startswith('1 messages or more are missing')
     assert line.endswith('1 MB when decompressed, at most 1 MB are read')
+
+
+def claim(size):
+    """Return the head of a file that claims to be this large when decompressed."""
+    return zstandard.MAGIC_NUMBER.to_bytes(4, 'little') + b'\xe0' + size.to_bytes(8, 'little')
+
+
+@pytest.mark.parametrize(('packed', 'most'), [(20, 1 << 30), (2_000_000, 2_000_000_000)])
+def test_a_file_may_claim_a_gigabyte_or_a_thousand_times_its_size(
+        monkeypatch, tmp_path, packed, most):
+    free = SimpleNamespace(free=1 << 40)
+    monkeypatch.setattr(file_bytes.shutil, 'disk_usage', lambda _: free)
+    path, plain = tmp_path / 'a.zstd', tmp_path / 'plain'
+    for size, refused in ((most, False), (most + 1, True)):
+        path.write_bytes(claim(size).ljust(packed, b'\xff'))
+        if refused:
+            with pytest.raises(BagError, match=f'{size / 1e6:.0f} MB when decompressed'):
+                unpack_file(path, plain)
+        else:
+            assert 'damaged' in unpack_file(path, plain)
+
+
+def test_files_are_mapped_or_refused(tmp_path):
+    path = tmp_path / 'a'
+    path.write_bytes(b'content')
+    with file_bytes.map_file(path) as data:
+        assert data[:] == b'content'
+    path.write_bytes(b'')
+    for name, message in (('a', 'a: file is empty'), ('b', r'b: cannot be read \(No such file')):
+        with pytest.raises(BagError, match=message):
+            file_bytes.map_file(tmp_path / name)

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 from pathlib import Path
 import shutil
@@ -147,6 +148,113 @@ def test_intact_files_are_read_if_another_file_is_damaged(tmp_path):
 def test_a_missing_bag_is_an_error_with_its_path(tmp_path):
     with pytest.raises(BagError, match='nowhere: no such file or directory'):
         Bag(tmp_path / 'nowhere')
+
+
+def joints_bytes(*names):
+    """Return the bytes of a JointState message with joints that turn."""
+    msg = empty(JOINTS)
+    msg.name, msg.velocity = list(names), [1.0] * len(names)
+    return Encoder(JOINTS)(msg)
+
+
+JOINTS = TOPICS['wheel_states'].type
+
+
+@pytest.mark.parametrize('others', [99, 100])
+def test_wheels_are_searched_for_in_a_hundred_messages(tmp_path, others):
+    messages = [(ns, '/joints', JOINTS, joints_bytes('arm')) for ns in range(others)] + [
+        (200, '/joints', JOINTS, joints_bytes('left_wheel', 'right_wheel'))]
+    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
+        assert bag.match(['wheel_states']) == (
+            {'wheel_states': '/joints'} if others < 100 else {})
+
+
+def test_the_progress_of_a_recording_is_reported(tmp_path):
+    start = 10**18
+    messages = [(start + 10 * number, '/imu/data', IMU, imu_bytes()) for number in range(2501)]
+    shares = []
+    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
+        recording = bag.recording(['imu/data'], shares.append)
+    assert shares == [0.0, 0.4, 0.8]
+    assert len(recording.stream(ImuSample)) == 2501
+
+
+def test_a_bag_without_duration_has_a_progress(tmp_path):
+    shares = []
+    with Bag(write_raw(tmp_path / 'bag', [(10**18, '/imu/data', IMU, imu_bytes())])) as bag:
+        bag.recording(['imu/data'], shares.append)
+    assert shares == [0.0]
+
+
+def test_a_timestamp_of_zero_is_replaced_if_wanted(tmp_path):
+    topic = TOPICS['imu/data']
+    data = Encoder(IMU)(topic.to_msg(empty(IMU), ImuSample(0, (0.0,) * 3, (0.0,) * 3)))
+    with Bag(write_raw(tmp_path / 'bag', [(7 * 10**9, '/imu/data', IMU, data)])) as bag:
+        assert bag.clock_offset('imu/data', '/imu/data') == 0.0
+        (_, _, as_it_is), = bag.samples(['imu/data'], restamp=False)
+        assert (as_it_is.stamp_ns, bag.notes) == (0, [])
+        (_, _, replaced), = bag.samples(['imu/data'])
+        assert replaced.stamp_ns == 7 * 10**9
+        assert bag.notes == ['imu/data: header.stamp is zero, the time of reception is used '
+                             'instead']
+        assert bag.clock_offset('odom', '/odom') is None
+    late = [(START_NS + 3 * 10**9, '/imu/data', IMU, imu_bytes())]
+    with Bag(write_raw(tmp_path / 'late', late)) as bag:
+        assert bag.clock_offset('imu/data', '/imu/data') == 3.0
+
+
+def status_bytes(name):
+    """Return the bytes of a DiagnosticArray with one status."""
+    kind = 'diagnostic_msgs/msg/DiagnosticArray'
+    msg, status = empty(kind), empty('diagnostic_msgs/msg/DiagnosticStatus')
+    msg.header.stamp.sec, status.name, status.level = 5, name, 1
+    msg.status = [status]
+    return Encoder(kind)(msg)
+
+
+def test_the_statuses_are_those_of_all_topics_of_diagnostics(tmp_path):
+    kind = 'diagnostic_msgs/msg/DiagnosticArray'
+    messages = [(1, '/diagnostics', kind, status_bytes('a')),
+                (2, '/r1/diagnostics', kind, status_bytes('b')),
+                (3, '/diagnostics', kind, b'\0\1\0\0'),
+                (4, '/other', kind, status_bytes('c')),
+                (5, '/r2/diagnostics', IMU, imu_bytes())]
+    with Bag(write_raw(tmp_path / 'bag', messages)) as bag:
+        assert [(ns, status.name) for ns, status in bag.statuses()] == [
+            (5 * 10**9, 'a'), (5 * 10**9, 'b')]
+        assert bag.faults.rejected == {'/diagnostics': 1}
+    with Bag(write_raw(tmp_path / 'none', messages[3:])) as bag:
+        assert list(bag.statuses()) == []
+
+
+def test_messages_in_another_encoding_have_another_type(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.add_topic(replace(channel_of('/imu/data', IMU), encoding='json'))
+        writer.write('/imu/data', 5, b'{}')
+    with Bag(tmp_path / 'bag') as bag:
+        assert bag.types == {'/imu/data': f'{IMU} in json'}
+        assert bag.match(['imu/data']) == {}
+        assert bag.type_mismatches() == [f'/imu/data is {IMU}']
+
+
+def test_the_latest_metadata_counts_and_that_of_the_folder_most(tmp_path):
+    events = stream(0.2)
+    path = tmp_path / 'bag'
+    with BagWriter(path, ros_distro='jazzy', custom_data={'a': '1', 'b': '2'}) as writer:
+        for receive_ns, topic, sample in events:
+            writer.write_sample(topic, receive_ns, sample)
+    with Bag(path) as bag:
+        assert bag.ros_distro == 'jazzy'
+    text = (path / 'metadata.yaml').read_text()
+    (path / 'metadata.yaml').write_text(
+        text.replace('jazzy', 'kilted').replace("a: '1'", "a: '3'"))
+    with Bag(path) as bag:
+        assert bag.ros_distro == 'kilted'
+        assert bag.custom_data == {'a': '3', 'b': '2'}
+        assert bag.parameters == ''
+    (path / 'metadata.yaml').write_text(text.replace('jazzy', "''"))
+    with Bag(path) as bag:
+        assert bag.ros_distro == 'jazzy'  # of the file
 
 
 @pytest.mark.parametrize(('name', 'counts'), [

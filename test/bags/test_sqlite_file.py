@@ -16,13 +16,15 @@ import shutil
 import sqlite3
 
 import pytest
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from smart_tire.bags import Bag
-from smart_tire.bags.cdr import empty, Encoder, typestore
+from smart_tire.bags.cdr import empty, Encoder
+from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
-from support.recordings import stream
+from support.recordings import stream, write_with_rosbags
+import zstandard
 
 # Schema of rosbag2 in Foxy, before QoS profiles and definitions were added.
 FOXY = """
@@ -35,29 +37,12 @@ FOXY = """
     """
 
 
-def write(path, events, version=9, plugin=StoragePlugin.SQLITE3, mode=CompressionMode.NONE):
-    """Write ``events`` as rosbags does and return the folder."""
-    writer = Writer(path, version=version, storage_plugin=plugin)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connections, encoders = {}, {}
-        for receive_ns, name, sample in events:
-            topic = TOPICS[name]
-            if name not in connections:
-                connections[name] = writer.add_connection(
-                    '/' + name, topic.type, typestore=typestore())
-                encoders[name] = Encoder(topic.type)
-            data = encoders[name](topic.to_msg(empty(topic.type), sample))
-            writer.write(connections[name], receive_ns, data)
-    return path
-
-
 @pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.FILE,
                                   CompressionMode.MESSAGE])
 @pytest.mark.parametrize('version', [8, 9])
 def test_bags_are_read_with_any_compression(tmp_path, version, mode):
     events = stream(0.5)
-    with Bag(write(tmp_path / 'bag', events, version, mode=mode)) as bag:
+    with Bag(write_with_rosbags(tmp_path / 'bag', events, version, mode=mode)) as bag:
         assert list(bag.samples(TOPICS)) == events
         assert bag.topics['/imu/data'].messages == 50
         assert bag.span_ns == (events[0][0], events[-1][0])
@@ -68,7 +53,8 @@ def test_bags_are_read_with_any_compression(tmp_path, version, mode):
                                   CompressionMode.STORAGE])
 def test_mcap_bags_of_rosbags_are_read_with_any_compression(tmp_path, mode):
     events = stream(0.5)
-    with Bag(write(tmp_path / 'bag', events, plugin=StoragePlugin.MCAP, mode=mode)) as bag:
+    with Bag(write_with_rosbags(tmp_path / 'bag', events, plugin=StoragePlugin.MCAP,
+                                mode=mode)) as bag:
         assert list(bag.samples(TOPICS)) == events
         assert not bag.warnings
 
@@ -76,7 +62,7 @@ def test_mcap_bags_of_rosbags_are_read_with_any_compression(tmp_path, mode):
 @pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.FILE])
 def test_a_bag_without_metadata_is_read_with_a_warning(tmp_path, mode):
     events = stream(0.5)
-    path = write(tmp_path / 'bag', events, mode=mode)
+    path = write_with_rosbags(tmp_path / 'bag', events, mode=mode)
     (path / 'metadata.yaml').unlink()
     with Bag(path) as bag:
         assert list(bag.samples(INPUTS)) == [event for event in events if event[1] in INPUTS]
@@ -86,7 +72,7 @@ def test_a_bag_without_metadata_is_read_with_a_warning(tmp_path, mode):
 @pytest.mark.parametrize('plugin', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_the_start_of_a_truncated_compressed_file_is_read(tmp_path, plugin):
     events = stream(8.0)
-    path = write(tmp_path / 'bag', events, plugin=plugin, mode=CompressionMode.FILE)
+    path = write_with_rosbags(tmp_path / 'bag', events, plugin=plugin, mode=CompressionMode.FILE)
     file, = path.glob('*.zstd')
     file.write_bytes(file.read_bytes()[:file.stat().st_size * 2 // 3])
     with Bag(path) as bag:
@@ -97,7 +83,7 @@ def test_the_start_of_a_truncated_compressed_file_is_read(tmp_path, plugin):
 
 def test_a_single_file_is_read_as_a_bag(tmp_path):
     events = stream(0.2)
-    file, = write(tmp_path / 'bag', events).glob('*.db3')
+    file, = write_with_rosbags(tmp_path / 'bag', events).glob('*.db3')
     with Bag(file) as bag:
         assert list(bag.samples(TOPICS)) == events
         assert not bag.warnings
@@ -117,7 +103,7 @@ def test_a_file_without_profiles_and_definitions_is_read(tmp_path):
 
 def test_a_truncated_file_yields_its_readable_messages(tmp_path):
     events = stream(2.0)
-    file, = write(tmp_path / 'bag', events).glob('*.db3')
+    file, = write_with_rosbags(tmp_path / 'bag', events).glob('*.db3')
     data = file.read_bytes()
     lengths = []
     for part in (0.3, 0.6, 0.9):
@@ -135,8 +121,8 @@ def test_a_truncated_file_yields_its_readable_messages(tmp_path):
 
 def test_messages_in_the_write_ahead_log_of_a_killed_recorder_are_read(tmp_path):
     events = stream(0.5)
-    file, = write(tmp_path / 'bag', events[:-100]).glob('*.db3')
-    with Bag(write(tmp_path / 'rest', events[-100:])) as rest:
+    file, = write_with_rosbags(tmp_path / 'bag', events[:-100]).glob('*.db3')
+    with Bag(write_with_rosbags(tmp_path / 'rest', events[-100:])) as rest:
         late = list(rest.raw())
     connection = sqlite3.connect(file)
     connection.execute('PRAGMA journal_mode=WAL')
@@ -166,3 +152,139 @@ def test_a_database_without_bag_tables_is_rejected(tmp_path):
         connection.execute('CREATE TABLE recipes(id INTEGER)')
     with pytest.raises(BagError, match='not an sqlite3 bag'):
         Bag(path)
+
+
+JAZZY = """
+    CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
+                        serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL,
+                        type_description_hash TEXT NOT NULL);
+    CREATE TABLE message_definitions(
+        id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL, encoding TEXT NOT NULL,
+        encoded_message_definition TEXT NOT NULL, type_description_hash TEXT NOT NULL);
+    CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL,
+                          metadata TEXT NOT NULL);
+    CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,
+                          timestamp INTEGER NOT NULL, data BLOB NOT NULL);
+    CREATE INDEX timestamp_idx ON messages (timestamp ASC);
+    INSERT INTO topics VALUES (3, '/a', 'a_msgs/msg/A', 'cdr', '- depth: 7', 'RIHS01_a');
+    INSERT INTO topics VALUES (5, '/b', 'b_msgs/msg/B', 'json', '', '');
+    INSERT INTO message_definitions VALUES (1, 'a_msgs/msg/A', 'ros2msg', 'int32 a', 'RIHS01_a');
+    INSERT INTO metadata VALUES (1, 9, 'ros_distro: jazzy');
+    """
+TIMES = [0, 40, 20, 20, 30, 10]  # ns, of the messages
+
+
+def jazzy(path):
+    """Write the file of a recorder of Jazzy; return its path."""
+    with sqlite3.connect(path) as connection:
+        connection.executescript(JAZZY)
+        connection.executemany('INSERT INTO messages VALUES (?, ?, ?, ?)', [
+            (number, (3, 5)[number % 2], ns, b'message %d' % number)
+            for number, ns in enumerate(TIMES, 1)])
+    connection.close()
+    return path
+
+
+def contents(path):
+    """Return messages, channels, metadata, span and losses of a file."""
+    file = SqliteFile(path)
+    try:
+        counts = [(one.topic, one.type, one.encoding, one.definition, one.definition_encoding,
+                   one.qos, one.type_hash, count) for one, count in file.counts().items()]
+        return ([(ns, channel.topic, data) for ns, channel, data in file.messages()], counts,
+                [one.ros_distro for one in file.metadata()], file.span(), file.losses)
+    finally:
+        file.close()
+
+
+def test_the_rows_of_a_damaged_file_are_those_of_the_intact_one(tmp_path):
+    path = jazzy(tmp_path / 'a.db3')
+    messages, counts, metadata, span, losses = contents(path)
+    assert [(ns, data) for ns, _, data in messages] == [
+        (0, b'message 1'), (10, b'message 6'), (20, b'message 3'), (20, b'message 4'),
+        (30, b'message 5'), (40, b'message 2')]
+    assert counts == [('/a', 'a_msgs/msg/A', 'cdr', 'int32 a', 'ros2msg', '- depth: 7', 'RIHS01_a',
+                       3), ('/b', 'b_msgs/msg/B', 'json', '', '', '', '', 3)]
+    assert (metadata, span, losses.reasons) == (['jazzy'], (0, 40), [])
+    path.write_bytes(path.read_bytes() + b'x')  # an incomplete page
+    assert contents(path)[:4] == (messages, counts, metadata, span)
+    line, = contents(path)[4].lines()
+    assert line == 'messages are missing: a.db3: file is damaged (last page is incomplete)'
+
+
+@pytest.mark.parametrize(('statement', 'lost'), [
+    ('UPDATE messages SET topic_id = 4 WHERE id > 3', 3),
+    ('UPDATE messages SET timestamp = -1 WHERE id = 2', 1),
+    ("UPDATE messages SET data = 'text' WHERE id < 3", 2)])
+@pytest.mark.parametrize('damaged', [True, False])
+def test_invalid_rows_are_left_out_and_counted(tmp_path, statement, lost, damaged):
+    path = jazzy(tmp_path / 'a.db3')
+    complete = contents(path)[0]
+    with sqlite3.connect(path) as connection:
+        connection.execute(statement)
+    connection.close()
+    if damaged:
+        path.write_bytes(path.read_bytes() + b'x')
+    messages, counts, _, span, losses = contents(path)
+    assert len(messages) == len(TIMES) - lost == sum(count[-1] for count in counts)
+    assert set(messages) < set(complete)
+    assert span == (messages[0][0], messages[-1][0])
+    assert losses.messages == lost
+    assert damaged or losses.reasons == [f'a.db3: {lost} invalid rows']
+
+
+def test_a_page_without_kind_costs_its_rows_only(tmp_path):
+    path = jazzy(tmp_path / 'a.db3')
+    with sqlite3.connect(path) as connection:
+        connection.executemany('INSERT INTO messages VALUES (?, ?, ?, ?)', [
+            (number, 3, 100 + number, bytes(100)) for number in range(10, 500)])
+    connection.close()
+    complete, data = contents(path)[0], bytearray(path.read_bytes())
+    last = max(at for at in range(0, len(data), 4096) if data[at] == 0x0D)
+    rows = int.from_bytes(data[last + 3:last + 5], 'big')
+    data[last] = 0
+    path.write_bytes(data)
+    messages, _, _, _, losses = contents(path)
+    assert messages == complete[:-rows]
+    assert losses.messages == rows  # by the index
+
+
+def test_an_empty_table_has_no_span(tmp_path):
+    path = tmp_path / 'a.db3'
+    with sqlite3.connect(path) as connection:
+        connection.executescript(JAZZY)
+    connection.close()
+    assert contents(path)[3] is None
+    path.write_bytes(path.read_bytes() + b'x')
+    assert contents(path)[3] is None
+    assert contents(path)[0] == []
+
+
+def test_a_damaged_compressed_message_is_one_loss(tmp_path):
+    path = jazzy(tmp_path / 'a.db3')
+    with sqlite3.connect(path) as connection:
+        connection.execute('UPDATE messages SET data = ? WHERE id = 2',
+                           (b'\x28\xb5\x2f\xfd' + b'\xff' * 9,))
+        connection.execute('UPDATE messages SET data = ? WHERE id = 3',
+                           (zstandard.compress(b'packed'),))
+    connection.close()
+    messages, _, _, _, losses = contents(path)
+    assert [data for _, _, data in messages] == [
+        b'message 1', b'message 6', b'packed', b'message 4', b'message 5']
+    assert losses.messages == 1
+    assert losses.reasons[0].startswith('a.db3: message of /a received at 40 ns: ')
+
+
+def test_text_that_is_not_utf8_is_replaced(tmp_path):
+    path = jazzy(tmp_path / 'a.db3')
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b'- depth: 7', b'- depth\xff 7'))
+    assert contents(path)[1][0][5] == '- depth\ufffd 7'
+    path.write_bytes(path.read_bytes() + b'x')
+    assert contents(path)[1][0][5] == '- depth\ufffd 7'
+
+
+def test_a_name_with_special_characters_is_opened(tmp_path):
+    path = jazzy(tmp_path / 'a?b#c%20 d.db3')
+    assert len(contents(path)[0]) == len(TIMES)
+    assert contents(path)[4].reasons == []

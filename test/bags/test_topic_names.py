@@ -16,7 +16,9 @@ from dataclasses import replace
 
 import pytest
 from smart_tire.bags import Bag, BagWriter, check_inputs, TopicNames
+from smart_tire.bags.topic_names import match_by_name
 from smart_tire.errors import BagError, ParameterError
+from smart_tire.messages import TOPICS
 from smart_tire.parameters import JointParams
 from smart_tire.samples import WHEELS
 from support.foreign import add_messages, Foreign, IMU, JOINTS
@@ -106,6 +108,64 @@ def test_two_topics_that_may_be_an_input_are_a_choice(tmp_path, standard, kind, 
         ['--remap', f'{standard}:=/a'], ['--remap', f'{standard}:=/b']]
     with Bag(bag, TopicNames({standard: '/b'})) as opened:
         check_inputs(opened, [standard])
+
+
+def test_the_choice_is_a_table_with_the_number_of_messages(tmp_path):
+    bag = bag_of(tmp_path / 'bag', ('/imu', IMU, ()), ('/longer_name', IMU, ()),
+                 ('/odom', TOPICS['odom'].type, ()))
+    with Bag(bag) as opened, pytest.raises(BagError) as raised:
+        check_inputs(opened, [*INPUTS, 'odom'])
+    assert str(raised.value) == (
+        f'{bag}: 2 topics may be imu/data; select one:\n'
+        f'  --remap imu/data:=/imu          {IMU}, 2 messages\n'
+        f'  --remap imu/data:=/longer_name  {IMU}, 2 messages')
+
+
+def test_rules_that_cannot_be_followed_are_refused(tmp_path):
+    with pytest.raises(ParameterError, match='^--remap pose:=/a: pose is not a standard topic, '
+                                             'expected one of .*imu/data'):
+        TopicNames({'pose': '/a'})
+    with pytest.raises(ParameterError, match='^--remap odom:=b: odom is already a$'):
+        TopicNames.parse(['odom:=a', 'odom:=b'])
+    with pytest.raises(ParameterError, match='^--remap /: expected STANDARD:=NAME'):
+        TopicNames.parse(['/'])
+    bag = bag_of(tmp_path / 'bag', ('/imu', IMU, ()))
+    for rule, message in (('imu/data:=/a', '--remap imu/data:=/a: the bag has no /a; its topics: '
+                                           '/imu'),
+                          ('odom:=imu/', f'--remap odom:=/imu: /imu is {IMU}, expected '
+                                         f'{TOPICS["odom"].type}')):
+        with Bag(bag, TopicNames.parse([rule])) as opened, pytest.raises(BagError) as raised:
+            opened.match(['imu/data', 'odom'])
+        assert str(raised.value) == message
+    with BagWriter(tmp_path / 'none'):
+        pass
+    with Bag(tmp_path / 'none', TopicNames({'odom': '/a'})) as opened, pytest.raises(
+            BagError, match='its topics: none'):
+        opened.match(['odom'])
+
+
+def test_the_namespace_with_most_topics_counts_then_the_shortest_then_the_first():
+    types = {f'/{name}': TOPICS[name.split('/', 1)[1]].type for name in (
+        'b/imu/data', 'a/imu/data', 'long/imu/data', 'long/odom', 'a/odom', 'b/odom')}
+    assert match_by_name(['imu/data', 'odom', 'wheel_states'], types) == {
+        'imu/data': '/a/imu/data', 'odom': '/a/odom'}
+    types['/long/wheel_states'] = JOINTS
+    assert match_by_name(['imu/data', 'odom', 'wheel_states'], types) == {
+        'imu/data': '/long/imu/data', 'odom': '/long/odom', 'wheel_states': '/long/wheel_states'}
+    assert match_by_name(['odom'], {'/odom': IMU}) == {}
+
+
+@pytest.mark.parametrize(('late', 'refused'), [(30.0, False), (30.001, True)])
+def test_clocks_differ_by_more_than_30_s(tmp_path, late, refused):
+    events = [(ns + round(late * 1e9) * (topic == 'imu/data') - 2 * (topic != 'imu/data') * 10**6,
+               topic, replace(sample, stamp_ns=ns - 2 * 10**6 * (topic != 'imu/data')))
+              for ns, topic, sample in stream(0.2) if topic in INPUTS]
+    with Bag(Foreign().write(tmp_path / 'bag', events)) as bag:
+        if refused:
+            with pytest.raises(BagError, match='timestamps are of different clocks'):
+                check_inputs(bag, INPUTS)
+        else:
+            check_inputs(bag, INPUTS)
 
 
 def test_messages_of_other_joints_on_the_same_topic_are_ignored(tmp_path):

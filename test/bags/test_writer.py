@@ -241,3 +241,80 @@ def test_the_memory_of_a_recording_in_several_files_is_bounded(tmp_path):
             grown[limit] = tracemalloc.get_traced_memory()[0] - before
         tracemalloc.stop()
     assert grown[10.0] < 0.2 * grown[1e9]
+
+
+def test_chunks_end_every_quarter_of_a_second_metadata_every_five(tmp_path):
+    start, file = 10**18, tmp_path / 'a' / 'bag' / 'bag_0.mcap'
+    with BagWriter(tmp_path / 'a' / 'bag') as writer:  # folders are made
+        writer.add_topic(channel_of('/odom', 'nav_msgs/msg/Odometry'))
+        writer.write('/odom', start, b'0')  # the first one is written at once
+        written, counts = [], []
+        for ns in (249_999_999, 250_000_000, 499_999_999, 500_000_000, 500_000_001, 249_999_999,
+                   4_999_999_999, 5_000_000_000, 9_999_999_999, 10_000_000_000, 4_000_000_000):
+            size = file.stat().st_size
+            writer.write('/odom', start + ns, b'x')
+            written.append(file.stat().st_size > size)
+            counts.append(metadata(tmp_path / 'a' / 'bag')['message_count'])
+    assert written == [False, True, False, True, False, True, True, False, True, False, True]
+    assert counts == [1, 1, 1, 1, 1, 1, 1, 9, 9, 11, 12]
+    assert metadata(tmp_path / 'a' / 'bag')['duration']['nanoseconds'] == 10_000_000_000
+
+
+def test_a_file_has_at_least_one_message_and_ends_at_its_duration(tmp_path):
+    for name, limit in (('size', {'max_size': 1}), ('duration', {'max_duration': 2.0})):
+        with BagWriter(tmp_path / name, **limit) as writer:
+            writer.add_topic(channel_of('/a', 'a_msgs/msg/A'))
+            for second in (0, 1.999_999_999, 2, 3, 4):
+                writer.write('/a', round(second * 1e9), bytes(3))
+                writer.flush()
+    files = {name: [file['message_count'] for file in metadata(tmp_path / name)['files']]
+             for name in ('size', 'duration')}
+    assert files == {'size': [1] * 5, 'duration': [2, 2, 1]}
+    for name in files:
+        with Bag(tmp_path / name) as bag:
+            assert len(list(bag.raw())) == 5 == bag.topics['/a'].messages
+
+
+def test_a_topic_is_registered_once(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        assert not writer.has_topic('/a')
+        for kind in 'AB':
+            writer.add_topic(channel_of('a', f'a_msgs/msg/{kind}'))
+        assert writer.has_topic('/a')
+        writer.write('/a', 5, b'x')
+        assert writer.counts == {'/a': 1}
+    with Bag(tmp_path / 'bag') as bag:
+        assert bag.types == {'/a': 'a_msgs/msg/A'}
+
+
+def test_errors_name_the_folder(tmp_path):
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(BagError, match=r'file/bag: cannot be written \(Not a directory\)'):
+        BagWriter(tmp_path / 'file' / 'bag')
+    writer = BagWriter(tmp_path / 'bag')
+    shutil.rmtree(tmp_path / 'bag')
+    with pytest.raises(BagError, match=r'bag: cannot be written \(No such file or directory\)'):
+        writer.set_custom_data('key', 'text')
+    with pytest.raises(BagError):
+        writer.close()
+    writer.close()  # has no effect
+
+
+def test_known_definitions_of_a_bag_are_kept_unknown_ones_left_out(tmp_path):
+    own = Channel('/odom', 'nav_msgs/msg/Odometry', 'cdr', 'own text', 'own', 'qos: 1', 'RIHS01_1')
+    strange = Channel('/a', 'a_msgs/msg/A')
+    bare = Channel('/imu', 'sensor_msgs/msg/Imu', qos='qos: 2')
+    with BagWriter(tmp_path / 'bag') as writer:
+        for channel in (own, strange, bare):
+            writer.add_topic(channel)
+            writer.write(channel.topic, 5, b'x')
+    result = recover(tmp_path / 'bag', tmp_path / 'copy')
+    assert result.counts == {'/odom': 1, '/a': 1, '/imu': 1}
+    assert result.span_ns == (5, 5)
+    with Bag(tmp_path / 'copy') as bag:
+        found = {name: (topic.channel.definition, topic.channel.definition_encoding,
+                        topic.channel.qos, topic.channel.type_hash)
+                 for name, topic in bag.topics.items()}
+    known = channel_of('/imu', 'sensor_msgs/msg/Imu')
+    assert found == {'/odom': ('own text', 'own', 'qos: 1', 'RIHS01_1'), '/a': ('', '', '', ''),
+                     '/imu': (known.definition, 'ros2msg', 'qos: 2', known.type_hash)}

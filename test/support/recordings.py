@@ -14,7 +14,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from smart_tire.bags import BagWriter
+from smart_tire.bags.cdr import empty, Encoder, typestore
+from smart_tire.messages import TOPICS
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, TireSample, WheelSample
 
 START_NS = 1_700_000_000 * NS_PER_S
@@ -53,4 +56,22 @@ def write_bag(path: Path, events) -> Path:
     with BagWriter(path) as writer:
         for event in events:
             writer.write_sample(event[1], event[0], event[2])
+    return path
+
+
+def write_with_rosbags(path, events, version=9, plugin=StoragePlugin.SQLITE3,
+                       mode=CompressionMode.NONE):
+    """Write ``events`` as rosbags does and return the folder."""
+    writer = Writer(path, version=version, storage_plugin=plugin)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connections, encoders = {}, {}
+        for receive_ns, name, sample in events:
+            topic = TOPICS[name]
+            if name not in connections:
+                connections[name] = writer.add_connection(
+                    '/' + name, topic.type, typestore=typestore())
+                encoders[name] = Encoder(topic.type)
+            data = encoders[name](topic.to_msg(empty(topic.type), sample))
+            writer.write(connections[name], receive_ns, data)
     return path

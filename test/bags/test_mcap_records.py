@@ -1,0 +1,364 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Records of MCAP files, made by hand: what is read of them, and what of damage is reported."""
+
+from __future__ import annotations
+
+from random import Random
+import struct
+from zlib import crc32
+
+import lz4.frame
+from mcap.opcode import Opcode
+from mcap.writer import CompressionType, Writer
+import pytest
+from smart_tire.bags.mcap_file import MAGIC, MAX_RUN_MESSAGES, McapFile
+import zstandard
+
+PACKERS = {'': bytes, 'zstd': zstandard.compress, 'lz4': lz4.frame.compress}
+COUNT = 6  # messages of a chunk
+
+
+def text(value):
+    """Return a string of a record."""
+    return struct.pack('<I', len(value)) + value.encode()
+
+
+def record(opcode, content):
+    """Return a record."""
+    return struct.pack('<BQ', opcode, len(content)) + content
+
+
+def message(ns, data=b'data', channel=1):
+    """Return a message record."""
+    return record(Opcode.MESSAGE, struct.pack('<HIQQ', channel, 7, ns, ns + 1) + data)
+
+
+def topic(number=1, name='/a', kind='a/msg/A'):
+    """Return the schema and the channel of a topic."""
+    stored = text('offered_qos_profiles') + text('qos')
+    return record(Opcode.SCHEMA, struct.pack('<H', number) + text(kind) + text('ros2msg') + text(
+        'def')) + record(Opcode.CHANNEL, struct.pack('<HH', number, number) + text(name) + text(
+            'cdr') + struct.pack('<I', len(stored)) + stored)
+
+
+def chunk(records, compression='zstd', *, start=0, end=10**6, crc=True, size=None):
+    """Return a chunk record."""
+    packed = PACKERS[compression](records)
+    return record(Opcode.CHUNK, struct.pack(
+        '<QQQI', start, end, len(records) if size is None else size, crc32(records) if crc else 0)
+        + text(compression) + struct.pack('<Q', len(packed)) + packed)
+
+
+def block(first, compression='zstd', **options):
+    """Return a chunk of ``COUNT`` messages, with their topic, from time ``first`` on."""
+    return chunk(topic() + b''.join(message(ns) for ns in range(first, first + COUNT)),
+                 compression, start=first, end=first + COUNT - 1, **options)
+
+
+HEAD = MAGIC + record(Opcode.HEADER, text('ros2') + text('me'))
+TAIL = record(Opcode.DATA_END, bytes(4)) + record(Opcode.FOOTER, bytes(20)) + MAGIC
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Return a function that reads times and losses of records with a head."""
+    def reader(*records, tail=TAIL, topics=None):
+        path = tmp_path / 'a.mcap'
+        path.write_bytes(HEAD + b''.join(records) + tail)
+        file = McapFile(path)
+        try:
+            return [ns for ns, _, _ in file.messages(topics)], file.losses.reasons
+        finally:
+            file.close()
+    return reader
+
+
+@pytest.mark.parametrize('compression', PACKERS)
+@pytest.mark.parametrize('crc', [True, False])
+def test_chunks_without_index_are_read(read, compression, crc):
+    records = [block(first, compression, crc=crc) for first in (10, 20, 30)]
+    assert read(*records) == ([*range(10, 16), *range(20, 26), *range(30, 36)], [])
+
+
+def test_messages_have_their_content_and_channels_theirs(tmp_path):
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(HEAD + topic() + topic(9, '/b', 'b/msg/B') + message(5, b'one') + message(
+        6, b'', 9) + message(7, b'three') + TAIL)
+    file = McapFile(path)
+    found = [(ns, channel.topic, channel.type, data) for ns, channel, data in file.messages()]
+    assert found == [(5, '/a', 'a/msg/A', b'one'), (6, '/b', 'b/msg/B', b''),
+                     (7, '/a', 'a/msg/A', b'three')]
+    assert [(one.encoding, one.definition, one.definition_encoding, one.qos, count)
+            for one, count in file.counts().items()] == [
+                ('cdr', 'def', 'ros2msg', 'qos', 2), ('cdr', 'def', 'ros2msg', 'qos', 1)]
+    assert file.span() == (5, 7)
+    assert [ns for ns, _, _ in file.messages({'/b'})] == [6]
+    assert [ns for ns, _, _ in file.messages(())] == []
+    assert (file.losses.reasons, file.warnings) == ([], [])
+    file.close()
+
+
+@pytest.mark.parametrize('chunked', [True, False])
+def test_any_order_of_times_is_sorted(tmp_path, chunked):
+    times = list(range(3 * MAX_RUN_MESSAGES))
+    Random(1).shuffle(times)
+    parts = [b''.join(map(message, times[begin:begin + 1000]))
+             for begin in range(0, len(times), 1000)]
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(HEAD + topic() + b''.join(
+        chunk(part, start=min(some), end=max(some)) if chunked else part
+        for number, part in enumerate(parts)
+        for some in [times[1000 * number:1000 * number + 1000]]) + TAIL)
+    file = McapFile(path)
+    assert [ns for ns, _, _ in file.messages()] == sorted(times)
+    assert file.span() == (0, len(times) - 1)
+    assert not file.losses.reasons
+    file.close()
+
+
+@pytest.mark.parametrize('opcode', [0x80, 0xFF, Opcode.ATTACHMENT, Opcode.STATISTICS])
+@pytest.mark.parametrize('compression', [None, ''])
+def test_other_records_are_skipped(read, opcode, compression):
+    other = record(opcode, b'what')
+    parts = [block(10), block(20)] if compression == '' else [topic() + message(10), message(20)]
+    complete, _ = read(*parts)
+    assert read(other, parts[0], other, other, parts[1], other) == (complete, [])
+
+
+@pytest.mark.parametrize('opcode', [0, 0x10, 0x7F])
+def test_a_record_that_no_version_has_is_damage(read, opcode):
+    other = record(opcode, b'what')
+    begin = len(HEAD + block(10))
+    times = [*range(10, 16), *range(20, 26)]
+    assert read(block(10), other, block(20)) == (
+        times, [f'a.mcap: {len(other)} bytes at byte {begin} are damaged'])
+    begin = len(HEAD + topic() + message(1))
+    assert read(topic(), message(1), other, message(2)) == (
+        [1, 2], [f'a.mcap: {len(other)} bytes at byte {begin} are damaged'])
+
+
+@pytest.mark.parametrize('length', range(0, 22))
+def test_a_message_record_that_is_too_short_is_damage(read, length):
+    short = record(Opcode.MESSAGE, bytes(length))
+    times, losses = read(topic(), message(1), short, message(2))
+    assert times == [1, 2]
+    assert len(losses) == 1
+
+
+@pytest.mark.parametrize('compression', PACKERS)
+def test_a_cut_anywhere_yields_the_chunks_before_it(read, compression):
+    parts = [block(10, compression), block(20, compression)]
+    complete = [*range(10, 16), *range(20, 26)]
+    whole = b''.join(parts)
+    for size in range(len(parts[0]), len(whole)):
+        times, losses = read(whole[:size], tail=b'')
+        assert times == complete[:len(times)]
+        assert len(times) >= COUNT
+        if not compression:
+            known = (size - len(parts[0]) - (49 + len(topic()))) // len(
+                message(1))
+            assert len(times) == COUNT + max(0, known)
+        assert losses[0] == (f'a.mcap: file is truncated: no index, {size - len(parts[0])} bytes '
+                             'after the last complete record')
+    assert read(whole, tail=b'') == (complete, [
+        'a.mcap: file is truncated: no index, 0 bytes after the last complete record'])
+
+
+def test_a_cut_without_chunks_yields_the_messages_before_it(read):
+    whole = topic() + b''.join(map(message, range(5)))
+    for size in range(len(topic()), len(whole)):
+        times, (loss,) = read(whole[:size], tail=b'')
+        count, rest = divmod(size - len(topic()), len(message(1)))
+        assert times == list(range(count))
+        assert loss.endswith(f'no index, {rest} bytes after the last complete record')
+
+
+@pytest.mark.parametrize(('content', 'reason'), [
+    (topic() + message(1) + message(2)[:-1], 'last 34 of {} bytes are not a complete record'),
+    (topic() + message(1) + b'\x05', 'last 1 of {} bytes are not a complete record'),
+    (topic() + message(1) + bytes(100), 'last 100 of {} bytes are not a complete record'),
+    (topic() + message(1) + message(2, channel=3) + message(3, channel=4),
+     '2 messages of unknown topics')])
+def test_what_is_wrong_in_a_chunk_is_reported(read, content, reason):
+    assert read(chunk(content, start=1, end=2)) == (
+        [1], [f'a.mcap: damaged at byte {len(HEAD)}: {reason.format(len(content))}'])
+
+
+def test_a_chunk_whose_content_differs_from_its_head_is_a_loss(read):
+    content = topic() + message(1)
+    for damaged in (chunk(content, size=len(content) + 1), chunk(content, '', size=5),
+                    chunk(content).replace(struct.pack('<I', crc32(content)), b'oops')):
+        times, (loss,) = read(block(10), damaged)
+        assert times == list(range(10, 16))
+        assert loss.startswith('a.mcap: ')
+
+
+def test_a_name_of_a_compression_is_short(read):
+    for length, expected in ((16, 'compression is zzzz'), (17, ' bytes at byte ')):
+        other = record(Opcode.CHUNK, struct.pack('<QQQI', 0, 0, 5, 0) + text('z' * length)
+                       + struct.pack('<Q', 5) + b'12345')
+        times, (loss,) = read(block(10), other, block(20))
+        assert len(times) == 2 * COUNT
+        assert expected in loss
+
+
+def indexed(path, chunks=8, **options):
+    """Write a file of chunks with three topics; return its bytes and the starts of the chunks."""
+    with path.open('wb') as file:
+        writer = Writer(file, **options)
+        writer.start('ros2')
+        channels = [writer.register_channel(name, 'cdr', writer.register_schema(name, '', b''))
+                    for name in ('/a', '/b', '/c')]
+        writer.add_metadata('other', {'key': 'value'})
+        for number in range(chunks):
+            for part in range(10):
+                writer.add_message(channels[min(part // 3, 2)], 100 * number + part, b'12345', 0)
+            writer.flush()
+        writer.finish()
+    file = McapFile(path)
+    starts = [one.offset for one in file._blocks]
+    file.close()
+    assert len(starts) == chunks
+    return bytearray(path.read_bytes()), starts
+
+
+ALL = [100 * number + part for number in range(8) for part in range(10)]
+
+
+def opened(path, data):
+    """Write data; return times, losses, warnings and the losses' number of messages."""
+    path.write_bytes(data)
+    file = McapFile(path)
+    try:
+        counts = sorted((channel.topic, count) for channel, count in file.counts().items())
+        return ([ns for ns, _, _ in file.messages()], file.losses.reasons, file.warnings,
+                file.losses.messages, counts)
+    finally:
+        file.close()
+
+
+COUNTS = [('/a', 24), ('/b', 24), ('/c', 32)]
+
+
+@pytest.mark.parametrize('damaged', [0, 1, 4, 5, 8])
+def test_the_index_counts_as_long_as_half_of_the_chunks_are_there(tmp_path, damaged):
+    data, starts = indexed(tmp_path / 'a.mcap')
+    for start in starts[:damaged]:
+        data[start] = Opcode.HEADER
+    times, _, warnings, _, counts = opened(tmp_path / 'a.mcap', data)
+    assert times == ALL
+    assert counts == COUNTS
+    assert warnings == ([] if damaged <= 4 else
+                        ['a.mcap: index is damaged (chunks are not where it says)'])
+
+
+@pytest.mark.parametrize('damaged', [0, 1])
+def test_an_index_without_checksum_counts_if_all_chunks_are_there(tmp_path, damaged):
+    data, starts = indexed(tmp_path / 'a.mcap', enable_crcs=False)
+    data[starts[3]] ^= 0x80 * damaged
+    times, _, warnings, _, _ = opened(tmp_path / 'a.mcap', data)
+    assert times == ALL
+    assert bool(warnings) is bool(damaged)
+
+
+@pytest.mark.parametrize('where', [9, 17])  # start and end of the times
+def test_the_times_of_a_chunk_are_those_of_the_index(tmp_path, where):
+    data, starts = indexed(tmp_path / 'a.mcap')
+    data[starts[2] + where] ^= 0x40
+    assert opened(tmp_path / 'a.mcap', data) == (ALL, [], [], 0, COUNTS)
+
+
+def test_the_messages_of_a_lost_chunk_are_counted_by_the_index(tmp_path):
+    data, starts = indexed(tmp_path / 'a.mcap', compression=CompressionType.NONE)
+    data[starts[6] + 100] ^= 1
+    times, (loss,), warnings, lost, _ = opened(tmp_path / 'a.mcap', data)
+    assert times == [ns for ns in ALL if ns // 100 != 6]
+    assert loss == f'a.mcap: damaged at byte {starts[6]}: checksum mismatch'
+    assert (warnings, lost) == ([], 10)
+
+
+def statistics(data):
+    """Return where the content of the statistics begins."""
+    at = data.rindex(struct.pack('<BQ', Opcode.STATISTICS, 42 + 4 + 3 * 10)) + 9
+    assert data[at] == len(ALL)
+    return at
+
+
+def test_how_many_messages_of_a_chunk_that_is_read_in_part_are_lost_is_unknown(tmp_path):
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(HEAD + chunk(topic() + message(1) + message(2)[:-1], start=1, end=2) + TAIL)
+    file = McapFile(path)
+    assert [ns for ns, _, _ in file.messages()] == [1]
+    assert file.losses.messages == 0
+    assert file.losses.lines()[0].startswith('messages are missing: ')
+    file.close()
+
+
+def test_statistics_of_another_number_of_chunks_are_not_used(tmp_path):
+    data, _ = indexed(tmp_path / 'a.mcap', enable_crcs=False)
+    at = statistics(data)
+    data[at + 22] += 1  # chunks
+    data[at] += 5       # messages
+    times, losses, warnings, lost, counts = opened(tmp_path / 'a.mcap', data)
+    assert (times, warnings, lost, counts) == (ALL, [], 5, COUNTS)
+    assert losses == ['a.mcap: 80 of 85 messages in its statistics']
+
+
+def test_a_damaged_metadata_record_is_a_warning(tmp_path):
+    data, _ = indexed(tmp_path / 'a.mcap')
+    path = tmp_path / 'a.mcap'
+    at = data.index(b'other')
+    data[at - 1] = 0xFF  # length of the name
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert file.metadata() == []
+    warning, = file.warnings
+    assert warning.startswith(f'a.mcap: damaged at byte {at - 13}: ')
+    assert [ns for ns, _, _ in file.messages()] == ALL
+    file.close()
+
+
+@pytest.mark.parametrize('scanned', [True, False])
+def test_topics_are_selected_with_and_without_index(tmp_path, scanned):
+    path = tmp_path / 'a.mcap'
+    data, _ = indexed(path)
+    path.write_bytes(data[:-20] if scanned else data)
+    file = McapFile(path)
+    for topics, parts in (({'/a'}, {0, 1, 2}), ({'/b', '/c'}, range(3, 10)), ({'/d'}, ())):
+        assert [ns for ns, _, _ in file.messages(topics)] == [
+            ns for ns in ALL if ns % 100 in parts]
+    assert file.span() == (0, 709)
+    file.close()
+
+
+def test_chunks_without_the_wanted_topics_are_not_read(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        for number, name in enumerate(('/a', '/b')):
+            channel = writer.register_channel(name, 'cdr', writer.register_schema(name, '', b''))
+            writer.add_message(channel, number, b'12345', 0)
+            writer.flush()
+        writer.finish()
+    file = McapFile(path)
+    second = file._blocks[1].offset
+    file.close()
+    data = bytearray(path.read_bytes())
+    data[second + 70] ^= 1
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert len(list(file.messages({'/a'}))) == 1
+    assert not file.losses.reasons
+    assert not list(file.messages({'/b'}))
+    assert len(file.losses.reasons) == 1
+    file.close()
