@@ -37,7 +37,7 @@ from smart_tire.nodes.compat import (
     full_name, message_class, plain_message, RCLError, wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
-from smart_tire.nodes.parameters import declare, is_unchanged, read
+from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
 from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos
 from smart_tire.parameters import build, NODE_PARAMS
 from smart_tire.parameters.files import files_of, misspelled
@@ -111,7 +111,8 @@ class SmartTireNode(Node, Generic[Params]):
 
         So ``ros2 param load`` accepts what ``ros2 param dump`` has written.
         """
-        changes = [item for item in parameter_list if not is_unchanged(self, item)]
+        changes = [item for given in parameter_list
+                   if not is_unchanged(self, item := with_number(self, given))]
         if parameter_list and not changes:
             return SetParametersResult(successful=True)
         return super().set_parameters_atomically(changes)

@@ -27,6 +27,8 @@ from smart_tire.nodes.compat import given_parameters
 from smart_tire.parameters import build, known_names, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import check_names
 from smart_tire.parameters.spec import is_known
+from smart_tire.yaml_text import parse_yaml
+import yaml
 
 Params = TypeVar('Params')
 QUERY_TIMEOUT_NS = 5_000_000_000  # after which a node is asked again
@@ -61,6 +63,25 @@ def read(node: Node, cls: type, changes: Iterable[Parameter[Any]]) -> dict[str, 
 def _values_of(cls: type, values: dict[str, Any]) -> dict[str, Any]:
     known = known_names([cls])
     return {name: value for name, value in values.items() if is_known(name, known)}
+
+
+def with_number(node: Node, change: Parameter[Any]) -> Parameter[Any]:
+    """
+    Return ``change`` with the number that its text means; as it is for a parameter that is text.
+
+    ``ros2 param`` sends 5e-05, as Python writes it, as text: in YAML 1.1 it is no number.
+    """
+    if (not isinstance(change.value, str) or not node.has_parameter(change.name)
+            or isinstance(node.get_parameter(change.name).value, str)):
+        return change
+    try:
+        value = parse_yaml(change.value)
+    except yaml.YAMLError:
+        return change
+    items = value if isinstance(value, list) else [value]
+    if not all(isinstance(item, float) for item in items):
+        return change
+    return Parameter(change.name, value=value)
 
 
 def is_unchanged(node: Node, change: Parameter[Any]) -> bool:

@@ -32,11 +32,10 @@ def assert_dump_can_be_loaded(graph, name):
     values = graph.call('rcl_interfaces/srv/GetParameters', f'{name}/get_parameters',
                         names=names).values
     dumped = {key: parameter_value_to_python(value) for key, value in zip(names, values)}
-    texts = {key: yaml.safe_dump(
-        value if isinstance(value, (str, bool, int, float)) else list(value),
-        default_flow_style=True) for key, value in dumped.items()}
-    loaded = [Parameter(name=key, value=get_parameter_value(text.removesuffix('...\n').strip()))
-              for key, text in texts.items()]
+    values = {key: value if isinstance(value, (str, bool, int, float)) else list(value)
+              for key, value in dumped.items()}
+    loaded = [Parameter(name=key, value=get_parameter_value(str(value)))  # as rclpy does
+              for key, value in yaml.safe_load(yaml.safe_dump(values)).items()]
     results = graph.call('rcl_interfaces/srv/SetParameters', f'{name}/set_parameters',
                          parameters=loaded).results
     assert {key: result.reason for key, result in zip(names, results)
@@ -48,7 +47,7 @@ def test_every_node_publishes_diagnostics_and_ends_cleanly_after_repeated_signal
         name, graph, tmp_path):
     ports = {f'ports__{port}': tmp_path / port for port in ('tire_radio', 'imu', 'motors')} \
         if name == 'robot_simulator' else {}
-    with graph.start(name, **ports) as node:
+    with graph.start(name, center_of_mass='[5.0e-05, 0.0, 0.023]', **ports) as node:
         graph.until(lambda: name in graph.health)
         assert_dump_can_be_loaded(graph, name)
         assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
