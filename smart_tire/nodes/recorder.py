@@ -61,10 +61,10 @@ class SequenceGaps:
 
     def count(self, info: Mapping[str, Any]) -> bool:
         """Add a received message; return whether the losses have reached 1, 2, 4, 8 ... now."""
-        number = info.get('publication_sequence_number')
-        if number is None:  # older distributions, and middleware without sequence numbers
+        number, identifier = info.get('publication_sequence_number'), info.get('publisher_gid')
+        if number is None or identifier is None:  # rclpy of Jazzy does not identify publishers
             return False
-        publisher, before = bytes(info['publisher_gid']['data']), self.lost + self.missed
+        publisher, before = bytes(identifier['data']), self.lost + self.missed
         last = self._last.get(publisher)
         if last is not None:
             self.lost += max(0, number - last - 1)
