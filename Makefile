@@ -33,7 +33,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Tests start some hundreds of processes: none shall compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo demo-loaded test pytest lint check current mutants stop-times bench \
+.PHONY: help setup demo demo-loaded test pytest lint check current mutants fuzz stop-times bench \
 	bench-slip bench-friction bench-control config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
@@ -46,6 +46,7 @@ help:
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard'
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
 	@echo '                     for others'
+	@echo 'make fuzz            give damaged bytes to all readers of bytes; SECONDS=N, SEED=S'
 	@echo 'make bench           measure CPU load, latency and calibration'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
@@ -145,6 +146,10 @@ stop-times: $(READY)
 # 100 mutants of the safety path; see test/mutation.py.
 mutants: $(READY)
 	$(BIN)/python test/mutation.py $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
+
+# Damaged bytes for each reader of bytes from outside; see test/fuzz.py.
+fuzz: $(READY)
+	$(BIN)/python test/fuzz.py $(if $(SECONDS),--seconds $(SECONDS)) $(if $(SEED),--seed $(SEED))
 
 # With two busy processes per core; see test/loaded_demo.py.
 demo-loaded: $(READY)

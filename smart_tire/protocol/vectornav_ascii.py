@@ -69,11 +69,12 @@ class AsciiDeframer(Deframer):
     def _bodies(self) -> Iterator[bytes]:
         while (start := self._buffer.find(_START)) >= 0:
             self._discard(start)
-            ends = [end for end in (self._buffer.find(_START, 1), self._buffer.find(_END) + 1)
+            ends = [end for end in (self._buffer.find(_START, 1, MAX_SENTENCE_LENGTH + 1),
+                                    self._buffer.find(_END, 0, MAX_SENTENCE_LENGTH) + 1)
                     if end > 0]
             if not ends and len(self._buffer) <= MAX_SENTENCE_LENGTH:
                 return  # incomplete
-            end = min(ends, default=len(self._buffer))
+            end = min(ends, default=MAX_SENTENCE_LENGTH)
             body = _intact(bytes(self._buffer[1:end]).rstrip())
             if body is None:
                 self.bad_frames += 1

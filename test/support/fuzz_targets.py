@@ -1,0 +1,301 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""What the fuzz test feeds: readers of bytes from outside, with valid bytes to begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+import logging
+from pathlib import Path
+import shutil
+import tempfile
+from unittest.mock import patch
+
+from mcap.writer import CompressionType, Writer as McapWriter
+from smart_tire.bags import Bag, recover
+from smart_tire.bags.cdr import Decoder, SampleDecoder, SampleEncoder
+from smart_tire.drivers.roboclaw_line import RoboclawLine
+from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
+from smart_tire.drivers.tire_receiver import TireStream
+from smart_tire.errors import BagError, FrameError, MessageError, ParameterError
+from smart_tire.estimation.film.files import COLUMNS, read_params, read_recording
+from smart_tire.messages import TOPICS
+from smart_tire.parameters import load_node, NODE_PARAMS
+from smart_tire.paths import BAG_METADATA
+from smart_tire.protocol import roboclaw, vectornav, vectornav_ascii, xbee, xsens
+from smart_tire.recording import Faults
+from support.frames import frames
+from support.recordings import stream, write_bag, write_with_rosbags
+
+ROOT = Path(__file__).resolve().parents[2]
+ADDRESS = 0x0013A20040A1B2C3  # of a sensor node
+ARRIVAL_NS = 1_700_000_000_000_000_000
+CHUNK = 7  # bytes; no frame is that short
+SECONDS = 0.1  # of the bags
+YAML_TOKENS = (b'&a ', b'*a', b'<<: ', b'? ', b'!!binary ', b'!!timestamp ', b'!!python/tuple ',
+               b'2001-99-99', b'1e999', b'.nan', b'[' * 50, b'{a: ' * 50, b'\xef\xbb\xbf', b'\t')
+CSV_TOKENS = (b'nan', b'inf', b'1e999', b'"', b';', b',,', b'\r', b'\0', b'\xef\xbb\xbf')
+
+
+@dataclass(frozen=True)
+class Target:
+    """
+    One reader of bytes.
+
+    ``read`` takes any bytes; it raises nothing but the documented errors, which it catches
+    itself, and returns whether it accepted anything. ``seal`` puts the checksum of a protocol
+    around a body; with it, half the inputs are changed bodies that are sealed again.
+    """
+
+    seeds: Callable[[], Sequence[bytes]]
+    read: Callable[[bytes], bool]
+    tokens: tuple[bytes, ...] = ()
+    bodies: Callable[[], Sequence[bytes]] = tuple
+    seal: Callable[[bytes], bytes] | None = None
+
+
+def _receiver_target(make: Callable[[], SampleStream | TireStream],
+                     seal: Callable[[bytes], bytes], seeds: Callable[[], Sequence[bytes]],
+                     delimited: bool) -> Target:
+    """
+    Return the target of a device; ``seeds`` are its streams.
+
+    ``delimited``: no frame contains its start byte. Otherwise a frame inside an incomplete one is
+    yielded if the rest of that has not arrived yet.
+    """
+    def bodies() -> list[bytes]:
+        deframer = make()._deframer
+        return [body for data in seeds() for body in deframer.extract(data)]
+
+    def read(data: bytes) -> bool:
+        whole, parts = make(), make()
+        found = list(whole.receive(data, ARRIVAL_NS))
+        split = [item for begin in range(0, len(data), CHUNK)
+                 for item in parts.receive(data[begin:begin + CHUNK], ARRIVAL_NS)]
+        if delimited:
+            assert repr(split) == repr(found), 'the samples depend on how the stream is split'
+            assert parts.frames_bad == whole.frames_bad, 'bad frames depend on how it is split'
+        return bool(found)
+    return Target(seeds, read, bodies=bodies, seal=seal)
+
+
+class ReplyPort:
+    """Serial port on which ``data`` arrives, whatever is asked; some of it unasked."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self.timeout = self.write_timeout = 0.0
+
+    @property
+    def in_waiting(self) -> int:
+        return min(len(self._data) % 23, len(self._data))
+
+    def read(self, size: int) -> bytes:
+        found, self._data = self._data[:size], self._data[size:]
+        return found
+
+    def write(self, data: bytes) -> int:
+        return len(data)
+
+    def reset_input_buffer(self) -> None:
+        self._data = self._data[self.in_waiting:]
+
+
+def _read_replies(data: bytes) -> bool:
+    line = RoboclawLine()
+    line.use(ReplyPort(data))
+    for address in (0x80, 0x81):
+        for command in (roboclaw.READ_ENCODERS, roboclaw.READ_CURRENTS, roboclaw.READ_TIMEOUT):
+            with suppress(FrameError), patch('time.sleep'):
+                line.exchange(address, command)
+            with suppress(FrameError):
+                roboclaw.decode_reply(address, command, data)
+    with suppress(FrameError):
+        roboclaw.decode_text_reply(0x80, roboclaw.READ_VERSION, data)
+    return line.frames_ok > 0
+
+
+def _read_requests(data: bytes) -> bool:
+    return bool([roboclaw.decode_request(packet)
+                 for packet in roboclaw.RequestDeframer().extract(data)])
+
+
+def _read_bag(path: Path) -> bool:
+    """Read all that a bag has, in each way, and recover it."""
+    logging.getLogger('smart_tire').setLevel(logging.CRITICAL)
+    try:
+        with Bag(path) as bag:
+            listed = bag.topics, bag.span_ns, bag.custom_data, bag.ros_distro, bag.warnings
+            assert len(listed[0]) >= 0
+            samples = sum(1 for _ in bag.samples(TOPICS))
+            messages = sum(1 for _ in bag.raw())
+            bag.losses.lines()
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            recovered = recover(path, Path(folder) / 'bag')
+            assert sum(recovered.counts.values()) == messages
+    except BagError:
+        return False
+    return samples > 0
+
+
+def _bag_target(suffix: str, seeds: Callable[[Path], Sequence[bytes]]) -> Target:
+    def read(data: bytes) -> bool:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f'bag{suffix}'
+            path.write_bytes(data)
+            return _read_bag(path)
+    return Target(lambda: _in_folder(seeds), read)
+
+
+def _in_folder(make: Callable[[Path], Sequence[bytes]]) -> Sequence[bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        return make(Path(folder))
+
+
+def _mcap_files(folder: Path) -> list[bytes]:
+    write_bag(folder / 'bag', stream(SECONDS))
+    plain = folder / 'plain.mcap'
+    with plain.open('wb') as file:  # no CRC: changed bytes reach the readers of the records
+        writer = McapWriter(file, compression=CompressionType.NONE, enable_crcs=False,
+                            chunk_size=2000)
+        writer.start('ros2')
+        with Bag(folder / 'bag') as bag:
+            numbers = {name: writer.register_channel(name, 'cdr', writer.register_schema(
+                topic.channel.type, 'ros2msg', b'')) for name, topic in bag.topics.items()}
+            for receive_ns, channel, data in bag.raw():
+                writer.add_message(numbers[channel.topic], receive_ns, data, receive_ns)
+        writer.finish()
+    return [(folder / 'bag' / 'bag_0.mcap').read_bytes(), plain.read_bytes()]
+
+
+def _databases(folder: Path) -> list[bytes]:
+    write_with_rosbags(folder / 'bag', stream(SECONDS))
+    return [path.read_bytes() for path in (folder / 'bag').glob('*.db3')]
+
+
+def _metadata_files(folder: Path) -> list[bytes]:
+    write_bag(folder / 'bag', stream(SECONDS))
+    return [(folder / 'bag' / BAG_METADATA).read_bytes()]
+
+
+def _read_metadata(data: bytes) -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / 'bag'
+        bag.mkdir()
+        (bag / BAG_METADATA).write_bytes(data)
+        shutil.copy(_one_bag(), bag / 'bag_0.mcap')
+        return _read_bag(bag)
+
+
+def _one_bag() -> Path:
+    path = Path(tempfile.gettempdir()) / f'fuzz_{SECONDS}.mcap'
+    if not path.exists():
+        path.write_bytes(_in_folder(_mcap_files)[0])
+    return path
+
+
+def _messages() -> list[bytes]:
+    """Return one message of each kind of sample, preceded by the number of its topic."""
+    first = {topic: sample for _, topic, sample in reversed(stream(SECONDS))}
+    names = list(TOPICS)
+    return [bytes((names.index(name),)) + SampleEncoder(TOPICS[name])(sample)
+            for name, sample in first.items()]
+
+
+def _read_message(data: bytes) -> bool:
+    name = list(TOPICS)[data[0] % len(TOPICS) if data else 0]
+    with suppress(MessageError):
+        Decoder(TOPICS[name].type)(data[1:])
+    return (TOPICS[name].sample is not None
+            and SampleDecoder(name, Faults())(data[1:]) is not None)
+
+
+def _file_target(read_file: Callable[[Path], object], seeds: Callable[[], Sequence[bytes]],
+                 tokens: tuple[bytes, ...]) -> Target:
+    def read(data: bytes) -> bool:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / 'file'
+            path.write_bytes(data)
+            try:
+                read_file(path)
+            except ParameterError:
+                return False
+            return True
+    return Target(seeds, read, tokens)
+
+
+def _parameter_files() -> list[bytes]:
+    return [path.read_bytes() for path in sorted((ROOT / 'config').glob('*.yaml'))
+            if path.name != 'rosbag2_qos.yaml']
+
+
+def _read_parameters(path: Path) -> None:
+    node = list(NODE_PARAMS)[path.stat().st_size % len(NODE_PARAMS)]
+    load_node([path], node)
+
+
+FILM = b"""\
+film: {length_m: 0.03, width_m: 0.012, thickness_m: 2.8e-5, convention: exact}
+products: {alpha_gain: {value: 200.0, sigma: 2.0, determined: true}, a_gain: {value: 3.0e-7,
+  sigma: 1.0e-9, determined: true}, b_gain: {value: 2.0e-7, sigma: 1.0e-9, determined: true}}
+covariance: [[4, 0, 0, 0, 0], [0, 1e-18, 0, 0, 0], [0, 0, 1e-18, 0, 0], [0, 0, 0, 1e-6, 0],
+  [0, 0, 0, 0, 1e-22]]
+amplifier: {low_corner: {value: 0.05, sigma: 0.001, determined: true}, drift: {value: 0.0,
+  sigma: 1.0e-11, determined: true}}
+span: 0.012
+noise: 1.0e-10
+model_error: 2.0e-10
+notes: []
+"""
+CSV = (','.join(COLUMNS) + '\n' + ''.join(
+    f'{0.002 * k},{1e-4 * k},{2e-9 * k}\n' for k in range(40))).encode()
+
+
+def _imu_target(name: str, seal: Callable[[bytes], bytes], delimited: bool = False) -> Target:
+    return _receiver_target(
+        lambda: SampleStream(IMU_PROTOCOLS[name]), seal, lambda: _frames(name), delimited)
+
+
+def _frames(file: str) -> list[bytes]:
+    return [frame.data for frame in frames(file).values()]
+
+
+def _radio_frames() -> list[bytes]:
+    return _frames('xbee') + [
+        xbee.encode_frame(xbee.encode_receive_packet(xbee.ReceivePacket(ADDRESS, 0, 0, payload)))
+        for payload in _frames('tire_payload')]
+
+
+TARGETS: Mapping[str, Target] = {
+    'tire_radio': _receiver_target(
+        lambda: TireStream({ADDRESS: 'front_left'}), lambda body: xbee.encode_frame(
+            body[:xbee.MAX_BODY_LENGTH] or b'\0'), _radio_frames, delimited=True),
+    'vectornav_binary': _imu_target('vectornav_binary', vectornav.encode_frame),
+    'vectornav_ascii': _imu_target(
+        'vectornav_ascii', vectornav_ascii.encode_sentence, delimited=True),
+    'xsens': _imu_target(
+        'xsens', lambda body: xsens.encode_message(body[:1 + xsens.MAX_DATA_LENGTH] or b'\0')),
+    'roboclaw_replies': Target(
+        lambda: [roboclaw.encode_reply(0x80, roboclaw.READ_ENCODERS, 7, 8).ljust(23),
+                 roboclaw.encode_text_reply(0x80, roboclaw.READ_VERSION, 'USB Roboclaw 2x15a')],
+        _read_replies),
+    'roboclaw_requests': Target(
+        lambda: _frames('roboclaw'), _read_requests),
+    'mcap': _bag_target('.mcap', _mcap_files),
+    'db3': _bag_target('.db3', _databases),
+    'metadata': Target(lambda: _in_folder(_metadata_files), _read_metadata, YAML_TOKENS),
+    'messages': Target(_messages, _read_message),
+    'parameters': _file_target(_read_parameters, _parameter_files, YAML_TOKENS),
+    'film_params': _file_target(read_params, lambda: [FILM], YAML_TOKENS),
+    'film_csv': _file_target(read_recording, lambda: [CSV], CSV_TOKENS),
+}
