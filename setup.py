@@ -23,7 +23,8 @@ NODES = [path.stem for path in sorted(Path(PACKAGE, 'nodes').glob('*.py'))
          if '\ndef main() -> int:' in path.read_text(encoding='utf-8')]
 COMPILED = ('smart_tire/estimation/ground/body_model.py',
             'smart_tire/estimation/slip/kalman.py', 'smart_tire/estimation/slip/motion.py',
-            'smart_tire/estimation/slip/tire_forces.py')
+            'smart_tire/estimation/slip/tire_forces.py',
+            'smart_tire/models/tire/film_equations.py')
 
 
 class BuildFromPython(build_ext):
@@ -64,9 +65,10 @@ setup(
                             'parameters/urdf_templates.yaml', 'reproduction/sections.yaml',
                             'py.typed']},
     ext_modules=[
-        # without fused multiply-add, results are those of Python on every processor
+        # without fused multiply-add, results are those of Python on every processor; with symbols
+        # for debuggers the files are five times as large
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
-                  extra_compile_args=['-ffp-contract=off', '-Wno-unused-variable'])
+                  extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable'])
         for path in COMPILED],
     cmdclass={'build_ext': BuildFromPython},
     data_files=[

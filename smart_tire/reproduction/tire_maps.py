@@ -18,6 +18,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire, strain_charge, tread_film
+from smart_tire.models.tire.film_equations import BUMP_DISTANCE
 from smart_tire.parameters import SimulatorParams
 from smart_tire.reproduction.printed import MAPS
 from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
@@ -150,7 +151,7 @@ def signals(run: Run) -> Signals:
     """Return the film voltages of a drive at ``SIGNAL_SPEED``."""
     stamps, volts = run.inputs.films(WHEEL)
     baseline, speed = ROBOT.film.rest_voltage, SIGNAL_SPEED
-    reach = 0.5 * (ROBOT.film.spacing + LENGTH + PATCH) + 2.0 * tread_film.BUMP_DISTANCE * LENGTH
+    reach = 0.5 * (ROBOT.film.spacing + LENGTH + PATCH) + 2.0 * BUMP_DISTANCE * LENGTH
     peaks, lags, bumps = [], [], []
     for crossing in run.estimates.crossings:
         window = np.abs(stamps - crossing.stamp_ns) < reach / speed * NS_PER_S

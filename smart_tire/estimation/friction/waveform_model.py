@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -33,8 +32,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
 from smart_tire.estimation.friction.constants import (
     MAX_CENTER_STEP, MIN_NORMALIZED_SLIP, NORMALIZED_SLIP_RANGE)
-from smart_tire.models.tire import strain_charge, tread_film
-from smart_tire.models.tire.tread_film import PADDING
+from smart_tire.models.tire import film_equations as equations, tread_film
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -68,20 +66,11 @@ class PerFilm(IntEnum):
     RECOVERY = 6  # -, ln of the recovery length over its nominal value
 
 
-KNOTS = len(tread_film.KNOTS)
+KNOTS = len(equations.KNOTS)
 # of the parameter vector: release, then deviations of the bumps before and after the contact from
 # their nominal shape over their height
 SHAPE = slice(len(Shared), len(Shared) + len(Release) + 2 * KNOTS)
 BUMPS = slice(SHAPE.start + len(Release), SHAPE.stop)
-
-
-class StrainPart(NamedTuple):
-    """Strain part of the output [V] and its partial derivatives; (n,) each."""
-
-    volts: Array
-    by_gain: Array            # by the relative error of the gain
-    by_position: Array        # per m of x
-    by_contact_length: Array  # per m of L
 
 
 def film_index(film: int, which: PerFilm) -> int:
@@ -105,7 +94,6 @@ class WaveformModel:
         self._index = np.repeat(np.arange(len(films)), np.diff(self._ends))
         self._gain = np.array([gains[one.film] for one in films])[self._index]
         self._distance = np.concatenate([one.distance for one in films])
-        self._columns = np.arange(len(self._distance))
         self._recovery = tread_film.RECOVERY * robot.film.length
         # from the reference, in contact lengths
         self._relative = (self._distance - reference) / self._patch
@@ -126,40 +114,27 @@ class WaveformModel:
         """
         films = p[self._own].reshape(-1, len(PerFilm)).copy()
         films[:, PerFilm.RECOVERY] = self._recovery * np.exp(films[:, PerFilm.RECOVERY])
-        center, offset, peak, before, after, gain, recovery = films.T.take(self._index, axis=1)
         scale, alpha, length = p[Shared.SCALE:len(Shared)].tolist()
-        alpha, patch = self._film.bending_alpha * math.exp(alpha), self._patch * math.exp(length)
-        distance = self._distance - center
+        patch = self._patch * math.exp(length)
+        distance = self._distance - films[self._index, PerFilm.CENTER]
         x = (distance * (1.0 + scale) + p[self._own.stop:] @ self._polynomials
              + 0.5 * (patch - self._film.length))
-
-        opposite, lost = (self._release + p[SHAPE.start:BUMPS.start] @ self._by_release).tolist()
-        bend = tread_film.bending(x, self._film.length, patch, alpha, (opposite, lost), recovery)
-        jacobian = np.zeros((len(p), len(x)))
-        strain = self._strain(x, patch, p, gain, jacobian)
-        bump = self._bumps(x, patch, p, before, after, jacobian)
-        height = np.where(bump.after, after, before)
-        by_position = (peak * bend.by_position + strain.by_position
-                       - height * bump.by_position)
-        np.multiply(by_position, distance, out=jacobian[Shared.SCALE])
-        np.multiply(alpha * peak, bend.by_alpha, out=jacobian[Shared.ALPHA])
-        np.multiply(patch, peak * bend.by_contact_length + strain.by_contact_length
-                    - height * bump.by_contact_length + 0.5 * by_position,
-                    out=jacobian[Shared.LENGTH])
-        np.matmul(self._by_release, peak * np.array(bend.by_release),
+        shared = np.array([
+            *p[:Shared.ALPHA], self._film.bending_alpha * math.exp(alpha), patch,
+            self._film.length, *(self._release + p[SHAPE.start:BUMPS.start] @ self._by_release),
+            MIN_NORMALIZED_SLIP])
+        rows, jacobian = np.empty((equations.ROWS, len(x))), np.zeros((len(p), len(x)))
+        equations.linearize(x, distance, self._relative, self._gain, self._index, films, shared,
+                            p[BUMPS], rows, jacobian[BUMPS])
+        jacobian[:len(Shared)] = rows[:len(Shared)]
+        np.matmul(self._by_release, rows[equations.BY_OPPOSITE:equations.BY_CENTER],
                   out=jacobian[SHAPE.start:BUMPS.start])
-        np.multiply(by_position, self._polynomials, out=jacobian[self._own.stop:])
-        block = np.empty((len(PerFilm), len(x)))
-        np.multiply(by_position, -1.0 - scale, out=block[PerFilm.CENTER])
-        block[PerFilm.OFFSET] = 1.0
-        block[PerFilm.BENDING], block[PerFilm.GAIN] = bend.value, strain.by_gain
-        np.multiply(bump.value, bump.after - 1.0, out=block[PerFilm.BEFORE])
-        np.multiply(bump.value, -1.0 * bump.after, out=block[PerFilm.AFTER])
-        np.multiply(peak * bend.by_recovery, recovery, out=block[PerFilm.RECOVERY])
+        np.multiply(rows[equations.BY_POSITION], self._polynomials,
+                    out=jacobian[self._own.stop:])
         for i, (low, high) in enumerate(zip(self._ends, self._ends[1:])):
-            rows = slice(film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
-            jacobian[rows, low:high] = block[:, low:high]
-        return offset + peak * bend.value + strain.volts - height * bump.value, jacobian
+            own = slice(film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
+            jacobian[own, low:high] = rows[equations.BY_CENTER:equations.VOLTS, low:high]
+        return rows[equations.VOLTS], jacobian
 
     def moved(self, p: Array, step: Array) -> Array:
         """
@@ -173,45 +148,3 @@ class WaveformModel:
         low, high = NORMALIZED_SLIP_RANGE
         moved[Shared.NORM_SLIP] = min(max(float(moved[Shared.NORM_SLIP]), low), high)
         return moved
-
-    def _bumps(self, x: Array, patch: float, p: Array, before: Array, after: Array,
-               jacobian: Array) -> tread_film.Bumps:
-        """Return the bumps of height 1; write the rows of their shape into ``jacobian``."""
-        nominal = tread_film.bumps(x, self._film.length, patch)
-        second = nominal.after
-        outside = np.where(second, x - patch, -self._film.length - x)
-        basis = tread_film.splines(outside, self._film.length)
-        padded = np.zeros((2, KNOTS + 2 * PADDING))
-        padded[:, PADDING:-PADDING] = p[BUMPS].reshape(2, KNOTS)
-        index = basis.knot + second * padded.shape[1]
-        coefficients = padded.reshape(-1)[index]
-        rows = np.zeros((padded.size, len(x)))
-        rows[index, self._columns] = basis.value * -np.where(second, after, before)
-        jacobian[BUMPS] = rows.reshape(*padded.shape, -1)[:, PADDING:-PADDING].reshape(
-            2 * KNOTS, -1)
-        value, slope = ((coefficients * part).sum(axis=0)
-                        for part in (basis.value, basis.by_outside))
-        return tread_film.Bumps(
-            nominal.value + value, nominal.by_position + np.where(second, slope, -slope),
-            nominal.by_contact_length - second * slope, second)
-
-    def _strain(self, x: Array, patch: float, p: Array, gain: Array, jacobian: Array
-                ) -> StrainPart:
-        """Return the strain part; write its rows SLIP to CHANGE into ``jacobian``."""
-        slip, normalized_slip, change = p[:Shared.SCALE].tolist()
-        growth = 1.0 + change * self._relative
-        normalized = normalized_slip * growth
-        limited = np.maximum(normalized, MIN_NORMALIZED_SLIP)
-        overlap = strain_charge.overlap(x, limited, self._film.length, patch)
-        length = overlap.value + (normalized - limited) * overlap.by_normalized_slip
-        gains = self._gain * growth  # V/m per unit of SLIP
-        by_gain = slip * gains * length
-        gains *= 1.0 + gain
-        by_slip = np.multiply(gains, length, out=jacobian[Shared.SLIP])
-        volts, factor = slip * by_slip, slip * gains
-        by_normalized = factor * overlap.by_normalized_slip
-        np.multiply(by_normalized, growth, out=jacobian[Shared.NORM_SLIP])
-        np.multiply(self._relative, volts / growth + normalized_slip * by_normalized,
-                    out=jacobian[Shared.CHANGE])
-        return StrainPart(volts, by_gain, factor * overlap.by_position,
-                          factor * overlap.by_contact_length)

@@ -25,7 +25,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_model import KNOTS, Release, SHAPE
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import film_equations
 from smart_tire.numerics.levenberg_marquardt import inverse_spd
 
 
@@ -42,9 +42,13 @@ class ShapeEstimator:
 
     def __init__(self) -> None:
         self._initial = initial_covariance()
-        self._covariance = self._initial
+        self._value, self._covariance = np.zeros(len(self._initial)), self._initial
         self._outliers = 0
-        self.prior = ShapePrior(np.zeros(len(self._initial)), inverse_spd(self._covariance))
+
+    @property
+    def prior(self) -> ShapePrior:
+        """Return the distribution before the next crossing."""
+        return ShapePrior(self._value, inverse_spd(self._covariance))
 
     def correct(self, value: Array, information: Array, *, excess: float = 1.0,
                 speed_change: float = 0.0) -> None:
@@ -55,7 +59,8 @@ class ShapeEstimator:
         is used if the wheel speed changes by the share ``speed_change`` in the crossing.
         ``excess`` is that of the fit.
         """
-        prior, innovation = self.prior, value - self.prior.value
+        prior = self.prior
+        innovation = value - prior.value
         whole = prior.precision + information
         # the squared innovation relative to the prior, and its limit
         square = float(innovation @ prior.precision @ innovation)
@@ -73,13 +78,13 @@ class ShapeEstimator:
         self._set(prior.value + weight * posterior @ (whole @ innovation), posterior)
 
     def _set(self, value: Array, covariance: Array) -> None:
+        self._value = value
         self._covariance = covariance + c.RANDOM_WALK_SHARE**2 * self._initial
-        self.prior = ShapePrior(value, inverse_spd(self._covariance))
 
 
 def initial_covariance() -> Array:
     """Return the covariance of the shape before any crossing."""
-    knots = tread_film.KNOTS
+    knots = film_equations.KNOTS
     sigma = c.BUMP_SIGMA * np.exp(np.minimum(knots, 0.0) / c.CORRELATION_LENGTH)
     distance = (knots[:, np.newaxis] - knots) / c.CORRELATION_LENGTH
     bump = np.outer(sigma, sigma) * np.exp(-0.5 * distance**2) + c.UNCORRELATED_SIGMA**2 * np.eye(

@@ -138,7 +138,7 @@ def brush_force(s_x: ArrayLike, s_y: ArrayLike, mu: ArrayLike, load: ArrayLike,
     magnitude = np.hypot(s_x, s_y)
     xi = adhesion_ratio(magnitude, mu, load, stiffness)
     limit = np.asarray(mu, dtype=float) * np.asarray(load)
-    with np.errstate(divide='ignore', invalid='ignore'):
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
         sliding = np.where(magnitude > 0.0, limit / magnitude, 0.0)
     slope = np.where(xi > 0.0, np.asarray(stiffness) * (1.0 + xi + xi * xi) / 3.0, sliding)
     return slope * s_x, slope * s_y

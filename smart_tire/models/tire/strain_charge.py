@@ -31,38 +31,9 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.models.tire import brush_tire
+from smart_tire.models.tire import brush_tire, film_equations
 
 MIN_NORMALIZED_SLIP = 1e-300  # -, replaces zero, whose inverse is not a number
-
-
-class Displacement(NamedTuple):
-    """Displacement of the tread over L per unit slip, and its integral; arrays of one shape."""
-
-    value: Array     # -
-    integral: Array  # -, antiderivative over xi, up to a constant that depends on t only
-    slid: Array      # -, its part in the sliding zone; the derivative by t is -slid / t
-
-
-def displacement(xi: Array, normalized_slip: Array | float) -> Displacement:
-    """
-    Return the displacement of B(21) over L per unit slip, and its integral over xi, B(23).
-
-    ``min(xi, xi (1 - xi) / t)``: B(17) in the adhesion zone, the friction limit behind it. ``xi``
-    [-] from 0 to 1 is the position in the patch over L, from its leading edge;
-    ``normalized_slip`` t > 0 is a number or broadcasts to its shape.
-
-    >>> part = displacement(np.array([0.5, 0.9]), 0.2)
-    >>> print(part.value, f'{np.diff(part.integral)[0]:.4f}')
-    [0.5  0.45] 0.2583
-    """
-    inverse, behind = 1.0 / normalized_slip, 1.0 - xi
-    sticking = np.minimum(xi, np.maximum(1.0 - normalized_slip, 0.0))  # up to xi_a of B(22)
-    # behind it the integral of r (1 - r) / t over r = 1 - xi
-    sliding = np.minimum(behind, normalized_slip)
-    slid = sliding * sliding * (sliding * (1.0 / 3.0) - 0.5) * inverse
-    return Displacement(np.minimum(xi, xi * behind * inverse), 0.5 * sticking * sticking + slid,
-                        slid)
 
 
 class Overlap(NamedTuple):
@@ -87,16 +58,8 @@ def overlap(x: Array, normalized_slip: Array | float, film_length: float,
     >>> print(f'{part.value[0] * 1e3:.2f} mm, {part.by_position[0]:.3f}')
     8.70 mm, 0.435
     """
-    edges = np.empty((2, *np.shape(x)))  # of the film, over L
-    edges[0] = x / contact_length
-    edges[1] = edges[0] + film_length / contact_length
-    xi = np.minimum(np.maximum(edges, 0.0), 1.0)
-    part = displacement(xi, normalized_slip)
-    area = part.integral[1] - part.integral[0]
-    moment = xi * part.value
-    return Overlap(contact_length * area, part.value[1] - part.value[0],
-                   area - moment[1] + moment[0],
-                   (-contact_length / normalized_slip) * (part.slid[1] - part.slid[0]))
+    return Overlap(*film_equations.over_arrays(
+        film_equations.overlap, 4, x, normalized_slip, film_length, contact_length))
 
 
 def overlap_integral(x: ArrayLike, slip: ArrayLike, total_slip: ArrayLike,

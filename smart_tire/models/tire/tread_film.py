@@ -23,7 +23,6 @@ Fig. 11(b), and the shape of the bumps is a spline that must be learned.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +30,7 @@ import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.models import validation
+from smart_tire.models.tire import film_equations
 from smart_tire.models.tire.strain_charge import overlap_integral
 
 # Weights of the two parts of the release: an opposite charge -n(u) for the flattened length u that
@@ -38,19 +38,6 @@ from smart_tire.models.tire.strain_charge import overlap_integral
 RELEASE_WEIGHTS = {'fig8': (2.0, 0.0), 'state': (0.0, 1.0)}
 RELEASES = tuple(RELEASE_WEIGHTS)
 RECOVERY = 0.25          # film lengths of travel in which the fig8 release decays by e
-BUMP_DISTANCE = 0.5      # film lengths from begin or end of the contact to the center of a bump
-BUMP_HALF_WIDTH = 0.45   # film lengths, below the distance: a bump ends before the contact begins
-MAX_DECAY = 700.0        # recovery lengths for which the exponential does not underflow
-# (z - tanh(z)) / z^3 in powers of z^2, highest first, and z up to which it is exact to rounding
-LAG_SERIES = (-21844.0 / 6081075.0, 1382.0 / 155925.0, -62.0 / 2835.0, 17.0 / 315.0, -2.0 / 15.0,
-              1.0 / 3.0)
-MAX_LAG_SERIES_H = 0.1
-# of the spline, in film lengths outside the patch; they cover the bumps and the begin and end of
-# the contact, into which a wide bump extends
-KNOT_SPACING = 0.1   # resolves a slope over 3 mm
-KNOTS = KNOT_SPACING * np.arange(-4, 16)
-ORDER = 4    # number of B-splines that are not zero at a position
-PADDING = 3  # B-splines beyond each end, whose coefficients are zero
 
 
 class BendingShape(NamedTuple):
@@ -70,14 +57,6 @@ class Bending(NamedTuple):
     by_alpha: Array           # per 1/m of alpha in B(15)
     by_recovery: Array        # per m of recovery length
     by_release: tuple[Array, Array]  # per weight of the two parts of the release
-
-
-class Splines(NamedTuple):
-    """Cubic B-splines that are not zero at n positions, and their derivatives."""
-
-    knot: npt.NDArray[np.intp]  # (ORDER, n), index in ``KNOTS`` plus ``PADDING``
-    value: Array                # (ORDER, n)
-    by_outside: Array           # (ORDER, n), per m
 
 
 class Bumps(NamedTuple):
@@ -135,20 +114,8 @@ def bending_shape(flat_length: Array, film_length: float, alpha: float) -> Bendi
     >>> print(bending_shape(np.array([0.005, 0.010, 0.020]), 0.020, 67.0).value.round(3))
     [0.018 0.141 1.   ]
     """
-    u = np.minimum(np.maximum(flat_length, 0.0), film_length)
-    h = 0.5 * alpha * film_length
-    series = h < MAX_LAG_SERIES_H
-    lag, growth = _lag_and_growth(0.5 * alpha * u, series)
-    full_lag, full_growth = map(float, _lag_and_growth(np.asarray(h), series))
-    scale, shape = 0.5 / full_lag, lag / full_lag
-    by_alpha = scale * (u * growth - (film_length * full_growth) * shape)
-    return BendingShape(shape, (scale * alpha) * growth * (u == flat_length), by_alpha)
-
-
-def _lag_and_growth(h: Array, series: bool) -> tuple[Array, Array]:
-    """Return ``h - tanh(h)`` of B(15), also as ``series``, and its derivative tanh(h)^2, B(16)."""
-    tanh, square = np.tanh(h), h * h
-    return h * square * np.polyval(LAG_SERIES, square) if series else h - tanh, tanh * tanh
+    return BendingShape(*film_equations.over_arrays(
+        film_equations.bending_shape, 3, flat_length, film_length, alpha))
 
 
 def bending(x: Array, film_length: float, contact_length: float, alpha: float,
@@ -168,25 +135,9 @@ def bending(x: Array, film_length: float, contact_length: float, alpha: float,
     if isinstance(release, str):
         release = RELEASE_WEIGHTS[validation.one_of('release', release, RELEASES)]
     recovery = RECOVERY * film_length if recovery is None else recovery
-    opposite, lost = release
-    end = opposite + lost - 1.0  # of the contact, minus the output there
-    flat = np.empty((3, *np.shape(x)))
-    flat[0] = x + film_length
-    flat[1] = flat[0] - contact_length
-    flat[2] = film_length - flat[1]
-    shape = bending_shape(flat, film_length, alpha)
-    entered, left, remaining = shape.value
-    past = (x - contact_length) / recovery
-    released = past > 0.0
-    decay = released * np.exp(-np.minimum(np.maximum(past, 0.0), MAX_DECAY))
-    by_end = (opposite * shape.by_flat_length[1] + lost * shape.by_flat_length[2]
-              - end * decay / recovery)
-    recovered: Array = released - decay
-    return Bending(
-        entered - opposite * left - lost + lost * remaining + end * released - end * decay,
-        shape.by_flat_length[0] - by_end, by_end,
-        shape.by_alpha[0] - opposite * shape.by_alpha[1] + lost * shape.by_alpha[2],
-        -end * past * decay / recovery, (recovered - left, recovered + remaining - 1.0))
+    value, by_x, by_length, by_alpha, by_recovery, *by_release = film_equations.over_arrays(
+        film_equations.bending, 7, x, film_length, contact_length, alpha, *release, recovery)
+    return Bending(value, by_x, by_length, by_alpha, by_recovery, (by_release[0], by_release[1]))
 
 
 def bumps(x: Array, film_length: float, contact_length: float) -> Bumps:
@@ -200,43 +151,6 @@ def bumps(x: Array, film_length: float, contact_length: float) -> Bumps:
     >>> print(bumps(np.array([-0.03, 0.0, 0.052]), 0.020, 0.046).value.round(3))
     [1.    0.    0.587]
     """
-    past = x - 0.5 * (contact_length - film_length)
-    after = past > 0.0
-    edge = 0.5 * (contact_length + film_length) + BUMP_DISTANCE * film_length
-    scale = math.pi / (BUMP_HALF_WIDTH * film_length)
-    phase = np.minimum(np.maximum(scale * (np.abs(past) - edge), -math.pi), math.pi)
-    slope = np.copysign(0.5 * scale, -past) * np.sin(phase)
-    return Bumps(0.5 + 0.5 * np.cos(phase), slope, -slope * after, after)
-
-
-def splines(outside: Array, film_length: float) -> Splines:
-    """
-    Return the B-splines at ``outside`` (n,) [m], the distance of the film from the patch.
-
-    They are the deviation of the bumps from their nominal shape. ``outside`` is negative while
-    the film is in the patch. There are ``PADDING`` splines before
-    the first and after the last knot, so that ``knot`` is valid everywhere.
-
-    >>> parts = splines(np.array([0.0, 0.005]), 0.020)
-    >>> print(parts.value.round(3).tolist())
-    [[0.167, 0.021], [0.667, 0.479], [0.167, 0.479], [0.0, 0.021]]
-    >>> print(KNOTS[parts.knot[1] - PADDING].round(1))
-    [0.  0.2]
-    """
-    spacing = KNOT_SPACING * film_length
-    position = outside / spacing + (PADDING - 1.0 - KNOTS[0] / KNOT_SPACING)
-    position = np.minimum(np.maximum(position, 0.0), len(KNOTS) + 2.0 * PADDING - ORDER + 1.0)
-    first = position.astype(np.intp)
-    first = np.minimum(first, len(KNOTS) + 2 * PADDING - ORDER)
-    x = position - first
-    rest = 1.0 - x
-    square, rest_square = x * x, rest * rest
-    cube, rest_cube = x * square, rest * rest_square
-    value, slope = np.empty((2, ORDER, len(x)))
-    value[0], value[3] = rest_cube, cube
-    value[1], value[2] = 4.0 - 6.0 * square + 3.0 * cube, 4.0 - 6.0 * rest_square + 3.0 * rest_cube
-    value /= 6.0
-    slope[0], slope[3] = -rest_square, square
-    slope[1], slope[2] = 3.0 * square - 4.0 * x, 4.0 * rest - 3.0 * rest_square
-    slope *= 0.5 / spacing
-    return Splines(first + np.arange(ORDER)[:, np.newaxis], value, slope)
+    value, slope, after = film_equations.over_arrays(
+        film_equations.bump, 3, x, film_length, contact_length)
+    return Bumps(value, slope, -slope * after, after > 0.0)

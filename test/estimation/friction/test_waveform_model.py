@@ -16,10 +16,12 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.contact.records import FilmSamples
+from smart_tire.estimation.friction import waveform_model
 from smart_tire.estimation.friction.waveform_model import (
     BUMPS, film_index, KNOTS, PerFilm, Release, SHAPE, Shared, WaveformModel)
-from smart_tire.models.tire import tread_film
+from smart_tire.models.tire import film_equations, tread_film
 from smart_tire.parameters import build, RobotParams
+from support.compiled import load_source
 
 ROBOT = RobotParams()
 L, FILM = ROBOT.tire.contact_length, ROBOT.film.length
@@ -61,6 +63,31 @@ def test_the_output_is_that_of_the_crossing_model(slip):
     output, _ = model.linearized(parameters(SLIP=slip))
     volts = [expected(one, 0.03 * i, slip, 0.2, PEAKS[i], GAINS[i]) for i, one in enumerate(FILMS)]
     np.testing.assert_allclose(output, np.concatenate(volts), atol=1e-12)
+
+
+@pytest.mark.skipif(not film_equations.COMPILED, reason='not compiled')
+@pytest.mark.parametrize('normalized_slip', [-0.1, 0.2, 1.3])
+@pytest.mark.parametrize('alpha', [0.0, -9.0])  # the second one: a series
+def test_the_extension_computes_what_its_source_does(normalized_slip, alpha, monkeypatch):
+    p = parameters(NORM_SLIP=normalized_slip, CHANGE=0.04, SCALE=0.01, ALPHA=alpha, LENGTH=-0.04)
+    p[SHAPE] = 0.2 * np.random.default_rng(2).standard_normal(SHAPE.stop - SHAPE.start)
+    model = WaveformModel(ROBOT, GAINS, FILMS, 0.011)
+    compiled = model.linearized(p)
+    monkeypatch.setattr(waveform_model, 'equations', load_source(film_equations))
+    for one, other in zip(compiled, model.linearized(p)):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_arrays_of_other_shapes_are_refused():
+    sizes = [(9,)] * 5 + [(2, len(PerFilm)), (film_equations.SHARED,), (2 * KNOTS,),
+                          (film_equations.ROWS, 9), (2 * KNOTS, 9)]
+    for wrong in range(1, len(sizes)):
+        arrays = [np.ones(size, dtype=np.intp if i == 4 else float)
+                  for i, size in enumerate(sizes)]
+        arrays[4][:] = 0
+        arrays[wrong] = np.ascontiguousarray(arrays[wrong][..., :-1])
+        with pytest.raises(ValueError, match='shapes'):
+            film_equations.linearize(*arrays)
 
 
 @pytest.mark.parametrize('release', ['fig8', 'state'])

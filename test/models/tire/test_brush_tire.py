@@ -71,6 +71,12 @@ def test_a_stationary_wheel_has_no_force_and_a_locked_one_full_friction():
     np.testing.assert_allclose(locked, (-0.6 * MU * LOAD, -0.8 * MU * LOAD), rtol=1e-9)
 
 
+def test_the_least_slip_has_no_warning_and_the_slope_c_x():
+    with np.errstate(all='raise', under='ignore'):
+        force, _ = brush_tire.brush_force(1e-310, 0.0, MU, LOAD, C_X)
+    assert force == pytest.approx(C_X * 1e-310, rel=1e-9, abs=0.0)
+
+
 def test_without_load_or_friction_there_is_no_force():
     assert brush_tire.brush_force(0.3, 0.1, MU, 0.0, C_X) == (0.0, 0.0)
     assert brush_tire.brush_force(0.3, 0.1, 0.0, LOAD, C_X) == (0.0, 0.0)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from smart_tire.models.tire import tread_film
-from smart_tire.models.tire.tread_film import KNOTS, PADDING, splines
+from smart_tire.models.tire.film_equations import KNOTS, over_arrays, PADDING, spline
 from smart_tire.simulation.films import bump, BUMP_HALF_WIDTHS
 
 L, FILM, ALPHA = 0.046, 0.020, 67.0  # m, m, 1/m: paper B, Table I
@@ -175,10 +175,9 @@ def test_derivatives_of_the_bending_shape_agree_with_finite_differences(alpha):
 
 def evaluated(coefficients, outside):
     """Return the spline with ``coefficients`` (knots,) and its derivative."""
-    padded = np.pad(coefficients, PADDING)
-    parts = splines(outside, FILM)
-    return tuple((padded[parts.knot] * part).sum(axis=0)
-                 for part in (parts.value, parts.by_outside))
+    first, *parts = over_arrays(spline, 9, outside, FILM)
+    own = np.pad(coefficients, PADDING)[first.astype(int) + np.arange(4)[:, np.newaxis]]
+    return tuple((own * part).sum(axis=0) for part in (parts[:4], parts[4:]))
 
 
 def test_the_splines_add_up_to_1_between_the_knots_and_vanish_far_outside():
@@ -221,5 +220,5 @@ def test_all_lengths_of_the_model_scale_with_the_film():
         np.testing.assert_allclose(
             tread_film.bending(scale * x, scale * FILM, scale * L, ALPHA / scale).value,
             tread_film.bending(x, FILM, L, ALPHA).value, atol=1e-9)
-        np.testing.assert_allclose(splines(scale * x, scale * FILM).value,
-                                   splines(x, FILM).value, atol=1e-9)
+        np.testing.assert_allclose(over_arrays(spline, 9, scale * x, scale * FILM)[:5],
+                                   over_arrays(spline, 9, x, FILM)[:5], atol=1e-9)
