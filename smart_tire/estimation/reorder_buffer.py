@@ -27,6 +27,7 @@ from collections import Counter
 from collections.abc import Mapping
 import heapq
 import itertools
+from math import inf
 from typing import Any
 
 from smart_tire.samples import NS_PER_S
@@ -67,13 +68,14 @@ class ReorderBuffer:
         self._order = itertools.count()  # equal timestamps of one topic stay in order of arrival
         self._newest: int | None = None
         self._closed: int | None = None
+        self._due_ns = -inf  # no newest timestamp before this one closes an instant
         self._suspects: list[tuple[str, int, Any]] = []
         self._reached: dict[str, int] = {}  # awaited topic -> latest instant that it allows
 
     def push(self, topic: str, stamp_ns: int, sample: Any) -> list[ClosedInstant]:
         """Add a sample; return the grid instants that it closes, with their samples."""
-        if self._newest is not None and (
-                stamp_ns - self._newest > MAX_JUMP_NS or self._newest - stamp_ns > MAX_JUMP_NS):
+        newest = self._newest
+        if newest is not None and not -MAX_JUMP_NS <= stamp_ns - newest <= MAX_JUMP_NS:
             return self._add_suspect(topic, stamp_ns, sample)
         if self._suspects:
             self._drop_suspects()
@@ -88,7 +90,8 @@ class ReorderBuffer:
         return self._close_until(-(-self._newest // self._grid_ns) * self._grid_ns)
 
     def _insert(self, topic: str, stamp_ns: int, sample: Any) -> None:
-        if topic in self._awaited:
+        awaited = topic in self._awaited
+        if awaited:
             reached = stamp_ns + self._awaited[topic]
             self._reached[topic] = max(reached, self._reached.get(topic, reached))
         if self._closed is not None and stamp_ns <= self._closed:
@@ -96,18 +99,15 @@ class ReorderBuffer:
             return
         heapq.heappush(self._heap, (stamp_ns, topic, next(self._order), sample))
         # an awaited sample may be stamped ahead of the inputs: it takes effect later
-        if topic not in self._awaited and (self._newest is None or stamp_ns > self._newest):
+        if not awaited and (self._newest is None or stamp_ns > self._newest):
             self._newest = stamp_ns
 
     def _close(self) -> list[ClosedInstant]:
-        if self._newest is None or not self._heap and self._closed is None:
+        newest = self._newest
+        if newest is None or newest < self._due_ns or not self._heap and self._closed is None:
             return []
-        instant, limit = self._next_instant(), self._newest - self._window_ns
-        if limit < instant:
-            return []
-        return self._close_until(min([limit, *(
-            stamp for stamp in self._reached.values()
-            if self._newest - stamp < MAX_AWAITED_LAG_NS)]))
+        return self._close_until(min([newest - self._window_ns, *(
+            stamp for stamp in self._reached.values() if newest - stamp < MAX_AWAITED_LAG_NS)]))
 
     def _close_until(self, limit: int) -> list[ClosedInstant]:
         heap, closed, instant = self._heap, [], self._next_instant()
@@ -118,6 +118,7 @@ class ReorderBuffer:
             closed.append((instant, samples))
             self._closed = instant
             instant += self._grid_ns
+            self._due_ns = instant + self._window_ns
         return closed
 
     def _next_instant(self) -> int:

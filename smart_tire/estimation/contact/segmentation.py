@@ -42,17 +42,20 @@ class FilmSampleBuffer:
 
     def __init__(self, films: Sequence[int], period_ns: int) -> None:
         self._films, self._period_ns = tuple(films), period_ns
-        self._samples: list[TireSample] = []
+        self._stamps: list[int] = []
+        self._volts: list[tuple[float, ...]] = []
         self._last: float | None = None  # regularized timestamp of the newest sample taken
         self._count = 0
 
     def add_films(self, sample: TireSample) -> None:
         """Add one conversion of all films of the wheel; the last films may be absent."""
-        self._samples.append(sample)
+        self._stamps.append(sample.stamp_ns)
+        self._volts.append(sample.volts)
 
     def clear(self) -> None:
         """Drop all samples."""
-        self._samples.clear()
+        self._stamps.clear()
+        self._volts.clear()
 
     def take(self, until_ns: int) -> tuple[Instants, Array]:
         """
@@ -60,13 +63,14 @@ class FilmSampleBuffer:
 
         Regularized timestamps (n,) [ns] and volts (n, films), NaN where a film is absent.
         """
-        count = bisect_right(self._samples, until_ns, key=lambda sample: sample.stamp_ns)
-        taken, self._samples = self._samples[:count], self._samples[count:]
+        count = bisect_right(self._stamps, until_ns)
+        stamps, rows = self._stamps[:count], self._volts[:count]
+        del self._stamps[:count], self._volts[:count]
         films = max(self._films) + 1
-        rows = [(*sample.volts, *(math.nan,) * (films - len(sample.volts)))[:films]
-                for sample in taken]
+        if any(len(row) != films for row in rows):
+            rows = [(*row, *(math.nan,) * (films - len(row)))[:films] for row in rows]
         volts: Array = np.array(rows).reshape(-1, films)[:, self._films]
-        return self._regularized([sample.stamp_ns for sample in taken]), volts
+        return self._regularized(stamps), volts
 
     def _regularized(self, stamps: Sequence[int]) -> Instants:
         """Return ``stamps``, which continue those of earlier calls, regularized."""
@@ -78,7 +82,8 @@ class FilmSampleBuffer:
             if last is None or not -period < error < period:  # the node has been reset
                 last, count = float(stamp), 1
             else:
-                count = min(count + 1, c.AVERAGING_SAMPLES)
+                if count < c.AVERAGING_SAMPLES:
+                    count += 1
                 last = regular + error / count
             out.append(last)
         self._last, self._count = last, count

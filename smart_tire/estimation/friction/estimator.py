@@ -28,8 +28,7 @@ from smart_tire.estimation.friction.waveform_method import FilmResult, WaveformM
 from smart_tire.estimation.ground.estimator import GroundEstimator, WheelState
 from smart_tire.estimation.ground.window import Solution
 from smart_tire.parameters import FrictionEstimatorParams
-from smart_tire.samples import (
-    Friction, GroundState, ImuSample, Odometry, Sample, WheelSample)
+from smart_tire.samples import Friction, GroundState, Sample, TireSample
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
@@ -113,7 +112,7 @@ class FrictionEstimator:
             if block.restarted:
                 self._start()
             for item in block.samples:
-                if isinstance(item, (ImuSample, WheelSample, Odometry)):
+                if not isinstance(item, TireSample):
                     self._ground.add_sample(item)
             for wheel, crossing in block.crossings:
                 self._measure(wheel, crossing)

@@ -39,9 +39,9 @@ except ImportError:
     from smart_tire.numerics import uncompiled as cython
 
 if cython.compiled:
-    from cython.cimports.libc.math import fabs, fmax, fmin, sqrt
+    from cython.cimports.libc.math import fabs, sqrt
 else:
-    from numpy import absolute as fabs, maximum as fmax, minimum as fmin, sqrt
+    from numpy import absolute as fabs, maximum as max, minimum as min, sqrt  # noqa: A004
 
 COMPILED: bool = cython.compiled
 
@@ -57,6 +57,8 @@ TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR,
 # tread forces along x of the wheels
 U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
 OUTPUTS = 10
+# means over a passage; LOSS is the product of the shares of the friction that are left
+SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)
 
 
 def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
@@ -93,7 +95,7 @@ def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
 def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: cython.double,
           a_y: cython.double) -> cython.double:
     """Return the load [N] of a wheel, 0 if it is lifted, from ``level`` at rest."""
-    return fmax(level - by_x * a_x - by_y * a_y, 0.0)
+    return max(level - by_x * a_x - by_y * a_y, 0.0)
 
 
 @cython.cfunc
@@ -105,11 +107,11 @@ def _secant(total: cython.double, stiffness: cython.double, limit: cython.double
 
     Beyond full sliding, t > 1, the friction falls to mu (1 - fall (1 - 1 / t)).
     """
-    slip: cython.double = fmax(total, 1e-9)
-    force: cython.double = stiffness * slip / fmax(3.0 * limit, 1e-9)
-    t: cython.double = fmin(force, 1.0)
-    left: cython.double = 1.0 - fall * (1.0 - 1.0 / fmax(force, 1.0))
-    return left * limit / slip * t * (3.0 - 3.0 * t + t * t)
+    inverse: cython.double = 3.0 * limit / (stiffness * max(total, 1e-9))  # 1 / t
+    t: cython.double = 1.0 / max(inverse, 1.0)
+    inverse = min(inverse, 1.0)
+    left: cython.double = 1.0 - fall * (1.0 - inverse)
+    return left * stiffness * inverse * (1.0 - t + t * t * (1.0 / 3.0))
 
 
 @cython.cfunc
@@ -193,21 +195,21 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         bu: cython.double = mass * (old_u + new_w * new_v - slope_x)
         bv: cython.double = mass * (old_v - new_w * new_u - slope_y)
         bw: cython.double = inertia * old_w
-        after: cython.double = fmin(fmax(n + 1.0 - change, 0.0), 1.0)  # 1 after the change, else 0
+        after: cython.double = min(max(n + 1.0 - change, 0.0), 1.0)  # 1 after the change, else 0
         for i in range(4):
             load: cython.double = _load(level[i], by_x[i], by_y[i], a_x, a_y)
             drag: cython.double = load * (resistance[i] + after * resistance[4 + i])
             roll[i] = radius * rolling[n, i] + offset[n, i % 2]
             v_x: cython.double = new_u - y[i] * new_w
             v_y: cython.double = new_v + x[i] * new_w
-            scale: cython.double = 1.0 / fmax(fabs(roll[i]), min_rolling)
+            scale: cython.double = 1.0 / max(fabs(roll[i]), min_rolling)
             s_x: cython.double = (roll[i] - v_x) * scale
             s_y: cython.double = ratio * v_y * scale
             grip[i] = scale * _secant(
                 sqrt(s_x * s_x + s_y * s_y), stiffness[i] + after * stiffness[4 + i],
                 load * (friction[i] + after * friction[4 + i]), fall)
-            drag_y: cython.double = share * drag / fmax(sqrt(v_x * v_x + v_y * v_y), min_speed)
-            along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / fmax(
+            drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
+            along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
                 fabs(v_x), min_speed)
             across: cython.double = ratio * grip[i] + drag_y
             uu += along
@@ -229,3 +231,88 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             out[n, 6 + i] = grip[i] * (roll[i] - new_u + y[i] * new_w)
         last_u, last_v, last_w = u, v, w
         u, v, w = new_u, new_v, new_w
+
+
+def average_passages(states: cython.double[:, :, ::1], rolling: cython.double[:, :, ::1],
+                     after: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
+                     wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
+                     runs: cython.double[:, ::1], robot: cython.double[::1],
+                     out: cython.double[:, :, ::1]) -> None:
+    """
+    Average slip, normalized slip, load and traction force of a wheel over each of m passages.
+
+    ``states`` (runs, n, OUTPUTS) are those of ``simulate``, ``rolling`` (runs, m, k) is r w [m/s]
+    of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for passages
+    after the change of ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
+    and least share of the friction. ``out`` (runs, m, VALUES) is filled. Raise ValueError where
+    shapes disagree.
+    """
+    count: cython.Py_ssize_t = states.shape[0]
+    m: cython.Py_ssize_t = wheels.shape[0]
+    run: cython.Py_ssize_t
+    if not (states.shape[2] == OUTPUTS and runs.shape[1] == PARAMETERS and runs.shape[0] == count
+            and robot.shape[0] == GRAVITY + 1 and rolling.shape[0] == count
+            and rolling.shape[1] == m and rolling.shape[2] == steps.shape[1]
+            and after.shape[0] == count and after.shape[1] == m and steps.shape[0] == m
+            and limits.shape[0] == m and limits.shape[1] == 3
+            and out.shape[0] == count and out.shape[1] == m and out.shape[2] == VALUES):
+        raise ValueError('the shapes of the arrays disagree')
+    if not cython.compiled:  # as in ``simulate``
+        _average_run(*(np.moveaxis(array, 0, -1) for array in (states, rolling, after)), steps,
+                     wheels, limits, runs.T, robot, np.moveaxis(out, 0, -1))
+        return
+    for run in range(count):
+        _average_run(states[run], rolling[run], after[run], steps, wheels, limits, runs[run],
+                     robot, out[run])
+
+
+@cython.cfunc
+def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
+                 after: cython.double[::1], steps: cython.Py_ssize_t[:, ::1],
+                 wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
+                 p: cython.double[::1], robot: cython.double[::1], out: cython.double[:, ::1]
+                 ) -> cython.void:
+    """Average the passages of one run."""
+    ratio: cython.double = p[LATERAL_RATIO]
+    fall: cython.double = p[FALL]
+    com_x: cython.double = p[COM_X]
+    com_y: cython.double = p[COM_Y]
+    mass: cython.double = 0.25 * robot[MASS]
+    gravity: cython.double = robot[GRAVITY]
+    height: cython.double = robot[HEIGHT]
+    # C_x / mu [N] before the change of ground and the change, and their ratio of the left side
+    old: cython.double = p[OLD_STIFFNESS] / p[OLD_FRICTION]
+    change: cython.double = p[STIFFNESS] / p[FRICTION] - old
+    left: cython.double = p[SIDE_STIFFNESS] / p[SIDE_FRICTION]
+    share: cython.double = 1.0 / steps.shape[1]
+    i: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    for i in range(wheels.shape[0]):
+        wheel: cython.Py_ssize_t = wheels[i]
+        base: cython.double = robot[HALF_BASE] if wheel < 2 else -robot[HALF_BASE]
+        track: cython.double = robot[HALF_TRACK] if wheel % 2 == 0 else -robot[HALF_TRACK]
+        level: cython.double = mass * gravity * (1.0 + com_x / base + com_y / track)
+        by_x: cython.double = mass * height / base
+        by_y: cython.double = mass * height / track
+        grip: cython.double = (old + after[i] * change) / 3.0
+        grip = grip * left if wheel % 2 == 0 else grip / left
+        sums: cython.double[5] = [0.0] * 5
+        sums[4] = 1.0
+        for k in range(steps.shape[1]):
+            n: cython.Py_ssize_t = steps[i, k]
+            inverse: cython.double = 1.0 / rolling[i, k]
+            w: cython.double = states[n, 2]
+            slip: cython.double = (rolling[i, k] - states[n, 0] + (track - com_y) * w) * inverse
+            lateral: cython.double = ratio * (states[n, 1] + (base - com_x) * w) * inverse
+            load: cython.double = max(
+                _load(level, by_x, by_y, states[n, 3], states[n, 4]), limits[i, 1])
+            t: cython.double = sqrt(slip * slip + lateral * lateral) * grip / load
+            kept: cython.double = max(1.0 - fall * (1.0 - 1.0 / max(t, 1.0)), limits[i, 2])
+            sums[0] = sums[0] + slip
+            sums[1] = sums[1] + min(t / kept, limits[i, 0])
+            sums[2] = sums[2] + load
+            sums[3] = sums[3] + states[n, 6 + wheel]
+            sums[4] = sums[4] * kept
+        for k in range(4):  # columns SLIP to TRACTION
+            out[i, k] = sums[k] * share
+        out[i, 4] = sums[4]

@@ -16,6 +16,7 @@ All times are message time; a window ends at multiples of ``HOP_NS``.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
@@ -23,7 +24,8 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.ground.measurements import LOSS, Passage, WindowData
+from smart_tire.estimation.ground.body_model import LOSS
+from smart_tire.estimation.ground.measurements import Passage, WindowData
 from smart_tire.estimation.ground.unknowns import (
     CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
     MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIZE, Unknown)
@@ -61,7 +63,7 @@ class GroundEstimator:
 
     def __init__(self, robot: RobotParams, load_sigma: float) -> None:
         self._robot, self._load_sigma = robot, load_sigma
-        self._rotation = matrix(*robot.imu.rotation)
+        self._rotation = matrix(*robot.imu.rotation).tolist()
         self._window = GroundWindow(robot)
         self._origin_ns: int | None = None
         self._imu: list[tuple[float, ...]] = []
@@ -121,9 +123,11 @@ class GroundEstimator:
         time = self._seconds(sample.stamp_ns)
         if isinstance(sample, ImuSample):
             self._imu_seen = True
-            force, rate = (self._rotation @ vector for vector in (
-                sample.acceleration, sample.rate))
-            self._append(self._imu, (time, rate[2], force[0], force[1]))
+            x_row, y_row, z_row = self._rotation
+            self._append(self._imu, (time, *(
+                row[0] * x + row[1] * y + row[2] * z for row, (x, y, z) in (
+                    (z_row, sample.rate), (x_row, sample.acceleration),
+                    (y_row, sample.acceleration)))))
         elif isinstance(sample, WheelSample):
             self._add_wheels(time - self._robot.encoder.latency, sample)
         elif not self._imu_seen:
@@ -156,7 +160,8 @@ class GroundEstimator:
         begin = max(self._imu[0][0], self._wheels[0][0], end - LENGTH - SETTLING)
         if end - begin < MIN_DURATION or (
                 self.solution is not None and end <= self.solution.end) or (
-                sum(begin < row[0] <= end for row in self._wheels) < MIN_WHEEL_SAMPLES):
+                bisect_right(self._wheels, (end, math.inf)) - bisect_right(
+                    self._wheels, (begin, math.inf)) < MIN_WHEEL_SAMPLES):
             return None
         data = WindowData(np.array(self._imu), np.array(self._wheels), self._passages)
         before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end

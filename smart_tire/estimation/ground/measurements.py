@@ -36,13 +36,12 @@ from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
 from smart_tire.models.vehicle.skid_steer import (
-    AXLE_SIGNS, MIN_LOAD, normal_loads, SIDE_SIGNS, SLIP_FLOOR)
+    MIN_LOAD, normal_loads, SLIP_FLOOR)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, WHEELS
 
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = TORQUE + len(WHEELS)
-SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)  # columns of ``Measurements.at``
 PASSAGE_STEPS = np.arange(-3, 3)  # around a passage, over which its motion is averaged: 0.1 s
 
 
@@ -112,8 +111,8 @@ class Measurements:
         self.passage_measured = np.array(
             [value for one in self.passages for value in (one.slip, one.ratio)])
         self._heading_data = data.imu
-        self._inertia_torque = motor.inertia * block_means(self.acceleration.T)
-        self._moving = block_means(self.rates.T)
+        self._inertia_torque = motor.inertia * block_means(self.acceleration).T
+        self._moving = block_means(self.rates).T
         # N m per m/s, (4, blocks): an encoder count of a stationary wheel is a large slip
         self._torque_by_speed = radius * robot.tire.longitudinal_stiffness / np.maximum(
             np.abs(radius * self._moving), SLIP_FLOOR)
@@ -148,7 +147,17 @@ class Measurements:
         ``start`` (3,): velocity of the center of mass at ``begin``; ``heading`` (n,) [rad];
         ``change`` (runs,) [s]: when the ground changes.
         """
-        runs = np.empty((len(x), model.PARAMETERS))
+        runs = self._parameters(x, change)
+        runs[:, model.START_U:] = start + x[:, START]
+        offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
+        directions = np.column_stack([np.cos(heading), np.sin(heading)])
+        states = np.empty((len(x), len(self.times), model.OUTPUTS))
+        model.simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
+        return Motion(states, self.at(self.passages, x, change, states))
+
+    def _parameters(self, x: Array, change: Array) -> Array:
+        """Return the parameters of the model (runs, PARAMETERS) from standstill."""
+        runs = np.zeros((len(x), model.PARAMETERS))
         runs[:, model.STIFFNESS:model.RESISTANCE + 1] = np.exp(x[:, GROUND])
         runs[:, :model.OLD_RESISTANCE + 1] = np.exp(x[:, OLD_GROUND])
         runs[:, model.CHANGE_STEP] = np.searchsorted(self.times, change)
@@ -160,29 +169,24 @@ class Measurements:
         runs[:, model.SIDE_STIFFNESS:model.SIDE_RESISTANCE + 1] = np.exp(
             x[:, Unknown.SIDE_STIFFNESS:Unknown.SIDE_RESISTANCE + 1])
         runs[:, model.FALL:model.BEND_Y + 1] = x[:, Unknown.FALL:Unknown.BEND_Y + 1]
-        runs[:, model.START_U:] = start + x[:, START]
-        offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
-        directions = np.column_stack([np.cos(heading), np.sin(heading)])
-        states = np.empty((len(x), len(self.times), model.OUTPUTS))
-        model.simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
-        return Motion(states, self.at(self.passages, x, change, states))
+        return runs
 
     def predict(self, x: Array, motion: Motion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
         states, robot = motion.states, self._robot
         arm_x, arm_y = (robot.imu.position[axis] - x[:, Unknown.COM_X + axis, np.newaxis]
                         for axis in (0, 1))
-        w, w_dot = states[:, :, model.W], states[:, :, model.W_DOT]
-        streams = np.stack([
-            w, states[:, :, model.A_X] - w_dot * arm_y - w * w * arm_x,
-            states[:, :, model.A_Y] + w_dot * arm_x - w * w * arm_y], axis=1)
+        means = block_means(states).transpose(2, 0, 1)  # (OUTPUTS, runs, blocks)
+        square = block_means(states[:, :, model.W, np.newaxis] ** 2)[:, :, 0]
         found = np.empty((len(x), STREAMS, len(self.centers)))
-        found[:, :TORQUE] = block_means(streams) + x[
-            :, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
-        loads = self._loads(x, *block_means(
-            states[:, :, [model.A_X, model.A_Y]].transpose(2, 0, 1))).transpose(0, 2, 1)
+        a_x, a_y, w_dot = means[model.A_X:model.FORCE]
+        found[:, YAW_RATE] = means[model.W]
+        found[:, FORCE_X] = a_x - w_dot * arm_y - square * arm_x
+        found[:, FORCE_Y] = a_y + w_dot * arm_x - square * arm_y
+        found[:, :TORQUE] += x[:, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
+        loads = self._loads(x, a_x, a_y).transpose(0, 2, 1)
         radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
-        torque = (radius * block_means(states[:, :, model.FORCE:].transpose(0, 2, 1))
+        torque = (radius * means[model.FORCE:].transpose(1, 0, 2)
                   + friction_torque(self._moving, loads, robot.motor, robot.wheel_radius)
                   + self._inertia_torque)
         scale = np.exp(-x[:, Unknown.TORQUE_SCALE, np.newaxis] - x[:, MOTORS])
@@ -283,40 +287,24 @@ class Measurements:
         ``x`` (runs, SIZE), ``change`` (runs,) [s] and ``states`` as in ``simulate``.
         """
         if not passages:
-            return np.empty((len(x), 0, VALUES))
+            return np.empty((len(x), 0, model.VALUES))
         times, wheel = np.array([(one.time, one.wheel) for one in passages]).T
-        wheel = wheel.astype(int)
+        wheel = wheel.astype(np.intp)
         near = np.clip(np.searchsorted(self.times, times)[:, np.newaxis] + PASSAGE_STEPS,
                        0, len(self.times) - 1)  # (passages, k)
-        side, axle = SIDE_SIGNS[wheel, np.newaxis], AXLE_SIGNS[wheel, np.newaxis]
-
-        def each(row: int) -> Array:
-            column: Array = x[:, row, np.newaxis, np.newaxis]
-            return column
-
-        arm_x = 0.5 * self._robot.wheelbase * axle - each(Unknown.COM_X)
-        arm_y = 0.5 * self._robot.track_width * side - each(Unknown.COM_Y)
-        u, v, w, a_x, a_y = (states[:, near, column] for column in range(model.W_DOT))
-        rolling = (np.exp(each(Unknown.RADIUS)) * self.rolling[near, wheel[:, np.newaxis]]
-                   + each(Unknown.DELAY) * self._delayed[near, wheel[:, np.newaxis] % 2])
+        radius, delay = (x[:, row, np.newaxis, np.newaxis]
+                         for row in (Unknown.RADIUS, Unknown.DELAY))
+        rolling = (np.exp(radius) * self.rolling[near, wheel[:, np.newaxis]]
+                   + delay * self._delayed[near, wheel[:, np.newaxis] % 2])
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
-        slip = (rolling - u + arm_y * w) / rolling
-        lateral = np.exp(each(Unknown.LATERAL_RATIO)) * (v + arm_x * w) / rolling
-        load = np.maximum(np.take_along_axis(
-            self._loads(x, a_x, a_y), wheel.reshape(1, -1, 1, 1), axis=-1)[..., 0], MIN_LOAD)
-        old = times < change[:, np.newaxis]  # (runs, passages)
-        ln_ratio = np.where(old, *(x[:, ground, np.newaxis] - x[:, ground - 1, np.newaxis]
-                                   for ground in (Unknown.OLD_FRICTION, Unknown.FRICTION)))
-        ln_ratio += side[:, 0] * (x[:, Unknown.SIDE_FRICTION] - x[:, Unknown.SIDE_STIFFNESS]
-                                  )[:, np.newaxis]
-        ratio = np.hypot(slip, lateral) / (3.0 * load * np.exp(ln_ratio)[:, :, np.newaxis])
-        fallen = 1.0 - each(Unknown.FALL) * (1.0 - 1.0 / np.maximum(ratio, 1.0))
-        fallen = np.maximum(fallen, LEAST_FRICTION)
-        ratio /= fallen
-        limit = np.where([one.sliding for one in passages], np.inf, MAX_RATIO)
-        force = states[:, near, model.FORCE + wheel[:, np.newaxis]]
-        return np.stack([slip, np.minimum(ratio, limit[:, np.newaxis]), load, force,
-                         np.log(fallen)], axis=-1).mean(axis=2)
+        limits = np.array([(np.inf if one.sliding else MAX_RATIO, MIN_LOAD, LEAST_FRICTION)
+                           for one in passages])
+        found = np.empty((len(x), len(passages), model.VALUES))
+        model.average_passages(
+            states, rolling, (times >= change[:, np.newaxis]).astype(float), near, wheel, limits,
+            self._parameters(x, change), self.robot_constants, found)
+        found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(PASSAGE_STEPS)
+        return found
 
 
 def disturbed(times: Array, disturbances: Sequence[Interval]) -> NDArray[np.bool_]:

@@ -26,9 +26,13 @@ import numpy as np
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.estimation.ground.unknowns import BLOCK, JERK_DENSITY, SMOOTHINGS
+from smart_tire.numerics.jerk_smoothing import (
+    jerk_information, jerk_rows, jerks, solve_smoothed)
 
 # mean of the wheels, side difference, axle difference, and the remaining one: orthogonal
 MODES = 0.25 * np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [1, 1, -1, -1], [1, -1, -1, 1]])
+
+OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])  # neighbors of each of four
 
 
 class WheelMotion(NamedTuple):
@@ -46,30 +50,22 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
 
     ``jitter`` [s] is the standard deviation of the stamps, ``step`` [rad] that of the angles.
     """
-    n = len(times)
-    first, second, third, fourth = (times[j:n - 3 + j] for j in range(4))
-    early, middle, late = second - first, third - second, fourth - third
-    begin, end, whole = third - first, fourth - second, fourth - first
-    # jerk over four samples: six times their third divided difference
-    rows = np.sqrt(12.0 / JERK_DENSITY * whole) / np.stack([
-        -early * begin * whole, early * middle * end, -begin * middle * late, whole * end * late])
-    jerk, k = np.zeros((n - 3, n)), np.arange(n - 3)
-    for j in range(4):
-        jerk[k, k + j] = rows[j]
+    rows = jerk_rows(times, JERK_DENSITY)
     y = (angles - angles[0]) @ MODES.T
     rate = np.gradient(y, times, axis=0)
-    variance = (jitter * rate) ** 2 + step ** 2 / 4.0
-    measured = np.apply_along_axis(np.diag, 0, 1.0 / variance).transpose(2, 0, 1)  # (4, n, n)
-    weight, found = np.ones(n - 3), y
+    precision = 1.0 / ((jitter * rate) ** 2 + step ** 2 / 4.0)
+    weight, found = np.ones(len(times) - 3), y
     for _ in range(SMOOTHINGS):
-        prior = (jerk.T * weight) @ jerk
-        found = np.linalg.solve(prior + measured, (y / variance).T[:, :, np.newaxis])[:, :, 0].T
-        weight = 2.0 / (1.0 + np.sum((jerk @ found) ** 2, axis=1))
+        information = jerk_information(rows * np.sqrt(weight))
+        found = np.column_stack([solve_smoothed(information, own, own * mode)
+                                 for own, mode in zip(precision.T, y.T)])
+        weight = 2.0 / (1.0 + np.sum(jerks(rows, found) ** 2, axis=1))
         # a step of the speed may lie in any of the intervals around
-        padded = np.pad(weight, 1, mode='edge')
+        padded = np.concatenate([weight[:1], weight, weight[-1:]])
         weight = np.minimum(weight, np.minimum(padded[2:], padded[:-2]))
-    prior = (jerk.T * weight) @ jerk
-    mean, difference = np.linalg.inv(prior + measured[:2])
+    information = jerk_information(rows * np.sqrt(weight))
+    mean, difference = (solve_smoothed(information, precision[:, mode], np.eye(len(times)))
+                        for mode in range(2))
     return WheelMotion(times, angles[0] + found @ np.linalg.inv(MODES).T, mean, difference)
 
 
@@ -78,20 +74,20 @@ def rate_weights(times: Array, at: Array) -> Array:
     at = np.minimum(at, times[-1])
     index = np.clip(np.searchsorted(times, at) - 2, 0, len(times) - 4)[:, np.newaxis] + range(4)
     knots, weights = times[index], np.zeros((len(at), len(times)))
-    for j in range(4):  # derivative of the cubic through four neighbors (Lagrange)
-        others = [k for k in range(4) if k != j]
-        scale = np.prod([knots[:, j] - knots[:, k] for k in others], axis=0)
-        a, b, c = (at - knots[:, k] for k in others)
-        weights[np.arange(len(at)), index[:, j]] = (a * b + b * c + a * c) / scale
+    # derivative of the cubic through four neighbors (Lagrange)
+    others = knots[:, OTHERS]
+    a, b, c = np.moveaxis(at[:, np.newaxis, np.newaxis] - others, 2, 0)
+    weights[np.arange(len(at))[:, np.newaxis], index] = (a * b + b * c + a * c) / np.prod(
+        knots[:, :, np.newaxis] - others, axis=2)
     return weights
 
 
 def block_means(values: Array) -> Array:
-    """Return the block means of values (..., n) at the ends of steps, by trapezoids."""
-    blocks = values.reshape(*values.shape[:-1], -1, BLOCK)
-    found = blocks.mean(axis=-1)
-    found[..., 1:] += 0.5 / BLOCK * (blocks[..., :-1, -1] - blocks[..., 1:, -1])
-    return found
+    """Return the block means of values (..., n, k) at the ends of steps, by trapezoids."""
+    blocks = values.reshape(*values.shape[:-2], -1, BLOCK, values.shape[-1])
+    found = blocks.sum(axis=-2)
+    found[..., 1:, :] += 0.5 * (blocks[..., :-1, -1, :] - blocks[..., 1:, -1, :])
+    return found / BLOCK
 
 
 def sample_means(samples: Array, edges: Array) -> tuple[Array, Instants]:
@@ -109,4 +105,7 @@ def block_spread(values: Array, edges: Array, times: Array, period: float) -> Ar
     """Return the range (blocks, 4) of ``values`` (n, 4) within a ``period`` [s] of each block."""
     low = np.searchsorted(times, edges[:-1] - period)
     high = np.searchsorted(times, edges[1:] + period, side='right')
-    return np.array([np.ptp(values[a:b], axis=0) for a, b in zip(low, high)])
+    ends = np.column_stack([low, high]).ravel()
+    padded = np.concatenate([values, values[-1:]])  # an end may be that of all values
+    spread: Array = np.maximum.reduceat(padded, ends)[::2] - np.minimum.reduceat(padded, ends)[::2]
+    return spread

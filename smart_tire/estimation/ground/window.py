@@ -40,6 +40,7 @@ from smart_tire.estimation.ground.unknowns import (
     CANDIDATES, CHANGE_EVIDENCE, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, FREEDOM,
     GROUND, Hypothesis, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors,
     SIDES, SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
+from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -209,8 +210,8 @@ class GroundWindow:
             film_columns = self._film_columns(x, passages, film_residual, measurements)
             white = whiten(columns, film_columns)
             rows = Rows(white[:, -1], white[:, :-1])
-            hessian = information + rows.jacobian.T @ rows.jacobian
-            covariance = np.linalg.inv(hessian)
+            hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
+            covariance = inverse_spd(hessian)
             step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
             step *= min(1.0, MAX_STEP / max(float(np.abs(step[:DYNAMIC]).max()), 1e-9))
             at, x = x, x + step

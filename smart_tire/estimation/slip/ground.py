@@ -29,7 +29,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance, SENSORS_HELD
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, ESTIMATED, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
+    BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
     LEARNING_TIME, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME,
     N, SLIP_VELS, State, SUDDEN)
 from smart_tire.estimation.slip.tire_forces import TireForces
@@ -109,20 +109,21 @@ class GroundChange:
         self._forget_interval()
 
     def _forget_interval(self) -> None:
-        self._new_vector, self._new_matrix = np.zeros(3), np.zeros((3, 3))
+        self._new_vector, self._new_matrix = [0.0] * 3, [0.0] * 9
 
     def age(self, dt: float) -> None:
         """Let ``dt`` [s] pass: the errors have an effect since the last ``MODEL_TIME`` only."""
-        P, keep = self._kalman.P, math.exp(-dt / MODEL_TIME)
-        P[:ESTIMATED, SUDDEN] *= keep
-        P[SUDDEN, :ESTIMATED] *= keep
+        self._kalman.fade_ground(math.exp(-dt / MODEL_TIME))
 
     def add_innovation(self, covariance: Sequence[float], y: float, variance: float) -> None:
         """Add an innovation ``y`` with its ``covariance`` (3,) with the errors of the ground."""
         limit = math.sqrt(MAX_NIS * variance)
-        c = np.array(covariance)
-        self._new_vector += c * (min(max(y, -limit), limit) / variance)
-        self._new_matrix += c[:, np.newaxis] * (c / variance)
+        y = min(max(y, -limit), limit) / variance
+        vector, matrix = self._new_vector, self._new_matrix
+        for i, c in enumerate(covariance):
+            vector[i] += c * y
+            for j, other in enumerate(covariance):
+                matrix[3 * i + j] += c * (other / variance)
 
     def find(self, steady: bool, dt: float) -> Array | None:
         """
@@ -136,7 +137,7 @@ class GroundChange:
         self._matrix *= keep
         if steady:
             self._vector += inverse @ self._new_vector
-            self._matrix += inverse @ self._new_matrix @ inverse
+            self._matrix += inverse @ np.reshape(self._new_matrix, (3, 3)) @ inverse
         self._forget_interval()
         ratio = np.eye(3) + SPREAD @ self._matrix
         change = np.linalg.solve(ratio, SPREAD @ self._vector)

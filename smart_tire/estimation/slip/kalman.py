@@ -130,6 +130,15 @@ class KalmanFilter:
         """Add ``Q`` (n, n) to the covariance."""
         self.predict(self.x, IDENTITY, Q)
 
+    @cython.ccall
+    def fade_ground(self, keep: cython.double) -> cython.void:
+        """Multiply the covariances of the corrected states with the changing ground."""
+        P: cython.double[:, ::1] = self._P
+        for i in range(LN_STIFFNESS):
+            for j in range(LN_STIFFNESS, RESISTANCE + 1):
+                P[i, j] *= keep
+                P[j, i] *= keep
+
     def set_states(self, rows: Sequence[int], value: float, sigma: float) -> None:
         """Set the states in ``rows``, uncorrelated with the others."""
         for row in rows:

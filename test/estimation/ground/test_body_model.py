@@ -89,6 +89,71 @@ def test_the_extension_computes_what_its_source_does(kind):
     np.testing.assert_array_equal(simulate(**case), simulate(**case, by=load_source(model)))
 
 
+def passages(case: dict[str, np.ndarray], by=model, **arrays: np.ndarray) -> np.ndarray:
+    """Return the means over passages of all wheels, before and after the change of ground."""
+    states, runs = simulate(**case), case['runs']
+    steps = np.arange(10, 114, 13)[:, np.newaxis] + np.arange(6)
+    wheels = np.arange(8) % 4
+    rolling = case['rolling'][steps, wheels[:, np.newaxis]] + 0.01 * runs[
+        :, model.COM_X, np.newaxis, np.newaxis]
+    given = {
+        'rolling': np.where(abs(rolling) < 0.05, 0.05, rolling), 'steps': steps, 'wheels': wheels,
+        'after': (steps[:, 0] >= runs[:, model.CHANGE_STEP, np.newaxis]).astype(float),
+        'limits': np.tile([1.5, 0.1, 0.2], (8, 1)), 'runs': runs, 'robot': case['robot'], **arrays}
+    out = np.full((len(runs), 8, model.VALUES), np.nan)
+    by.average_passages(states, *(given[name] for name in (
+        'rolling', 'after', 'steps', 'wheels', 'limits', 'runs', 'robot')), out)
+    return out
+
+
+@pytest.mark.skipif(not model.COMPILED, reason='not compiled')
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_extension_averages_passages_as_its_source_does(kind):
+    case = random_case(kind)
+    np.testing.assert_array_equal(passages(case), passages(case, by=load_source(model)))
+
+
+def test_the_means_of_a_passage_are_those_of_its_wheel():
+    case = random_case('driving')
+    case['runs'][:, [model.OLD_STIFFNESS, model.OLD_FRICTION]] = case['runs'][
+        :, [model.STIFFNESS, model.FRICTION]]
+    case['runs'][:, model.CHANGE_STEP] = 0.0
+    states, runs, found = simulate(**case), case['runs'], passages(case)
+    steps, wheel = 10 + 13 * 2 + np.arange(6), 2  # rear left
+    np.testing.assert_allclose(
+        found[:, wheel, model.TRACTION], states[:, steps, model.FORCE + wheel].mean(axis=1))
+    # B(19), with the loads of the springs
+    x, y = (axis - runs[:, [column]] for axis, column in (
+        (X[wheel], model.COM_X), (Y[wheel], model.COM_Y)))
+    load = 0.25 * MASS * (
+        GRAVITY * (1.0 + runs[:, [model.COM_X]] / X[wheel] + runs[:, [model.COM_Y]] / Y[wheel])
+        - HEIGHT * (states[:, steps, model.A_X] / X[wheel]
+                    + states[:, steps, model.A_Y] / Y[wheel]))
+    np.testing.assert_allclose(found[:, wheel, model.LOAD], load.mean(axis=1))
+    rolling = case['rolling'][steps, wheel] + 0.01 * runs[:, [model.COM_X]]
+    s_x = 1.0 - (states[:, steps, model.U] - y * states[:, steps, model.W]) / rolling
+    s_y = runs[:, [model.LATERAL_RATIO]] * (
+        states[:, steps, model.V] + x * states[:, steps, model.W]) / rolling
+    np.testing.assert_allclose(found[:, wheel, model.SLIP], s_x.mean(axis=1))
+    critical = 3.0 * load * (
+        runs[:, [model.FRICTION]] * runs[:, [model.SIDE_FRICTION]]
+        / (runs[:, [model.STIFFNESS]] * runs[:, [model.SIDE_STIFFNESS]]))
+    t = np.hypot(s_x, s_y) / critical
+    kept = np.maximum(1.0 - runs[:, [model.FALL]] * (1.0 - 1.0 / np.maximum(t, 1.0)), 0.2)
+    np.testing.assert_allclose(
+        found[:, wheel, model.RATIO], np.minimum(t / kept, 1.5).mean(axis=1))
+    np.testing.assert_allclose(found[:, wheel, model.LOSS], kept.prod(axis=1))
+
+
+def test_passages_of_other_shapes_are_refused():
+    case = random_case('driving')
+    for name in ('steps', 'wheels', 'limits', 'robot'):
+        given = {'steps': np.zeros((8, 6), dtype=int), 'wheels': np.arange(8) % 4,
+                 'limits': np.ones((8, 3)), 'robot': ROBOT}[name]
+        with pytest.raises(ValueError, match='shapes'):
+            passages(case, **{name: np.ascontiguousarray(given[..., :-1])})
+
+
 def test_arrays_of_other_shapes_are_refused():
     for name in ('rolling', 'offsets', 'heading', 'runs', 'robot'):
         case = random_case('driving')
