@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 import sys
 from typing import Any
 
@@ -25,6 +26,8 @@ from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import GROUND_ESTIMATES, GroundState, Odometry, Sample, TireSample
 
 ODOM = FRICTION.inputs[Odometry]
+# imported at their first use, by the first crossing, which would be late: ground_state is awaited
+USED_BY_CROSSINGS = 'scipy.linalg.lapack', 'scipy.special'
 IMU_WAIT = 2.0  # s with wheel_states and without imu/data until odom replaces it
 
 
@@ -41,6 +44,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     def __init__(self) -> None:
         self._odom: Subscription[Any] | None = None
         self._wheels_before = 0  # wheel samples until the latest check
+        self._has_samples = False
         super().__init__('friction_estimator', FrictionEstimatorParams, FrictionEstimator,
                          tuple(FRICTION.outputs.values()))
         wheels = len(self.params.robot.film.wheels)
@@ -51,6 +55,14 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
                                reliability=self.params.reliability,
                                from_msg=self.conversion(name, self.params.robot.joints))
         self.create_steady_timer(IMU_WAIT, self._choose_odom)
+
+    def on_sample(self, sample: Sample) -> None:
+        """Process a sample; import what crossings need with the first one, before the drive."""
+        if not self._has_samples:
+            self._has_samples = True
+            for name in USED_BY_CROSSINGS:
+                import_module(name)
+        super().on_sample(sample)
 
     def restart(self) -> None:
         """Replace the estimator by a new one; a replay has no odometry in place of the IMU."""

@@ -24,7 +24,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv, dpotrf, dtrtri
 
 from smart_tire.arrays import Array
 from smart_tire.numerics.robust import huber_weights, MAD_TO_SIGMA
@@ -178,6 +177,7 @@ def solve_spd(matrix: Array, right: Array) -> NDArray[np.floating]:
     >>> solve_spd(np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([3.0, 3.0]))
     array([1., 1.])
     """
+    from scipy.linalg.lapack import dposv  # see docs/architecture.md
     _, solution, failed = dposv(matrix, right)
     return np.linalg.solve(matrix, right) if failed else solution
 
@@ -191,6 +191,7 @@ def inverse_spd(matrix: Array) -> Array:
     >>> inverse_spd(np.diag([4.0, 16.0])).tolist()
     [[0.25, 0.0], [0.0, 0.0625]]
     """
+    from scipy.linalg.lapack import dpotrf, dtrtri  # see docs/architecture.md
     factor, failed = dpotrf(matrix)
     if failed:
         return np.asarray(np.linalg.inv(matrix), dtype=float)

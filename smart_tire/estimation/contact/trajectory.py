@@ -28,14 +28,12 @@ from functools import cache
 import math
 
 import numpy as np
-from scipy.interpolate import PPoly
-from scipy.linalg import solveh_banded
-from scipy.special import spherical_jn
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.estimation.contact import constants as c
 from smart_tire.estimation.contact.records import TrajectoryErrors
 from smart_tire.estimation.plausibility import is_position_jump
+from smart_tire.numerics.jerk_smoothing import jerk_information, jerk_rows, solve_smoothed
 from smart_tire.samples import NS_PER_S
 
 Point = tuple[int, float]  # of a trajectory: instant [ns] and rolled distance [m]
@@ -151,8 +149,8 @@ class SmoothedTrajectory:
     def __init__(self, origin_ns: int, times: Array, angles: Array, radius: float,
                  density: float) -> None:
         self._origin_ns, self._radius, self._density = origin_ns, radius, density
-        self._ends, distance = times[[0, -1]], radius * angles
-        slopes, self._curve = _monotone_cubics(times, distance)
+        self._times = times
+        slopes, self._cubics = _monotone_cubics(times, radius * angles)
         self._speeds = slopes[-1], slopes[0]
 
     @property
@@ -174,8 +172,12 @@ class SmoothedTrajectory:
     def distance_at(self, instants: Instants) -> Array:
         """Return the distance [m] at ``instants`` [ns], with constant speed beyond the ends."""
         times = (instants - self._origin_ns) / NS_PER_S
-        inner = np.clip(times, *self._ends)
-        distance: Array = self._curve(inner)
+        inner = np.clip(times, self._times[0], self._times[-1])
+        piece = np.searchsorted(self._times[1:-1], inner, side='right')
+        offset = inner - self._times[piece]
+        cubic, square, linear, constant = self._cubics[:, piece]
+        area = offset * offset
+        distance: Array = constant + linear * offset + square * area + cubic * (area * offset)
         limit = c.MAX_SILENCE_NS / NS_PER_S
         beyond = np.clip(times - inner, -limit, limit)
         if beyond.any():
@@ -183,11 +185,12 @@ class SmoothedTrajectory:
         return distance
 
 
-def _monotone_cubics(times: Array, distance: Array) -> tuple[Array, PPoly]:
+def _monotone_cubics(times: Array, distance: Array) -> tuple[Array, Array]:
     """
-    Return the slopes (n,) of a monotone cubic spline, which has no overshoot at a stop, and it.
+    Return slopes (n,) and coefficients (4, n - 1) of a spline without overshoot at a stop.
 
-    The slopes are harmonic means of those of both secants (Fritsch and Butland).
+    The slopes are harmonic means of those of both secants (Fritsch and Butland). Each cubic is a
+    column, highest power first, of the time since its beginning.
     """
     step = np.diff(times)
     secant = np.diff(distance) / step
@@ -198,8 +201,8 @@ def _monotone_cubics(times: Array, distance: Array) -> tuple[Array, PPoly]:
         product > 0.0, near * after + far * before, np.inf)
     slopes = np.concatenate([secant[:1], inner, secant[-1:]])
     bend = (slopes[:-1] + slopes[1:] - 2.0 * secant) / step
-    return slopes, PPoly.construct_fast(np.stack([
-        bend / step, (secant - slopes[:-1]) / step - bend, slopes[:-1], distance[:-1]]), times)
+    return slopes, np.stack([
+        bend / step, (secant - slopes[:-1]) / step - bend, slopes[:-1], distance[:-1]])
 
 
 def shape_error_sigmas(density: float, cutoff: float, duration: float) -> Array:
@@ -217,6 +220,7 @@ def shape_error_sigmas(density: float, cutoff: float, duration: float) -> Array:
 @cache
 def _polynomial_gains() -> Array:
     """Return the squared coefficients of the polynomials of a unit wave, (orders, phases)."""
+    from scipy.special import spherical_jn  # see docs/architecture.md, "Libraries"
     # e^(iwt) over an interval T has the coefficient (2k + 1) j_k(w T / 2) of polynomial k
     return np.array([(2 * k + 1)**2 * spherical_jn(k, 0.5 * c.PHASES)**2
                      for k in c.ORDERS]) * (c.PHASES[1] / math.pi)
@@ -228,23 +232,11 @@ def smooth_angles(times: Array, angles: Array, sigma: Array) -> Array:
 
     ``sigma`` (n,) [rad] are the standard deviations of the angles at ``times`` (n,) [s].
     """
-    n = len(times)
-    if n < 4:
+    if len(times) < 4:
         return angles
-    # jerk over four consecutive samples: six times their third divided difference
-    first, second, third, fourth = (times[j:n - 3 + j] for j in range(4))
-    early, middle, late = second - first, third - second, fourth - third
-    begin, end, whole = third - first, fourth - second, fourth - first
-    rows = np.sqrt(12.0 / c.JERK_DENSITY * whole) / np.stack([
-        -early * begin * whole, early * middle * end, -begin * middle * late, whole * end * late])
-    banded = np.zeros((4, n))  # upper form: row 3 - k holds the k-th superdiagonal
-    for j in range(4):
-        for k in range(j, 4):
-            banded[3 - (k - j), k:n - 3 + k] += rows[j] * rows[k]
     weight = 1.0 / sigma**2
-    banded[3] += weight
-    smoothed: Array = angles[0] + solveh_banded(
-        banded, (angles - angles[0]) * weight, overwrite_ab=True, check_finite=False)
+    smoothed: Array = angles[0] + solve_smoothed(
+        jerk_information(jerk_rows(times, c.JERK_DENSITY)), weight, (angles - angles[0]) * weight)
     return smoothed
 
 

@@ -17,8 +17,11 @@ import math
 import numpy as np
 from numpy.polynomial.legendre import legfit
 import pytest
+from scipy.interpolate import PchipInterpolator
 
-from smart_tire.estimation.contact.trajectory import shape_error_sigmas, WheelTrajectory
+from smart_tire.estimation.contact.trajectory import (
+    shape_error_sigmas, SmoothedTrajectory, WheelTrajectory)
+from smart_tire.samples import NS_PER_S
 from support.rolling import along, ROBOT, stamp, steady
 
 R = ROBOT.wheel_radius
@@ -57,6 +60,20 @@ def test_a_stop_is_smoothed_without_overshoot_for_any_duration():
     smooth = wheel.smooth(stamp(1.5), stamp(40.5)).distance_at(times)
     assert np.ptp(smooth) < 0.002
     assert smooth[0] == pytest.approx(wheel.interpolate(times)[0], abs=0.005)
+
+
+@pytest.mark.parametrize('count', [2, 3, 40])
+def test_between_samples_the_trajectory_is_a_monotone_cubic_spline(count):
+    rng = np.random.default_rng(count)
+    times = np.cumsum(rng.uniform(0.01, 0.1, count)).round(9)
+    angles = np.cumsum(rng.choice([-1.0, 0.0, 1.0, 2.0], count))
+    smooth = SmoothedTrajectory(stamp(0.0), times, angles, R, 1e-6)
+    assert smooth.distance_at(stamp(0.0) + (times * NS_PER_S).round().astype(int)) == \
+        pytest.approx(R * angles, abs=1e-12)
+    if count > 3:  # scipy has the same slopes except at the ends
+        instants = stamp(0.0) + (rng.uniform(*times[[1, -2]], 99) * NS_PER_S).astype(int)
+        expected = PchipInterpolator(times, R * angles)((instants - stamp(0.0)) / NS_PER_S)
+        assert smooth.distance_at(instants) == pytest.approx(expected, abs=1e-12)
 
 
 def test_speeds_alone_give_the_same_trajectory_as_angles():
