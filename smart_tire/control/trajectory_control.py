@@ -99,6 +99,7 @@ class TrajectoryControl:
             return
         if self.state != State.FOLLOWING:
             self._odometry_check.clear()
+            self._stepped_ns = None  # the first step is one period, however long ago the last was
         self.state, self.reason, self._motion.fault = State.FOLLOWING, '', ''
         self.holding = False
 

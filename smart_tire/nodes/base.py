@@ -13,8 +13,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 import inspect
 import sys
 from typing import Any, Generic, TypeVar
@@ -85,11 +86,12 @@ class SmartTireNode(Node, Generic[Params]):
         self._counts: dict[str, int] = {}  # in the latest diagnostics
         self._params_class = params_class
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._periodic: dict[float, list[Callable[[], None]]] = {}  # period [s] -> callbacks
         self._publish_diagnostics = self.make_guarded_publisher(
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
-        self.create_steady_timer(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
+        self.call_every(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
         self.input_log = InputLog(self.get_logger(), self.steady_ns)
-        self.create_steady_timer(CHECK_PERIOD, self.input_log.check)
+        self.call_every(CHECK_PERIOD, self.input_log.check)
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
     def start(self) -> None:
@@ -120,6 +122,17 @@ class SmartTireNode(Node, Generic[Params]):
     def create_steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Return a timer of ``period`` [s] on the steady clock, independent of /clock and NTP."""
         return self.create_timer(period, callback, clock=self._steady_clock)
+
+    def call_every(self, period: float, callback: Callable[[], None]) -> None:
+        """
+        Call ``callback`` every ``period`` [s] of the steady clock.
+
+        All callbacks of one period share a timer: to wake up costs more than most of them.
+        """
+        callbacks = self._periodic.setdefault(period, [])
+        callbacks.append(callback)
+        if len(callbacks) == 1:
+            self.create_steady_timer(period, partial(_call_all, callbacks))
 
     def now_ns(self) -> int:
         """Return the time for message stamps [ns]: ROS time, simulated with ``use_sim_time``."""
@@ -311,6 +324,11 @@ class SmartTireNode(Node, Generic[Params]):
             return SetParametersResult(successful=False, reason=str(error))
         self.on_parameters_changed()
         return SetParametersResult(successful=True)
+
+
+def _call_all(callbacks: Iterable[Callable[[], None]]) -> None:
+    for callback in callbacks:
+        callback()
 
 
 def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:

@@ -137,7 +137,7 @@ class CommandInput:
         node.subscribe(topic, self._on_message, name=name, info=True, required=required,
                        announced=True, reliability=reliability, from_msg=from_msg,
                        type_name=unstamped_type)
-        node.create_steady_timer(TICK_PERIOD, self.tick)
+        node.call_every(TICK_PERIOD, self.tick)
 
     def tick(self) -> None:
         """Detect stalls of this process and the end of a conflict."""

@@ -54,7 +54,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
                                required=kind is not TireSample or wheels > 0, announced=True,
                                reliability=self.params.reliability,
                                from_msg=self.conversion(name, self.params.robot.joints))
-        self.create_steady_timer(IMU_WAIT, self._choose_odom)
+        self.call_every(IMU_WAIT, self._choose_odom)
 
     def on_sample(self, sample: Sample) -> None:
         """Process a sample; import what crossings need with the first one, before the drive."""

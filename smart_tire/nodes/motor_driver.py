@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile
 from smart_tire.control.duty_gate import DutyGate
 from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.nodes.base import MAX_INPUT_AGE
-from smart_tire.nodes.command_input import CommandInput
+from smart_tire.nodes.command_input import CommandInput, TICK_PERIOD
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode
 from smart_tire.nodes.qos import latched
@@ -34,7 +34,6 @@ from std_srvs.srv import SetBool
 
 ZERO_DUTY_TIMEOUT = 0.4    # s for the boards to acknowledge an emergency stop
 STATE_PERIOD = 1.0         # s between repetitions of the state, docs/topics.md
-STATE_CHECK_PERIOD = 0.05  # s between checks whether the boards' thread has stopped the motors
 # requests and answers: those of a client that floods the service do not displace a stop
 SERVICE_DEPTH = 1000
 PUBLISHERS = 'publishers'  # name of the hold while several nodes command
@@ -80,8 +79,8 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             SetBool, 'emergency_stop', self._on_emergency_stop, qos_profile=queue)
         if params.require_arming:
             self.create_service(SetBool, 'arm', self._on_arm, qos_profile=queue)
-        self.create_steady_timer(STATE_PERIOD, self._publish_state)
-        self.create_steady_timer(STATE_CHECK_PERIOD, self._check_state)
+        self.call_every(STATE_PERIOD, self._publish_state)
+        self.call_every(TICK_PERIOD, self._check_state)  # by the boards' thread, too
         self._publish_state()
         self.connect(self._boards.line, self._boards.run)
 

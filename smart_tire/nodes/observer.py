@@ -93,7 +93,7 @@ class Observer(Listener):
     def start(self) -> None:
         """Subscribe to the topics that exist, and look for new ones."""
         self._discover()
-        self.create_steady_timer(DISCOVERY_PERIOD, self._discover)
+        self.call_every(DISCOVERY_PERIOD, self._discover)
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():

@@ -70,7 +70,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
                                  subscriber_qos('/diagnostics'))
         self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
-        self.create_steady_timer(COMMAND_PERIOD, self._repeat)
+        self.call_every(COMMAND_PERIOD, self._repeat)
 
     def listeners(self, topic: str) -> int:
         """Return how many of the nodes discovered so far listen to ``path`` or ``cmd_vel``."""

@@ -118,10 +118,10 @@ class Recorder(SmartTireNode[NoParams]):
         """Record the topics that exist, and look for new ones."""
         self._discover()
         self._collect_parameters()
-        self.create_steady_timer(DISCOVERY_PERIOD, self._discover)
-        self.create_steady_timer(DISCOVERY_PERIOD, self._collect_parameters)
-        self.create_steady_timer(FLUSH_PERIOD, self._writer.flush)
-        self.create_steady_timer(PROGRESS_PERIOD, self._report)
+        self.call_every(DISCOVERY_PERIOD, self._discover)
+        self.call_every(DISCOVERY_PERIOD, self._collect_parameters)
+        self.call_every(FLUSH_PERIOD, self._writer.flush)
+        self.call_every(PROGRESS_PERIOD, self._report)
 
     def fill_status(self, status: Status) -> None:
         """Add counts of recorded and lost messages, and requested topics without messages."""

@@ -86,8 +86,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
                        reliability=params.reliability)
         self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
         self.create_service(Trigger, 'cancel_path', self._on_cancel)
-        self.create_steady_timer(1.0 / params.rate, self._step)
-        self.create_steady_timer(PROGRESS_PERIOD, self._send_progress)
+        self._step_timer = self.create_steady_timer(1.0 / params.rate, self._step)
+        self._pace()
+        self.call_every(PROGRESS_PERIOD, self._send_progress)
 
     def _subscribe_orders(self) -> None:
         self._senders = {name: PublisherCheck(self, name, PUBLISHER_WINDOW, action=name == ACTION)
@@ -196,10 +197,19 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             self._publish_velocity(command)
         if self._server is not None:
             self._end_goals(self._server)
+        self._pace()
         if self._reported != (found := (self._control.state, self._control.reason)):
             self._log_state(before=self._reported[0])
             self._reported = found
             self._send_progress()
+
+    def _pace(self) -> None:
+        """Let the timer run while there is something to do; goals may end any time."""
+        if self._control.active or self._server is not None:
+            if self._step_timer.is_canceled():
+                self._step_timer.reset()
+        else:
+            self._step_timer.cancel()
 
     def _end_goals(self, server: FollowPathServer) -> None:
         """End goals of the action that are not followed any more."""

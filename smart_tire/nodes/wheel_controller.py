@@ -19,13 +19,12 @@ from smart_tire.control.command_check import VelocityMux
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.messages import velocity_from_twist, wheels_from_msg
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.command_input import CommandInput
+from smart_tire.nodes.command_input import CommandInput, TICK_PERIOD
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import MotorCommand, STOPPED, VelocityCommand, WheelCommand, WheelSample
 
-EXPIRY_CHECK_PERIOD = 0.025   # s between checks for expired commands, at any control rate
 DUTY_REPEAT_NS = 100_000_000  # after which a duty is sent again; time-out of motor_driver: longer
 TWIST = 'geometry_msgs/msg/Twist'
 
@@ -64,8 +63,8 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self.subscribe_state('motors_enabled', self._on_motors_enabled)
         self._estimates_subscribed = False
         self._subscribe_estimates()
-        self.create_steady_timer(1.0 / params.rate, self._step)
-        self.create_steady_timer(EXPIRY_CHECK_PERIOD, self._check_expiry)
+        self.call_every(1.0 / params.rate, self._step)
+        self.call_every(TICK_PERIOD, self._check_expiry)  # at any control rate
 
     def _velocity_input(self, name: str, timeout: float) -> CommandInput:
         """Return the subscription to a source of velocity commands."""

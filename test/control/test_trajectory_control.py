@@ -286,6 +286,16 @@ def test_late_steps_do_not_accelerate_more():
     assert run.control.step(run.now_ns).v_x == pytest.approx(5 * 0.5 / 20)
 
 
+def test_the_first_step_of_a_path_is_one_period_however_long_the_robot_has_waited():
+    run = Run().start(line(0.5))
+    while run.control.state == State.FOLLOWING:
+        run.step()
+    run.now_ns += NS_PER_S
+    run.observe()
+    run.start(FAR)
+    assert run.step().v_x == pytest.approx(0.5 / 20)
+
+
 def test_friction_is_used_by_the_follower():
     run = under_way(seconds=0.1)
     run.control.set_ground(

@@ -17,6 +17,10 @@ from rosgraph_msgs.msg import Clock
 from smart_tire.nodes.base import once
 from smart_tire.nodes.compat import message_class, plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
+from smart_tire.nodes.motor_driver import MotorDriver
+from smart_tire.nodes.runner import NodeRunner
+from smart_tire.nodes.trajectory_controller import TrajectoryController
+from smart_tire.nodes.wheel_controller import WheelController
 from support.graph import node_arguments, Process
 
 pytestmark = pytest.mark.processes
@@ -38,6 +42,17 @@ def test_nodes_run_with_the_single_threaded_executor_of_older_distributions(grap
         graph.until(lambda: 'emergency stop' in graph.status_message('motor_driver'))
         assert node.end() == 0
         assert 'Traceback' not in node.output
+
+
+@pytest.mark.parametrize(('node_class', 'periods'), [
+    (WheelController, [0.025, 1.0 / 16.0, 0.1, 1.0]), (MotorDriver, [0.025, 0.1, 1.0]),
+    (TrajectoryController, [0.1, 0.25, 1.0])])
+def test_a_node_without_input_wakes_up_for_one_timer_of_each_period(
+        node_class, periods, isolated_ros):
+    arguments = ['--ros-args', '-p', 'follow_path:=false'] * (node_class is TrajectoryController)
+    with NodeRunner(node_class, arguments) as runner:
+        assert sorted(timer.timer_period_ns * 1e-9 for timer in runner.node.timers
+                      if not timer.is_canceled()) == pytest.approx(periods)
 
 
 def test_a_message_that_several_subscriptions_receive_is_handled_once():
