@@ -26,14 +26,13 @@ from rosbags.typesys import get_typestore, Stores, TypesysError
 from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
-from smart_tire.messages import OtherJointsError, Topic, TOPICS, wheels_from_msg
+from smart_tire.messages import cdr, OtherJointsError, Topic, TOPICS, wheels_from_msg
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
 from smart_tire.samples import Sample, WheelSample
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
-BIG_ENDIAN, LITTLE_ENDIAN = b'\x00\x00', b'\x00\x01'  # representation identifiers of plain CDR
-HEADER_SIZE = 4  # bytes of the encapsulation header; alignment counts from its end
+BIG_ENDIAN, LITTLE_ENDIAN = cdr.BYTE_ORDERS
 
 
 @cache
@@ -128,7 +127,7 @@ class Decoder:
             raise MessageError(f'{self._type}: begins with {data[:4].hex(" ")}, '
                                'expected 00 00 or 00 01 (plain CDR)')
         try:
-            msg, _ = read(data[HEADER_SIZE:], 0, self._msgdef.cls, typestore())
+            msg, _ = read(data[cdr.HEADER_SIZE:], 0, self._msgdef.cls, typestore())
         except (SerdeError, struct.error, ValueError, IndexError) as error:
             raise MessageError(f'{self._type}: {len(data)} bytes cannot be decoded '
                                f'({error})') from error
@@ -148,7 +147,9 @@ class SampleDecoder:
         self._topic, self._faults = topic, faults
         self._frames = faults.frames.setdefault(topic, Counter())
         self._ignored = (OtherJointsError,) if other_joints else ()
-        self._read, self._from_msg = Decoder(TOPICS[topic].type), TOPICS[topic].from_msg
+        kind, self._from_msg = TOPICS[topic].type, TOPICS[topic].from_msg
+        read = Decoder(kind)
+        self._read = cdr.Decoder(kind, read) if kind in cdr.FIELDS else read
         if TOPICS[topic].sample is WheelSample:
             self._from_msg = partial(wheels_from_msg, joints=joints)
 
@@ -169,8 +170,8 @@ class SampleEncoder:
 
     def __init__(self, topic: Topic) -> None:
         self._fill = topic.to_msg
-        self._msg: Any = empty(topic.type)
-        self._encode = Encoder(topic.type)
+        self._msg = empty(topic.type)
+        self._encode = (cdr.Encoder if topic.type in cdr.FIELDS else Encoder)(topic.type)
 
     def __call__(self, sample: Sample) -> bytes:
         """Return the message of a sample."""

@@ -18,6 +18,7 @@ MessageError, naming topic and field, for a message that docs/topics.md does not
 in ``TOPICS``, by topic.
 """
 
+from smart_tire.messages.cdr import Decoder, Encoder, FIELDS, stamp_in
 from smart_tire.messages.header import NodeStatus, stamp_of, statuses_from_msg
 from smart_tire.messages.joint_names import OtherJointsError, resolved_joints
 from smart_tire.messages.joint_state import wheels_from_msg
@@ -28,7 +29,7 @@ from smart_tire.messages.path import (
 from smart_tire.messages.topics import find_topic, Topic, topic_of, TOPICS
 
 __all__ = [
-    'check_pose_count', 'find_topic', 'imu_mounting_to_msg', 'NodeStatus', 'OtherJointsError',
-    'path_from_bytes', 'path_from_msg', 'resolved_joints', 'stamp_of', 'statuses_from_msg',
-    'Topic', 'topic_of', 'TOPICS', 'transform_from_msg', 'transform_to_msg',
-    'velocity_from_twist', 'wheels_from_msg']
+    'check_pose_count', 'Decoder', 'Encoder', 'FIELDS', 'find_topic', 'imu_mounting_to_msg',
+    'NodeStatus', 'OtherJointsError', 'path_from_bytes', 'path_from_msg', 'resolved_joints',
+    'stamp_in', 'stamp_of', 'statuses_from_msg', 'Topic', 'topic_of', 'TOPICS',
+    'transform_from_msg', 'transform_to_msg', 'velocity_from_twist', 'wheels_from_msg']

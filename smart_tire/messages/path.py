@@ -25,16 +25,13 @@ from types import SimpleNamespace
 from typing import Any
 
 from smart_tire.errors import MessageError
+from smart_tire.messages.cdr import CdrReader
 from smart_tire.messages.header import finite, not_finite_error, set_header, set_joints, stamp_of
 from smart_tire.samples import GoalPose, NAN, PathProgress, PlannedPath, Vector3
 
 PROGRESS_NAMES = ('remaining_distance', 'cross_track_error', 'state')
 STATES = range(5)           # of ``path_progress``: idle, following, arrived, stopped, refused
 QUATERNION_TOLERANCE = 0.01  # of the norm; planners publish single precision or rounded values
-# OMG DDSI-RTPS 2.5, 10.2: encapsulation identifier and options. CDR aligns each number to its
-# size, counted from the end of this header.
-BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}  # CDR_BE, CDR_LE
-HEADER_SIZE = 4  # bytes
 MIN_COS_TILT = 0.98  # 11 degrees: paths are plane
 
 
@@ -146,47 +143,6 @@ def _empty_pose() -> SimpleNamespace:
         pose=SimpleNamespace(position=SimpleNamespace(), orientation=SimpleNamespace()))
 
 
-class CdrReader:
-    """Reads the parts of a Path in their order; raises struct.error at the end of the data."""
-
-    def __init__(self, data: bytes) -> None:
-        """Raise MessageError for bytes that are not CDR."""
-        order = BYTE_ORDERS.get(data[:2])
-        if order is None:
-            raise MessageError(f'path: encapsulation is {data[:2].hex() or "missing"}, '
-                               'expected 0000 or 0001 (CDR)')
-        self._data, self._at = memoryview(data)[HEADER_SIZE:], 0
-        self._stamp, self._count, self._pose = (
-            struct.Struct(order + layout) for layout in ('iI', 'I', '7d'))
-
-    def _numbers(self, layout: struct.Struct, alignment: int) -> tuple[Any, ...]:
-        begin = -(-self._at // alignment) * alignment
-        self._at = begin + layout.size
-        return layout.unpack_from(self._data, begin)
-
-    def count(self) -> int:
-        """Return the length of a string or sequence."""
-        (count,) = self._numbers(self._count, 4)
-        return int(count)
-
-    def header(self) -> SimpleNamespace:
-        """Return a Header."""
-        seconds, nanoseconds = self._numbers(self._stamp, 4)
-        size = self.count()  # with the zero byte at the end
-        text = bytes(self._data[self._at:self._at + size])[:-1]
-        self._at += size
-        return SimpleNamespace(stamp=SimpleNamespace(sec=seconds, nanosec=nanoseconds),
-                               frame_id=text.decode())
-
-    def stamped_pose(self) -> SimpleNamespace:
-        """Return a PoseStamped."""
-        header = self.header()
-        p_x, p_y, p_z, q_x, q_y, q_z, q_w = self._numbers(self._pose, 8)
-        return SimpleNamespace(header=header, pose=SimpleNamespace(
-            position=SimpleNamespace(x=p_x, y=p_y, z=p_z),
-            orientation=SimpleNamespace(x=q_x, y=q_y, z=q_z, w=q_w)))
-
-
 def check_pose_count(count: int, max_poses: int) -> None:
     """Raise MessageError for a path of too many poses."""
     if count > max_poses:
@@ -196,11 +152,20 @@ def check_pose_count(count: int, max_poses: int) -> None:
 
 def path_from_bytes(data: bytes, max_poses: int) -> PlannedPath:
     """Return the path in a serialized Path; raise MessageError if it has too many poses."""
-    reader = CdrReader(data)
+    reader = CdrReader(data, 'path')
     try:
         header, count = reader.header(), reader.count()
         check_pose_count(count, max_poses)
         return path_from_msg(SimpleNamespace(
-            header=header, poses=(reader.stamped_pose() for _ in range(count))))
+            header=header, poses=(_stamped_pose(reader) for _ in range(count))))
     except (struct.error, UnicodeDecodeError) as error:
         raise MessageError(f'path: {len(data)} bytes are no nav_msgs/Path: {error}') from error
+
+
+def _stamped_pose(reader: CdrReader) -> SimpleNamespace:
+    """Return the next PoseStamped of a serialized Path."""
+    header = reader.header()
+    p_x, p_y, p_z, q_x, q_y, q_z, q_w = reader.numbers('7d', 8)
+    return SimpleNamespace(header=header, pose=SimpleNamespace(
+        position=SimpleNamespace(x=p_x, y=p_y, z=p_z),
+        orientation=SimpleNamespace(x=q_x, y=q_y, z=q_z, w=q_w)))

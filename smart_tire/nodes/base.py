@@ -29,13 +29,14 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from smart_tire.errors import ParameterError, SmartTireError
-from smart_tire.messages import OtherJointsError, TOPICS
+from smart_tire.errors import MessageError, ParameterError, SmartTireError
+from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS
 from smart_tire.nodes.compat import (
-    full_name, message_class, plain_message, RCLError, wrong_type_message)
+    full_name, message_class, plain_message, RCLError, RMWError, wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
@@ -162,10 +163,33 @@ class SmartTireNode(Node, Generic[Params]):
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
         self.inputs[name], self._types[name] = counter, type_name or topic.type
-        convert = from_msg or topic.from_msg
+        cls, convert = message_class(self._types[name]), from_msg or topic.from_msg
+        if not raw:
+            raw, convert = _from_bytes(self._types[name], cls, convert)
         if required or announced:
             self.input_log.watch(name, lambda: counter.ok, required=required)
 
+        handle = self._handler(name, counter, convert, on_sample)
+
+        def on_message(msg: Any) -> None:
+            handle(msg)
+
+        def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
+            handle(msg, message_info)
+
+        if profiles:
+            self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
+            return None
+        profile = subscriber_qos(topic_name, wheels=wheels, reliability=reliability)
+        if info:
+            return self.create_subscription(
+                cls, name, with_info(on_message_with_info), profile, raw=raw)
+        callback = self.wrap_callback(name, on_message)
+        return self.create_subscription(cls, name, callback, profile, raw=raw)
+
+    def _handler(self, name: str, counter: InputCounter, convert: Callable[[Any], Any],
+                 on_sample: Callable[..., None]) -> Callable[..., None]:
+        """Return a function that hands over the sample in a message, or rejects it."""
         def handle(msg: Any, *info: Any) -> None:
             try:
                 on_sample(convert(msg), *info)
@@ -177,20 +201,7 @@ class SmartTireNode(Node, Generic[Params]):
             else:
                 counter.accept(self.steady_ns())
 
-        def on_message(msg: Any) -> None:
-            handle(msg)
-
-        def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
-            handle(msg, message_info)
-
-        cls = message_class(self._types[name])
-        if profiles:
-            self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
-            return None
-        return self.create_subscription(
-            cls, name, (with_info(on_message_with_info) if info
-                        else self.wrap_callback(name, on_message)),
-            subscriber_qos(topic_name, wheels=wheels, reliability=reliability), raw=raw)
+        return handle
 
     def subscribe_state(self, name: str, on_state: Callable[[bool], None]) -> None:
         """Subscribe to a state of the motor driver; call ``on_state`` with each, also the last."""
@@ -229,8 +240,12 @@ class SmartTireNode(Node, Generic[Params]):
         cls = message_class(topic.type)
         publish = self.make_guarded_publisher(
             cls, name, publisher_qos(name, rate=rate, wheels=wheels))
-        msg, to_msg = cls(), self.in_frames(topic.to_msg)
-        return lambda sample: publish(to_msg(msg, sample))
+        to_msg = self.in_frames(topic.to_msg)
+        if topic.type not in FIELDS:
+            msg = cls()
+            return lambda sample: publish(to_msg(msg, sample))
+        encode = Encoder(topic.type)
+        return lambda sample: publish(encode(to_msg(encode.msg, sample)))
 
     def in_frames(self, to_msg: Callable[..., Any]) -> Callable[..., Any]:
         """Return ``to_msg``, with the frames of this robot if they have other names."""
@@ -324,6 +339,26 @@ class SmartTireNode(Node, Generic[Params]):
             return SetParametersResult(successful=False, reason=str(error))
         self.on_parameters_changed()
         return SetParametersResult(successful=True)
+
+
+def _from_bytes(type_name: str, cls: type[Any], from_msg: Callable[[Any], Any]
+                ) -> tuple[bool, Callable[[Any], Any]]:
+    """
+    Return whether messages are to be received serialized, and the conversion of what is received.
+
+    rclpy needs several times as long to deserialize a message as ``Decoder``.
+    """
+    if type_name not in FIELDS:
+        return False, from_msg
+
+    def with_rclpy(data: bytes) -> Any:
+        try:
+            return deserialize_message(data, cls)
+        except RMWError as error:
+            raise MessageError(f'{type_name}: {plain_message(error)}') from error
+
+    read = Decoder(type_name, with_rclpy)
+    return True, lambda data: from_msg(read(data))
 
 
 def _call_all(callbacks: Iterable[Callable[[], None]]) -> None:

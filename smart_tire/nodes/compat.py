@@ -24,7 +24,9 @@ from rclpy.node import Node
 
 from smart_tire.parameters.files import from_arguments
 
-RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``; not exported
+# not exported by rclpy:
+RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``
+RMWError: type[RuntimeError] = rclpy_implementation.RMWError  # of ``deserialize_message``
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # rcl, of an endpoint before its node
 UNDISCOVERED = 'a node whose name is not discovered yet'
 

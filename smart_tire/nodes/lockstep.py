@@ -32,7 +32,6 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 import json
-import struct
 from typing import Any
 import uuid
 
@@ -40,9 +39,8 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from smart_tire.messages import stamp_of
+from smart_tire.messages import stamp_in
 from smart_tire.nodes.compat import full_name, has_matched
-from smart_tire.samples import NS_PER_S
 from std_msgs.msg import String
 
 TOPIC = '/_replay_lockstep'
@@ -121,7 +119,7 @@ class FollowerInput:
         foreign = 0
         while self.waiting:
             message = self.waiting.popleft()
-            if stamp_of(message) == stamp_ns:
+            if stamp_in(message) == stamp_ns:
                 return message, foreign
             foreign += 1
         return None, foreign
@@ -335,11 +333,3 @@ class Leader:
             self._feedback[control.number] += [
                 (topic, stamp_ns) for topic, stamp_ns in control.entries
                 if topic in outputs and topic in needed]
-
-
-def stamp_in(data: bytes) -> int:
-    """Return the stamp [ns] in the header of a serialized message; 0 if it is truncated."""
-    if len(data) < 12:
-        return 0
-    sec, nanosec = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
-    return int(sec * NS_PER_S + nanosec)

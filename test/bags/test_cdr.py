@@ -22,12 +22,16 @@ import pytest
 from rosbags.interfaces import Nodetype
 from smart_tire.bags.cdr import Decoder, definition, empty, Encoder, typestore
 from smart_tire.errors import MessageError
-from smart_tire.messages import topic_of, TOPICS
-from smart_tire.samples import Friction, FRICTION_QUANTITIES, Icr, NAN, PlannedPath, TireSample
+from smart_tire.messages import cdr, topic_of, TOPICS
+from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE
+from smart_tire.samples import (
+    Friction, FRICTION_QUANTITIES, GroundState, Icr, ImuSample, MotorCommand, NAN, Odometry,
+    PathProgress, PlannedPath, TireSample, VelocityCommand, WheelCommand, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
 JOINTS = 'sensor_msgs/msg/JointState'
 TYPES = sorted({topic.type for topic in TOPICS.values()})
+FREQUENT = sorted(cdr.FIELDS)
 NAMES = st.lists(st.text(st.characters(min_codepoint=1, codec='utf-8'), max_size=9), max_size=4)
 LISTS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 BOUNDS = {'float32': {'width': 32}, 'float64': {'width': 64}}
@@ -134,6 +138,84 @@ def test_any_bytes_give_a_message_or_a_message_error(rest):
         assert JOINTS in str(error)
 
 
+def refuse(data):
+    pytest.fail(f'{data.hex()} is not understood')
+
+
+@pytest.mark.parametrize('type_name', FREQUENT)
+@given(data=st.data(), little=st.booleans())
+@settings(max_examples=20)
+def test_frequent_messages_are_those_of_rosbags(type_name, data, little):
+    read, write = cdr.Decoder(type_name, refuse), cdr.Encoder(type_name)
+    for _ in range(2):  # layouts of the first message are used again
+        msg = data.draw(messages(type_name))
+        raw = bytes(typestore().serialize_cdr(msg, type_name, little_endian=little))
+        assert same(type_name, read(raw), msg)
+        assert same(type_name, read(raw + b'\x55' * 4), msg)
+        if little:
+            assert write(msg) == raw
+            assert write(read(raw)) == raw
+
+
+def named(*names):
+    msg = empty(JOINTS)
+    msg.name, msg.position = list(names), np.arange(len(names), dtype=float)
+    return Encoder(JOINTS)(msg)
+
+
+def test_layouts_of_one_size_are_distinguished_and_their_number_is_bounded():
+    read = cdr.Decoder(JOINTS, refuse)
+    names = [f'{i:04d}' for i in range(3 * LAYOUT_CACHE_SIZE)]
+    for name in names + names:
+        assert tuple(read(named(name)).name) == (name,)
+    write = cdr.Encoder(JOINTS)
+    for name in names:
+        write.msg.name, write.msg.position = [name], (0.0,)
+        assert write(write.msg) == named(name)
+    assert sum(map(len, read._layouts.values())) <= LAYOUT_CACHE_SIZE
+    assert len(write._layouts) <= LAYOUT_CACHE_SIZE
+
+
+@pytest.mark.parametrize('type_name', FREQUENT)
+def test_other_bytes_are_left_to_another_reader(type_name):
+    raw = Encoder(type_name)(empty(type_name))
+    read = cdr.Decoder(type_name, lambda data: data)
+    assert read(raw) is not raw
+    for size in range(len(raw)):
+        assert read(raw[:size]) == raw[:size]
+    second = b'\x00\x07' + raw[2:]
+    assert read(second) is second
+    size = cdr.HEADER_SIZE + 8
+    unterminated = raw[:size] + b'\x01\x00\x00\x00a' + raw[size + 5:]
+    assert read(unterminated) is unterminated
+
+
+@pytest.mark.parametrize('topic', [topic for topic in TOPICS.values() if topic.type in FREQUENT],
+                         ids=lambda topic: topic.name)
+def test_the_bytes_of_rclpy_are_read_and_ours_are_read_by_it(topic):
+    serialization = pytest.importorskip('rclpy.serialization')
+    package, kind, name = topic.type.split('/')
+    cls = getattr(import_module(f'{package}.{kind}'), name)
+    sample = topic.from_msg(topic.to_msg(empty(topic.type), EXAMPLES[topic.sample]))
+    read, write = cdr.Decoder(topic.type, refuse), cdr.Encoder(topic.type)
+    theirs = serialization.serialize_message(topic.to_msg(cls(), sample))
+    assert topic.from_msg(read(theirs)) == sample
+    ours = write(topic.to_msg(write.msg, sample))
+    assert topic.from_msg(serialization.deserialize_message(ours, cls)) == sample
+
+
+FOUR = (1.5, -2.5, 3.5, 0.25)
+EXAMPLES = {type(sample): sample for sample in (
+    ImuSample(1_700_000_000_000_000_005, (0.1, 0.2, 9.8), (0.01, -0.02, 0.5),
+              (0.0, 0.0, 0.6, 0.8)),
+    WheelSample(-1, FOUR, FOUR, FOUR), TireSample(1, 'rear_left', (1.65, 2.5)),
+    Odometry(2, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.5, 0.1, 0.0), (0.0, 0.0, 1.0),
+             tuple(np.arange(36.0)), tuple(np.arange(36.0, 72.0))),
+    WheelSlip(3, (0.1, 0.2, -0.1, 1.0), FOUR, (0.1, 0.2, 0.3, 0.4)), Icr(5, 0.02, -1.5),
+    GroundState(6, *[Uncertain(0.5, 0.25)] * 7, stiffness_friction_correlation=0.5),
+    Friction(7, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, 0.25))),
+    PathProgress(8, 1.0, -0.5, 1), VelocityCommand(9, 0.5, -1.0), WheelCommand(10, FOUR),
+    MotorCommand(11, (0.5, -0.5, 1.0, -1.0)))}
 SAMPLES = [
     TireSample(1_700_000_000_123_456_789, 'rear_left', (1.65, 2.5)),
     Icr(5, 0.02, -1.5),

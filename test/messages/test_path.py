@@ -209,5 +209,5 @@ def test_damaged_bytes_give_a_path_or_are_refused(changes):
 
 @pytest.mark.parametrize('data', [b'', b'\0', b'\0\7\0\0' + bytes(100), b'garbage' * 100])
 def test_other_encapsulations_are_refused(data):
-    with pytest.raises(MessageError, match='encapsulation is .*, expected 0000 or 0001'):
+    with pytest.raises(MessageError, match='path: begins with .*, expected 00 00 or 00 01'):
         path_from_bytes(data, LIMIT)

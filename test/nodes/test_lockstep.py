@@ -16,9 +16,9 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import Imu
-from smart_tire.messages import stamp_of
+from smart_tire.messages import stamp_in
 from smart_tire.nodes.lockstep import (
-    ControlMessage, Follower, Leader, MAX_STEPS_AHEAD, stamp_in, TOPIC)
+    ControlMessage, Follower, Leader, MAX_STEPS_AHEAD, TOPIC)
 from std_msgs.msg import String
 from support.waiting import wait_for
 
@@ -45,7 +45,7 @@ class FollowerNode:
             callback = self.follower.add_input(
                 topic, lambda message, topic=topic: self._handle(topic, message),
                 feedback=topic in feedback)
-            self.node.create_subscription(Imu, topic, callback, 100)
+            self.node.create_subscription(Imu, topic, callback, 100, raw=True)
         self.outputs = {}
         for topic in outputs:
             self.follower.add_output(topic)
@@ -56,12 +56,12 @@ class FollowerNode:
         self.handled.clear()
 
     def _handle(self, topic, message):
-        self.handled.append((topic, stamp_of(message)))
+        self.handled.append((topic, stamp_in(message)))
         if topic in self.feedback:
             return
         for output, publisher in self.outputs.items():
             publisher.publish(message)
-            self.follower.published(output, stamp_of(message))
+            self.follower.published(output, stamp_in(message))
 
 
 class Rig:

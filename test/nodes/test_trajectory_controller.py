@@ -204,7 +204,7 @@ def test_bytes_that_are_no_path_are_refused_and_the_node_lives(robot):
         publisher.publish(bad)
         robot.until_state(State.REFUSED)
     assert 'bytes are no nav_msgs/Path' in robot.log()
-    assert 'encapsulation is 0007' in robot.log()
+    assert 'path: begins with 00 07 00 00' in robot.log()
     robot.graph.node.destroy_publisher(publisher)
 
 
