@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 import csv
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from smart_tire.analysis.summary import evaluation, plain, Tree
 from smart_tire.analysis.tables import error_tables, estimate_tables
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
+from smart_tire.host_load import HostLoad, worst_of
 from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S
 
@@ -49,6 +50,7 @@ class Run:
     span_ns: tuple[int, int]
     counts: dict[str, int]  # topic -> number of messages
     ages: Array            # (n, 2) ns, time of receipt and age of each ``odom``
+    host: HostLoad | None  # the greatest lateness of timers in the diagnostics of the nodes
 
     @property
     def drives(self) -> list[DrivenPath]:
@@ -60,6 +62,8 @@ class Run:
         """Return the part of the summary that is common to all runs."""
         begin, end = self.span_ns
         return {'bag': str(self.path), 'duration_s': (end - begin) * 1e-9,
+                'host': None if self.host is None else {'late': self.host.late,
+                                                        **asdict(self.host)},
                 **evaluation(self.result.filtered, self.result.intervals)}
 
 
@@ -77,7 +81,8 @@ def read_run(path: Path, intervals: Intervals | None = None) -> Run:
             part.add_sample(sample)
         counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
         result = Result(estimates, inputs, truth, wanted=log.wanted(), intervals=intervals or {})
-        return Run(path, result, log, bag.span_ns, counts, np.array(ages).reshape(-1, 2))
+        host = worst_of(status.values for _, status in bag.statuses())
+        return Run(path, result, log, bag.span_ns, counts, np.array(ages).reshape(-1, 2), host)
 
 
 def evaluate_drive(bag_path: Path, name: str, figure: Path,
@@ -101,6 +106,7 @@ def drive_lines(tree: Tree) -> Iterator[str]:
     """Yield the summary of ``evaluate_drive`` as lines of text."""
     if tree['tracking'] is not None:
         yield from driven_lines(tree['drive'], tree['tracking'])
+    yield from host_lines(tree['host'])
     for table in estimate_tables(tree['estimates']):
         yield from table.lines()
     if pose := (tree['against_truth'] or {}).get('pose'):
@@ -145,6 +151,13 @@ def late_host(ages: Array, drives: Iterable[DrivenPath]) -> Tree:
     return {'times': int(len(late) > 0) + int(np.count_nonzero(apart)),
             'longest_s': float(np.max(late[:, 1], initial=0.0)) / NS_PER_S,
             'resumed': sum(drive.resumed for drive in drives)}
+
+
+def host_lines(tree: Tree | None) -> Iterator[str]:
+    """Yield a line if the timers of a node were late because other programs ran."""
+    if tree is not None and (host := HostLoad(**{
+            name: value for name, value in tree.items() if name != 'late'})).late:
+        yield f'host late: {host}'
 
 
 @dataclass(frozen=True)
@@ -199,6 +212,7 @@ def demo_lines(tree: Tree) -> Iterator[str]:
     yield f'recorded {tree["duration_s"]:.0f} s, {sum(tree["messages"].values())} messages'
     yield ('radio batches: {sent} sent, {dropped} dropped by the simulated radio, {missing} lost '
            'after it'.format(**tree['radio']))
+    yield from host_lines(tree['host'])
     late = tree['late_host']
     if late['times'] or late['resumed']:
         yield (f'host late {late["times"]} x: odom up to {late["longest_s"]:.2f} s old, expected '

@@ -38,6 +38,7 @@ from smart_tire.bags import (
 from smart_tire.errors import BagError, EstimatorError, SmartTireError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.host_load import worst_of
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.recording import Faults, Recording
 from smart_tire.samples import (
@@ -68,6 +69,7 @@ class BagContents:
     notes: list[str] = field(default_factory=list)     # recognized topics and joints
     warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
     topics: dict[str, BagTopic] = field(default_factory=dict)  # all, by name in the bag
+    host: str = ''      # that the host was late when the bag was recorded
     start_ns: int = 0   # receive time of the first message
     duration_s: float = 0.0
 
@@ -203,6 +205,11 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
         contents.topics, contents.losses = bag.topics, bag.losses.lines()
         contents.warnings = [*contents.losses, *bag.warnings]
+        statuses = tuple(bag.statuses())
+        host = worst_of(status.values for _, status in statuses)
+        if host is not None and host.late:
+            contents.host = f'host late: {host}'
+            contents.skipped.append(contents.host)
     yield contents
 
 

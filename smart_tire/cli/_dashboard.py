@@ -21,6 +21,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from smart_tire.host_load import worst_of
 from smart_tire.samples import WHEELS
 
 if TYPE_CHECKING:
@@ -51,7 +52,8 @@ class Dashboard:
     def show(self, phase: str, status: Pilot, note: str = '') -> None:
         """Show ``status``, the name of the current ``phase`` of the drive, and a ``note``."""
         now = time.monotonic() - self._start
-        shown = Group(_header(now, phase, status, note), _table(status), _radio_line(status))
+        shown = Group(_header(now, phase, status, note), _table(status), _radio_line(status),
+                      *_host_lines(status))
         if self._console.is_terminal:
             self._live.update(shown, refresh=True)
         elif now >= self._last + TABLE_PERIOD:
@@ -100,3 +102,9 @@ def _radio_line(status: Pilot) -> Text:
     return Text(f'radio batches: {receiver.get("batches_ok", "-")} received, '
                 f'{receiver.get("batches_lost", "-")} lost, '
                 f'{simulator.get("batches_dropped", "-")} dropped by the simulator', style='dim')
+
+
+def _host_lines(status: Pilot) -> list[Text]:
+    """Return a line if this host is late."""
+    host = worst_of(status.health.values())
+    return [Text(f'host late: {host}', style='yellow')] if host is not None and host.late else []

@@ -32,6 +32,7 @@ from smart_tire.cli._stack import (
     START_TIMEOUT)
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.errors import ParameterError
+from smart_tire.host_load import worst_of
 from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S
 
@@ -172,7 +173,13 @@ class Session:
         while found.get('state') != state.name.lower() and time.monotonic() < end:
             self._runner.spin(SPIN_TIME)  # also after a request to stop
             found = self.pilot.health.get(FOLLOWER, {})
-        return found.get('reason', ''), found.get('cause', '')
+        return found.get('reason', '') + self.host_problem, found.get('cause', '')
+
+    @property
+    def host_problem(self) -> str:
+        """Return how late this host is, to follow the text of an error; '' if it is not."""
+        host = worst_of(self.pilot.health.values())
+        return f'; {host}' if host is not None and host.late else ''
 
     def await_standstill(self) -> None:
         """Wait for a pose of the standing robot that is measured from now on."""
@@ -228,9 +235,12 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
             stack.node(node, params, *arguments.get(node, ()))
         with NodeRunner(pilot, params_arguments(params) if simulated else None) as runner:
             session = Session(stack, runner, stopped)
-            if simulated:
-                session.await_nodes()
-            yield session
+            try:
+                if simulated:
+                    session.await_nodes()
+                yield session
+            except RobotError as error:  # may be due to other programs
+                raise RobotError(f'{error}{session.host_problem}') from error
         stack.stop_in_order()
     if simulated:
         remove(out / 'ports', PORTS)

@@ -24,6 +24,7 @@ import time
 from typing import TYPE_CHECKING
 
 from smart_tire.findings import Finding, Level
+from smart_tire.host_load import host_load, SHARE
 from smart_tire.messages import find_topic
 from smart_tire.recording import Faults, Recording
 
@@ -198,11 +199,12 @@ def bounded(where: str, found: str, inside: bool, expected: str, action: str) ->
 
 
 def lateness_finding(late: list[float]) -> Finding:
-    """Return the finding on sorted latenesses [s]."""
-    typical, worst = late[int(0.99 * (len(late) - 1))], late[-1]
+    """Return the finding on latenesses [s]."""
+    host = host_load(late)
     return bounded(
-        'host', f'timers are late by {1e3 * typical:.1f} ms (99 %), {1e3 * worst:.1f} ms at worst',
-        typical <= MAX_TYPICAL_LATENESS and worst <= MAX_LATENESS,
+        'host', f'timers are late by {1e3 * host.typical:.1f} ms ({SHARE:.0%}), '
+        f'{1e3 * host.longest:.1f} ms at worst',
+        host.typical <= MAX_TYPICAL_LATENESS and host.longest <= MAX_LATENESS,
         f'{1e3 * MAX_TYPICAL_LATENESS:g} and {1e3 * MAX_LATENESS:g} ms',
         'end other programs, or use a faster host')
 

@@ -232,7 +232,7 @@ def _command() -> str:
 
 def _report(out: Path, summary: Tree) -> int:
     """Write and print the summary; return 1 for a silent topic or a path not driven."""
-    from smart_tire.analysis.drive_report import demo_lines
+    from smart_tire.analysis.drive_report import demo_lines, host_lines
     (out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(demo_lines(summary)))
     print(f'\nbag, figures and summary.json are in {out}/; to see the run: '
@@ -242,6 +242,8 @@ def _report(out: Path, summary: Tree) -> int:
         return 1
     if unfinished := [name for name in (TO_BORDER, EIGHT)
                       if summary['tracking'].get(name, {}).get('state') != 'arrived']:
-        print(f'demo: the robot did not arrive: {", ".join(unfinished)}', file=sys.stderr)
+        problems = [f'the robot did not arrive: {", ".join(unfinished)}',
+                    *host_lines(summary['host'])]
+        print(f'demo: {"; ".join(problems)}', file=sys.stderr)
         return 1
     return 0

@@ -34,6 +34,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
+from smart_tire.host_load import TimerLateness
 from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS
 from smart_tire.nodes.compat import (
     full_name, message_class, plain_message, RCLError, RMWError, wrong_type_message)
@@ -92,8 +93,13 @@ class SmartTireNode(Node, Generic[Params]):
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
         self.call_every(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
         self.input_log = InputLog(self.get_logger(), self.steady_ns)
-        self.call_every(CHECK_PERIOD, self.input_log.check)
+        self._timer_lateness = TimerLateness(CHECK_PERIOD)
+        self.call_every(CHECK_PERIOD, self._check)
         self.add_on_set_parameters_callback(self._on_set_parameters)
+
+    def _check(self) -> None:
+        self._timer_lateness.check(self.steady_ns() / NS_PER_S)
+        self.input_log.check()
 
     def start(self) -> None:
         """Open ports and start threads; called once after construction."""
@@ -291,6 +297,10 @@ class SmartTireNode(Node, Generic[Params]):
         """Return the diagnostic status: counts and ages of inputs, then those of the subclass."""
         status = Status(counts=self._counts)
         self._fill_inputs(status)
+        host = self._timer_lateness.load
+        status.values.update(host.values)
+        if host.late:
+            status.warn(str(host))
         status.values['publish_errors'] = sum(counter.bad for counter in self.outputs.values())
         for name, counter in self.outputs.items():
             if new := status.new(f'publish {name}', counter.bad):

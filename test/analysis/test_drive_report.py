@@ -12,13 +12,15 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from smart_tire.analysis.drive_report import (
-    demo_lines, late_host, radio_counts, read_conversions, stamp_errors)
+    demo_lines, host_lines, late_host, radio_counts, read_conversions, stamp_errors)
+from smart_tire.host_load import HostLoad
 from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, TireSample
 
@@ -77,7 +79,15 @@ def test_late_messages_in_a_row_are_one_time_that_the_host_was_late():
 def test_a_late_host_is_one_line_of_the_report(times, resumed, said):
     tree = {'against_truth': None, 'duration_s': 60.0, 'messages': {'odom': 10},
             'radio': {'sent': 1, 'dropped': 0, 'missing': 0}, 'stamps': {}, 'tracking': {},
-            'late_host': {'times': times, 'longest_s': 0.92, 'resumed': resumed}}
+            'host': None, 'late_host': {'times': times, 'longest_s': 0.92, 'resumed': resumed}}
     found = [line for line in demo_lines(tree) if 'host' in line]
     assert found == ([f'host late 3 x: odom up to 0.92 s old, expected at most 0.25 s; path '
                       f'resumed {resumed} x after a stop for it'] if said else [])
+
+
+@pytest.mark.parametrize('typical, late', [(0.019, False), (0.031, True)])
+def test_late_timers_are_one_line_with_the_load(typical, late):
+    tree = {'late': late, **asdict(HostLoad(typical, 0.4, 36.0, 2))}
+    assert list(host_lines(tree)) == late * [
+        'host late: timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs']
+    assert not list(host_lines(None))

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import pytest
@@ -19,6 +20,7 @@ import pytest
 from smart_tire.cli import demo
 from smart_tire.cli._drive_session import Session
 from smart_tire.cli.demo import DASHBOARD_PERIOD, Leg, LEG_DURATION, MAX_LEG_DURATION
+from smart_tire.host_load import HostLoad
 from smart_tire.samples import NS_PER_S
 from support.ideal_robot import odometry
 
@@ -72,3 +74,18 @@ def test_a_transfer_ends_on_the_sand_and_a_standstill_after_its_duration(monkeyp
     assert 6.2 < duration(monkeypatch, TRANSFER, 60.0) <= 6.5
     assert duration(monkeypatch, TRANSFER, 3.0) == 3.0
     assert duration(monkeypatch, Leg('standstill', 0.0, 0.0), 2.5) == 2.5
+
+
+@pytest.mark.parametrize(('typical', 'reason'), [(0.001, ''), (
+    0.031, '; host late: timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs')])
+def test_the_error_of_a_path_that_was_not_driven_names_a_late_host(
+        typical, reason, tmp_path, capsys):
+    host = HostLoad(typical, 0.4, 36.0, 2)
+    summary = {'silent': [], 'against_truth': None, 'duration_s': 60.0, 'messages': {'odom': 10},
+               'radio': {'sent': 1, 'dropped': 0, 'missing': 0}, 'stamps': {}, 'tracking': {},
+               'host': {'late': host.late, **asdict(host)},
+               'late_host': {'times': 0, 'longest_s': 0.0, 'resumed': 0}}
+    assert demo._report(tmp_path, summary) == 1
+    assert capsys.readouterr().err == (
+        f'demo: the robot did not arrive: to the border, figure-eight{reason}\n')
+    assert (tmp_path / 'summary.json').exists()

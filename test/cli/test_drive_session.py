@@ -27,6 +27,7 @@ from smart_tire.control.command_check import check_age
 from smart_tire.control.path_library import figure_eight
 from smart_tire.control.trajectory_control import State
 from smart_tire.errors import CommandError, LateCommandError
+from smart_tire.host_load import HostLoad
 from smart_tire.samples import NAN, NS_PER_S, PathProgress
 from support.ideal_robot import distances, odometry, path, Run
 
@@ -280,6 +281,16 @@ def test_the_reason_is_that_of_the_diagnostics_after_the_stop():
     pilot = Controller()
     assert session_of(pilot).reason(State.STOPPED) == (LATE_REASON, 'late')
     assert pilot.looks == 3
+
+
+def test_errors_on_a_late_host_name_its_load():
+    pilot = Controller()
+    load = HostLoad(0.031, 0.4, 36.0, 2)
+    pilot.health['imu_driver'] = {key: str(value) for key, value in load.values.items()}
+    reason, cause = session_of(pilot).reason(State.STOPPED)
+    assert (reason, cause) == (f'{LATE_REASON}; {load}', 'late')
+    pilot.health['imu_driver'] = {}
+    assert session_of(pilot).host_problem == ''
 
 
 def test_a_pose_of_the_standing_robot_that_is_measured_from_now_on_is_awaited(monkeypatch):

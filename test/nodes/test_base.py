@@ -12,8 +12,14 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+import os
+import subprocess
+import sys
+
 import pytest
 from rosgraph_msgs.msg import Clock
+from smart_tire.host_load import MAX_LATENESS
 from smart_tire.nodes.base import once
 from smart_tire.nodes.compat import message_class, plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
@@ -128,6 +134,9 @@ def test_topics_and_status_names_follow_the_namespace(graph, tmp_path):
         assert node.end() == 0
 
 
+BUSY = 'while True: pass'
+LOWEST_PRIORITY = 19
+
 DEFECTIVE_NODE = """
 import sys, threading
 from smart_tire.nodes.base import SmartTireNode
@@ -151,3 +160,18 @@ def test_an_uncaught_exception_in_a_thread_ends_the_node(graph, tmp_path):
     with Process(['-c', DEFECTIVE_NODE], tmp_path / 'log') as node:
         assert node.ended() == 1
         assert 'ZeroDivisionError' in node.output
+
+
+def test_a_node_that_waits_for_a_core_reports_the_host(graph):
+    core = {min(os.sched_getaffinity(0))}
+    with graph.start('wheel_controller') as node, ExitStack() as loops:
+        graph.until(lambda: 'wheel_controller' in graph.health)
+        os.sched_setaffinity(node.popen.pid, core)
+        os.setpriority(os.PRIO_PROCESS, node.popen.pid, LOWEST_PRIORITY)
+        for _ in range(4):
+            loop = loops.enter_context(subprocess.Popen([sys.executable, '-c', BUSY]))
+            loops.callback(loop.kill)
+            os.sched_setaffinity(loop.pid, core)
+        graph.until(lambda: 'timers late by' in graph.status_message('wheel_controller'))
+        assert 'end other programs' in graph.status_message('wheel_controller')
+        assert float(graph.value('wheel_controller', 'host.timer_lateness')) > MAX_LATENESS

@@ -18,6 +18,8 @@ their change over the recording shows clocks that drift against each other.
 from __future__ import annotations
 
 from collections.abc import Iterator
+import re
+from typing import Any
 
 import numpy as np
 
@@ -27,11 +29,14 @@ from smart_tire.analysis.summary import MIN_GAP_PERIODS, stream_stats
 from smart_tire.arrays import Array
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import counted, Finding, Level
+from smart_tire.host_load import PREFIX, worst_of
 from smart_tire.messages import TOPICS
 from smart_tire.numerics.robust import MAD_TO_SIGMA
+from smart_tire.parameters import NODE_PARAMS
 from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S
 
+RECORDER = 'recorder'  # node of smart_tire record
 NEEDED_FOR = {'imu/data': 'odom and wheel_slip', 'wheel_states': 'all estimates',
               'tire_samples': 'tire_friction'}
 
@@ -160,9 +165,9 @@ def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
 
 def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps far from reception, and inputs whose clocks differ."""
-    medians: dict[str, float] = {}
+    medians = _median_delays(recording)
     for stream in _stamped(recording):
-        delay = medians[stream.name] = float(np.median(_delays(stream)))
+        delay = medians[stream.name]
         if not -limits.MAX_LEAD <= delay <= limits.MAX_DELAY:
             yield finding('stamp_ahead' if delay < 0.0 else 'stamp_behind', stream.name,
                           lead=-delay, delay=delay, limit=limits.MAX_DELAY)
@@ -170,6 +175,42 @@ def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
         late, early = max(medians, key=medians.__getitem__), min(medians, key=medians.__getitem__)
         yield finding('clocks_differ', late, difference=medians[late] - medians[early],
                       other=early)
+
+
+def _median_delays(recording: CheckedRecording) -> dict[str, float]:
+    return {stream.name: float(np.median(_delays(stream))) for stream in _stamped(recording)}
+
+
+def check_late(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield messages that arrived late, compared with the promptest ones around them."""
+    for stream in _stamped(recording):
+        _, block, lowest = _least_delays(stream)
+        lateness = _delays(stream) - lowest[block]
+        late = lateness > limits.MAX_LATENESS
+        if late.any():
+            yield finding('late', stream.name, count=int(late.sum()), total=len(stream),
+                          limit=limits.MAX_LATENESS, longest=lateness.max(),
+                          first=(stream.stamp_ns[late][0] - recording.origin_ns) / NS_PER_S)
+
+
+def check_diagnostics(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield that the host was late, and warnings and errors that nodes have published."""
+    host = worst_of(status.values for _, status in recording.statuses)
+    if host is not None and host.late:
+        yield finding('host_late', 'host', host=host)
+    found: dict[tuple[str, int, str], list[tuple[int, str]]] = {}
+    for stamp_ns, status in recording.statuses:
+        text = '; '.join(part for part in status.message.split('; ')
+                         if not part.startswith(PREFIX))  # which is that of the host
+        if status.level and text and status.name.rpartition('/')[2] in (*NODE_PARAMS, RECORDER):
+            kind = status.name, status.level, re.sub(r'[0-9.]+', '', text)
+            found.setdefault(kind, []).append((stamp_ns, text))
+    for (node, level, _), texts in found.items():
+        severity = (Level.INFO if len(texts) < limits.MIN_WARNINGS else
+                    Level.WARNING if level == 1 else Level.ERROR)
+        yield finding('diagnostics', node, severity, text=texts[-1][1],
+                      times=counted(len(texts), 'time'),
+                      first=(texts[0][0] - recording.origin_ns) / NS_PER_S)
 
 
 def check_drift(recording: CheckedRecording) -> Iterator[Finding]:
@@ -197,14 +238,10 @@ def check_held(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _drift(stream: Stream) -> tuple[float, float] | None:
     """Return drift of the timestamps [s/s] and its standard error; None if not observable."""
-    time = (stream.receive_ns - stream.receive_ns[0]) / NS_PER_S
-    span = float(time[-1])
-    blocks = np.minimum(time / max(span, 1e-9) * limits.DRIFT_BLOCKS, limits.DRIFT_BLOCKS - 1)
-    used, block = np.unique(blocks.astype(int), return_inverse=True)
+    used, _, lowest = _least_delays(stream)
     if len(used) < 3:
         return None
-    lowest = np.full(len(used), np.inf)
-    np.minimum.at(lowest, block, _delays(stream))
+    span = float(stream.receive_ns[-1] - stream.receive_ns[0]) / NS_PER_S
     center = (used + 0.5) * span / limits.DRIFT_BLOCKS
     i, j = np.triu_indices(len(used), 1)
     slope = float(np.median((lowest[j] - lowest[i]) / (center[j] - center[i])))  # Theil and Sen
@@ -212,6 +249,17 @@ def _drift(stream: Stream) -> tuple[float, float] | None:
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(residual)))
     spread = float(np.sqrt(np.sum((center - center.mean()) ** 2)))
     return -slope, sigma / spread
+
+
+def _least_delays(stream: Stream) -> tuple[Any, Any, Array]:
+    """Return the blocks of time with messages, that of each message, and the least delays [s]."""
+    time = (stream.receive_ns - stream.receive_ns[0]) / NS_PER_S
+    blocks = np.minimum(time / max(float(time[-1]), 1e-9) * limits.DRIFT_BLOCKS,
+                        limits.DRIFT_BLOCKS - 1)
+    used, block = np.unique(blocks.astype(int), return_inverse=True)
+    lowest = np.full(len(used), np.inf)
+    np.minimum.at(lowest, block, _delays(stream))
+    return used, block, lowest
 
 
 def _regular(recording: CheckedRecording) -> list[Stream]:

@@ -26,7 +26,7 @@ from smart_tire.calibration.latency import fit_yaw_rate, YawRateFit
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
-from smart_tire.messages import TOPICS
+from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, Recording as Samples, Stream
 from smart_tire.samples import ImuSample, WheelSample
@@ -53,6 +53,7 @@ class CheckedRecording:
     samples: Samples
     faults: Faults = field(default_factory=Faults)
     problems: tuple[str, ...] = ()  # damage of the bag, other message types
+    statuses: tuple[tuple[int, NodeStatus], ...] = ()  # timestamps [ns], diagnostics of nodes
     live: bool = False              # a few seconds of a running robot
 
     def of(self, topic: str) -> list[Stream]:
@@ -116,6 +117,10 @@ def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambd
          ) -> CheckedRecording:
     """Return what the checks need of ``bag``, which is read once."""
     samples = bag.recording(READ, progress, restamp=False)
-    problems = (*(f'{text}: not read' for text in bag.type_mismatches()), *bag.warnings,
-                *bag.losses.lines())
-    return CheckedRecording(robot, samples, bag.faults, problems)
+    return CheckedRecording(robot, samples, bag.faults, problems_of(bag), tuple(bag.statuses()))
+
+
+def problems_of(bag: Bag) -> tuple[str, ...]:
+    """Return damage of a bag that was read, and topics of other types."""
+    return (*(f'{text}: not read' for text in bag.type_mismatches()), *bag.warnings,
+            *bag.losses.lines())

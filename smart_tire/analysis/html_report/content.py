@@ -84,7 +84,9 @@ def _notes(analysis: Analysis, summary: Tree) -> list[str]:
               'rejected messages': sum(one['rejected'] for one in inputs),
               'late messages': sum(one['late'] for one in inputs)}
     found = [f'{what}: {count}' for what, count in counts.items() if count]
-    return [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else []
+    host = analysis.contents.host
+    return [*([f'{host.capitalize()}.'] if host else []), *(
+        [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else [])]
 
 
 def _tiles(summary: Tree) -> list[tuple[str, str, str]]:

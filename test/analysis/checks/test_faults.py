@@ -22,7 +22,8 @@ from smart_tire.analysis.checks import films, messages, motion, sensors
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.bags import SampleDecoder
 from smart_tire.bags.cdr import empty, Encoder
-from smart_tire.messages import TOPICS
+from smart_tire.host_load import HostLoad
+from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
 from smart_tire.recording import Faults, Recording
@@ -113,6 +114,55 @@ def test_a_gap_is_reported_with_its_time():
     assert '1 gap, the longest 0.41 s, the first at 10.0 s' in found(messages.check_gaps, events)
     events = interrupted(clean(), 'imu/data', [(10.0, 10.06)])
     assert 'imu/data' not in found(messages.check_gaps, events)
+
+
+def test_messages_that_arrive_late_are_reported():
+    events = [(receive_ns + (NS_PER_S * 3 // 10 if topic == 'wheel_states' and 100 < count < 150
+                             else 0), topic, sample)
+              for count, (receive_ns, topic, sample) in enumerate(clean())]
+    late = sum(topic == 'wheel_states' for _, topic, _ in events[101:150])
+    text = found(messages.check_late, events)
+    assert f'WARNING wheel_states: {late} of ' in text
+    assert 'more than 0.25 s late, up to 0.3' in text
+    assert 'imu/data' not in text and 'tire_samples' not in text
+    assert found(messages.check_late, clean()) == ''
+
+
+def test_a_late_clock_is_no_late_message():
+    """A constant delay, or one that grows by 0.2 ms per s, is that of the clock."""
+    events = [(receive_ns + NS_PER_S + (receive_ns - EPOCH_NS) // 5000, topic, sample)
+              for receive_ns, topic, sample in clean()]
+    assert found(messages.check_late, events) == ''
+
+
+def diagnosed(*statuses):
+    """Return a clean recording with diagnostics from rows (second, name, level, text, values)."""
+    return replace(recording(clean()), statuses=tuple(
+        (EPOCH_NS + second * NS_PER_S, NodeStatus(name, level, text, values))
+        for second, name, level, text, values in statuses))
+
+
+def test_what_nodes_have_reported_is_grouped_by_its_text():
+    host = HostLoad(0.03, 0.4, 36.0, 2)
+    text = texts(messages.check_diagnostics(diagnosed(
+        (1, 'r1/motor_driver', 0, 'ok', {}),
+        (2, 'r1/motor_driver', 1, 'no odom for 1.5 s', {}),
+        (3, 'r1/motor_driver', 1, f'no odom for 2.5 s; {host}', {}),
+        (4, 'camera', 2, 'gone', {}), (4, 'slip_estimator', 1, str(host), {}),
+        (5, 'imu_driver', 2, 'port lost', {}), (6, 'imu_driver', 2, 'port lost', {}),
+        (7, 'recorder', 1, 'lost 2 messages of odom', {}))))
+    assert text.splitlines() == [
+        'WARNING r1/motor_driver: no odom for 2.5 s (2 times, the first at 2.0 s)',
+        'ERROR imu_driver: port lost (2 times, the first at 5.0 s)',
+        'INFO recorder: lost 2 messages of odom (1 time, the first at 7.0 s)']
+
+
+@pytest.mark.parametrize('typical, level', [(0.019, ''), (0.031, 'WARNING')])
+def test_a_late_host_is_named_with_its_load(typical, level):
+    values = {key: str(value) for key, value in HostLoad(typical, 0.4, 36.0, 2).values.items()}
+    text = texts(messages.check_diagnostics(diagnosed((1, 'motor_driver', 0, 'ok', values))))
+    assert text == (level and f'{level} host: timers late by 31 ms (99%), load 36.0 on 2 cores: '
+                              'end other programs')
 
 
 def test_many_lost_batches_are_a_warning():

@@ -1,0 +1,111 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""How late the timers of this process are because other programs use the processor cores."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+import os
+from pathlib import Path
+
+SCHEDSTAT = Path('/proc/thread-self/schedstat')  # ns running, ns waiting for a core, time slices
+WINDOW = 100                  # latest checks, 10 s at 10 Hz
+SHARE = 0.99                  # of the checks that were at most ``typical`` late
+MAX_LATENESS = 0.020          # s, of a robot at work; reorder_window of the estimators is 0.03
+PREFIX = 'timers late by'  # of the text
+KEYS = tuple(f'host.{name}' for name in ('timer_lateness', 'longest_lateness', 'load', 'cores'))
+
+
+@dataclass(frozen=True)
+class HostLoad:
+    """Lateness of timers [s] and the load of the host while it was measured."""
+
+    typical: float  # of ``SHARE`` of the timers at most
+    longest: float
+    load: float     # processes that want to run, average of one minute
+    cores: int
+
+    @property
+    def late(self) -> bool:
+        """Return whether the lateness disturbs the robot."""
+        return self.typical > MAX_LATENESS
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Return the values by their names in the diagnostics."""
+        return dict(zip(KEYS, (self.typical, self.longest, self.load, self.cores)))
+
+    def __str__(self) -> str:
+        return (f'{PREFIX} {1e3 * self.typical:.0f} ms ({SHARE:.0%}), '
+                f'load {self.load:.1f} on {self.cores} cores: end other programs')
+
+
+def host_load(late: Sequence[float]) -> HostLoad:
+    """Return the load of this host and the statistics of the latenesses [s] of timers."""
+    found = sorted(late) or [0.0]
+    return HostLoad(found[int(SHARE * (len(found) - 1))], found[-1], os.getloadavg()[0],
+                    os.cpu_count() or 1)
+
+
+def worst_of(diagnostics: Iterable[Mapping[str, str | float]]) -> HostLoad | None:
+    """Return the greatest lateness in the diagnostics of nodes; None if they have none."""
+    found: list[HostLoad] = []
+    for values in diagnostics:
+        try:
+            typical, longest, load, cores = (float(values[key]) for key in KEYS)
+        except (KeyError, ValueError):  # of another program
+            continue
+        found.append(HostLoad(typical, longest, load, int(cores)))
+    return max(found, key=lambda one: one.typical, default=None)
+
+
+class TimerLateness:
+    """
+    Lateness of a periodic timer for which other programs are the reason.
+
+    A timer is also late after a long callback of its own thread. The kernel counts how long a
+    thread that could run has waited for a core: lateness beyond this is not counted. Without this
+    count, which some containers hide, nothing is.
+    """
+
+    def __init__(self, period: float, waited: Callable[[], float] | None = None) -> None:
+        self._period = period  # s
+        self._waited = waited or waited_for_core
+        self._due: float | None = None
+        self._waited_before = 0.0
+        self._late: deque[float] = deque(maxlen=WINDOW)
+
+    def check(self, now: float) -> None:
+        """Take a call of the timer at ``now`` [s], on the thread that executes it."""
+        waited = self._waited()
+        if self._due is not None:
+            late = now - self._due
+            self._late.append(max(0.0, min(late, waited - self._waited_before)))
+            if late > self._period:  # the timer skips calls, and keeps its phase
+                now -= late % self._period
+                self._due = now
+        self._due = (now if self._due is None else self._due) + self._period
+        self._waited_before = waited
+
+    @property
+    def load(self) -> HostLoad:
+        """Return the lateness in the latest ``WINDOW`` checks."""
+        return host_load(self._late)
+
+
+def waited_for_core() -> float:
+    """Return for how long the calling thread has waited for a core [s]; 0 if it is unknown."""
+    try:
+        return int(SCHEDSTAT.read_bytes().split()[1]) * 1e-9
+    except (OSError, IndexError):
+        return 0.0
