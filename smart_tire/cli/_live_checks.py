@@ -125,6 +125,7 @@ def status_findings(heard: Heard) -> Iterator[Finding]:
 
 def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
     """Listen; yield the findings on the graph."""
+    from smart_tire.nodes.clock_offset import clock_findings
     from smart_tire.nodes.compat import node_names
     from smart_tire.nodes.observer import graph_findings, Observer, read_graph
     from smart_tire.nodes.runner import NodeRunner
@@ -143,7 +144,9 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
         listening[0] = True
         runner.spin(seconds)
         graph, heard.nodes = read_graph(runner.node), node_names(runner.node)
+        clocks = list(clock_findings(runner.node, heard.nodes))
     yield from graph_findings(graph, heard.nodes)
+    yield from clocks
     if heard.nodes:
         yield Finding(Level.OK, 'ROS', f'{len(heard.nodes)} nodes: {", ".join(heard.nodes)}')
     else:
