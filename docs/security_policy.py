@@ -19,12 +19,14 @@ keystore.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import deepcopy
 from pathlib import Path
 import sys
 from xml.etree import ElementTree
 
 from smart_tire.messages.describe import (
     DIAGNOSTICS, FROM_USER, NODE_TABLE, Service, TOPIC_NAMES)
+from smart_tire.nodes.command_line import COMPOSED, COMPOSED_NODES
 
 HEADER = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- SROS2 policy: an enclave for each node, for operators and for observers.
@@ -52,6 +54,7 @@ def policy(namespace: str = '') -> str:
                  [*node.publishes, *replayed], [*node.subscribes, *replayed],
                  reply=[one.name for one in node.services if not _is_action(one)],
                  execute=[one.name for one in node.services if _is_action(one)])
+    _composed_enclave(enclaves, namespace)
     offered = [one for node in NODE_TABLE.values() for one in node.services]
     reading = [f'{node}/{service}' for node in NODE_TABLE for service in READING]
     setting = [f'{node}/{name}' for node in NODE_TABLE
@@ -64,6 +67,18 @@ def policy(namespace: str = '') -> str:
     return HEADER + ElementTree.tostring(root, encoding='unicode') + '\n'
 
 
+def _composed_enclave(enclaves: ElementTree.Element, namespace: str) -> None:
+    """Append the enclave of the process ``composed``: what its nodes may, under their names."""
+    profiles = [deepcopy(profile) for profile in enclaves.iter('profile')
+                if profile.get('node') in COMPOSED_NODES]
+    place = ElementTree.SubElement(enclaves, 'enclave', path=_path(namespace, COMPOSED))
+    ElementTree.SubElement(place, 'profiles').extend(profiles)
+
+
+def _path(namespace: str, name: str) -> str:
+    return '/'.join(('', *filter(None, (namespace, name))))
+
+
 def _is_action(service: Service) -> bool:
     return '/action/' in service.type
 
@@ -72,8 +87,7 @@ def _enclave(parent: ElementTree.Element, namespace: str, node: str, publish: It
              subscribe: Iterable[str], *, reply: Iterable[str] = (), request: Iterable[str] = (),
              execute: Iterable[str] = (), call: Iterable[str] = ()) -> None:
     """Append an enclave whose profile allows what is listed, and what every node needs."""
-    path = '/'.join(('', *filter(None, (namespace, node))))
-    place = ElementTree.SubElement(parent, 'enclave', path=path)
+    place = ElementTree.SubElement(parent, 'enclave', path=_path(namespace, node))
     profile = ElementTree.SubElement(
         ElementTree.SubElement(place, 'profiles'), 'profile', ns=f'/{namespace}', node=node)
     for kind, role, names in (

@@ -20,35 +20,31 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, file, hold_interrupts, is_described, parameters_of, text,
-    TRANSFORMS, viewer)
+    boolean, check_arguments, ENDED, file, hold_interrupts, is_described, parameters_of,
+    respawn_delay, SEPARATE, STOP, text, TRANSFORMS, viewer)
+from smart_tire.nodes.command_line import COMPOSED
 from smart_tire.parameters import FILES as PARAMETER_FILES
 
-PORTS = {'motor_driver': 'motors', 'imu_driver': 'imu', 'tire_receiver': 'tire_radio'}
-NODES = [node for file in ('hardware.yaml', 'tuning.yaml') for node in PARAMETER_FILES[file]
-         if node != 'slip_estimator']  # which is started in another way
+DRIVERS = ('motor_driver', 'imu_driver', 'tire_receiver')
+NODES = [node for file in ('hardware.yaml', 'tuning.yaml') for node in PARAMETER_FILES[file]]
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'hardware': 'drivers and ports',
     'tuning': 'estimators and controllers',
 }
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
-             'simulated': boolean, **dict.fromkeys(FILES, file),
-             'hardware': parameters_of(*PORTS, 'robot_simulator')}  # of which the file may be
+             'simulated': boolean, 'composed': boolean, **dict.fromkeys(FILES, file),
+             'hardware': parameters_of(*DRIVERS, 'robot_simulator')}  # of which the file may be
 DESCRIBED = ('namespace', 'description', 'rviz', 'robot', 'tuning')  # arguments of description.py
-RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readable
-MAX_RESPAWN_DELAY = 60.0  # s, of a node that dies again and again
-ENDED = (0, 2)  # exit status: interrupted, wrong arguments or parameters
-STOP = {'start_stopped': True}
 
 
 def supervised(context, executable, *parameters, wait=0.0):
     """
-    Return a node, started ``wait`` [s] from now, that starts again when it dies.
+    Return a process, started ``wait`` [s] from now, that starts again when it dies.
 
-    The wait doubles up to ``MAX_RESPAWN_DELAY`` until the node has run that long. A node that
-    ended by itself, also because of wrong parameters, is not started again. motor_driver restarts
-    with the emergency stop latched: an operator has to release it.
+    The wait grows (``respawn_delay``). A process that ended by itself, also because of wrong
+    parameters, is not started again. motor_driver restarts with the emergency stop latched: an
+    operator has to release it.
     """
     begin = time.monotonic() + wait
 
@@ -56,8 +52,7 @@ def supervised(context, executable, *parameters, wait=0.0):
         if (context.is_shutdown or event.returncode in ENDED
                 or not boolean(context.launch_configurations['respawn'])):
             return []
-        lasted = time.monotonic() - begin > MAX_RESPAWN_DELAY
-        period = min(2.0 * wait, MAX_RESPAWN_DELAY) if wait and not lasted else RESPAWN_DELAY
+        period = respawn_delay(wait, time.monotonic() - begin)
         stop = [STOP] if executable == 'motor_driver' and STOP not in parameters else []
         return [TimerAction(period=period, actions=[
             supervised(context, executable, *parameters, *stop, wait=period)])]
@@ -70,28 +65,21 @@ def supervised(context, executable, *parameters, wait=0.0):
                 ros_arguments=['--enclave', enclave], on_exit=restart)
 
 
-def port_of(executable, context):
-    """Return the parameter that makes a driver of a simulated robot open no real device."""
-    if executable not in PORTS or not boolean(context.launch_configurations['simulated']):
-        return []
-    return [{'port': f'simulated:{PORTS[executable]}'}]
-
-
 def start(context):
-    """Return one process per node, all with the same parameter files."""
-    return [supervised(context, node, *port_of(node, context)) for node in NODES]
-
-
-def describe(context):
-    """Return the description of the robot, and slip_estimator without its static transform."""
-    described = is_described(context.launch_configurations['description'])
-    own = [{'publish_imu_tf': False}] if described else []
+    """Return all processes, with the same parameter files."""
+    chosen = context.launch_configurations
+    processes = [COMPOSED, *SEPARATE] if boolean(chosen['composed']) else NODES
+    # a driver of a simulated robot opens no real device
+    port = [{'port': 'simulated'}] if boolean(chosen['simulated']) else []
+    # the static transform is that of robot_state_publisher, if it is started
+    transform = [{'publish_imu_tf': False}] if is_described(chosen['description']) else []
     return [
         IncludeLaunchDescription(
             PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'description.py']),
             launch_arguments={name: LaunchConfiguration(name) for name in DESCRIBED}.items()),
-        supervised(context, 'slip_estimator', *own),
-    ]
+        *(supervised(context, name, *(port if name in (COMPOSED, *DRIVERS) else []),
+                     *(transform if name in (COMPOSED, 'slip_estimator') else []))
+          for name in processes)]
 
 
 def generate_launch_description():
@@ -106,6 +94,9 @@ def generate_launch_description():
         DeclareLaunchArgument('description', default_value='true',
                               description='start robot_state_publisher, if it is installed'),
         DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
+        DeclareLaunchArgument('composed', default_value='false',
+                              description='one process for all nodes but motor_driver and '
+                                          'wheel_controller'),
         DeclareLaunchArgument('simulated', default_value='false',
                               description='open the ports of robot_simulator in this namespace, '
                                           'whatever the parameter files say'),
@@ -115,5 +106,4 @@ def generate_launch_description():
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
         OpaqueFunction(function=start),
-        OpaqueFunction(function=describe),
     ])

@@ -26,7 +26,8 @@ FILES = {  # parameter file -> its content
 }
 PORTS = {f'ports.{name}': f'simulated:{name}' for name in ('tire_radio', 'imu', 'motors')}
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
-             **dict.fromkeys(FILES, file), 'simulation': parameters_of('robot_simulator')}
+             'composed': boolean, **dict.fromkeys(FILES, file),
+             'simulation': parameters_of('robot_simulator')}
 
 
 def robot(context):
@@ -54,6 +55,8 @@ def generate_launch_description():
         DeclareLaunchArgument('description', default_value='true',
                               description='start robot_state_publisher, if it is installed'),
         DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
+        DeclareLaunchArgument('composed', default_value='false',
+                              description='processes as in robot.launch.py'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, content in FILES.items()),

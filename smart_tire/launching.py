@@ -9,7 +9,7 @@
 # the License.
 
 """
-Checks of launch arguments, and signal handling, for the launch files.
+Checks of launch arguments, signal handling and restarts, for the launch files and the command.
 
 The launch system is not imported: functions take its context as an argument, so that they can be
 installed and tested without it.
@@ -36,6 +36,12 @@ INDEX = 'share/ament_index/resource_index/packages'  # below each path of AMENT_
 # as in nav2: robots in namespaces have transforms of their own
 TRANSFORMS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 PUBLISHER, VIEWER = 'robot_state_publisher', 'rviz2'  # packages
+
+RESPAWN_DELAY = 2.0  # s, so that a port can reappear and the log remains readable
+MAX_RESPAWN_DELAY = 60.0  # s, of a node that dies again and again
+ENDED = (0, 2)  # exit status: interrupted, wrong arguments or parameters; not started again
+STOP = {'start_stopped': True}  # parameter with which motor_driver starts again
+SEPARATE = ('motor_driver', 'wheel_controller')  # processes of their own, for safety
 
 Converter = Callable[[str], Any]  # of a launch argument; raises ValueError if it is invalid
 
@@ -149,6 +155,18 @@ def hold_interrupts(context: Any) -> None:
     # Launch first visits the whole description, then the loop starts the processes, one task
     # each. A callback scheduled by a callback of this iteration runs after all of them.
     loop.call_soon(loop.call_soon, signal.pthread_sigmask, signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def respawn_delay(waited: float, lasted: float) -> float:
+    """
+    Return the wait [s] until a node that died starts again.
+
+    It doubles, up to ``MAX_RESPAWN_DELAY``, until the node has run that long. ``waited`` [s] was
+    the wait before the start of the node, which has run for ``lasted`` [s].
+    """
+    if not waited or lasted > MAX_RESPAWN_DELAY:
+        return RESPAWN_DELAY
+    return min(2.0 * waited, MAX_RESPAWN_DELAY)
 
 
 def _given(context: Any) -> list[str]:

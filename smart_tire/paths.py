@@ -29,13 +29,17 @@ LOCK_SUFFIX = '.lock'     # of the file of the link of a simulated port
 MAX_LOCK_BYTES = 256      # of its text: process and terminal
 
 
-def port_url(port: str, namespace: str) -> str:
+def port_url(port: str, namespace: str, device: str = '') -> str:
     """
     Return ``port``, with ``simulated:NAME`` as ``simulated:`` and the path of a link.
+
+    ``simulated`` alone stands for ``simulated:`` and ``device``.
 
     Simulator and drivers of one user, ROS domain and ``namespace`` find the same link, and no
     others do. A port with this scheme is opened only if it is a pseudo-terminal.
     """
+    if device and port == SIMULATED.rstrip(':'):
+        port = SIMULATED + device
     name = port.removeprefix(SIMULATED)
     if name == port or '/' in name:
         return port

@@ -34,7 +34,9 @@ from typing import Any
 import pytest
 
 from security_policy import policy
-from smart_tire.launching import check_arguments, hold_interrupts
+from smart_tire.cli._stack import PORTS
+from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE
+from smart_tire.nodes.command_line import COMPOSED_NODES
 from smart_tire.parameters import build, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
 
@@ -45,6 +47,7 @@ LAUNCH = ROOT / 'launch'
 MODULES = ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',
            'launch_ros.actions', 'launch_ros.parameter_descriptions', 'launch_ros.substitutions')
 DEFAULTS = {'namespace': '', 'description': 'true', 'rviz': 'false', 'simulated': 'false',
+            'composed': 'false',
             'robot': str(ROOT / 'config' / 'robot.yaml'),
             'tuning': str(ROOT / 'config' / 'tuning.yaml')}
 TUNING = DEFAULTS['tuning']
@@ -152,7 +155,7 @@ def test_arguments_that_are_used_are_declared_and_described(path, described):
     found = described(path)
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
     assert all(options['description'] for options in declared.values())
-    by_function = {'simulated', 'respawn'}
+    by_function = {'simulated', 'respawn', 'composed'}
     assert used(found) >= declared.keys() - by_function or path == INCLUDED
     assert used(found) <= declared.keys() or path == INCLUDED
 
@@ -221,10 +224,24 @@ def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
     simulator, = of_kind(found, 'Node')
     ports = simulator.options['parameters'][-1]  # whatever the parameter files say
     robot = described(LAUNCH / 'robot.launch.py', simulated='true')
-    assert sorted(ports.values()) == sorted(
-        node.options['parameters'][-1]['port'] for node in of_kind(robot, 'Node')
-        if 'port' in specs(NODE_PARAMS[node.options['executable']]))
-    assert {f'ports.{port.removeprefix("simulated:")}' for port in ports.values()} == ports.keys()
+    drivers = {node.options['executable'] for node in of_kind(robot, 'Node')
+               if {'port': 'simulated'} in node.options['parameters']}
+    assert drivers == {name for name, cls in NODE_PARAMS.items() if 'port' in specs(cls)}
+    assert ports == {f'ports.{name}': f'simulated:{name}' for name in PORTS}
+
+
+@pytest.mark.parametrize('simulated', ['true', 'false'])
+def test_a_composed_robot_has_two_nodes_in_processes_of_their_own(simulated, described, installed):
+    installed('robot_state_publisher')
+    found = described(LAUNCH / 'robot.launch.py', composed='true', simulated=simulated)
+    assert sorted(executables(found)) == ['composed', 'motor_driver', 'wheel_controller']
+    assert {*SEPARATE, *COMPOSED_NODES} == NODE_PARAMS.keys() - {'robot_simulator'}
+    port = [{'port': 'simulated'}] if simulated == 'true' else []
+    own = {node.options['executable']: [part for part in node.options['parameters']
+                                        if isinstance(part, dict)]
+           for node in of_kind(found, 'Node')}
+    assert own == {'composed': [*port, {'publish_imu_tf': False}], 'motor_driver': port,
+                   'wheel_controller': []}
 
 
 def exited(node: Call, status: int = -9, shutdown: bool = False, respawn: str = 'true',
@@ -236,8 +253,10 @@ def exited(node: Call, status: int = -9, shutdown: bool = False, respawn: str = 
 
 
 @pytest.mark.parametrize('simulated', ['true', 'false'])
-def test_nodes_that_died_restart_and_motor_driver_with_the_stop_latched(simulated, described):
-    found = described(LAUNCH / 'robot.launch.py', simulated=simulated)
+@pytest.mark.parametrize('composed', ['true', 'false'])
+def test_nodes_that_died_restart_and_motor_driver_with_the_stop_latched(
+        composed, simulated, described):
+    found = described(LAUNCH / 'robot.launch.py', simulated=simulated, composed=composed)
     respawn, = (call for call in of_kind(found, 'DeclareLaunchArgument')
                 if call.args[0] == 'respawn')
     assert respawn.options['default_value'] == 'true'
@@ -258,8 +277,10 @@ def test_nodes_that_died_restart_and_motor_driver_with_the_stop_latched(simulate
 
 
 @pytest.mark.parametrize('namespace', ['', 'r1', '/r1/a/'])
-def test_the_enclave_of_a_node_is_that_of_the_policy(namespace, described):
-    for node in of_kind(described(LAUNCH / 'robot.launch.py', namespace=namespace), 'Node'):
+@pytest.mark.parametrize('composed', ['true', 'false'])
+def test_the_enclave_of_a_node_is_that_of_the_policy(composed, namespace, described):
+    for node in of_kind(described(LAUNCH / 'robot.launch.py', namespace=namespace,
+                                  composed=composed), 'Node'):
         option, enclave = node.options['ros_arguments']
         assert option == '--enclave'
         assert f'<enclave path="{enclave}">' in policy(namespace.strip('/'))
@@ -482,7 +503,7 @@ def test_ctrl_c_of_a_simulation_prints_no_errors(moment, simulation, isolated_ro
         assert launch.end() == 0
     log = ''.join(launch.lines)
     assert not re.search(r'ERROR|FATAL|Traceback|KeyboardInterrupt|has died', log), log
-    assert len(re.findall('has finished cleanly', log)) == 7, log
+    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS), log
 
 
 PUBLISHER = """#!/usr/bin/env python3
@@ -512,4 +533,4 @@ def test_robot_state_publisher_gets_the_wheels_and_ends_with_ctrl_c(
         assert launch.end() == 0
     log = ''.join(launch.lines)
     assert 'is not installed' not in log and 'has died' not in log, log
-    assert len(re.findall('has finished cleanly', log)) == 8, log
+    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS) + 1, log

@@ -25,6 +25,7 @@ import setuptools
 
 import smart_tire
 from smart_tire.messages import TOPICS
+from smart_tire.nodes.command_line import COMPOSED
 from smart_tire.parameters import NODE_PARAMS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -117,7 +118,8 @@ def test_every_node_and_the_command_are_executables(setup_arguments):
     scripts = dict(re.split(r'\s*=\s*', script)
                    for script in setup_arguments['entry_points']['console_scripts'])
     assert scripts == {'smart_tire': 'smart_tire.cli.main:main',
-                       **{node: f'smart_tire.nodes.{node}:main' for node in NODE_PARAMS}}
+                       **{node: f'smart_tire.nodes.{node}:main'
+                          for node in (*NODE_PARAMS, COMPOSED)}}
 
 
 def test_every_entry_point_refers_to_a_function_or_class(setup_arguments):

@@ -39,6 +39,8 @@ def test_simulated_ports_differ_by_namespace_and_domain_and_other_ports_are_left
     assert all(url.startswith('simulated:/') and url.endswith('/imu') for url in urls)
     for port in ('/dev/ttyUSB0', 'socket://h:1', 'simulated:/x/imu'):
         assert port_url(port, '/r1') == port
+    assert port_url('simulated', '/r1', 'imu') == port_url('simulated:imu', '/r1', 'motors')
+    assert port_url('/dev/simulated', '/r1', 'imu') == '/dev/simulated'
 
 
 @pytest.mark.parametrize('file', ['metadata.yaml', 'drive_0.mcap', 'drive_0.db3',

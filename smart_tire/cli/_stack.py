@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 import ctypes
 import os
 from pathlib import Path
@@ -68,15 +69,18 @@ class Stack:
     """
     Processes of this package with log files in ``folder``; the context stops all of them.
 
+    With None they share the output of this process.
+
     Child processes have their own session: Ctrl-C reaches this process only, which then stops
     the children in order.
     """
 
-    def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
+    def __init__(self, folder: Path | None, environment: Mapping[str, str]) -> None:
         self._folder = folder
         self._environment = dict(environment)
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        folder.mkdir(parents=True, exist_ok=True)
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Stack:
         return self
@@ -90,7 +94,7 @@ class Stack:
 
     def start(self, name: str, module: str, *arguments: str) -> None:
         """Start ``python -m module`` under ``name``."""
-        with (self._folder / f'{name}.log').open('wb') as log:
+        with self._log_file(name).open('wb') if self._folder else nullcontext() as log:
             self.processes[name] = subprocess.Popen(
                 [sys.executable, '-m', module, *arguments], env=self._environment,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
@@ -98,7 +102,11 @@ class Stack:
 
     def log(self, name: str) -> str:
         """Return the output of a process."""
-        return (self._folder / f'{name}.log').read_text(encoding='utf-8', errors='replace')
+        return self._log_file(name).read_text(encoding='utf-8', errors='replace')
+
+    def _log_file(self, name: str) -> Path:
+        assert self._folder is not None
+        return self._folder / f'{name}.log'
 
     def tail(self, name: str, count: int = 12) -> str:
         """Return the last lines of the output of a process."""

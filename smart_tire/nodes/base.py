@@ -40,6 +40,7 @@ from smart_tire.nodes.compat import (
     full_name, message_class, plain_message, RCLError, RMWError, wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
+from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
 from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
 from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos
 from smart_tire.parameters import build, NODE_PARAMS
@@ -70,6 +71,7 @@ class SmartTireNode(Node, Generic[Params]):
     """
 
     hardware_id = ''
+    exchange: Exchange | None = None  # of the nodes in this process, if there are several
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
         try:
@@ -84,7 +86,8 @@ class SmartTireNode(Node, Generic[Params]):
         self.inputs: dict[str, InputCounter] = {}
         self.outputs: dict[str, InputCounter] = {}
         self._types: dict[str, str] = {}        # of the inputs
-        self._mismatches: dict[str, str] = {}   # input -> warning of publishers of another type
+        self._unreceived_from: dict[str, str] = {}  # input -> warning of publishers
+        self.mailbox = Mailbox(self)
         self._counts: dict[str, int] = {}  # in the latest diagnostics
         self._params_class = params_class
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -154,7 +157,8 @@ class SmartTireNode(Node, Generic[Params]):
                   required: bool = False, announced: bool = False, info: bool = False,
                   from_msg: Callable[[Any], Any] | None = None,
                   type_name: str | None = None, profiles: Sequence[QoSProfile] = (),
-                  raw: bool = False) -> Subscription[Any] | None:
+                  raw: bool = False,
+                  urgent: bool = True) -> Subscription[Any] | Inbox | None:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
@@ -164,7 +168,9 @@ class SmartTireNode(Node, Generic[Params]):
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
         is logged. With ``profiles`` there is a subscription for each of them, but a message is
         handled once, with its info. With ``raw``, ``from_msg`` gets the serialized message.
-        Returns the subscription; None with ``profiles``.
+        Messages of a publisher in this process are handed over without DDS, except with ``info``
+        or ``profiles``; those that are not ``urgent`` do not wake the node. Returns the
+        subscription; None with ``profiles``.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
@@ -191,7 +197,18 @@ class SmartTireNode(Node, Generic[Params]):
             return self.create_subscription(
                 cls, name, with_info(on_message_with_info), profile, raw=raw)
         callback = self.wrap_callback(name, on_message)
+        if raw and self.exchange is not None and (
+                route := self.exchange.published(self.resolve_topic_name(name))):
+            return self.mailbox.add(name, route, callback, profile.depth, urgent=urgent)
         return self.create_subscription(cls, name, callback, profile, raw=raw)
+
+    def unsubscribe(self, name: str, subscription: Subscription[Any] | Inbox) -> None:
+        """End the ``subscription`` to ``name`` and forget the input."""
+        if isinstance(subscription, Inbox):
+            self.mailbox.remove(name)
+        else:
+            self.destroy_subscription(subscription)
+        del self.inputs[name]
 
     def _handler(self, name: str, counter: InputCounter, convert: Callable[[Any], Any],
                  on_sample: Callable[..., None]) -> Callable[..., None]:
@@ -251,7 +268,17 @@ class SmartTireNode(Node, Generic[Params]):
             msg = cls()
             return lambda sample: publish(to_msg(msg, sample))
         encode = Encoder(topic.type)
-        return lambda sample: publish(encode(to_msg(encode.msg, sample)))
+        if self.exchange is None:
+            return lambda sample: publish(encode(to_msg(encode.msg, sample)))
+        route = self.exchange.publish(
+            self.resolve_topic_name(name), self.get_fully_qualified_name())
+
+        def publish_directly(sample: Any) -> None:
+            data = encode(to_msg(encode.msg, sample))
+            route.hand_over(data)
+            publish(data)
+
+        return publish_directly
 
     def in_frames(self, to_msg: Callable[..., Any]) -> Callable[..., Any]:
         """Return ``to_msg``, with the frames of this robot if they have other names."""
@@ -319,22 +346,37 @@ class SmartTireNode(Node, Generic[Params]):
             status.values[f'{name}.last_message_age'] = ages[name]
             if new := status.new(name, counter.bad):
                 status.warn(f'{new} messages on {name} rejected, latest: {counter.latest}')
-            if ages[name] > MAX_INPUT_AGE:
-                if counter.required:
-                    status.warn(f'no {name}')
-                if name in self._types and (text := self._type_mismatch(name)):
-                    status.warn(text)
+            if ages[name] > MAX_INPUT_AGE and counter.required:
+                status.warn(f'no {name}')
+            if name in self._types and (text := self._unreceived(name, ages[name])):
+                status.warn(text)
+        inboxes = self.mailbox.inboxes.values()
+        if inboxes:
+            status.values['messages_lost'] = lost = sum(inbox.lost for inbox in inboxes)
+            if new := status.new('messages lost', lost):
+                status.warn(f'{new} messages lost: this node is too slow')
 
-    def _type_mismatch(self, name: str) -> str:
-        """Return a warning if nodes publish another type on an input, which DDS does not match."""
-        other = sorted({f'{info.topic_type} of {full_name(info)}'
-                        for info in self.get_publishers_info_by_topic(name)
-                        if info.topic_type != self._types[name]})
-        text = (f'{name}: {", ".join(other)} not received, expected {self._types[name]}'
-                if other else '')
-        if text and text != self._mismatches.get(name):
+    def _unreceived(self, name: str, age: float) -> str:
+        """
+        Return a warning if nodes publish on an input what this node does not receive.
+
+        That is another type, which DDS does not match, or what a node of this process publishes.
+        """
+        inbox, other, expected = self.mailbox.inboxes.get(name), set(), self._types[name]
+        if inbox is not None:
+            own = inbox.route.publishers
+            expected = f'{", ".join(sorted(own))} only, in the same process'
+            if self.count_publishers(name) > len(own):
+                other = {*map(full_name, self.get_publishers_info_by_topic(name))} - own
+        elif age > MAX_INPUT_AGE:
+            other = {f'{info.topic_type} of {full_name(info)}'
+                     for info in self.get_publishers_info_by_topic(name)
+                     if info.topic_type != expected}
+        text = f'{name}: {", ".join(sorted(other))} not received, expected {expected}' \
+            if other else ''
+        if text and text != self._unreceived_from.get(name):
             self.get_logger().warning(text)
-        self._mismatches[name] = text
+        self._unreceived_from[name] = text
         return text
 
     def _on_diagnostics_timer(self) -> None:

@@ -8,11 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""
-Command line of the nodes: ``--help`` and ``--version``, answered without importing rclpy.
-
-All other arguments are for ROS; ``foreign_arguments`` finds those that are not.
-"""
+"""Command line of the nodes: ``--help`` and ``--version``, answered without importing rclpy."""
 
 from __future__ import annotations
 
@@ -21,40 +17,22 @@ from pathlib import Path
 import sys
 
 import smart_tire
+from smart_tire.launching import SEPARATE
 from smart_tire.messages.describe import (
     columns, describe, DIAGNOSTICS, NODE_TABLE, NodeEntry, paragraph, plain, topic_lines)
 from smart_tire.parameters import FILES, NODE_PARAMS, RobotParams, Spec, specs
-from smart_tire.parameters.files import value_text
+from smart_tire.parameters.files import foreign_arguments, value_text
 from smart_tire.parameters.spec import NAMES
 
-ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 HELP, VERSION = ('-h', '--help'), ('--version',)
 INDENT = '  '
+COMPOSED = 'composed'  # executable of several nodes in one process
+# All but the simulator and those that are processes of their own, for safety:
+COMPOSED_NODES = tuple(name for name in NODE_TABLE if name not in (*SEPARATE, 'robot_simulator'))
 EXIT_STATUSES = (
     ('0', 'ended by SIGINT or SIGTERM'),
     ('1', 'ended by an uncaught exception, which is printed'),
     ('2', 'refused: unknown argument, unknown parameter or invalid value'))
-
-
-def foreign_arguments(words: Sequence[str]) -> list[str]:
-    """Return the arguments that are not for ROS; rclpy would ignore most of them silently."""
-    in_ros_args, foreign = False, []
-    for word in words[1:]:
-        if word in (ROS_ARGS, END_OF_ROS_ARGS):
-            in_ros_args = word == ROS_ARGS
-        elif not in_ros_args:
-            foreign.append(word)  # also ``from:=to``, which rcl takes for a deprecated remapping
-    return foreign
-
-
-def ros_arguments(words: Sequence[str]) -> list[str]:
-    """
-    Return the ROS arguments of a command line, for ``rclpy.init``.
-
-    With the whole command line, rcl would take any ``from:=to``, such as that of the option
-    ``--remap`` of this package, for a deprecated remapping.
-    """
-    return list(words[words.index(ROS_ARGS):]) if ROS_ARGS in words else []
 
 
 def answer(words: Sequence[str], module: str = '') -> str | None:
@@ -64,11 +42,12 @@ def answer(words: Sequence[str], module: str = '') -> str | None:
     ``module`` is that of ``python -m``, which the first word does not name.
     """
     name = module.rpartition('.')[2] or Path(words[0]).name
-    if name not in NODE_TABLE:
+    if name not in (*NODE_TABLE, COMPOSED):
         return None
     foreign = foreign_arguments(words)
     if any(word in HELP for word in foreign):
-        return '\n'.join(help_lines(NODE_TABLE[name])) + '\n'
+        lines = help_lines(NODE_TABLE[name]) if name in NODE_TABLE else _composed_lines()
+        return '\n'.join(lines) + '\n'
     if any(word in VERSION for word in foreign):
         return f'{name} (smart_tire {smart_tire.__version__})\n'
     return None
@@ -92,6 +71,19 @@ def help_lines(node: NodeEntry) -> Iterator[str]:
         yield from _topics(title, topics)
     yield from _services(node)
     yield from _parameters(node.name)
+    yield ''
+    yield 'exit status'
+    yield from columns(list(EXIT_STATUSES), INDENT)
+
+
+def _composed_lines() -> Iterator[str]:
+    yield f'{COMPOSED} (smart_tire {smart_tire.__version__})'
+    yield from paragraph('runs nodes in one process, with direct hand-over between them', '')
+    yield ''
+    yield f'usage: ros2 run smart_tire {COMPOSED} [--help] [--version] [NODE ...] [--ros-args ...]'
+    yield from paragraph(f'NODE: one of {", ".join(COMPOSED_NODES)}; all by default', INDENT)
+    yield from paragraph('ROS arguments as for a single node; -p NODE:NAME:=VALUE and '
+                         '-r NODE:FROM:=TO are for one of them', INDENT)
     yield ''
     yield 'exit status'
     yield from columns(list(EXIT_STATUSES), INDENT)

@@ -60,6 +60,8 @@ class DriverNode(SmartTireNode[Params]):
     ``publish`` is safe there, since it holds the interpreter lock.
     """
 
+    device = ''  # name of its simulated port
+
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name, params_class)
         self._next_logged = 1       # number of bad frames at which the next line is logged
@@ -70,7 +72,7 @@ class DriverNode(SmartTireNode[Params]):
         """Run ``work`` with the open port, in a thread, once the node has started."""
         params: Any = self.params
         self._source = source
-        url = port_url(params.port, self.get_namespace())
+        url = port_url(params.port, self.get_namespace(), self.device)
         self._port = SerialPort(url, params.baud_rate, work, self._on_port_state)
         self.hardware_id = url
         self.input_log.watch(f'frames from {url}', lambda: source.frames_ok, required=True,

@@ -66,7 +66,13 @@ class EstimatorNode(SmartTireNode[Params]):
 
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that defers messages to their recorded order during a replay."""
+        """
+        Return a callback that defers messages to their recorded order during a replay.
+
+        In one process with its drivers an estimator follows no replay.
+        """
+        if self.exchange is not None and self.exchange.live:
+            return on_message
         return self._follower.add_input(
             self.resolve_topic_name(name), on_message, feedback=name in self.feedback)
 

@@ -21,6 +21,7 @@ from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.streams import FRICTION
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
+from smart_tire.nodes.hand_over import Inbox
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import FrictionEstimatorParams
 from smart_tire.samples import GROUND_ESTIMATES, GroundState, Odometry, Sample, TireSample
@@ -42,7 +43,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     """
 
     def __init__(self) -> None:
-        self._odom: Subscription[Any] | None = None
+        self._odom: Subscription[Any] | Inbox | None = None
         self._wheels_before = 0  # wheel samples until the latest check
         self._has_samples = False
         super().__init__('friction_estimator', FrictionEstimatorParams, FrictionEstimator,
@@ -53,7 +54,8 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
                 self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
                                required=kind is not TireSample or wheels > 0, announced=True,
                                reliability=self.params.reliability,
-                               from_msg=self.conversion(name, self.params.robot.joints))
+                               from_msg=self.conversion(name, self.params.robot.joints),
+                               urgent=kind is not TireSample)  # at least 400 Hz, with the next IMU
         self.call_every(IMU_WAIT, self._choose_odom)
 
     def on_sample(self, sample: Sample) -> None:
@@ -84,9 +86,8 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
 
     def _end_odom(self) -> None:
         if self._odom is not None:
-            self.destroy_subscription(self._odom)
+            self.unsubscribe(ODOM, self._odom)
             self._follower.remove_input(self.resolve_topic_name(ODOM))
-            del self.inputs[ODOM]
             self._odom = None
 
     def publish_estimate(self, estimate: Sample) -> None:

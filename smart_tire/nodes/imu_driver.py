@@ -29,6 +29,8 @@ class ImuDriver(SampleDriver[ImuDriverParams]):
     ``protocol``, ``latency``, and those of the robot.
     """
 
+    device = 'imu'
+
     def __init__(self) -> None:
         super().__init__('imu_driver', ImuDriverParams, 'imu/data',
                          lambda params: IMU_PROTOCOLS[params.protocol])

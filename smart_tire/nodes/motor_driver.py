@@ -58,6 +58,8 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     ``motor.torque_constant``, ``motor.inertia`` and ``motor.current_sign``.
     """
 
+    device = 'motors'
+
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)
         params = self.params

@@ -31,10 +31,10 @@ from rosgraph_msgs.msg import Clock
 
 from smart_tire.bags import Bag
 from smart_tire.messages import stamp_in
-from smart_tire.nodes.command_line import ros_arguments
 from smart_tire.nodes.compat import full_name, message_class, new_executor, node_names
 from smart_tire.nodes.lockstep import Leader, MAX_STEPS_AHEAD
 from smart_tire.nodes.qos import matches, replayer_qos
+from smart_tire.parameters.files import ros_arguments
 from smart_tire.samples import NS_PER_S
 
 CLOCK_RATE = 100.0                  # Hz, of /clock

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Runs a node: as a process of its own, or in a program that spins it, such as the demo."""
+"""Runs nodes: as a process of their own, or in a program that spins one, such as the demo."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.command_line import foreign_arguments, ros_arguments
 from smart_tire.nodes.compat import new_executor, plain_message, RCLError
+from smart_tire.parameters.files import foreign_arguments, ros_arguments
 
 MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
@@ -67,13 +67,14 @@ class NodeRunner(Generic[Running]):
             self._executor.spin_once(timeout_sec=min(MAX_SPIN_TIME, left_ns * 1e-9))
 
 
-def run(node_class: Callable[[], SmartTireNode[Any]], *, own_arguments: bool = False) -> int:
+def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = False) -> int:
     """
-    Spin a node until SIGINT or SIGTERM; return the exit status for ``sys.exit``.
+    Spin nodes until SIGINT or SIGTERM; return the exit status for ``sys.exit``.
 
-    Signal handlers only set a flag, so neither callbacks nor clean-up are interrupted, even by
-    repeated signals. An uncaught exception in any thread ends the node with EXIT_DEFECT.
-    Arguments other than ROS arguments are refused unless ``own_arguments`` is true.
+    Each node has its own executor and thread, the first one that of the caller. Signal handlers
+    only set a flag, so neither callbacks nor clean-up are interrupted, even by repeated signals.
+    An uncaught exception in any thread ends all nodes with EXIT_DEFECT. Arguments other than ROS
+    arguments are refused unless ``own_arguments`` is true.
     """
     exit_statuses: list[int] = []  # the first one is returned
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -89,7 +90,7 @@ def run(node_class: Callable[[], SmartTireNode[Any]], *, own_arguments: bool = F
         return EXIT_REFUSED
     threading.excepthook = _stopping_hook(threading.excepthook, exit_statuses)
     try:
-        return _spin(node_class, exit_statuses)
+        return _spin_all(node_classes, exit_statuses)
     finally:
         rclpy.try_shutdown()
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -105,24 +106,43 @@ def _stopping_hook(hook: Callable[[Any], Any],
     return excepthook
 
 
-def _spin(node_class: Callable[[], SmartTireNode[Any]], exit_statuses: list[int]) -> int:
+def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
+              exit_statuses: list[int]) -> int:
     try:
-        node = node_class()
+        nodes = [node_class() for node_class in node_classes]
     except ParameterError as error:
         get_logger('smart_tire').fatal(str(error))
         return EXIT_REFUSED
     except RCLError as error:  # such as DDS security that the middleware does not have
         get_logger('smart_tire').fatal(plain_message(error))
         return EXIT_REFUSED
-    executor = new_executor()
-    executor.add_node(node)
+    executors = [new_executor() for _ in nodes]
+    threads = [threading.Thread(target=_spin, args=(node, executor, exit_statuses),
+                                name=node.get_name())
+               for node, executor in zip(nodes[1:], executors[1:])]
+    for node, executor in zip(nodes, executors):
+        executor.add_node(node)
     try:
-        node.start()
-        while not exit_statuses:
-            executor.spin_once(timeout_sec=MAX_SPIN_TIME)
+        for node in nodes:
+            node.start()
+        for thread in threads:
+            thread.start()
+        _spin(nodes[0], executors[0], exit_statuses)
     finally:
-        node.stop()
-        executor.remove_node(node)
-        executor.shutdown()
-        node.destroy_node()
+        exit_statuses.append(EXIT_DEFECT)  # ends the other threads after an exception in this one
+        for thread in threads:
+            if thread.ident is not None:
+                thread.join()
+        for node in reversed(nodes):  # subscribers first
+            node.stop()
+        for node, executor in zip(nodes, executors):
+            executor.remove_node(node)
+            executor.shutdown()
+            node.destroy_node()
     return exit_statuses[0]
+
+
+def _spin(node: SmartTireNode[Any], executor: Any, exit_statuses: Sequence[int]) -> None:
+    while not exit_statuses:
+        executor.spin_once(timeout_sec=MAX_SPIN_TIME)
+        node.mailbox.handle()

@@ -36,6 +36,8 @@ class TireReceiver(DriverNode[TireReceiverParams]):
     ``baud_rate``, ``units``, ``radio_latency``, and those of the robot.
     """
 
+    device = 'tire_radio'
+
     def __init__(self) -> None:
         super().__init__('tire_receiver', TireReceiverParams)
         wheel_of = self.params.wheel_of()

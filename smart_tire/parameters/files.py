@@ -8,7 +8,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""ROS parameter files: YAML with ``<node>: {ros__parameters: {...}}``, without ROS."""
+"""
+ROS command lines and parameter files, without ROS.
+
+A parameter file is YAML with ``<node>: {ros__parameters: {...}}``.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,7 @@ from smart_tire.parameters.spec import is_known, specs, unknown_name_error
 from smart_tire.yaml_text import parse_yaml
 import yaml
 
+ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 ALL_NODES = '/**'
 WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}  # token of a block's name -> regular expression
 PARAMS_FILE = '--params-file'  # option of a ROS command line
@@ -75,12 +80,33 @@ def from_arguments(words: Sequence[str], node: str) -> dict[str, Any]:
     return values
 
 
+def foreign_arguments(words: Sequence[str]) -> list[str]:
+    """Return the arguments that are not for ROS; rclpy would ignore most of them silently."""
+    in_ros_args, foreign = False, []
+    for word in words[1:]:
+        if word in (ROS_ARGS, END_OF_ROS_ARGS):
+            in_ros_args = word == ROS_ARGS
+        elif not in_ros_args:
+            foreign.append(word)  # also ``from:=to``, which rcl takes for a deprecated remapping
+    return foreign
+
+
+def ros_arguments(words: Sequence[str]) -> list[str]:
+    """
+    Return the ROS arguments of a command line, for ``rclpy.init``.
+
+    With the whole command line, rcl would take any ``from:=to``, such as that of the option
+    ``--remap`` of this package, for a deprecated remapping.
+    """
+    return list(words[words.index(ROS_ARGS):]) if ROS_ARGS in words else []
+
+
 def _options(words: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield the options of a ROS command line for parameters, and their values."""
     inside, flags = False, iter(words)
     for word in flags:
-        if word in ('--ros-args', '--'):
-            inside = word == '--ros-args'
+        if word in (ROS_ARGS, END_OF_ROS_ARGS):
+            inside = word == ROS_ARGS
         elif inside and word in (PARAMS_FILE, '-p', '--param'):
             yield word, next(flags, '')
 

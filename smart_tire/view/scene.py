@@ -30,7 +30,7 @@ from smart_tire.view.series import SeriesLayer
 # Counts of what went wrong; of each the sum over all nodes is always shown.
 COUNTS = {'batches_lost': 'radio batches lost', 'batches_late': 'radio batches late',
           'frames_bad': 'frames or messages bad', 'late_messages': 'messages late',
-          'messages_lost': 'messages lost by the recorder'}
+          'messages_lost': 'messages lost by recorder or nodes'}
 COUNT_COLORS = (*FILM_COLORS, WARNING)
 AGE = 'last_message_age'
 LEVELS = ('INFO', 'WARN', 'ERROR', 'WARN')  # of events by the level of a status: 3 is stale

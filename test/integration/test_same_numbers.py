@@ -70,9 +70,11 @@ def overloaded(events, params, tmp_path_factory):
     return bag_path, offline_estimates(bag_path, params)
 
 
-def test_a_replay_yields_the_estimates_of_the_offline_analysis(recording, params, tmp_path):
+@pytest.mark.parametrize('composed', [False, True])
+def test_a_replay_yields_the_estimates_of_the_offline_analysis(
+        composed, recording, params, tmp_path):
     bag_path, offline = recording
-    found, late = replayed(bag_path, params, tmp_path, 5.0, offline)
+    found, late = replayed(bag_path, params, tmp_path, 5.0, offline, composed)
     assert sum(isinstance(estimate, Friction) for estimate in offline.values()) >= 10
     assert_same(found, offline)
     assert not late

@@ -12,15 +12,16 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
 import pytest
 import smart_tire
 from smart_tire.messages.describe import NODE_TABLE
-from smart_tire.nodes.command_line import answer, foreign_arguments, started_module
+from smart_tire.nodes.command_line import answer, started_module
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
-from smart_tire.parameters.files import value_text
+from smart_tire.parameters.files import foreign_arguments, value_text
 
 pytestmark = pytest.mark.processes
 
@@ -60,6 +61,7 @@ def test_meaning_limits_and_liveness_of_a_parameter_are_shown():
 @pytest.mark.parametrize(('words', 'module', 'answered'), [
     (['slip_estimator', '--help'], '', True),
     (['slip_estimator', 'words', '-h'], '', True),
+    (['composed', 'slip_estimator', '--help'], '', True),
     (['slip_estimator', '--help', '--ros-args', '-p', 'rate:=1'], '', True),
     (['-m', '--version'], 'smart_tire.nodes.imu_driver', True),
     (['slip_estimator'], '', False),
@@ -71,6 +73,14 @@ def test_meaning_limits_and_liveness_of_a_parameter_are_shown():
 def test_only_help_and_version_of_nodes_outside_of_ros_arguments_are_answered(
         words, module, answered):
     assert (answer(words, module) is not None) == answered
+
+
+def test_the_help_of_several_nodes_in_one_process_names_them():
+    text = answer(['composed', '--help'])
+    assert text.startswith('composed (smart_tire ')
+    assert set(re.findall(r'\w+_\w+', text)) >= NODE_TABLE.keys() - {
+        'robot_simulator', 'motor_driver', 'wheel_controller'}
+    assert 'wheel_controller' not in text
 
 
 def test_the_version_is_that_of_the_package():

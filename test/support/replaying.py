@@ -22,7 +22,7 @@ from typing import Any
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag
 from smart_tire.bags.cdr import Decoder
-from smart_tire.cli._stack import ESTIMATORS, isolated_environment, Stack
+from smart_tire.cli._stack import ESTIMATORS, isolated_environment, params_arguments, Stack
 from smart_tire.messages import topic_of, TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.samples import (
@@ -64,14 +64,14 @@ def offline_estimates(bag_path: Path, params: Path) -> dict[Any, Any]:
     return {key(estimate): estimate for estimate in [*found, *pipeline.finish()]}
 
 
-def replayed(bag_path: Path, params: Path, folder: Path, rate: float,
-             expected: dict[Any, Any]) -> tuple[dict[Any, Any], Counter[str]]:
+def replayed(bag_path: Path, params: Path, folder: Path, rate: float, expected: dict[Any, Any],
+             composed: bool = False) -> tuple[dict[Any, Any], Counter[str]]:
     """
     Return the estimates of the nodes on a replay, and node -> number of late messages.
 
-    ``expected`` are the estimates to wait for. The estimators start after the replayer and a
-    recorder of all topics, including the inputs. The replay waits for another node, ``last``,
-    which starts when the estimates are recorded.
+    ``expected`` are the estimates to wait for. The estimators, in one process if ``composed``,
+    start after the replayer and a recorder of all topics, including the inputs. The replay waits
+    for another node, ``last``, which starts when the estimates are recorded.
     """
     out = folder / 'estimates'
     with Stack(folder / 'logs', isolated_environment()) as stack:
@@ -81,7 +81,10 @@ def replayed(bag_path: Path, params: Path, folder: Path, rate: float,
         stack.start('replay', 'smart_tire.cli.main', 'replay', str(bag_path), '--rate', str(rate),
                     '--wait', str(PATIENCE), '--wait-for', *ESTIMATORS, 'last')
         wait_for(lambda: all(f'recording /{topic}' in stack.log('other') for topic in INPUTS))
-        for node in ESTIMATORS:
+        if composed:
+            stack.start('composed', 'smart_tire.nodes.composed', *ESTIMATORS,
+                        *params_arguments([params]))
+        for node in () if composed else ESTIMATORS:
             stack.node(node, [params])
         wait_for(lambda: all(f'recording /{topic}' in stack.log('recorder')
                              for topic in ESTIMATES))
