@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import new_executor, plain_message, RCLError
+from smart_tire.nodes.priority import request_priority
 from smart_tire.parameters.files import foreign_arguments, ros_arguments
 
 MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
@@ -127,6 +128,7 @@ def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
             node.start()
         for thread in threads:
             thread.start()
+        _request_priority(nodes)
         _spin(nodes[0], executors[0], exit_statuses)
     finally:
         exit_statuses.append(EXIT_DEFECT)  # ends the other threads after an exception in this one
@@ -146,3 +148,11 @@ def _spin(node: SmartTireNode[Any], executor: Any, exit_statuses: Sequence[int])
     while not exit_statuses:
         executor.spin_once(timeout_sec=MAX_SPIN_TIME)
         node.mailbox.handle()
+
+
+def _request_priority(nodes: Sequence[SmartTireNode[Any]]) -> None:
+    """Give all threads of the process the highest priority that one of its nodes requests."""
+    node = max(nodes, key=lambda node: getattr(node.params, 'realtime_priority', 0))
+    priority = getattr(node.params, 'realtime_priority', 0)
+    if priority and (problem := request_priority(priority)):
+        node.get_logger().warning(problem)

@@ -85,6 +85,9 @@ class WheelControllerParams:
     """Wheel controller: one PID speed controller per wheel."""
 
     rate: float = param(16.0, 'Hz', 'control rate', (1.0, 200.0))
+    realtime_priority: int = param(
+        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
+        (0, 99))
     cmd_vel_inputs: tuple[str, ...] = param(
         ('cmd_vel',), '-', 'topics of velocity commands, one publisher each')
     cmd_vel_priorities: tuple[int, ...] = param(
@@ -155,6 +158,9 @@ class TrajectoryControllerParams:
     """Trajectory controller: follows a path although the wheels slip."""
 
     rate: float = param(20.0, 'Hz', 'control rate', (1.0, 200.0))
+    realtime_priority: int = param(
+        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
+        (0, 99))
     max_speed: float = param(0.6, 'm/s', 'maximum speed', (0.01, 10.0), live=True)
     slip_compensation: bool = param(
         True, '-', 'compensate the estimated slip; false: kinematics without slip', live=True)

@@ -27,6 +27,9 @@ class DriverParams:
 
     port: str = param('', '-', 'serial port')
     baud_rate: int = param(115200, 'baud', 'rate of the port', (300, 12_000_000))
+    realtime_priority: int = param(
+        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
+        (0, 99))
     robot: RobotParams = inlined(RobotParams)
 
 
