@@ -12,16 +12,29 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from smart_tire.analysis.checks import films, messages, motion, sensors
+from smart_tire.analysis.checks import causes, films, messages, motion, sensors
 from smart_tire.analysis.checks.recording import CheckedRecording
 from smart_tire.findings import Finding
 
-CHECKS: tuple[Callable[[CheckedRecording], Iterable[Finding]], ...] = tuple(
-    check for module in (messages, sensors, motion, films)
-    for name, check in vars(module).items() if name.startswith('check_'))
+Check = Callable[[CheckedRecording], Iterable[Finding]]
+
+
+def _checks(*modules: object) -> tuple[Check, ...]:
+    return tuple(check for module in modules for name, check in vars(module).items()
+                 if name.startswith('check_'))
+
+
+AS_RECORDED, MENDED = _checks(messages), _checks(sensors, motion, films)
+CHECKS = (*AS_RECORDED, causes.check_causes, *MENDED)
 
 
 def findings(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield the findings of all checks."""
-    for check in CHECKS:
+    """Yield the findings of all checks, without consequences of errors that were found."""
+    for check in AS_RECORDED:
         yield from check(recording)
+    for mend in (causes.mended, motion.mended_radius):
+        found, recording = mend(recording)
+        yield from found
+    for check in MENDED:
+        if check is not motion.check_radius:
+            yield from check(recording)

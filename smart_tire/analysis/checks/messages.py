@@ -181,6 +181,14 @@ def _median_delays(recording: CheckedRecording) -> dict[str, float]:
     return {stream.name: float(np.median(_delays(stream))) for stream in _stamped(recording)}
 
 
+def clock_differences(recording: CheckedRecording) -> dict[str, float]:
+    """Return by how much [s] the clock of each input is behind; nothing if they agree."""
+    medians = _median_delays(recording)
+    prompt = min(medians.values(), default=0.0)
+    late = {name: delay - prompt for name, delay in medians.items()}
+    return late if max(late.values(), default=0.0) > limits.MAX_DELAY else {}
+
+
 def check_late(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield messages that arrived late, compared with the promptest ones around them."""
     for stream in _stamped(recording):

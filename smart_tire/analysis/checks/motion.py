@@ -9,7 +9,7 @@
 # the License.
 
 """
-Checks of wheels against IMU: signs, units, rolling radius, effective track, latency, lever arm.
+Checks of wheels against IMU: unit, rolling radius, effective track, latency, lever arm.
 
 The radius has two independent references. Changes of the speed integrate the forward specific
 force (``calibration/latency.py``). In a turn, the lateral specific force is
@@ -19,26 +19,26 @@ IMU. Both have a systematic error, because the body tilts when it accelerates.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 import math
+from typing import Any
 
 import numpy as np
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.checks.sensors import SPEED_UNITS, unit_of
+from smart_tire.analysis.checks.sensors import speed_units
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     fit_speed_changes, moving_intervals, yaw_motion)
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import side_slip, Signal
+from smart_tire.calibration.recording import Mask, Recording, side_slip, Signal
 from smart_tire.errors import EstimatorError
-from smart_tire.findings import Finding
+from smart_tire.findings import Finding, Level
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.uncertain import Uncertain, weighted_mean
 
-DEGREES = 180.0 / math.pi
 RADIUS, SLIP, LEVER_X, LEVER_Y, BIAS = range(5)  # columns of the lateral fit
 
 
@@ -50,39 +50,30 @@ class LateralFit:
     lever_x: Uncertain  # m, of the IMU ahead of the center of rotation
     lever_y: Uncertain  # m, of the IMU to the left of ``base_link``
     signal: float       # m/s2, spread of the centripetal acceleration
+    both_ways: bool     # whether there are turns to the left and to the right
 
 
 def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield a yaw rate without wheel difference, or one of the opposite sign."""
+    """Yield that the robot does not drive, or a yaw rate without wheel difference."""
     intervals = _driving(recording)
     if recording.motion is None:
         return
     if intervals is None:
         yield finding('not_driving', 'wheel_states', action='' if recording.live else
                       'record a drive with turns, starts and stops')
-        return
-    yaw, difference = intervals.yaw_rate, intervals.difference
-    if float(np.sqrt(np.mean(yaw ** 2))) < limits.MIN_YAW_RATE:
-        return
-    if float(np.abs(difference).max()) < 1e-6:
+    elif intervals.turns and float(np.abs(intervals.difference).max()) < 1e-6:
         yield finding('sides_equal', 'wheel_states')
-    elif float(np.corrcoef(yaw, difference)[0, 1]) < -limits.MIN_CORRELATION:
-        # gyro or wheels are reversed: the lateral force is the third witness
-        turning = float(np.sum(intervals.lateral * yaw * intervals.mean))
-        yield (finding('sides_swapped', 'wheel_states') if turning > 0.0
-               else finding('gyro_sign', 'imu/data'))
 
 
 def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield a gyro in degrees per second, or an effective track that no robot has."""
-    fit, robot = recording.yaw_rate_fit, recording.robot
-    if fit is None or fit.slope.sigma > limits.MAX_SIGMA * fit.slope.value:
+    """Yield an effective track that no robot has."""
+    fit, robot, intervals = recording.yaw_rate_fit, recording.robot, _driving(recording)
+    if fit is None or intervals is None or not intervals.turns or (
+            fit.slope.sigma > limits.MAX_SIGMA * fit.slope.value
+            or not correlation(fit.yaw_rate, fit.wheel_difference) > limits.MIN_FOLLOWING):
         return
     geometric = robot.track_width / robot.wheel_radius
     ratio = geometric / fit.slope.value  # yaw rate over that of the wheels without slip
-    if ratio > math.sqrt(DEGREES):  # nearer to degrees than to radians
-        yield finding('gyro_degrees', 'imu/data', ratio=ratio, degrees=DEGREES)
-        return
     share, error = 1.0 / ratio, limits.SIGMAS * fit.slope.sigma / geometric
     outside = share + error < limits.MIN_TRACK_RATIO or share - error > limits.MAX_TRACK_RATIO
     yield finding('track_outside' if outside else 'track', 'track_width',
@@ -92,43 +83,79 @@ def check_yaw_rate(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield a wheel radius that contradicts the accelerometer, or reversed wheels or x axis."""
-    data, robot = _driving(recording), recording.robot
-    if data is None or np.mean(data.mean ** 2) < 0.25 * np.mean(data.difference ** 2):
-        return  # mostly turns in place: the wheels' mean is small, and what it loses in slip
+    """Yield whether the wheel radius fits the accelerometer."""
+    yield from mended_radius(recording)[0]
+
+
+def mended_radius(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
+    """Return a unit or radius that contradicts the accelerometer, and the recording without."""
+    data, robot, motion = _driving(recording), recording.robot, recording.motion
+    if data is None or motion is None or np.mean(data.mean ** 2) < 0.25 * np.mean(
+            data.difference ** 2):
+        return [], recording  # mostly turns in place: the wheels' mean is small, slip is not
     found = _radii(recording)
     if not found:
-        return
+        return [], recording
     value, sigma = weighted_mean(found)  # the scatter includes what neither of them models
     error = value - robot.wheel_radius
     slip = limits.MAX_SLIP * robot.wheel_radius if error < 0.0 else 0.0
+    shown: dict[str, Any] = {'value': value, 'sigma': sigma, 'radius': robot.wheel_radius}
     if abs(error) <= max(limits.SIGMAS * sigma, limits.TOLERANCE * robot.wheel_radius) + slip:
-        if abs(error) - slip < sigma < 0.5 * limits.MAX_SIGMA * abs(value):
-            yield finding('radius_fits', 'wheel_radius', radius=robot.wheel_radius, value=value,
-                          sigma=sigma)
-        return
+        fits = abs(error) - slip < sigma < 0.5 * limits.MAX_SIGMA * abs(value)
+        return [finding('radius_fits', 'wheel_radius', **shown)] if fits else [], recording
     if value < 0.0:
-        yield finding('forward_sign', 'imu/data')
-        return
-    unit = unit_of(robot.wheel_radius / value, SPEED_UNITS, limits.UNIT_TOLERANCE)
-    yield finding('radius', 'wheel_radius', value=value, sigma=sigma, radius=robot.wheel_radius,
-                  convert=f', or convert the wheel speeds from {unit} to rad/s' if unit else '')
+        return [], recording  # no radius: the forces have another cause
+    units = _units_of(robot.wheel_radius / value, speed_units(robot))
+    if units:
+        one = finding('speed_unit', 'wheel_states', unit=' or '.join(units), **shown)
+    elif error < 0.0 and not data.following > limits.MIN_FOLLOWING:
+        return [finding('slips', 'wheel_states', Level.INFO if data.turns else None,
+                        share=1.0 - value / robot.wheel_radius, **shown)], recording
+    else:
+        one = finding('radius', 'wheel_radius', **shown)
+    wheels, factor = motion.wheels, value / robot.wheel_radius
+    return [one], replace(recording, mended=replace(motion, wheels=replace(
+        wheels, velocity=factor * wheels.velocity,
+        position=None if wheels.position is None else factor * wheels.position)))
+
+
+def _units_of(ratio: float, units: Mapping[str, float]) -> list[str]:
+    """Return the units whose factor ``ratio`` is, in spite of slip; the nearest one first."""
+    def distance(unit: str) -> float:
+        return abs(math.log(ratio / units[unit]))
+
+    near = sorted((unit for unit in units if abs(math.log(units[unit])) > math.log(2.0)
+                   and distance(unit) < math.log(1.0 + limits.UNIT_TOLERANCE)), key=distance)
+    return [unit for unit in near if distance(unit) - distance(near[0]) < limits.TOLERANCE]
 
 
 def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps of the wheels that are later or earlier than configured."""
     fit, robot = recording.yaw_rate_fit, recording.robot
-    if fit is None:
-        return
-    with np.errstate(invalid='ignore'):  # of a constant difference, which shows no delay: NaN
-        following = np.corrcoef(fit.yaw_rate, fit.wheel_difference)[0, 1]
-    if not following > limits.MIN_FOLLOWING:
+    if fit is None or not correlation(fit.yaw_rate, fit.wheel_difference) > limits.MIN_FOLLOWING:
         return
     error = fit.latency.value - robot.encoder.latency
     lag = _turning_lag(recording) if error < 0.0 else 0.0
-    if abs(error) > max(limits.SIGMAS * fit.latency.sigma, limits.MIN_LATENCY_ERROR) + lag:
+    tolerance = max(limits.SIGMAS * fit.latency.sigma, limits.MIN_LATENCY_ERROR) + lag
+    if abs(error) > tolerance and all(
+            half.yaw_rate_fit is not None
+            and abs(half.yaw_rate_fit.latency.value - fit.latency.value) < 2.0 * tolerance
+            for half in _halves(recording)):
         yield finding('latency', 'encoder.latency', value=fit.latency.value,
                       sigma=fit.latency.sigma, configured=robot.encoder.latency)
+
+
+def _halves(recording: CheckedRecording) -> Iterator[CheckedRecording]:
+    """Yield the recording until and from half of its turns: what is in both is no accident."""
+    motion, data = recording.motion, _driving(recording)
+    if motion is None or data is None:
+        return
+    total = np.cumsum(np.abs(data.yaw_rate))
+    middle = float(data.time[np.searchsorted(total, 0.5 * total[-1])])
+    for first in (True, False):
+        yield replace(recording, mended=Recording(
+            motion.imu.where((motion.imu.time < middle) == first),
+            motion.wheels.where((motion.wheels.time < middle) == first)))
 
 
 def _turning_lag(recording: CheckedRecording) -> float:
@@ -151,12 +178,20 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
     robot, fit = recording.robot, lateral_fit(recording)
     if fit is None:
         return
+    halves: list[LateralFit | None] | None = None
     tolerance_x = max(limits.MAX_LEVER_ERROR, 0.5 * robot.wheelbase)  # of the center of rotation
     for axis, lever, tolerance in ((0, fit.lever_x, tolerance_x),
                                    (1, fit.lever_y, limits.MAX_LEVER_ERROR)):
+        if axis == 1 and not fit.both_ways:
+            continue  # its force is that of another radius
         configured = robot.imu.position[axis]
-        if lever.sigma < limits.MAX_LEVER_ERROR and (
-                abs(lever.value - configured) - tolerance > limits.SIGMAS * lever.sigma):
+        error = abs(lever.value - configured) - tolerance
+        if lever.sigma < limits.MAX_LEVER_ERROR and error > limits.SIGMAS * lever.sigma:
+            halves = halves or [lateral_fit(half) for half in _halves(recording)]
+            able = [half for half in halves if axis == 0 or half and half.both_ways] or halves
+            if not all(half and abs((half.lever_x, half.lever_y)[axis].value - lever.value) < error
+                       for half in able):
+                continue
             yield finding('lever_arm', 'imu.position', axis='xy'[axis], value=lever.value,
                           sigma=lever.sigma, configured=configured)
 
@@ -165,7 +200,7 @@ def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
     """Return radius and lever arms from the lateral force; None without turns."""
     robot, late = recording.robot, recording.yaw_rate_fit
     data = _driving(recording, robot.encoder.latency if late is None else late.latency.value)
-    if data is None or float(np.sqrt(np.mean(data.yaw_rate ** 2))) < limits.MIN_YAW_RATE:
+    if data is None or not data.turns:
         return None
     W, slip = data.yaw_rate, side_slip(data.mean, 0.5 * np.abs(data.difference))
     matrix = np.column_stack([W * data.mean, -W * slip * robot.wheel_radius, data.yaw_acceleration,
@@ -179,7 +214,19 @@ def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
         Uncertain(radius.value, math.hypot(
             radius.sigma, PRIORS['acceleration of the body'].sigma * radius.value)),
         fit.estimate(LEVER_X), fit.estimate(LEVER_Y),
-        float(np.std(matrix[:, RADIUS] * radius.value)))
+        float(np.std(matrix[:, RADIUS] * radius.value)),
+        min(_share(W > 0.0, W), _share(W < 0.0, W)) > limits.MIN_TURN_SHARE)
+
+
+def _share(selected: Mask, values: Array) -> float:
+    """Return the share of ``selected`` values in the sum of squares."""
+    return float(np.sum(values[selected] ** 2) / np.sum(values ** 2))
+
+
+def correlation(first: Array, second: Array) -> float:
+    """Return the correlation coefficient; NaN if one of both is constant."""
+    with np.errstate(invalid='ignore', divide='ignore'):
+        return float(np.corrcoef(first, second)[0, 1])
 
 
 def _radii(recording: CheckedRecording) -> list[Uncertain]:
@@ -207,6 +254,16 @@ class _Intervals:
     yaw_rate: Array          # (n,) rad/s
     yaw_acceleration: Array  # (n,) rad/s2
     lateral: Array           # (n,) m/s2
+
+    @property
+    def turns(self) -> bool:
+        """Return whether the robot turns."""
+        return float(np.sqrt(np.mean(self.yaw_rate ** 2))) >= limits.MIN_YAW_RATE
+
+    @property
+    def following(self) -> float:
+        """Return the correlation of yaw rate and wheel difference."""
+        return correlation(self.yaw_rate, self.difference)
 
 
 def _driving(recording: CheckedRecording, latency: float = 0.0) -> _Intervals | None:

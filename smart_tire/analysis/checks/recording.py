@@ -55,6 +55,7 @@ class CheckedRecording:
     problems: tuple[str, ...] = ()  # damage of the bag, other message types
     statuses: tuple[tuple[int, NodeStatus], ...] = ()  # timestamps [ns], diagnostics of nodes
     live: bool = False              # a few seconds of a running robot
+    mended: Recording | None = None  # IMU and wheels without the errors that were found
 
     def of(self, topic: str) -> list[Stream]:
         """Return the streams of ``topic``, by wheel; films without other numbers of them."""
@@ -81,6 +82,8 @@ class CheckedRecording:
     @cached_property
     def motion(self) -> Recording | None:
         """Return IMU, in axes of ``base_link``, and wheels; None without enough of both."""
+        if self.mended is not None:
+            return self.mended
         imu, wheels = self.imu.ordered, self.wheels.ordered
         if min(len(imu), len(wheels)) < limits.MIN_READINGS:
             return None
@@ -91,9 +94,11 @@ class CheckedRecording:
     def yaw_rate_fit(self) -> YawRateFit | None:
         """Return wheel latency and effective track; None if not observable."""
         try:
-            return None if self.motion is None else fit_yaw_rate(self.motion, self.robot)
+            fit = None if self.motion is None else fit_yaw_rate(self.motion, self.robot)
         except EstimatorError:
             return None
+        # a longer delay is another turn that happens to look like this one
+        return fit if fit and abs(fit.latency.value) < limits.MAX_DELAY else None
 
     @cached_property
     def stationary(self) -> NDArray[np.bool_]:

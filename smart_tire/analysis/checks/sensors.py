@@ -12,98 +12,146 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 import math
+from typing import Any
 
 import numpy as np
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
+from smart_tire.arrays import Array
+from smart_tire.calibration.recording import WheelRecord
 from smart_tire.findings import Finding
+from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
-from smart_tire.samples import GRAVITY, WHEELS
+from smart_tire.samples import GRAVITY
 
-FORCE_UNITS = {'g': 1.0 / GRAVITY, 'cm/s2': 100.0, 'mg': 1e3 / GRAVITY, 'ft/s2': 1.0 / 0.3048}
+# Scale errors of accelerometers hide the 2 % between mg and cm/s2.
+FORCE_UNITS = {'g': 1.0 / GRAVITY, 'cm/s2 or mg': 101.0, 'ft/s2': 1.0 / 0.3048}
 SPEED_UNITS = {'rpm': 60.0 / math.tau, 'deg/s': 180.0 / math.pi, 'revolutions/s': 1.0 / math.tau}
 PARTNERS = ((0, 2), (1, 3))  # front and rear wheel of a side
+MIN_TICKS = 30.0  # per revolution, of positions that are not in rad
 
 
-def check_gravity(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield a wrong unit or a wrong direction of gravity, at standstill if there is any."""
+@dataclass(frozen=True)
+class Gravity:
+    """Mean specific force, at standstill if there is any."""
+
+    up: Array     # (3,) direction in axes of ``base_link``
+    size: float   # in the unit of the recording
+    unit: str     # '' if it is m/s2
+    when: str
+
+    @property
+    def factor(self) -> float:
+        """Return the unit of the recording per m/s2."""
+        return FORCE_UNITS.get(self.unit, 1.0)
+
+    @property
+    def removed(self) -> bool:
+        """Return whether this is a specific force without gravity."""
+        return self.size / self.factor < limits.REMOVED_GRAVITY * GRAVITY
+
+    @property
+    def axis(self) -> str:
+        """Return the axis that points up, such as '+z'; '' without gravity."""
+        axis = int(np.argmax(np.abs(self.up)))
+        return '' if self.removed else ('-' if self.up[axis] < 0.0 else '+') + 'xyz'[axis]
+
+    def findings(self, name: str, rotation: Sequence[float]) -> Iterator[Finding]:
+        """Yield a wrong unit, size or direction; the right one is ``rotation`` of the IMU."""
+        values: dict[str, Any] = {'size': self.size, 'when': self.when, 'gravity': GRAVITY}
+        if self.removed:
+            yield finding('gravity_removed', name, **values)
+            return
+        if self.unit:
+            yield finding('gravity_unit', name, unit=self.unit, **values)
+        elif abs(self.size / GRAVITY - 1.0) > limits.GRAVITY_TOLERANCE:
+            yield finding('gravity_size', name, **values)
+        tilt = math.degrees(math.acos(min(1.0, max(-1.0, float(self.up[2])))))
+        limit = math.degrees(limits.MAX_TILT)
+        kind = ('upside_down' if self.axis == '-z' else 'gravity_axis' if self.axis != '+z'
+                else 'tilt' if tilt > limit else 'gravity')
+        if kind != 'gravity' or not self.unit:
+            yield finding(kind, name, axis=self.axis, tilt=tilt, limit=limit,
+                          rotation=list(rotation), **values)
+
+
+def gravity_of(recording: CheckedRecording) -> Gravity | None:
+    """Return size and direction of the mean specific force; None for few samples."""
     imu = recording.imu
     if len(imu.ordered) < limits.MIN_READINGS:
-        return
+        return None
     force = imu.ordered['acceleration'] @ matrix(*recording.robot.imu.rotation).T
     still = recording.stationary
     rests = still.sum() >= limits.MIN_READINGS
     mean = np.median(force[still] if rests else force, axis=0)
-    when, size = 'at rest' if rests else 'in the median', float(np.linalg.norm(mean))
-    unit = unit_of(size / GRAVITY, FORCE_UNITS, limits.TOLERANCE)
-    if unit:
-        yield finding('gravity_unit', imu.name, size=size, when=when, unit=unit, gravity=GRAVITY,
-                      factor=FORCE_UNITS[unit])
-    elif size < limits.REMOVED_GRAVITY * GRAVITY:
-        yield finding('gravity_removed', imu.name, size=size, when=when, gravity=GRAVITY)
-    else:
-        if abs(size / GRAVITY - 1.0) > limits.GRAVITY_TOLERANCE:
-            yield finding('gravity_size', imu.name, size=size, when=when, gravity=GRAVITY)
-        yield _direction(imu.name, mean / size, size, when)
-
-
-def _direction(name: str, up: np.ndarray, size: float, when: str) -> Finding:
-    axis = int(np.argmax(np.abs(up)))
-    tilt = math.degrees(math.acos(min(1.0, max(-1.0, float(up[2])))))
-    limit = math.degrees(limits.MAX_TILT)
-    kind = ('gravity_axis' if axis != 2 else 'upside_down' if up[2] < 0.0
-            else 'tilt' if tilt > limit else 'gravity')
-    sign = '-' if up[axis] < 0.0 else '+'
-    return finding(kind, name, when=when, axis=sign + 'xyz'[axis], tilt=tilt, limit=limit,
-                   size=size)
+    size = float(np.linalg.norm(mean))
+    return Gravity(mean / max(size, 1e-9), size,
+                   unit_of(size / GRAVITY, FORCE_UNITS, limits.TOLERANCE),
+                   'at rest' if rests else 'in the median')
 
 
 def check_gyro_bias(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a gyro that turns while the wheels stand still."""
-    imu, still, configured = recording.imu, recording.stationary, recording.robot.imu.gyro_bias
-    if still.sum() < limits.MIN_READINGS:
+    still, configured = recording.stationary, recording.robot.imu.gyro_bias
+    if recording.motion is None or still.sum() < limits.MIN_READINGS:
         return
-    largest = float(np.abs(np.median(imu.ordered['rate'][still], axis=0)).max())
+    largest = float(np.abs(np.median(recording.motion.imu.rate[still], axis=0)).max())
     if largest > limits.BIAS_SIGMAS * configured:
-        yield finding('gyro_bias', imu.name, largest=largest, configured=configured)
+        yield finding('gyro_bias', recording.imu.name, largest=largest, configured=configured)
 
 
-def check_encoders(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield wheels that stand still or turn backwards while their partner turns."""
-    speed = recording.wheels.ordered['velocity']
+def stuck_wheels(velocity: Array) -> Iterator[tuple[int, int]]:
+    """Yield the wheels that stand still while the other one of their side turns, and this."""
     for wheel, other in (*PARTNERS, *(pair[::-1] for pair in PARTNERS)):
-        moving = np.abs(speed[:, other]) > limits.MIN_SPEED
-        if moving.sum() < limits.MIN_READINGS:
-            continue
-        own, partner = speed[moving, wheel], speed[moving, other]
-        if (np.abs(own) < limits.STUCK_SHARE * np.abs(partner)).mean() > 0.5:
-            yield finding('wheel_stuck', f'wheel_states of {WHEELS[wheel]}', other=WHEELS[other])
-        elif wheel > other and np.median(np.sign(own * partner)) < 0.0:
-            yield finding('wheel_reversed',
-                          f'wheel_states of {WHEELS[other]} and {WHEELS[wheel]}')
+        moving = np.abs(velocity[:, other]) > limits.MIN_SPEED
+        if moving.sum() >= limits.MIN_READINGS and (
+                np.abs(velocity[moving, wheel])
+                < limits.STUCK_SHARE * np.abs(velocity[moving, other])).mean() > 0.5:
+            yield wheel, other
 
 
-def check_velocity_unit(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield velocities that are not the rate of change of the positions."""
-    motion = recording.motion
-    if motion is None or motion.wheels.position is None:
-        return
-    wheels, position = motion.wheels, motion.wheels.position
+def opposite_pairs(velocity: Array) -> Iterator[tuple[int, int]]:
+    """Yield rear and front wheel of a side that turn in opposite directions."""
+    for front, rear in PARTNERS:
+        moving = np.abs(velocity[:, [front, rear]]).min(axis=1) > limits.MIN_SPEED
+        if moving.sum() >= limits.MIN_READINGS and np.median(
+                np.sign(velocity[moving, front] * velocity[moving, rear])) < 0.0:
+            yield rear, front
+
+
+def velocity_ratio(wheels: WheelRecord, robot: RobotParams) -> tuple[float, str, bool]:
+    """
+    Return velocity over the rate of change of the positions, 1 if they agree or nothing is known.
+
+    Also what it names, as text, and whether the positions are wrong, not the velocities.
+    """
+    agree = 1.0, '', False
+    if wheels.position is None or len(wheels.time) < limits.MIN_READINGS:
+        return agree
     steps = np.diff(wheels.time)
     usable = steps < 1.5 * float(np.median(steps))
-    rate = (np.diff(position, axis=0) / steps[:, None])[usable]
+    rate = (np.diff(wheels.position, axis=0) / steps[:, None])[usable]
     velocity = wheels.velocity[1:][usable]
-    moving = np.abs(velocity) > limits.MIN_SPEED
-    if moving.sum() < limits.MIN_READINGS or not (np.abs(rate) > 0.0).any():
-        return
+    moving = np.abs(rate) > 0.1 * np.abs(rate).max(initial=0.0)
+    if moving.sum() < limits.MIN_READINGS:
+        return agree
     ratio = float(np.sum(velocity[moving] * rate[moving]) / np.sum(rate[moving] ** 2))
-    if abs(ratio - 1.0) > limits.TOLERANCE:
-        unit = unit_of(ratio, SPEED_UNITS, limits.TOLERANCE)
-        yield finding('velocity_unit', 'wheel_states', ratio=ratio,
-                      unit=f': in {unit}?' if unit else '')
+    if abs(ratio - 1.0) <= limits.TOLERANCE:
+        return agree
+    if unit := unit_of(ratio, speed_units(robot), limits.TOLERANCE):
+        return ratio, f': velocities in {unit}?', False
+    if 0.0 < ratio < math.tau / MIN_TICKS:
+        return ratio, f': positions in ticks, {math.tau / ratio:.0f} per revolution?', True
+    return ratio, '', True
+
+
+def speed_units(robot: RobotParams) -> Mapping[str, float]:
+    """Return units of wheel speeds per rad/s."""
+    return {**SPEED_UNITS, 'm/s': robot.wheel_radius}
 
 
 def unit_of(ratio: float, units: Mapping[str, float], tolerance: float) -> str:

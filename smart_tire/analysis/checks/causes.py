@@ -1,0 +1,291 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+
+"""
+Wrong units, axes and signs of IMU and wheels, and the recording without them.
+
+An error has consequences all over a recording. So each one that is found is mended before the next
+one is looked for: the checks after these see what the recording would be without it, and report no
+consequences. Two comparisons over intervals near motion distinguish them:
+
+- the yaw rate of the gyro with difference and mean of the sides: signs of the sides, unit;
+- the horizontal specific force with the acceleration ``r du/dt + i W r u`` of the wheels, as
+  complex numbers: the magnitude of the factor is the unit, its angle the direction of the IMU.
+  With the opposite yaw rate W it fits as well only if there are no turns.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from smart_tire.analysis.checks import limits
+from smart_tire.analysis.checks.messages import clock_differences
+from smart_tire.analysis.checks.motion import correlation
+from smart_tire.analysis.checks.recording import CheckedRecording, finding
+from smart_tire.analysis.checks.sensors import (
+    gravity_of, opposite_pairs, stuck_wheels, velocity_ratio)
+from smart_tire.arrays import Array
+from smart_tire.calibration.latency import min_interval, yaw_motion
+from smart_tire.calibration.priors import PRIORS
+from smart_tire.calibration.recording import (
+    ImuRecord, Indices, Recording, Signal, WheelRecord)
+from smart_tire.errors import EstimatorError
+from smart_tire.findings import Finding
+from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
+from smart_tire.parameters import RobotParams
+from smart_tire.rotation import angles, matrix
+from smart_tire.samples import LEFT, RIGHT, WHEELS
+
+DEGREES = 180.0 / math.pi
+INTERVAL = 0.4  # s, of the regressions: longer than most latencies, shorter than a start
+UPRIGHT = {'+x': (0.0, -90.0, 0.0), '-x': (0.0, 90.0, 0.0), '+y': (90.0, 0.0, 0.0),
+           '-y': (-90.0, 0.0, 0.0), '-z': (180.0, 0.0, 0.0)}  # degrees that turn an axis to +z
+
+
+@dataclass(frozen=True)
+class PlanarFit:
+    """Horizontal specific force over the acceleration of the wheels."""
+
+    factor: complex
+    sigma: float    # standard error of the factor
+    residual: float  # share of the specific force that is not explained
+
+    @property
+    def determined(self) -> bool:
+        """Return whether the factor is known."""
+        return self.sigma < limits.MAX_SIGMA * abs(self.factor)
+
+    @property
+    def angle(self) -> float:
+        """Return the angle [rad] of the factor."""
+        return cmath.phase(self.factor)
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Yaw rate of the gyro against the speeds of the sides."""
+
+    ratio: float         # magnitude over the yaw rate of the wheels without slip
+    difference: float    # correlation with right minus left; NaN if one of both is constant
+    mean: float          # correlation with the mean of both sides
+    turning: float       # rad/s, rms of the yaw rate
+    opposite: bool       # the sides turn in opposite directions, but the robot does not
+
+
+def check_causes(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield wrong units, axes and signs."""
+    yield from mended(recording)[0]
+
+
+def mended(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
+    """Return the wrong units, axes and signs, and ``recording`` without them."""
+    found, motion = [], recording.motion
+    gravity, axes, unit = gravity_of(recording), np.eye(3), 1.0
+    if gravity is not None:
+        axes = matrix(*np.radians(UPRIGHT.get(gravity.axis, (0.0, 0.0, 0.0))))
+        unit = gravity.factor
+    if motion is not None:
+        robot = recording.robot
+        late = clock_differences(recording)
+        imu = ImuRecord(motion.imu.time + late.get('imu/data', 0.0), motion.imu.rate @ axes.T,
+                        motion.imu.force @ axes.T / unit)
+        wheels = replace(motion.wheels, time=motion.wheels.time + late.get('wheel_states', 0.0))
+        motion = replace(motion, imu=imu, wheels=wheels)
+        for step in (_encoders, _velocity_unit, _reversed_side, _gyro_unit, _yaw_sign):
+            one, motion = step(motion, robot)
+            found += one
+        yaw, motion = _mounting(motion, robot)
+        axes = matrix(0.0, 0.0, yaw) @ axes
+    rotation = [round(float(angle), 3) + 0.0 for angle in angles(
+        axes @ matrix(*recording.robot.imu.rotation))]
+    if gravity is not None:
+        found[:0] = gravity.findings(recording.imu.name, rotation)
+    if not np.allclose(axes, np.eye(3)) and (gravity is None or gravity.axis not in UPRIGHT):
+        angle = math.degrees(math.atan2(axes[1, 0], axes[0, 0]))
+        found.append(finding(
+            'turned', recording.imu.name, angle=round(angle), rotation=rotation,
+            other=', or swap both sides and their signs' if abs(angle) > 135.0 else ''))
+    return found, replace(recording, mended=motion)
+
+
+Mended = tuple[list[Finding], Recording]
+
+
+def _scaled(motion: Recording, factors: Array | float, order: Indices | None = None) -> Recording:
+    """Return the recording with wheel speeds and positions times ``factors``."""
+    wheels, rows = motion.wheels, np.arange(len(WHEELS)) if order is None else order
+    position = None if wheels.position is None else wheels.position[:, rows] * factors
+    return replace(motion, wheels=WheelRecord(
+        wheels.time, wheels.velocity[:, rows] * factors, position, wheels.torque))
+
+
+def _encoders(motion: Recording, robot: RobotParams) -> Mended:
+    """Mend wheels that stand still or turn backwards while their partner turns."""
+    order, factors, found = np.arange(len(WHEELS)), np.ones(len(WHEELS)), []
+    for wheel, other in stuck_wheels(motion.wheels.velocity):
+        order[wheel] = other
+        found.append(finding('wheel_stuck', f'wheel_states of {WHEELS[wheel]}',
+                             other=WHEELS[other]))
+    for wheel, other in opposite_pairs(motion.wheels.velocity):
+        factors[wheel] = -1.0
+        found.append(finding('wheel_reversed',
+                             f'wheel_states of {WHEELS[other]} and {WHEELS[wheel]}'))
+    return found, _scaled(motion, factors, order) if found else motion
+
+
+def _velocity_unit(motion: Recording, robot: RobotParams) -> Mended:
+    """Mend velocities that are not the rate of change of the positions."""
+    ratio, unit, mends_position = velocity_ratio(motion.wheels, robot)
+    if ratio == 1.0:
+        return [], motion
+    wheels = motion.wheels
+    assert wheels.position is not None
+    mend = (replace(wheels, position=wheels.position * ratio) if mends_position
+            else replace(wheels, velocity=wheels.velocity / ratio))
+    return [finding('velocity_unit', 'wheel_states', ratio=ratio, unit=unit)], replace(
+        motion, wheels=mend)
+
+
+def _reversed_side(motion: Recording, robot: RobotParams) -> Mended:
+    """Mend one side that is reversed: the yaw rate follows the sum of the sides."""
+    sides = sides_of(motion, robot)
+    if sides is None or not (sides.opposite or abs(sides.mean) > limits.CLEAR_CORRELATION
+                             and abs(sides.difference) < limits.MIN_CORRELATION):
+        return [], motion
+    right = sides.mean < 0.0
+    if sides.opposite:  # no turns: the side that makes the forward force follow
+        factors = _signs('right')
+        fit = planar_fit(_scaled(motion, factors), robot)
+        if fit is None or not fit.determined:
+            return [], motion
+        right = abs(fit.angle) < 0.5 * math.pi
+    side = 'right' if right else 'left'
+    return [finding('side_reversed', 'wheel_states', side=side)], _scaled(motion, _signs(side))
+
+
+def _signs(side: str) -> Array:
+    signs = np.ones(len(WHEELS))
+    signs[list(RIGHT if side == 'right' else LEFT)] = -1.0
+    return signs
+
+
+def _gyro_unit(motion: Recording, robot: RobotParams) -> Mended:
+    """
+    Mend a gyro in deg/s.
+
+    It multiplies the yaw rate over that of the wheels, and divides the lateral force over that of
+    gyro and wheels: a wrong unit of the wheels multiplies both.
+    """
+    sides, fit = sides_of(motion, robot), planar_fit(motion, robot)
+    if sides is None or not abs(sides.difference) > limits.MIN_CORRELATION:
+        return [], motion
+    ratio = sides.ratio
+    factor = math.sqrt(ratio / abs(fit.factor)) if fit is not None and fit.determined else ratio
+    if factor < math.sqrt(DEGREES):  # nearer to radians than to degrees
+        return [], motion
+    imu = replace(motion.imu, rate=motion.imu.rate / DEGREES)
+    return [finding('gyro_degrees', 'imu/data', ratio=ratio, degrees=DEGREES)], replace(
+        motion, imu=imu)
+
+
+def _yaw_sign(motion: Recording, robot: RobotParams) -> Mended:
+    """Mend a yaw rate of the opposite sign: swapped sides, reversed wheels, reversed gyro."""
+    sides = sides_of(motion, robot)
+    if sides is None or not sides.difference < -limits.MIN_CORRELATION:
+        return [], motion
+    reversed_gyro = replace(motion, imu=replace(
+        motion.imu, rate=motion.imu.rate * np.array([1.0, 1.0, -1.0])))
+    swapped = _scaled(motion, 1.0, np.array([1, 0, 3, 2]))
+    fit, other = planar_fit(motion, robot), planar_fit(reversed_gyro, robot)
+    if fit is None or other is None:
+        return [finding('yaw_sign', 'imu/data')], swapped
+    if other.residual < limits.CLEAR_RESIDUAL * fit.residual:
+        return [finding('gyro_sign', 'imu/data')], reversed_gyro
+    if fit.determined and abs(fit.angle) > 0.75 * math.pi:
+        return [finding('all_reversed', 'wheel_states')], _scaled(motion, -1.0)
+    if fit.residual < limits.CLEAR_RESIDUAL * other.residual:
+        return [finding('sides_swapped', 'wheel_states')], swapped
+    return [finding('yaw_sign', 'imu/data')], swapped
+
+
+def _mounting(motion: Recording, robot: RobotParams) -> tuple[float, Recording]:
+    """Return the yaw [rad] by which the IMU is turned, 0 unless it is clear, and mend it."""
+    sides, fit = sides_of(motion, robot), planar_fit(motion, robot)
+    if sides is None or fit is None or not fit.determined or abs(fit.angle) < limits.MAX_YAW:
+        return 0.0, motion
+    if not (sides.difference > limits.MIN_FOLLOWING or sides.turning < limits.MIN_YAW_RATE):
+        return 0.0, motion  # on slippery ground the body moves sideways
+    quarter = 0.5 * math.pi * round(fit.angle / (0.5 * math.pi))
+    yaw = -(quarter if abs(fit.angle - quarter) < limits.MAX_TILT else fit.angle)
+    turn = matrix(0.0, 0.0, yaw)
+    return yaw, replace(motion, imu=replace(
+        motion.imu, rate=motion.imu.rate @ turn.T, force=motion.imu.force @ turn.T))
+
+
+def sides_of(motion: Recording, robot: RobotParams) -> Sides | None:
+    """Return how the yaw rate follows the wheels; None if nothing moves."""
+    found = _intervals(motion, robot)
+    if found is None:
+        return None
+    _, sides, yaw_rate, _, _ = found
+    difference = (sides[:, 1] - sides[:, 0]) * robot.wheel_radius / robot.track_width
+    turning, wheels = (float(np.sqrt(np.mean(one ** 2))) for one in (yaw_rate, difference))
+    follows = correlation(yaw_rate, difference)
+    return Sides(abs(follows) * float(np.std(yaw_rate)) / max(float(np.std(difference)), 1e-9),
+                 follows, correlation(yaw_rate, sides.sum(axis=1)), turning,
+                 correlation(*sides.T) < -limits.MIN_CORRELATION
+                 and turning < limits.NO_TURN * wheels)
+
+
+def planar_fit(motion: Recording, robot: RobotParams) -> PlanarFit | None:
+    """Return the regression of the horizontal force; None if nothing moves."""
+    found = _intervals(motion, robot)
+    if found is None:
+        return None
+    time, sides, W, change, force = found
+    speed = robot.wheel_radius * sides.mean(axis=1)
+    forward, lateral = np.gradient(speed, time), W * speed
+    one, none = np.ones(len(time)), np.zeros(len(time))
+    rows = np.vstack([  # factor, lever arm of the IMU, bias
+        np.column_stack([forward, -lateral, -W ** 2, -change, one, none]),
+        np.column_stack([lateral, forward, change, -W ** 2, none, one])])
+    both = Rows(np.concatenate([time, time]), rows, force.T.ravel(), np.zeros(2 * len(time)))
+    lever = PRIORS['lateral effects of the squared yaw rate'].prior
+    fit = regression(both, Prior.of(None, None, lever, lever, None, None), Errors(
+        max(1, round(limits.CORRELATION_TIME / float(np.median(np.diff(time))))),
+        instant=np.tile(np.arange(len(time)), 2)))
+    (p, sigma_p), (q, sigma_q) = fit.estimate(0), fit.estimate(1)
+    signal = both.target - rows[:, 4:] @ fit.values[4:]
+    return PlanarFit(complex(p, q), math.hypot(sigma_p, sigma_q),
+                     float(np.sum(fit.residuals ** 2) / max(np.sum(signal ** 2), 1e-12)))
+
+
+def _intervals(motion: Recording, robot: RobotParams
+               ) -> tuple[Array, Array, Array, Array, Array] | None:
+    """Return time (n,), wheel speeds (n, 2), yaw rate, its change, force (n, 2); None if few."""
+    try:
+        found = motion.moving_intervals(
+            max(INTERVAL, min_interval(motion)),
+            robot.slip.standstill_speed / robot.wheel_radius, INTERVAL)
+    except EstimatorError:
+        return None
+    if len(found.end) < limits.MIN_READINGS:
+        return None
+    imu = motion.imu
+    rate, change = yaw_motion(Signal(imu.time, imu.rate[:, 2]), found.begin, found.end)
+    force = np.stack([Signal(imu.time, imu.force[:, i]).mean(found.begin, found.end)
+                      for i in range(2)], axis=1)
+    return found.center, found.sides, rate, change, force
