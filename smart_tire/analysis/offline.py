@@ -27,17 +27,20 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from smart_tire.analysis.checks import findings
+from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
     EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, SmoothedSlip,
     TRUTHS)
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.summary import evaluation, input_stats, plain, Tree
+from smart_tire.analysis.summary import divergence, evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, report_losses, STANDARD_NAMES, TopicNames)
 from smart_tire.errors import BagError, EstimatorError, SmartTireError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.findings import Finding, Level
 from smart_tire.host_load import worst_of
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.recording import Faults, Recording
@@ -69,6 +72,7 @@ class BagContents:
     notes: list[str] = field(default_factory=list)     # recognized topics and joints
     warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
     topics: dict[str, BagTopic] = field(default_factory=dict)  # all, by name in the bag
+    errors: list[Finding] = field(default_factory=list)  # of the checks, if requested
     host: str = ''      # that the host was late when the bag was recorded
     start_ns: int = 0   # receive time of the first message
     duration_s: float = 0.0
@@ -123,15 +127,17 @@ class EstimateWriter:
 
 def analyze(path: Path, out: Path | None, params: EstimatorParams,
             progress: Progress = lambda share: None, *, smooth: bool = False,
-            names: TopicNames = STANDARD_NAMES, source: Tree | None = None) -> Analysis:
+            names: TopicNames = STANDARD_NAMES, source: Tree | None = None,
+            checks: bool = False) -> Analysis:
     """
     Analyze the bag at ``path``; write the bag ``out``/estimates and ``out``/summary.json.
 
     With ``smooth`` also write the estimates of the RTS smoother to ``out``/smoothed. ``names``
     are the topics with other names in the bag; ``source``, where ``params`` are from, is written
-    to the summary. The bags of estimates carry ``params``. Nothing is written without ``out`` or
-    if nothing can be estimated; existing estimates are replaced. Raises BagError if the bag
-    cannot be read or ``out`` cannot be written.
+    to the summary. With ``checks`` the contents have the errors that ``doctor`` finds. The bags of
+    estimates carry ``params``. Nothing is written without ``out`` or if nothing can be estimated;
+    existing estimates are replaced. Raises BagError if the bag cannot be read or ``out`` cannot be
+    written.
     """
     names_out = ('estimates', 'smoothed') if smooth else ('estimates',)
     folders = [None if out is None else out / name for name in names_out]
@@ -140,7 +146,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     with ExitStack() as stack:
         writers = [EstimateWriter(folder, stack, params) for folder in folders]
         slip = (SmoothedSlip if smooth else SlipEstimator)(params.slip)
-        read = partial(_read, path, params, names)
+        read = partial(_read, path, params, names, checks)
         held: list[tuple[int, EstimateRecord | None]] = []  # None: the next smoothed motion
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
@@ -163,7 +169,8 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, slip.late, source)
+        analysis.summary = _summary(path, analysis, slip.late, source,
+                                    params.robot.wheel_radius)
         if out is not None:
             _write(out / 'summary.json', analysis.summary)
     return analysis
@@ -177,7 +184,7 @@ def _check_folders(path: Path, folders: Iterable[Path | None]) -> None:
             raise BagError(f'{folder} is the folder of the input bag: choose another')
 
 
-def _read(path: Path, params: EstimatorParams, names: TopicNames
+def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool
           ) -> Iterator[StageBatch | BagContents]:
     """Yield the output of the friction stage in batches, and finally the contents of the bag."""
     contents, friction = BagContents(), FrictionEstimator(params.friction)
@@ -210,6 +217,10 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames
         if host is not None and host.late:
             contents.host = f'host late: {host}'
             contents.skipped.append(contents.host)
+        if checks:  # here the slip stage, in the other process, does not wait for them
+            contents.errors = [one for one in findings(CheckedRecording(
+                params.robot, contents.inputs, bag.faults, problems_of(bag), statuses))
+                if one.level is Level.ERROR]
     yield contents
 
 
@@ -271,15 +282,21 @@ def _remove_old_bag(folder: Path) -> None:
         raise BagError(f'{folder}: cannot be replaced ({error.strerror})') from error
 
 
-def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | None) -> Tree:
+def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | None,
+             wheel_radius: float) -> Tree:
     contents = analysis.contents
+    fastest = wheel_radius * float(np.nanmax(np.abs(contents.inputs.speeds()[1]), initial=0.0))
     late = contents.late | late  # the larger count if both stages use a topic
     rejected = contents.faults.rejected
     inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': rejected[topic]}
               for topic, stats in input_stats(contents.inputs).items()}
+    diverged = [text for one in (analysis.estimates, analysis.smoothed)
+                if one is not None and (text := divergence(one, fastest))]
     filtered, *smoothed = map(evaluation, analysis.result.comparisons.values())
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
             'parameters': source, 'notes': contents.notes,
+            'errors': [one.text for one in contents.errors],
+            'diverged': diverged[0] if diverged else None,
             'inputs': plain(inputs), 'left_out': contents.skipped,
             **filtered}
     if smoothed:

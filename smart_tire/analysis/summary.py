@@ -28,11 +28,14 @@ from smart_tire.arrays import Instants
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.recording import Recording, seconds
-from smart_tire.samples import Friction, GROUND_ESTIMATES, WHEELS
+from smart_tire.samples import (
+    Friction, GROUND_ESTIMATES, MAX_ANGULAR_RATE, MAX_SPEED, WHEELS)
 
 Tree = dict[str, Any]
 WHOLE = 'whole recording'
 MIN_GAP_PERIODS = 1.5  # of the median period: one lost message gives 2, jitter rarely 1.5
+MAX_SPEED_RATIO = 3.0     # of the body over its fastest wheel in the recording
+MIN_DIVERGED_SPEED = 2.0  # m/s, so that a robot that slides or is carried has not diverged
 SIGNIFICANT_DIGITS = 6  # more than any estimate has
 
 
@@ -84,6 +87,31 @@ def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
             'median_single': median(single[usable]),
             'last_fused': last.friction_coefficient.value,
             'last_fused_sigma': last.friction_coefficient.sigma}
+
+
+def divergence(estimates: Recording, wheel_speed: float) -> str:
+    """
+    Return where odometry is impossible, '' if it is not: the filter does not follow the inputs.
+
+    Possible are finite values, with speed, yaw rate and their standard deviations below those of
+    any ground vehicle, and of one whose fastest wheel has a ``wheel_speed`` [m/s] at its surface.
+    """
+    poses = estimates.poses()
+    if not len(poses.stamp_ns):
+        return ''
+    fastest = min(MAX_SPEED, max(MIN_DIVERGED_SPEED, MAX_SPEED_RATIO * wheel_speed))
+    limits = np.array([fastest, fastest, MAX_ANGULAR_RATE])
+    off = ~(np.isfinite(poses.pose).all(axis=1)
+            & np.isfinite(poses.pose_covariance).all(axis=(1, 2))
+            & (np.abs(poses.twist) <= limits).all(axis=1)
+            & (poses.twist_variance <= limits ** 2).all(axis=1))
+    if not off.any():
+        return ''
+    first = int(np.argmax(off))
+    speed, rate = float(np.hypot(*poses.twist[first, :2])), float(poses.twist[first, 2])
+    return (f'the estimate diverges from {seconds(poses.stamp_ns, poses.stamp_ns[0])[first]:.1f} '
+            f's on: {speed:.3g} m/s and {rate:.3g} rad/s, expected at most {fastest:.3g} m/s '
+            f'and {MAX_ANGULAR_RATE:g} rad/s')
 
 
 def evaluation(found: Comparison, intervals: Intervals | None = None) -> Tree:

@@ -29,11 +29,13 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from smart_tire.errors import ParameterError
+from smart_tire.findings import Finding, Level
 from smart_tire.paths import BAG_METADATA, check_file, check_writable, find_bag
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import BagParams, EstimatorParams
     from smart_tire.bags import Bag, TopicNames
+    from smart_tire.parameters import RobotParams
 
 REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
 BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted'), ('params', 'data'), ('out', 'save')
@@ -97,11 +99,12 @@ def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] 
         yield bag, source
 
 
-def bag_settings(paths: Sequence[Path],
-                 args: argparse.Namespace) -> tuple[EstimatorParams, TopicNames]:
+def bag_settings(paths: Sequence[Path], args: argparse.Namespace,
+                 checked: Collection[Path] = ()) -> tuple[EstimatorParams, TopicNames]:
     """
     Return parameters and topic names for bags of one robot; print as ``open_bag`` does.
 
+    Also prints the errors that the checks find in those of the bags that are ``checked``.
     Raises ParameterError if the bags carry different parameters of the robot.
     """
     found = []
@@ -109,6 +112,8 @@ def bag_settings(paths: Sequence[Path],
         prefix = f'{path}: ' if len(paths) > 1 else ''
         with open_bag(path, args, prefix=prefix) as (bag, source):
             found.append((source.params, bag.names))
+            if path in checked:
+                print_checks(bag, source.params.robot, prefix)
         if source.params.robot != found[0][0].robot:
             raise ParameterError(f'{paths[0]} and {path} carry different parameters of the '
                                  'robot: select one set with --params')
@@ -202,6 +207,19 @@ def remove(folder: Path, names: Iterable[str]) -> None:
 def _bag_files(folder: Path) -> set[str]:
     files = re.compile(rf'{re.escape(folder.resolve().name)}_[0-9]+\.mcap')
     return {path.name for path in folder.iterdir() if files.fullmatch(path.name)} | {BAG_METADATA}
+
+
+def print_errors(errors: Iterable[Finding], prefix: str = '') -> None:
+    """Print the errors that the checks of ``smart_tire doctor`` have found in a recording."""
+    for error in errors:
+        print(f'{prefix}error: {error.text}')
+
+
+def print_checks(bag: Bag, robot: RobotParams, prefix: str = '') -> None:
+    """Read an open bag, and print its errors."""
+    from smart_tire.analysis.checks import findings
+    from smart_tire.analysis.checks.recording import read
+    print_errors((one for one in findings(read(bag, robot)) if one.level is Level.ERROR), prefix)
 
 
 def print_counts(counts: Mapping[str, int]) -> None:

@@ -17,15 +17,19 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 import sys
+from typing import TYPE_CHECKING
 
 from smart_tire.cli._options import (
-    check_options, FIGURES, open_bag, refuse_existing,
+    check_options, FIGURES, open_bag, print_errors, refuse_existing,
     refuse_existing_bag, refuse_folder_of_bag, REQUIRED)
 from smart_tire.cli._progress import Progress
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.paths import bag_name
 
-ESTIMATED, NOTHING_ESTIMATED, USAGE = 0, 1, 2  # exit statuses
+if TYPE_CHECKING:
+    from smart_tire.analysis.summary import Tree
+
+ESTIMATED, NOTHING_ESTIMATED, DIVERGED, USAGE = 0, 1, 1, 2  # exit statuses
 
 
 def run(args: argparse.Namespace) -> int:
@@ -86,7 +90,8 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             return NOTHING_ESTIMATED
     with Progress(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
-                           names=opened.names, source=source.tree)
+                           names=opened.names, source=source.tree, checks=args.checks)
+    print_errors(analysis.contents.errors)
     if analysis.summary is None:
         print(f'{bag}: nothing can be estimated')
         for text in analysis.contents.skipped:
@@ -101,4 +106,12 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         from smart_tire.analysis.figures import write_figures
         write_figures(out, analysis.result, params.robot)
     print(f'  written to {out}')
-    return ESTIMATED
+    return diverged(bag, analysis.summary)
+
+
+def diverged(bag: Path, summary: Tree) -> int:
+    """Print as the last line that the estimate diverged, if it did; return the exit status."""
+    if summary['diverged'] is None:
+        return ESTIMATED
+    print(f'{bag}: {summary["diverged"]}; correct the errors that "smart_tire doctor" names')
+    return DIVERGED

@@ -65,7 +65,7 @@ def identify_only(args: argparse.Namespace, bags: Bags) -> int:
                        if (step == 'lifted') is off] for off in (False, True))
     if not ground:
         raise ParameterError(f'--only {args.only}: no recording on the ground')
-    params, names = bag_settings([*ground, *lifted], args)
+    params, names = bag_settings([*ground, *lifted], args, ground if args.checks else ())
     return report(args.only, Source(
         ground, params.robot, reference='any' if args.truth else 'none',
         names=names, lifted=lifted), args.out / PARAMETER_FILE,
@@ -76,7 +76,10 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
     from smart_tire.analysis.calibrate import calibrate_bags, figures
     from smart_tire.analysis.drawing import save_all
-    params, names = bag_settings([path for paths in bags.values() for path in paths], args)
+    params, names = bag_settings(
+        [path for paths in bags.values() for path in paths], args,
+        [path for step, paths in bags.items() if step != 'lifted' for path in paths]
+        if args.checks else ())
     result = calibrate_bags(bags, params, f'{date.today():%Y-%m-%d}', truth=args.truth,
                             names=names)
     found = result.calibration

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import smart_tire
 from smart_tire.cli._options import (
-    check_options, open_bag, refuse_existing, refuse_folder_of_bag)
+    check_options, open_bag, print_errors, refuse_existing, refuse_folder_of_bag)
 from smart_tire.cli._progress import Progress
-from smart_tire.cli.analyze import each_bag, ESTIMATED, NOTHING_ESTIMATED
+from smart_tire.cli.analyze import diverged, each_bag, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name, write_text
 
@@ -71,7 +71,8 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         pass
     with Progress(report_name(bag)) as progress:
         result = analyze(bag, None, source.params, progress.share, names=opened.names,
-                         source=source.tree)
+                         source=source.tree, checks=args.checks)
+    print_errors(result.contents.errors)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated, no report is written')
         for text in result.contents.skipped:
@@ -82,7 +83,7 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
              ('Software', f'smart_tire {smart_tire.__version__}')]
     write_text(out, html_page(report_of(result, source, report_name(bag), facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
-    return ESTIMATED
+    return diverged(bag, result.summary)
 
 
 def date_text(stamp_ns: int) -> str:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import webbrowser
 
 from smart_tire.cli._options import (
-    open_bag, refuse_existing)
+    open_bag, print_checks, refuse_existing)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
 
@@ -66,7 +66,8 @@ def run(args: argparse.Namespace) -> int:
         return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), _show_live)
     bag, estimates = find_bags(args.bag)
     with open_bag(bag, args, required=()) as (opened, source):
-        pass  # an error before the viewer appears
+        if args.checks:
+            print_checks(opened, source.params.robot)
     return _with_viewer(args, bag.resolve().name, source.params,
                         partial(_show_bag, args, bag, estimates, source.params, opened.names))
 

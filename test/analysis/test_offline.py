@@ -97,8 +97,8 @@ def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     summary = json.loads((out / 'summary.json').read_text())
     assert summary == run.summary
     assert list(summary) == [
-        'bag', 'duration_s', 'parameters', 'notes', 'inputs', 'left_out', 'estimates',
-        'against_truth']
+        'bag', 'duration_s', 'parameters', 'notes', 'errors', 'diverged', 'inputs',
+        'left_out', 'estimates', 'against_truth']
     assert summary['bag'] == str(drive_bag)
     assert summary['duration_s'] == pytest.approx(12.0, abs=0.1)
     counts = Counter(topic for _, topic, _ in drive)

@@ -19,7 +19,8 @@ import pytest
 
 from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.result import Comparison
-from smart_tire.analysis.summary import estimates_tree, plain, surfaces, truth_tree, WHOLE
+from smart_tire.analysis.summary import (
+    divergence, estimates_tree, plain, surfaces, truth_tree, WHOLE)
 from smart_tire.recording import Recording
 from smart_tire.samples import Friction, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -125,3 +126,28 @@ def test_given_intervals_replace_the_surfaces():
     tree = truth_tree(Comparison(run(), run()), {'first': [(EPOCH, EPOCH + SECOND)]})
     assert list(tree['slip']) == [WHOLE, 'first']
     assert tree['friction']['first']['traction']['crossings'] == 3
+
+
+def poses(speed, yaw_rate=0.5, variance=0.01, x=1.0, covariance=0.01):
+    """Return odometry of two instants, the second with these values."""
+    found = Recording()
+    for second, v in enumerate((1.0, speed)):
+        found.add_sample(Odometry(
+            EPOCH + second * SECOND, (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (v, 0.0, 0.0),
+            (0.0, 0.0, yaw_rate), (covariance,) * 36, (variance,) * 36))
+    return found
+
+
+@pytest.mark.parametrize('found, wheel_speed', [
+    (poses(3.1), 1.0), (poses(101.0), 90.0), (poses(-3.1), 1.0), (poses(1.0, variance=9.1), 1.0),
+    (poses(1.0, 101.0), 1.0), (poses(1.0, x=float('inf')), 1.0),
+    (poses(1.0, covariance=float('nan')), 1.0)])
+def test_an_impossible_motion_is_divergence(found, wheel_speed):
+    assert divergence(found, wheel_speed).startswith('the estimate diverges from ')
+
+
+@pytest.mark.parametrize('found, wheel_speed', [
+    (poses(2.9), 1.0), (poses(99.0), 90.0), (poses(1.9), 0.0), (Recording(), 1.0)])
+def test_a_fast_motion_is_no_divergence(found, wheel_speed):
+    assert divergence(found, wheel_speed) == ''
+    assert '1.0 s on: 2.1 m/s' in divergence(poses(2.1), 0.0)

@@ -13,11 +13,12 @@
 import json
 from pathlib import Path
 
+from benchmarks.wrong_data import VARIANTS
 import pytest
 
 from smart_tire.cli.analyze import folder_names
 from smart_tire.cli.main import main
-from smart_tire.parameters import build, SimulatorParams
+from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.simulation.offline import simulate
 from support.recordings import write_bag
 
@@ -113,6 +114,37 @@ def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_pat
     assert analyze(damaged, bag, '--no-figures', '--out', out) == 2
     assert 'damaged.mcap: not an MCAP file' in capsys.readouterr().err
     assert (out / 'drive' / 'summary.json').exists()
+
+
+@pytest.fixture(scope='module')
+def degrees(tmp_path_factory):
+    """Return the bag of a drive with curves, its gyro in deg/s."""
+    events = simulate(build(SimulatorParams, {**ONE_WHEEL, 'ground.base': 'concrete'}), [
+        (0.5, 90.0, 90.0), (2.0, 100.0, 60.0), (4.0, 40.0, 80.0), (6.0, 0.0, 0.0),
+        (7.0, -60.0, -80.0), (9.0, 0.0, 0.0)], 10.0)
+    return write_bag(tmp_path_factory.mktemp('wrong') / 'degrees',
+                     VARIANTS['gyro in deg/s'].change(events, RobotParams()))
+
+
+@pytest.mark.parametrize('verb, out', [('analyze', 'out'), ('report', 'out.html')])
+def test_an_estimate_that_diverges_is_no_result(verb, out, degrees, robot, tmp_path, capsys):
+    words = ['--params', str(robot), '--out', str(tmp_path / out)]
+    words += ['--no-figures'] if verb == 'analyze' else []
+    assert main([verb, str(degrees), *words]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    error, = (line for line in lines if line.startswith('error: '))
+    assert 'imu/data: yaw rate is' in error and 'in deg/s' in error
+    assert lines.index(error) <= 2
+    assert 'the estimate diverges from' in lines[-1] and 'expected at most 2.' in lines[-1]
+    if verb == 'report':
+        page = (tmp_path / out).read_text()
+        assert 'Error in the recording: imu/data' in page and 'diverges from' in page
+        return
+    summary = json.loads((tmp_path / out / 'summary.json').read_text())
+    assert summary['diverged'] in lines[-1] and summary['errors'] == [error[len('error: '):]]
+    assert analyze(degrees, '--no-checks', '--force', *words) == 1
+    output = capsys.readouterr().out
+    assert 'error: ' not in output and 'the estimate diverges from' in output
 
 
 def test_bags_of_the_same_name_in_several_folders_are_named_by_the_folders():

@@ -85,7 +85,9 @@ def _notes(analysis: Analysis, summary: Tree) -> list[str]:
               'late messages': sum(one['late'] for one in inputs)}
     found = [f'{what}: {count}' for what, count in counts.items() if count]
     host = analysis.contents.host
-    return [*([f'{host.capitalize()}.'] if host else []), *(
+    return [*(f'{text.capitalize()}.' for text in [summary['diverged']] if text),
+            *(f'Error in the recording: {text}.' for text in summary['errors']),
+            *([f'{host.capitalize()}.'] if host else []), *(
         [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else [])]
 
 
