@@ -47,7 +47,7 @@ help:
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
 	@echo '                     for others'
 	@echo 'make fuzz            give damaged bytes to all readers of bytes; SECONDS=N, SEED=S'
-	@echo 'make bench           measure CPU load, latency and calibration'
+	@echo 'make bench           measure CPU load, latency, largest load, start, calibration'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
 	@echo 'make bench-control   measure wheel and path control; results in bench_output/control/'
@@ -87,6 +87,9 @@ demo: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.load
+	$(BIN)/python -m benchmarks.offline
+	$(BIN)/python -m benchmarks.capacity
+	$(BIN)/python -m benchmarks.start
 	$(BIN)/python -m benchmarks.calibration --seeds 20 --first-seed 201 --force
 
 bench-slip: $(READY)

@@ -29,6 +29,9 @@ from typing import Any
 from benchmarks.harness import machine, run_benchmark
 from smart_tire.cli._stack import isolated_environment, NODES, Stack
 from smart_tire.errors import SmartTireError
+from smart_tire.estimation.reorder_buffer import GRID_NS
+from smart_tire.launching import SEPARATE
+from smart_tire.nodes.command_line import COMPOSED
 from smart_tire.protocol.tire_payload import decode_batch, volts
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 from smart_tire.samples import NS_PER_S, TireSample
@@ -45,6 +48,7 @@ SEED = 1
 MAX_READ = 4096      # bytes
 POLL_PERIOD = 0.1    # s
 OPEN_TIMEOUT = 10.0  # s until the port of the radio must exist
+ODOM_PHASES = 5      # an instant of odom, every 8 ms, waits for IMU samples, every 10 ms
 KEY_LENGTH = 8       # samples at the end of a batch whose noise identifies it
 
 Key = tuple[tuple[float, ...], ...]
@@ -55,6 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='python -m benchmarks.load', description=DESCRIPTION)
     parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
                         help='duration of the live measurement (default: %(default)s)')
+    parser.add_argument('--composed', action='store_true',
+                        help='the nodes in one process, except motor_driver and wheel_controller')
     args = parser.parse_args(argv)
     # Importing rclpy may start Python again, so it must come before any child is started.
     from smart_tire.nodes.pilot import Pilot
@@ -64,7 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     def measure() -> None:
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
             measure_live(Path(folder), args.seconds,
-                         partial(NodeRunner, partial(Pilot, 'demo_driver')))
+                         partial(NodeRunner, partial(Pilot, 'demo_driver')),
+                         (NODES[0], COMPOSED, *SEPARATE) if args.composed else NODES)
     return run_benchmark('load', measure)
 
 
@@ -136,27 +143,32 @@ class RadioTap:
         return tuple(tuple(map(volts, codes)) for codes in batch.codes[-KEY_LENGTH:])
 
 
-def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]], Any]) -> None:
-    """Analysis all nodes as in the demo; print their CPU time and the latency of tire samples."""
+def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]], Any],
+                 processes: Sequence[str]) -> None:
+    """Run all nodes in ``processes``; print their CPU time, and the latency of their messages."""
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
     params = write_params(folder, source, link)
     with Stack(folder / 'logs', environment) as stack, RadioTap(source, link) as tap:
-        for node in NODES:
-            stack.node(node, [params])
+        for name in processes:
+            stack.node(name, [params])
         with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
             await_nodes(stack, runner, NODES)
             runner.node.drive(LEFT_SPEED, RIGHT_SPEED)
             runner.spin(WARM_UP_TIME)
             runner.node.subscribe('tire_samples', tap.add_sample)
+            ages: list[tuple[int, float]] = []
+            runner.node.subscribe('odom', lambda sample: ages.append(
+                (sample.stamp_ns, (time.time_ns() - sample.stamp_ns) / NS_PER_S)))
             before, begin = cpu_seconds(stack), time.monotonic()
             runner.spin(seconds)
             elapsed, after = time.monotonic() - begin, cpu_seconds(stack)
         if died := stack.died():
             raise SmartTireError(f'{", ".join(died)} died')
-        print_cpu({name: (after[name] - before[name]) / elapsed for name in NODES})
+        print_cpu({name: (after[name] - before[name]) / elapsed for name in processes})
         print_latency(tap.latencies)
+        print_jitter(ages)
 
 
 def cpu_seconds(stack: Stack) -> dict[str, float]:
@@ -214,6 +226,19 @@ def print_latency(latencies: Sequence[float]) -> None:
     median, p99, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
     print(f'last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
           f'p50 {median:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms')
+
+
+def print_jitter(ages: Sequence[tuple[int, float]]) -> None:
+    """Print the jitter of ``odom`` from its timestamps [ns] and its ages on arrival [s]."""
+    import numpy as np
+    stamps, age = np.array([stamp for stamp, _ in ages]), np.array([one for _, one in ages])
+    phases = stamps // GRID_NS % ODOM_PHASES
+    jitter = np.empty_like(age)
+    for phase in range(ODOM_PHASES):
+        jitter[phases == phase] = age[phases == phase] - np.median(age[phases == phase])
+    p99, p999, worst = 1e3 * np.percentile(jitter, (99.0, 99.9, 100.0))
+    print(f'age of odom on arrival: p50 {1e3 * np.median(age):.1f} ms; later than usual by '
+          f'p99 {p99:.1f} ms, p99.9 {p999:.1f} ms, worst {worst:.1f} ms')
 
 
 if __name__ == '__main__':

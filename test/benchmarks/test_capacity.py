@@ -1,0 +1,42 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Load of the capacity benchmark: all bytes are valid, at the rates that are stated."""
+
+from __future__ import annotations
+
+from benchmarks.capacity import ADDRESS, BATCH, FILM_RATE, IMU_RATE, make_load
+import pytest
+from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
+from smart_tire.drivers.tire_receiver import TireStream
+from smart_tire.samples import NS_PER_S, WHEELS
+
+SECONDS = 2.5
+
+
+@pytest.mark.parametrize('factor', [1.0, 2.0])
+def test_all_bytes_are_received_at_the_rates_of_the_factor(factor):
+    load = make_load(factor, SECONDS)
+    radio = TireStream({ADDRESS + index: wheel for index, wheel in enumerate(WHEELS)})
+    imu = SampleStream(IMU_PROTOCOLS['vectornav_binary'])
+    samples, readings = [], []
+    for due, port, data in load.writes:
+        stream, found = (radio, samples) if port == 'radio' else (imu, readings)
+        found += stream.receive(data, round((due + 100.0) * NS_PER_S))
+    batches = [found for found in samples if isinstance(found, list)]
+    assert sum(map(len, batches)) == load.samples
+    assert len(readings) == load.readings
+    assert radio.frames_bad == imu.frames_bad == 0
+    assert all(node.lost == node.resets == 0 for node in radio.sensor_nodes.values())
+    assert load.samples == pytest.approx(len(WHEELS) * factor * FILM_RATE * SECONDS,
+                                         abs=len(WHEELS) * BATCH)
+    assert load.readings == pytest.approx(factor * IMU_RATE * SECONDS, abs=2)
+    assert len(load.wheels) == pytest.approx(16.0 * SECONDS, abs=2)
+    assert {len(sample.volts) for batch in batches for sample in batch} == {2}

@@ -1,0 +1,33 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Figures of the benchmark of start and idle load, as ratios to those of the empty node."""
+
+import os
+import time
+
+from benchmarks.start import cpu_seconds, FLOOR, Start, table
+import pytest
+
+
+def test_the_table_has_each_node_relative_to_the_empty_one():
+    found = table({FLOOR: Start(0.2, 1.5, 30e6, 70e6), 'a': Start(0.3, 1.8, 37e6, 78e6),
+                   'b': Start(0.5, 3.0, 40e6, 80e6)}, {FLOOR: 0.001, 'a': 0.0025})
+    rows = dict(zip(*[column.cells for column in found.columns[:1]],
+                    zip(*(column.cells for column in found.columns[1:]))))
+    assert rows['a'] == ('0.30', '1.50', '1.80', '1.20', '37.0', '7.0', '78.0', '0.0025', '2.50')
+    assert rows['b'][-2:] == ('', '')
+
+
+def test_the_cpu_time_is_that_of_all_threads_of_a_process():
+    begin = cpu_seconds(os.getpid()) - time.process_time()
+    while time.process_time() % 0.1 < 0.05:
+        pass
+    assert cpu_seconds(os.getpid()) - time.process_time() == pytest.approx(begin, abs=0.02)
