@@ -33,7 +33,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Tests start some hundreds of processes: none shall compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo demo-loaded test pytest lint check current mutants fuzz stop-times bench \
+.PHONY: help setup demo demo-loaded test pytest lint check current mutants fuzz soak stop-times bench \
 	bench-slip bench-friction bench-control config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
@@ -47,6 +47,7 @@ help:
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
 	@echo '                     for others'
 	@echo 'make fuzz            give damaged bytes to all readers of bytes; SECONDS=N, SEED=S'
+	@echo 'make soak            drive for an hour with random faults; MINUTES=N, SEED=S'
 	@echo 'make bench           measure CPU load, latency, largest load, start, calibration'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
 	@echo 'make bench-friction  measure friction; results in bench_output/friction/'
@@ -153,6 +154,10 @@ mutants: $(READY)
 # Damaged bytes for each reader of bytes from outside; see test/fuzz.py.
 fuzz: $(READY)
 	$(BIN)/python test/fuzz.py $(if $(SECONDS),--seconds $(SECONDS)) $(if $(SEED),--seed $(SEED))
+
+# Hours of driving with random faults; see test/soak.py.
+soak: $(READY)
+	$(BIN)/python test/soak.py $(if $(MINUTES),--minutes $(MINUTES)) $(if $(SEED),--seed $(SEED))
 
 # With two busy processes per core; see test/loaded_demo.py.
 demo-loaded: $(READY)
