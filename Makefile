@@ -127,7 +127,7 @@ pytest: $(READY)
 	$(BIN)/python -m pytest -n 3 --durations=25 $(SELECTION)
 
 # The results of the benchmarks are in bench_output/check/.
-check: export SELECTION := -m '' --cov --cov-report=term
+check: export SELECTION := -m '' --cov --cov-report=term --cov-fail-under=92
 check: test current site
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip

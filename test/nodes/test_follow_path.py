@@ -167,7 +167,7 @@ def test_a_goal_is_followed_with_feedback_and_succeeds(robot, client):
     distances = [feedback.distance_to_goal for feedback in client.feedback]
     assert 3.0 * SHORT + 0.01 > distances[0] > distances[-1] >= 0.0
     robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
-    assert robot.progress.state == State.ARRIVED
+    robot.until(lambda: robot.progress.state == State.ARRIVED)
 
 
 def test_a_canceled_goal_stops_the_robot_at_once(robot, client):

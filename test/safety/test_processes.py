@@ -59,7 +59,12 @@ def test_the_wheels_stop_when_the_cable_is_unplugged_and_then_need_a_new_command
     assert robot.until_stopped(unplugged) < 0.5
     robot.graph.until(lambda: 'no such port' in robot.status_message())
     robot.pause()
+    readings = robot.graph.received['wheel_states']
+    readings.clear()
     robot.rig.plug_in()
+    plugged_in = time.monotonic()
+    robot.graph.until(lambda: readings)
+    assert time.monotonic() - plugged_in < 2.0
     robot.stay_stopped(1.0, lambda: None)
     robot.drive()
 
