@@ -12,11 +12,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 import math
+from typing import Any
 
 from smart_tire.control import constants as c
+from smart_tire.control.publishers import PublisherCheck
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
@@ -105,54 +107,76 @@ def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: f
     return age_ns
 
 
-class PublisherMonitor:
+class CommandCheck:
     """
-    Detects messages of several publishers on a command topic that permits only one.
+    Checks the commands on the topic ``name`` before ``on_command`` gets them.
 
-    A publisher is active for ``window_ns`` after its latest message; one that was replaced, for
-    example at a restart, is inactive by then.
-    """
-
-    def __init__(self, window_ns: int) -> None:
-        self._window_ns = window_ns
-        self._latest_ns: dict[Hashable, int] = {}  # publisher -> time of its latest message
-
-    def record(self, publisher: Hashable, now_ns: int) -> None:
-        """Record a message of ``publisher``."""
-        self._latest_ns[publisher] = now_ns
-
-    def forget(self) -> None:
-        """Forget all publishers."""
-        self._latest_ns.clear()
-
-    def conflicting(self, now_ns: int) -> list[Hashable]:
-        """Return the active publishers if there are several, otherwise an empty list."""
-        self._latest_ns = {publisher: latest_ns for publisher, latest_ns in self._latest_ns.items()
-                           if now_ns - latest_ns <= self._window_ns}
-        return list(self._latest_ns) if len(self._latest_ns) > 1 else []
-
-
-class SequenceTracker:
-    """
-    Distinguishes publishers by the sequence numbers of their messages.
-
-    A number that does not continue a known sequence belongs to another publisher. For ROS 2 before
-    Kilted, whose rclpy provides these numbers but not the identifier of the publisher.
+    Calls ``on_command`` with each accepted command and the steady time [ns] from which its
+    ``timeout`` [s] counts: its timestamp or its arrival, whichever is earlier. The timestamp of
+    another host (not ``same_host``), whose clock may be off by ``max_age`` [s], counts only for a
+    command that may have been queued while this process was stopped. Refused are expired commands,
+    those older or further in the future than ``max_age`` (None: timestamps are not read), those
+    that may have been queued without a timestamp, and all while two publishers send:
+    ``on_conflict`` is then called with the reason, and with '' when the conflict ends.
+    ``existing`` returns the nodes of the publishers in the graph; ``warn`` is called once if a
+    command has no timestamp.
     """
 
-    def __init__(self) -> None:
-        self._latest: list[int] = []
+    def __init__(self, name: str, existing: Callable[[], Mapping[Hashable, str]],
+                 on_command: Callable[[Any, int], None], on_conflict: Callable[[str], None],
+                 now_ns: int, *, timeout: float, max_age: float | None = None,
+                 same_host: bool = False,
+                 warn: Callable[[str], None] = lambda text: None) -> None:
+        window = max(c.MIN_PUBLISHER_WINDOW, c.PUBLISHER_WINDOW_TIMEOUTS * timeout)
+        self._publishers = PublisherCheck(name, window, existing)
+        self._name, self._warn = name, warn
+        self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
+        self._timeout, self._same_host = timeout, same_host
+        self._stalls, self._transit = StallDetector(now_ns), TransitTimes()
+        self._warned = False
+        self.conflict = ''  # its description while several publishers send
 
-    def publisher(self, number: int) -> int:
-        """Return the index of the publisher that sent message ``number``, counted from 0."""
-        gaps = [(number - latest, index) for index, latest in enumerate(self._latest)
-                if 0 < number - latest <= c.MAX_SEQUENCE_GAP]
-        if not gaps:
-            self._latest.append(number)
-            return len(self._latest) - 1
-        _, index = min(gaps)
-        self._latest[index] = number
-        return index
+    def tick(self, now_ns: int) -> None:
+        """Detect stalls of this process and the end of a conflict, at the steady ``now_ns``."""
+        self._stalls.tick(now_ns)
+        if self.conflict and not self._publishers.conflicting(now_ns):
+            self.conflict = ''
+            self._on_conflict('')
+
+    def receive(self, command: Any, info: Mapping[str, Any], now_ns: int, *, wall_ns: int,
+                stamp_ns: int) -> None:
+        """
+        Check a command handled at the steady time ``now_ns``; raise CommandError if refused.
+
+        ``info`` is what rclpy gives with the message, ``wall_ns`` the present time of its clock
+        and ``stamp_ns`` that of the clock of timestamps, which may be simulated.
+        """
+        self._stalls.tick(now_ns)
+        received_ns = info['received_timestamp']
+        waited_ns = max(wall_ns - received_ns, 0)
+        sender = self._publishers.sender(info)
+        excess_ns = self._transit.excess(sender, received_ns - info['source_timestamp'])
+        if text := self._publishers.record(sender, now_ns):
+            self.conflict = text
+            self._on_conflict(text)
+            raise CommandError(text)
+        queued = self._stalls.may_be_queued(now_ns - waited_ns, excess_ns)
+        self._on_command(command, now_ns - self._age(command, stamp_ns, waited_ns, queued=queued))
+
+    def _age(self, command: Any, now_ns: int, waited_ns: int, *, queued: bool) -> int:
+        """Return the age [ns] of a command; raise CommandError if it is not of the present."""
+        age_ns = waited_ns
+        if self._max_age is not None:
+            by_stamp = queued or self._same_host
+            oldest_ns = check_age(self._name, command.stamp_ns, now_ns, waited_ns, self._max_age,
+                                  self._timeout if by_stamp else math.inf)
+            age_ns = oldest_ns if by_stamp else waited_ns
+        if queued and not (self._max_age and command.stamp_ns):
+            raise CommandError(f'{self._name}: was queued while this process was stopped')
+        if self._max_age is not None and not command.stamp_ns and not self._warned:
+            self._warned = True
+            self._warn(f'{self._name} has no timestamp: its age is counted from its arrival')
+        return age_ns
 
 
 @dataclass

@@ -31,6 +31,10 @@ MAX_STEP_PERIODS = 4  # time step of a controller; assumed; test_wheel_control: 
 # -- validity of commands ------------------------------------------------------------------------
 MIN_STALL_NS = 250_000_000    # between ticks of a stopped process; assumed; safety: stopped nodes
 QUEUE_DRAIN_NS = 100_000_000  # after it, to read queued messages; assumed; the same
+TICK_PERIOD = 0.025           # s, a tenth of the shortest stall that must be detected; derived
+MIN_PUBLISHER_WINDOW = 1.5    # s after its latest message that a publisher counts, longer than a
+#                               line fault; assumed; test_publishers
+PUBLISHER_WINDOW_TIMEOUTS = 2.0  # the same in time-outs: a slow publisher counts; assumed
 MAX_PUBLISHERS = 64           # of one topic, whose transit times are known; assumed; fuzz
 MIN_PAUSE_NS = NS_PER_S       # without any, to reset a trip; above their period; test_duty_gate
 MAX_SEQUENCE_GAP = 1000       # numbers of one publisher: its lost messages; assumed; test_commands

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 import itertools
 import math
 from statistics import fmean
-import time
 
+from smart_tire.drivers.clock import Clock
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.models.vehicle.drive import measured_torque
 from smart_tire.parameters.hardware import MotorDriverParams
@@ -266,8 +266,8 @@ class CurrentReader:
     """Reads currents and writes the torques into the boards."""
 
     def __init__(self, params: MotorDriverParams, boards: Sequence[Board], line: RoboclawLine,
-                 poll_period: float) -> None:
-        self._params, self._boards, self._line = params, boards, line
+                 poll_period: float, clock: Clock) -> None:
+        self._params, self._boards, self._line, self._clock = params, boards, line, clock
         self._polls = 0
         self._interval = math.ceil(1.0 / (poll_period * MAX_CURRENT_RATE))  # in polls
         self._wait = min(MAX_CURRENT_WAIT, poll_period)  # s
@@ -286,7 +286,7 @@ class CurrentReader:
         for index, board in enumerate(self._boards):
             board.torques = NAN, NAN
             turn = self._polls + index * (self._interval // 2)
-            if not turn % self._interval and time.monotonic_ns() >= board.currents_ns:
+            if not turn % self._interval and self._clock.now_ns() >= board.currents_ns:
                 due.append(board)
         for board in sorted(due, key=lambda board: board.missing_currents):
             before_each()
@@ -296,7 +296,7 @@ class CurrentReader:
         codes = self._line.ask(board.address, READ_CURRENTS, self._wait)
         if codes is None:
             self.missing += 1
-            board.postpone_currents(time.monotonic_ns())
+            board.postpone_currents(self._clock.now_ns())
             return
         board.missing_currents = 0
         currents = map(current_from_code, codes)

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from statistics import median
-import time
 from typing import Any
 
+from smart_tire.drivers.clock import Clock, SYSTEM
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import (
     Command, decode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, SET_DUTY)
@@ -41,7 +41,8 @@ class RoboclawLine:
     counters continue when the port is reopened.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock = SYSTEM) -> None:
+        self._clock = clock
         self._port: Any = None
         self.frames_ok = 0
         self.last_ok_ns = 0      # host clock, when the latest good reply arrived
@@ -118,7 +119,7 @@ class RoboclawLine:
 
     def _attempt(self, address: int, command: Command, *values: int) -> tuple[int, ...]:
         self._flush()  # a late reply would be mistaken for the reply to this request
-        asked_ns = time.monotonic_ns()
+        asked_ns = self._clock.now_ns()
         self._port.write(encode_request(address, command, *values))
         reply = self._port.read(command.reply_size)
         if self._late and not (command.reads and _answers(address, command, reply)):
@@ -134,9 +135,9 @@ class RoboclawLine:
             raise
         if command.reads:
             self._forget_late(address, command)
-        self.timing.record(command, time.monotonic_ns() - asked_ns)
+        self.timing.record(command, self._clock.now_ns() - asked_ns)
         self.frames_ok += 1
-        self.last_ok_ns = time.time_ns()
+        self.last_ok_ns = self._clock.time_ns()
         return answer
 
     def _behind_late_replies(self, reply: bytes, size: int) -> bytes:
@@ -145,7 +146,7 @@ class RoboclawLine:
 
         An acknowledgement has no CRC: the first byte of a late reply may equal it.
         """
-        time.sleep(ACKNOWLEDGE_GAP)
+        self._clock.sleep(ACKNOWLEDGE_GAP)
         reply += self.receive()
         skipped = 0
         for late in tuple(self._late):

@@ -33,10 +33,10 @@ from collections.abc import Callable
 import itertools
 import math
 import threading
-import time
 from typing import Any
 
 from smart_tire.control.duty_gate import DutyGate
+from smart_tire.drivers.clock import Clock, SYSTEM
 from smart_tire.drivers.motor_board import Board, CurrentReader, MotionCheck, WheelEncoder
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.errors import FrameError
@@ -71,8 +71,9 @@ class RoboclawPair:
     """
 
     def __init__(self, params: MotorDriverParams, gate: DutyGate,
-                 deliver: Callable[[WheelSample], None]) -> None:
+                 deliver: Callable[[WheelSample], None], clock: Clock = SYSTEM) -> None:
         self._params, self._gate, self._deliver = params, gate, deliver
+        self._clock = clock
         encoders = [WheelEncoder(sign, params.robot.encoder.counts_per_revolution)
                     for sign in params.signs]
         checks = [MotionCheck(params, encoder.resolution) for encoder in encoders]
@@ -88,11 +89,13 @@ class RoboclawPair:
         self._silence = self._timeout_code * TIMEOUT_RESOLUTION + SILENCE_MARGIN
         self._next_to_check = itertools.cycle(self._boards)
         self._changed = threading.Event()
-        self._stopped = threading.Condition()  # notified when a board acknowledged zero duty
-        self._since_ns = time.monotonic_ns()   # when the port was opened
+        self._lock = threading.Lock()          # of the acknowledgements of zero duty
+        self._confirmed = threading.Event()    # both boards have acknowledged it
+        self._since_ns = clock.now_ns()        # when the port was opened
         self._sample_ns = 0                    # due time of the next sample
-        self.line = RoboclawLine()
-        self.currents = CurrentReader(params, self._boards, self.line, self._poll_ns / NS_PER_S)
+        self.line = RoboclawLine(clock)
+        self.currents = CurrentReader(params, self._boards, self.line, self._poll_ns / NS_PER_S,
+                                      clock)
         self.faults = 0  # missing or unexpected replies that stopped the motors
         gate.hold(LINE_HOLD, NOT_READY, report=False)
 
@@ -102,16 +105,17 @@ class RoboclawPair:
 
     def await_zero(self, seconds: float) -> list[str]:
         """Return the boards that did not acknowledge zero duty within ``seconds`` from now."""
-        with self._stopped:
+        with self._lock:
+            self._confirmed.clear()
             for board in self._boards:
                 board.zero_replies = 0
-            self._changed.set()
-            self._stopped.wait_for(lambda: not self._unconfirmed(), seconds)
-            return self._unconfirmed()
+        self._changed.set()
+        self._clock.wait(self._confirmed, seconds)
+        return self._unconfirmed()
 
     def reading_ages(self) -> dict[str, float]:
         """Return the time since the latest encoder reading of each board [s], by board name."""
-        now_ns = time.monotonic_ns()
+        now_ns = self._clock.now_ns()
         return {board.name: (now_ns - max(board.read_ns or 0, self._since_ns)) / NS_PER_S
                 for board in self._boards}
 
@@ -123,7 +127,7 @@ class RoboclawPair:
     def run(self, port: Any, stopping: threading.Event) -> None:
         """Serve the boards until ``stopping`` is set; the motors are stopped before it returns."""
         self.line.use(port)
-        self._since_ns = time.monotonic_ns()
+        self._since_ns = self._clock.now_ns()
         try:
             while not stopping.is_set():
                 try:
@@ -148,12 +152,12 @@ class RoboclawPair:
             for _ in range(MIN_LOW_READINGS):
                 self._check_health(board)
             board.reset()
-        self._sample_ns = time.monotonic_ns()
+        self._sample_ns = self._clock.now_ns()
 
     def _serve(self, stopping: threading.Event) -> None:
-        poll_ns = health_ns = drive_ns = time.monotonic_ns()
+        poll_ns = health_ns = drive_ns = self._clock.now_ns()
         while not stopping.is_set():
-            now_ns = time.monotonic_ns()
+            now_ns = self._clock.now_ns()
             if self._changed.is_set() or now_ns >= self._drive_due(drive_ns):
                 self._drive()
                 drive_ns = now_ns + KEEP_ALIVE_PERIOD_NS
@@ -165,7 +169,7 @@ class RoboclawPair:
                 health_ns = now_ns + HEALTH_PERIOD_NS
             else:
                 next_ns = min(poll_ns, health_ns, self._drive_due(drive_ns))
-                self._changed.wait((next_ns - now_ns) / NS_PER_S)
+                self._clock.wait(self._changed, (next_ns - now_ns) / NS_PER_S)
 
     def _drive_due(self, drive_ns: int) -> int:
         """Return when a duty must be sent: as keep-alive, or because the command expires."""
@@ -174,7 +178,7 @@ class RoboclawPair:
 
     def _drive(self) -> None:
         self._changed.clear()
-        duty = self._gate.output(time.monotonic_ns())
+        duty = self._gate.output(self._clock.now_ns())
         codes = [duty_code(encoder.sign * value)
                  for encoder, value in zip(self._encoders, duty)]
         for axle, board in enumerate(self._boards):
@@ -190,9 +194,10 @@ class RoboclawPair:
             self._drive()
 
     def _count_zero(self, board: Board, acknowledged: bool) -> None:
-        with self._stopped:
+        with self._lock:
             board.zero_replies = board.zero_replies + 1 if acknowledged else 0
-            self._stopped.notify_all()
+            if not self._unconfirmed():
+                self._confirmed.set()
 
     def _unconfirmed(self) -> list[str]:
         return [board.name for board in self._boards if board.zero_replies < MIN_ZERO_REPLIES]
@@ -210,11 +215,11 @@ class RoboclawPair:
 
     def _read(self, board: Board) -> bool:
         """Read the encoders of ``board``; return whether the speed of its wheels is known."""
-        asked_ns = time.monotonic_ns()
+        asked_ns = self._clock.now_ns()
         counts = self.line.exchange(board.address, READ_ENCODERS)
         if self.line.retried:  # the reply may belong to either request: its time is uncertain
             return False
-        mean_ns = (asked_ns + time.monotonic_ns()) // 2
+        mean_ns = (asked_ns + self._clock.now_ns()) // 2
         elapsed_ns = 0 if board.read_ns is None else mean_ns - board.read_ns
         board.read_ns, board.elapsed_ns = mean_ns, elapsed_ns
         board.span_ns += elapsed_ns
@@ -274,7 +279,7 @@ class RoboclawPair:
         """Stop both boards, by their watchdogs if they do not reply; wait until both reply."""
         self.line.discard()
         if not self._repeat_zero():
-            stopping.wait(self._silence)
+            self._clock.wait(stopping, self._silence)
             self._probe(stopping)
 
     def _repeat_zero(self) -> bool:
@@ -283,17 +288,17 @@ class RoboclawPair:
             self.line.post(board.address, SET_DUTY, 0, 0)
             board.duty = (0.0, 0.0)
         acknowledged = False
-        end_ns = time.monotonic_ns() + round(ZERO_DUTY_TIME * NS_PER_S)
-        while time.monotonic_ns() < end_ns:
+        end_ns = self._clock.now_ns() + round(ZERO_DUTY_TIME * NS_PER_S)
+        while self._clock.now_ns() < end_ns:
             replies = [self._post_zero(board) for board in self._boards]
             acknowledged = all(replies)
         return acknowledged
 
     def _post_zero(self, board: Board) -> bool:
-        time.sleep(ZERO_DUTY_PERIOD)  # the reply to the previous request may still arrive
+        self._clock.sleep(ZERO_DUTY_PERIOD)  # the reply to the previous request may still arrive
         self.line.receive()
         self.line.post(board.address, SET_DUTY, 0, 0)
-        time.sleep(ZERO_DUTY_PERIOD)
+        self._clock.sleep(ZERO_DUTY_PERIOD)
         acknowledged = self.line.receive() == ACKNOWLEDGE
         self._count_zero(board, acknowledged)
         return acknowledged
@@ -305,7 +310,7 @@ class RoboclawPair:
             replied[board.address] = self.line.probe(board.address, READ_TIMEOUT)
             if stopping.is_set() or len(replied) == len(self._boards) and all(replied.values()):
                 return
-            stopping.wait(self._silence)
+            self._clock.wait(stopping, self._silence)
 
     def _sample(self) -> WheelSample:
         """Return the wheel states at the mean time of the readings of both boards."""
@@ -319,6 +324,6 @@ class RoboclawPair:
                 position.append(encoder.position + speed * delay)
             effort += board.torques
             board.begin_span()
-        stamp_ns = time.time_ns() - (time.monotonic_ns() - mean_ns)
+        stamp_ns = self._clock.time_ns() - (self._clock.now_ns() - mean_ns)
         return WheelSample(stamp_ns, four(velocity), four(position),
                            None if all(map(math.isnan, effort)) else four(effort))

@@ -22,13 +22,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
+from smart_tire.control.publishers import UNDISCOVERED
 from smart_tire.parameters.files import from_arguments
 
 # not exported by rclpy:
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``
 RMWError: type[RuntimeError] = rclpy_implementation.RMWError  # of ``deserialize_message``
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # rcl, of an endpoint before its node
-UNDISCOVERED = 'a node whose name is not discovered yet'
 
 
 def new_executor() -> Any:

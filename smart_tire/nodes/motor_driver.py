@@ -19,24 +19,21 @@ from __future__ import annotations
 import sys
 
 from rclpy.qos import QoSProfile
-from smart_tire.control.duty_gate import DutyGate
-from smart_tire.drivers.roboclaw_pair import RoboclawPair
+from smart_tire.control.constants import TICK_PERIOD
+from smart_tire.drivers.motor_output import MotorOutput
 from smart_tire.nodes.base import MAX_INPUT_AGE
-from smart_tire.nodes.command_input import CommandInput, TICK_PERIOD
+from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode
 from smart_tire.nodes.qos import latched
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import MotorDriverParams
-from smart_tire.samples import MotorCommand
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-ZERO_DUTY_TIMEOUT = 0.4    # s for the boards to acknowledge an emergency stop
-STATE_PERIOD = 1.0         # s between repetitions of the state, docs/topics.md
+STATE_PERIOD = 1.0    # s between repetitions of the state, docs/topics.md
 # requests and answers: those of a client that floods the service do not displace a stop
 SERVICE_DEPTH = 1000
-PUBLISHERS = 'publishers'  # name of the hold while several nodes command
 
 
 class MotorDriver(DriverNode[MotorDriverParams]):
@@ -63,13 +60,12 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)
         params = self.params
-        self._gate = DutyGate(params.command_timeout, self._on_stop,
-                              stopped=params.start_stopped, require_arming=params.require_arming,
-                              release_hold_off=params.release_hold_off)
-        self._boards = RoboclawPair(
-            params, self._gate, self.make_publisher('wheel_states', rate=params.rate))
+        self._output = output = MotorOutput(
+            params, self.make_publisher('wheel_states', rate=params.rate),
+            self.get_logger().warning)
+        self._gate = output.gate
         self._commands = CommandInput(
-            self, 'motor_commands', self._on_command, self._on_conflict,
+            self, 'motor_commands', output.set_command, output.set_conflict,
             timeout=params.command_timeout, max_age=params.command_max_age, same_host=True)
         self._publish_stopped = self.make_guarded_publisher(
             Bool, 'emergency_stop_active', latched())
@@ -84,7 +80,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self.call_every(STATE_PERIOD, self._publish_state)
         self.call_every(TICK_PERIOD, self._check_state)  # by the boards' thread, too
         self._publish_state()
-        self.connect(self._boards.line, self._boards.run)
+        self.connect(output.boards.line, output.boards.run)
 
     def start(self) -> None:
         """Open the port."""
@@ -92,29 +88,18 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         if self.params.start_stopped:
             self.get_logger().warning('emergency stop: latched at start, until released')
 
-    def _on_command(self, command: MotorCommand, received_ns: int) -> None:
-        self._gate.command(command.duty, received_ns)
-        self._boards.wake()
-
-    def _on_conflict(self, reason: str) -> None:
-        if reason:
-            self._gate.hold(PUBLISHERS, reason)
-            self._boards.wake()
-        else:
-            self._gate.clear(PUBLISHERS)
-
     def _on_emergency_stop(self, request: SetBool.Request,
                            response: SetBool.Response) -> SetBool.Response:
         if request.data:
-            self._gate.engage(self.steady_ns())
+            self._output.engage()
             self._publish_state()
-            unconfirmed = self._boards.await_zero(ZERO_DUTY_TIMEOUT)
+            unconfirmed = self._output.unconfirmed()
             response.success = not unconfirmed
             response.message = 'stopped until released' + (
                 f'; zero duty not acknowledged by {" and ".join(unconfirmed)}'
                 if unconfirmed else '')
         else:
-            refused = self._gate.release(self.steady_ns())
+            refused = self._output.release()
             response.success, response.message = not refused, refused or 'released'
             if refused and self._gate.refused_releases.bit_count() != 1:  # logged: 1st, 2nd, 4th
                 return response
@@ -123,8 +108,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         return response
 
     def _on_arm(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        obstacles = self._gate.arm(request.data)
-        self._boards.wake()
+        obstacles = self._output.arm(request.data)
         response.success = not obstacles
         response.message = '; '.join(obstacles) or ('armed' if request.data else 'disarmed')
         self.get_logger().info(f'arm: {response.message}')
@@ -139,13 +123,11 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         if self._gate.enabled != self._was_enabled:
             self._publish_state()
 
-    def _on_stop(self, reason: str) -> None:
-        self.get_logger().warning(reason)
-
     def fill_status(self, status: Status) -> None:
         """Add the reasons to stop the motors, and the board without which wheel_states stop."""
         super().fill_status(status)
-        boards, gate, currents = self._boards, self._gate, self._boards.currents
+        boards, gate = self._output.boards, self._gate
+        currents = boards.currents
         status.values.update({
             'command_timeouts': gate.timeouts, 'board_faults': boards.faults,
             'motor_commands.rejected': self.inputs['motor_commands'].bad,
@@ -168,7 +150,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
 
     def _fill_line_limit(self, status: Status) -> None:
         """Add the rate that the line permits, log it once, and warn if ``rate`` exceeds it."""
-        timing = self._boards.line.timing
+        timing = self._output.boards.line.timing
         if not timing.poll_time:
             return
         status.values['line_rate_limit'] = 1.0 / timing.poll_time

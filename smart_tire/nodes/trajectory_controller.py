@@ -20,13 +20,13 @@ import time
 from typing import Any
 
 from smart_tire.control.command_check import check_age
+from smart_tire.control.publishers import PublisherCheck
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.errors import CommandError, SmartTireError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.command_input import PublisherCheck
-from smart_tire.nodes.compat import installed_class
+from smart_tire.nodes.compat import action_clients, installed_class, publisher_names
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.follow_path import FollowPathServer, Goal, NAME as ACTION
 from smart_tire.nodes.qos import order_profiles
@@ -91,8 +91,11 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self.call_every(PROGRESS_PERIOD, self._send_progress)
 
     def _subscribe_orders(self) -> None:
-        self._senders = {name: PublisherCheck(self, name, PUBLISHER_WINDOW, action=name == ACTION)
-                         for name in ORDERS}
+        self._senders = {name: PublisherCheck(name, PUBLISHER_WINDOW,
+                                              partial(publisher_names, self, name))
+                         for name in ('path', 'goal_pose')}
+        self._senders[ACTION] = PublisherCheck(
+            ACTION, PUBLISHER_WINDOW, partial(action_clients, self, ACTION), 'clients of')
         self.subscribe('path', partial(self._on_order, 'path'),
                        profiles=order_profiles('path'), raw=True, from_msg=self._read_path)
         self.subscribe('goal_pose', partial(self._on_order, 'goal_pose'),

@@ -15,17 +15,15 @@ from __future__ import annotations
 from functools import partial
 import sys
 
-from smart_tire.control.command_check import VelocityMux
-from smart_tire.control.wheel_control import WheelControl
+from smart_tire.control.constants import TICK_PERIOD
+from smart_tire.control.wheel_loop import WheelLoop
 from smart_tire.messages import velocity_from_twist, wheels_from_msg
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.command_input import CommandInput, TICK_PERIOD
+from smart_tire.nodes.command_input import CommandInput
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
-from smart_tire.samples import MotorCommand, STOPPED, VelocityCommand, WheelCommand, WheelSample
 
-DUTY_REPEAT_NS = 100_000_000  # after which a duty is sent again; time-out of motor_driver: longer
 TWIST = 'geometry_msgs/msg/Twist'
 
 
@@ -47,38 +45,36 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     def __init__(self) -> None:
         super().__init__('wheel_controller', WheelControllerParams)
         params = self.params
-        self._control = WheelControl(params)
-        self._mux = VelocityMux(params.inputs())
-        self._duty, self._sent_ns = STOPPED, 0
-        self._publish_wheels = self.make_publisher('wheel_commands')
-        self._publish_motors = self.make_publisher('motor_commands')
+        self._loop = loop = WheelLoop(
+            params, self.make_publisher('wheel_commands'), self.make_publisher('motor_commands'),
+            self.steady_ns, self.now_ns)
         self._inputs = [self._velocity_input(name, timeout)
                         for name, _, timeout in params.inputs()]
         self._wheels = CommandInput(
-            self, 'wheel_states', self._on_wheels, self._on_wheel_conflict,
+            self, 'wheel_states', loop.add_wheels, loop.set_wheel_conflict,
             timeout=params.wheel_states_timeout, required=True, reliability=params.reliability,
             # a joint that is only recognized by its name must not move the robot
             from_msg=partial(wheels_from_msg, joints=params.robot.joints, recognize=False))
-        self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
+        self.subscribe_state('emergency_stop_active', loop.set_emergency_stop)
         self.subscribe_state('motors_enabled', self._on_motors_enabled)
         self._estimates_subscribed = False
         self._subscribe_estimates()
-        self.call_every(1.0 / params.rate, self._step)
-        self.call_every(TICK_PERIOD, self._check_expiry)  # at any control rate
+        self.call_every(1.0 / params.rate, loop.step)
+        self.call_every(TICK_PERIOD, loop.check_expiry)  # at any control rate
 
     def _velocity_input(self, name: str, timeout: float) -> CommandInput:
         """Return the subscription to a source of velocity commands."""
         unstamped = name in self.params.unstamped_inputs()
         return CommandInput(
-            self, 'cmd_vel', partial(self._on_velocity, name),
-            partial(self._on_velocity_conflict, name), timeout=timeout,
+            self, 'cmd_vel', partial(self._loop.set_velocity, name),
+            partial(self._loop.set_velocity_conflict, name), timeout=timeout,
             max_age=self.params.cmd_vel_max_age, name=name,
             from_msg=velocity_from_twist if unstamped else None,
             unstamped_type=TWIST if unstamped else None)
 
     def on_parameters_changed(self) -> None:
         """Use the new controller gains; subscribe to the inputs of traction control."""
-        self._control.set_params(self.params)
+        self._loop.set_params(self.params)
         self._subscribe_estimates()
 
     def _subscribe_estimates(self) -> None:
@@ -86,76 +82,25 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         if self._estimates_subscribed or not self.params.traction.enabled:
             return
         self._estimates_subscribed = True
-        traction = self._control.traction
+        traction = self._loop.control.traction
         for name, on_estimate in (('odom', traction.add_odometry),
                                   ('tire_friction', traction.add_friction)):
             self.subscribe(name, on_estimate, reliability=self.params.reliability, announced=True)
 
-    def _on_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
-        self._mux.set_command(name, command, received_ns)
-
-    def _on_velocity_conflict(self, name: str, reason: str) -> None:
-        if reason:
-            self._mux.block(name)
-            self._check_expiry()
-        else:
-            self._mux.unblock(name)
-
-    def _on_wheels(self, sample: WheelSample, received_ns: int) -> None:
-        self._control.add_reading(sample.velocity, received_ns, sample.stamp_ns,
-                                  sample.position)
-        if self.params.traction.enabled:
-            self._control.traction.add_wheels(sample)
-
-    def _on_wheel_conflict(self, reason: str) -> None:
-        if reason:
-            self._control.discard_measurement()
-            self._step()
-
-    def _on_emergency_stop(self, engaged: bool) -> None:
-        if engaged or self._control.emergency_stop:
-            self._mux.discard()
-        if engaged != self._control.emergency_stop:
-            self._control.emergency_stop = engaged
-            self._step()
-
     def _on_motors_enabled(self, enabled: bool) -> None:
-        self._control.motors_enabled = enabled
-
-    def _check_expiry(self) -> None:
-        """Stop at once if the command or the wheel speeds have expired; else repeat the duty."""
-        now_ns = self.steady_ns()
-        if self._duty != STOPPED and not (
-                self._mux.selected(now_ns) and self._control.has_measurement(now_ns)):
-            self._step()
-        elif now_ns - self._sent_ns > DUTY_REPEAT_NS:
-            self._publish_duty(now_ns)
-
-    def _step(self) -> None:
-        now_ns = self.steady_ns()
-        selected = self._mux.selected(now_ns)
-        stamp_ns = self.now_ns()
-        set_points, self._duty = self._control.follow(
-            selected[1] if selected else None, now_ns, stamp_ns)
-        self._publish_wheels(WheelCommand(stamp_ns, set_points))
-        self._publish_duty(now_ns)
-
-    def _publish_duty(self, now_ns: int) -> None:
-        self._publish_motors(MotorCommand(self.now_ns(), self._duty))
-        self._sent_ns = now_ns
+        self._loop.control.motors_enabled = enabled
 
     def fill_status(self, status: Status) -> None:
         """Add the command in force, and why the motors are stopped."""
-        now_ns = self.steady_ns()
-        selected = self._mux.selected(now_ns)
+        control, selected = self._loop.control, self._loop.selected()
         status.values.update(
-            emergency_stop=self._control.emergency_stop,
-            commanded=selected is not None and not self._control.emergency_stop,
+            emergency_stop=control.emergency_stop,
+            commanded=selected is not None and not control.emergency_stop,
             command_input=selected[0] if selected else '',
-            reading_rate=self._control.reading_rate)
-        if self._control.emergency_stop:
+            reading_rate=control.reading_rate)
+        if control.emergency_stop:
             status.warn('emergency stop')
-        if not self._control.has_measurement(now_ns):
+        if not control.has_measurement(self.steady_ns()):
             status.error('no recent wheel_states: motors disabled')
         self._fill_traction(status, driven=selected is not None)
         for item in (*self._inputs, self._wheels):
@@ -163,7 +108,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
 
     def _fill_traction(self, status: Status, *, driven: bool) -> None:
         """Add what traction control does, and why it does nothing."""
-        state, enabled = self._control.traction.state, self.params.traction.enabled
+        state, enabled = self._loop.control.traction.state, self.params.traction.enabled
         reason = 'disabled' if not enabled else state.reason if driven else 'no command'
         status.values.update({
             'traction.active': enabled and not reason, 'traction.reason': reason,

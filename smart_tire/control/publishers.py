@@ -1,0 +1,134 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Publishers of a topic that permits one at a time: who sends, and conflicts between several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from typing import Any
+
+from smart_tire.control import constants as c
+from smart_tire.samples import NS_PER_S
+
+UNDISCOVERED = 'a node whose name is not discovered yet'
+
+
+class PublisherMonitor:
+    """
+    Detects messages of several publishers on a command topic that permits only one.
+
+    A publisher is active for ``window_ns`` after its latest message; one that was replaced, for
+    example at a restart, is inactive by then.
+    """
+
+    def __init__(self, window_ns: int) -> None:
+        self._window_ns = window_ns
+        self._latest_ns: dict[Hashable, int] = {}  # publisher -> time of its latest message
+
+    def record(self, publisher: Hashable, now_ns: int) -> None:
+        """Record a message of ``publisher``."""
+        self._latest_ns[publisher] = now_ns
+
+    def forget(self) -> None:
+        """Forget all publishers."""
+        self._latest_ns.clear()
+
+    def conflicting(self, now_ns: int) -> list[Hashable]:
+        """Return the active publishers if there are several, otherwise an empty list."""
+        self._latest_ns = {publisher: latest_ns for publisher, latest_ns in self._latest_ns.items()
+                           if now_ns - latest_ns <= self._window_ns}
+        return list(self._latest_ns) if len(self._latest_ns) > 1 else []
+
+
+class SequenceTracker:
+    """
+    Distinguishes publishers by the sequence numbers of their messages.
+
+    A number that does not continue a known sequence belongs to another publisher. For ROS 2 before
+    Kilted, whose rclpy provides these numbers but not the identifier of the publisher.
+    """
+
+    def __init__(self) -> None:
+        self._latest: list[int] = []
+
+    def publisher(self, number: int) -> int:
+        """Return the index of the publisher that sent message ``number``, counted from 0."""
+        gaps = [(number - latest, index) for index, latest in enumerate(self._latest)
+                if 0 < number - latest <= c.MAX_SEQUENCE_GAP]
+        if not gaps:
+            self._latest.append(number)
+            return len(self._latest) - 1
+        _, index = min(gaps)
+        self._latest[index] = number
+        return index
+
+
+class PublisherCheck:
+    """
+    Names the publishers that send on the topic ``name`` within ``window`` [s], if several.
+
+    ``existing`` returns the nodes of those in the graph. For an action, ``kind`` is that of its
+    clients.
+    """
+
+    def __init__(self, name: str, window: float, existing: Callable[[], Mapping[Hashable, str]],
+                 kind: str = 'publishers on') -> None:
+        self._name, self._existing, self._kind = name, existing, kind
+        self._monitor = PublisherMonitor(round(window * NS_PER_S))
+        self._sequences = SequenceTracker()
+        self._latest: Hashable = None
+
+    def record(self, sender: Hashable, now_ns: int, *, by_node: bool = False) -> str:
+        """
+        Record a message; return the text for a conflict of publishers, '' if there is none.
+
+        With ``by_node``, publishers of one node count once, and those that have ended do not. The
+        sender of this message has not ended, even if it is not discovered yet.
+        """
+        self._latest = sender
+        self._monitor.record(sender, now_ns)
+        if not (publishers := self._monitor.conflicting(now_ns)):
+            return ''
+        existing = self._existing()
+        if by_node and isinstance(sender, bytes):
+            publishers = [item for item in publishers if item in existing or item == sender]
+        names, count = self._names(publishers, existing), len(publishers)
+        if by_node:
+            names = sorted({*names})
+            count = len(names)
+        return f'{count} {self._kind} {self._name}: {", ".join(names)}' if count > 1 else ''
+
+    def renew(self, now_ns: int) -> None:
+        """Record that what the latest sender has sent is still in force."""
+        self._monitor.record(self._latest, now_ns)
+
+    def forget(self) -> None:
+        """Forget all senders and their sequence numbers: what they have sent is done."""
+        self._monitor.forget()
+        self._sequences = SequenceTracker()
+
+    def conflicting(self, now_ns: int) -> bool:
+        """Return whether several publishers are active."""
+        return len(self._monitor.conflicting(now_ns)) > 1
+
+    def sender(self, info: Mapping[str, Any]) -> Hashable:
+        """Return the publisher of a message, once; rclpy of Jazzy gives sequence numbers only."""
+        identifier = info.get('publisher_gid')
+        if identifier is not None:
+            return bytes(identifier['data'])
+        return self._sequences.publisher(info['publication_sequence_number'])
+
+    @staticmethod
+    def _names(publishers: Iterable[Hashable], existing: Mapping[Hashable, str]) -> list[str]:
+        """Return the nodes of ``publishers``; of all that exist if these are only numbers."""
+        if any(isinstance(publisher, int) for publisher in publishers):
+            return sorted(existing.values())
+        return sorted(existing.get(publisher, UNDISCOVERED) for publisher in publishers)
