@@ -54,7 +54,7 @@ MIN_LOW_READINGS = 2               # consecutive; one may be a voltage dip of a 
 ZERO_DUTY_TIME = 0.2               # s for which zero duty is repeated if a board does not reply
 ZERO_DUTY_PERIOD = 0.01            # s between these requests
 SILENCE_MARGIN = 0.1               # s of silence beyond the board time-out
-MAX_SPEED_PERIODS = 4              # poll periods; a longer mean speed is outdated
+MAX_SPEED_GAP_NS = 250_000_000     # between readings; a longer mean speed is outdated
 MIN_ZERO_REPLIES = 2               # consecutive; one may be a late reply to another duty
 AXLES = ('front', 'rear')
 LINE_HOLD = 'line'                 # name of the hold while the boards are not served
@@ -90,7 +90,7 @@ class RoboclawPair:
         self._next_to_check = itertools.cycle(self._boards)
         self._changed = threading.Event()
         self._lock = threading.Lock()          # of the acknowledgements of zero duty
-        self._confirmed = threading.Event()    # both boards have acknowledged it
+        self.confirmed = threading.Event()     # both boards have acknowledged it
         self._since_ns = clock.now_ns()        # when the port was opened
         self._sample_ns = 0                    # due time of the next sample
         self.line = RoboclawLine(clock)
@@ -105,13 +105,21 @@ class RoboclawPair:
 
     def await_zero(self, seconds: float) -> list[str]:
         """Return the boards that did not acknowledge zero duty within ``seconds`` from now."""
+        self.expect_zero()
+        self._clock.wait(self.confirmed, seconds)
+        return self.unconfirmed()
+
+    def expect_zero(self) -> None:
+        """Send the duty at once, and set ``confirmed`` when both boards acknowledged zero."""
         with self._lock:
-            self._confirmed.clear()
+            self.confirmed.clear()
             for board in self._boards:
                 board.zero_replies = 0
         self._changed.set()
-        self._clock.wait(self._confirmed, seconds)
-        return self._unconfirmed()
+
+    def unconfirmed(self) -> list[str]:
+        """Return the boards that have not acknowledged zero duty."""
+        return [board.name for board in self._boards if board.zero_replies < MIN_ZERO_REPLIES]
 
     def reading_ages(self) -> dict[str, float]:
         """Return the time since the latest encoder reading of each board [s], by board name."""
@@ -161,8 +169,8 @@ class RoboclawPair:
             if self._changed.is_set() or now_ns >= self._drive_due(drive_ns):
                 self._drive()
                 drive_ns = now_ns + KEEP_ALIVE_PERIOD_NS
-            elif now_ns >= poll_ns:
-                self._poll(now_ns)
+            elif now_ns >= poll_ns and poll_ns <= health_ns:  # the one that is due for longer,
+                self._poll(now_ns)                            # on a line too slow for all polls
                 poll_ns = max(poll_ns + self._poll_ns, now_ns)
             elif now_ns >= health_ns:
                 self._check_health(next(self._next_to_check))
@@ -186,7 +194,7 @@ class RoboclawPair:
             self.line.exchange(board.address, SET_DUTY, first, second)
             board.duty = duty_from_code(first), duty_from_code(second)
             self._count_zero(board, first == second == 0)
-        if duty == STOPPED and self._unconfirmed():
+        if duty == STOPPED and self.unconfirmed():
             self._changed.set()
 
     def _drive_if_changed(self) -> None:
@@ -196,11 +204,8 @@ class RoboclawPair:
     def _count_zero(self, board: Board, acknowledged: bool) -> None:
         with self._lock:
             board.zero_replies = board.zero_replies + 1 if acknowledged else 0
-            if not self._unconfirmed():
-                self._confirmed.set()
-
-    def _unconfirmed(self) -> list[str]:
-        return [board.name for board in self._boards if board.zero_replies < MIN_ZERO_REPLIES]
+            if not self.unconfirmed():
+                self.confirmed.set()
 
     def _poll(self, now_ns: int) -> None:
         """Read encoders and currents, check the wheels, and deliver a sample when one is due."""
@@ -227,7 +232,7 @@ class RoboclawPair:
             encoder.add_count(count, elapsed_ns / NS_PER_S)
         if any(encoder.jumped for encoder in board.encoders):
             self._check_timeout(board)  # a restarted board has lost its counts
-        if elapsed_ns > MAX_SPEED_PERIODS * self._poll_ns:
+        if elapsed_ns > MAX_SPEED_GAP_NS:
             board.reset()
             return False
         return elapsed_ns > 0

@@ -34,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from smart_tire.cli._stack import isolated_environment  # noqa: E402
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample  # noqa: E402
 from support.following_rig import FollowingRig  # noqa: E402
-from support.motor_rig import STILL  # noqa: E402
+from support.motor_boards import STILL  # noqa: E402
 from support.robot_rig import Releases, RobotRig, Stranger  # noqa: E402
 
 Scenario = Callable[[RobotRig, Path], float]  # returns the seconds from the fault to zero duty

@@ -26,7 +26,8 @@ from smart_tire.samples import VelocityCommand
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 from support.graph import Graph, Process
-from support.motor_rig import MotorRig, STILL
+from support.motor_boards import STILL
+from support.motor_rig import MotorRig
 from support.waiting import wait_for
 
 SPEED = 0.7      # m/s, 8 rad/s at the wheels
