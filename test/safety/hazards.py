@@ -11,25 +11,33 @@
 """
 The hazards of ``docs/safety.md`` in virtual time: what happens, and the bound of the stop time.
 
-``worst`` runs a hazard at many phases of all cycles and at all rates. Each run has its own
-conditions within the allowance: one stall of each thread, messages that are late, lost, doubled
-and thereby reordered. ``python test/safety/hazards.py`` prints the table of ``docs/safety.md``.
+``worst`` runs a hazard at many phases of all cycles. Each run has its own conditions within the
+allowance: one stall of each thread, messages that are late, lost, doubled and thereby reordered.
+``python test/safety/hazards.py`` writes the table of ``docs/safety.md``: about 15 minutes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 import math
+from pathlib import Path
 import random
+import sys
 from typing import Any
 
-from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample
-from support.motor_boards import Record, STILL
-from support.virtual_robot import (
-    COMMANDER, Conditions, CONTROLLER, DRIVER, FOLLOWER, FollowingRobot, SPEED, stop_time,
-    STRANGER, VirtualRobot)
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from smart_tire.samples import MotorCommand, VelocityCommand, WheelSample  # noqa: E402
+from support.motor_boards import ADDRESSES, Record, STILL  # noqa: E402
+from support.virtual_robot import (  # noqa: E402
+    COMMANDER, Conditions, CONTROLLER, DRIVER, FOLLOWER, FollowingRobot, SPEED, STRANGER,
+    VirtualRobot)
+
+DOCUMENT = Path(__file__).resolve().parents[2] / 'docs' / 'safety.md'
+BEGIN, END = '<!-- begin bounds -->', '<!-- end bounds -->'
 
 RATES = (4.0, 16.0, 50.0, 100.0, 200.0)  # Hz, of readings and of the control
 PHASES = 50            # of a cycle, at least
@@ -46,32 +54,37 @@ Fault = Callable[[VirtualRobot], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Hazard:
-    """One hazard: ``fault`` happens at a robot that drives."""
+    """One hazard: a fault, of any board or wheel, happens at a robot that drives."""
 
     bound: float                        # s, from the fault to zero duty
-    fault: Fault
+    faults: tuple[Fault, ...]           # the same at different boards or wheels
     prepare: Fault = lambda robot: None
     resumes: bool = False               # whether the motors may have a duty again afterwards
     at: float = DRIVING_AT              # s after the start
     since: Callable[[Record], float] | None = None  # time from which the stop time counts
     robot: type[VirtualRobot] = VirtualRobot
-    rates: tuple[float, ...] = RATES
     settings: Mapping[str, Any] = field(default_factory=dict)  # of the conditions
 
-    def run(self, conditions: Conditions, phase: float) -> tuple[float, Record, VirtualRobot]:
-        """Return the stop time [s] if the fault happens at a ``phase`` (0 to 1) of the cycles."""
+    def stop_time(self, conditions: Conditions, number: int) -> float:
+        """
+        Return the stop time [s] in the run ``number``, which determines phase and fault.
+
+        Fails if a motor has a duty again after it.
+        """
         conditions = replace(conditions, **self.settings)
         cycle = max(HEALTH_CYCLE, 1.0 / conditions.rate, 1.0 / conditions.control_rate)
         robot = self.robot(conditions)
         self.prepare(robot)
-        record = robot.run(self.at + phase * cycle, self.fault, self.bound + LONGER)
-        if self.since is None:
-            seconds = stop_time(record)
-        else:
-            begin = self.since(record)
-            seconds = min((when - begin for when, duty in record.duties
-                           if when > begin and duty == STILL), default=math.inf)
-        return seconds, record, robot
+        phase = (number // len(self.faults)) % PHASES / PHASES
+        record = robot.run(self.at + phase * cycle, self.faults[number % len(self.faults)],
+                           self.bound + LONGER)
+        begin = record.duties[0][0] if self.since is None else self.since(record)
+        assert self.since or record.duties[0][1] != STILL, 'not driven at the time of the fault'
+        end = min((when for when, duty in record.duties if when > begin and duty == STILL),
+                  default=math.inf)
+        if not self.resumes and end < math.inf:
+            assert not record.after(end).driven(), record.after(end).duties
+        return end - begin
 
 
 def conditions_of(name: str, number: int, rate: float) -> Conditions:
@@ -80,7 +93,7 @@ def conditions_of(name: str, number: int, rate: float) -> Conditions:
     topics = ('motor_commands', 'wheel_states', 'cmd_vel')
     soon = rng.choice((MAX_STALL, 0.3))  # half of all stalls are close to the fault
     return Conditions(
-        rate=rate, control_rate=rate, phases=tuple(rng.random() for _ in range(4)),
+        rate=rate, control_rate=rate, rolling=True, phases=tuple(rng.random() for _ in range(4)),
         turnaround=rng.uniform(1e-4, 4e-4), transit=rng.uniform(2e-4, 2e-3),
         stalls=tuple((name, rng.uniform(-MAX_STALL, soon), MAX_STALL) for name in ACTORS),
         late=tuple((topic, rng.randrange(8), rng.uniform(0.0, MAX_LATENESS)) for topic in topics),
@@ -88,9 +101,14 @@ def conditions_of(name: str, number: int, rate: float) -> Conditions:
         doubled=((rng.choice(topics), rng.randrange(8)),))
 
 
-def fails(**faults: Any) -> Fault:
-    """Return a fault of the boards."""
-    return lambda robot: robot.fail(**faults)
+def fails(*variants: Mapping[str, Any], **faults: Any) -> tuple[Fault, ...]:
+    """Return the same fault at different boards or wheels."""
+    return tuple(lambda robot, one=one: robot.fail(**one) for one in variants or [faults])
+
+
+def each(name: str, places: Iterable[int], value: Any = None) -> list[dict[str, Any]]:
+    """Return the fault ``name`` at each of some boards or wheels, with a ``value`` if it has."""
+    return [{name: {place} if value is None else {place: value}} for place in places]
 
 
 def commands_end(robot: VirtualRobot) -> None:
@@ -124,13 +142,13 @@ def unplugged(robot: VirtualRobot) -> None:
 
 def engage(robot: VirtualRobot) -> None:
     """Call the emergency stop."""
-    robot.send(DRIVER, robot.output.engage, robot.conditions.late[0][2])
+    robot.send(DRIVER, robot.engage, robot.conditions.late[0][2])
 
 
 def releases(robot: VirtualRobot) -> None:
     """Call the emergency stop while another client releases it 500 times a second."""
     engage(robot)
-    robot.every(COMMANDER, 0.002, 0.0, lambda: robot.send(DRIVER, robot.output.release))
+    robot.every(COMMANDER, 0.002, 0.0, lambda: robot.send(DRIVER, robot.release))
 
 
 def second(topic: str, sample: Callable[[int], Any]) -> Fault:
@@ -150,17 +168,17 @@ def queued(robot: VirtualRobot) -> None:
     robot.clock.at(robot.clock.now_ns() + 150_000_000, lambda: robot.resume(DRIVER))
 
 
-def starting(**faults: Any) -> dict[str, Any]:
-    """Return the fields of a hazard that exists before the robot starts."""
+def starting(name: str) -> dict[str, Any]:
+    """Return the fields of a hazard of an encoder that exists before the robot starts."""
     def prepare(robot: VirtualRobot) -> None:
         robot.command = lambda: None
 
-    def fault(robot: VirtualRobot) -> None:
-        robot.fail(**faults)
+    def fault(wheel: int, robot: VirtualRobot) -> None:
+        robot.fail(**{name: {wheel}})
         robot.command = lambda: VelocityCommand(robot.clock.time_ns(), SPEED, 0.0)
 
-    return {'prepare': prepare, 'fault': fault, 'since': Record.first_duty,
-            'settings': {'speed': 0.0}}
+    return {'prepare': prepare, 'faults': tuple(partial(fault, wheel) for wheel in range(4)),
+            'since': Record.first_duty, 'settings': {'rolling': False}}
 
 
 def readings_fail(value: float) -> Fault:
@@ -193,81 +211,103 @@ def second_path(robot: VirtualRobot) -> None:
 
 CREEPING = {'speed': 0.1}  # m/s
 following = partial(Hazard, robot=FollowingRobot, at=1.2)
-either = (128, 129)
 HAZARDS: Mapping[str, Hazard] = {
-    'replies of both boards lost': Hazard(bound=0.3, fault=fails(mute={128, 129})),
-    **{f'replies of board {one} lost': Hazard(bound=0.3, fault=fails(mute={one}))
-       for one in either},
-    'replies of both boards garbled': Hazard(bound=0.3, fault=fails(garbled={128, 129})),
-    **{f'replies of board {one} garbled': Hazard(bound=0.3, fault=fails(garbled={one}))
-       for one in either},
-    'line flooded towards the host': Hazard(bound=0.3, fault=fails(flood=True)),
-    'requests garbled': Hazard(bound=0.55, fault=fails(deaf=True)),
-    'replies lost, and duties ignored': Hazard(bound=0.55, fault=fails(
-        mute={128, 129}, ignoring_duties={128, 129})),
-    **{f'encoder of wheel {wheel} frozen': Hazard(bound=0.5, fault=fails(frozen={wheel}))
-       for wheel in range(4)},
+    'replies of both boards lost': Hazard(bound=0.3, faults=fails(mute={*ADDRESSES})),
+    'replies of one board lost': Hazard(bound=0.3, faults=fails(*each('mute', ADDRESSES))),
+    'replies of both boards garbled': Hazard(bound=0.3, faults=fails(garbled={*ADDRESSES})),
+    'replies of one board garbled': Hazard(bound=0.3, faults=fails(*each('garbled', ADDRESSES))),
+    'line flooded towards the host': Hazard(bound=0.3, faults=fails(flood=True)),
+    'requests garbled': Hazard(bound=0.55, faults=fails(deaf=True)),
+    'replies lost, duties ignored': Hazard(bound=0.55, faults=fails(
+        mute={*ADDRESSES}, ignoring_duties={*ADDRESSES})),
+    'encoder frozen': Hazard(bound=0.5, faults=fails(*each('frozen', range(4)))),
     'encoder frozen at 0.1 m/s': Hazard(
-        bound=0.5, fault=fails(frozen={0}), settings=CREEPING),
+        bound=0.5, faults=fails(*each('frozen', range(4))), settings=CREEPING),
     'encoder frozen in open loop at duty 0.15': Hazard(
-        bound=0.5, fault=fails(frozen={1}), prepare=constant_duty, settings={'speed': 0.28}),
-    'encoder frozen before the start': Hazard(bound=0.5, **starting(frozen={1})),
-    'encoder channel open': Hazard(bound=0.5, fault=fails(toggling={1})),
+        bound=0.5, faults=fails(*each('frozen', range(4))), prepare=constant_duty,
+        settings={'speed': 0.28}),
+    'encoder frozen before the start': Hazard(bound=0.5, **starting('frozen')),
+    'encoder channel open': Hazard(bound=0.5, faults=fails(*each('toggling', range(4)))),
     'encoder channel open at 0.1 m/s': Hazard(
-        bound=0.5, fault=fails(toggling={1}), settings=CREEPING),
-    'encoder loses 80 % of its counts': Hazard(bound=1.0, fault=fails(losing={2: 0.8})),
+        bound=0.5, faults=fails(*each('toggling', range(4))), settings=CREEPING),
+    'encoder loses 80 % of its counts': Hazard(
+        bound=1.0, faults=fails(*each('losing', range(4), 0.8))),
     'encoder loses 80 % of its counts at 0.1 m/s': Hazard(
-        bound=1.0, fault=fails(losing={2: 0.8}), settings=CREEPING),
-    'wheel blocked': Hazard(bound=0.5, fault=fails(blocked={3})),
-    **{f'encoder or motor of wheel {wheel} reversed': Hazard(
-        bound=0.5, fault=fails(reversed={wheel})) for wheel in range(4)},
-    'encoder or motor reversed before the start': Hazard(bound=0.5, **starting(reversed={1})),
-    **{f'board {one} restarted': Hazard(
-        bound=0.5, fault=lambda robot, one=one: robot.boards.restart(one, robot.now),
-        resumes=True) for one in either},
-    **{f'status of board {one} abnormal': Hazard(bound=0.5, fault=fails(status={one: 4}))
-       for one in either},
-    **{f'supply of board {one} low': Hazard(bound=0.5, fault=fails(supply={one: 90}))
-       for one in either},
-    'cmd_vel ends': Hazard(bound=0.35, fault=commands_end),
-    'cmd_vel becomes NaN': Hazard(bound=0.35, fault=commands_are_nan),
-    'queued motor_commands': Hazard(bound=0.5, fault=queued),
-    'speed of a wheel NaN': Hazard(bound=0.5, fault=readings_fail(math.nan)),
-    'speed of a wheel above 100 rad/s': Hazard(bound=0.5, fault=readings_fail(101.0)),
-    'emergency stop': Hazard(bound=0.3, fault=engage),
-    'emergency stop, released 500 times a second': Hazard(bound=0.3, fault=releases),
-    'second publisher on motor_commands': Hazard(bound=0.3, fault=second(
-        'motor_commands', lambda now_ns: MotorCommand(now_ns, (1.0,) * 4))),
-    'second publisher on wheel_states': Hazard(bound=0.3, fault=second(
-        'wheel_states', lambda now_ns: WheelSample(now_ns, (0.0,) * 4))),
-    'second publisher on cmd_vel': Hazard(bound=0.3, fault=second(
-        'cmd_vel', lambda now_ns: VelocityCommand(now_ns, 1.4, 0.0))),
-    'wheel_controller killed or stopped': Hazard(bound=0.5, fault=stopped(CONTROLLER)),
-    'motor_driver killed or stopped': Hazard(bound=0.5, fault=stopped(DRIVER)),
-    'host frozen': Hazard(bound=0.5, fault=stopped(DRIVER, CONTROLLER)),
-    'cable disconnected': Hazard(bound=0.5, fault=unplugged),
-    'odom repeats one pose': following(bound=1.0, fault=odom(0.0)),
-    'odom creeps at 2.5 cm/s': following(bound=1.0, fault=odom(0.025)),
-    'odom runs backward': following(bound=1.0, fault=odom(-0.3)),
-    'odom ends': following(bound=0.9, fault=odom(None)),
-    'second publisher on path': following(bound=0.5, fault=second_path),
-    'trajectory_controller killed or stopped': following(bound=0.35, fault=stopped(FOLLOWER)),
+        bound=1.0, faults=fails(*each('losing', range(4), 0.8)), settings=CREEPING),
+    'wheel blocked': Hazard(bound=0.5, faults=fails(*each('blocked', range(4)))),
+    'encoder or motor reversed': Hazard(bound=0.5, faults=fails(*each('reversed', range(4)))),
+    'encoder or motor reversed before the start': Hazard(bound=0.5, **starting('reversed')),
+    'board restarted': Hazard(bound=0.5, resumes=True, faults=tuple(
+        lambda robot, one=one: robot.boards.restart(one, robot.now) for one in ADDRESSES)),
+    'board status not normal': Hazard(bound=0.5, faults=fails(*each('status', ADDRESSES, 4))),
+    'supply low': Hazard(bound=0.5, faults=fails(*each('supply', ADDRESSES, 90))),
+    'cmd_vel ends': Hazard(bound=0.35, faults=(commands_end,)),
+    'cmd_vel becomes NaN': Hazard(bound=0.35, faults=(commands_are_nan,)),
+    'queued motor_commands': Hazard(bound=0.5, faults=(queued,)),
+    'speed of a wheel NaN or too high': Hazard(bound=0.5, faults=(
+        readings_fail(math.nan), readings_fail(101.0))),
+    'emergency stop': Hazard(bound=0.3, faults=(engage,)),
+    'emergency stop, released 500 times a second': Hazard(bound=0.3, faults=(releases,)),
+    'second publisher on motor_commands': Hazard(bound=0.3, faults=(second(
+        'motor_commands', lambda now_ns: MotorCommand(now_ns, (1.0,) * 4)),)),
+    'second publisher on wheel_states': Hazard(bound=0.3, faults=(second(
+        'wheel_states', lambda now_ns: WheelSample(now_ns, (0.0,) * 4)),)),
+    'second publisher on cmd_vel': Hazard(bound=0.3, faults=(second(
+        'cmd_vel', lambda now_ns: VelocityCommand(now_ns, 1.4, 0.0)),)),
+    'wheel_controller killed or stopped': Hazard(bound=0.5, faults=(stopped(CONTROLLER),)),
+    'motor_driver killed or stopped': Hazard(bound=0.5, faults=(stopped(DRIVER),)),
+    'host frozen': Hazard(bound=0.5, faults=(stopped(DRIVER, CONTROLLER),)),
+    'cable unplugged': Hazard(bound=0.5, faults=(unplugged,)),
+    'odom repeats one pose': following(bound=1.0, faults=(odom(0.0),)),
+    'odom creeps at 2.5 cm/s': following(bound=1.0, faults=(odom(0.025),)),
+    'odom runs backward': following(bound=1.0, faults=(odom(-0.3),)),
+    'odom ends': following(bound=0.9, faults=(odom(None),)),
+    'second publisher on path': following(bound=0.5, faults=(second_path,)),
+    'trajectory_controller killed or stopped': following(bound=0.35, faults=(stopped(FOLLOWER),)),
 }
 
 
-def worst(name: str, rate: float, phases: int = PHASES) -> tuple[float, int]:
-    """
-    Return the longest stop time of a hazard [s], and the number of its run.
+def worst(name: str, rate: float, runs: int) -> tuple[float, int]:
+    """Return the longest stop time [s] of so many runs of a hazard, and the number of its run."""
+    return max((HAZARDS[name].stop_time(conditions_of(name, number, rate), number), number)
+               for number in range(runs))
 
-    Fails if a motor has a duty again after it.
-    """
-    hazard, found = HAZARDS[name], []
-    for number in range(phases):
-        conditions = conditions_of(name, number, rate)
-        seconds, record, _ = hazard.run(conditions, number / phases)
-        if not hazard.resumes and seconds < math.inf:
-            begin = hazard.since(record) if hazard.since else record.duties[0][0]
-            after = record.after(begin + seconds)
-            assert not after.driven(), (name, rate, number, after.duties)
-        found.append((seconds, number))
-    return max(found)
+
+def recorded() -> dict[str, dict[float, float]]:
+    """Return hazard -> rate [Hz] -> longest stop time [s], from the table of the document."""
+    text = DOCUMENT.read_text(encoding='utf-8').partition(BEGIN)[2].partition(END)[0]
+    rows = [[cell.strip() for cell in line.strip('|').split('|')]
+            for line in text.strip().splitlines()[2:]]
+    return {name: dict(zip(RATES, map(float, cells))) for name, _, *cells in rows}
+
+
+def table(found: Mapping[str, Mapping[float, float]]) -> str:
+    """Return the table of the document."""
+    head = ['hazard', 'bound [s]', *(f'{rate:g} Hz' for rate in RATES)]
+    rows = [[name, f'{HAZARDS[name].bound:g}', *(f'{times[rate]:.3f}' for rate in RATES)]
+            for name, times in found.items()]
+    return '\n'.join(f'| {" | ".join(cells)} |' for cells in (head, ['---'] * len(head), *rows))
+
+
+def main() -> int:
+    """Write the table of ``docs/safety.md``."""
+    jobs = [(name, rate) for name in HAZARDS for rate in RATES]
+    with ProcessPoolExecutor() as pool:
+        times = list(pool.map(longest, jobs))
+    found: dict[str, dict[float, float]] = {name: {} for name in HAZARDS}
+    for (name, rate), seconds in zip(jobs, times):
+        found[name][rate] = seconds
+    before, rest = DOCUMENT.read_text(encoding='utf-8').split(BEGIN)
+    DOCUMENT.write_text(f'{before}{BEGIN}\n{table(found)}\n{END}{rest.split(END)[1]}',
+                        encoding='utf-8')
+    return 0
+
+
+def longest(job: tuple[str, float]) -> float:
+    """Return the longest stop time [s] of a hazard at a rate, at all phases of all its faults."""
+    name, rate = job
+    return worst(name, rate, PHASES * len(HAZARDS[name].faults))[0]
+
+
+if __name__ == '__main__':
+    sys.exit(main())

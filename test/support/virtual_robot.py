@@ -44,7 +44,7 @@ from smart_tire.parameters import (
     build, MotorDriverParams, TrajectoryControllerParams, WheelControllerParams)
 from smart_tire.samples import (
     four, MotorCommand, NS_PER_S, Odometry, PlannedPath, VelocityCommand, WheelSample)
-from support.motor_boards import Faults, FREE_SPEED, MotorBoards, Record, State, STILL
+from support.motor_boards import Faults, FREE_SPEED, MotorBoards, Record, State
 
 START_NS = 1_000 * NS_PER_S      # steady clock at the beginning
 EPOCH_NS = 1_700_000_000 * NS_PER_S  # wall clock minus steady clock
@@ -194,7 +194,8 @@ class Conditions:
     turnaround: float = 0.0004        # each way between host and boards
     transit: float = 0.001            # of a message
     command_period: float = 0.05      # of cmd_vel
-    speed: float = SPEED              # m/s, commanded, and of the wheels at the beginning
+    speed: float = SPEED              # m/s, commanded
+    rolling: bool = False             # whether the wheels have this speed at the beginning
     stalls: tuple[tuple[str, float, float], ...] = ()  # actor, begin since the fault, length
     late: tuple[tuple[str, int, float], ...] = ()  # topic, number after the fault, extra transit
     lost: tuple[tuple[str, int], ...] = ()         # topic, number after the fault
@@ -228,7 +229,8 @@ class VirtualDriver:
     def __init__(self, conditions: Conditions | None = None, **settings: Any) -> None:
         self.conditions = conditions = conditions or Conditions(**settings)
         self.clock = VirtualClock()
-        self.port = VirtualPort(self.clock, conditions.turnaround, conditions.speed / RADIUS)
+        self.port = VirtualPort(
+            self.clock, conditions.turnaround, conditions.rolling * conditions.speed / RADIUS)
         self.boards = self.port.boards
         self.reports: list[str] = []
         self.samples: list[WheelSample] = []
@@ -323,6 +325,7 @@ class VirtualRobot(VirtualDriver):
         super().__init__(conditions, **settings)
         conditions, clock, driver = self.conditions, self.clock, self.params
         self.rejected: list[str] = []
+        self.warnings: list[str] = []
         self.processes = {name: Process(clock) for name in (DRIVER, CONTROLLER, COMMANDER)}
         controller = build(WheelControllerParams, {
             'rate': conditions.control_rate, **conditions.controller})
@@ -337,11 +340,11 @@ class VirtualRobot(VirtualDriver):
             'wheel_states': (CONTROLLER, CommandCheck(
                 'wheel_states', dict, self.loop.add_wheels, self.loop.set_wheel_conflict,
                 START_NS, timeout=controller.wheel_states_timeout)),
-            'cmd_vel': (CONTROLLER, CommandCheck(
-                'cmd_vel', dict, lambda *given: self.loop.set_velocity('cmd_vel', *given),
-                lambda reason: self.loop.set_velocity_conflict('cmd_vel', reason),
-                START_NS, timeout=controller.cmd_vel_timeout,
-                max_age=controller.cmd_vel_max_age))}
+            **{name: (CONTROLLER, CommandCheck(
+                name, dict, partial(self.loop.set_velocity, name),
+                partial(self.loop.set_velocity_conflict, name), START_NS, timeout=timeout,
+                max_age=controller.cmd_vel_max_age, warn=self.warnings.append))
+               for name, _, timeout in controller.inputs()}}
         self._numbers: dict[str, int] = {}  # messages since the fault, by topic
         self._fault_ns: int | None = None
         self._enabled = False
@@ -382,6 +385,17 @@ class VirtualRobot(VirtualDriver):
         self._checks['motor_commands'][1].tick(self.clock.now_ns())
         self._check_state()
 
+    def engage(self) -> None:
+        """Engage the emergency stop, as the service does."""
+        self.output.engage()
+        self.send(CONTROLLER, partial(self.loop.set_emergency_stop, True))
+
+    def release(self) -> str:
+        """Release it; return why that is refused, '' if it is released."""
+        if not (refused := self.output.release()):
+            self.send(CONTROLLER, partial(self.loop.set_emergency_stop, False))
+        return refused
+
     def _check_state(self) -> None:
         """Tell the controller whether the motors are enabled, as the node does."""
         enabled = self.output.gate.enabled
@@ -390,8 +404,9 @@ class VirtualRobot(VirtualDriver):
             self.send(CONTROLLER, lambda: setattr(self.loop.control, 'motors_enabled', enabled))
 
     def _tick_controller(self) -> None:
-        for name in ('wheel_states', 'cmd_vel'):
-            self._checks[name][1].tick(self.clock.now_ns())
+        for process, check in self._checks.values():
+            if process == CONTROLLER:
+                check.tick(self.clock.now_ns())
         self.loop.check_expiry()
 
     def send(self, name: str, do: Callable[[], None], extra: float = 0.0) -> None:
@@ -415,7 +430,7 @@ class VirtualRobot(VirtualDriver):
             info = {'received_timestamp': wall_ns, 'source_timestamp': sent_ns,
                     'publisher_gid': {'data': sender.encode()}}
             try:
-                check.receive(valid(topic, sample), info, now_ns, wall_ns=wall_ns,
+                check.receive(valid(sample), info, now_ns, wall_ns=wall_ns,
                               stamp_ns=wall_ns)
             except SmartTireError as error:
                 self.rejected.append(str(error))
@@ -484,7 +499,7 @@ class FollowingRobot(VirtualRobot):
         self.control = TrajectoryControl(params)
         self._senders = PublisherCheck('path', 5.0, dict)
         self.command = lambda: None
-        self._x = 0.0
+        self.x, self.length = 0.0, 10.0  # m, shown by odom, of a path
         self.odom_speed: Callable[[float], float | None] = lambda speed: speed  # None: no odom
         self.every(FOLLOWER, 1.0 / params.rate, conditions.phases[3], self._step)
         self.every(COMMANDER, ODOM_PERIOD, conditions.phases[2], self._publish_odom)
@@ -499,15 +514,15 @@ class FollowingRobot(VirtualRobot):
         speed = self.odom_speed(RADIUS * sum(self.state.speeds) / 4.0)
         if speed is None:
             return
-        self._x += speed * ODOM_PERIOD
-        odometry = Odometry(self.clock.time_ns(), (self._x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
+        self.x += speed * ODOM_PERIOD
+        odometry = Odometry(self.clock.time_ns(), (self.x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
                             (speed, 0.0, 0.0), (0.0, 0.0, 0.0), COVARIANCE, COVARIANCE)
         self.send(FOLLOWER, lambda: self.control.add_odometry(odometry, self.clock.time_ns()))
 
     def order(self, sender: str) -> None:
         """Send a path."""
         path = PlannedPath(self.clock.time_ns(), 'odom', tuple(
-            (self._x + 0.05 * index, 0.0, 0.0) for index in range(200)))
+            (self.x + 0.05 * index, 0.0, 0.0) for index in range(round(self.length / 0.05) + 1)))
 
         def receive() -> None:
             if conflict := self._senders.record(sender.encode(), self.clock.now_ns()):
@@ -523,18 +538,12 @@ class FollowingRobot(VirtualRobot):
             self.publish('cmd_vel', command, FOLLOWER)
 
 
-def valid(topic: str, sample: Any) -> Any:
+def valid(sample: Any) -> Any:
     """Return what the reader of a message with this sample gets; raise if it is refused."""
-    if topic != 'cmd_vel':
+    if not isinstance(sample, VelocityCommand):
         return sample
-    return TOPICS[topic].from_msg(TOPICS[topic].to_msg(empty(TOPICS[topic].type), sample))
-
-
-def stop_time(record: Record) -> float:
-    """Return the time from the fault to zero duty of all motors [s], infinity without one."""
-    (begin, duty), *_ = record.duties
-    assert duty != STILL, 'the motors were not driven at the time of the fault'
-    return min((when - begin for when, duty in record.duties if duty == STILL), default=math.inf)
+    topic = TOPICS['cmd_vel']
+    return topic.from_msg(topic.to_msg(empty(topic.type), sample))
 
 
 def played(make: Callable[..., VirtualDriver]) -> Callable[..., Any]:
