@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hazards import (
-    ACTORS, conditions_of, HAZARDS, MARGIN, MAX_LATENESS, MAX_STALL, PHASES, RATES, recorded,
-    worst)
 from hypothesis import given, settings, strategies as st, target
 import pytest
+from support.hazards import (
+    ACTORS, conditions_of, HAZARDS, MARGIN, MAX_LATENESS, MAX_STALL, PHASES, RATES, recorded,
+    worst)
 
 hazards = pytest.mark.parametrize('name', HAZARDS)
 TOPICS = ('motor_commands', 'wheel_states', 'cmd_vel')

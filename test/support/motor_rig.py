@@ -48,6 +48,12 @@ class MotorRig:
         self._call('end')
         self._process.join()
 
+    @property
+    def pid(self) -> int:
+        """Return the identifier of the process."""
+        assert self._process.pid is not None
+        return self._process.pid
+
     def _call(self, what: str, value: Any = None) -> Any:
         self._pipe.send((what, value))
         return self._pipe.recv()

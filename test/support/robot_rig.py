@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+import os
 from pathlib import Path
 import time
 from typing import Any
@@ -28,16 +29,13 @@ from std_srvs.srv import SetBool
 from support.graph import Graph, Process
 from support.motor_boards import STILL
 from support.motor_rig import MotorRig
+from support.verdict import RunQueues
 from support.waiting import wait_for
 
 SPEED = 0.7      # m/s, 8 rad/s at the wheels
 COMMAND_PERIOD = 0.05  # s
 PAUSE = 0.6      # s without commands, longer than their time-out
 MIN_DRIVING_DUTY = 0.2  # of every motor while the robot counts as driving
-STARVED = 'no motor command for'  # reported by motor_driver when wheel_controller did not run
-MAX_SILENCE = 0.15  # s without bytes to the boards, whose time-out is 0.2 s
-MAX_COMMAND_GAP = 0.22  # s between velocity commands, whose time-out is 0.25 s
-ATTEMPTS = 5
 RELEASE_PERIOD = 0.002  # s between requests to release the emergency stop
 
 
@@ -46,7 +44,7 @@ class RobotRig:
 
     def __init__(self, folder: Path, *, controller: bool = True, **driver: Any) -> None:
         self._folder, self._controller, self._driver = folder, controller, driver
-        self._commanded, self._command_gap = 0.0, 0.0
+        self._commanded = 0.0
         self.processes: dict[str, Process] = {}
 
     def __enter__(self) -> RobotRig:
@@ -78,7 +76,6 @@ class RobotRig:
         """Publish cmd_vel, at most every ``COMMAND_PERIOD``."""
         now = time.monotonic()
         if now - self._commanded >= COMMAND_PERIOD:
-            self._command_gap = max(self._command_gap, now - self._commanded)
             self._commanded = now
             self.graph.publish('cmd_vel', self.velocity(v_x, stamp_ns))
 
@@ -103,26 +100,6 @@ class RobotRig:
         self.graph.until(driving, lambda: self.command(v_x))
         return asked
 
-    def keep_driving(self, do: Callable[[], object]) -> None:
-        """
-        Call ``do``, which commands; fail if the motors had zero duty at any time meanwhile.
-
-        A stop that a process of this test caused, because the machine did not run it for 0.2 s, is
-        right and proves nothing: then, drive and call ``do`` again.
-        """
-        for _ in range(ATTEMPTS):
-            self.drive()
-            since, self._command_gap = time.monotonic(), 0.0
-            starved = self.processes['motor_driver'].output.count(STARVED)
-            do()
-            record = self.rig.record(since)
-            if record.always_driven():
-                return
-            assert (self.processes['motor_driver'].output.count(STARVED) > starved
-                    or self._command_gap > MAX_COMMAND_GAP
-                    or record.silence() > MAX_SILENCE), record.duties
-        raise AssertionError(f'a process stalled in each of {ATTEMPTS} attempts')
-
     def until_stopped(self, since: float, do: Callable[[], object] | None = None) -> float:
         """
         Call ``do`` (default: command) until the motors have zero duty; return seconds ``since``.
@@ -132,6 +109,11 @@ class RobotRig:
         assert self.rig.record(since).duties[0][1] != STILL
         self.graph.until(lambda: self.rig.state().still, do or self.command)
         return max(self.rig.state().changed - since, 0.0)
+
+    def run_queues(self) -> RunQueues:
+        """Return the time that all processes on the path wait on a run queue from now on."""
+        return RunQueues(os.getpid(), self.rig.pid, *(
+            process.popen.pid for process in self.processes.values()))
 
     def hold(self, seconds: float, do: Callable[[], object] = lambda: None) -> None:
         """Spin for ``seconds``, calling ``do`` repeatedly."""
@@ -150,13 +132,8 @@ class RobotRig:
         self.hold(PAUSE)
 
     def emergency_stop(self, engaged: bool) -> Any:
-        """Call the service, again if it fails while the boards did not run: they were silent."""
-        for _ in range(ATTEMPTS):
-            stalls = self.rig.state().stalls
-            response = self.graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=engaged)
-            if response.success or self.rig.state().stalls == stalls:
-                break
-        return response
+        """Call the service."""
+        return self.graph.call('std_srvs/srv/SetBool', 'emergency_stop', data=engaged)
 
     def arm(self, armed: bool) -> Any:
         """Call the service."""

@@ -13,7 +13,7 @@ The hazards of ``docs/safety.md`` in virtual time: what happens, and the bound o
 
 ``worst`` runs a hazard at many phases of all cycles. Each run has its own conditions within the
 allowance: one stall of each thread, messages that are late, lost, doubled and thereby reordered.
-``python test/safety/hazards.py`` writes the table of ``docs/safety.md``: about 15 minutes.
+``python test/support/hazards.py`` writes the table of ``docs/safety.md``: about 15 minutes.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Hazard:
         """
         Return the stop time [s] in the run ``number``, which determines phase and fault.
 
-        Fails if a motor has a duty again after it.
+        Until the motors have zero duty for good, except if it ``resumes``; infinity if never.
         """
         conditions = replace(conditions, **self.settings)
         cycle = max(HEALTH_CYCLE, 1.0 / conditions.rate, 1.0 / conditions.control_rate)
@@ -80,11 +80,10 @@ class Hazard:
                            self.bound + LONGER)
         begin = record.duties[0][0] if self.since is None else self.since(record)
         assert self.since or record.duties[0][1] != STILL, 'not driven at the time of the fault'
-        end = min((when for when, duty in record.duties if when > begin and duty == STILL),
-                  default=math.inf)
-        if not self.resumes and end < math.inf:
-            assert not record.after(end).driven(), record.after(end).duties
-        return end - begin
+        stops = [when for when, duty in record.duties if when > begin and duty == STILL]
+        if not stops or not self.resumes and record.duties[-1][1] != STILL:
+            return math.inf
+        return (stops[0] if self.resumes else stops[-1]) - begin
 
 
 def conditions_of(name: str, number: int, rate: float) -> Conditions:
