@@ -11,14 +11,14 @@
 """
 Launch files: nodes, arguments, parameter files and behavior at the end.
 
-Most tests replace the launch system by stand-ins that record calls. The last ones run
-``ros2 launch`` if a ROS distribution is sourced.
+Most tests replace the launch system by a stand-in that records calls. The last ones run
+``ros2 launch`` if a ROS distribution is sourced, and most of them visit the description in the
+stand-in if not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from importlib.util import find_spec
 import os
 from pathlib import Path
@@ -28,24 +28,25 @@ import signal
 import subprocess
 import sys
 import time
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from security_policy import policy
 from smart_tire.cli._stack import PORTS
+from smart_tire.errors import ParameterError
 from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE
 from smart_tire.nodes.command_line import COMPOSED_NODES
 from smart_tire.parameters import build, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
+from support.launch_stand_in import Call, calls, CLASSES, of_kind, StandIn, started
 
 pytestmark = pytest.mark.processes
 
 ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch'
-MODULES = ('launch', 'launch.actions', 'launch.substitutions', 'launch_ros',
-           'launch_ros.actions', 'launch_ros.parameter_descriptions', 'launch_ros.substitutions')
+IS_REAL = find_spec('launch_ros') is not None and find_spec('ros2launch') is not None
 DEFAULTS = {'namespace': '', 'description': 'true', 'rviz': 'false', 'simulated': 'false',
             'composed': 'false',
             'robot': str(ROOT / 'config' / 'robot.yaml'),
@@ -60,44 +61,12 @@ every_start = pytest.mark.parametrize('path', sorted(LAUNCH.glob('*.launch.py'))
                                       ids=lambda path: path.name)
 
 
-@dataclass
-class Call:
-    """A recorded call of a class of the launch system."""
-
-    kind: str
-    args: tuple[Any, ...]
-    options: dict[str, Any]
-
-    def inside(self) -> Iterator[Call]:
-        """Yield this call and all those in its arguments."""
-        yield self
-        yield from calls([self.args, self.options])
-
-
-class Recorder(ModuleType):
-    """Stand-in for a module of the launch system; its attributes record calls."""
-
-    def __getattr__(self, name: str) -> Any:
-        return lambda *args, **options: Call(name, args, options)
-
-
-def calls(value: Any) -> Iterator[Call]:
-    """Yield the calls in ``value``, at any depth."""
-    if isinstance(value, Call):
-        yield from value.inside()
-    elif isinstance(value, dict):
-        yield from calls(list(value.items()))
-    elif hasattr(value, '__iter__') and not isinstance(value, (str, type)):
-        for item in value:
-            yield from calls(item)
-
-
 @pytest.fixture
 def stand_ins(monkeypatch):
-    """Replace the launch system by stand-ins; no package is installed."""
+    """Replace the launch system by the stand-in; no package is installed."""
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
-    for name in MODULES:
-        monkeypatch.setitem(sys.modules, name, Recorder(name))
+    for name in CLASSES:
+        monkeypatch.setitem(sys.modules, name, StandIn(name))
 
 
 @pytest.fixture
@@ -131,11 +100,6 @@ def described_by(value: Any, context: Any) -> Iterator[Call]:
         if call.kind == 'OpaqueFunction' and not call.options.get('args') \
                 and call.options['function'] is not hold_interrupts:
             yield from described_by(call.options['function'](context), context)
-
-
-def of_kind(found: list[Call], kind: str) -> list[Call]:
-    """Return the calls of one class."""
-    return [call for call in found if call.kind == kind]
 
 
 def executables(found: list[Call]) -> list[str]:
@@ -395,16 +359,16 @@ def test_a_missing_robot_state_publisher_is_logged_and_the_launch_continues(
     assert all('robot_state_publisher is not installed' in line.options['msg'] for line in lines)
 
 
-real = pytest.mark.skipif(find_spec('launch_ros') is None or find_spec('ros2launch') is None,
-                          reason='no ROS distribution is sourced')
+@pytest.fixture
+def launch_system(request):
+    """Replace the launch system by the stand-in where it is not installed."""
+    if not IS_REAL:
+        request.getfixturevalue('stand_ins')
 
 
-@real
 @every_file
-def test_the_launch_system_itself_accepts_the_file(path):
-    from launch import LaunchDescription
+def test_the_launch_system_accepts_the_file(path, launch_system):
     description = runpy.run_path(str(path))['generate_launch_description']()
-    assert isinstance(description, LaunchDescription)
     assert all(argument.description for argument in description.get_launch_arguments())
     assert {argument.name for argument in description.get_launch_arguments()} == \
         runpy.run_path(str(path))['ARGUMENTS'].keys()
@@ -454,7 +418,19 @@ def given_files(name: str) -> list[str]:
             for kind in runpy.run_path(str(LAUNCH / name))['FILES']]
 
 
-@real
+def refusal(file: str, *words: str) -> str:
+    """Return the one line with which a launch ends before any process has started."""
+    if IS_REAL:
+        with Launch(file, *words) as launch:
+            assert launch.end() == 1
+        logged = [line for line in launch.lines if not line.startswith('[INFO] [launch]')]
+        assert len(logged) == 1, launch.lines
+        return logged[0]
+    with pytest.raises(ParameterError) as error:
+        next(started(LAUNCH / file, *words))
+    return str(error.value)
+
+
 @pytest.mark.parametrize(('name', 'word', 'message'), [
     ('simulation', 'simulation:=/no/such.yaml', 'no such file'),
     ('simulation', 'robot:=robott.yaml', 'robot:=robott.yaml: no such file'),
@@ -472,23 +448,40 @@ def given_files(name: str) -> list[str]:
     ('replay', 'description:=maybe', 'description:=maybe: expected true or false'),
     ('simulation', 'rviz:=maybe', 'rviz:=maybe: expected true or false'),
 ])
-def test_an_invalid_argument_ends_the_launch_in_one_line(name, word, message, isolated_ros):
+def test_an_invalid_argument_ends_the_launch_in_one_line(
+        name, word, message, launch_system, isolated_ros):
     file = f'{name}.launch.py'
     bag = ['bag:=/tmp'] if name == 'replay' else []
-    with Launch(file, *given_files(file), *bag, word) as launch:
-        assert launch.end() == 1
-    logged = [line for line in launch.lines if not line.startswith('[INFO] [launch]')]
-    assert len(logged) == 1 and message in logged[0], launch.lines
+    assert message in refusal(file, *given_files(file), *bag, word)
+
+
+@pytest.mark.parametrize(('name', 'words', 'count'), [
+    ('robot', [], len(NODE_PARAMS) - 1), ('simulation', [], len(NODE_PARAMS)),
+    ('simulation', ['composed:=true'], 4), ('replay', ['bag:=/tmp'], 3)])
+def test_a_launch_with_defaults_starts_its_processes(name, words, count, stand_ins):
+    nodes = list(started(LAUNCH / f'{name}.launch.py', *words))
+    assert len(set(executables(nodes))) == len(nodes) == count
+
+
+@pytest.mark.parametrize('text', [
+    'from launch.actions import Node', 'from launch_ros.actions import Node; Node(pakage="a")'])
+def test_the_stand_in_refuses_what_the_launch_system_does_not_have(text, stand_ins):
+    with pytest.raises((ImportError, TypeError)):
+        exec(text)
+
+
+NEEDED = 'needs a ROS distribution'
+real = pytest.mark.skipif(not IS_REAL, reason=NEEDED)
 
 
 @pytest.fixture
 def simulation(tmp_path):
     """Return the arguments of a simulation with its own ports; skip if not installed."""
-    index = pytest.importorskip('ament_index_python', reason='no ROS distribution is sourced')
+    index = pytest.importorskip('ament_index_python', reason=NEEDED)
     try:
         index.get_package_prefix('smart_tire')
     except index.PackageNotFoundError:
-        pytest.skip('smart_tire is not installed in a workspace')
+        pytest.skip(f'{NEEDED}, with smart_tire in a workspace')
     file = tmp_path / 'simulation.yaml'
     file.write_text('robot_simulator: {ros__parameters: {seed: 2}}')  # names no ports
     return f'simulation:={file}'
