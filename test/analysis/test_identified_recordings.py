@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 from smart_tire.analysis.calibrate_robot import (
@@ -21,20 +20,13 @@ from smart_tire.analysis.calibrate_robot import (
 from smart_tire.calibration import geometry, turning
 from smart_tire.calibration.geometry import LATENCY, RADIUS, TRACK
 from smart_tire.parameters import build, RobotParams
+from support.real_recordings import real_recording
 
-RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 WARTHOG = build(RobotParams, {'wheel_radius': 0.3, 'track_width': 1.08, 'wheelbase': 1.05,
                               'imu.position': [0.0, 0.0, 0.0]})
 HUSKY = build(RobotParams, {'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540,
                             'imu.position': [0.0, 0.0, 0.0]})
 FIRST_DRIVE = 254.0  # s; the Warthog stands still for the first 134 s
-
-
-def recording(name):
-    path = RECORDINGS / name
-    if not path.exists():
-        pytest.skip(f'the recording {path} is not on this machine')
-    return path
 
 
 def identify_geometry(path, robot, since=0.0, until=math.inf, reference=NO_REFERENCE):
@@ -50,7 +42,7 @@ def identify_icr(path, robot, until=math.inf, reference=NO_REFERENCE):
 @pytest.mark.parametrize('until', [FIRST_DRIVE, 1e6])
 def test_the_warthog_shows_latency_radius_and_track(until):
     """Known: a rolling radius of 0.285 m and an effective track of about 1.9 m."""
-    found = identify_geometry(recording('warthog_asphalt'), WARTHOG, until=until,
+    found = identify_geometry(real_recording('warthog_asphalt'), WARTHOG, until=until,
                               reference=ANY_REFERENCE)
     latency, radius, track = (found.get(name) for name in (LATENCY, RADIUS, TRACK))
     # 0.17 s as instantaneous speeds; about 0.06 s less as means over 0.1 to 0.15 s
@@ -61,13 +53,13 @@ def test_the_warthog_shows_latency_radius_and_track(until):
 
 
 def test_the_mean_wheel_speed_of_the_husky_gives_a_radius_but_no_track():
-    found = identify_geometry(recording('husky_rectangle'), HUSKY, reference=ANY_REFERENCE)
+    found = identify_geometry(real_recording('husky_rectangle'), HUSKY, reference=ANY_REFERENCE)
     assert LATENCY in found.refused and TRACK in found.refused
     assert found.get(RADIUS).value == pytest.approx(0.1651, rel=0.04)
 
 
 def test_the_icr_of_both_robots_is_within_the_robot():
     for name, robot in (('warthog_asphalt', WARTHOG), ('husky_rectangle', HUSKY)):
-        fit = identify_icr(recording(name), robot, reference=ANY_REFERENCE)
+        fit = identify_icr(real_recording(name), robot, reference=ANY_REFERENCE)
         assert abs(fit.icr.value) < 0.5 * robot.wheelbase
         assert 'reference' in fit.source

@@ -10,16 +10,14 @@
 
 """Real recordings of other robots: no films, few topics, poses as ground truth."""
 
-from pathlib import Path
-
 import pytest
 
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
+from support.real_recordings import real_recording
 
 pytestmark = pytest.mark.slow
 
-RECORDINGS = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 # Known parameters of the robots: geometry, IMU mounting, firm and not quite level surface, and the
 # latency of the wheel messages of the Warthog.
 COMMON = """
@@ -46,11 +44,10 @@ HUSKY = f"""
 
 def analyzed(name, text, folder):
     """Return the analysis of a recording; skip if it is missing."""
-    if not (RECORDINGS / name).exists():
-        pytest.skip(f'the recording {RECORDINGS / name} is not on this machine')
+    bag = real_recording(name)
     path = folder / 'robot.yaml'
     path.write_text(text)
-    return analyze(RECORDINGS / name, folder / 'out', EstimatorParams.load([path]))
+    return analyze(bag, folder / 'out', EstimatorParams.load([path]))
 
 
 @pytest.fixture(scope='module')

@@ -12,8 +12,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from smart_tire.analysis.checks import CHECKS, findings
 from smart_tire.analysis.checks.recording import read
@@ -22,8 +20,8 @@ from smart_tire.findings import Level
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import FilmParams
 from support.checked import clean, problems, recording, texts
+from support.real_recordings import real_recording
 
-DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data'
 WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=250.0)
 HUSKY = RobotParams(wheel_radius=0.165, track_width=0.555, wheelbase=0.54, mass=50.0)
 
@@ -62,10 +60,7 @@ def test_checks_accept_short_recordings(check, count):
 
 def errors(name, robot):
     """Return the errors of a real recording."""
-    path = DATA / name
-    if not path.exists():
-        pytest.skip(f'the recording {name} is not on this machine')
-    with Bag(path) as bag:
+    with Bag(real_recording(name)) as bag:
         return [one for one in findings(read(bag, robot)) if one.level is Level.ERROR]
 
 

@@ -13,8 +13,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from benchmarks.wrong_data import found_in, judged, RIGHT, SILENT, VARIANTS, WRONG
 import pytest
 from smart_tire.analysis.checks.recording import READ
@@ -22,8 +20,8 @@ from smart_tire.bags import Bag
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import FilmParams
 from support.checked import clean, DRIVE
+from support.real_recordings import real_recording
 
-DATA = Path(__file__).resolve().parents[4] / 'shared' / 'data'
 ROBOT = RobotParams(film=FilmParams(wheels=()))
 WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=250.0,
                       film=FilmParams(wheels=()))
@@ -56,10 +54,7 @@ def test_the_cause_is_named_on_sand(name):
 
 @pytest.mark.long
 def test_nothing_wrong_is_said_of_a_real_recording():
-    path = DATA / (bag := 'warthog_gravel_0')
-    if not path.exists():
-        pytest.skip(f'the recording {bag} is not on this machine')
-    with Bag(path) as opened:
+    with Bag(real_recording('warthog_gravel_0')) as opened:
         events = list(opened.samples(READ, restamp=False))
     before = found_in(events, WARTHOG)
     said = {name: result(name, events, WARTHOG, before) for name in VARIANTS}

@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,10 +22,10 @@ from smart_tire.estimation.film.files import (
     FilmRecording, PRODUCTS, read_params, read_recording)
 from smart_tire.models.film.buckling_film import FILMS
 from support.film_bench import one_loop, several_loops, TRUE
+from support.real_recordings import real_recording
 import yaml
 
 FILM = FILMS['25x3']
-PIEZO = Path(__file__).resolve().parents[4] / 'shared' / 'data' / 'piezo_loop' / 'loop.csv'
 
 
 @pytest.fixture(scope='module')
@@ -83,9 +82,9 @@ def test_a_deflection_of_the_opposite_sign_is_refused_with_the_reason():
         identify_film(mirrored, FILM)
 
 
-@pytest.mark.skipif(not PIEZO.exists(), reason='the recording of a piezo stage is not available')
 def test_a_real_piezo_stage_is_described_to_a_few_percent():
-    params, fit, notes = identify_film(read_recording(PIEZO, ['t', 'input', 'output']), None)
+    loop = read_recording(real_recording('piezo_loop/loop.csv'), ['t', 'input', 'output'])
+    params, fit, notes = identify_film(loop, None)
     assert fit.share < 0.03
     # its narrow loop makes the slope after a reversal observable, but not alpha and a
     assert fit.b_gain.determined and 11.0 < params.b_gain < 13.5
