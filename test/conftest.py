@@ -36,6 +36,7 @@ import pytest
 from support.groups import chain_of, GROUPS
 from support.machine import shared_cores
 from support.pty_port import PtyPort
+from support.skipped import pytest_sessionfinish  # noqa: F401 - a hook
 
 # Matrices are small: threads would only compete with each other and with the other worker.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
