@@ -22,7 +22,7 @@ import fuzz
 import pytest
 from support.fuzz_targets import TARGETS
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 SECONDS = 60.0  # at most, of one target
 NEW = 60        # inputs of one target

@@ -19,6 +19,8 @@ import pytest
 from smart_tire import host_load
 from smart_tire.host_load import HostLoad, TimerLateness, waited_for_core, worst_of
 
+pytestmark = pytest.mark.processes
+
 PERIOD = 0.1
 
 

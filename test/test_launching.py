@@ -26,6 +26,8 @@ from smart_tire.launching import (
     positive, text, viewer)
 from support.waiting import PATIENCE
 
+pytestmark = pytest.mark.processes
+
 NOBODY = 65534  # user without rights
 LAUNCHED = '/opt/share/smart_tire/launch/robot.launch.py'
 CONVERTERS = {'namespace': text, 'respawn': boolean}

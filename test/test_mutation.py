@@ -17,7 +17,7 @@ from pathlib import Path
 import mutation
 import pytest
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 CHANGES = [  # statement, its changes
     ('x = a < b <= c', {'x = a <= b <= c', 'x = a < b < c'}),

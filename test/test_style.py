@@ -23,7 +23,7 @@ import re
 import sys
 
 import pytest
-from support.groups import group_of, GROUPS
+from support.groups import group_of, GROUPS, is_in_real_time
 from support.sources import assert_kept, read_sources, Rule, Source
 
 PRODUCT = read_sources('smart_tire', 'benchmarks')
@@ -38,7 +38,7 @@ PROSE = [source for source in read_sources(
 LICENSE_HEADER = '\n'.join(TESTS[0].text.splitlines()[1:9])
 COPYRIGHT = re.compile(r'(#!.*\n)?# Copyright \d{4} The smart_tire developers\n')
 
-WITH_PROCESSES = {'test/nodes', 'test/safety', 'test/integration'}
+FILES = {source.name: source for source in TESTS}
 
 # Names of constants that say neither which quantity nor which role.
 SUPERLATIVES = {
@@ -130,14 +130,14 @@ def _is_numeric(value: ast.expr) -> bool:
         and isinstance(node.value, str) for node in nodes)
 
 
-def ungrouped_tests(source: Source) -> Iterator[str]:
-    """Yield tests of processes without the marker of a group, or with one on single tests."""
-    folder, _, file = source.name.rpartition('/')
-    marks = set(re.findall(rf'\bmark\.({"|".join(GROUPS)})\b', source.text))
-    if folder in WITH_PROCESSES and file.startswith('test_') and not group_of(source.text):
-        yield source.at(1, f'no pytestmark of {" or ".join(GROUPS)}')
-    elif marks - {group_of(source.text)}:
-        yield source.at(1, f'{", ".join(sorted(marks))}: mark the module, with one group')
+def wrongly_grouped(source: Source) -> Iterator[str]:
+    """Yield modules in real time without a marker, others with one, and marked single tests."""
+    group = group_of(source.text)
+    if set(re.findall(rf'\bmark\.({"|".join(GROUPS)})\b', source.text)) - {group}:
+        yield source.at(1, 'mark the module, with one group')
+    elif is_in_real_time(source, FILES) != bool(group):
+        yield source.at(1, f'{group}, but neither clock nor process' if group else
+                        f'no pytestmark of {" or ".join(GROUPS)}')
 
 
 def bare_superlatives(source: Source) -> Iterator[str]:
@@ -166,8 +166,9 @@ def test_every_file_has_the_license_header():
     assert_kept(missing_license, PYTHON)
 
 
-def test_tests_of_processes_are_in_a_group():
-    assert_kept(ungrouped_tests, [source for source in TESTS if source.name != THIS])
+def test_tests_in_real_time_are_in_a_group_and_others_are_not():
+    assert_kept(wrongly_grouped, [source for name, source in FILES.items()
+                                  if '/test_' in name and name != THIS])
 
 
 def test_no_constant_is_named_by_a_superlative_alone():
@@ -196,13 +197,18 @@ def test_a_rule_finds_its_offense(rule: Rule, text: str, offense: str):
     assert list(rule(Source('x.py', text))) == [f'x.py:{offense}']
 
 
-@pytest.mark.parametrize(('name', 'text', 'offense'), [
-    ('test/nodes/test_x.py', 'import pytest', 'no pytestmark of processes or safety'),
-    ('test/x/test_x.py', '@pytest.mark.safety\ndef test_a(): pass',
-     'safety: mark the module, with one group'),
+@pytest.mark.parametrize(('text', 'offense'), [
+    ('import subprocess', 'no pytestmark of processes or safety'),
+    ('from smart_tire.nodes.runner import NodeRunner', 'no pytestmark of processes or safety'),
+    ('def test_a(): time.sleep(1.0)', 'no pytestmark of processes or safety'),
+    ('from support.motor_rig import MotorRig', 'no pytestmark of processes or safety'),
+    ('def test_a(graph): pass', 'no pytestmark of processes or safety'),
+    ('@pytest.mark.safety\ndef test_a(): pass', 'mark the module, with one group'),
+    ('pytestmark = pytest.mark.safety', 'safety, but neither clock nor process'),
 ])
-def test_an_ungrouped_test_is_found(name: str, text: str, offense: str):
-    assert list(ungrouped_tests(Source(name, text))) == [f'{name}:1: {offense}']
+def test_a_wrong_group_is_found(text: str, offense: str):
+    name = 'test/nodes/test_x.py'
+    assert list(wrongly_grouped(Source(name, text))) == [f'{name}:1: {offense}']
 
 
 @pytest.mark.parametrize(('rule', 'text'), [
@@ -210,7 +216,8 @@ def test_an_ungrouped_test_is_found(name: str, text: str, offense: str):
     (missing_docstring, '"""What it is for."""'),
     (missing_license, f'#!/usr/bin/env python3\n# Copyright 2027 The smart_tire developers\n'
      f'{LICENSE_HEADER}\n'),
-    (ungrouped_tests, 'pytestmark = [pytest.mark.slow, pytest.mark.safety]'),
+    (wrongly_grouped, 'import rclpy\npytestmark = [pytest.mark.slow, pytest.mark.safety]'),
+    (wrongly_grouped, "def test_a(monkeypatch): monkeypatch.setattr(time, 'monotonic', clock)"),
     (bare_superlatives, "MIN_SPEED = 1.0\nMOST = 'a word'\nSTEP = {1: 2.0}"),
     (dialect, 'intellect, besides, untold'),
 ])

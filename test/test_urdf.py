@@ -27,6 +27,8 @@ from smart_tire.rotation import matrix
 from smart_tire.samples import WHEELS
 from urdf_parser_py.urdf import Robot
 
+pytestmark = pytest.mark.processes
+
 FILE = Path(__file__).resolve().parents[1] / 'urdf' / 'smart_tire.urdf'
 OTHER = {  # parameters far from the defaults
     'wheel_radius': 0.15, 'track_width': 0.6, 'wheelbase': 0.5, 'mass': 40.0, 'yaw_inertia': 3.0,

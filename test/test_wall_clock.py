@@ -44,7 +44,7 @@ RUNS = {'call', 'check_call', 'check_output', 'communicate', 'run'}  # raise aft
 
 
 class Kind(Enum):
-    """What a value is, as far as clocks are concerned."""
+    """What a value is if it depends on a clock."""
 
     INSTANT = 'instant'
     DEADLINE = 'deadline'

@@ -18,6 +18,8 @@ import pytest
 from smart_tire.analysis.offline import prefetch
 from smart_tire.errors import BagError, EstimatorError
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(params=[1, 2])
 def cores(request, monkeypatch):

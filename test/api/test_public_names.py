@@ -29,6 +29,8 @@ import pytest
 import smart_tire
 from smart_tire import api
 
+pytestmark = pytest.mark.processes
+
 SIGNATURES = {  # without annotations
     'BrushTire': '(*, stiffness=52.7, load=26.7)',
     'BrushTire.adhesion_ratio': '(self, slip, friction)',

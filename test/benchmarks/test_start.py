@@ -16,6 +16,8 @@ import time
 from benchmarks.start import cpu_seconds, FLOOR, Start, table
 import pytest
 
+pytestmark = pytest.mark.processes
+
 
 def test_the_table_has_each_node_relative_to_the_empty_one():
     found = table({FLOOR: Start(0.2, 1.5, 30e6, 70e6), 'a': Start(0.3, 1.8, 37e6, 78e6),

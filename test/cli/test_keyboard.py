@@ -28,6 +28,8 @@ from smart_tire.cli._keyboard import (
     REPEAT_HOLD, SIGNALS, STEP_FACTOR, StopRequest, Teleoperation, YAW_BRAKING, YAW_RATE)
 from smart_tire.errors import ParameterError
 
+pytestmark = pytest.mark.processes
+
 ARROWS = [Key.FORWARD, Key.BACKWARD, Key.RIGHT, Key.LEFT]
 
 

@@ -26,6 +26,8 @@ from smart_tire.cli import recover
 from smart_tire.cli.main import main, SmartTireCommand, VERBS
 from smart_tire.errors import BagError, EstimatorError, ParameterError
 
+pytestmark = pytest.mark.processes
+
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
 
 

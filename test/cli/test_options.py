@@ -27,6 +27,8 @@ from smart_tire.cli._options import (
 from smart_tire.cli.main import main, new_parser
 from smart_tire.errors import ParameterError
 
+pytestmark = pytest.mark.processes
+
 SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
 INPUTS = ('BAG', 'OTHER', 'DATA.csv', 'P')  # empty files: a verb that reads one first reports it
 # Command line, existing file, and the path in the message.

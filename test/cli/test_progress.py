@@ -30,6 +30,8 @@ from smart_tire.cli.main import run_verb
 from smart_tire.cli.record import RecordStatus
 from smart_tire.cli.replay import ReplayStatus
 
+pytestmark = pytest.mark.processes
+
 PROGRAM = textwrap.dedent("""
     import signal, sys, time
     from smart_tire.cli import _progress

@@ -16,8 +16,6 @@ import pytest
 from smart_tire.nodes.command_input import PublisherCheck
 from smart_tire.nodes.compat import UNDISCOVERED, UNKNOWN_NODE
 
-pytestmark = pytest.mark.processes
-
 FIRST, SECOND = b'1', b'2'  # identifiers of publishers
 
 

@@ -16,8 +16,6 @@ import pytest
 
 from smart_tire.nodes.diagnostics import PORT_GRACE_NS, PortLog
 
-pytestmark = pytest.mark.processes
-
 
 class Lines:
     """Logger and clock of a test: logged lines and the time [ns]."""
