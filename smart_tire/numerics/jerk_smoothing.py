@@ -41,7 +41,7 @@ def jerk_rows(times: Array, density: float) -> Array:
 
 def jerks(rows: Array, signal: Array) -> Array:
     """
-    Return the normalized jerks (n - 3, k) of a ``signal`` (n, k).
+    Return the normalized jerks of a ``signal`` (n, k), of shape (n - 3, k).
 
     >>> jerks(jerk_rows(np.arange(5.0), 3.0), np.arange(5.0)[:, np.newaxis]**3).ravel().round(9)
     array([3.46410162, 3.46410162])

@@ -27,6 +27,7 @@ def readings(period, seconds, silent=()):
     now, asked, before = [0.0], {address: [] for address in ADDRESSES}, []
 
     class Line:
+
         def ask(self, address, command, wait):
             assert wait <= min(period, 0.02)
             asked[address].append(now[0])

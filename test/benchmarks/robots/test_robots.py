@@ -73,6 +73,7 @@ def test_a_lifted_wheel_has_no_load_and_the_weight_remains():
 
 def test_gravity_rolls_the_robot_downhill():
     class Downhill(plant_with(Traits(slope=0.01))):
+
         def _vertical(self):
             return -0.3, 0.0
     assert driven(Downhill, duty=(0.0,) * 4).v_x > 0.01
