@@ -22,6 +22,7 @@ import pytest
 
 pytestmark = [pytest.mark.linter, pytest.mark.slow]
 
+ORIGIN = 'in a ROS distribution; flake8 and pep257 also in the extra ament of setup.py'
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -30,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
     pytest.param('ament_flake8', marks=pytest.mark.flake8),
     pytest.param('ament_pep257', marks=pytest.mark.pep257)])
 def test_the_linter_of_ros_finds_nothing(name, monkeypatch, capsys):
-    linter = pytest.importorskip(f'{name}.main', reason=f'{name} is not installed')
+    linter = pytest.importorskip(f'{name}.main', reason=f'needs {name}: {ORIGIN}')
     monkeypatch.chdir(ROOT)
     status = linter.main(argv=[])
     captured = capsys.readouterr()

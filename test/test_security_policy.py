@@ -93,7 +93,7 @@ rclpy.create_node('{enclave}').create_publisher(TwistStamped, '/cmd_vel', 1)
 """
 
 
-@pytest.mark.skipif(find_spec('sros2') is None, reason='SROS2 is not installed')
+@pytest.mark.skipif(find_spec('sros2') is None, reason='needs a ROS distribution: SROS2')
 def test_sros2_enforces_the_policy(tmp_path, isolated_ros):
     keystore = tmp_path / 'keystore'
 
@@ -114,5 +114,5 @@ def test_sros2_enforces_the_policy(tmp_path, isolated_ros):
                 **os.environ, 'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
                 'ROS_SECURITY_KEYSTORE': str(keystore)})
         if 'security libraries' in tried.stderr:
-            pytest.skip('the middleware is built without security')
+            pytest.skip('needs a middleware with security')
         assert (tried.returncode == 0) == is_allowed, tried.stderr

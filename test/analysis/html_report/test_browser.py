@@ -19,6 +19,9 @@ import shutil
 import subprocess
 
 import pytest
+from support.waiting import PATIENCE
+
+pytestmark = pytest.mark.processes
 
 BROWSERS = 'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'
 OPTIONS = (
@@ -26,7 +29,6 @@ OPTIONS = (
     '--disable-background-networking', '--enable-logging=stderr', '--virtual-time-budget=20000',
     '--blink-settings=preferredColorScheme=0',  # dark
     '--host-resolver-rules=MAP * ~NOTFOUND', '--dump-dom')
-TIMEOUT = 120.0  # s, on a loaded machine; it takes about 4 s
 RANGE = [1.0, 2.0]  # s, to which the probe zooms the slip
 # Zooms one plot, prints the page, and records what happened in the document.
 PROBE = """
@@ -61,12 +63,12 @@ def opened(page, tmp_path_factory):
     """Return the document after its scripts, and the log of the browser."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
-        pytest.skip(f'no browser: none of {", ".join(BROWSERS)} is installed')
+        pytest.skip(f'needs a browser: one of {", ".join(BROWSERS)}')
     folder = tmp_path_factory.mktemp('browser')
     file = folder / 'report.html'
     file.write_text(page.replace('</body>', PROBE.replace('RANGE', json.dumps(RANGE))))
     done = subprocess.run([browser, *OPTIONS, f'--user-data-dir={folder / "profile"}',
-                           file.as_uri()], capture_output=True, text=True, timeout=TIMEOUT,
+                           file.as_uri()], capture_output=True, text=True, timeout=PATIENCE,
                           check=True)
     return done.stdout, done.stderr
 
