@@ -17,6 +17,7 @@ import subprocess
 import sys
 
 import pytest
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
 
@@ -31,7 +32,7 @@ print('still running')
 
 def run(started, name):
     return subprocess.run([sys.executable, '-c', SENT.format(started=started, name=name)],
-                          capture_output=True, text=True, timeout=60)
+                          capture_output=True, text=True, timeout=PATIENCE)
 
 
 @pytest.mark.parametrize('started', ['-m', '/opt/lib/smart_tire/imu_driver'])
@@ -52,5 +53,5 @@ def test_a_blocked_signal_ends_a_node_when_it_is_unblocked():
         'import smart_tire.nodes\nos.kill(os.getpid(), signal.SIGINT)',
         'os.kill(os.getpid(), signal.SIGINT)\nimport smart_tire.nodes')
     result = subprocess.run([sys.executable, '-c', code], preexec_fn=block,
-                            capture_output=True, text=True, timeout=60)
+                            capture_output=True, text=True, timeout=PATIENCE)
     assert (result.returncode, result.stdout, result.stderr) == (0, '', '')
