@@ -44,14 +44,14 @@ SAFETY = 'safety'  # name of the safety path among the rooms
 SAFETY_PATH = (
     'smart_tire/protocol/deframer.py', 'smart_tire/protocol/roboclaw.py',
     'smart_tire/control/*.py', 'smart_tire/drivers/roboclaw_*.py',
-    'smart_tire/drivers/motor_board.py', 'smart_tire/nodes/command_input.py',
+    'smart_tire/drivers/motor_*.py', 'smart_tire/nodes/command_input.py',
     'smart_tire/nodes/motor_driver.py', 'smart_tire/nodes/*_controller.py',
     'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py',
     'smart_tire/cli/_following.py')
 PROCESS_TESTS = {  # source file -> tests that import it in other processes only
-    'smart_tire/nodes/command_input.py': ['test/safety/test_commands.py'],
-    'smart_tire/nodes/motor_driver.py': ['test/safety/test_emergency_stop.py'],
-    'smart_tire/nodes/wheel_controller.py': ['test/safety/test_publishers.py']}
+    'smart_tire/nodes/command_input.py': ['test/safety/test_nodes.py'],
+    'smart_tire/nodes/motor_driver.py': ['test/safety/test_nodes.py'],
+    'smart_tire/nodes/wheel_controller.py': ['test/safety/test_nodes.py']}
 REQUIRED_SCORE = 0.9       # share of killed mutants of the safety path
 NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
 PYTEST = '-m', 'pytest', '-x', '-q', '-rfE', '--tb=no', '-p', 'no:cacheprovider'

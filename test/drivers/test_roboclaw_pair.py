@@ -331,6 +331,7 @@ def test_a_line_that_recovers_at_once_is_used_again_without_the_silence(robot):
 @driver()
 def test_one_lost_reply_is_requested_again_and_yields_no_sample(robot):
     yield from robot.drive(0.3)
+    yield 1.0
     since, count = robot.now, len(robot.samples)
     for _ in range(10):
         robot.fail(drop=1)

@@ -25,6 +25,7 @@ from functools import partial
 import math
 from pathlib import Path
 import random
+import re
 import sys
 from typing import Any
 
@@ -37,10 +38,14 @@ from support.virtual_robot import (  # noqa: E402
     VirtualRobot)
 
 DOCUMENT = Path(__file__).resolve().parents[2] / 'docs' / 'safety.md'
+README = DOCUMENT.parents[1] / 'README.md'
+SENTENCE = re.compile(r'within [\d.]+ s \(lost encoder counts: [^)]*\)')
+OTHERS = re.compile('odom|.*counts')  # hazards that the sentence names apart
 BEGIN, END = '<!-- begin bounds -->', '<!-- end bounds -->'
 
 RATES = (4.0, 16.0, 50.0, 100.0, 200.0)  # Hz, of readings and of the control
-PHASES = 50            # of a cycle, at least
+PHASES = 50            # of a cycle, for each board
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # of its multiples, any number are evenly spread over 0 to 1
 HEALTH_CYCLE = 0.15    # s, both boards
 MAX_STALL = 0.02       # s, of each thread, once, the allowance
 MAX_LATENESS = 0.02    # s, of a message
@@ -75,7 +80,7 @@ class Hazard:
         cycle = max(HEALTH_CYCLE, 1.0 / conditions.rate, 1.0 / conditions.control_rate)
         robot = self.robot(conditions)
         self.prepare(robot)
-        phase = (number // len(self.faults)) % PHASES / PHASES
+        phase = (number // len(self.faults) * GOLDEN) % 1.0
         record = robot.run(self.at + phase * cycle, self.faults[number % len(self.faults)],
                            self.bound + LONGER)
         begin = record.duties[0][0] if self.since is None else self.since(record)
@@ -272,6 +277,11 @@ def worst(name: str, rate: float, runs: int) -> tuple[float, int]:
                for number in range(runs))
 
 
+def runs_of(name: str) -> int:
+    """Return the number of runs in which a hazard occurs at all phases, at each board."""
+    return PHASES * min(len(HAZARDS[name].faults), len(ADDRESSES))
+
+
 def recorded() -> dict[str, dict[float, float]]:
     """Return hazard -> rate [Hz] -> longest stop time [s], from the table of the document."""
     text = DOCUMENT.read_text(encoding='utf-8').partition(BEGIN)[2].partition(END)[0]
@@ -288,14 +298,26 @@ def table(found: Mapping[str, Mapping[float, float]]) -> str:
     return '\n'.join(f'| {" | ".join(cells)} |' for cells in (head, ['---'] * len(head), *rows))
 
 
+def sentence() -> str:
+    """Return the bounds in the sentence of the README."""
+    def longest_of(part: Callable[[str], bool]) -> float:
+        return max(hazard.bound for name, hazard in HAZARDS.items() if part(name))
+
+    return (f'within {longest_of(lambda name: not OTHERS.match(name)):g} s (lost encoder counts: '
+            f'{longest_of(lambda name: "counts" in name):g} s, wrong odometry: '
+            f'{longest_of(lambda name: name.startswith("odom")):g} s)')
+
+
 def main() -> int:
-    """Write the table of ``docs/safety.md``."""
+    """Write the table of ``docs/safety.md`` and the sentence of the README."""
     jobs = [(name, rate) for name in HAZARDS for rate in RATES]
     with ProcessPoolExecutor() as pool:
         times = list(pool.map(longest, jobs))
     found: dict[str, dict[float, float]] = {name: {} for name in HAZARDS}
     for (name, rate), seconds in zip(jobs, times):
         found[name][rate] = seconds
+    README.write_text(SENTENCE.sub(sentence(), README.read_text(encoding='utf-8')),
+                      encoding='utf-8')
     before, rest = DOCUMENT.read_text(encoding='utf-8').split(BEGIN)
     DOCUMENT.write_text(f'{before}{BEGIN}\n{table(found)}\n{END}{rest.split(END)[1]}',
                         encoding='utf-8')
@@ -305,7 +327,7 @@ def main() -> int:
 def longest(job: tuple[str, float]) -> float:
     """Return the longest stop time [s] of a hazard at a rate, at all phases of all its faults."""
     name, rate = job
-    return worst(name, rate, PHASES * len(HAZARDS[name].faults))[0]
+    return worst(name, rate, runs_of(name))[0]
 
 
 if __name__ == '__main__':

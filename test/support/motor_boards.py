@@ -33,6 +33,7 @@ FRICTION = 0.15          # N m
 RATE = STALL_TORQUE / FREE_SPEED / INERTIA  # 1/s, with which a speed approaches its end value
 SUPPLY_VOLTAGE_CODE = 148  # 0.1 V
 STILL = (0.0, 0.0, 0.0, 0.0)
+MOVED = (roboclaw.READ_ENCODERS, roboclaw.READ_CURRENTS, roboclaw.SET_DUTY)  # need speeds of now
 
 
 @dataclass
@@ -171,6 +172,11 @@ class MotorBoards:
 
     def advance(self, now: float) -> None:
         """Let the motors turn until ``now``, and the watchdogs stop them in time."""
+        self._stop_in_time(now)
+        self._move(now)
+
+    def _stop_in_time(self, now: float) -> None:
+        """Stop the motors of boards that have received no byte for their time-out."""
         ends = [(self._byte_time + board.timeout * roboclaw.TIMEOUT_RESOLUTION, board)
                 for board in self._boards.values() if board.timeout and any(board.duty)]
         for end, board in sorted(ends, key=lambda item: item[0]):
@@ -178,11 +184,10 @@ class MotorBoards:
                 self._move(end)
                 board.duty = (0.0, 0.0)
                 self._record_duty(end)
-        self._move(now)
 
     def receive(self, chunk: bytes, now: float) -> None:
         """Receive bytes from the host."""
-        self.advance(now)
+        self._stop_in_time(now)
         self._byte_time = now  # any byte may restart the time-out, by the manual
         self.record.bytes_at.append(now)
         if self._faults.deaf:
@@ -190,10 +195,12 @@ class MotorBoards:
         for request in map(roboclaw.decode_request, self._deframer.extract(chunk)):
             self.record.requests.append((now, request))
             if request.address in self._boards:
-                self._reply(request, self._boards[request.address])
+                if request.command in MOVED:
+                    self._move(now)
+                self._reply(request, self._boards[request.address], now)
         self._record_duty(now)
 
-    def _reply(self, request: roboclaw.Request, board: _Board) -> None:
+    def _reply(self, request: roboclaw.Request, board: _Board, now: float) -> None:
         values, faults = self._values(request, board), self._faults
         address, reads_currents = request.address, request.command == roboclaw.READ_CURRENTS
         if faults.drop and not reads_currents:
@@ -205,8 +212,8 @@ class MotorBoards:
         if address in faults.garbled or reads_currents and address in faults.garbled_currents:
             reply = bytes(byte ^ 0x55 for byte in reply)
         if reads_currents and address in faults.late_currents:
-            self._late_until[address] = self._now + faults.late_currents[address]
-        self._send(reply, max(self._late_until[address] - self._now, 0.0))
+            self._late_until[address] = now + faults.late_currents[address]
+        self._send(reply, max(self._late_until[address] - now, 0.0))
 
     def _values(self, request: roboclaw.Request, board: _Board) -> tuple[int, ...]:
         faults, address, command = self._faults, request.address, request.command
