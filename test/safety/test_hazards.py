@@ -13,9 +13,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
+import math
 
 from hypothesis import given, settings, strategies as st, target
 import pytest
+from smart_tire.control.duty_gate import DutyGate
 from support.hazards import (
     ACTORS, conditions_of, HAZARDS, longest, MARGIN, MAX_LATENESS, MAX_STALL, PHASES, RATES,
     README, recorded, runs_of, SENTENCE, sentence, worst)
@@ -73,3 +76,63 @@ def test_no_disturbance_within_the_allowance_delays_a_stop_beyond_the_bound(
     seconds = HAZARDS[name].stop_time(conditions, number)
     target(seconds / HAZARDS[name].bound)
     assert seconds <= HAZARDS[name].bound
+
+
+def constant(name, factor=1.2):
+    """Return a fault of the code: a constant, named with its module, is too large."""
+    def apply(patch, hazard):
+        module, _, own = name.rpartition('.')
+        value = getattr(import_module(f'smart_tire.{module}'), own) * factor
+        patch.setattr(f'smart_tire.{name}', math.ceil(value) if value > 1.0 else value)
+    return apply
+
+
+def parameter(node, **values):
+    """Return a fault of the code: a parameter is larger than its default."""
+    def apply(patch, hazard):
+        case = HAZARDS[hazard]
+        patch.setitem(HAZARDS, hazard, replace(case, settings={**case.settings, node: values}))
+    return apply
+
+
+def without(name):
+    """Return a fault of the code: a method does nothing."""
+    def apply(patch, hazard):
+        patch.setattr(f'smart_tire.{name}', lambda *_: None)
+    return apply
+
+
+def wrong_clock(patch, hazard):
+    """Let the output stage count the time-out of a command from a clock that is ahead."""
+    command = DutyGate.command
+    patch.setattr(DutyGate, 'command',
+                  lambda gate, duty, now_ns: command(gate, duty, now_ns + 50_000_000))
+
+
+@pytest.mark.parametrize(('hazard', 'fault'), [
+    ('replies of both boards lost', constant('drivers.roboclaw_line.REPLY_TIMEOUT')),
+    ('replies of one board lost', constant('drivers.roboclaw_line.MAX_ATTEMPTS')),
+    ('requests garbled', constant('drivers.roboclaw_pair.ZERO_DUTY_TIME', 1.4)),
+    ('requests garbled', parameter('driver', board_timeout=0.3)),
+    ('motor_driver killed or stopped', parameter('driver', board_timeout=0.3)),
+    ('encoder frozen', parameter('driver', stall_time=0.18)),
+    ('encoder frozen', constant('drivers.motor_board.CHECK_PERIOD_NS', 2.0)),
+    ('board status not normal', constant('drivers.roboclaw_pair.HEALTH_PERIOD_NS')),
+    ('supply low', constant('drivers.roboclaw_pair.HEALTH_PERIOD_NS')),
+    ('supply low', constant('drivers.roboclaw_pair.MIN_LOW_READINGS')),
+    ('cmd_vel ends', parameter('controller', cmd_vel_timeout=0.3)),
+    ('wheel_controller killed or stopped', parameter('driver', command_timeout=0.3)),
+    ('wheel_controller killed or stopped', wrong_clock),
+    ('queued motor_commands', wrong_clock),
+    ('speed of a wheel NaN or too high', parameter('controller', wheel_states_timeout=0.6)),
+    ('emergency stop', without('drivers.roboclaw_pair.RoboclawPair.wake')),
+    ('second publisher on motor_commands',
+     without('drivers.motor_output.MotorOutput.set_conflict')),
+    ('second publisher on wheel_states',
+     without('control.wheel_loop.WheelLoop.set_wheel_conflict')),
+    ('odom ends', parameter('follower', **{'checks.odom_timeout': 0.6})),
+    ('odom repeats one pose', constant('control.constants.WINDOW_NS')),
+])
+def test_a_wrong_time_limit_is_found(hazard, fault, monkeypatch):
+    fault(monkeypatch, hazard)
+    assert max(worst(hazard, rate, 12) for rate in (4.0, 16.0, 50.0))[0] > HAZARDS[hazard].bound
