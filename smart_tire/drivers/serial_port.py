@@ -18,11 +18,11 @@ import errno
 import os
 import termios
 import threading
-import time
 from typing import Any
 
 import serial
 
+from smart_tire.drivers.clock import Clock, SYSTEM
 from smart_tire.errors import LinkError
 from smart_tire.paths import owned_terminal, SIMULATED
 
@@ -74,12 +74,12 @@ def _reason(error: Exception) -> str:
 
 
 def read_loop(port: Any, stopping: threading.Event, deliver: Callable[[bytes, int], None],
-              clock: Callable[[], int] = time.time_ns) -> None:
+              clock: Clock = SYSTEM) -> None:
     """Read until ``stopping`` is set; deliver each chunk with the host time of its last byte."""
     while not stopping.is_set():
         chunk = port.read(port.in_waiting or 1)
         if chunk:
-            deliver(chunk, clock())
+            deliver(chunk, clock.time_ns())
 
 
 class SerialPort:
@@ -91,9 +91,9 @@ class SerialPort:
     """
 
     def __init__(self, url: str, baud_rate: int, work: Callable[[Any, threading.Event], None],
-                 report: Callable[[str], None]) -> None:
+                 report: Callable[[str], None], clock: Clock = SYSTEM) -> None:
         self._url, self._baud_rate = url, baud_rate
-        self._work, self._report = work, report
+        self._work, self._report, self._clock = work, report, clock
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f'port {url}', daemon=True)
         self.problem = f'{url} is not open yet'  # '' while the port is open
@@ -117,7 +117,7 @@ class SerialPort:
             except LinkError as error:
                 self.refused += 1
                 self._set_problem(str(error))
-                self._stopping.wait(RETRY_DELAY)
+                self._clock.wait(self._stopping, RETRY_DELAY)
             else:
                 self.opened += 1
                 self._set_problem('')
@@ -128,7 +128,7 @@ class SerialPort:
             self._work(port, self._stopping)
         except PORT_ERRORS as error:
             self._set_problem(f'lost {self._url}: {_reason(error)}')
-            self._stopping.wait(RETRY_DELAY)
+            self._clock.wait(self._stopping, RETRY_DELAY)
         finally:
             with suppress(*PORT_ERRORS):  # the port may be lost already
                 port.close()

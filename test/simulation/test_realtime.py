@@ -14,7 +14,6 @@ import csv
 import math
 import os
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -23,8 +22,6 @@ from smart_tire.parameters import build, SimulatorParams
 from smart_tire.protocol import roboclaw, tire_payload, vectornav, xbee
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
 from smart_tire.simulation.realtime import SimulatedHardware
-
-pytestmark = pytest.mark.processes
 
 START_NS = 1_700_000_000 * NS_PER_S
 TICK_NS = 10_000_000
@@ -36,20 +33,15 @@ class Host:
 
     def __init__(self, folder, **values):
         self.truths = []
-        self.published = threading.Event()
         links = {f'ports.{name}': str(folder / name) for name in PORTS}
         self.params = build(SimulatorParams, {
             'ground.base': 'concrete', 'ground.patches.names': [],
             'film.wheels': ['front_left', 'front_right'], **links, **values})
-        self.hardware = SimulatedHardware(self.params, self._on_truth, START_NS)
+        self.hardware = SimulatedHardware(self.params, self.truths.append, START_NS)
         self.now_ns = START_NS
         self.received = dict.fromkeys(PORTS, b'')
         self._ends = {name: os.open(folder / name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
                       for name in PORTS}
-
-    def _on_truth(self, truth):
-        self.truths.append(truth)
-        self.published.set()
 
     def close(self):
         for end in self._ends.values():
@@ -223,16 +215,19 @@ def test_the_next_event_is_in_the_near_future(new_host):
 
 
 def test_run_follows_the_clock_until_it_is_stopped(new_host):
-    host = new_host()
-    stopping = threading.Event()
-    thread = threading.Thread(target=host.hardware.run, args=(time.time_ns, stopping))
-    thread.start()
-    try:
-        assert host.published.wait(10.0)
-    finally:
-        stopping.set()
-        thread.join(10.0)
-    assert not thread.is_alive() and host.hardware.clock_jumps == 1
+    host, stopping = new_host(), threading.Event()
+
+    def clock():
+        host.now_ns += TICK_NS // 4
+        if len(host.of(Odometry)) >= 10:
+            stopping.set()
+        return host.now_ns
+
+    host.hardware.run(clock, stopping)
+    stamps = [odometry.stamp_ns for odometry in host.of(Odometry)]
+    assert stamps == [START_NS + (i + 1) * TICK_NS for i in range(len(stamps))]
+    assert 0 <= host.now_ns - stamps[-1] <= TICK_NS  # it asks twice, before and after each step
+    assert host.hardware.clock_jumps == 0
 
 
 def test_ports_are_removed_if_the_log_cannot_be_opened(tmp_path):
