@@ -130,8 +130,8 @@ class LiveFeed:
     oldest sample of each transmission.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
+    def __init__(self, scene: Scene, clock: Callable[[], float] = time.monotonic) -> None:
+        self._scene, self._clock = scene, clock  # clock in s
         self._oldest: float | None = None  # s, reception of the oldest sample not yet sent
         self.samples = 0
         self.delays: list[float] = []  # s
@@ -139,7 +139,7 @@ class LiveFeed:
     def on_sample(self, topic: str, sample: Sample) -> None:
         """Show a sample that was just received."""
         if self._oldest is None:
-            self._oldest = time.monotonic()
+            self._oldest = self._clock()
         self.samples += 1
         self._scene.add_sample(topic, sample)
 
@@ -151,7 +151,7 @@ class LiveFeed:
         """Send what was received."""
         self._scene.flush()
         if self._oldest is not None:
-            delay = time.monotonic() - self._oldest
+            delay = self._clock() - self._oldest
             self._oldest = None
             self.delays.append(delay)
             self._scene.add_delay(time.time_ns(), delay)

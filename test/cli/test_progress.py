@@ -18,70 +18,85 @@ import os
 import pty
 import shutil
 import signal
-import subprocess
-import sys
 import termios
-import textwrap
 from types import SimpleNamespace
 
 import pytest
+from smart_tire.cli import _progress
 from smart_tire.cli._progress import PERIOD, Progress, Rate
 from smart_tire.cli.main import run_verb
 from smart_tire.cli.record import RecordStatus
 from smart_tire.cli.replay import ReplayStatus
-
-pytestmark = pytest.mark.processes
-
-PROGRAM = textwrap.dedent("""
-    import signal, sys, time
-    from smart_tire.cli import _progress
-
-    _progress.PERIOD = 0.1
-    with _progress.Progress('smart_tire think'):
-        for word in sys.argv[1:]:
-            time.sleep(float(word))
-            print('result', word, flush=True)
-    time.sleep(0.25)
-    assert signal.getsignal(signal.SIGALRM) == signal.SIG_DFL
-    """)
-BEAT = 'smart_tire think: working, 0 s'
+from support.waiting import wait_for
 
 
-def run(*words, stderr=subprocess.PIPE):
-    """Run the program with pauses before its results [s]."""
-    return subprocess.run([sys.executable, '-c', PROGRAM, *words], stdout=subprocess.PIPE,
-                          stderr=stderr, text=True, check=True)
+class Clock:
+    """Clock [s] that a test sets."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
 
 
-def test_silence_is_interrupted_by_lines_on_standard_error():
-    done = run('0.35', '0')
-    assert done.stdout == 'result 0.35\nresult 0\n'
-    lines = done.stderr.splitlines()
-    assert set(lines) == {BEAT}
-    assert 2 <= len(lines) <= 4  # at 0.1, 0.2 and 0.3 s
+@pytest.fixture
+def clock():
+    return Clock()
 
 
-def test_frequent_output_needs_no_heartbeat():
-    assert run(*['0.01'] * 30).stderr == ''
+@pytest.fixture
+def timer(monkeypatch):
+    """Return the settings of the timer of this process, which does not run."""
+    settings = []
+    monkeypatch.setattr(_progress.signal, 'setitimer',
+                        lambda which, *times: settings.append(times) or (0.0, 0.0))
+    return settings
 
 
-def test_on_a_terminal_the_line_is_erased_before_output_and_at_the_end():
+def test_silence_is_interrupted_by_lines_on_standard_error(tmp_path, clock, timer):
+    path = tmp_path / 'shown'
+    with path.open('w') as stream, Progress('think', stream=stream, clock=clock):
+        for clock.now in (104.0, 108.4):
+            signal.raise_signal(signal.SIGALRM)
+    assert path.read_text() == 'think: working, 4 s\nthink: working, 8 s\n'
+    assert timer == [(PERIOD, PERIOD), (PERIOD, PERIOD), (0.0, 0.0)]  # begin, end, as it was
+
+
+def test_the_timer_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(_progress, 'PERIOD', 0.01)
+    path = tmp_path / 'shown'
+    with path.open('w') as stream, Progress('think', stream=stream):
+        wait_for(lambda: path.read_text().count('think: working') >= 2)
+
+
+def test_output_restarts_the_time_without_output(tmp_path, timer):
+    with (tmp_path / 'shown').open('w') as stream, Progress(stream=stream):
+        for number in range(3):
+            timer.clear()
+            print('result', number, end='')
+            assert set(timer) == {(PERIOD, PERIOD)}
+    assert (tmp_path / 'shown').read_text() == ''
+
+
+def test_on_a_terminal_the_line_is_erased_before_output_and_at_the_end(clock, timer, capsys):
     control, terminal = pty.openpty()
-    with os.fdopen(control, 'rb', 0) as reader:
-        run('0.15', stderr=terminal)
-        os.close(terminal)
-        text = reader.read(1000).decode()
-    lines = [line.strip('\r') for line in text.split('\r\x1b[K')]
-    assert (lines[0], lines[-1]) == ('', '')  # nothing remains
-    assert set(lines[1:-1]) == {BEAT}
+    with os.fdopen(control, 'rb', 0) as reader, os.fdopen(terminal, 'w') as stream:
+        with Progress('think', stream=stream, clock=clock):
+            signal.raise_signal(signal.SIGALRM)
+            print('result', end='')
+            signal.raise_signal(signal.SIGALRM)
+        line = '\r\x1b[Kthink: working, 0 s\r'
+        assert reader.read(1000).decode() == f'{line}\r\x1b[K{line}\r\x1b[K'
+    assert capsys.readouterr().out == 'result'
 
 
-def test_the_handler_is_removed_after_an_error():
-    code = PROGRAM.replace("print('result', word, flush=True)", 'raise KeyError')
-    done = subprocess.run([sys.executable, '-c', code, '0'], capture_output=True, text=True,
-                          check=False)
-    assert done.returncode == 1  # not by SIGALRM
-    assert 'KeyError' in done.stderr
+def test_the_handler_is_removed_after_an_error(timer):
+    before = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(KeyError), Progress('think'):
+        assert signal.getsignal(signal.SIGALRM) != before
+        raise KeyError
+    assert signal.getsignal(signal.SIGALRM) == before
 
 
 @pytest.mark.parametrize('verb', ['analyze', 'identify', 'measure', 'recover', 'reproduce'])
@@ -125,21 +140,6 @@ def test_a_rate_is_that_since_the_previous_call():
     assert rate.since(30.0, 6.0) == 0.0
     assert rate.since(40.0, 6.0) is None
     assert rate.since(43.0, 7.0) == 3.0
-
-
-class Clock:
-    """Clock [s] that a test sets."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def __call__(self):
-        return self.now
-
-
-@pytest.fixture
-def clock():
-    return Clock()
 
 
 def test_a_recording_shows_time_messages_rate_size_space_and_losses(tmp_path, clock, monkeypatch):

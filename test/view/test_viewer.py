@@ -28,13 +28,18 @@ from smart_tire.samples import Icr, ImuSample, TireSample
 from smart_tire.view.layout import Layout
 from smart_tire.view.recorder import ViewError
 from smart_tire.view.scene import Scene
-from smart_tire.view.viewer import Address, free_port, open_stream, Viewer
+from smart_tire.view.viewer import Address, free_port, open_stream, START_TIMEOUT, Viewer
 from support.rolling import films, in_order, slips, steady, WHEEL, wheels
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
 
-MAX_DELAY = 0.5  # s, from reception until sent
-LOAD = 2.5       # s of samples
+LOAD = 0.8  # s of samples
+
+
+def patiently(seconds: float) -> None:
+    """Wait for a viewer that starts on a busy machine."""
+    time.sleep(PATIENCE / START_TIMEOUT * seconds)
 
 
 def listening(pid: int) -> set[tuple[str, int]]:
@@ -57,7 +62,7 @@ def listening(pid: int) -> set[tuple[str, int]]:
 
 @pytest.fixture(scope='module')
 def viewer():
-    with Viewer(web=True, wait=time.sleep) as running:
+    with Viewer(web=True, wait=patiently) as running:
         yield running
 
 
@@ -70,25 +75,22 @@ def test_page_and_stream_are_served_on_the_loopback_address_only(viewer):
 
 
 def test_live_data_at_full_load_leave_the_process_in_time(viewer):
-    """Two instrumented wheels, IMU and slips, received as fast as on a robot."""
+    """Two instrumented wheels, IMU and slips, with the times at which a robot sends them."""
     params = build(RobotParams, {'film.wheels': [WHEEL, 'front_left']})
     layout = Layout(params.film.wheels, live=True)
     stream = open_stream('load', layout.blueprint(), address=viewer.address.stream)
-    feed = LiveFeed(Scene(stream, params))
     names = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
     course = steady(120.0)
     estimated = slips(course, LOAD)
     imu = [ImuSample(one.stamp_ns, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)) for one in estimated]
     samples = in_order(films(course, LOAD), wheels(course, LOAD), estimated, imu)
-    begin, first_ns = time.monotonic(), samples[0].stamp_ns
-    next_flush = begin + FLUSH_PERIOD
+    now = next_flush = 1e-9 * samples[0].stamp_ns
+    feed = LiveFeed(Scene(stream, params), lambda: now)
     for sample in samples:
-        due = begin + 1e-9 * (sample.stamp_ns - first_ns)
-        while time.monotonic() < min(due, next_flush):
-            time.sleep(0.001)
-        if time.monotonic() >= next_flush:
+        now = 1e-9 * sample.stamp_ns
+        if now >= next_flush:
             feed.flush()
-            next_flush = time.monotonic() + FLUSH_PERIOD
+            next_flush = now + FLUSH_PERIOD
         feed.on_sample(names[type(sample)], sample)
         if isinstance(sample, TireSample):
             feed.on_sample('tire_samples', replace(sample, wheel='front_left'))
@@ -96,12 +98,12 @@ def test_live_data_at_full_load_leave_the_process_in_time(viewer):
     stream.disconnect()
     assert feed.samples > 1000 * LOAD
     assert len(feed.delays) > 5
-    assert np.max(feed.delays) < MAX_DELAY
-    assert 'at most 0.' in feed.report()
+    assert 0.5 * FLUSH_PERIOD < np.max(feed.delays) < FLUSH_PERIOD + 0.01
+    assert 'at most 0.1' in feed.report()
 
 
 def test_a_stopped_viewer_is_noticed_and_frees_its_ports():
-    viewer = Viewer(web=True, wait=time.sleep)
+    viewer = Viewer(web=True, wait=patiently)
     assert viewer.running
     stream = open_stream('a', Layout((), live=True).blueprint(), address=viewer.address.stream)
     scene = Scene(stream, RobotParams())
@@ -119,7 +121,7 @@ def test_a_viewer_that_does_not_start_is_reported_with_its_reason(monkeypatch):
     monkeypatch.delenv('WAYLAND_DISPLAY', raising=False)
     monkeypatch.setattr('smart_tire.view.viewer._program', lambda: '/bin/false')
     with pytest.raises(ViewError, match='does not start: exit status 1'):
-        Viewer(web=False, wait=time.sleep)
+        Viewer(web=False, wait=patiently)
 
 
 def test_a_port_in_use_is_replaced_by_a_free_one():
