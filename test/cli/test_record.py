@@ -8,43 +8,89 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""``smart_tire record`` over DDS, with ``smart_tire replay`` as the robot."""
+"""``smart_tire record`` over DDS, with the node of the test as the robot."""
 
 from __future__ import annotations
 
-from contextlib import suppress
-import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 import re
+import shutil
 import signal
 import textwrap
 import time
+from types import SimpleNamespace
+from typing import Any
 
-from loaded_demo import busy
 import pytest
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, BagWriter, channel_of
 from smart_tire.cli.main import main
+from smart_tire.samples import NS_PER_S
 from support.command import command, Python
-from support.machine import exclusive_cores
-from support.recordings import stream, write_bag
 from support.stack import count
+from support.verdict import assert_within, RunQueues
 from support.waiting import wait_for
 import yaml
 
 pytestmark = pytest.mark.processes
 
 pytest.importorskip('rclpy')
-LOSS_LINE = re.compile(r'(?:lost|and) \d+ (?:later )?messages of /flood so far')
-READY = 'recording /diagnostics'  # its own topic: then it looks for other topics, too
+BURST = 3000  # messages, more than all queues hold
+GAP = re.compile(r'(?:lost|and) \d+ (?:later )?messages of /flood so far')
 
 
-@pytest.fixture(scope='module')
-def source(tmp_path_factory):
-    """Return a bag of two seconds."""
-    return write_bag(tmp_path_factory.mktemp('source') / 'bag', stream(2.0))
+class Robot:
+    """Publishers of the node of the test."""
+
+    def __init__(self, graph: Any) -> None:
+        self.graph = graph
+        self.sent: dict[str, int] = {}
+
+    def publisher(self, kind: type[Any], topic: str, **qos: Any) -> Any:
+        """Return a publisher; a profile has a depth of 100 messages if nothing else is given."""
+        from rclpy.qos import QoSProfile
+        return self.graph.node.create_publisher(kind, topic, QoSProfile(**{'depth': 100, **qos}))
+
+    def send(self, publisher: Any, number: int = 1) -> None:
+        """Publish the next integers, from 1 on."""
+        first = self.sent.get(publisher.topic_name, 0) + 1
+        self.sent[publisher.topic_name] = first + number - 1
+        for value in range(first, first + number):
+            publisher.publish(publisher.msg_type(data=value))
+
+    def until_stored(self, bag: Path, topic: str, do: Any, number: int = 1) -> None:
+        """Call ``do`` now and then until a bag has a number of messages more than now."""
+        wanted = count(bag, topic) + number
+        self.graph.until(lambda: count(bag, topic) >= wanted, do)
 
 
-def contents(path: Path):
+@pytest.fixture
+def robot(tmp_path, isolated_ros):
+    """Return the publishers of a node."""
+    from support.graph import Graph
+    with Graph(tmp_path) as graph:
+        yield Robot(graph)
+
+
+@contextmanager
+def recording(bag: Path, *words: object) -> Iterator[Python]:
+    """Run a recorder until the end of the context, which interrupts it."""
+    with command('record', '--out', bag, *words) as recorder:
+        yield recorder
+        recorder.signal(signal.SIGINT)
+        assert recorder.end() == 0, recorder.output
+
+
+@contextmanager
+def stopped(recorder: Python) -> Iterator[None]:
+    """Stop the process while the context lasts."""
+    recorder.signal(signal.SIGSTOP)
+    yield
+    recorder.signal(signal.SIGCONT)
+
+
+def contents(path: Path) -> dict[str, list[bytes]]:
     """Return topic -> the messages in a bag."""
     found: dict[str, list[bytes]] = {}
     with Bag(path) as bag:
@@ -53,229 +99,214 @@ def contents(path: Path):
     return found
 
 
-def test_every_message_of_topics_that_appear_later_is_recorded(source, tmp_path):
-    with command('record', '--out', tmp_path / 'bag') as recorder:
-        recorder.wait_for(READY)
-        with command('replay', source, '--all', '--wait', 20) as player:
-            assert player.end() == 0
-        recorder.signal(signal.SIGINT)
-        assert recorder.end() == 0
-    recorded, played = contents(tmp_path / 'bag'), contents(source)
-    assert {name: recorded[name] for name in played} == played
-    with Bag(tmp_path / 'bag') as bag:
+def integers(messages: list[bytes]) -> list[int]:
+    """Return the values of serialized ``Int64`` messages."""
+    return [int.from_bytes(data[4:12], 'little') for data in messages]
+
+
+@pytest.fixture(scope='module')
+def everything(tmp_path_factory, isolated_ros):
+    """Return the recording of latched, lost, early and differently typed messages."""
+    from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+    from nav_msgs.msg import Path as PathMessage
+    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+    from std_msgs.msg import Int64
+    from support.graph import Graph
+    folder = tmp_path_factory.mktemp('everything')
+    bag = folder / 'bag'
+    with Graph(folder) as graph, Graph(folder) as other:
+        robot = Robot(graph)
+        path = robot.publisher(
+            PathMessage, 'path', depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        path.publish(PathMessage())  # before the recorder starts
+        goal = robot.publisher(
+            PoseStamped, 'goal_pose', depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        idle = Robot(other).publisher(TwistStamped, 'cmd_vel')
+        flood = robot.publisher(Int64, 'flood')
+        with recording(bag) as recorder:
+            recorder.wait_for('recording /cmd_vel')
+            twists = robot.publisher(Twist, 'cmd_vel')
+            robot.until_stored(bag, 'cmd_vel', lambda: twists.publish(Twist()))
+            robot.until_stored(bag, 'goal_pose', lambda: goal.publish(PoseStamped()))
+            idle.publish(TwistStamped())
+            robot.until_stored(bag, 'cmd_vel', lambda: twists.publish(Twist()))
+            robot.until_stored(bag, 'flood', lambda: robot.send(flood))
+
+            def overrun() -> None:
+                with stopped(recorder):
+                    robot.send(flood, BURST)
+                robot.send(flood)  # what follows a gap reveals it
+                graph.spin(0.2)
+
+            wait_for(lambda: GAP.search(recorder.output), overrun)
+            wait_for(lambda: count(bag, 'path'))
+            wait_for(lambda: count(bag, 'diagnostics') >= 4)  # one per second: what it finds in
+            # the first two seconds may be older than itself
+            with stopped(recorder):
+                early = robot.publisher(Int64, 'early')
+                robot.send(early, 500)
+            robot.until_stored(bag, 'early', lambda: robot.send(early))
+    return SimpleNamespace(bag=bag, messages=contents(bag), recorder=recorder)
+
+
+def test_the_bag_of_a_recorder_that_was_interrupted_is_complete(everything):
+    with Bag(everything.bag) as bag:
         assert not bag.warnings
         for name, topic in bag.topics.items():
-            assert f'{topic.messages} {name}' in recorder.output
+            assert f'{topic.messages} {name}' in everything.recorder.output
+    assert '/diagnostics' in everything.messages  # of a topic that appeared later: its own
 
 
-def test_a_killed_recorder_leaves_a_readable_bag(source, tmp_path):
-    file = tmp_path / 'bag' / 'bag_0.mcap'
-    with command('record', '--out', tmp_path / 'bag') as recorder:
-        recorder.wait_for(READY)
-        with command('replay', source, '--all', '--rate', 0.5, '--wait', 20):
-            wait_for(lambda: file.stat().st_size > 20_000)
-            recorder.signal(signal.SIGKILL)
-            assert recorder.end() == -signal.SIGKILL
-    assert (tmp_path / 'bag' / 'metadata.yaml').exists()
-    with Bag(tmp_path / 'bag') as bag:
-        assert len(list(bag.raw(['/tire_samples']))) > 100
-        assert any('truncated' in line for line in bag.losses.lines())
-    recorded, played = contents(tmp_path / 'bag'), contents(source)
-    for name, messages in played.items():
-        assert recorded[name] == messages[:len(recorded[name])]
-
-
-def test_only_the_given_topics_are_recorded(source, tmp_path):
-    with command('record', '--out', tmp_path / 'bag', '--topics', 'imu/data', '/odom',
-                 '--ros-args', '-r', '__node:=clerk') as recorder:
-        with command('replay', source, '--all', '--rate', 4, '--wait', 3) as player:
-            assert player.end() == 0
-        recorder.signal(signal.SIGTERM)
-        assert recorder.end() == 0
-    recorded, played = contents(tmp_path / 'bag'), contents(source)
-    assert recorded == {name: played[name] for name in ('/imu/data', '/odom')}
-
-
-LATCHED = textwrap.dedent("""
-    import rclpy
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-    from nav_msgs.msg import Path
-    from geometry_msgs.msg import PoseStamped
-    rclpy.init()
-    node = rclpy.create_node('planner')
-    path = node.create_publisher(Path, 'path', QoSProfile(
-        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-    path.publish(Path())
-    goal = node.create_publisher(PoseStamped, 'goal_pose', QoSProfile(
-        depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
-    node.create_timer(0.05, lambda: goal.publish(PoseStamped()))
-    print('ready', flush=True)
-    rclpy.spin(node)
-    """)
-
-
-def test_latched_and_best_effort_messages_are_recorded(tmp_path):
-    bag = tmp_path / 'bag'
-    with Python('-c', LATCHED) as planner:
-        planner.wait_for('ready')
-        with command('record', '--out', bag) as recorder:
-            recorder.wait_for('recording /path')
-            recorder.wait_for('recording /goal_pose')
-            wait_for(lambda: count(bag, 'path') and count(bag, 'goal_pose'))
-            recorder.signal(signal.SIGINT)
-            assert recorder.end() == 0
-    recorded = contents(bag)
-    assert len(recorded['/path']) == 1
-    assert recorded['/goal_pose']
-    output = yaml.safe_load((bag / 'metadata.yaml').read_text())
+def test_latched_and_best_effort_messages_are_recorded(everything):
+    assert len(everything.messages['/path']) == 1
+    assert everything.messages['/goal_pose']
+    output = yaml.safe_load((everything.bag / 'metadata.yaml').read_text())
     profiles = {entry['topic_metadata']['name']: entry['topic_metadata']['offered_qos_profiles'][0]
                 for entry in output['rosbag2_bagfile_information']['topics_with_message_count']}
     assert profiles['/path']['durability'] == 'transient_local'
     assert profiles['/goal_pose']['reliability'] == 'best_effort'
 
 
-FLOOD = textwrap.dedent("""
-    import sys
-    import rclpy
-    from rclpy.qos import QoSProfile
-    from std_msgs.msg import Int64
-    rclpy.init()
-    node = rclpy.create_node('flood')
-    publisher = node.create_publisher(Int64, 'flood', QoSProfile(depth=100))
-    print('ready', flush=True)
-    count = 0
-    for line in sys.stdin:  # how many to publish
-        for count in range(count + 1, count + 1 + int(line)):
-            publisher.publish(Int64(data=count))
-        print(f'published {count}', flush=True)
-    """)
-
-
-def slowly(flood: Python) -> None:
-    """Publish one message and wait a little."""
-    flood.write(1)
-    time.sleep(0.01)
-
-
-def test_messages_that_overrun_the_queue_are_counted(tmp_path):
-    bag = tmp_path / 'bag'
-    with Python('-c', FLOOD) as flood, command('record', '--out', bag) as recorder:
-        flood.wait_for('ready')
-        wait_for(lambda: count(bag, 'flood'), lambda: slowly(flood))
-
-        def overrun():
-            published = len(flood.lines)
-            recorder.signal(signal.SIGSTOP)
-            flood.write(3000)
-            wait_for(lambda: any(int(line.split()[1]) > 3000 for line in flood.lines[published:]))
-            recorder.signal(signal.SIGCONT)
-            slowly(flood)  # what follows a gap reveals it
-
-        wait_for(lambda: LOSS_LINE.search(recorder.output), overrun)
-        recorder.signal(signal.SIGINT)
-        assert recorder.end() == 0
-    numbers = [int.from_bytes(data[4:12], 'little') for data in contents(bag)['/flood']]
+def test_messages_that_overrun_the_queue_are_counted(everything):
+    numbers = integers(everything.messages['/flood'])
     lost = numbers[-1] - numbers[0] + 1 - len(numbers)
-    assert lost > 0
-    line, = (line for line in recorder.lines if line.startswith('lost ') and '/flood' in line)
+    assert lost > 0 and numbers == sorted(set(numbers))
+    output = everything.recorder.output
+    line, = re.findall(r'^lost .*messages of /flood$', output, re.MULTILINE)
     missed = f'the first {numbers[0] - 1} and {lost} later'  # found late, on a slow machine
     assert line in (f'lost {lost} messages of /flood', f'lost {missed} messages of /flood')
-    warnings = recorder.output.count('messages of /flood so far')
+    warnings = output.count('messages of /flood so far')
     assert 0 < warnings <= (numbers[-1] - len(numbers)).bit_length()
 
 
-def test_messages_published_before_the_connection_are_counted(tmp_path):
-    bag = tmp_path / 'bag'
-    with command('record', '--out', bag) as recorder:
-        wait_for(lambda: count(bag, 'diagnostics') >= 4)  # one per second: what it finds in the
-        # first two seconds may be older than itself
-        recorder.signal(signal.SIGSTOP)
-        with Python('-c', FLOOD) as flood:
-            flood.write(500)
-            flood.wait_for('published 500')
-            recorder.signal(signal.SIGCONT)
-            wait_for(lambda: count(bag, 'flood'), lambda: slowly(flood))
-        recorder.signal(signal.SIGINT)
-        assert recorder.end() == 0
-    first = int.from_bytes(contents(bag)['/flood'][0][4:12], 'little')
+def test_messages_published_before_the_connection_are_counted(everything):
+    first = integers(everything.messages['/early'])[0]
     assert first > 500
-    assert f'lost the first {first - 1} ' in recorder.output
+    assert f'lost the first {first - 1} ' in everything.recorder.output
 
 
-CLOCK = textwrap.dedent("""
-    import sys
-    import time
-    import rclpy
-    from rclpy.qos import QoSProfile
-    from std_msgs.msg import Int64
-    rclpy.init()
-    node = rclpy.create_node('clock')
-    publishers = [node.create_publisher(Int64, f'time_{number}', QoSProfile(depth=100))
-                  for number in range(10)]
-    print('ready', flush=True)
-    while True:
-        for publisher in publishers:
-            publisher.publish(Int64(data=time.time_ns()))
-        time.sleep(0.01)
-    """)
-
-
-@pytest.mark.parametrize('loops', [0, 2 * (os.cpu_count() or 1)])
-def test_a_killed_recorder_loses_at_most_a_fifth_of_a_second(loops, tmp_path):
-    lost = []
-    with exclusive_cores(), busy(loops):
-        for number in range(5):
-            bag = tmp_path / f'bag{number}'
-            # publishers of its own: a killed subscriber can delay those that sent to it
-            with Python('-c', CLOCK) as clock, command(
-                    'record', '--out', bag, '--max-duration', 1) as recorder:
-                clock.wait_for('ready')
-                wait_for(lambda bag=bag: count(bag, 'time_9') > 0)
-                time.sleep(1.0 + 0.13 * number)
-                killed_ns = time.time_ns()
-                recorder.signal(signal.SIGKILL)
-                recorder.end()
-            files = sorted(path.name for path in bag.glob('*.mcap'))
-            assert files == [f'{bag.name}_{number}.mcap' for number in range(len(files))]
-            latest = [int.from_bytes(data[4:12], 'little') for name, parts in contents(bag).items()
-                      if 'time_' in name for data in parts]
-            lost.append((killed_ns - max(latest)) * 1e-9)
-    assert max(lost) < 0.2, lost
-
-
-ONE_TYPE = textwrap.dedent("""
-    import sys
-    import rclpy
-    from geometry_msgs.msg import Twist, TwistStamped
-    rclpy.init()
-    node = rclpy.create_node('teleop' + sys.argv[1])
-    publisher = node.create_publisher({'Twist': Twist, 'TwistStamped': TwistStamped}[sys.argv[1]],
-                                      'cmd_vel', 10)
-    print('ready', flush=True)
-    if sys.argv[2] == 'publish':
-        node.create_timer(0.02, lambda: publisher.publish(publisher.msg_type()))
-    rclpy.spin(node)
-    """)
-
-
-def test_cmd_vel_is_recorded_in_the_type_that_is_sent(tmp_path):
-    with Python('-c', ONE_TYPE, 'TwistStamped', 'idle') as controller, command(
-            'record', '--out', tmp_path / 'bag') as recorder:
-        controller.wait_for('ready')
-        recorder.wait_for('recording /cmd_vel')
-        with Python('-c', ONE_TYPE, 'Twist', 'publish'):
-            wait_for(lambda: count(tmp_path / 'bag', 'cmd_vel') > 5)
-        with Python('-c', ONE_TYPE, 'TwistStamped', 'publish') as other:
-            other.wait_for('ready')
-            time.sleep(0.5)
-        recorder.signal(signal.SIGINT)
-        assert recorder.end() == 0
-    line, = (line for line in recorder.lines if 'is published as' in line)
+def test_cmd_vel_is_recorded_in_the_type_that_is_sent(everything):
+    line, = (line for line in everything.recorder.lines if 'is published as' in line)
     assert line.endswith('/cmd_vel is published as geometry_msgs/msg/Twist and geometry_msgs/msg/'
                          'TwistStamped: only geometry_msgs/msg/Twist is recorded')
-    with Bag(tmp_path / 'bag') as bag:
+    with Bag(everything.bag) as bag:
         assert bag.types['/cmd_vel'] == 'geometry_msgs/msg/Twist'
         assert all(len(data) == 4 + 6 * 8 for _, _, data in bag.raw(['/cmd_vel']))
+
+
+def test_only_the_given_topics_are_recorded(robot, tmp_path):
+    from std_msgs.msg import Int64
+    publishers = [robot.publisher(Int64, name) for name in ('one', 'robot/two', 'three')]
+    bag = tmp_path / 'bag'
+    with command('record', '--out', bag, '--topics', 'one', '/robot/two', '--ros-args', '-r',
+                 '__node:=clerk') as recorder:
+        robot.graph.until(lambda: count(bag, 'one') and count(bag, 'robot/two'),
+                          lambda: [robot.send(publisher) for publisher in publishers])
+        assert robot.graph.node.count_subscribers('/three') == 0
+        recorder.signal(signal.SIGTERM)
+        assert recorder.end() == 0
+    assert contents(bag).keys() == {'/one', '/robot/two'}
+
+
+@pytest.mark.parametrize('seconds', [0.3, 1.5])
+def test_a_killed_recorder_loses_at_most_a_fifth_of_a_second(seconds, robot, tmp_path):
+    from std_msgs.msg import Int64
+    clocks = [robot.publisher(Int64, f'time_{number}') for number in range(10)]
+
+    def publish() -> None:
+        for clock in clocks:
+            clock.publish(Int64(data=time.time_ns()))
+
+    def lost() -> tuple[float, float]:
+        bag = tmp_path / f'bag{len(list(tmp_path.glob("bag*")))}'
+        with command('record', '--out', bag, '--max-duration', 1) as recorder:
+            robot.until_stored(bag, 'time_9', publish)
+            queues, end = RunQueues(recorder.pid), time.monotonic() + seconds
+            robot.graph.until(lambda: time.monotonic() > end, publish)
+            waited = queues.seconds()
+            killed_ns = time.time_ns()
+            recorder.signal(signal.SIGKILL)
+            assert recorder.end() == -signal.SIGKILL
+        assert (bag / 'metadata.yaml').exists()
+        files = sorted(path.name for path in bag.glob('*.mcap'))
+        assert files == [f'{bag.name}_{number}.mcap' for number in range(len(files))]
+        assert len(files) > 1 or seconds < 1.0
+        with Bag(bag) as opened:
+            stamps = [int.from_bytes(data[4:12], 'little') for _, channel, data in opened.raw()
+                      if 'time_' in channel.topic]
+            assert any('truncated' in line for line in opened.losses.lines())
+        return (killed_ns - max(stamps)) / NS_PER_S, waited
+
+    assert_within(0.2, lost)
+
+
+class Timers:
+    """The timers of a recorder in this process, on a virtual clock [ms]."""
+
+    def __init__(self, folder: Path, monkeypatch: Any) -> None:
+        import rclpy
+        from smart_tire.nodes import recorder
+        self.now, self.ended, self.free = 0, None, 1e12
+        self._timers: list[tuple[int, Any]] = []
+        self.writer = BagWriter(folder / 'bag')
+        self.writer.add_topic(channel_of('/time', 'std_msgs/msg/Int64'))
+        rclpy.init(args=[])
+        self.node = recorder.Recorder(self.writer)
+        monkeypatch.setattr(self.node, 'call_every', lambda period, callback: self._timers.append(
+            (round(1e3 * period), callback)))
+        monkeypatch.setattr(recorder.shutil, 'disk_usage',
+                            lambda path: SimpleNamespace(free=self.free))
+        monkeypatch.setattr(recorder.signal, 'raise_signal', self._end)
+        self.node.start()
+
+    def close(self) -> None:
+        """Destroy the node."""
+        import rclpy
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+        self.writer.close()
+
+    def _end(self, number: int) -> None:
+        assert number == signal.SIGTERM and self.ended is None
+        self.ended = self.now
+
+    def run(self, milliseconds: int) -> None:
+        """Let time pass, and write a message with the time every 10 ms."""
+        for _ in range(milliseconds):
+            self.now += 1
+            if self.now % 10 == 0:
+                self.writer.write('/time', self.now * 1_000_000, bytes(4) + self.now.to_bytes(
+                    8, 'little'))
+            for period, callback in self._timers:
+                if self.now % period == 0:
+                    callback()
+
+
+@pytest.fixture
+def timers(tmp_path, monkeypatch, isolated_ros):
+    """Return the timers of a recorder that writes a bag in the folder of the test."""
+    made = Timers(tmp_path, monkeypatch)
+    yield made
+    made.close()
+
+
+def test_at_any_time_the_file_ends_less_than_a_fifth_of_a_second_ago(timers, tmp_path):
+    timers.run(100)
+    for number in range(50):
+        timers.run(17)
+        killed = shutil.copytree(tmp_path / 'bag', tmp_path / f'killed{number}')
+        assert timers.now - integers(contents(killed)['/time'])[-1] < 200
+
+
+@pytest.mark.parametrize('phase', range(10, 1000, 90))
+def test_a_recording_ends_within_a_second_after_the_disk_is_almost_full(phase, timers):
+    timers.free = 200e6
+    timers.run(2000 + phase)
+    assert timers.ended is None and not timers.node.problem
+    timers.free = 200e6 - 1
+    timers.run(2000)
+    assert timers.ended is not None and timers.ended - 2000 - phase <= 1000
+    assert timers.node.problem.endswith('has 200 MB left, needed are 200 MB')
 
 
 FULL_DISK = textwrap.dedent("""

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 import signal
 
 import pytest
@@ -22,10 +23,10 @@ from smart_tire.cli.replay import find, without_commands
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand
-from support.command import command, Python
+from support.command import command
 from support.foreign import Foreign
-from support.graph import node_arguments
 from support.recordings import START_NS, stream, write_bag
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
 
@@ -61,52 +62,78 @@ def ros_source(source):
     return source
 
 
-def played(source, tmp_path, *options):
-    """Return the messages that a recorder received from a replay, and the output of both."""
-    with command('record', '--out', tmp_path / 'received') as recorder:
-        recorder.wait_for('recording /diagnostics')
-        with command('replay', source, '--wait', 20, *options) as player:
-            assert player.end() == 0
-        recorder.signal(signal.SIGINT)
-        assert recorder.end() == 0
-    with Bag(tmp_path / 'received') as bag:
-        return list(bag.raw()), f'{player.output}\n{recorder.output}'
+class Listener:
+    """A node of the test that receives what the replayer publishes."""
+
+    def __init__(self, graph):
+        self.graph, self.received, self.published = graph, defaultdict(list), set()
+        graph.node.create_timer(0.1, self._look)
+
+    def subscribe(self, *names, **types):
+        """Receive all messages of topics of ``TOPICS``, or of types, however many wait."""
+        from smart_tire.nodes.compat import message_class
+        for name, kind in ({name: TOPICS[name].type for name in names} | types).items():
+            self.graph.node.create_subscription(
+                message_class(kind), name, self.received[f'/{name}'].append, 2000, raw=True)
+
+    def _look(self):
+        """Note the topics that the replayer publishes, except those of every node."""
+        node = self.graph.node
+        if ('replayer', '/') in node.get_node_names_and_namespaces():
+            found = node.get_publisher_names_and_types_by_node('replayer', '/')
+            self.published |= {name for name, _ in found} - {
+                '/rosout', '/parameter_events', '/_replay_lockstep'}
+
+    def play(self, source, *options):
+        """Replay a bag to its end; return the output."""
+        with command('replay', source, '--wait', PATIENCE, *options) as player:
+            self.graph.until(lambda: not player.running)
+            assert player.end() == 0, player.output
+        return player.output
 
 
-def names(messages):
-    """Return the topics of messages except those of every node."""
-    return {channel.topic for _, channel, _ in messages} - {
-        '/diagnostics', '/rosout', '/parameter_events'}
+@pytest.fixture
+def listener(tmp_path, isolated_ros):
+    """Return a node that receives messages."""
+    pytest.importorskip('rclpy')
+    from support.graph import Graph
+    with Graph(tmp_path) as graph:
+        yield Listener(graph)
 
 
-def test_by_default_the_inputs_of_the_estimators_are_published(ros_source, tmp_path):
-    received, output = played(ros_source, tmp_path)
-    assert names(received) == {f'/{name}' for name in INPUTS}
-    with Bag(ros_source) as bag:
-        for name in INPUTS:
-            sent = [data for _, _, data in bag.raw([f'/{name}'])]
-            assert [data for _, channel, data in received if channel.topic == f'/{name}'] == sent
-            assert f'{len(sent)} /{name}' in output
+def test_by_default_the_inputs_of_the_estimators_are_published(source, listener):
+    listener.subscribe(*INPUTS)
+    output = listener.play(source, '--rate', 4)
+    assert listener.published == {f'/{name}' for name in INPUTS}
+    with Bag(source) as bag:
+        for name in listener.published:
+            sent = [data for _, _, data in bag.raw([name])]
+            assert listener.received[name] == sent
+            assert f'{len(sent)} {name}' in output
 
 
-def test_all_publishes_everything_except_commands(ros_source, tmp_path):
-    received, output = played(ros_source, tmp_path, '--all', '--clock', '--rate', 2)
-    assert names(received) == {'/imu/data', '/wheel_states', '/tire_samples', '/odom', '/clock'}
+def test_all_publishes_everything_except_commands(source, listener):
+    listener.subscribe(*INPUTS, 'odom', clock='rosgraph_msgs/msg/Clock')
+    output = listener.play(source, '--all', '--clock', '--rate', 2)
+    assert listener.published == {
+        '/imu/data', '/wheel_states', '/tire_samples', '/odom', '/clock'}
     assert f'skipped: /strange ({STRANGE} is not installed)' in output
     clock = [int.from_bytes(data[4:8], 'little') * 10**9 + int.from_bytes(data[8:12], 'little')
-             for _, channel, data in received if channel.topic == '/clock']
+             for data in listener.received['/clock']]
     assert clock == sorted(set(clock))
     assert START_NS <= clock[0] < clock[-1] <= START_NS + 1.1e9
     assert len(clock) > 20
 
 
-def test_commands_are_published_if_named(ros_source, tmp_path):
-    received, _ = played(ros_source, tmp_path, '--topics', 'cmd_vel', 'path', '--rate', 0.7)
-    assert names(received) == {'/cmd_vel', '/robot/path'}
+def test_commands_are_published_if_named(source, listener):
+    listener.subscribe('cmd_vel', **{'robot/path': PATH})
+    output = listener.play(source, '--topics', 'cmd_vel', 'path', '--rate', 4)
+    assert listener.published == {'/cmd_vel', '/robot/path'}
+    assert len(listener.received['/robot/path']) == 1 and '16 /cmd_vel' in output
 
 
 def test_topics_without_subscribers_are_named_while_the_replay_waits(ros_source):
-    with command('replay', ros_source, '--topics', 'imu/data', '--wait', 30) as player:
+    with command('replay', ros_source, '--topics', 'imu/data', '--wait', PATIENCE) as player:
         player.wait_for('waiting: /imu/data has no subscribers')
         player.signal(signal.SIGINT)
         assert player.end() == 0
@@ -121,55 +148,46 @@ def test_a_replay_ends_on_interrupt(ros_source):
     assert 'published in part' in player.output
 
 
-def node(name):
-    """Return a running node of this package."""
-    return Python(*node_arguments(name))
-
-
-def test_nothing_is_published_if_an_awaited_node_is_missing(ros_source):
-    with node('slip_estimator'), command(
-            'replay', ros_source, '--wait', 4, '--wait-for', 'slip_estimator',
-            'friction_estimator') as player:
-        assert player.end() == 1
-    assert 'smart_tire replay: /friction_estimator is not running' in player.lines
+def test_nothing_is_published_if_an_awaited_node_is_missing_or_subscribes_to_nothing(
+        source, listener):
+    with command('replay', source, '--topics', 'imu/data', '--wait', 2, '--wait-for', 'test',
+                 '/test', '--ros-args', '-r', '__ns:=/robot') as player:
+        listener.graph.until(lambda: not player.running)
+    assert player.end() == 1
+    # names are relative to the namespace of the replayer, as are those of nodes
+    assert 'smart_tire replay: /robot/test is not running' in player.lines
+    assert 'smart_tire replay: /test subscribes to none of /imu/data' in player.lines
     assert 'published' not in player.output
 
 
-def test_awaited_nodes_are_in_the_namespace_of_the_replayer(ros_source):
-    with node('slip_estimator'), command(
-            'replay', ros_source, '--wait', 3, '--wait-for', 'slip_estimator',
-            '--ros-args', '-r', '__ns:=/robot') as player:
+def follow(listener):
+    """Let the node of the test follow replays as an estimator does."""
+    from smart_tire.nodes.compat import message_class
+    from smart_tire.nodes.lockstep import Follower
+    handle = Follower(listener.graph.node, lambda: None).add_input(
+        '/imu/data', listener.received['/imu/data'].append)
+    listener.graph.node.create_subscription(
+        message_class(TOPICS['imu/data'].type), 'imu/data', handle, 1000, raw=True)
+
+
+def test_the_replay_fails_if_an_estimator_ends_early(source, listener):
+    follow(listener)
+    with command('replay', source, '--rate', 0.02, '--wait', PATIENCE, '--wait-for',
+                 'test') as player:
+        listener.graph.until(lambda: listener.received['/imu/data'])
+        listener.graph.node.destroy_node()
         assert player.end() == 1
-    assert 'smart_tire replay: /robot/slip_estimator is not running' in player.lines
-
-
-def test_a_node_without_matching_subscription_is_not_ready(ros_source, tmp_path):
-    with command('record', '--out', tmp_path / 'bag', '--topics', '/diagnostics') as recorder:
-        recorder.wait_for('recording /diagnostics')
-        with command('replay', ros_source, '--wait', 8, '--topics', 'imu/data', '--wait-for',
-                     '/recorder') as player:
-            assert player.end() == 1
-    assert 'smart_tire replay: /recorder subscribes to none of /imu/data' in player.lines
-
-
-def test_the_replay_fails_if_an_estimator_ends_early(ros_source):
-    with node('slip_estimator') as estimator, command(
-            'replay', ros_source, '--rate', 0.02, '--wait', 30, '--wait-for',
-            'slip_estimator') as player:
-        player.wait_for('no subscribers on /tire_samples')
-        estimator.signal(signal.SIGINT)
-        assert estimator.end() == 0
-        assert player.end() == 1
-    assert 'smart_tire replay: /slip_estimator ended during the replay' in player.lines
+    assert 'smart_tire replay: /test ended during the replay' in player.lines
     assert 'published in part' in player.output
 
 
-def test_the_replay_fails_if_an_estimator_starts_late(ros_source):
-    with command('replay', ros_source, '--rate', 0.1, '--wait', 0) as player:
+def test_the_replay_fails_if_an_estimator_starts_late(source, listener):
+    with command('replay', source, '--rate', 0.2, '--wait', 0) as player:
         player.wait_for('no subscribers on /tire_samples')
-        with node('slip_estimator'):
-            assert player.end() == 1
-    assert 'smart_tire replay: /slip_estimator started after the replay had begun' in player.lines
+        follow(listener)
+        listener.graph.until(lambda: not player.running)
+    assert player.end() == 1
+    assert 'smart_tire replay: /test started after the replay had begun' in player.lines
 
 
 @pytest.mark.parametrize('name', ['imu/data', '/imu/data', 'path', 'robot/path', '/robot/path'])
@@ -210,14 +228,14 @@ def test_a_bag_without_inputs_is_not_replayed(tmp_path, capsys):
         in capsys.readouterr().err
 
 
-def test_inputs_of_other_names_are_published_under_the_standard_ones(tmp_path):
-    pytest.importorskip('rclpy')
+def test_inputs_of_other_names_are_published_under_the_standard_ones(tmp_path, listener):
     events = stream(0.5)
     names_in_bag = {'imu/data': 'mti30/imu', 'wheel_states': 'base/joint_states'}
     bag = Foreign(names_in_bag, omitted=('odom',)).write(tmp_path / 'bag', events)
-    received, output = played(bag, tmp_path, '--remap', 'wheel_states:=/base/joint_states')
-    assert names(received) == {'/imu/data', '/wheel_states', '/tire_samples'}
+    listener.subscribe(*INPUTS)
+    output = listener.play(bag, '--remap', 'wheel_states:=/base/joint_states')
+    assert listener.published == {'/imu/data', '/wheel_states', '/tire_samples'}
     count = sum(topic == 'wheel_states' for _, topic, _ in events)
-    assert sum(channel.topic == '/wheel_states' for _, channel, _ in received) == count
+    assert len(listener.received['/wheel_states']) == count
     assert '/base/joint_states was published as wheel_states' in output
     assert '/mti30/imu was published as imu/data' in output

@@ -36,7 +36,7 @@ class Python:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._process.poll() is None:
+        if self.running:
             self._process.kill()
         self._process.wait()
         self._reader.join()
@@ -48,9 +48,19 @@ class Python:
         """Return the output so far."""
         return '\n'.join(self.lines)
 
+    @property
+    def pid(self) -> int:
+        """Return the id of the process."""
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        """Return whether the process has not ended."""
+        return self._process.poll() is None
+
     def wait_for(self, text: str) -> None:
         """Wait until ``text`` is printed; fail with the output if the process ends before."""
-        wait_for(lambda: text in self.output or self._process.poll() is not None)
+        wait_for(lambda: text in self.output or not self.running)
         assert text in self.output, self.output
 
     def write(self, line: object) -> None:
