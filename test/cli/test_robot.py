@@ -12,9 +12,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-import signal
 import time
 
 import pytest
@@ -22,18 +19,11 @@ from smart_tire.cli.main import main
 from smart_tire.cli.robot import Supervisor
 from smart_tire.errors import ParameterError
 from smart_tire.launching import SEPARATE
-from smart_tire.nodes.command_line import COMPOSED, COMPOSED_NODES
-from support.graph import Graph, Process
-from support.waiting import wait_for
+from smart_tire.nodes.command_line import COMPOSED
+from support.graph import Process
+from support.stack import children
 
 pytestmark = pytest.mark.processes
-
-
-@pytest.fixture
-def graph(tmp_path, isolated_ros):
-    """Return the node of the test in the ROS graph."""
-    with Graph(tmp_path) as made:
-        yield made
 
 
 class StandIn:
@@ -107,41 +97,9 @@ def test_a_missing_parameter_file_is_refused(capsys, tmp_path):
     assert 'none.yaml' in capsys.readouterr().err
 
 
-def children(process) -> dict[str, int]:
-    """Return the process id of each node that a process has started, by its module."""
-    found = {}
-    for path in Path('/proc').glob('[0-9]*'):
-        try:
-            parent = int((path / 'stat').read_text().rsplit(')', 1)[1].split()[1])
-            words = (path / 'cmdline').read_text().split('\0')
-        except OSError:
-            continue
-        if parent == process.popen.pid and '-m' in words:
-            found[words[words.index('-m') + 1].rpartition('.')[2]] = int(path.name)
-    return found
-
-
-def test_a_simulated_robot_runs_until_it_is_interrupted_and_is_never_armed_again(graph, tmp_path):
-    names = {'robot_simulator', *SEPARATE, *COMPOSED_NODES}
-    graph.subscribe('odom')
-    with Process(['-m', 'smart_tire.cli.main', 'robot', '--simulated', '--ros-args', '-p',
-                  'slip_estimator:publish_tf:=false'], tmp_path / 'robot.log') as robot:
-        graph.until(lambda: graph.health.keys() >= names and graph.received['odom'])
-        assert graph.value('motor_driver', 'emergency_stop') == 'False'
-        before = children(robot)
-        assert before.keys() == {'robot_simulator', COMPOSED, *SEPARATE}
-        os.kill(before['motor_driver'], signal.SIGKILL)
-        graph.until(lambda: graph.value('motor_driver', 'emergency_stop') == 'True')
-        after = children(robot)
-        assert {name for name in before if before[name] != after[name]} == {'motor_driver'}
-        assert robot.end(signal.SIGTERM) == 0
-        assert 'Traceback' not in robot.output
-    wait_for(lambda: not any(Path(f'/proc/{pid}').exists() for pid in after.values()))
-
-
 def test_a_wrong_parameter_ends_all_processes(tmp_path):
     with Process(['-m', 'smart_tire.cli.main', 'robot', '--ros-args', '-p',
                   'wheel_controller:rate:=fast'], tmp_path / 'robot.log') as robot:
         assert robot.ended() == 2
         assert 'smart_tire robot: wheel_controller ended with status 2' in robot.output
-        assert not children(robot)
+        assert not children(robot.popen.pid)

@@ -14,24 +14,26 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import ExitStack
+from itertools import groupby
 import math
 from pathlib import Path
-import time
 from typing import Any
 
+from rcl_interfaces.srv import ListParameters
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag
-from smart_tire.bags.cdr import Decoder
-from smart_tire.cli._stack import ESTIMATORS, isolated_environment, params_arguments, Stack
+from smart_tire.cli._stack import ESTIMATORS, params_arguments
 from smart_tire.messages import topic_of, TOPICS
+from smart_tire.nodes.command_line import COMPOSED
 from smart_tire.nodes.compat import message_class
 from smart_tire.samples import (
     Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip)
+from support.command import command
 from support.graph import Graph, node_arguments, Process
-from support.stack import count
-from support.waiting import PATIENCE, wait_for
+from support.waiting import PATIENCE
 
-START_DELAY_NS = 200_000_000  # ns before the first message
+DEPTH = 10_000  # messages, more than there are
+STEP_NS = 20_000_000  # ns of the recording in which messages may overtake each other
 END_TOLERANCE_NS = 100_000_000  # ns at the end in which estimates may be missing
 
 
@@ -64,53 +66,67 @@ def offline_estimates(bag_path: Path, params: Path) -> dict[Any, Any]:
     return {key(estimate): estimate for estimate in [*found, *pipeline.finish()]}
 
 
+class Listener:
+    """A node of the test that receives all estimates, and the diagnostics of the estimators."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self._clients = [graph.node.create_client(ListParameters, f'{node}/list_parameters')
+                         for node in ESTIMATORS]
+        for topic in ESTIMATES:
+            graph.node.create_subscription(message_class(TOPICS[topic].type), topic,
+                                           graph.received[topic].append, DEPTH)
+
+    def until_handled(self) -> None:
+        """Return when each estimator has answered a call, after what was published before."""
+        for client in self._clients:
+            self.graph.until(client.service_is_ready)
+            self.graph.until(client.call_async(ListParameters.Request()).done)
+
+    def until_reported(self) -> None:
+        """Return when each estimator has counted what it has received until now."""
+        for _ in range(2):  # the first report may have been on its way
+            self.graph.health.clear()
+            self.graph.until(lambda: set(ESTIMATORS) <= self.graph.health.keys())
+
+    def estimates(self) -> dict[Any, Any]:
+        """Return the estimates received."""
+        return {key(sample): sample for topic in ESTIMATES for sample in self.graph.samples(topic)}
+
+    def late(self) -> Counter[str]:
+        """Return node -> number of messages that it dropped because they were late."""
+        return +Counter({name: int(self.graph.value(name, 'late_messages'))
+                         for name in ESTIMATORS})
+
+
 def replayed(bag_path: Path, params: Path, folder: Path, rate: float, expected: dict[Any, Any],
              composed: bool = False) -> tuple[dict[Any, Any], Counter[str]]:
     """
     Return the estimates of the nodes on a replay, and node -> number of late messages.
 
     ``expected`` are the estimates to wait for. The estimators, in one process if ``composed``,
-    start after the replayer and a recorder of all topics, including the inputs. The replay waits
-    for another node, ``last``, which starts when the estimates are recorded.
+    start after the replayer. The replay waits for another node, ``test``, which starts when they
+    are known.
     """
-    out = folder / 'estimates'
-    with Stack(folder / 'logs', isolated_environment()) as stack:
-        stack.start('other', 'smart_tire.cli.main', 'record', '--out', str(folder / 'all'))
-        stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(out), '--topics',
-                    *ESTIMATES, '/diagnostics')
-        stack.start('replay', 'smart_tire.cli.main', 'replay', str(bag_path), '--rate', str(rate),
-                    '--wait', str(PATIENCE), '--wait-for', *ESTIMATORS, 'last')
-        wait_for(lambda: all(f'recording /{topic}' in stack.log('other') for topic in INPUTS))
-        if composed:
-            stack.start('composed', 'smart_tire.nodes.composed', *ESTIMATORS,
-                        *params_arguments([params]))
-        for node in () if composed else ESTIMATORS:
-            stack.node(node, [params])
-        wait_for(lambda: all(f'recording /{topic}' in stack.log('recorder')
-                             for topic in ESTIMATES))
-        stack.start('last', 'smart_tire.cli.main', 'record', '--out', str(folder / 'last'),
-                    '--topics', 'imu/data', '--ros-args', '-r', '__node:=last')
-        stack.processes['replay'].wait(PATIENCE)
-        assert stack.stop('replay') == {'replay': 0}, stack.log('replay')
+    processes = [(COMPOSED, *ESTIMATORS)] if composed else [(node,) for node in ESTIMATORS]
+    with ExitStack() as stack, command(
+            'replay', bag_path, '--rate', rate, '--wait', PATIENCE, '--wait-for', *ESTIMATORS,
+            'test') as player:
+        for module, *words in processes:
+            stack.enter_context(Process(
+                ['-m', f'smart_tire.nodes.{module}', *words, *params_arguments([params])],
+                folder / f'{module}.log'))
+        listener = Listener(stack.enter_context(Graph(folder)))
+        graph = listener.graph
+        graph.node.create_subscription(
+            message_class(TOPICS['imu/data'].type), 'imu/data', lambda message: None, 1)
+        graph.until(lambda: not player.running)
+        assert player.end() == 0, player.output
         wanted = Counter(topic for topic, _, _ in expected)
-        wait_for(lambda: all(count(out, topic) >= wanted[topic] for topic in ESTIMATES))
-        reports = count(out, 'diagnostics') + 2 * len(ESTIMATORS)  # final counts
-        wait_for(lambda: count(out, 'diagnostics') >= reports)
-        stack.stop()
-    with Bag(out) as bag:
-        return {key(live): live for _, _, live in bag.samples(ESTIMATES)}, late_messages(out)
-
-
-def late_messages(bag_path: Path) -> Counter[str]:
-    """Return node -> number of messages that it dropped because they were late."""
-    late: Counter[str] = Counter()
-    read = Decoder('diagnostic_msgs/msg/DiagnosticArray')
-    with Bag(bag_path) as bag:
-        for _, _, data in bag.raw(['/diagnostics']):
-            for status in read(data).status:
-                values = {item.key: item.value for item in status.values}
-                late[status.name] = int(values.get('late_messages', 0))
-    return +late
+        graph.until(lambda: all(len(graph.received[topic]) >= wanted[topic]
+                                for topic in ESTIMATES))
+        listener.until_reported()
+        return listener.estimates(), listener.late()
 
 
 def assert_same(found: dict[Any, Any], expected: dict[Any, Any]) -> None:
@@ -127,33 +143,29 @@ def played_live(bag_path: Path, params: Path, folder: Path) -> dict[Any, Any]:
     """
     Return the estimates of the nodes on messages published without lockstep.
 
-    They are published at the recorded rate; DDS and the executors determine their order.
+    DDS and the executors determine the order of the messages that were received within
+    ``STEP_NS``; then each node answers a call before more are published.
     """
-    found: dict[Any, Any] = {}
     with ExitStack() as stack:
         graph = stack.enter_context(Graph(folder))
+        listener = Listener(graph)
         for node in ESTIMATORS:
             stack.enter_context(Process([*node_arguments(node), '--params-file', str(params)],
                                         folder / f'{node}.log'))
-        graph.subscribe(*ESTIMATES)
         graph.until(lambda: graph.has_publishers() and set(ESTIMATORS) <= graph.health.keys())
         for topic, readers in (('imu/data', 2), ('wheel_states', 2), ('tire_samples', 1)):
             graph.connect(topic, message_class(TOPICS[topic].type), readers)
         with Bag(bag_path) as bag:
             messages = list(bag.samples(INPUTS))
-        begin, first = time.monotonic_ns() + START_DELAY_NS, messages[0][0]
-        for receive_ns, topic, sample in messages:
-            while time.monotonic_ns() - begin < receive_ns - first:
-                graph.spin(0.001)
-            graph.publish(topic, sample)
+        for _, step in groupby(messages, lambda message: message[0] // STEP_NS):
+            for _, topic, sample in step:
+                graph.publish(topic, sample)
+            listener.until_handled()
         newest = max(stamp for _, stamp, _ in offline_estimates(bag_path, params))
         graph.until(lambda: any(sample.stamp_ns >= newest - END_TOLERANCE_NS
                                 for sample in graph.samples('odom')[-5:]))
-        settled = time.monotonic() + 1.0
-        graph.until(lambda: time.monotonic() > settled)
-        for topic in ESTIMATES:
-            found.update((key(sample), sample) for sample in graph.samples(topic))
-    return found
+        listener.until_reported()
+        return listener.estimates()
 
 
 def same_crossing(found: dict[Any, Any], friction: Any) -> Any:

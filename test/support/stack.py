@@ -26,6 +26,20 @@ def parameter_file(path: Path, nodes) -> Path:
     return path
 
 
+def children(process: int) -> dict[str, int]:
+    """Return the process id of each node that a process has started, by its module."""
+    found = {}
+    for path in Path('/proc').glob('[0-9]*'):
+        try:
+            parent = int((path / 'stat').read_text().rsplit(')', 1)[1].split()[1])
+            words = (path / 'cmdline').read_text().split('\0')
+        except OSError:
+            continue
+        if parent == process and '-m' in words:
+            found[words[words.index('-m') + 1].rpartition('.')[2]] = int(path.name)
+    return found
+
+
 def count(bag: Path, topic: str) -> int:
     """Return the number of messages of ``topic`` in a bag, which may still be being written."""
     try:
