@@ -19,7 +19,6 @@ import math
 import signal
 import sys
 import threading
-import time
 from typing import Any
 
 import rclpy
@@ -30,6 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from smart_tire.bags import Bag
+from smart_tire.drivers.clock import Clock as HostClock, SYSTEM
 from smart_tire.messages import stamp_in
 from smart_tire.nodes.compat import full_name, message_class, new_executor, node_names
 from smart_tire.nodes.lockstep import Leader, MAX_STEPS_AHEAD
@@ -73,13 +73,16 @@ class Replayer:
 
     Estimators in the graph process them in lockstep, in order of reception. They and the nodes
     ``awaited`` must be ready before the first message. Publishes ``/clock`` if ``clock`` is true.
-    ``on_progress`` is called every PROGRESS_PERIOD while messages are published.
+    ``on_progress`` is called every PROGRESS_PERIOD while messages are published. All times are
+    those of ``host``.
     """
 
     def __init__(self, node: Node, bag: Bag, names: Collection[str], *, rate: float,
                  clock: bool, awaited: Collection[str], stop: threading.Event,
-                 renamed: Mapping[str, str], on_progress: Progress | None = None) -> None:
+                 renamed: Mapping[str, str], on_progress: Progress | None = None,
+                 host: HostClock = SYSTEM) -> None:
         self.result = Replay()
+        self._host = host
         self._on_progress, self._report_at = on_progress, 0.0
         self._next_ns = 0               # reception time of the next message
         self._first_ns, self._started_ns = 0, 0  # that of the first one, and when it was sent
@@ -118,9 +121,9 @@ class Replayer:
         subscription per topic. A topic without subscriptions is not a failure; an estimator that
         is not ready is one.
         """
-        now = settled = announce_at = time.monotonic()
+        now = settled = announce_at = self._now()
         end, report_at, before = now + seconds, now + WAIT_LOG_DELAY, -1
-        while not self._stop.is_set() and (now := time.monotonic()) < end:
+        while not self._stop.is_set() and (now := self._now()) < end:
             matched = [publisher.get_subscription_count()
                        for publisher in self._publishers.values()]
             if sum(matched) != before:
@@ -185,14 +188,14 @@ class Replayer:
             self._leader.begin()
         inputs = self._leader.inputs()
         self._inputs = {name for name, topic in self._topics.items() if topic in inputs}
-        start_ns, started_ns, number, bag_ns = None, time.monotonic_ns(), -1, 0
+        start_ns, started_ns, number, bag_ns = None, self._host.now_ns(), -1, 0
         for number, step in enumerate(self._steps()):
             if not self._send_step(number, step):
                 return
             for bag_ns, name, data in step:
                 if start_ns is None:  # the time to read the bag until here does not count
                     start_ns = self._first_ns = bag_ns
-                    started_ns = self._started_ns = time.monotonic_ns()
+                    started_ns = self._started_ns = self._host.now_ns()
                 self._next_ns = bag_ns
                 if not self._sleep_until(started_ns + int((bag_ns - start_ns) / self._rate)):
                     return
@@ -203,10 +206,14 @@ class Replayer:
         self.result.failures = [f'{name} started after the replay had begun'
                                 for name in sorted(estimators - set(self._leader.followers))]
         if start_ns is not None:
-            self.result.rate = (bag_ns - start_ns) / max(1, time.monotonic_ns() - started_ns)
+            self.result.rate = (bag_ns - start_ns) / max(1, self._host.now_ns() - started_ns)
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(ACK_TIMEOUT)
         self.result.complete = True
+
+    def _now(self) -> float:
+        """Return the steady time [s]."""
+        return self._host.now_ns() / NS_PER_S
 
     def _publish(self, bag_ns: int, name: str, data: bytes) -> None:
         if name:
@@ -218,19 +225,19 @@ class Replayer:
     def _sleep_until(self, due_ns: int) -> bool:
         """Sleep until ``due_ns`` (steady time); return False if stopped."""
         while (not self._stop.is_set()
-               and (left_ns := due_ns - time.monotonic_ns()) > PACING_TOLERANCE_NS):
-            self._stop.wait(min(PROGRESS_PERIOD, left_ns / NS_PER_S))
+               and (left_ns := due_ns - self._host.now_ns()) > PACING_TOLERANCE_NS):
+            self._host.wait(self._stop, min(PROGRESS_PERIOD, left_ns / NS_PER_S))
             self._report()
         self._report()
         return not self._stop.is_set()
 
     def _report(self) -> None:
         """Report the position: that of the next message, or less while it is not due."""
-        now = time.monotonic()
+        now = self._now()
         if self._on_progress is None or not self._started_ns or now < self._report_at:
             return
         self._report_at = now + PROGRESS_PERIOD
-        due_ns = self._first_ns + (time.monotonic_ns() - self._started_ns) * self._rate
+        due_ns = self._first_ns + (self._host.now_ns() - self._started_ns) * self._rate
         self._on_progress((min(self._next_ns, due_ns) - self._bag.span_ns[0]) / NS_PER_S)
 
     def _send_step(self, number: int, step: list[Event]) -> bool:
@@ -245,7 +252,7 @@ class Replayer:
 
     def _await_step(self, number: int) -> bool:
         """Wait until the estimators have completed a step; return False if they do not."""
-        end = time.monotonic() + STEP_TIMEOUT
+        end = self._now() + STEP_TIMEOUT
         while behind := self._leader.behind(number):
             if self._stop.is_set():
                 return False
@@ -253,7 +260,7 @@ class Replayer:
                 self.result.failures = [f'{name} ended during the replay'
                                         for name in sorted(gone)]
                 return False
-            if time.monotonic() > end:
+            if self._now() > end:
                 self.result.failures = [f'{name} did not process all messages'
                                         for name in behind]
                 return False
