@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from fcntl import ioctl
 import io
 import os
 import select
@@ -27,6 +28,7 @@ from smart_tire.cli._keyboard import (
     ACCELERATION, BRAKING, FIRST_HOLD, Key, Keyboard, KeyDecoder, MAX_SCALE, MIN_SCALE,
     REPEAT_HOLD, SIGNALS, STEP_FACTOR, StopRequest, Teleoperation, YAW_BRAKING, YAW_RATE)
 from smart_tire.errors import ParameterError
+from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
 
@@ -73,6 +75,13 @@ def test_escape_before_a_letter_is_no_sequence():
     assert KeyDecoder().decode(b'\x1bw ') == [Key.FORWARD, Key.STOP]
 
 
+def press(user, stream, keys):
+    """Press keys; return when the terminal has passed on all of them."""
+    os.write(user, keys)
+    wait_for(lambda: int.from_bytes(ioctl(stream, termios.FIONREAD, bytes(4)), sys.byteorder)
+             >= len(keys))
+
+
 def test_keys_arrive_without_enter_and_are_not_echoed(terminal, monkeypatch):
     user, stream = terminal
     waits, look = [], select.select
@@ -80,7 +89,7 @@ def test_keys_arrive_without_enter_and_are_not_echoed(terminal, monkeypatch):
     with Keyboard(stream) as keyboard:
         assert keyboard.pressed() == []
         assert waits == [0.0]  # commands are sent meanwhile
-        os.write(user, b'w ')
+        press(user, stream, b'w ')
         assert keyboard.pressed() == [Key.FORWARD, Key.STOP]
         assert keyboard.pressed() == []
         os.set_blocking(user, False)
@@ -95,7 +104,7 @@ def test_the_terminal_is_restored_on_every_way_out(terminal, error):
     try:
         with Keyboard(stream):
             inside = settings(stream)
-            os.write(user, b'www')  # keys that the shell must not get
+            press(user, stream, b'www')  # keys that the shell must not get
             if error:
                 raise error
     except (KeyboardInterrupt, RuntimeError) as raised:
@@ -122,7 +131,7 @@ def test_a_terminal_that_cannot_be_read_is_the_end(terminal, monkeypatch):
 
     user, stream = terminal
     with Keyboard(stream) as keyboard:
-        os.write(user, b'w')
+        press(user, stream, b'w')
         monkeypatch.setattr(_keyboard.os, 'read', fail)
         assert keyboard.pressed() == [Key.QUIT]
         monkeypatch.undo()

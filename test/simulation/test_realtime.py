@@ -12,7 +12,6 @@
 
 import csv
 import math
-import os
 import threading
 
 import numpy as np
@@ -21,6 +20,7 @@ from smart_tire.errors import LinkError, ParameterError
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.protocol import roboclaw, tire_payload, vectornav, xbee
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.simulation import realtime
 from smart_tire.simulation.realtime import SimulatedHardware
 
 START_NS = 1_700_000_000 * NS_PER_S
@@ -28,32 +28,49 @@ TICK_NS = 10_000_000
 PORTS = ('tire_radio', 'imu', 'motors')
 
 
+class Port:
+    """A serial line in memory, in place of ``PtyPort``."""
+
+    def __init__(self):
+        self.sent = self.requests = b''
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def write(self, data):
+        self.sent += data
+
+    def read(self):
+        requests, self.requests = self.requests, b''
+        return requests
+
+    def wait(self, seconds):
+        pass
+
+
 class Host:
     """Host side of the ports, with the host clock."""
 
-    def __init__(self, folder, **values):
+    def __init__(self, **values):
         self.truths = []
-        links = {f'ports.{name}': str(folder / name) for name in PORTS}
         self.params = build(SimulatorParams, {
             'ground.base': 'concrete', 'ground.patches.names': [],
-            'film.wheels': ['front_left', 'front_right'], **links, **values})
-        self.hardware = SimulatedHardware(self.params, self.truths.append, START_NS)
+            'film.wheels': ['front_left', 'front_right'],
+            **{f'ports.{name}': name for name in PORTS}, **values})
+        self.ports = {}
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(realtime, 'PtyPort',
+                          lambda link: self.ports.setdefault(link, Port()))
+            self.hardware = SimulatedHardware(self.params, self.truths.append, START_NS)
         self.now_ns = START_NS
-        self.received = dict.fromkeys(PORTS, b'')
-        self._ends = {name: os.open(folder / name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-                      for name in PORTS}
-
-    def close(self):
-        for end in self._ends.values():
-            os.close(end)
-        self.hardware.close()
 
     def advance(self, seconds):
         for _ in range(round(seconds * NS_PER_S / TICK_NS)):
             self.now_ns += TICK_NS
             self.hardware.advance(self.now_ns)
-            for name in PORTS:
-                self.received[name] += self._read(name)
 
     def drive(self, duties, seconds):
         """Send duties to the boards, which acknowledge them, and advance."""
@@ -62,21 +79,16 @@ class Host:
         self.advance(seconds)
 
     def ask(self, address, command, *values):
-        os.write(self._ends['motors'], roboclaw.encode_request(address, command, *values))
+        motors = self.ports['motors']
+        motors.sent, motors.requests = b'', roboclaw.encode_request(address, command, *values)
         self.hardware.advance(self.now_ns)
-        return roboclaw.decode_reply(address, command, self._read('motors'))
-
-    def _read(self, name):
-        try:
-            return os.read(self._ends[name], 1 << 16)
-        except BlockingIOError:
-            return b''
+        return roboclaw.decode_reply(address, command, motors.sent)
 
     def batches(self):
         """Return wheel -> batches, in the order of arrival."""
         wheel_of = {address: wheel for wheel, address in self.params.address_of().items()}
         found = {}
-        for body in xbee.XBeeDeframer().extract(self.received['tire_radio']):
+        for body in xbee.XBeeDeframer().extract(self.ports['tire_radio'].sent):
             packet = xbee.decode_receive_packet(body)
             found.setdefault(wheel_of[packet.source], []).append(
                 tire_payload.decode_batch(packet.data))
@@ -86,31 +98,19 @@ class Host:
         return [truth for truth in self.truths if isinstance(truth, kind)]
 
 
-@pytest.fixture
-def new_host(tmp_path):
-    hosts = []
-
-    def make(**values):
-        hosts.append(Host(tmp_path, **values))
-        return hosts[-1]
-    yield make
-    for host in hosts:
-        host.close()
-
-
-def test_imu_frames_come_at_their_rate_with_the_unit_s_own_time(new_host):
-    host = new_host()
+def test_imu_frames_come_at_their_rate_with_the_unit_s_own_time():
+    host = Host()
     host.advance(2.0)
     samples = [vectornav.decode_binary(body)
-               for body in vectornav.BinaryDeframer().extract(host.received['imu'])]
+               for body in vectornav.BinaryDeframer().extract(host.ports['imu'].sent)]
     assert len(samples) == 200
     steps = np.diff([device_ns for device_ns, _ in samples])
     np.testing.assert_allclose(steps, TICK_NS, rtol=1e-4)
     assert samples[0][1].acceleration[2] == pytest.approx(9.8, abs=0.5)
 
 
-def test_sensor_nodes_send_every_conversion_and_the_radio_loses_some(new_host):
-    host = new_host(**{'radio.loss': 0.2})
+def test_sensor_nodes_send_every_conversion_and_the_radio_loses_some():
+    host = Host(**{'radio.loss': 0.2})
     host.advance(4.1)
     for wheel, batches in host.batches().items():
         numbers = np.unwrap([batch.sequence for batch in batches], period=65536)
@@ -121,8 +121,8 @@ def test_sensor_nodes_send_every_conversion_and_the_radio_loses_some(new_host):
     assert host.batches().keys() == {'front_left', 'front_right'}
 
 
-def test_duties_move_the_robot_and_silence_stops_it(new_host):
-    host = new_host()
+def test_duties_move_the_robot_and_silence_stops_it():
+    host = Host()
     assert host.ask(0x80, roboclaw.SET_TIMEOUT, roboclaw.timeout_code(0.5)) == ()
     assert host.ask(0x81, roboclaw.SET_TIMEOUT, roboclaw.timeout_code(0.5)) == ()
     host.drive((0.4, 0.4, 0.4, 0.4), 0.4)
@@ -131,8 +131,8 @@ def test_duties_move_the_robot_and_silence_stops_it(new_host):
     assert host.of(Odometry)[-1].linear[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_encoder_counts_agree_with_wheel_rotation_and_slip(new_host):
-    host = new_host()
+def test_encoder_counts_agree_with_wheel_rotation_and_slip():
+    host = Host()
     host.drive((0.3, 0.5, 0.3, 0.5), 2.0)
     counts = host.ask(0x80, roboclaw.READ_ENCODERS) + host.ask(0x81, roboclaw.READ_ENCODERS)
     slip = host.of(WheelSlip)[-1]
@@ -145,8 +145,8 @@ def test_encoder_counts_agree_with_wheel_rotation_and_slip(new_host):
 
 
 @pytest.mark.parametrize('duty', [0.4, -0.4])
-def test_currents_agree_with_the_losses_of_the_drive(new_host, duty):
-    host = new_host()
+def test_currents_agree_with_the_losses_of_the_drive(duty):
+    host = Host()
     host.drive((duty,) * 4, 1.0)
     accelerating = host.ask(0x80, roboclaw.READ_CURRENTS)
     host.advance(2.0)
@@ -160,8 +160,8 @@ def test_currents_agree_with_the_losses_of_the_drive(new_host, duty):
     assert max(host.ask(0x80, roboclaw.READ_CURRENTS)) < 0  # the motors brake
 
 
-def test_ground_truth_has_host_timestamps(new_host):
-    host = new_host()
+def test_ground_truth_has_host_timestamps():
+    host = Host()
     host.drive((0.5, 0.5, 0.5, 0.5), 3.0)
     stamps = [odometry.stamp_ns for odometry in host.of(Odometry)]
     assert stamps == [START_NS + (i + 1) * TICK_NS for i in range(300)]
@@ -170,8 +170,8 @@ def test_ground_truth_has_host_timestamps(new_host):
 
 
 @pytest.mark.parametrize('jump', [-3600.0, -2.0, 30.0, 86400.0])
-def test_a_step_of_the_host_clock_does_not_affect_the_robot(new_host, jump):
-    host = new_host()
+def test_a_step_of_the_host_clock_does_not_affect_the_robot(jump):
+    host = Host()
     host.drive((0.5, 0.5, 0.5, 0.5), 1.0)
     before = host.of(Odometry)[-1]
     host.now_ns += round(jump * NS_PER_S)
@@ -182,16 +182,16 @@ def test_a_step_of_the_host_clock_does_not_affect_the_robot(new_host, jump):
     assert abs(host.now_ns - after.stamp_ns) <= 2 * TICK_NS
 
 
-def test_the_simulation_catches_up_after_a_stall_of_the_host(new_host):
-    host = new_host()
+def test_the_simulation_catches_up_after_a_stall_of_the_host():
+    host = Host()
     host.now_ns += 2 * NS_PER_S
     host.advance(1.0)
     assert host.hardware.clock_jumps == 0
     assert len(host.of(Odometry)) == 300
 
 
-def test_the_log_contains_the_true_times_of_each_batch(new_host, tmp_path):
-    host = new_host(**{'truth_log': str(tmp_path / 'truth.csv')})
+def test_the_log_contains_the_true_times_of_each_batch(tmp_path):
+    host = Host(**{'truth_log': str(tmp_path / 'truth.csv')})
     host.advance(2.0)
     host.hardware.close()
     with open(tmp_path / 'truth.csv', encoding='utf-8') as log:
@@ -206,16 +206,16 @@ def test_the_log_contains_the_true_times_of_each_batch(new_host, tmp_path):
     assert len(rows) >= 98
 
 
-def test_the_next_event_is_in_the_near_future(new_host):
-    host = new_host()
+def test_the_next_event_is_in_the_near_future():
+    host = Host()
     for _ in range(300):
         next_ns = host.hardware.advance(host.now_ns)
         assert host.now_ns < next_ns <= host.now_ns + 50_000_000
         host.now_ns = next_ns
 
 
-def test_run_follows_the_clock_until_it_is_stopped(new_host):
-    host, stopping = new_host(), threading.Event()
+def test_run_follows_the_clock_until_it_is_stopped():
+    host, stopping = Host(), threading.Event()
 
     def clock():
         host.now_ns += TICK_NS // 4
