@@ -44,16 +44,6 @@ def analyze(*words):
     return main(['analyze', *map(str, words)])
 
 
-def test_results_of_one_bag_are_written_to_the_folder(bag, robot, tmp_path, capsys):
-    out = tmp_path / 'out'
-    assert analyze(bag, '--params', robot, '--out', out) == 0
-    assert {path.name for path in out.iterdir()} >= {
-        'estimates', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
-    assert json.loads((out / 'summary.json').read_text())['bag'] == str(bag)
-    output = capsys.readouterr().out
-    assert 'position error' in output
-
-
 def test_the_smoother_has_its_own_bag_and_report(bag, robot, tmp_path, capsys):
     out = tmp_path / 'out'
     assert analyze(bag, '--params', robot, '--out', out, '--smooth') == 0
@@ -75,9 +65,13 @@ def test_several_bags_have_a_folder_each(bag, tmp_path):
     assert sorted(path.name for path in (out / 'copy').iterdir()) == ['estimates', 'summary.json']
 
 
-def test_results_are_replaced_with_force_only_and_others_are_kept(bag, robot, tmp_path, capsys):
+def test_results_are_in_the_folder_and_replaced_with_force_only(bag, robot, tmp_path, capsys):
     out, words = tmp_path / 'out', [bag, '--params', robot, '--out', tmp_path / 'out']
     assert analyze(*words) == 0
+    assert {path.name for path in out.iterdir()} >= {
+        'estimates', 'summary.json', 'slip.png', 'path.png', 'friction.png'}
+    assert json.loads((out / 'summary.json').read_text())['bag'] == str(bag)
+    assert 'position error' in capsys.readouterr().out
     written = {path: path.stat().st_mtime_ns for path in out.rglob('*.*')}
     (out / 'notes.txt').write_text('mine')
     assert analyze(*words) == 2

@@ -56,7 +56,7 @@ def read(out, node):
 @pytest.fixture(scope='module')
 def turns(tmp_path_factory):
     """Return a bag of random turns with S = 0.05 m and a pose reference."""
-    run = turning_run(13, 80.0, wheel_latency=0.07, icr=0.05, turn=0.4)
+    run = turning_run(13, 50.0, wheel_latency=0.07, icr=0.05, turn=0.4)
     return str(write_run(tmp_path_factory.mktemp('bags') / 'run', run, 'ground_truth/odom'))
 
 
@@ -66,8 +66,8 @@ def films():
     robot = RobotParams()
     robot = replace(robot, tire=replace(robot.tire, contact_length=LENGTH), film=replace(
         robot.film, spacing=SPACING, stretch_gain=GAINS))
-    legs, duration = sequence((5.0, 110.0, 60.0), (5.0, 60.0, 110.0), (5.0, 130.0, 70.0),
-                              (5.0, 50.0, 120.0))
+    legs, duration = sequence((4.0, 110.0, 60.0), (4.0, 60.0, 110.0), (4.0, 130.0, 70.0),
+                              (4.0, 50.0, 120.0))
     return simulate(SimulatorParams(seed=5, robot=robot, ground=CONCRETE), legs, duration)
 
 

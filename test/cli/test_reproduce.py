@@ -34,11 +34,9 @@ def written(tmp_path_factory):
     """Return the output folder of a run with short drives; its output is in a text file."""
     out = tmp_path_factory.mktemp('reproduced') / 'deeper' / 'report'
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, 'OTHER_SIDE_SPEEDS', (20.0, 60.0, 100.0))
-        patch.setattr(runner, 'SWEEP_DURATION', 6.0)
-        patch.setattr(runner, 'SLIP_DURATION', 6.0)
-        patch.setattr(runner, 'SIGNAL_DURATION', 6.0)
-        patch.setattr(runner, 'STIFFNESS_DURATION', 6.0)
+        patch.setattr(runner, 'OTHER_SIDE_SPEEDS', (20.0, 100.0))
+        for name in ('SWEEP', 'SLIP', 'SIGNAL', 'STIFFNESS'):
+            patch.setattr(runner, f'{name}_DURATION', 4.0)
         with redirect_stdout(io.StringIO()) as output:
             assert main(['reproduce', '--out', str(out)]) == 0
     out.with_suffix('.txt').write_text(output.getvalue(), encoding='utf-8')

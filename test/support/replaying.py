@@ -22,8 +22,9 @@ from typing import Any
 from rcl_interfaces.srv import ListParameters
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag
+from smart_tire.bags.cdr import Decoder
 from smart_tire.cli._stack import ESTIMATORS, params_arguments
-from smart_tire.messages import topic_of, TOPICS
+from smart_tire.messages import stamp_in, topic_of, TOPICS
 from smart_tire.nodes.command_line import COMPOSED
 from smart_tire.nodes.compat import message_class
 from smart_tire.samples import (
@@ -75,7 +76,7 @@ class Listener:
                          for node in ESTIMATORS]
         for topic in ESTIMATES:
             graph.node.create_subscription(message_class(TOPICS[topic].type), topic,
-                                           graph.received[topic].append, DEPTH)
+                                           graph.received[topic].append, DEPTH, raw=True)
 
     def until_handled(self) -> None:
         """Return when each estimator has answered a call, after what was published before."""
@@ -91,7 +92,13 @@ class Listener:
 
     def estimates(self) -> dict[Any, Any]:
         """Return the estimates received."""
-        return {key(sample): sample for topic in ESTIMATES for sample in self.graph.samples(topic)}
+        found = {}
+        for topic in ESTIMATES:
+            read = Decoder(TOPICS[topic].type)
+            for data in self.graph.received[topic]:
+                sample = TOPICS[topic].from_msg(read(data))
+                found[key(sample)] = sample
+        return found
 
     def late(self) -> Counter[str]:
         """Return node -> number of messages that it dropped because they were late."""
@@ -162,8 +169,8 @@ def played_live(bag_path: Path, params: Path, folder: Path) -> dict[Any, Any]:
                 graph.publish(topic, sample)
             listener.until_handled()
         newest = max(stamp for _, stamp, _ in offline_estimates(bag_path, params))
-        graph.until(lambda: any(sample.stamp_ns >= newest - END_TOLERANCE_NS
-                                for sample in graph.samples('odom')[-5:]))
+        graph.until(lambda: any(stamp_in(data) >= newest - END_TOLERANCE_NS
+                                for data in graph.received['odom'][-5:]))
         listener.until_reported()
         return listener.estimates()
 
