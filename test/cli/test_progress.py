@@ -74,7 +74,7 @@ def test_output_restarts_the_time_without_output(tmp_path, timer):
     with (tmp_path / 'shown').open('w') as stream, Progress(stream=stream):
         for number in range(3):
             timer.clear()
-            print('result', number, end='')
+            print('result', number, end='', flush=True)
             assert set(timer) == {(PERIOD, PERIOD)}
     assert (tmp_path / 'shown').read_text() == ''
 
@@ -95,7 +95,7 @@ def test_on_a_terminal_the_line_is_erased_before_output_and_at_the_end(clock, ti
     with os.fdopen(control, 'rb', 0) as reader, os.fdopen(terminal, 'w') as stream:
         with Progress('think', stream=stream, clock=clock):
             signal.raise_signal(signal.SIGALRM)
-            print('result', end='')
+            print('result', end='', flush=True)
             signal.raise_signal(signal.SIGALRM)
         assert read(reader, 2 * len(f'{LINE}{ERASE_LINE}')) == 2 * f'{LINE}{ERASE_LINE}'
     assert capsys.readouterr().out == 'result'
@@ -127,13 +127,15 @@ def test_the_latest_text_is_shown_now_and_then(tmp_path):
     assert len(steps) > 2 and min(b - a for a, b in zip(steps, steps[1:])) >= PERIOD - 1
 
 
-def test_the_share_is_shown_within_the_width_of_a_terminal():
+@pytest.mark.parametrize(('columns', 'shown'), [(10, 9), (0, 79)])  # 0: it does not know
+def test_the_share_is_shown_within_the_width_of_a_terminal(columns, shown):
     control, terminal = pty.openpty()
     with os.fdopen(control, 'rb', 0) as reader, os.fdopen(terminal, 'w') as stream:
-        termios.tcsetwinsize(terminal, (20, 10))
-        with Progress('a long name', timer=False, stream=stream) as progress:
+        termios.tcsetwinsize(terminal, (20, columns))
+        with Progress('a long name' * 9, timer=False, stream=stream) as progress:
             progress.share(0.5)
-        assert read(reader, 18) == f'{ERASE_LINE}a long na\r{ERASE_LINE}'
+        line = f'{ERASE_LINE}{("a long name" * 9)[:shown]}\r{ERASE_LINE}'
+        assert read(reader, len(line)) == line
 
 
 def test_one_progress_within_another_gives_the_timer_back():
