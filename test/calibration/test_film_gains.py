@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 import math
 
 import numpy as np
@@ -26,6 +27,7 @@ from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 from support.crossings import WHEEL
 from support.gains import ANGLE, recording
+from support.identifying import assert_agrees, assert_consistent, rms
 
 NOMINAL = RobotParams()
 LENGTH, SPACING = 0.048, 0.0312  # m, against nominal 46 and 30 mm
@@ -48,56 +50,54 @@ def gains(found):
     return {(one.wheel, one.film): one.gain for one in found.films}
 
 
-@pytest.fixture(scope='module')
-def many():
-    """Return the results of eight recordings, each of another robot."""
-    results = []
-    for seed in range(8):
-        rng = np.random.default_rng([seed, 11])
-        true = robot(length=NOMINAL.film.length * (1.0 + 0.005 * rng.standard_normal()),
-                     stretch_gain=tuple((np.array(NOMINAL.film.stretch_gain) * (
-                         1.0 + 0.03 * rng.standard_normal(2))).tolist()))
-        crossings = recording(rng, true, radius_error=0.002 * rng.standard_normal())
-        results.append((true, identify_gains([crossings], NOMINAL)))
-    return results
+@cache
+def of_seed(seed):
+    """Return a random robot, and what is found in its recording."""
+    rng = np.random.default_rng([seed, 11])
+    true = robot(length=NOMINAL.film.length * (1.0 + 0.005 * rng.standard_normal()),
+                 stretch_gain=tuple((np.array(NOMINAL.film.stretch_gain) * (
+                     1.0 + 0.03 * rng.standard_normal(2))).tolist()))
+    crossings = recording(rng, true, radius_error=0.002 * rng.standard_normal())
+    return true, identify_gains([crossings], NOMINAL)
 
 
-def test_gains_are_accurate_to_two_percent_and_consistent_with_their_sigmas(many):
+@cache
+def usual():
+    """Return a recording of three crossings in each turn, and what is found in it."""
+    crossings = recording(np.random.default_rng(3), robot(), each=3)
+    return crossings, identify_gains([crossings], NOMINAL)
+
+
+def test_gains_are_accurate_to_two_percent_and_consistent_with_their_sigmas(seeds):
     values, errors = np.array([
         (one.per_slip.value / volts_per_slip(gain, true.film.length, LENGTH) - 1.0,
          one.per_slip.sigma / one.per_slip.value)
-        for true, found in many
+        for true, found in map(of_seed, seeds)
         for one, gain in zip(found.films, true.film.stretch_gain)]).T
     assert np.median(np.abs(values)) < 0.02
     assert np.median(errors) < 0.025
-    assert 0.5 < math.sqrt(np.mean((values / errors) ** 2)) < 1.5
+    assert 0.5 < rms(values / errors) < 1.5
 
 
-@pytest.mark.parametrize('quantity', ['length', 'spacing'])
-def test_lengths_are_consistent_with_the_sigmas_of_wheel_radius_and_film_length(many, quantity):
-    pairs = [(found.length, LENGTH) if quantity == 'length' else (found.places[1], SPACING)
-             for _, found in many]
-    off = np.array([(one.value - true) / one.sigma for one, true in pairs])
-    assert 0.5 < math.sqrt(np.mean(off ** 2)) < 1.5
-    assert all(0.001 < one.sigma / true < 0.006 for one, true in pairs)
+def test_lengths_are_consistent_with_the_sigmas_of_wheel_radius_and_film_length(seeds):
+    results = [found for _, found in map(of_seed, seeds)]
+    for found, true in (([one.length for one in results], LENGTH),
+                        ([one.places[1] for one in results], SPACING)):
+        assert_consistent(found, true, 0.5, 1.5)
+        assert all(0.001 < one.sigma / true < 0.006 for one in found)
 
 
-def test_the_angle_of_film_1_is_the_wheel_position_at_the_center_of_the_patch(many):
-    for _, found in many:
+def test_angle_of_film_1_and_bending_peaks_are_correct(seeds):
+    for _, found in map(of_seed, seeds):
         angle = found.angles[0, WHEEL]
         assert angle.value == pytest.approx(ANGLE, abs=max(3.0 * angle.sigma, 0.004))
-
-
-def test_bending_peaks_are_correct(many):
-    for _, found in many:
         for one, peak in zip(found.films, NOMINAL.film.bending_peak):
-            assert one.bending.value == pytest.approx(peak, abs=4.0 * one.bending.sigma)
+            assert_agrees(one.bending, peak, 4.0)
 
 
-@pytest.mark.parametrize('wrong', [0.7, 1.3])
+@pytest.mark.parametrize('wrong', [0.7, pytest.param(1.3, marks=pytest.mark.long)])
 def test_the_result_does_not_depend_on_the_initial_gains_and_length(wrong):
-    crossings = recording(np.random.default_rng(3), robot(), each=3)
-    near = identify_gains([crossings], NOMINAL)
+    crossings, near = usual()
     far = identify_gains([crossings], replace(
         configured(stretch_gain=tuple(wrong * gain for gain in NOMINAL.film.stretch_gain)),
         tire=replace(NOMINAL.tire, contact_length=0.043)))
@@ -106,15 +106,15 @@ def test_the_result_does_not_depend_on_the_initial_gains_and_length(wrong):
     assert far.length.value == pytest.approx(near.length.value, abs=0.2 * near.length.sigma)
 
 
-@pytest.mark.parametrize('release', ['fig8', 'state'])
+@pytest.mark.parametrize('release', [pytest.param('fig8', marks=pytest.mark.long), 'state'])
 def test_gains_are_correct_for_either_release_and_large_noise(release):
     true, rng = robot(release=release, noise=0.02), np.random.default_rng(8)
     found = identify_gains([recording(rng, true, slip_sigma=0.003)],
                            configured(release=release, noise=0.02))
     for gain, expected in zip(gains(found).values(), GAINS):
-        assert gain.value == pytest.approx(expected, abs=3.0 * gain.sigma)
+        assert_agrees(gain, expected)
         assert gain.sigma < 0.05 * gain.value
-    assert found.length.value == pytest.approx(LENGTH, abs=3.0 * found.length.sigma)
+    assert_agrees(found.length, LENGTH)
 
 
 def test_a_single_film_has_a_gain_and_no_spacing():
@@ -123,9 +123,8 @@ def test_a_single_film_has_a_gain_and_no_spacing():
         [recording(np.random.default_rng(4), robot(**single), films=(0,))],
         configured(**{**single, 'stretch_gain': (307.5,)}))
     gain, = gains(found).values()
-    assert gain.value == pytest.approx(296.0, abs=3.0 * gain.sigma)
-    assert not found.places
-    assert not found.refused
+    assert_agrees(gain, 296.0)
+    assert not found.places and not found.refused
 
 
 def test_films_that_cross_separately_are_located_by_their_angles():
@@ -137,10 +136,9 @@ def test_films_that_cross_separately_are_located_by_their_angles():
     found = identify_gains([[*recording(rng, true), *behind]],
                            configured(positions=(0.0, 0.03, 0.2), **films))
     for film, place in ((1, SPACING), (2, 0.203)):
-        assert found.places[film].value == pytest.approx(place, abs=3.0 * found.places[film].sigma)
+        assert_agrees(found.places[film], place)
         assert found.places[film].sigma < 0.001
-    assert gains(found)[WHEEL, 2].value == pytest.approx(
-        280.0, abs=3.0 * gains(found)[WHEEL, 2].sigma)
+    assert_agrees(gains(found)[WHEEL, 2], 280.0)
 
 
 def test_a_film_that_is_never_detected_is_refused_and_the_other_is_not():
@@ -156,7 +154,7 @@ def test_more_recordings_reduce_the_sigma_and_each_has_an_angle():
     one, all_three = identify_gains(runs[:1], NOMINAL), identify_gains(runs, NOMINAL)
     for film, true in enumerate(GAINS):
         gain = gains(all_three)[WHEEL, film]
-        assert gain.value == pytest.approx(true, abs=3.0 * gain.sigma)
+        assert_agrees(gain, true)
         assert gain.sigma < 0.75 * gains(one)[WHEEL, film].sigma
     assert all_three.angles[2, WHEEL].value - all_three.angles[0, WHEEL].value == pytest.approx(
         1.0, abs=0.01)
@@ -169,8 +167,7 @@ def test_each_wheel_has_its_own_gains_and_all_share_the_contact_length():
                  *recording(rng, robot())]
     found = identify_gains([crossings], configured(wheels=wheels))
     for (wheel, film), gain in gains(found).items():
-        expected = (stronger if wheel == 'front_left' else GAINS)[film]
-        assert gain.value == pytest.approx(expected, abs=3.0 * gain.sigma)
+        assert_agrees(gain, (stronger if wheel == 'front_left' else GAINS)[film])
     assert list(gains(found)) == [(wheel, film) for wheel in wheels for film in (0, 1)]
     assert set(found.angles) == {(0, wheel) for wheel in wheels}
 
@@ -200,22 +197,17 @@ def test_without_slip_gains_are_refused_with_the_reason_and_lengths_are_not():
         [recording(np.random.default_rng(1), robot(), turns=(0.004, -0.006))], NOMINAL)
     assert all(one.gain is None for one in found.films)
     reason = found.refused[f'gain of film 1, {WHEEL}']
-    assert '0 of 8 crossings' in reason
-    assert 'turn' in reason
-    assert found.length.value == pytest.approx(LENGTH, abs=3.0 * found.length.sigma)
+    assert '0 of 8 crossings' in reason and 'turn' in reason
+    assert_agrees(found.length, LENGTH)
 
 
-def test_gains_with_a_large_sigma_of_slip_are_refused():
-    found = identify_gains([recording(np.random.default_rng(2), robot(), turns=TURN, each=8,
-                                      slip_sigma=0.028)], NOMINAL)
-    assert 'standard error' in found.refused[f'gain of film 1, {WHEEL}']
-
-
-def test_slips_of_the_wrong_sign_are_detected():
-    crossings = [replace(one, slip=Uncertain(-one.slip.value, one.slip.sigma)) for one in
-                 recording(np.random.default_rng(2), robot())]
+@pytest.mark.parametrize('sigma, sign, reason', [(0.028, 1.0, 'standard error'),
+                                                 (0.006, -1.0, 'negative')])
+def test_uncertain_slips_and_those_of_the_wrong_sign_are_refused(sigma, sign, reason):
+    crossings = [replace(one, slip=Uncertain(sign * one.slip.value, sigma)) for one in recording(
+        np.random.default_rng(2), robot(), turns=TURN, each=8, slip_sigma=sigma)]
     found = identify_gains([crossings], NOMINAL)
-    assert 'negative' in found.refused[f'gain of film 1, {WHEEL}']
+    assert reason in found.refused[f'gain of film 1, {WHEEL}']
 
 
 def test_no_crossings_raise_a_clear_error():
@@ -224,8 +216,7 @@ def test_no_crossings_raise_a_clear_error():
 
 
 def test_without_wheel_positions_only_the_angle_is_refused():
-    crossings = [replace(one, origin=math.nan)
-                 for one in recording(np.random.default_rng(2), robot(), each=2)]
+    crossings = [replace(one, origin=math.nan) for one in usual()[0]]
     found = identify_gains([crossings], NOMINAL)
     assert 'without positions' in found.refused[f'angle of film 1, {WHEEL}']
     assert all(found.films)
@@ -256,14 +247,13 @@ def test_angles_near_the_wrap_around_are_correct(angle):
 
 @pytest.mark.parametrize('speeds', [[6.0] * 16, [4.0, 9.0] * 8, [8.0, -8.0] * 8], ids=str)
 def test_a_latency_is_estimated_from_several_speeds_or_included_in_the_sigma(speeds):
-    deviations = []
+    found = []
     for seed in range(60):
         latency = PRIORS['latency of films'].sigma * float(
             np.random.default_rng([seed, 1]).standard_normal())
-        found = film_angle(*readings(seed, 2.0, speeds, latency))
-        deviations.append((found.value - 2.0) / found.sigma)
-    assert 0.75 < math.sqrt(np.mean(np.square(deviations))) < 1.3
-    assert (found.sigma > 0.01) == (len(set(speeds)) == 1)
+        found.append(film_angle(*readings(seed, 2.0, speeds, latency)))
+    assert_consistent(found, 2.0, 0.75, 1.3)
+    assert (found[0].sigma > 0.01) == (len(set(speeds)) == 1)
 
 
 def test_an_outlier_is_excluded():

@@ -24,7 +24,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import GRAVITY
-from support.identifying import recorded, turning_run
+from support.identifying import assert_consistent, errors_of, recorded, rms, turning_run
 
 ROBOT = RobotParams()
 BIAS = np.array([0.01, -0.02, 0.005])  # rad/s
@@ -45,15 +45,10 @@ def stop_and_go(seed, *, tilt=(0.0, 0.0), legs=4, rest=6.0, drive=4.0, rate=100.
     return Recording(imu, WheelRecord(stamps, speed, None))
 
 
-def test_bias_and_noise_are_correct_within_their_standard_errors():
-    errors = []
-    for seed in range(10):
-        fit = fit_rest(stop_and_go(seed), ROBOT)
-        errors += [(found.value - true) / found.sigma
-                   for found, true in zip(fit.gyro_bias, BIAS)]
-        errors += [(fit.gyro_noise.value - NOISE[0]) / fit.gyro_noise.sigma,
-                   (fit.accel_noise.value - NOISE[1]) / fit.accel_noise.sigma]
-    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.4
+def test_bias_and_noise_are_correct_within_their_standard_errors(seeds):
+    fits = [fit_rest(stop_and_go(seed), ROBOT) for seed in seeds]
+    assert 0.6 < rms([errors_of([*fit.gyro_bias, fit.gyro_noise, fit.accel_noise],
+                                [*BIAS, *NOISE]) for fit in fits]) < 1.4
 
 
 def test_the_standard_error_of_the_tilt_includes_the_accelerometer_bias():
@@ -112,27 +107,22 @@ def test_the_noise_in_motion_is_that_of_vibration():
 
 
 @pytest.mark.parametrize('jitter, rate', [(0.001, 16.0), (0.003, 16.0), (0.001, 50.0)])
-def test_the_jitter_is_correct_within_its_standard_error(jitter, rate):
+def test_the_jitter_is_correct_within_its_standard_error(jitter, rate, seeds):
     robot = build(RobotParams, {'encoder.stamp_jitter': jitter})
-    errors = []
-    for seed in range(8):
-        wheels = recorded(turning_run(seed, 40.0, robot=robot, wheel_rate=rate)).wheels
-        found = fit_jitter(wheels, robot)
-        errors.append((found.value - jitter) / found.sigma)
-    assert 0.4 < np.sqrt(np.mean(np.square(errors))) < 1.6
+    found = [fit_jitter(recorded(turning_run(
+        seed, 40.0, robot=robot, wheel_rate=rate)).wheels, robot) for seed in seeds]
+    assert_consistent(found, jitter, 0.4, 1.6)
 
 
-def test_speed_changes_are_not_taken_for_jitter():
-    robot = build(RobotParams, {'encoder.stamp_jitter': 0.0})
-    with pytest.raises(EstimatorError, match='speed fluctuations exceed the jitter'):
-        fit_jitter(recorded(turning_run(1, 40.0, robot=robot, wheel_rate=50.0)).wheels, robot)
+EXACT = build(RobotParams, {'encoder.stamp_jitter': 0.0})
 
 
 @pytest.mark.parametrize('options, reason', [
-    ({'wheel_rate': 4.0}, 'five samples last 1 s'), ({'positions': False}, 'no positions')])
-def test_low_sampling_rates_and_velocities_alone_are_refused(options, reason):
+    ({'wheel_rate': 4.0}, 'five samples last 1 s'), ({'positions': False}, 'no positions'),
+    ({'robot': EXACT, 'wheel_rate': 50.0}, 'speed fluctuations exceed the jitter')], ids=str)
+def test_low_rates_velocities_alone_and_speed_changes_show_no_jitter(options, reason):
     with pytest.raises(EstimatorError, match=reason):
-        fit_jitter(recorded(turning_run(1, 10.0, **options)).wheels, ROBOT)
+        fit_jitter(recorded(turning_run(1, 40.0, **options)).wheels, options.get('robot', ROBOT))
 
 
 def test_standstill_is_refused():

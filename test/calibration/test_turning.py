@@ -22,37 +22,34 @@ from smart_tire.calibration.turning import combine, effective_track, identify_ic
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain
-from support.identifying import recorded, turning_run
+from support.identifying import assert_agrees, assert_consistent, recorded, rms, turning_run
 
 ROBOT = RobotParams()
 ICR = 0.04  # m
 TURN, REST = 6.0, 2.0  # s
 
 
-def fits(noise, seeds=10, **options):
-    return [identify_icr(recorded(turning_run(seed, icr=ICR, turn=0.4, **options), noise, seed),
-                         ROBOT) for seed in range(seeds)]
+def fitted(noise, seed):
+    return identify_icr(recorded(turning_run(seed, icr=ICR, turn=0.4), noise, seed), ROBOT)
 
 
 @pytest.mark.parametrize('noise, source', [(0.003, 'reference'), (None, 'IMU')])
-def test_it_is_correct_within_its_standard_error(noise, source):
-    found = fits(noise)
-    errors = [(fit.icr.value - ICR) / fit.icr.sigma for fit in found]
-    assert np.sqrt(np.mean(np.square(errors))) < 1.5
+def test_it_is_correct_within_its_standard_error(noise, source, seeds):
+    found = [fitted(noise, seed) for seed in seeds]
+    assert_consistent([fit.icr for fit in found], ICR, 0.0, 1.5)
     assert max(fit.icr.sigma for fit in found) < 0.03
     assert max(abs(fit.icr.value - ICR) for fit in found) < 0.02
     assert all(source in fit.source for fit in found)
 
 
-def test_errors_match_their_sigma_if_noise_of_the_reference_dominates():
-    errors = [(fit.icr.value - ICR) / fit.icr.sigma for fit in fits(0.01, 20)]
-    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5
+def test_errors_match_their_sigma_if_noise_of_the_reference_dominates(seeds):
+    assert_consistent([fitted(0.01, seed).icr for seed in seeds], ICR, 0.6, 1.5)
 
 
 def test_turns_scatter_by_their_standard_errors_if_s_is_constant():
-    fit = fits(0.003, 1)[0]
+    fit = fitted(0.003, 0)
     normalized = (fit.turn_icr - ICR) / fit.turn_sigma
-    assert len(normalized) > 5 and 0.5 < np.sqrt(np.mean(normalized ** 2)) < 2.0
+    assert len(normalized) > 5 and 0.5 < rms(normalized) < 2.0
     assert fit.spread < 0.01
 
 
@@ -71,8 +68,7 @@ def test_yaw_misalignment_of_the_reference_does_not_matter():
     recording = recorded(turning_run(3, icr=ICR, turn=0.4), 0.002)
     poses = recording.reference
     askew = PoseRecord(poses.time, poses.position, poses.yaw + 0.03)
-    fit = identify_icr(replace(recording, reference=askew), ROBOT)
-    assert fit.icr.value == pytest.approx(ICR, abs=3.5 * fit.icr.sigma)
+    assert_agrees(identify_icr(replace(recording, reference=askew), ROBOT).icr, ICR, 3.5)
 
 
 def test_the_position_of_the_imu_matters():
@@ -128,15 +124,12 @@ def track_of(run):
 
 
 @pytest.mark.parametrize('positions', [True, False])
-def test_the_track_is_that_of_the_turns_within_its_standard_error(positions):
-    errors = []
-    for seed in range(10):
-        bias = 0.01 * float(np.random.default_rng([seed, 1]).standard_normal())
-        track = track_of(turning([0.57] * 4, [0.6, -0.6, 1.0, -1.0], bias=bias, seed=seed,
-                                 latency=0.02, positions=positions))
-        errors.append((track.value - 0.57) / track.sigma)
-        assert track.sigma < 0.01
-    assert np.sqrt(np.mean(np.square(errors))) < 1.3
+def test_the_track_is_that_of_the_turns_within_its_standard_error(positions, seeds):
+    found = [track_of(turning(
+        [0.57] * 4, [0.6, -0.6, 1.0, -1.0], seed=seed, latency=0.02, positions=positions,
+        bias=0.01 * float(np.random.default_rng([seed, 1]).standard_normal()))) for seed in seeds]
+    assert_consistent(found, 0.57, 0.0, 1.3)
+    assert max(track.sigma for track in found) < 0.01
 
 
 def test_an_error_of_the_radius_is_one_of_the_track():

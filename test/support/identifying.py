@@ -12,14 +12,17 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.signal import oaconvolve
 from smart_tire.bags import BagWriter
 from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
-from smart_tire.parameters import RobotParams
+from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
-from support.driving import drive, START_NS, STEP
+from smart_tire.simulation.offline import simulate
+from support.driving import Drive, drive, START_NS, STEP
 
 TRACK = 0.57  # m, effective; the geometric one is 0.38 m
 PAUSE = 3.0   # s of standstill at both ends
@@ -35,6 +38,7 @@ def random_signal(rng, seconds, size, time):
     return size * smooth / smooth.std()
 
 
+@lru_cache(maxsize=32)
 def turning_run(seed, seconds=60.0, *, track=TRACK, slip=0.01, turn=0.25, robot=None, **options):
     """
     Return a run of ``drive`` with random speeds of both sides, stationary at both ends.
@@ -74,9 +78,40 @@ def recorded(run, reference_noise=None, seed=0):
                     np.array([s.position for s in wheels])), poses)
 
 
+def simulated(legs, seconds, seed, **values):
+    """Return the recording of the simulated robot on one ground, by default on concrete."""
+    params = build(SimulatorParams, {'seed': seed, 'ground.base': 'concrete', 'film.wheels': [],
+                                     'ground.patches.names': [], **values})
+    samples = [sample for _, topic, sample in simulate(params, legs, seconds, start_ns=START_NS)
+               if topic in ('imu/data', 'wheel_states')]
+    return recorded(Drive(samples, *(np.empty(0),) * 4))
+
+
 def seconds_of(samples):
     """Return the timestamps of samples in seconds after the start of a run."""
     return np.array([(s.stamp_ns - START_NS) / NS_PER_S for s in samples])
+
+
+def errors_of(estimates, true):
+    """Return the errors of estimates over their standard errors; ``true`` may be one value."""
+    values, sigmas = np.array([(one.value, one.sigma) for one in estimates]).T
+    return (values - true) / sigmas
+
+
+def rms(values):
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def assert_agrees(estimate, true, sigmas=3.0):
+    """Check that an estimate is within ``sigmas`` standard errors of the truth."""
+    assert abs(estimate.value - true) <= sigmas * estimate.sigma, f'{estimate}, not {true}'
+
+
+def assert_consistent(estimates, true, low, high):
+    """Check the rms of errors over standard errors, of three or less that none exceeds three."""
+    errors = errors_of(estimates, true)
+    assert np.max(np.abs(errors)) < 3.0 if len(errors) <= 3 else low < rms(errors) < high, errors
 
 
 def write_run(path, run, reference=None):
