@@ -121,7 +121,7 @@ def test_the_signal_agrees_with_the_film_model_within_half_an_lsb(rolled):
 def test_noise_bumps_and_variation_have_the_configured_size():
     films, truth, _ = new_films(**{'film.noise': 0.02, 'errors.bumps': [0.10, 0.15],
                                    'errors.bending_variation': 0.15})
-    batches, crossings = roll(films, truth, Rolling(lambda t: 1.0, slip=0.0, v_y=0.0), 40.0)
+    batches, crossings = roll(films, truth, Rolling(lambda t: 1.0, slip=0.0, v_y=0.0), 20.0)
     _, volts, angle = signals(batches)
     past, revolution = patch_position(angle, films.center_angles[0], RADIUS)
     far = np.abs(past) > 0.15
@@ -132,21 +132,24 @@ def test_noise_bumps_and_variation_have_the_configured_size():
     assert 0.83 * 0.83 < peaks.min() < 0.83 * 0.92 and 0.83 * 1.08 < peaks.max() < 0.83 * 1.17
     before = np.abs(past + 0.5 * (L + FILM) + 0.01) < 0.001
     assert -0.15 < (volts[before, 0].mean() - 1.65) / 0.83 < -0.10
-    assert len(crossings) > 50
+    assert len(crossings) > 30
 
 
 def outputs(direction=1.0, **values):
     """Return film 1's distance past the patch center, entry first, and its output over 0.83 V."""
     films, truth, _ = new_films(**values)
-    batches, _ = roll(films, truth, Rolling(lambda t: 0.1 * direction, slip=0.0, v_y=0.0), 9.0)
+    plant = Rolling(lambda t: 0.1 * direction, slip=0.0, v_y=0.0)
+    plant.wheel_angle[1] = films.center_angles[0] - direction * 0.21 / RADIUS
+    batches, _ = roll(films, truth, plant, 4.0)
     _, volts, angle = signals(batches)
     past, _ = patch_position(angle, films.center_angles[0], RADIUS)
-    begin = (np.abs(past) > 0.2).argmax()  # the direction is known from there on
-    return direction * past[begin:], (volts[begin:, 0] - 1.65) / 0.83
+    known = np.arange(len(past)) >= 4  # the direction, after some samples
+    return direction * past[known], (volts[known, 0] - 1.65) / 0.83
 
 
-@pytest.mark.parametrize('shape', ['raised_cosine', 'gaussian', 'asymmetric', 'exponential'])
-@pytest.mark.parametrize('direction', [1.0, -1.0])
+@pytest.mark.parametrize('shape, direction', [
+    ('raised_cosine', 1.0), ('gaussian', -1.0), ('asymmetric', 1.0), ('asymmetric', -1.0),
+    ('exponential', 1.0)])
 def test_bumps_have_the_configured_distance_and_width(shape, direction):
     past, output = outputs(direction, **{
         'errors.bumps': [0.15, 0.15], 'errors.bump_distance': [0.016, 0.013],
@@ -165,13 +168,6 @@ def test_a_share_of_the_other_release_moves_the_signal_between_the_conventions(r
     past, output = outputs(**{'film.release': release, 'errors.release_share': 0.25})
     assert output.min() == pytest.approx(lowest, abs=0.02)
     assert np.abs(output[np.abs(past) < 0.5 * (L - FILM) - 1e-3] - 1.0).max() < 0.01
-
-
-def test_a_clipped_sample_has_an_extreme_code():
-    films, truth, _ = new_films(**{'film.bending_peak': [2.5, 2.5]})
-    batches, _ = roll(films, truth, Rolling(lambda t: 0.5), 1.5)
-    codes = np.concatenate([batch.codes for batch in batches])
-    assert codes.max() == 1023 and codes.min() == 0
 
 
 def test_a_film_that_stops_inside_and_rolls_back_yields_no_crossing_and_no_jump():
@@ -229,7 +225,7 @@ def test_distant_films_have_separate_crossings():
 
 
 def test_the_true_quantities_are_consistent(rolled):
-    _, _, crossings = rolled
+    *_, crossings = rolled
     value = {name: crossings[0].quantity(name).value for name in FRICTION_QUANTITIES}
     assert value['friction_coefficient'] == value['friction_coefficient_single'] == 0.47
     assert value['total_slip'] == pytest.approx(math.hypot(0.1, 0.1))
@@ -274,17 +270,14 @@ def test_crossings_do_not_depend_on_batch_boundaries():
 
 
 @pytest.mark.parametrize('shape', BUMP_HALF_WIDTHS)
-def test_a_bump_is_negligible_beyond_its_extent(shape):
+def test_bumps_are_negligible_beyond_their_extent_and_skewed_ones_wider_outside(shape):
     beyond = bump_extent(0.012, 0.009, shape) - 0.012
     assert bump(beyond, 0.009, shape) <= 1.0001 * NEGLIGIBLE_BUMP
     assert bump(0.9 * beyond, 0.009, shape) > NEGLIGIBLE_BUMP
-
-
-@pytest.mark.parametrize('shape', ['asymmetric', 'exponential'])
-def test_skewed_bumps_are_wider_on_the_side_away_from_the_patch(shape):
     offset = np.linspace(-0.03, 0.03, 6001)
     wide = offset[bump(offset, 0.01, shape) > 0.5]
-    assert wide.max() > 2.0 * -wide.min() > 0.004
+    assert -wide.min() > 0.002
+    assert (wide.max() > 2.0 * -wide.min()) == (shape in ('asymmetric', 'exponential'))
 
 
 @given(st.floats(-3.0, 3.0), st.integers(4, 16))

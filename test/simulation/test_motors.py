@@ -77,7 +77,7 @@ def test_without_errors_the_reported_torque_is_that_of_the_motor():
 
 @pytest.mark.parametrize('sign', ['draw', 'signed'])
 def test_reported_torques_are_signed_by_direction_in_both_conventions(sign):
-    found, times = efforts(params_of(**EXACT, **{'motor.current_sign': sign}))
+    found, times = efforts(params_of(**EXACT, **{'motor.current_sign': sign, 'film.wheels': []}))
     torque = np.array(found)
     steady, reverse = (times > 1.6) & (times < 2.4), times > 4.3
     assert np.all(torque[np.ix_(steady, LEFT)] > 0.2)   # the outer wheels drive

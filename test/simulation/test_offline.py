@@ -54,17 +54,17 @@ def test_delays_of_batches_are_bounded(events):
     assert np.quantile(late, 0.95) > 40_000_000 and max(late) < 60_000_000
 
 
-def test_events_depend_on_the_seed_only(events):
-    again = simulate(build(SimulatorParams, CONCRETE), SCHEDULE, 8.0)
-    assert repr(again) == repr(events)  # repr, because NaN is not equal to NaN
-    other = simulate(build(SimulatorParams, {**CONCRETE, 'seed': 2}), SCHEDULE, 1.0)
+def test_events_depend_on_the_seed_only():
+    one, again, other = (simulate(build(SimulatorParams, {**CONCRETE, 'seed': seed}), SCHEDULE,
+                                  1.0) for seed in (1, 1, 2))
+    assert repr(again) == repr(one)  # repr, because NaN is not equal to NaN
     for topic in ('imu/data', 'tire_samples', 'wheel_states'):
-        assert of(other, topic) != of(again, topic)[:len(of(other, topic))]
+        assert of(other, topic) != of(one, topic)
 
 
 def test_only_lost_batches_leave_gaps():
     def gaps(loss):
-        run = simulate(build(SimulatorParams, {**CONCRETE, 'radio.loss': loss}), SCHEDULE, 5.0)
+        run = simulate(build(SimulatorParams, {**CONCRETE, 'radio.loss': loss}), SCHEDULE, 3.0)
         stamps = np.array([s.stamp_ns for s in of(run, 'tire_samples') if s.wheel == 'front_left'])
         return int(np.sum(np.diff(stamps) > 10_000_000))
     assert gaps(0.0) == 0 and gaps(0.3) > 5
@@ -115,7 +115,8 @@ def test_crossings_have_the_slip_of_their_wheel_at_their_time(events):
 
 def test_odometry_starts_at_zero_at_any_start_pose():
     start = [5.0, -2.0, 2.5]
-    params = build(SimulatorParams, {**CONCRETE, 'start': start, 'ground.patches.names': [],
+    params = build(SimulatorParams, {'ground.base': 'concrete', 'ground.patches.names': [],
+                                     'film.wheels': [], 'start': start,
                                      'errors.motor_friction': 0.0})  # equal motors: straight
     run = simulate(params, [(0.0, 60, 60)], 2.0)
     last = of(run, 'ground_truth/odom')[-1]
@@ -125,9 +126,9 @@ def test_odometry_starts_at_zero_at_any_start_pose():
 
 @pytest.mark.parametrize('rate', [4.0, 200.0])
 def test_any_wheel_rate_works_and_the_schedule_may_be_a_function(rate):
-    run = simulate(build(SimulatorParams, CONCRETE), lambda time: (60.0 * time, 30.0), 3.0,
-                   wheel_rate=rate)
+    run = simulate(build(SimulatorParams, {'film.wheels': []}),
+                   lambda time: (60.0 * time, 30.0), 2.0, wheel_rate=rate)
     states = of(run, 'wheel_states')
-    assert len(states) == pytest.approx(3.0 * rate, abs=2)
+    assert len(states) == pytest.approx(2.0 * rate, abs=2)
     assert all(now.stamp_ns > before.stamp_ns for before, now in zip(states, states[1:]))
     assert states[-1].velocity[0] > 1.5 * states[-1].velocity[1]

@@ -78,18 +78,13 @@ def test_the_scalar_tire_force_agrees_with_the_brush_tire_model():
     assert Plant.tire_slope(0.0, 0.0, 26.7, 52.7) == 0.0
 
 
-def test_slips_on_concrete_agree_with_fig_10a():
-    plant = new_plant(**EVERYWHERE['concrete'])
-    drive(plant, 120, 60, 4.0)
-    assert slips(plant) == pytest.approx([0.11, -0.11] * 2, abs=0.01)
+@pytest.mark.parametrize('surface, sides', [('concrete', ((0.10, 0.12), (-0.12, -0.10))),
+                                            ('sand', ((0.25, 0.35), (0.05, 0.12)))])
+def test_slips_agree_with_fig_10(surface, sides):
+    plant = new_plant(**EVERYWHERE[surface])
+    drive(plant, 120, 60, 3.0)
+    assert all(low < slip < high for slip, (low, high) in zip(slips(plant), sides * 2))
     assert plant.yaw_rate < 0.0 < plant.v_x
-
-
-def test_slips_on_sand_are_positive_on_both_sides_as_in_fig_10b():
-    plant = new_plant(**EVERYWHERE['sand'])
-    drive(plant, 120, 60, 4.0)
-    left, right = slips(plant)[:2]
-    assert 0.25 < left < 0.35 and 0.05 < right < 0.12
 
 
 def test_left_and_right_turns_are_mirror_images():
@@ -165,7 +160,8 @@ def test_each_wheel_has_the_surface_at_its_position():
 @pytest.mark.parametrize('values', [
     {'ground.stiffness': [2000.0, 500.0]}, {'mass': 2.0, 'yaw_inertia': 0.02},
     {'motor.inertia': 1e-5}, {'center_of_mass': [0.1, 0.05, 0.3]}])
-@pytest.mark.parametrize('duty', [(0.5, -0.3, 0.5, -0.3), (0.02, 0.0, 0.02, 0.0)])
+@pytest.mark.parametrize('duty', [
+    (0.5, -0.3, 0.5, -0.3), pytest.param((0.02, 0.0, 0.02, 0.0), marks=pytest.mark.long)])
 def test_the_plant_is_stable_with_other_parameters(values, duty):
     plant = new_plant(**{**EVERYWHERE['concrete'], **values})
     coast(plant, 3.0, duty)
