@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from benchmarks.events import cached_events
 import pytest
 
 from smart_tire.bags import BagWriter, channel_of
@@ -23,13 +24,14 @@ from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.offline import simulate
 
 LEGS = [(0.0, 0.0, 0.0), (1.0, 120.0, 60.0), (7.0, 60.0, 120.0), (11.5, 0.0, 0.0)]  # s, rpm, rpm
+DURATION = 12.0  # s
 
 
 @pytest.fixture(scope='session')
 def drive():
-    """Return the events of twelve seconds on concrete with two instrumented wheels."""
+    """Return the events of a drive on concrete with two instrumented wheels."""
     params = build(SimulatorParams, {'film.wheels': ['front_left', 'front_right'], 'seed': 5})
-    return simulate(params, LEGS, 12.0)
+    return cached_events(f'{params} {LEGS} {DURATION}', lambda: simulate(params, LEGS, DURATION))
 
 
 @pytest.fixture(scope='session')

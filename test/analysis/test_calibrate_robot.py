@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from smart_tire.analysis.calibrate_robot import ANY_REFERENCE, read_recording, TimeRange
@@ -62,9 +64,9 @@ def test_the_reference_can_be_found_named_or_omitted(run, bag, tmp_path):
 
 
 def test_a_bag_with_too_few_inputs_is_rejected(run, tmp_path):
-    run.samples[:] = run.samples[:30]
+    few = replace(run, samples=run.samples[:30])
     with pytest.raises(EstimatorError, match='messages on wheel_states, expected at least 20'):
-        read_recording(write_run(tmp_path / 'short', run), ROBOT, TimeRange())
+        read_recording(write_run(tmp_path / 'short', few), ROBOT, TimeRange())
 
 
 def test_a_figure_is_written_if_there_is_a_fit(bag, tmp_path):

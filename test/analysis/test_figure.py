@@ -67,15 +67,12 @@ def active(*times, duration=300.0):
     return Curve(time, value)
 
 
-def test_segments_are_where_the_curve_changes_in_order_of_time():
+def test_segments_are_where_the_curve_changes_in_order_of_time_and_do_not_overlap():
     found = segments([active(200.0, 40.0, 120.0)])
     assert len(found) == 3
     for (begin, end), start in zip(found, (40.0, 120.0, 200.0)):
         assert begin <= start + 0.2 and end >= start + 4.8
         assert end - begin == pytest.approx(15.0)
-
-
-def test_segments_do_not_overlap_and_need_activity():
     found = segments([active(100.0, 104.0, 108.0)])
     assert 1 <= len(found) <= 3
     assert all(first[1] <= second[0] for first, second in zip(found, found[1:]))

@@ -24,7 +24,6 @@ from smart_tire.analysis.summary import WHOLE
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError
 from smart_tire.messages import topic_of
-from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
 
 pytestmark = pytest.mark.slow
@@ -39,16 +38,13 @@ def params(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def analyzed(drive_bag, params, tmp_path_factory):
-    """Return folder and run of the whole drive, and the shares of progress."""
-    out, shares = tmp_path_factory.mktemp('analyzed') / 'deep' / 'out', []
-    return out, analyze(drive_bag, out, params, shares.append), shares
-
-
-@pytest.fixture(scope='module')
-def smoothed(drive_bag, params, tmp_path_factory):
     """Return folder and run of the whole drive with the smoother, and the shares of progress."""
-    out, shares = tmp_path_factory.mktemp('smoothed') / 'out', []
+    out, shares = tmp_path_factory.mktemp('analyzed') / 'deep' / 'out', []
     return out, analyze(drive_bag, out, params, shares.append, smooth=True), shares
+
+
+def until(events, seconds):
+    return [event for event in events if event[0] < events[0][0] + seconds * NS_PER_S]
 
 
 def of_topics(events, *topics):
@@ -76,29 +72,13 @@ def test_the_written_estimates_equal_those_of_the_estimators(analyzed, drive, pa
         assert repr(sample) == repr(wanted), topic  # in text, NaN equals NaN
 
 
-def test_films_change_the_slip_by_the_ground_that_they_show(drive, params):
-    unknown = [event for event in drive if event[1] != 'tire_samples']
-    with_films, without = (slips_of(events, params) for events in (drive, unknown))
-    assert np.nanmax(np.abs(with_films - without)) > 1e-4
-
-
-def slips_of(events, params):
-    """Return the slips estimated from ``events`` by the connected estimators."""
-    pipeline, series = Pipeline(params), Recording()
-    for _, topic, sample in events:
-        if topic in INPUTS:
-            for estimate in pipeline.update(sample):
-                series.add_sample(estimate)
-    return series.slips().ratio
-
-
 def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     out, run, _ = analyzed
     summary = json.loads((out / 'summary.json').read_text())
     assert summary == run.summary
     assert list(summary) == [
         'bag', 'duration_s', 'parameters', 'notes', 'errors', 'diverged', 'inputs',
-        'left_out', 'estimates', 'against_truth']
+        'left_out', 'estimates', 'against_truth', 'smoothed']
     assert summary['bag'] == str(drive_bag)
     assert summary['duration_s'] == pytest.approx(12.0, abs=0.1)
     counts = Counter(topic for _, topic, _ in drive)
@@ -123,18 +103,22 @@ def test_slip_and_friction_are_near_the_truth(analyzed):
     assert truth['friction']['false_crossings'] <= 1
 
 
-def test_without_tire_samples_there_is_slip_but_no_friction(bag_of, drive, params, tmp_path):
+def test_without_tire_samples_there_is_slip_but_no_friction(bag_of, drive, params, analyzed,
+                                                            tmp_path):
     events = [event for event in drive if event[1] != 'tire_samples']
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
     assert 'tire_samples is not in the bag: no tire_friction' in run.contents.skipped
     assert run.summary['estimates']['tire_friction'] == {}
     assert run.summary['against_truth']['slip'][WHOLE]['left']['error']['count'] > 100
+    by_films = analyzed[1].estimates.slips().ratio - run.estimates.slips().ratio
+    assert np.nanmax(np.abs(by_films)) > 1e-4  # by the ground that they show
     with Bag(tmp_path / 'out' / 'estimates') as bag:
         assert set(bag.topics) == {'/odom', '/wheel_slip', '/icr', '/ground_state'}  # by torques
 
 
-def test_films_of_a_wheel_not_in_the_parameters_are_skipped(drive_bag, tmp_path):
-    run = analyze(drive_bag, tmp_path / 'out', EstimatorParams.load([]))
+def test_films_of_a_wheel_not_in_the_parameters_are_skipped(bag_of, drive, tmp_path):
+    run = analyze(bag_of(tmp_path / 'bag', until(drive, 3.0)), tmp_path / 'out',
+                  EstimatorParams.load([]))
     assert run.contents.skipped == ['tire_samples of front_left: not in film.wheels']
     assert list(run.summary['estimates']['tire_friction']) == ['front_right']
 
@@ -178,13 +162,21 @@ def test_ground_truth_without_twist_gives_no_errors_of_speeds(bag_of, drive, par
     assert 'ground_truth/wheel_slip is not in the bag: no errors of slips' in skipped(run)
 
 
-def test_recorded_estimates_are_ignored(bag_of, drive, params, analyzed, tmp_path):
+def test_recorded_estimates_are_ignored_and_smoothing_does_not_change_the_filter_estimates(
+        bag_of, drive, params, tmp_path):
+    clean = until(drive, 2.0)
     wrong = [(ns, 'wheel_slip', WheelSlip(sample.stamp_ns, (0.9,) * 4, (0.0,) * 4, (0.01,) * 4))
-             for ns, _, sample in of_topics(drive, 'imu/data')]
-    events = sorted(drive + wrong, key=lambda event: event[0])
-    run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
-    assert run.summary['estimates'] == analyzed[1].summary['estimates']
-    assert skipped(run).strip('/') == 'wheel_slip: recorded estimate, not read'
+             for ns, _, sample in of_topics(clean, 'imu/data')]
+    events = sorted(clean + wrong, key=lambda event: event[0])
+    spoiled, smooth = (analyze(bag_of(tmp_path / name, given), tmp_path / f'{name}_out', params,
+                               smooth=name == 'smooth')
+                       for name, given in (('spoiled', events), ('smooth', clean)))
+    assert 'wheel_slip: recorded estimate, not read' in skipped(spoiled)
+    without = {**spoiled.summary, 'bag': smooth.summary['bag'],
+               'left_out': smooth.summary['left_out'], 'smoothed': smooth.summary['smoothed']}
+    assert without == smooth.summary
+    assert list(smooth.summary['smoothed']) == ['estimates', 'against_truth']
+    assert not (tmp_path / 'spoiled_out' / 'smoothed').exists()
 
 
 def test_late_samples_are_counted(bag_of, drive, params, tmp_path):
@@ -246,10 +238,10 @@ def test_the_input_bag_is_never_overwritten(bag_of, drive, params, tmp_path, nam
         assert sum(topic.messages for topic in kept.topics.values()) == 500
 
 
-def test_smoothed_estimates_have_the_same_timestamps_in_a_separate_bag(smoothed):
+def test_smoothed_estimates_have_the_same_timestamps_in_a_separate_bag(analyzed):
     received = []
     for folder in ('estimates', 'smoothed'):
-        with Bag(smoothed[0] / folder) as bag:
+        with Bag(analyzed[0] / folder) as bag:
             received.append([(receive_ns, topic, sample.stamp_ns)
                              for receive_ns, topic, sample in bag.samples(ESTIMATES)
                              if topic in ('odom', 'wheel_slip')])
@@ -257,25 +249,17 @@ def test_smoothed_estimates_have_the_same_timestamps_in_a_separate_bag(smoothed)
     assert received[0] == received[1] and len(received[0]) > 2000
 
 
-def test_smoothing_does_not_change_the_filter_estimates(smoothed, analyzed):
-    with_smoothed, without = smoothed[1].summary, analyzed[1].summary
-    assert {**without, 'smoothed': with_smoothed['smoothed']} == with_smoothed
-    assert list(with_smoothed['smoothed']) == ['estimates', 'against_truth']
-    assert 'smoothed' not in without and not (analyzed[0] / 'smoothed').exists()
-    assert json.loads((smoothed[0] / 'summary.json').read_text()) == with_smoothed
-
-
-def test_smoothed_slip_is_more_accurate(smoothed):
-    filtered, better = (tree['against_truth'] for tree in (
-        smoothed[1].summary, smoothed[1].summary['smoothed']))
+def test_smoothed_slip_is_more_accurate(analyzed):
+    summary = analyzed[1].summary
+    filtered, better = (tree['against_truth'] for tree in (summary, summary['smoothed']))
     for side in ('left', 'right'):
         errors = [tree['slip'][WHOLE][side]['error'] for tree in (filtered, better)]
         assert errors[1]['rms'] < 0.8 * errors[0]['rms']
         assert errors[1]['within_two'] > 0.9
 
 
-def test_smoothing_keeps_friction_and_ground(smoothed):
-    run = smoothed[1]
+def test_smoothing_keeps_friction_and_ground(analyzed):
+    run = analyzed[1]
     assert list(map(repr, run.smoothed.crossings)) == list(map(repr, run.estimates.crossings))
     ground, kept = run.estimates.grounds(), run.smoothed.grounds()
     assert np.array_equal(ground.value, kept.value, equal_nan=True) and len(ground.value) > 10
@@ -283,7 +267,7 @@ def test_smoothing_keeps_friction_and_ground(smoothed):
     assert traction['median_relative_error'] < 0.1
 
 
-def test_progress_includes_the_smoother(smoothed):
-    shares = smoothed[2]
+def test_progress_includes_the_smoother(analyzed):
+    shares = analyzed[2]
     assert shares == sorted(shares)
     assert shares[0] < 0.01 and 0.5 in shares and shares[-1] == 1.0

@@ -22,7 +22,6 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED, State
 from smart_tire.parameters import build, SlipEstimatorParams
-from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, Odometry, TireSample
 from support.driving import drive, ramp, START_NS, STEP
 
@@ -32,7 +31,6 @@ FAST, SLOW = 1.093, 0.547  # m/s, 120 and 60 rpm
 # left turn, right turn, stop, straight
 KNOTS = [(0, 0, 0), (3, 0, 0), (3.4, SLOW, FAST), (9, SLOW, FAST), (9.4, FAST, SLOW),
          (14, FAST, SLOW), (14.5, 0, 0), (17, 0, 0), (17.4, 0.8, 0.8), (21, 0.8, 0.8)]
-SEEDS = range(8)
 
 
 def driven(seed, **options):
@@ -63,66 +61,47 @@ def errors(run, ground, series):
             'position': (position, np.sqrt(poses.pose_covariance[:, (0, 1), (0, 1)]))}
 
 
-@pytest.fixture(scope='module')
-def run_errors():
-    """Return filtered and smoothed errors of all seeds, as pairs by name."""
-    params, found = build(SlipEstimatorParams, {}), []
-    for seed in SEEDS:
-        run, ground = driven(seed)
-        both = smooth(params, run.samples)
-        found.append([errors(run, ground, series) for series in both])
-    return found
+@cache
+def both_errors(seeds, latency=0.0, **options):
+    """Return plain errors, and those over their sigmas, of filter and smoother, by name."""
+    params = build(SlipEstimatorParams, {'encoder.latency': latency})
+    found = []
+    for seed in range(seeds):
+        run, ground = driven(seed, wheel_latency=latency, **options)
+        found.append([errors(run, ground, series) for series in smooth(params, run.samples)])
+    return [{name: (rms(np.concatenate([run[way][name][0] for run in found])),
+                    rms(np.concatenate([np.divide(*run[way][name]) for run in found])))
+             for name in found[0][way]} for way in (0, 1)]
 
 
 def rms(values):
     return np.sqrt(np.nanmean(np.square(values)))
 
 
+seeds = pytest.mark.parametrize('seeds', [2, pytest.param(8, marks=pytest.mark.long)])
+
+
+@seeds
 @pytest.mark.parametrize('name', ['slip', 'speed', 'position'])
-def test_the_smoother_is_more_accurate_than_the_filter(run_errors, name):
-    filtered, smoothed = (rms([run[way][name][0] for run in run_errors]) for way in (0, 1))
-    assert smoothed < filtered
+def test_the_smoother_is_consistent_and_more_accurate_than_the_filter(seeds, name):
+    filtered, smoothed = both_errors(seeds)
+    assert smoothed[name][0] < filtered[name][0]
+    assert smoothed[name][1] < 1.2
 
 
-@pytest.mark.parametrize('name', ['slip', 'speed', 'position'])
-def test_smoothed_sigmas_are_consistent(run_errors, name):
-    normalized = [error / sigma for run in run_errors for error, sigma in [run[1][name]]]
-    assert rms(normalized) < 1.2
+@seeds
+def test_smoothed_slips_do_not_lag_with_slow_and_late_wheel_samples(seeds):
+    filtered, smoothed = both_errors(seeds, 0.2, wheel_rate=4.0)
+    assert smoothed['slip'][0] < 0.8 * filtered['slip'][0]
+    assert smoothed['slip'][1] < 1.2
 
 
-def test_smoothed_slips_do_not_lag_with_slow_and_late_wheel_samples():
-    params = build(SlipEstimatorParams, {'encoder.latency': 0.2})
-    found = []
-    for seed in range(3):
-        run, ground = driven(seed, wheel_rate=4.0, wheel_latency=0.2)
-        both = smooth(params, run.samples)
-        found.append([errors(run, ground, series)['slip']
-                      for series in both])
-    assert rms([run[1][0] for run in found]) < 0.8 * rms([run[0][0] for run in found])
-    assert rms([run[1][0] / run[1][1] for run in found]) < 1.2
-
-
-@cache
-def filtered_errors(latency):
-    """Return plain and normalized errors of the slips of the filter with late wheel samples."""
-    found = []
-    for seed in range(3):
-        run, ground = driven(seed, wheel_latency=latency)
-        estimator = SlipEstimator(build(SlipEstimatorParams, {'encoder.latency': latency}))
-        series = Recording()
-        for sample in run.samples:
-            for estimate in estimator.update(sample):
-                series.add_sample(estimate)
-        found.append(errors(run, ground, series)['slip'])
-    return (np.concatenate([error for error, _ in found]),
-            np.concatenate([error / sigma for error, sigma in found]))
-
-
-@pytest.mark.parametrize('latency', [0.03, 0.06])
-def test_late_wheel_samples_cost_little_accuracy(latency):
-    (late, normalized), (timely, other) = map(filtered_errors, (latency, 0.0))
-    assert rms(late) < 1.3 * rms(timely)
-    assert rms(normalized) < 1.2 and rms(other) < 1.2
+@seeds
+def test_late_wheel_samples_cost_little_accuracy(seeds):
+    (late, normalized), (timely, other) = (both_errors(seeds, latency)[0]['slip']
+                                           for latency in (0.06, 0.0))
+    assert late < 1.3 * timely
+    assert normalized < 1.2 and other < 1.2
 
 
 def test_biases_are_known_from_the_start():

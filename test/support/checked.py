@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any
 
+from benchmarks.events import cached_events
 from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.recording import CheckedRecording, READ
 from smart_tire.findings import Finding, Level
@@ -38,8 +39,9 @@ def clean(seed: int = 1, base: str = 'concrete', drive: Drive = DRIVE,
     """Return the events of a drive, by default with turns, starts, stops and standstill."""
     ground = GroundParams(base=base, patches=())
     params = SimulatorParams(seed=seed, ground=ground, robot=robot)
-    return tuple(event for event in simulate(
-        params, drive, DURATION, wheel_rate=wheel_rate) if event[1] in READ)
+    return tuple(event for event in cached_events(
+        f'{params} {drive} {wheel_rate} {DURATION}',
+        lambda: simulate(params, drive, DURATION, wheel_rate=wheel_rate)) if event[1] in READ)
 
 
 def changed(topic: str, change: Callable[[Any], Any]) -> list[Event]:

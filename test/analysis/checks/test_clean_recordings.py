@@ -26,15 +26,18 @@ WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=2
 HUSKY = RobotParams(wheel_radius=0.165, track_width=0.555, wheelbase=0.54, mass=50.0)
 
 
-@pytest.mark.parametrize('seed, base', [(1, 'concrete'), (2, 'concrete'), (3, 'sand')])
+@pytest.mark.parametrize('seed, base', [
+    (1, 'concrete'), pytest.param(2, 'concrete', marks=pytest.mark.long), (3, 'sand')])
 def test_a_clean_drive_has_no_warnings(seed, base):
     assert texts(problems(clean(seed, base))) == ''
 
 
 @pytest.mark.parametrize('seed, base, drive, wheel_rate', [
-    (2, 'concrete', ((2.0, -60.0, 60.0), (8.0, 0.0, 0.0), (10.0, 60.0, -60.0)), 4.0),
-    (1, 'sand', ((1.0, 15.0, 15.0), (10.0, 20.0, 12.0), (20.0, 12.0, 20.0)), 16.0),
-    (1, 'sand', ((0.5, 100.0, 70.0),), 16.0)], ids=['pivot', 'slow', 'circle'])
+    pytest.param(2, 'concrete', ((2.0, -60.0, 60.0), (8.0, 0.0, 0.0), (10.0, 60.0, -60.0)), 4.0,
+                 id='pivot'),
+    pytest.param(1, 'sand', ((1.0, 15.0, 15.0), (10.0, 20.0, 12.0), (20.0, 12.0, 20.0)), 16.0,
+                 id='slow', marks=pytest.mark.long),
+    pytest.param(1, 'sand', ((0.5, 100.0, 70.0),), 16.0, id='circle', marks=pytest.mark.long)])
 def test_a_drive_that_excites_little_proves_nothing(seed, base, drive, wheel_rate):
     robot = RobotParams(film=FilmParams(wheels=()))
     assert texts(problems(clean(seed, base, drive, wheel_rate, robot), robot)) == ''

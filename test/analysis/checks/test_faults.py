@@ -31,7 +31,9 @@ from smart_tire.samples import BatterySample, NS_PER_S
 from smart_tire.simulation.offline import EPOCH_NS
 from support.checked import changed, clean, problems, recording, texts
 
-RPM = 60.0 / math.tau
+RNG = np.random.default_rng(4)
+WRONG_RADIUS = 'ERROR wheel_radius: wheel speeds fit the IMU with a radius of 0.08'
+WRONG_TRACK = 'WARNING track_width: effective track'
 
 
 def found(check, events, robot=None):
@@ -172,12 +174,6 @@ def test_many_lost_batches_are_a_warning():
     assert 'WARNING' not in found(messages.check_gaps, clean())
 
 
-def test_zero_timestamps_are_an_error():
-    events = changed('imu/data', lambda one: replace(one, stamp_ns=0))
-    assert 'timestamps are zero' in found(messages.check_stamps, events)
-    assert 'repeated' not in found(messages.check_stamps, events)
-
-
 def test_timestamps_that_run_backwards_or_repeat_are_reported():
     seen = iter(range(10**6))
     events = changed('imu/data', lambda one: replace(
@@ -189,9 +185,8 @@ def test_timestamps_that_run_backwards_or_repeat_are_reported():
 
 
 def test_timestamps_of_arrival_vary():
-    rng = np.random.default_rng(1)
     events = changed('imu/data', lambda one: replace(
-        one, stamp_ns=one.stamp_ns + round(rng.normal(0.0, 5e6))))
+        one, stamp_ns=one.stamp_ns + round(RNG.normal(0.0, 5e6))))
     assert 'WARNING imu/data: periods of the timestamps vary' in found(
         messages.check_jitter, events)
 
@@ -202,14 +197,12 @@ def shifted(topic, seconds):
         one, stamp_ns=one.stamp_ns + round(seconds * NS_PER_S)))
 
 
-def test_clocks_that_differ_are_reported():
-    text = found(messages.check_delays, shifted('wheel_states', -2.0))
-    assert 'WARNING wheel_states: timestamps are 2 s before their reception' in text
-    assert 'ERROR wheel_states: timestamps are 2 s behind those of' in text
+def test_timestamps_after_their_reception_are_reported():
     text = found(messages.check_delays, shifted('imu/data', 0.1))
     assert 'WARNING imu/data: timestamps are 0.098 s after their reception' in text
     assert 'ERROR' not in text
     assert found(messages.check_delays, shifted('imu/data', 0.03)) == ''
+    assert 'ERROR' not in found(messages.check_delays, delayed(clean(), 'imu/data', 0.3))
 
 
 @pytest.mark.parametrize('drift, reported', [(2e-3, True), (-2e-3, True), (5e-5, False)])
@@ -238,17 +231,7 @@ def test_held_samples_are_reported():
 # --- IMU ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('factor, unit', [(1.0 / 9.80665, 'in g'), (100.0, 'in cm/s2 or mg')])
-def test_the_unit_of_the_accelerometer_is_named(factor, unit):
-    events = changed('imu/data', lambda one: replace(
-        one, acceleration=scaled(one.acceleration, factor)))
-    assert f'at rest: {unit} (expected 9.81 m/s2)' in found(causes.check_causes, events)
-
-
 @pytest.mark.parametrize('change, text', [
-    (rotated, 'ERROR imu/data: gravity is on -z at rest'),
-    (lambda f: (f[2], f[1], -f[0]), 'ERROR imu/data: gravity is on +x at rest'),
-    (lambda f: (f[0], f[1], f[2] - 9.81), 'gravity was removed'),
     (lambda f: (f[0] + 2.5, f[1], f[2]), 'tilted by 14 degrees'),
     (lambda f: scaled(f, 1.045), 'WARNING imu/data: specific force is 10')])
 def test_a_wrong_direction_or_size_of_gravity_is_reported(change, text):
@@ -273,106 +256,34 @@ def test_a_gyro_that_turns_at_rest_is_reported():
 # --- wheels ---------------------------------------------------------------------------------
 
 
-def with_velocity(change):
-    """Return the clean events with other wheel velocities, and positions to match."""
-    return changed('wheel_states', lambda one: replace(
-        one, velocity=change(one.velocity), position=change(one.position)))
-
-
-def test_a_stuck_encoder_is_an_error():
-    text = found(causes.check_causes, with_velocity(lambda v: (v[0], v[1], 0.0, v[3])))
-    assert 'ERROR wheel_states of rear_left: stands still while front_left turns' in text
-    assert 'right' not in text
-
-
-def test_wheels_of_a_side_with_opposite_signs_are_an_error():
-    text = found(causes.check_causes, with_velocity(lambda v: (v[0], v[1], v[2], -v[3])))
-    assert 'ERROR wheel_states of front_right and rear_right: turn in opposite' in text
-    assert 'left' not in text
-
-
-def test_velocities_in_rpm_contradict_positions():
-    events = changed('wheel_states', lambda one: replace(one, velocity=scaled(one.velocity, RPM)))
-    assert 'velocity is 9.55 times the change of position per second: velocities in rpm?' in found(
-        causes.check_causes, events)
-
-
-@pytest.mark.parametrize('factor, text', [(-1.0, 'motors absorb'), (1e3, 'motor torques give')])
-def test_wrong_torques_are_reported(factor, text):
-    events = changed('wheel_states', lambda one: replace(one, effort=scaled(one.effort, factor)))
-    assert text in found(sensors.check_torques, events)
-
-
-def test_torques_without_a_clear_sign_are_not_reported():
-    rng = np.random.default_rng(4)
-    events = changed('wheel_states', lambda one: replace(
-        one, effort=tuple(rng.normal(0.0, 0.2, 4).tolist())))
-    assert found(sensors.check_torques, events) == ''
+@pytest.mark.parametrize('change, text', [
+    (lambda torque: scaled(torque, 1e3), 'motor torques give'),
+    (lambda torque: tuple(RNG.normal(0.0, 0.2, 4).tolist()), '')])
+def test_too_large_torques_are_reported_and_those_without_a_clear_sign_are_not(change, text):
+    report = found(sensors.check_torques, changed(
+        'wheel_states', lambda one: replace(one, effort=change(one.effort))))
+    assert text in report and bool(report) is bool(text)
 
 
 # --- wheels against IMU ---------------------------------------------------------------------
 
 
-def test_swapped_sides_and_a_reversed_gyro_are_distinguished():
-    events = with_velocity(lambda v: (v[1], v[0], v[3], v[2]))
-    assert 'ERROR wheel_states: left and right are swapped' in found(causes.check_causes, events)
-    events = changed('imu/data', lambda one: replace(
-        one, rate=(one.rate[0], one.rate[1], -one.rate[2])))
-    assert 'ERROR imu/data: the yaw rate has the opposite sign' in found(
-        causes.check_causes, events)
+@pytest.mark.parametrize('check, robot, text', [
+    (motion.check_radius, RobotParams(wheel_radius=0.025), WRONG_RADIUS),
+    (motion.check_radius, RobotParams(wheel_radius=0.16), WRONG_RADIUS),
+    (motion.check_yaw_rate, RobotParams(track_width=1.0), WRONG_TRACK),
+    (motion.check_yaw_rate, RobotParams(track_width=0.1), WRONG_TRACK)], ids=str)
+def test_a_wrong_geometry_is_reported_with_the_right_value(check, robot, text):
+    assert text in found(check, clean(), robot)
 
 
-def test_sides_recorded_as_their_mean_are_reported():
-    events = with_velocity(lambda v: ((v[0] + v[1]) / 2.0,) * 4)
-    assert 'left and right wheels always have the same speed' in found(motion.check_sides, events)
-
-
-def test_a_gyro_in_degrees_is_an_error():
-    events = changed('imu/data', lambda one: replace(
-        one, rate=scaled(one.rate, 180.0 / math.pi)))
-    assert 'in deg/s (expected rad/s)' in found(causes.check_causes, events)
-
-
-def test_wheel_speeds_in_rpm_are_an_error():
-    events = with_velocity(lambda v: scaled(v, RPM))
-    assert 'unit of the wheel speeds' in found(motion.check_yaw_rate, events)
-    assert 'in rpm (expected rad/s, with wheel_radius 0.087 m)' in found(
-        motion.check_radius, events)
-
-
-@pytest.mark.parametrize('radius', [0.025, 0.16, 0.3])
-def test_a_wrong_radius_is_an_error_with_the_right_value(radius):
-    text = found(motion.check_radius, clean(), RobotParams(wheel_radius=radius))
-    assert 'ERROR wheel_radius: wheel speeds fit the IMU with a radius of 0.08' in text
-
-
-def test_a_wrong_track_is_reported():
-    assert 'WARNING track_width: effective track' in found(
-        motion.check_yaw_rate, clean(), RobotParams(track_width=1.0))
-    assert 'WARNING track_width: effective track' in found(
-        motion.check_yaw_rate, clean(), RobotParams(track_width=0.1))
-
-
-@pytest.mark.parametrize('configured, reported', [(0.0, True), (0.1, False)])
-def test_late_wheels_contradict_the_configured_latency(configured, reported):
-    events = shifted('wheel_states', 0.1)
+@pytest.mark.parametrize('late, configured, reported', [
+    (0.1, 0.0, True), (0.1, 0.1, False), (-0.05, 0.0, False), (-0.12, 0.0, True)])
+def test_late_wheels_contradict_the_configured_latency(late, configured, reported):
+    """Of early ones 0.03 s of the fit are allowed, and 0.04 s by which the body follows in yaw."""
     robot = RobotParams(encoder=EncoderParams(latency=configured))
-    assert ('timestamps of wheel_states are 0.09' in found(
-        motion.check_latency, events, robot)) is reported
-
-
-@pytest.mark.parametrize('early, reported', [(0.05, False), (0.12, True)])
-def test_wheels_that_lead_the_body_may_be_slip(early, reported):
-    """Allowed are 0.03 s of the fit and 0.04 s by which the body follows in yaw at 0.8 m/s."""
-    events = shifted('wheel_states', -early)
-    assert ('timestamps of wheel_states are -0.' in found(
-        motion.check_latency, events)) is reported
-
-
-def test_a_wrong_position_of_the_imu_is_reported():
-    robot = RobotParams(imu=ImuParams(position=(0.05, 0.9, 0.1)))
-    text = found(motion.check_imu_position, clean(), robot)
-    assert 'WARNING imu.position: y is 0.0' in text and 'x is' not in text
+    text = found(motion.check_latency, shifted('wheel_states', late), robot)
+    assert (f'timestamps of wheel_states are {late:.1f}'[:-1] in text) is reported
 
 
 def test_a_robot_that_stands_is_not_compared():
@@ -397,24 +308,19 @@ def test_voltages_out_of_place_are_reported(change, text):
     assert text in report and report.count('\n') == 0
 
 
-def test_a_dead_film_is_an_error_and_a_weak_one_a_warning():
-    rng = np.random.default_rng(2)
-    text = found(films.check_crossings,
-                 with_volts(lambda a, b: (a, 1.65 + rng.normal(0.0, 0.005))))
-    assert text.startswith('ERROR film 2 of front_right: no signal while the wheel rolls')
-    text = found(films.check_crossings,
-                 with_volts(lambda a, b: (a, 1.65 + 0.08 * (b - 1.65))))
-    assert 'film 2 of front_right' in text
-    assert 'film 1' not in text
+@pytest.mark.parametrize('change, text', [
+    (lambda volts: RNG.normal(0.0, 0.005), 'ERROR film 2 of front_right: no signal while the'),
+    (lambda volts: 0.08 * volts, 'film 2 of front_right')])
+def test_a_dead_and_a_weak_film_are_reported(change, text):
+    report = found(films.check_crossings,
+                   with_volts(lambda a, b: (a, 1.65 + change(b - 1.65))))
+    assert text in report and 'film 1' not in report
 
 
-def test_swapped_films_are_an_error():
+def test_swapped_films_and_another_spacing_are_reported():
     assert found(films.check_order, clean()) == ''
     text = found(films.check_order, with_volts(lambda a, b: (b, a)))
     assert text.startswith('ERROR films of front_right: film 2 enters the patch')
-
-
-def test_another_spacing_is_reported():
     robot = RobotParams(film=FilmParams(spacing=0.08))
     assert 'WARNING films of front_right: film 2 follows film 1 by' in found(
         films.check_order, clean(), robot)
@@ -435,7 +341,3 @@ def test_an_implausible_stiffness_is_reported(stiffness, text):
     robot = RobotParams(tire=TireParams(longitudinal_stiffness=stiffness))
     report = found(sensors.check_stiffness, clean(), robot)
     assert text in report and bool(report) is bool(text)
-
-
-def test_late_reception_alone_is_no_clock_error():
-    assert 'ERROR' not in found(messages.check_delays, delayed(clean(), 'imu/data', 0.3))

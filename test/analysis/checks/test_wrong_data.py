@@ -25,10 +25,14 @@ from support.real_recordings import real_recording
 ROBOT = RobotParams(film=FilmParams(wheels=()))
 WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=250.0,
                       film=FilmParams(wheels=()))
-SHORT = ('none', 'gyro in deg/s', 'accelerometer in g', 'wheel speeds in m/s',
-         'wheel speeds in rpm', 'IMU turned by 90 degrees', 'y right, z down', 'sides swapped',
-         'right wheels reversed', 'all wheels reversed', 'radius in mm', 'wheels late by 0.2 s',
-         'second half')
+SHORT = (
+    'none', 'gyro in deg/s', 'accelerometer in g', 'accelerometer in cm/s2', 'gravity removed',
+    'wheel speeds in m/s', 'wheel speeds in rpm', 'velocities in rpm, positions in rad',
+    'IMU turned by 90 degrees', 'y right, z down', 'IMU on its front', 'gyro z reversed',
+    'sides swapped', 'right wheels reversed', 'all wheels reversed', 'one wheel reversed',
+    'one wheel stuck', 'mean of the sides', 'torques reversed', 'radius in mm',
+    'half of the radius', 'IMU 0.8 m to the left', 'wheels late by 0.2 s', 'wheels early by 2 s',
+    'no stamps of the IMU', 'second half')
 
 
 def result(name, events, robot, before=()):
