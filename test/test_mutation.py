@@ -17,8 +17,6 @@ from pathlib import Path
 import mutation
 import pytest
 
-pytestmark = [pytest.mark.slow, pytest.mark.processes]
-
 CHANGES = [  # statement, its changes
     ('x = a < b <= c', {'x = a <= b <= c', 'x = a < b < c'}),
     ('x = a not in b', {'x = a in b'}),
@@ -112,6 +110,26 @@ def test_tests_are_those_of_the_mirrored_folder_that_import_the_file(toy):
                                               'smart_tire/clock/main.py']
 
 
+@pytest.mark.parametrize('status, output, verdict', [
+    (0, '', 'survived'), (None, '', 'time-out'), (2, '', 'exit 2'),
+    (1, 'FAILED test/clock/test_a.py::test_b - why\n', 'test/clock/test_a.py::test_b')])
+def test_the_verdict_is_what_the_tests_of_the_changed_source_say(
+        toy, tmp_path_factory, monkeypatch, status, output, verdict):
+    source, seen = 'smart_tire/clock/late.py', []
+    workplace = mutation.Workplace(toy, tmp_path_factory.mktemp('copy'), 8)
+    results = iter([(0, ''), (status, output)])
+
+    def run(arguments, timeout):
+        seen.append((workplace.tree / source).read_text())
+        return next(results)
+    monkeypatch.setattr(workplace, 'run', run)
+    [mutant] = (one for one in mutation.mutants(source, TOY[source]) if '>=' in one.new)
+    assert workplace.evaluate(mutant) == verdict
+    assert seen == [TOY[source], TOY[source].replace('>', '>=')]
+    assert (workplace.tree / source).read_text() == TOY[source]
+
+
+@pytest.mark.long
 def test_mutants_reach_processes_hang_or_survive_and_broken_tests_are_left_out(
         toy, capsys, monkeypatch):
     monkeypatch.setattr(mutation, 'GRACE', 3.0)
@@ -136,6 +154,7 @@ def test_the_safety_path_requires_a_share_of_killed_mutants(toy, monkeypatch, ki
     assert mutation.main(['--root', str(toy)]) == status
 
 
+@pytest.mark.long
 def test_every_source_of_the_safety_path_has_tests():
     for source in mutation.sources(mutation.ROOT, mutation.SAFETY):
         assert mutation.tests_of(mutation.ROOT, source), source
