@@ -17,8 +17,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 import os
 from pathlib import Path
 import re
@@ -26,21 +24,11 @@ import subprocess
 import sys
 import time
 
+from soak import BUSY, running
+
 LOOPS_PER_CORE = 2
 # The lines that are shown: what the demo says about the host and its errors.
 SAID = re.compile(r'host late |waiting for |demo: |smart_tire demo: (?!working)')
-
-
-@contextmanager
-def busy(loops: int) -> Iterator[None]:
-    """Keep the cores busy with this number of processes."""
-    running = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(loops)]
-    try:
-        yield
-    finally:
-        for process in running:
-            process.kill()
-            process.wait()
 
 
 def main() -> int:
@@ -53,7 +41,7 @@ def main() -> int:
                         help='folder of the results (%(default)s)')
     args = parser.parse_args()
     failed = 0
-    with busy(args.loops):
+    with running(args.loops, BUSY):
         for run in range(1, args.runs + 1):
             begin = time.monotonic()
             result = subprocess.run(

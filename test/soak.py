@@ -60,6 +60,7 @@ SETTLING = 120.0          # s after a start until a measurement counts
 MIN_TIME = 600.0          # s of measurements that show a growth
 MAX_GROWTH = 5.0          # MB/h
 ANONYMOUS = re.compile(r'^RssAnon:\s+(\d+) kB', re.MULTILINE)
+BUSY = [sys.executable, '-c', 'while True: pass']
 FAULT_TEXT = re.compile(r'Traceback|Segmentation|terminate called')
 
 
@@ -206,9 +207,9 @@ class Soak:
         self.spin(self._rng.uniform(0.0, 3.0))
         self.restart(name)
 
-    def others(self, count: int, *words: str) -> None:
+    def others(self, count: int, words: Sequence[str]) -> None:
         """Run other programs for some seconds, then kill them."""
-        with running(count, [sys.executable, *words]):
+        with running(count, words):
             self.spin(self._rng.uniform(2.0, 8.0))
 
     def engage(self) -> None:
@@ -219,8 +220,9 @@ class Soak:
     def faults(self, *, restarts: bool) -> dict[str, Callable[[], None]]:
         """Return the faults by name."""
         return {'stopped for a moment': self.stop_for_a_moment,
-                'cores busy': partial(self.others, 4, '-c', 'while True: pass'),
-                'participants': partial(self.others, 3, '-m', 'smart_tire.cli.main', 'status'),
+                'cores busy': partial(self.others, 4, BUSY),
+                'participants': partial(self.others, 3, [
+                    sys.executable, '-m', 'smart_tire.cli.main', 'status']),
                 'emergency stop': self.engage,
                 **({'killed': partial(self.kill, signal.SIGKILL),
                     'ended': partial(self.kill, signal.SIGINT)} if restarts else {})}
