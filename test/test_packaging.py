@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ast
 import configparser
+from functools import cache
 from pathlib import Path
 import re
 import runpy
@@ -73,6 +74,7 @@ def distribution(requirement: str) -> str:
     return re.split(r'[\[<>=~!;\s]', requirement)[0]
 
 
+@cache
 def imported_roots() -> set[str]:
     """Return the top-level modules that the package imports."""
     roots: set[str] = set()
@@ -103,13 +105,11 @@ def test_there_is_one_version(setup_arguments):
     assert 'Forthcoming\n-----------\n' in changes or f'\n{version} (' in changes
 
 
-def test_it_is_an_ament_python_package_of_format_3(setup_arguments):
+def test_it_is_an_ament_python_package_of_format_3_with_the_same_licence_everywhere(
+        setup_arguments):
     assert MANIFEST.get('format') == '3'
     assert MANIFEST.findtext('export/build_type') == 'ament_python'
     assert setup_arguments['name'] == MANIFEST.findtext('name') == 'smart_tire'
-
-
-def test_the_licence_is_the_same_everywhere(setup_arguments):
     assert setup_arguments['license'] == MANIFEST.findtext('license') == 'Apache-2.0'
     assert 'Apache License' in (ROOT / 'LICENSE').read_text(encoding='utf-8')
 
@@ -183,7 +183,8 @@ def test_a_change_of_a_compiled_module_compiles_it_again(setup_arguments):
     assert not setup_arguments['zip_safe']
 
 
-@pytest.mark.parametrize('missing', ['permission', 'Cython', 'compiler'])
+@pytest.mark.parametrize('missing', [
+    'permission', 'Cython', pytest.param('compiler', marks=pytest.mark.long)])
 def test_modules_are_installed_as_python_if_they_cannot_be_compiled(
         missing, setup_arguments, monkeypatch, tmp_path):
     if missing == 'permission':

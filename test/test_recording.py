@@ -45,51 +45,36 @@ def test_an_empty_series_has_empty_arrays():
 
 
 def test_planar_covariances_are_extracted_from_those_of_ros():
-    recording = Recording()
-    recording.add_sample(odometry(EPOCH))
-    poses = recording.poses()
+    poses = Recording([odometry(EPOCH)]).poses()
     assert poses.pose_covariance[0].tolist() == [[0, 1, 5], [6, 7, 11], [30, 31, 35]]
     assert poses.twist_variance[0].tolist() == [0, 7, 35]
     assert poses.twist[0].tolist() == [0.5, 0.1, 0.3]
 
 
 def test_a_missing_twist_is_nan():
-    recording = Recording()
-    recording.add_sample(odometry(EPOCH, twist_known=False))
-    assert np.isnan(recording.poses().twist).all()
-    assert np.isfinite(recording.poses().pose).all()
+    poses = Recording([odometry(EPOCH, twist_known=False)]).poses()
+    assert np.isnan(poses.twist).all() and np.isfinite(poses.pose).all()
 
 
 def test_yaw_is_unwrapped():
-    recording = Recording()
     turns = np.arange(0.0, 30.0, 0.5)
-    for i, yaw in enumerate(turns):
-        recording.add_sample(odometry(EPOCH + i, yaw))
+    recording = Recording(odometry(EPOCH + i, yaw) for i, yaw in enumerate(turns))
     assert recording.poses().pose[:, 2] == pytest.approx(turns)
 
 
-def test_films_are_stored_per_wheel_and_other_samples_are_ignored():
-    recording = Recording()
-    recording.add_sample(TireSample(EPOCH, 'front_left', (1.0, 2.0)))
-    recording.add_sample(TireSample(EPOCH, 'front_right', (3.0, 4.0)))
-    recording.add_sample(ImuSample(EPOCH, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
+def test_films_are_stored_per_wheel_without_samples_of_fewer_films():
+    recording = Recording([
+        *(TireSample(EPOCH + i, 'front_left', (1.0, 2.0)) for i in range(3)),
+        TireSample(EPOCH + 3, 'front_left', (1.0,)), TireSample(EPOCH, 'front_right', (3.0, 4.0)),
+        ImuSample(EPOCH, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))])
     assert recording.film_wheels() == ['front_left', 'front_right']
+    assert recording.films('front_left')[1].shape == (3, 2)
     assert recording.films('front_right')[1].tolist() == [[3.0, 4.0]]
 
 
-def test_samples_with_fewer_films_are_excluded():
-    recording = Recording()
-    for i in range(3):
-        recording.add_sample(TireSample(EPOCH + i, 'front_left', (1.0, 2.0)))
-    recording.add_sample(TireSample(EPOCH + 3, 'front_left', (1.0,)))
-    assert recording.films('front_left')[1].shape == (3, 2)
-
-
 def test_speeds_and_slips_are_returned_as_rows():
-    recording = Recording()
-    recording.add_sample(WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)))
-    recording.add_sample(WheelSlip(
-        EPOCH, (0.1, 0.2, 0.3, math.nan), (0.0,) * 4, (0.01, 0.02, 0.03, 1.0)))
+    recording = Recording([WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)), WheelSlip(
+        EPOCH, (0.1, 0.2, 0.3, math.nan), (0.0,) * 4, (0.01, 0.02, 0.03, 1.0))])
     assert recording.speeds()[1].tolist() == [[1.0, 2.0, 3.0, 4.0]]
     assert recording.slips().ratio[0, :3].tolist() == [0.1, 0.2, 0.3]
     assert recording.slips().sigma[0].tolist() == [0.01, 0.02, 0.03, 1.0]

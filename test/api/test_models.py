@@ -64,12 +64,6 @@ def test_the_force_of_a_sliding_tire_is_friction_times_load():
     np.testing.assert_allclose(force, (0.5 * 26.7, 0.0))
 
 
-@pytest.mark.parametrize('values', [{'stiffness': 0.0}, {'load': -1.0}])
-def test_a_tire_without_stiffness_or_load_is_refused(values):
-    with pytest.raises(ParameterError, match=next(iter(values))):
-        BrushTire(**values)
-
-
 def test_without_slip_the_film_only_bends():
     film = TreadFilm(bending_peak=0.5)
     volts = film.voltage([-0.03, 0.01, 0.046], slip=0.0, critical_slip=0.7)
@@ -97,9 +91,10 @@ def test_a_film_of_the_robot_has_its_gain():
         TreadFilm.of(params, 'left')
 
 
-@pytest.mark.parametrize('values', [
-    {'length': 0.0}, {'contact_length': -0.1}, {'bending_alpha': 0.0}, {'recovery': 0.0},
-    {'release': 'fig9'}])
-def test_a_film_that_cannot_be_is_refused(values):
-    with pytest.raises(ParameterError, match=next(iter(values))):
-        TreadFilm(**values)
+@pytest.mark.parametrize('kind, name, value', [
+    (BrushTire, 'stiffness', 0.0), (BrushTire, 'load', -1.0), (TreadFilm, 'length', 0.0),
+    (TreadFilm, 'contact_length', -0.1), (TreadFilm, 'bending_alpha', 0.0),
+    (TreadFilm, 'recovery', 0.0), (TreadFilm, 'release', 'fig9')])
+def test_a_tire_or_film_that_cannot_be_is_refused(kind, name, value):
+    with pytest.raises(ParameterError, match=name):
+        kind(**{name: value})

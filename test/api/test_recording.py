@@ -73,18 +73,12 @@ def test_what_was_not_measured_is_nan_and_absent_again_in_samples():
     assert samples[-1].position is None and samples[-1].effort is None
 
 
-def test_one_missing_torque_is_not_all_of_them_and_one_missing_angle_is():
-    partly = np.array([[np.nan, 1.0, 1.0, 1.0]])
-    [sample] = [item.sample for item in
-                wheels(STAMPS[:1], position=partly, effort=partly).received()]
-    assert sample.position is None
-    assert sample.effort[1:] == (1.0, 1.0, 1.0)
-
-
 def test_by_default_samples_are_in_order_of_reception_and_that_is_by_timestamp():
     recording = Recording(imu(STAMPS + 5), wheels(receive_ns=STAMPS + 6))
     assert recording.order.tolist() == [0, 1, 0, 1, 0, 1]
     assert [item.receive_ns for item in recording.received()] == [15, 16, 25, 26, 35, 36]
+    same = np.repeat([7, 8, 9], 100)
+    assert Recording(imu(same), wheels(same)).order.tolist() == 3 * (100 * [0] + 100 * [1])
 
 
 @pytest.mark.parametrize(('make', 'message'), [
@@ -114,12 +108,6 @@ def test_a_bag_is_not_replaced_and_a_missing_one_is_an_error(recording, bag, tmp
         read_bag(tmp_path / 'none')
 
 
-def test_at_equal_times_the_imu_comes_before_the_wheels():
-    same = np.repeat([7, 8, 9], 100)
-    order = Recording(imu(same), wheels(same)).order
-    assert order.tolist() == 3 * (100 * [0] + 100 * [1])
-
-
 def test_uncertain_truth_survives_a_bag_also_without_twist(tmp_path):
     half = np.random.default_rng(1).standard_normal((3, 3, 3))
     twist = np.array([[1.0, 2.0, 3.0], [np.nan] * 3, [4.0, 5.0, 6.0]])
@@ -146,12 +134,12 @@ def test_given_parameters_and_topics_replace_those_of_the_bag(bag, tmp_path):
     assert read_bag(bag, params=given).params is given
 
 
-def test_a_wheel_that_is_not_measured_does_not_hide_the_others():
-    position = np.array([[1.0, np.nan, 2.0, 3.0]] * 3)
+def test_a_wheel_or_torque_that_is_not_measured_does_not_hide_the_others():
+    partly = np.array([[1.0, np.nan, 2.0, 3.0]] * 3)
     speed = np.array([[5.0, np.nan, 5.0, 5.0], [5.0] * 4, [np.nan] * 4])
-    samples = [item.sample for item in WheelData(STAMPS, speed, position).received()]
+    samples = [item.sample for item in WheelData(STAMPS, speed, partly, partly).received()]
     assert samples[0].position[2] == 2.0 and np.isnan(samples[0].position[1])
-    assert samples[1].position is None
+    assert samples[1].position is None and samples[1].effort[2:] == (2.0, 3.0)
 
 
 def test_damage_and_rejected_messages_are_in_the_warnings(bag, tmp_path):

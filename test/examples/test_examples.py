@@ -75,6 +75,7 @@ def test_one_crossing_gives_the_friction_coefficient(capsys):
     assert '0.47 true' in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_bag_gives_friction_on_concrete_and_sand():
     names = executed('bag_to_friction')
     friction = names['estimates'].friction.friction_coefficient

@@ -156,6 +156,7 @@ def test_statements_depend_on_the_numbers(identified, rate):
     assert not any('are constant' in text for text in section.agrees)
 
 
+@pytest.mark.long
 def test_another_operator_on_the_test_stand_is_detected(monkeypatch):
     bench = film_experiments.bench
 
