@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A robot in the ROS graph that moves as ``cmd_vel`` says, to try trajectory_controller."""
+"""A robot that moves as ``cmd_vel`` says, to try trajectory_controller, over DDS or without."""
 
 from __future__ import annotations
 
@@ -16,37 +16,43 @@ from collections.abc import Callable
 import time
 
 from smart_tire.control.trajectory_control import State
+from smart_tire.messages import TOPICS
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
     NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, WheelSample, WheelSlip)
 from support.graph import Graph
+from support.virtual_node import VirtualNode
 
 RADIUS = 0.087  # m
-PERIOD_NS = 20_000_000  # of the odometry
 COVARIANCE = tuple(1e-4 * (index % 7 == 0) for index in range(36))
 SHORT, LONG = 0.3, 10.0  # m
 
 
 class Robot:
-    """A robot without slip that publishes ``odom`` and moves along x as ``cmd_vel`` says."""
+    """
+    A robot without slip that publishes ``odom`` and moves along x as ``cmd_vel`` says.
 
-    def __init__(self, graph: Graph) -> None:
-        self.graph = graph
+    ``graph`` is that of the test, or a node in virtual time; ``rate`` [Hz] is that of ``odom``.
+    """
+
+    def __init__(self, graph: Graph | VirtualNode, rate: float = 50.0) -> None:
+        self.graph, self._period_ns = graph, round(NS_PER_S / rate)
         self.x = 0.0
         self.is_silent = self.has_wheels = False
         self.odom_speed: float | None = None  # m/s, None: that of the robot
         self.shown_x = 0.0
         self.log: Callable[[], str] = lambda: self.node.output
-        self._sent_ns = 0
-        graph.subscribe('cmd_vel', 'path_progress')
+        self.sent_ns = 0  # stamp of the latest odom
+        if isinstance(graph, Graph):
+            graph.subscribe('cmd_vel', 'path_progress')
 
     def step(self) -> None:
         """Move and publish, if it is time."""
         now_ns = time.time_ns()
-        if self.is_silent or now_ns - self._sent_ns < PERIOD_NS:
+        if self.is_silent or now_ns - self.sent_ns < self._period_ns:
             return
-        passed = min(now_ns - self._sent_ns, 2 * PERIOD_NS) / NS_PER_S
-        self._sent_ns = now_ns
+        passed = min(now_ns - self.sent_ns, 2 * self._period_ns) / NS_PER_S
+        self.sent_ns = now_ns
         self.x += self.speed * passed
         self.shown_x = self.x if self.odom_speed is None else (
             self.shown_x + self.odom_speed * passed)
@@ -66,17 +72,20 @@ class Robot:
     @property
     def speed(self) -> float:
         """Return the latest speed commanded."""
-        return self.commands[-1][0] if self.commands else 0.0
+        sent = self.graph.received['cmd_vel']
+        return TOPICS['cmd_vel'].from_msg(sent[-1]).v_x if sent else 0.0
 
     @property
     def progress(self) -> PathProgress:
         """Return the latest progress."""
-        progress = self.graph.samples('path_progress')
-        return progress[-1] if progress else PathProgress(0, NAN, NAN, -1)
+        if sent := self.graph.received['path_progress']:
+            return TOPICS['path_progress'].from_msg(sent[-1])
+        return PathProgress(0, NAN, NAN, -1)
 
-    def until(self, condition: Callable[[], object]) -> None:
-        """Drive until ``condition``."""
-        self.graph.until(condition, self.step)
+    def until(self, condition: Callable[[], object],
+              do: Callable[[], object] = lambda: None) -> None:
+        """Drive, and do something, until ``condition``."""
+        self.graph.until(condition, lambda: (self.step(), do()))
 
     def until_state(self, state: State) -> None:
         """Drive until the progress has ``state``."""
@@ -87,15 +96,21 @@ class Robot:
         count = len(self.graph.received['path_progress'])
         self.until(lambda: len(self.graph.received['path_progress']) == count + 2)
 
+    def until_more_health(self, node: str) -> None:
+        """Drive until two more diagnostics of a node: the first may have been on its way."""
+        for _ in range(2):
+            self.graph.health.pop(node, None)
+            self.until(lambda: node in self.graph.health)
+
     def path(self, length: float = LONG, stamp_ns: int | None = None,
              frame: str = 'odom') -> PlannedPath:
         """Return a path straight ahead of ``length`` [m], by default with the present time."""
         return PlannedPath(time.time_ns() if stamp_ns is None else stamp_ns, frame, tuple(
             (self.x + 0.05 * index, 0.0, 0.0) for index in range(round(length / 0.05) + 1)))
 
-    def follow(self, path: PlannedPath) -> None:
-        """Publish a path."""
-        self.graph.publish('path', path)
+    def follow(self, path: PlannedPath | None = None) -> None:
+        """Publish a path, by default a long one."""
+        self.graph.publish('path', path or self.path())
 
     def drive(self) -> None:
         """Publish a long path; return when the robot moves."""
