@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import pytest
 from smart_tire.nodes.diagnostics import InputLog
-from smart_tire.samples import ImuSample, WheelSample
-from support.graph import node_arguments, Process
+from support.virtual_node import Log
 
 pytestmark = pytest.mark.processes
 
@@ -27,15 +26,9 @@ class Inputs:
     """Counts, clock [ns] and logged lines of a test."""
 
     def __init__(self):
-        self.lines, self.now_ns, self.excuse = [], START_NS, False
-        self.counts = {}
-        self.log = InputLog(self, lambda: self.now_ns)
-
-    def info(self, text):
-        self.lines.append(text)
-
-    def warning(self, text):
-        self.lines.append(f'warning: {text}')
+        self.now_ns, self.excuse, self.counts = START_NS, False, {}
+        self._logger = Log(lambda: self.now_ns)
+        self.log = InputLog(self._logger, lambda: self.now_ns)
 
     def add(self, name, *, required=True):
         self.counts[name] = 0
@@ -49,7 +42,7 @@ class Inputs:
             for name, rate in rates.items():
                 self.counts[name] += rate
             self.log.check()
-        lines, self.lines = self.lines, []
+        lines, self._logger.lines = self._logger.lines, []
         return lines
 
 
@@ -127,24 +120,3 @@ def test_silence_with_a_known_reason_is_not_logged_but_its_end_is(inputs):
     assert inputs.run(5.0) == []
     inputs.excuse = False
     assert inputs.run(0.1, frames=1) == ['frames again after 5.1 s']
-
-
-def test_a_node_logs_its_inputs_in_one_line_each(graph, tmp_path):
-    stamp = 10**9
-
-    def send():
-        nonlocal stamp
-        stamp += 20_000_000
-        graph.publish('imu/data', ImuSample(stamp, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)))
-        graph.publish('wheel_states', WheelSample(stamp, (0.0,) * 4, (0.0,) * 4))
-
-    with Process(node_arguments('slip_estimator'), tmp_path / 'log') as node:
-        graph.until(lambda: 'waiting for imu/data, wheel_states (2 s)' in node.output)
-        graph.until(lambda: 'initialized: gyro bias' in node.output
-                    and 'receiving wheel_states' in node.output, send)
-        assert node.end() == 0
-        lines = node.output.splitlines()
-    for text in ('waiting for', 'receiving imu/data at ', 'receiving wheel_states at ',
-                 'first estimate: odom', 'initialized: gyro bias +0.0000 rad/s'):
-        assert sum(text in line for line in lines) == 1, lines
-    assert len(lines) == 5, lines

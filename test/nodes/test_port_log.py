@@ -15,78 +15,38 @@ from __future__ import annotations
 import pytest
 
 from smart_tire.nodes.diagnostics import PORT_GRACE_NS, PortLog
+from support.virtual_node import Log
+
+pytestmark = pytest.mark.processes
+
+GRACE = PORT_GRACE_NS
 
 
-class Lines:
-    """Logger and clock of a test: logged lines and the time [ns]."""
-
-    def __init__(self):
-        self.logged, self.now_ns = [], 0
-
-    def error(self, text):
-        self.logged.append(f'error: {text}')
-
-    def info(self, text):
-        self.logged.append(f'info: {text}')
-
-
-@pytest.fixture
-def lines():
-    return Lines()
-
-
-@pytest.fixture
-def log(lines):
-    return PortLog(lines, lambda: lines.now_ns)
-
-
-def test_a_port_that_appears_soon_after_the_driver_starts_is_not_logged_as_an_error(log, lines):
-    log.add_problem('absent')
-    lines.now_ns = PORT_GRACE_NS - 1
-    log.check()
-    log.opened('open')
-    lines.now_ns = 2 * PORT_GRACE_NS
-    log.check()
-    assert lines.logged == ['info: open']
-
-
-def test_a_lasting_problem_is_logged_once(log, lines):
-    log.add_problem('absent')
-    for lines.now_ns in (PORT_GRACE_NS, PORT_GRACE_NS + 1):
-        log.check()
-    assert lines.logged == ['error: absent']
-    log.add_problem('busy')
-    log.check()
-    assert lines.logged == ['error: absent', 'error: busy']
-
-
-def test_a_driver_that_ends_together_with_its_device_logs_no_error(log, lines):
-    log.opened('open')
-    log.add_problem('lost')
-    lines.now_ns = PORT_GRACE_NS - 1
-    log.check()
-    assert lines.logged == ['info: open']
-
-
-def test_a_short_interruption_is_logged_when_the_port_is_open_again(log, lines):
-    log.opened('open')
-    log.add_problem('lost')
-    log.add_problem('absent')
-    log.opened('open')
-    assert lines.logged == ['info: open', 'error: lost', 'error: absent', 'info: open']
-    lines.now_ns = 2 * PORT_GRACE_NS
-    log.check()
-    assert len(lines.logged) == 4
-
-
-def test_the_grace_period_starts_with_each_problem(log, lines):
-    log.add_problem('absent')
-    log.opened('open')
-    lines.now_ns = PORT_GRACE_NS
-    log.add_problem('lost')
-    log.check()
-    assert lines.logged == ['info: open']
-    lines.now_ns = 2 * PORT_GRACE_NS
-    log.add_problem('absent')
-    log.check()
-    assert lines.logged == ['info: open', 'error: lost', 'error: absent']
+@pytest.mark.parametrize(('steps', 'lines'), [
+    (('absent', GRACE - 1, 'open', 2 * GRACE), ['open']),
+    (('absent', GRACE - 1), []),
+    (('absent', GRACE, 1, 'busy', 0, GRACE), ['error: absent', 'error: busy']),
+    (('open', 'lost', GRACE - 1), ['open']),
+    (('open', 'lost', 'absent', 'open', 2 * GRACE),
+     ['open', 'error: lost', 'error: absent', 'open']),
+    (('absent', 'open', GRACE, 'lost', GRACE - 1), ['open']),
+    (('absent', 'open', GRACE, 'lost', GRACE, 'absent', 0),
+     ['open', 'error: lost', 'error: absent'])],
+    ids=['a port that appears soon after the driver starts', 'or does not appear in time',
+         'a lasting problem once, and what follows it',
+         'a driver that ends together with its device', 'a short interruption, when it is over',
+         'the grace period starts with each problem', 'and ends'])
+def test_a_problem_is_logged_if_it_lasts_or_interrupts(steps, lines):
+    """Steps are the states of the port, and times that pass [ns] until a check."""
+    now_ns = 0
+    logger = Log(lambda: now_ns)
+    log = PortLog(logger, lambda: now_ns)
+    for step in steps:
+        if isinstance(step, int):
+            now_ns += step
+            log.check()
+        elif step == 'open':
+            log.opened(step)
+        else:
+            log.add_problem(step)
+    assert logger.lines == lines

@@ -12,28 +12,24 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
 import math
 import sys
 from types import SimpleNamespace
 from typing import Any
 
 from hypothesis import given, HealthCheck, settings, strategies as st
-from nav_msgs.msg import Odometry as OdometryMsg
 import numpy as np
 import pytest
-import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from smart_tire.errors import CommandError, LateCommandError
-from smart_tire.messages import TOPICS
 from smart_tire.nodes import compat, slip_estimator, transforms
 from smart_tire.nodes.diagnostics import InputCounter
+from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.nodes.transforms import MAX_FRAMES, Transforms
 from smart_tire.rotation import quaternion
 from smart_tire.samples import GoalPose, Odometry, PlannedPath
+from support.virtual_node import virtual
 
 pytestmark = pytest.mark.processes
 
@@ -41,46 +37,34 @@ ODOMETRY = Odometry(1_500_000_000, (1.0, 2.0, 0.0), (0.0, 0.0, 0.6, 0.8), (0.0, 
                     (0.0, 0.0, 0.0), (0.0,) * 36, (0.0,) * 36)
 
 
-class Node(slip_estimator.SlipEstimatorNode):
-    """The node with publishers of transforms that store their messages, with their profile."""
-
-    def create_publisher(self, cls, name, qos):
-        """Return a real publisher except for /tf and /tf_static."""
-        if not name.startswith('/tf'):
-            return super().create_publisher(cls, name, qos)
-        if not hasattr(self, 'sent'):
-            self.sent, self.profiles = defaultdict(list), {}
-        self.profiles[name] = qos
-        return SimpleNamespace(publish=self.sent[name].append)
-
-
-@contextmanager
-def started(*parameters: str) -> Iterator[Node]:
-    """Yield the node with ROS parameters such as ``name:=value``."""
-    words = [word for parameter in parameters for word in ('-p', parameter)]
-    rclpy.init(args=['--ros-args', *words])
-    try:
-        yield Node()
-    finally:
-        rclpy.shutdown()
-
-
 @pytest.fixture
 def tf2_msgs(monkeypatch, isolated_ros):
-    """Replace the message class of tf2_msgs by a stand-in."""
-    monkeypatch.setattr(slip_estimator, 'installed_class', lambda _: SimpleNamespace)
+    """Use the message classes that are installed in place of those of tf2_msgs."""
+    monkeypatch.setattr(slip_estimator, 'installed_class', lambda _: transforms_class)
 
 
-def only_transform(messages):
-    """Return the transform of the only message."""
-    ((transform,),) = (message.transforms for message in messages)
+def transforms_class(transforms):
+    """Return the only transform of a message, which has a type that is installed."""
+    (transform,) = transforms
+    return transform
+
+
+def started(*parameters):
+    """Return the context of the node with ROS parameters such as ``name:=value``."""
+    return virtual(SlipEstimatorNode, *(
+        word for parameter in parameters for word in ('-p', parameter)))
+
+
+def transform_on(node, name):
+    """Return the only transform published on ``name``."""
+    (transform,) = node.received[name]
     return transform
 
 
 def test_the_pose_is_published_on_tf(tf2_msgs):
     with started() as node:
         node.publish_estimate(ODOMETRY)
-        transform = only_transform(node.sent['/tf'])
+        transform = transform_on(node, '/tf')
     assert (transform.header.frame_id, transform.child_frame_id) == ('odom', 'base_link')
     assert (transform.header.stamp.sec, transform.header.stamp.nanosec) == (1, 500_000_000)
     assert transform.transform.translation.y == 2.0
@@ -90,37 +74,32 @@ def test_the_pose_is_published_on_tf(tf2_msgs):
 def test_frames_are_named_by_parameters(tf2_msgs):
     with started('odom_frame:=world', 'base_frame:=body', 'frame_prefix:=r1/') as node:
         node.publish_estimate(ODOMETRY)
-        pose, imu = (only_transform(node.sent[name]) for name in ('/tf', '/tf_static'))
-        odometry = node.in_frames(TOPICS['odom'].to_msg)(OdometryMsg(), ODOMETRY)
+        pose, imu = (transform_on(node, name) for name in ('/tf', '/tf_static'))
+        (odometry,) = node.received['odom']
     for msg in (pose, odometry):
         assert (msg.header.frame_id, msg.child_frame_id) == ('r1/world', 'r1/body')
     assert (imu.header.frame_id, imu.child_frame_id) == ('r1/body', 'r1/imu_link')
 
 
-def test_the_pose_is_not_published_on_tf_on_request(tf2_msgs):
-    with started('publish_tf:=false') as node:
-        node.publish_estimate(ODOMETRY)
-    assert node.sent.keys() == {'/tf_static'}
-
-
 def test_the_mounting_of_the_imu_is_published_once_for_late_subscribers(tf2_msgs):
     with started('imu.position:=[0.1, -0.2, 0.3]', f'imu.rotation:=[{math.pi}, 0.0, 0.0]') as node:
-        before_ns = node.now_ns()
         node.publish_estimate(ODOMETRY)
-        transform = only_transform(node.sent['/tf_static'])
+        transform = transform_on(node, '/tf_static')
         assert node.profiles['/tf_static'].durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert (transform.header.frame_id, transform.child_frame_id) == ('base_link', 'imu_link')
     stamp_ns = transform.header.stamp.sec * 10**9 + transform.header.stamp.nanosec
-    assert 0 < stamp_ns <= before_ns
+    assert stamp_ns == node.now_ns()
     place, turn = transform.transform.translation, transform.transform.rotation
     assert (place.x, place.y, place.z) == (0.1, -0.2, 0.3)
     assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((1.0, 0.0, 0.0, 0.0))
 
 
-def test_the_mounting_of_the_imu_is_left_to_robot_state_publisher_on_request(tf2_msgs):
-    with started('publish_imu_tf:=false') as node:
+@pytest.mark.parametrize(('parameter', 'left'), [
+    ('publish_tf:=false', '/tf_static'), ('publish_imu_tf:=false', '/tf')])
+def test_each_transform_is_left_to_other_nodes_on_request(tf2_msgs, parameter, left):
+    with started(parameter) as node:
         node.publish_estimate(ODOMETRY)
-    assert node.sent.keys() == {'/tf'}
+    assert [name for name in node.received if name.startswith('/tf')] == [left]
 
 
 def test_nothing_is_published_on_tf_without_tf2_msgs(monkeypatch, isolated_ros):
@@ -128,7 +107,7 @@ def test_nothing_is_published_on_tf_without_tf2_msgs(monkeypatch, isolated_ros):
     assert compat.installed_class('tf2_msgs/msg/TFMessage') is None
     with started() as node:
         node.publish_estimate(ODOMETRY)
-    assert not hasattr(node, 'sent')
+    assert not [name for name in node.received if name.startswith('/tf')]
 
 
 class Listener:
