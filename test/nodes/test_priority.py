@@ -49,13 +49,6 @@ def test_all_threads_of_a_node_have_the_priority_or_a_warning_says_why_not(graph
         assert node.end() == 0
 
 
-def test_without_the_parameter_no_priority_is_asked_for(graph):
-    with graph.start('wheel_controller') as node:
-        graph.until(lambda: 'wheel_controller' in graph.health)
-        assert {os.sched_getscheduler(one) for one in threads(node)} == {os.SCHED_OTHER}
-        assert 'realtime_priority' not in node.output
-
-
 @pytest.mark.parametrize(('error', 'text'), [
     (PermissionError(1, 'Operation not permitted'), 'limits.d'), (None, ''),
     (OSError(22, 'Invalid argument'), 'realtime_priority 7: Invalid argument')])

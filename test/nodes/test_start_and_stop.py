@@ -8,22 +8,50 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Start, refusal of invalid parameters, and shutdown of nodes."""
+"""Start, refusal of invalid parameters and arguments, and shutdown of nodes."""
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 import signal
+import sys
+import threading
 
 import pytest
 from rcl_interfaces.msg import Parameter
 from rclpy.parameter import get_parameter_value, parameter_value_to_python
 from sensor_msgs.msg import Imu
+from smart_tire.drivers.serial_port import open_port
+from smart_tire.errors import ParameterError
+from smart_tire.nodes import composed, robot_simulator, tire_receiver, wheel_controller
+from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.imu_driver import ImuDriver
 from smart_tire.nodes.qos import subscriber_qos
+from smart_tire.nodes.robot_simulator import RobotSimulator
+from smart_tire.nodes.wheel_controller import WheelController
 from smart_tire.parameters import NODE_PARAMS
-from support.graph import node_arguments, Process
+from support.graph import Process
+from support.virtual_node import local, virtual
+from support.waiting import PATIENCE, wait_for
 import yaml
 
 pytestmark = pytest.mark.processes
+
+# libraries that nodes use later, or never
+SLOW = ('argcomplete', 'cv2', 'lz4', 'matplotlib', 'mcap', 'pandas', 'plotly', 'rich',
+        'rosbags', 'scipy', 'zstandard')
+CODE = f"""import sys
+from smart_tire.nodes.{{name}} import main
+status = main()
+print('imported:', [name for name in {SLOW} if name in sys.modules])
+sys.exit(status)
+"""
+
+
+def threads(process):
+    """Return the threads of a process."""
+    return [int(path.name) for path in Path(f'/proc/{process.popen.pid}/task').iterdir()]
 
 
 def assert_dump_can_be_loaded(graph, name):
@@ -42,53 +70,82 @@ def assert_dump_can_be_loaded(graph, name):
             if not result.successful} == {}
 
 
+def ports(folder):
+    """Return parameters with the ports of a simulator."""
+    return {f'ports__{port}': folder / port for port in ('tire_radio', 'imu', 'motors')}
+
+
 @pytest.mark.parametrize('name', NODE_PARAMS)
-def test_every_node_publishes_diagnostics_and_ends_cleanly_after_repeated_signals(
+def test_every_node_publishes_diagnostics_imports_little_and_ends_cleanly_after_repeated_signals(
         name, graph, tmp_path):
-    ports = {f'ports__{port}': tmp_path / port for port in ('tire_radio', 'imu', 'motors')} \
-        if name == 'robot_simulator' else {}
-    with graph.start(name, center_of_mass='[5.0e-05, 0.0, 0.023]', **ports) as node:
+    words = ['-p', 'center_of_mass:=[5.0e-05, 0.0, 0.023]']
+    if name == 'robot_simulator':
+        words += [word for key, path in ports(tmp_path).items()
+                  for word in ('-p', f'{key.replace("__", ".")}:={path}')]
+    with Process(['-c', CODE.format(name=name), '--ros-args', *words], tmp_path / 'log') as node:
         graph.until(lambda: name in graph.health)
         assert_dump_can_be_loaded(graph, name)
+        assert {os.sched_getscheduler(one) for one in threads(node)} == {os.SCHED_OTHER}
         assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
         assert 'Traceback' not in node.output
+        assert 'realtime_priority' not in node.output
+        assert node.output.splitlines()[-1] == 'imported: []'
 
 
-def test_sigterm_ends_a_node_cleanly(graph):
-    with graph.start('wheel_controller') as node:
+def test_sigterm_ends_a_node_cleanly_and_integers_are_accepted_for_floats(graph):
+    with graph.start('wheel_controller', rate=20, imu__position='[0, 0, 1]') as node:
         graph.until(lambda: graph.health)
         assert node.end(signal.SIGTERM) == 0
         assert [line for line in node.output.splitlines() if 'waiting for' not in line] == []
 
 
 @pytest.mark.parametrize(('parameters', 'message'), [
-    ({'ratee': 16.0}, 'unknown parameter ratee, did you mean rate?'),
     ({'rate': 'fast'}, "parameter rate: 'fast', expected a float"),
     ({'rate': 1000}, 'parameter rate: 1000.0, expected 1 to 200 Hz'),
     ({'imu__position': '[1, 2]'}, 'parameter imu.position: '),
     ({'use_sim_time': 'maybe'}, "parameter use_sim_time: 'maybe', expected a bool"),
 ])
-def test_an_invalid_parameter_is_refused_in_one_line_that_names_it(parameters, message, graph):
-    with graph.start('wheel_controller', **parameters) as node:
-        assert node.ended() == 2
-        assert message in node.output
-        assert node.output.count('\n') == 1
+def test_an_invalid_parameter_is_refused_by_its_name(parameters, message, isolated_ros):
+    with pytest.raises(ParameterError) as error, virtual(WheelController, **parameters):
+        pass
+    assert message in str(error.value)
+
+
+@pytest.fixture
+def refused(monkeypatch, capfd):
+    """Return a function that runs a node with arguments and returns the line that refuses them."""
+    def line(module, *words):
+        monkeypatch.setattr(sys, 'argv', [module.__name__, *words])
+        capfd.readouterr()
+        assert module.main() == 2
+        found = [one for one in ''.join(capfd.readouterr()).splitlines() if one]
+        assert len([one for one in found if '[rcl]' not in one]) == 1, found
+        return found[-1]
+
+    monkeypatch.setattr(threading, 'excepthook', threading.excepthook)
+    monkeypatch.setattr(SmartTireNode, 'exchange', None)
+    interval = sys.getswitchinterval()
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield line
+    sys.setswitchinterval(interval)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 @pytest.mark.parametrize('words', [
     ['--bogus'], ['use_sim_time:=maybe'], ['--ros-args', '-p', 'rate:=20', '--', '--bogus']])
-def test_unknown_arguments_are_refused_in_one_line(words, graph, tmp_path):
-    with Process(['-m', 'smart_tire.nodes.wheel_controller', *words], tmp_path / 'log') as node:
-        assert node.ended() == 2
-        assert f'unknown arguments: {words[-1]} (ROS arguments come after' in node.output
-        assert node.output.count('\n') == 1
+def test_unknown_arguments_are_refused_in_one_line(words, refused):
+    assert f'unknown arguments: {words[-1]} (ROS arguments come after' in refused(
+        wheel_controller, *words)
 
 
-def test_an_unknown_ros_argument_is_refused_by_its_name(graph, tmp_path):
-    with Process([*node_arguments('wheel_controller'), '--bogus'], tmp_path / 'log') as node:
-        assert node.ended() == 2
-        assert "ROS arguments: unknown '--bogus'" in node.output
-        assert node.output.count('\n') == 1
+@pytest.mark.parametrize(('module', 'words', 'message'), [
+    (wheel_controller, ['-p', 'ratee:=16.0'], 'unknown parameter ratee, did you mean rate?'),
+    (wheel_controller, ['--bogus'], "ROS arguments: unknown '--bogus'"),
+    (composed, ['--', 'motor_driver'], 'unknown arguments: motor_driver (nodes: tire_receiver, '),
+    (composed, ['-p', 'imu_driver:baud_rate:=fast', '--', 'imu_driver'], "baud_rate: 'fast'")])
+def test_what_is_refused_is_named_in_one_line(module, words, message, refused, isolated_ros):
+    assert message in refused(module, '--ros-args', *words)
 
 
 @pytest.mark.parametrize(('text', 'message'), [
@@ -98,34 +155,29 @@ def test_an_unknown_ros_argument_is_refused_by_its_name(graph, tmp_path):
     ('/**:\n  ros__parameters:\n    units: [broken]\n', "units: 'broken', expected 16 hex digits"),
     ('/**: [', 'params.yaml'),
 ])
-def test_an_invalid_parameter_file_is_refused(text, message, graph, tmp_path):
+def test_an_invalid_parameter_file_is_refused(text, message, refused, isolated_ros, tmp_path):
     path = tmp_path / 'params.yaml'
     path.write_text(text)
-    with Process([*node_arguments('tire_receiver'), '--params-file', str(path)],
-                 tmp_path / 'log') as node:
+    assert message in refused(tire_receiver, '--ros-args', '--params-file', str(path))
+
+
+def test_a_node_that_is_refused_ends_with_status_2(graph):
+    with graph.start('wheel_controller', ratee=16.0) as node:
         assert node.ended() == 2
-        assert message in node.output
-        assert 'Traceback' not in node.output
+        assert node.output.count('\n') == 1
 
 
-def test_the_node_whose_name_is_misspelled_in_a_file_warns_of_it(graph, tmp_path):
+@pytest.mark.parametrize(('node_class', 'warnings'), [(WheelController, 1), (ImuDriver, 0)])
+def test_the_node_whose_name_is_misspelled_in_a_file_warns_of_it(
+        node_class, warnings, isolated_ros, tmp_path):
     path = tmp_path / 'params.yaml'
     path.write_text('wheel_controler: {ros__parameters: {rate: 20.0}}')
-    for name, warnings in (('wheel_controller', 1), ('imu_driver', 0)):
-        with Process([*node_arguments(name), '--params-file', str(path)], tmp_path / name) as node:
-            graph.until(lambda name=name: name in graph.health)
-            assert node.output.count('params.yaml: wheel_controler is ignored, did you mean '
-                                     'wheel_controller?') == warnings
-            assert node.end() == 0
+    with virtual(node_class, '--params-file', str(path)) as node:
+        assert str(node.log.lines).count(
+            'params.yaml: wheel_controler is ignored, did you mean wheel_controller?') == warnings
 
 
-def test_integers_are_accepted_for_floats(graph):
-    with graph.start('wheel_controller', rate=20, imu__position='[0, 0, 1]') as node:
-        graph.until(lambda: graph.health)
-        assert node.end() == 0
-
-
-def test_simulated_robots_in_two_namespaces_have_ports_of_their_own(graph, tmp_path):
+def test_simulated_robots_in_two_namespaces_have_ports_of_their_own(graph):
     received = [], []
     for name, messages in zip(('/r1', '/r2'), received):
         graph.node.create_subscription(
@@ -135,25 +187,27 @@ def test_simulated_robots_in_two_namespaces_have_ports_of_their_own(graph, tmp_p
             graph.start('imu_driver', namespace='/r1', port='simulated:imu'), \
             graph.start('imu_driver', namespace='/r2', port='simulated:imu'):
         graph.until(lambda: all(received))
-        with graph.start('robot_simulator', namespace='/r2') as third:
-            assert third.ended() == 2
-            assert f'another simulator uses it (process {second.popen.pid})' in third.output
+        with pytest.raises(ParameterError) as error, virtual(RobotSimulator, '-r', '__ns:=/r2'):
+            pass
+        assert f'another simulator uses it (process {second.popen.pid})' in str(error.value)
         assert second.end() == 0
-        graph.until(lambda: (received[0][-1].header.stamp.sec
-                             > received[1][-1].header.stamp.sec + 2))  # the first one goes on
+        count = len(received[0])
+        graph.until(lambda: len(received[0]) > count + 20)  # the first one goes on
 
 
-def test_the_simulator_removes_its_ports_after_the_drivers_have_closed_them(graph, tmp_path):
+@pytest.mark.parametrize('patience', [PATIENCE, 0.0])
+def test_the_simulator_removes_its_ports_after_the_drivers_have_closed_them(
+        patience, isolated_ros, monkeypatch, tmp_path):
     """Ctrl-C ends all nodes at once; a port removed before its driver closes it is an error."""
-    ports = {name: tmp_path / name for name in ('tire_radio', 'imu', 'motors')}
-    graph.subscribe('imu/data')
-    with graph.start('robot_simulator', **{f'ports__{name}': path for name, path in ports.items()}
-                     ) as simulator, graph.start('imu_driver', port=ports['imu']) as driver:
-        graph.until(lambda: graph.received['imu/data'])
-        simulator.popen.send_signal(signal.SIGINT)
-        count_before = len(graph.received['imu/data'])
-        graph.until(lambda: len(graph.received['imu/data']) > count_before + 60)  # 0.6 s at 100 Hz
-        assert driver.end() == 0
-        assert simulator.ended() == 0
-        assert 'lost' not in driver.output
-    assert not ports['imu'].exists()
+    monkeypatch.setattr(robot_simulator, 'PORT_CLOSE_TIMEOUT', patience)
+    with local(RobotSimulator, **ports(tmp_path)) as node, open_port(
+            str(tmp_path / 'imu'), 115200) as port:
+        wait_for(lambda: port.read(100))
+        ending = threading.Thread(target=node.stop)
+        ending.start()
+        if patience:
+            wait_for(lambda: port.read(100))  # the simulation goes on
+            assert ending.is_alive() and (tmp_path / 'imu').exists()
+            port.close()
+        ending.join()
+        assert not (tmp_path / 'imu').exists()
