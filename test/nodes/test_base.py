@@ -19,15 +19,16 @@ import sys
 
 import pytest
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from smart_tire.host_load import MAX_LATENESS
 from smart_tire.nodes.base import once
-from smart_tire.nodes.compat import message_class, plain_message
+from smart_tire.nodes.compat import plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.motor_driver import MotorDriver
 from smart_tire.nodes.runner import NodeRunner
 from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.nodes.wheel_controller import WheelController
-from support.graph import node_arguments, Process
+from support.graph import Process
 
 pytestmark = pytest.mark.processes
 
@@ -109,28 +110,19 @@ def test_errors_take_precedence_over_warnings():
     assert message.hardware_id == '/dev/x'
 
 
-def test_with_use_sim_time_stamps_are_simulated_and_timers_are_not(graph):
-    graph.subscribe('wheel_commands')
-    clock = graph.node.create_publisher(Clock, '/clock', 10)
+def test_with_use_sim_time_stamps_are_simulated_and_names_follow_the_namespace(graph):
+    clock, received = graph.node.create_publisher(Clock, '/clock', 10), []
+    graph.node.create_subscription(
+        JointState, 'robot/wheel_commands', lambda msg: received.append(msg.header.stamp.sec), 10)
 
     def tick():
         message = Clock()
         message.clock.sec = 100
         clock.publish(message)
 
-    with graph.start('wheel_controller', use_sim_time='true') as node:
-        graph.until(lambda: [sample.stamp_ns for sample in graph.samples('wheel_commands')[-5:]]
-                    == [100_000_000_000] * 5, tick)  # /clock does not advance, the timer does
-        assert node.end() == 0
-
-
-def test_topics_and_status_names_follow_the_namespace(graph, tmp_path):
-    received = []
-    graph.node.create_subscription(
-        message_class('sensor_msgs/msg/JointState'), 'robot/wheel_commands', received.append, 10)
-    with Process([*node_arguments('wheel_controller'), '-r', '__ns:=/robot'],
-                 tmp_path / 'log') as node:
-        graph.until(lambda: received and 'robot/wheel_controller' in graph.health)
+    with graph.start('wheel_controller', namespace='/robot', use_sim_time='true') as node:
+        graph.until(lambda: received[-5:] == [100] * 5, tick)  # the timer advances, /clock not
+        graph.until(lambda: 'robot/wheel_controller' in graph.health)
         assert node.end() == 0
 
 
@@ -162,6 +154,7 @@ def test_an_uncaught_exception_in_a_thread_ends_the_node(graph, tmp_path):
         assert 'ZeroDivisionError' in node.output
 
 
+@pytest.mark.long  # four busy loops; support of the same in test_host_load
 def test_a_node_that_waits_for_a_core_reports_the_host(graph):
     core = {min(os.sched_getaffinity(0))}
     with graph.start('wheel_controller') as node, ExitStack() as loops:

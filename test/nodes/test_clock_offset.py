@@ -19,10 +19,13 @@ from pathlib import Path
 import shutil
 import subprocess
 import sys
+import time
+from types import SimpleNamespace
 
 import pytest
 from smart_tire.findings import Level
-from smart_tire.nodes.clock_offset import clock_finding, clock_findings, offset_bounds
+from smart_tire.nodes.clock_offset import (
+    clock_finding, clock_findings, offset_bounds, POLL_PERIOD, ROUND_TRIPS, TIMEOUT)
 from support.graph import node_arguments
 from support.waiting import wait_for
 
@@ -57,8 +60,40 @@ def test_the_text_has_both_bounds_and_what_to_do():
 def test_nodes_on_this_host_have_its_clock(graph):
     with graph.start('wheel_controller'):
         graph.until(lambda: 'wheel_controller' in graph.health)
-        finding, = clock_findings(graph.node, ['/wheel_controller', '/missing'])
-        assert finding.level in (Level.OK, Level.INFO)  # wide bounds on a busy host
+        found = []
+        wait_for(lambda: found, lambda: found.extend(clock_findings(
+            graph.node, ['/wheel_controller', '/missing'])))
+        assert [one.where for one in found] == ['node /wheel_controller']
+        assert found[0].level in (Level.OK, Level.INFO)  # wide bounds on a busy host
+
+
+@pytest.mark.parametrize(('delay', 'count'), [
+    (TIMEOUT - 0.01, ROUND_TRIPS), (TIMEOUT + 0.01, 1)])
+def test_a_response_is_awaited_for_a_limited_time(monkeypatch, delay, count):
+    now, asked = [100.0], []
+
+    def pause(seconds):
+        now[0] += seconds
+
+    def request(_):
+        asked.append(now[0])
+        return len(asked)
+
+    def response(_):  # an old one comes first
+        number = len(asked) if now[0] >= asked[-1] + delay else len(asked) - 1
+        info = SimpleNamespace(request_id=SimpleNamespace(sequence_number=number),
+                               source_timestamp=round(now[0] * 1e9))
+        return info, None
+
+    handle = SimpleNamespace(send_request=request, take_response=response)
+    client = SimpleNamespace(wait_for_service=lambda _: True, handle=handle)
+    node = SimpleNamespace(create_client=lambda *_: client, destroy_client=lambda _: None)
+    monkeypatch.setattr(time, 'monotonic', lambda: now[0])
+    monkeypatch.setattr(time, 'time_ns', lambda: round(now[0] * 1e9))
+    monkeypatch.setattr(time, 'sleep', pause)
+    assert len(list(clock_findings(node, ['/a']))) == (count == ROUND_TRIPS)
+    assert len(asked) == count
+    assert now[0] - asked[-1] == pytest.approx(min(delay, TIMEOUT), abs=2.0 * POLL_PERIOD)
 
 
 class Hosts:
@@ -105,6 +140,7 @@ def hosts():
         pytest.skip(f'network namespaces are not permitted: {error.stderr.strip()}')
 
 
+@pytest.mark.long  # real hosts; the bounds of each case are above
 def test_a_host_with_another_clock_is_found(hosts, tmp_path, isolated_ros):
     compiler, library = shutil.which('cc'), tmp_path / 'clock_skew.so'
     if compiler is None:

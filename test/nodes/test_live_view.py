@@ -22,6 +22,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.observer import Listener
 from smart_tire.samples import Icr
+from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(
     find_spec('rerun') is None, reason='rerun is not installed')]
@@ -32,8 +33,8 @@ def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
     from smart_tire.cli.view import LiveFeed
     from smart_tire.cli.main import main
     from support.rerun_file import RerunFile
-    topic, publishers, flushes = TOPICS['icr'], [], []
-    flush = LiveFeed.flush
+    topic, publishers, flushes, statuses = TOPICS['icr'], [], [], []
+    flush, on_status = LiveFeed.flush, LiveFeed.on_status
 
     class Publishing(Listener):
         """The listener publishes what it receives itself."""
@@ -47,10 +48,15 @@ def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
         flushes.append(feed.samples)
         publishers[0].publish(topic.to_msg(
             message_class(topic.type)(), Icr(10_000_000 * len(flushes), 0.5, -2.0)))
-        if feed.samples > 3 and len(flushes) > 15 or len(flushes) > 150:
+        if feed.samples > 3 and statuses or len(flushes) > 10.0 * PATIENCE:
             signal.raise_signal(signal.SIGINT)
 
+    def keep_status(feed, status):
+        statuses.append(status)
+        on_status(feed, status)
+
     monkeypatch.setattr('smart_tire.nodes.observer.Listener', Publishing)
+    monkeypatch.setattr(LiveFeed, 'on_status', keep_status)
     monkeypatch.setattr(LiveFeed, 'flush', flush_and_publish)
     monkeypatch.setattr('sys.argv', ['smart_tire'])
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -63,5 +69,5 @@ def test_live_topics_and_diagnostics_are_recorded_until_a_signal(
     found = RerunFile(file)
     assert {value for _, (value,) in found.scalars('body/icr/y')} == {-2.0}
     assert found.scalars('links/total/frames_bad')
-    assert all(0.0 < value < 2.0 for _, (value,) in found.scalars('links/delay'))
-    assert 'from reception until sent to the viewer: median 0.' in capfd.readouterr().out
+    assert all(value > 0.0 for _, (value,) in found.scalars('links/delay'))
+    assert 'from reception until sent to the viewer: median ' in capfd.readouterr().out

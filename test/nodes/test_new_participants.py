@@ -24,7 +24,7 @@ from std_msgs.msg import Int64
 from support.command import Python
 from support.waiting import wait_for
 
-pytestmark = pytest.mark.processes
+pytestmark = [pytest.mark.processes, pytest.mark.long]
 
 PARTICIPANTS, TOPICS = 6, 40
 PERIOD = 0.01      # s

@@ -13,10 +13,14 @@
 from __future__ import annotations
 
 import signal
+import time
+from types import SimpleNamespace
 
 import pytest
+from rclpy.task import Future
 from smart_tire.analysis.pipeline import bag_params, EstimatorParams
 from smart_tire.bags import Bag
+from smart_tire.nodes.parameters import ParameterCollector, QUERY_TIMEOUT_NS
 from smart_tire.parameters.files import blocks_in, values_for
 from support.command import command
 from support.waiting import wait_for
@@ -63,3 +67,47 @@ def test_a_recording_without_nodes_carries_the_parameters_of_a_file(graph, tmp_p
         assert recorder.end() == 0
     with Bag(bag) as opened:
         assert bag_params(opened).params == EstimatorParams.load([file])
+
+
+class Node:
+    """A node in a graph with one other node, whose services are those of the test."""
+
+    def __init__(self):
+        self.clients, self.is_ready = [], False
+
+    def get_namespace(self):
+        return '/'
+
+    def get_node_names_and_namespaces(self):
+        return [('wheel_controller', '/')]
+
+    def create_subscription(self, *_):
+        pass
+
+    def create_client(self, _, name):
+        self.clients.append(SimpleNamespace(
+            srv_name=name, service_is_ready=lambda: self.is_ready,
+            call_async=lambda request: Future()))
+        return self.clients[-1]
+
+    def destroy_client(self, client):
+        self.clients.remove(client)
+
+
+@pytest.mark.parametrize('is_ready', [False, True], ids=['absent', 'silent'])
+def test_a_node_that_does_not_answer_is_asked_again_when_the_time_for_it_is_over(
+        monkeypatch, is_ready):
+    now_ns, node = [7 * 10**9], Node()
+    node.is_ready = is_ready
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: now_ns[0])
+    collector = ParameterCollector(node)
+    collector.poll()
+    first = list(node.clients)
+    assert [one.srv_name for one in first] == [
+        '/wheel_controller/list_parameters', '/wheel_controller/get_parameters']
+    for passed_ns, is_same in ((QUERY_TIMEOUT_NS, True), (1, False)):
+        now_ns[0] += passed_ns
+        collector.poll()
+        assert len(node.clients) == 2
+        assert (node.clients == first) == is_same
+    assert collector.values == {}
