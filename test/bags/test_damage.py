@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from itertools import count
+from itertools import count, product
 import logging
 import sqlite3
 
@@ -160,35 +160,18 @@ def chunk_starts(path):
 
 @pytest.mark.parametrize('indexed', [True, False])
 @pytest.mark.parametrize('compression', [CompressionType.ZSTD, CompressionType.NONE])
-@pytest.mark.parametrize('where', [0, 1, 2, 5, 8])  # opcode and length of the record
-def test_a_damaged_chunk_length_costs_at_most_that_chunk(folder, where, compression, indexed):
-    path = folder / 'length.mcap'
-    data = bytearray(numbered(path, compression=compression))
+def test_a_damaged_chunk_length_costs_at_most_that_chunk(folder, compression, indexed):
+    path, complete = folder / 'length.mcap', list(range(CHUNKS * CHUNK_MESSAGES))
+    data = numbered(path, compression=compression)[:None if indexed else -30]
     starts = chunk_starts(path)
-    assert len(starts) == CHUNKS
     for chunk in (0, 3, CHUNKS - 1)[0 if indexed else 1:]:
-        for bit in range(8):
-            other = bytearray(data if indexed else data[:-30])
-            other[starts[chunk] + where] ^= 1 << bit
-            path.write_bytes(other)
+        left = [one for one in complete if one // CHUNK_MESSAGES != chunk]
+        for where, bit in product((0, 1, 2, 5, 8), range(8)):  # opcode and length of the record
+            path.write_bytes(changed(data, (False, 8 * (starts[chunk] + where) + bit)))
             found, losses, _ = read(path)
-            lost = range(chunk * CHUNK_MESSAGES, (chunk + 1) * CHUNK_MESSAGES)
             numbers = [ns for ns, _, _ in found]
-            complete = list(range(CHUNKS * CHUNK_MESSAGES))
-            assert numbers in (complete, [one for one in complete if one not in lost])
+            assert numbers == complete or not indexed and numbers == left
             assert losses.lines() or numbers == complete
-            if indexed:
-                assert numbers == complete
-
-
-def test_a_lost_chunk_of_an_indexed_file_is_counted(folder):
-    path = folder / 'counted.mcap'
-    data = bytearray(numbered(path))
-    data[chunk_starts(path)[2] + 80] ^= 1
-    path.write_bytes(data)
-    found, losses, _ = read(path)
-    assert losses.messages == CHUNK_MESSAGES == CHUNKS * CHUNK_MESSAGES - len(found)
-    assert losses.lines()[0].startswith('50 messages or more are missing: counted.mcap: damaged')
 
 
 @pytest.mark.parametrize('what', [b'', b'\0' * 4096, bytes(range(256)) * 3])
@@ -203,56 +186,16 @@ def test_a_gap_without_index_costs_the_chunks_in_it(folder, what):
     assert losses.lines()
 
 
-@pytest.mark.parametrize('bit', range(8))
-@pytest.mark.parametrize('where', range(0, 9))
-def test_a_message_without_chunk_costs_only_itself(folder, where, bit):
+def test_a_message_without_chunk_costs_only_itself(folder):
     path = folder / 'plain.mcap'
-    data = bytearray(numbered(path, use_chunking=False))
+    data = numbered(path, use_chunking=False)
     start = data.index(b'\0\1\0\0%08d' % 200) - 31
     assert data[start] == 5
-    data[start + where] ^= 1 << bit
-    path.write_bytes(data)
-    found, losses, _ = read(path)
-    assert {ns for ns, _, _ in found} >= set(range(CHUNKS * CHUNK_MESSAGES)) - {200}
-    assert losses.lines()
-
-
-def test_messages_whose_topic_is_lost_are_noted(folder):
-    path = folder / 'topics.mcap'
-    data = bytearray(numbered(path))
-    data[chunk_starts(path)[0] + 80] ^= 1
-    path.write_bytes(data[:-30])
-    found, losses, _ = read(path)
-    assert not found
-    assert f'{CHUNK_MESSAGES} messages of unknown topics' in losses.lines()[0]
-
-
-def test_an_index_of_another_file_is_not_used(folder):
-    path = folder / 'other.mcap'
-    data = numbered(path)
-    starts = chunk_starts(path)
-    path.write_bytes(data[:starts[1]] + data[starts[2]:])
-    assert len(read(path)[0]) == (CHUNKS - 1) * CHUNK_MESSAGES
-
-
-def test_the_first_bytes_of_a_file_may_be_damaged(folder, mcap, database):
-    for name, whole in ('a.mcap', mcap), ('a.db3', database):
-        (folder / name).write_bytes(b'\xff' + whole.data[1:])
-        assert read(folder / name)[0] == whole.messages
-
-
-def test_rows_of_unknown_topics_and_types_are_noted(folder, database):
-    path = folder / 'rows.db3'
-    path.write_bytes(database.data)
-    with sqlite3.connect(path) as connection:
-        connection.executescript("""UPDATE messages SET topic_id = 5 WHERE id = 1;
-                                    UPDATE messages SET data = 'text' WHERE id = 2;
-                                    UPDATE messages SET timestamp = 'x' WHERE id = 3;""")
-    connection.close()
-    found, losses, counted = read(path)
-    assert found == database.messages[3:]
-    assert counted == len(found)
-    assert losses.lines() == ['3 messages or more are missing: rows.db3: 3 invalid rows']
+    for where in range(8 * 9):  # opcode and length of the record
+        path.write_bytes(changed(data, (False, 8 * start + where)))
+        found, losses, _ = read(path)
+        assert {ns for ns, _, _ in found} >= set(range(CHUNKS * CHUNK_MESSAGES)) - {200}
+        assert losses.lines()
 
 
 def test_a_cut_database_yields_its_pages(folder, database):

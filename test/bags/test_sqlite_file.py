@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+from itertools import product
 import shutil
 import sqlite3
 
@@ -21,7 +23,6 @@ from smart_tire.bags import Bag
 from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
-from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from support.recordings import stream, write_with_rosbags
 import zstandard
@@ -37,42 +38,32 @@ FOXY = """
     """
 
 
-@pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.FILE,
-                                  CompressionMode.MESSAGE])
-@pytest.mark.parametrize('version', [8, 9])
-def test_bags_are_read_with_any_compression(tmp_path, version, mode):
+def written(path, script, *messages):
+    """Execute a script on a file and insert messages; return its path."""
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.executescript(script)
+        for message in messages:
+            connection.execute('INSERT INTO messages VALUES (?, ?, ?, ?)', message)
+    return path
+
+
+@pytest.mark.parametrize(('version', 'plugin', 'mode'), [
+    *product((8, 9), [StoragePlugin.SQLITE3],
+             (CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE)),
+    *product([9], [StoragePlugin.MCAP],
+             (CompressionMode.NONE, CompressionMode.FILE, CompressionMode.STORAGE))])
+def test_bags_are_read_with_any_compression(tmp_path, version, plugin, mode):
     events = stream(0.5)
-    with Bag(write_with_rosbags(tmp_path / 'bag', events, version, mode=mode)) as bag:
+    with Bag(write_with_rosbags(tmp_path / 'bag', events, version, plugin, mode)) as bag:
         assert list(bag.samples(TOPICS)) == events
         assert bag.topics['/imu/data'].messages == 50
         assert bag.span_ns == (events[0][0], events[-1][0])
         assert not bag.warnings
 
 
-@pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.FILE,
-                                  CompressionMode.STORAGE])
-def test_mcap_bags_of_rosbags_are_read_with_any_compression(tmp_path, mode):
-    events = stream(0.5)
-    with Bag(write_with_rosbags(tmp_path / 'bag', events, plugin=StoragePlugin.MCAP,
-                                mode=mode)) as bag:
-        assert list(bag.samples(TOPICS)) == events
-        assert not bag.warnings
-
-
-@pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.FILE])
-def test_a_bag_without_metadata_is_read_with_a_warning(tmp_path, mode):
-    events = stream(0.5)
-    path = write_with_rosbags(tmp_path / 'bag', events, mode=mode)
-    (path / 'metadata.yaml').unlink()
-    with Bag(path) as bag:
-        assert list(bag.samples(INPUTS)) == [event for event in events if event[1] in INPUTS]
-        assert any('metadata.yaml is missing' in warning for warning in bag.warnings)
-
-
-@pytest.mark.parametrize('plugin', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_the_start_of_a_truncated_compressed_file_is_read(tmp_path, plugin):
+def test_the_start_of_a_truncated_compressed_file_is_read(tmp_path):
     events = stream(8.0)
-    path = write_with_rosbags(tmp_path / 'bag', events, plugin=plugin, mode=CompressionMode.FILE)
+    path = write_with_rosbags(tmp_path / 'bag', events, mode=CompressionMode.FILE)
     file, = path.glob('*.zstd')
     file.write_bytes(file.read_bytes()[:file.stat().st_size * 2 // 3])
     with Bag(path) as bag:
@@ -81,42 +72,14 @@ def test_the_start_of_a_truncated_compressed_file_is_read(tmp_path, plugin):
     assert 100 < len(read) < len(events)
 
 
-def test_a_single_file_is_read_as_a_bag(tmp_path):
-    events = stream(0.2)
-    file, = write_with_rosbags(tmp_path / 'bag', events).glob('*.db3')
-    with Bag(file) as bag:
-        assert list(bag.samples(TOPICS)) == events
-        assert not bag.warnings
-
-
 def test_a_file_without_profiles_and_definitions_is_read(tmp_path):
     event = next(event for event in stream(0.2) if event[1] == 'odom')
     topic = TOPICS['odom']
     path = tmp_path / 'foxy.db3'
-    with sqlite3.connect(path) as connection:
-        connection.executescript(FOXY)
-        data = Encoder(topic.type)(topic.to_msg(empty(topic.type), event[2]))
-        connection.execute('INSERT INTO messages VALUES (1, 1, ?, ?)', (event[0], data))
+    data = Encoder(topic.type)(topic.to_msg(empty(topic.type), event[2]))
+    written(path, FOXY, (1, 1, event[0], data))
     with Bag(path) as bag:
         assert list(bag.samples(['odom'])) == [event]
-
-
-def test_a_truncated_file_yields_its_readable_messages(tmp_path):
-    events = stream(2.0)
-    file, = write_with_rosbags(tmp_path / 'bag', events).glob('*.db3')
-    data = file.read_bytes()
-    lengths = []
-    for part in (0.3, 0.6, 0.9):
-        cut = tmp_path / f'cut_{part}.db3'
-        cut.write_bytes(data[:int(part * len(data))])
-        with Bag(cut) as bag:
-            read = list(bag.samples(TOPICS))
-            assert bag.losses.lines()
-            assert sum(topic.messages for topic in bag.topics.values()) == len(read)
-        assert read == sorted(read, key=lambda event: event[0])
-        assert all(event in events for event in read[::50])
-        lengths.append(len(read))
-    assert 0 < lengths[0] < lengths[1] < lengths[2] < len(events)
 
 
 def test_messages_in_the_write_ahead_log_of_a_killed_recorder_are_read(tmp_path):
@@ -147,9 +110,7 @@ def test_a_file_that_is_not_sqlite3_is_rejected(tmp_path, data):
 
 
 def test_a_database_without_bag_tables_is_rejected(tmp_path):
-    path = tmp_path / 'a.db3'
-    with sqlite3.connect(path) as connection:
-        connection.execute('CREATE TABLE recipes(id INTEGER)')
+    path = written(tmp_path / 'a.db3', 'CREATE TABLE recipes(id INTEGER)')
     with pytest.raises(BagError, match='not an sqlite3 bag'):
         Bag(path)
 
@@ -176,25 +137,25 @@ TIMES = [0, 40, 20, 20, 30, 10]  # ns, of the messages
 
 def jazzy(path):
     """Write the file of a recorder of Jazzy; return its path."""
-    with sqlite3.connect(path) as connection:
-        connection.executescript(JAZZY)
-        connection.executemany('INSERT INTO messages VALUES (?, ?, ?, ?)', [
-            (number, (3, 5)[number % 2], ns, b'message %d' % number)
-            for number, ns in enumerate(TIMES, 1)])
-    connection.close()
-    return path
+    return written(path, JAZZY, *((number, (3, 5)[number % 2], ns, b'message %d' % number)
+                                  for number, ns in enumerate(TIMES, 1)))
 
 
 def contents(path):
     """Return messages, channels, metadata, span and losses of a file."""
-    file = SqliteFile(path)
-    try:
+    with closing(SqliteFile(path)) as file:
         counts = [(one.topic, one.type, one.encoding, one.definition, one.definition_encoding,
                    one.qos, one.type_hash, count) for one, count in file.counts().items()]
         return ([(ns, channel.topic, data) for ns, channel, data in file.messages()], counts,
                 [one.ros_distro for one in file.metadata()], file.span(), file.losses)
-    finally:
-        file.close()
+
+
+def test_the_latest_valid_custom_data_count(tmp_path):
+    path = jazzy(tmp_path / 'a.db3')
+    written(path, ''.join(f"INSERT INTO metadata VALUES ({number}, 9, '{text}');" for number, text
+                          in enumerate(('custom_data: ~', 'custom_data: {params: a}', '{'), 2)))
+    with Bag(path) as bag:
+        assert bag.custom_data == {'params': 'a'}
 
 
 def test_the_rows_of_a_damaged_file_are_those_of_the_intact_one(tmp_path):
@@ -220,9 +181,7 @@ def test_the_rows_of_a_damaged_file_are_those_of_the_intact_one(tmp_path):
 def test_invalid_rows_are_left_out_and_counted(tmp_path, statement, lost, damaged):
     path = jazzy(tmp_path / 'a.db3')
     complete = contents(path)[0]
-    with sqlite3.connect(path) as connection:
-        connection.execute(statement)
-    connection.close()
+    written(path, statement)
     if damaged:
         path.write_bytes(path.read_bytes() + b'x')
     messages, counts, _, span, losses = contents(path)
@@ -235,10 +194,7 @@ def test_invalid_rows_are_left_out_and_counted(tmp_path, statement, lost, damage
 
 def test_a_page_without_kind_costs_its_rows_only(tmp_path):
     path = jazzy(tmp_path / 'a.db3')
-    with sqlite3.connect(path) as connection:
-        connection.executemany('INSERT INTO messages VALUES (?, ?, ?, ?)', [
-            (number, 3, 100 + number, bytes(100)) for number in range(10, 500)])
-    connection.close()
+    written(path, '', *((number, 3, 100 + number, bytes(100)) for number in range(10, 500)))
     complete, data = contents(path)[0], bytearray(path.read_bytes())
     last = max(at for at in range(0, len(data), 4096) if data[at] == 0x0D)
     rows = int.from_bytes(data[last + 3:last + 5], 'big')
@@ -250,10 +206,7 @@ def test_a_page_without_kind_costs_its_rows_only(tmp_path):
 
 
 def test_an_empty_table_has_no_span(tmp_path):
-    path = tmp_path / 'a.db3'
-    with sqlite3.connect(path) as connection:
-        connection.executescript(JAZZY)
-    connection.close()
+    path = written(tmp_path / 'a.db3', JAZZY)
     assert contents(path)[3] is None
     path.write_bytes(path.read_bytes() + b'x')
     assert contents(path)[3] is None
@@ -262,12 +215,9 @@ def test_an_empty_table_has_no_span(tmp_path):
 
 def test_a_damaged_compressed_message_is_one_loss(tmp_path):
     path = jazzy(tmp_path / 'a.db3')
-    with sqlite3.connect(path) as connection:
-        connection.execute('UPDATE messages SET data = ? WHERE id = 2',
-                           (b'\x28\xb5\x2f\xfd' + b'\xff' * 9,))
-        connection.execute('UPDATE messages SET data = ? WHERE id = 3',
-                           (zstandard.compress(b'packed'),))
-    connection.close()
+    written(path, 'DELETE FROM messages WHERE id IN (2, 3)',
+            (2, 3, 40, b'\x28\xb5\x2f\xfd' + b'\xff' * 9),
+            (3, 5, 20, zstandard.compress(b'packed')))
     messages, _, _, _, losses = contents(path)
     assert [data for _, _, data in messages] == [
         b'message 1', b'message 6', b'packed', b'message 4', b'message 5']

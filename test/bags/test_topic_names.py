@@ -166,6 +166,7 @@ def test_clocks_differ_by_more_than_30_s(tmp_path, late, refused):
                 check_inputs(bag, INPUTS)
         else:
             check_inputs(bag, INPUTS)
+            assert bag.clock_offset('imu/data', '/imu/data') == pytest.approx(late, abs=2e-3)
 
 
 def test_messages_of_other_joints_on_the_same_topic_are_ignored(tmp_path):
@@ -195,8 +196,3 @@ def test_timestamps_of_different_clocks_are_refused(tmp_path):
                                            r'0\.00\d+ s before reception on wheel_states'):
             check_inputs(bag, INPUTS)
         check_inputs(bag, ['wheel_states'])
-    late = [(ns + 10**10 * (topic == 'imu/data'), topic, sample)
-            for ns, topic, sample in stream(0.2)]
-    with Bag(Foreign().write(tmp_path / 'late', late)) as bag:
-        check_inputs(bag, INPUTS)
-        assert bag.clock_offset('imu/data', '/imu/data') == pytest.approx(10.001)
