@@ -34,14 +34,6 @@ def body_of(frame):
     return frame.data[1:-2]
 
 
-@each_frame('vectornav_binary', 'groups')
-def test_a_message_yields_its_body_and_is_reproduced_by_the_encoder(frame):
-    (body,) = BinaryDeframer().extract(frame.data)
-    assert body == body_of(frame)
-    assert body[0] == frame['groups']
-    assert vectornav.encode_frame(body) == frame.data
-
-
 @each_frame('vectornav_binary', 'yaw_pitch_roll')
 def test_published_angles_are_where_the_field_table_puts_them(frame):
     numbers = struct.unpack_from('<3f', body_of(frame), frame['payload_start'])

@@ -39,11 +39,6 @@ def test_a_frame_yields_the_body_that_it_has_in_api_mode_1(frame):
     assert (deframer.bad_frames, deframer.skipped_bytes) == (0, 0)
 
 
-@each_frame('xbee')
-def test_the_encoder_reproduces_the_bytes_of_a_frame(frame):
-    assert xbee.encode_frame(body_of(frame)) == frame.data
-
-
 @each_frame('xbee', *RECEIVE_PACKET_VALUES)
 def test_a_receive_packet_decodes_to_its_documented_fields(frame):
     assert xbee.decode_receive_packet(body_of(frame)) == packet_of(frame)

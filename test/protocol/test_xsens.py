@@ -32,24 +32,6 @@ def body_of(frame):
     return frame.data[2:3] + frame.data[4:-1]
 
 
-MESSAGES = [frame for frame in FRAMES.values() if 'number' not in frame.values]
-each_message = pytest.mark.parametrize('frame', MESSAGES, ids=str)
-
-
-@each_message
-def test_a_message_yields_its_body_and_is_reproduced_by_the_encoder(frame):
-    (body,) = XsensDeframer().extract(frame.data)
-    assert body == body_of(frame)
-    assert xsens.encode_message(body) == frame.data
-
-
-@each_frame('xsens', 'message')
-def test_other_messages_are_not_decoded_as_mtdata2(frame):
-    assert body_of(frame)[0] == frame['message']
-    with pytest.raises(FrameError, match=f"message is {frame['message']:02x}, expected 36"):
-        decode_imu(body_of(frame))
-
-
 @each_frame('xsens', 'acceleration', 'rate')
 def test_a_message_decodes_to_the_documented_sample(frame):
     time, sample = decode_imu(body_of(frame), stamp_ns=9)
@@ -90,11 +72,6 @@ def test_a_decoded_message_encodes_to_the_published_packets():
     time, sample = decode_imu(body)
     packets = xsens.decode_packets(encode_imu(time, sample, 57285)) | {0xE020: b'\0\0\0\x81'}
     assert xsens.encode_packets(packets) == body
-
-
-def test_a_recorded_message_with_orientation_only_is_refused():
-    with pytest.raises(FrameError, match='expected acceleration and rate of turn'):
-        decode_imu(body_of(FRAMES['mti_300_orientation_only']))
 
 
 def test_a_recorded_fixed_point_number_decodes_and_encodes():
