@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Clock synchronization: delays of any distribution must not affect the timestamps."""
+"""Timestamps of messages whose delays have any distribution, with and without device time."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ import math
 
 import numpy as np
 import pytest
-
-from smart_tire.drivers.clock_sync import ClockSync
+from smart_tire.drivers.clock_sync import ArrivalTimestamps, ClockSync
+from support.cases import long
 
 HOST_NS = 1_700_000_000_000_000_000
 DEVICE_NS = 4_000_000_000_000
 BATCH, PERIOD_NS = 16, 2_500_000  # a sensor node: 25 batches per second
 SEEDS = range(12)
+some_seeds = pytest.mark.parametrize('seeds', [SEEDS[:3], *long(SEEDS)], ids=len)
 
 JITTER = {  # s, above the constant delay
     'exponential': lambda rng: rng.exponential(3e-3),
@@ -55,8 +56,9 @@ def errors(clock, stream):
 
 
 @pytest.mark.parametrize('name', JITTER)
-def test_after_one_second_timestamp_errors_are_below_half_a_millisecond(name):
-    found = [errors(ClockSync(), batches(seed, JITTER[name])) for seed in SEEDS]
+@some_seeds
+def test_after_one_second_timestamp_errors_are_below_half_a_millisecond(name, seeds):
+    found = [errors(ClockSync(), batches(seed, JITTER[name])) for seed in seeds]
     late = np.concatenate([error[time > 1.0] for time, error in found])
     assert math.sqrt(np.mean(late**2)) < 0.5e-3
     settled = np.concatenate([error[time > 5.0] for time, error in found])
@@ -64,8 +66,9 @@ def test_after_one_second_timestamp_errors_are_below_half_a_millisecond(name):
 
 
 @pytest.mark.parametrize('name', JITTER)
-def test_timestamps_ascend_without_steps(name):
-    for seed in SEEDS:
+@some_seeds
+def test_timestamps_ascend_without_steps(name, seeds):
+    for seed in seeds:
         clock, last = ClockSync(), None
         for device, _, arrival in batches(seed, JITTER[name]):
             clock.add_arrival(device[-1], arrival)
@@ -138,9 +141,10 @@ def test_a_repeated_message_changes_nothing():
     assert clock.add_arrival(DEVICE_NS, HOST_NS + 5_000_000) == first
 
 
-def test_messages_queued_before_the_first_reading_do_not_leave_timestamps_in_the_future():
+@some_seeds
+def test_messages_queued_before_the_first_reading_do_not_leave_timestamps_in_the_future(seeds):
     """Half a second of messages is buffered while the reader starts, and arrives at once."""
-    for seed in SEEDS:
+    for seed in seeds:
         clock, rows = ClockSync(), []
         for device, host, arrival in batches(seed, JITTER['exponential'], seconds=3.0):
             arrival = max(arrival, HOST_NS + 500_000_000)
@@ -151,3 +155,53 @@ def test_messages_queued_before_the_first_reading_do_not_leave_timestamps_in_the
         assert np.all(ahead < 0.11)
         assert np.all(ahead[time > 0.6] < 0.051)
         assert np.all(np.abs(error[time > 2.0]) < 3e-3)
+
+
+ARRIVAL_JITTER = {
+    'serial port': lambda rng: rng.exponential(1e-3),
+    'busy host': lambda rng: rng.exponential(5e-3),
+    'USB latency timer of 16 ms': lambda rng: rng.uniform(0.0, 16e-3),
+}
+
+
+def arrival_errors(seed, jitter, period, seconds=8.0, damaged=0.0, lost_at=()):
+    """Return the times [s] and the errors [s] of the timestamps."""
+    rng = np.random.default_rng(seed)
+    period *= 1.0 + rng.uniform(-1e-3, 1e-3)
+    clock, missed, arrival, rows = ArrivalTimestamps(), 0, 0.0, []
+    for count in range(round(seconds / period)):
+        time = count * period
+        if any(abs(time - at) < period / 2.0 for at in lost_at):
+            continue
+        if rng.random() < damaged:
+            missed += 1
+            continue
+        arrival = max(arrival, time + jitter(rng))
+        stamp = clock.timestamp(HOST_NS + round(arrival * 1e9), missed)
+        missed = 0
+        rows.append((time, (stamp - HOST_NS) * 1e-9 - time))
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize('damaged', [0.0, 0.02])
+@pytest.mark.parametrize('period', [0.01, 0.025])
+@pytest.mark.parametrize('name', ARRIVAL_JITTER)
+@pytest.mark.parametrize('seeds', [range(1), *long(range(1, 5))], ids=len)
+def test_timestamps_are_regular_after_two_to_four_seconds(name, period, damaged, seeds):
+    for seed in seeds:
+        time, error = arrival_errors(seed, ARRIVAL_JITTER[name], period, damaged=damaged)
+        assert np.abs(error[time > 2.0]).max() < 4e-3
+        assert np.abs(error[time > 4.0]).max() < 2e-3
+        assert np.std(error[time > 4.0]) < 0.5e-3
+
+
+def test_timestamps_ascend_from_the_first_message():
+    for seed in range(5):
+        time, error = arrival_errors(seed, ARRIVAL_JITTER['USB latency timer of 16 ms'], 0.01)
+        assert np.all(np.diff(time + error) > 0.0)
+
+
+def test_undetected_losses_are_inferred_from_late_messages():
+    time, error = arrival_errors(1, ARRIVAL_JITTER['serial port'], 0.01, lost_at=(3.0, 3.01, 5.0))
+    assert np.abs(error[(time > 3.5) & (time < 4.9)]).max() < 1e-3
+    assert np.abs(error[time > 5.5]).max() < 1e-3

@@ -16,12 +16,12 @@ import math
 
 import numpy as np
 import pytest
+from support.cases import long
 from support.encoder_faults import Drive, Fault, GROUNDS, other_robot, random_drive
 
 pytestmark = pytest.mark.slow
 
-CASES = pytest.mark.parametrize('cases', [
-    range(6), pytest.param(range(6, 20), marks=pytest.mark.long)], ids=['few', 'many'])
+CASES = pytest.mark.parametrize('cases', [range(2), *long(range(2, 20))], ids=['few', 'many'])
 LATENCY = 0.05  # s from a trip to zero duty at the motors, at most
 
 
@@ -79,8 +79,8 @@ def test_a_fault_is_found_in_open_loop_at_a_low_duty(kind, cases):
 
 
 @pytest.mark.parametrize('currents', [True, False], ids=['currents', 'no currents'])
-@pytest.mark.parametrize(('surface', 'cases'), [('concrete', range(3))] + [
-    pytest.param(surface, range(10), marks=pytest.mark.long) for surface in GROUNDS])
+@pytest.mark.parametrize(('surface', 'cases'), [
+    ('concrete', range(1)), *long(*((surface, range(10)) for surface in GROUNDS))])
 def test_no_drive_is_stopped(surface, cases, currents):
     for case in cases:
         assert Drive(random_drive(case, 20.0), surface=surface, seed=case, robot=robot_of(case),
@@ -88,9 +88,10 @@ def test_no_drive_is_stopped(surface, cases, currents):
 
 
 @pytest.mark.parametrize(('cases', 'seconds', 'options'), [
-    *((3, 10.0, {'rate': rate}) for rate in (50.0, 100.0, 200.0)),
-    (6, 20.0, {'braking_currents': False}),  # the boards report none
-    *((5, 20.0, {'slope': math.radians(degrees)}) for degrees in (-8.0, 8.0))])
+    (1, 10.0, {'slope': math.radians(8.0)}), *long(
+        *((3, 10.0, {'rate': rate}) for rate in (50.0, 100.0, 200.0)),
+        (6, 20.0, {'braking_currents': False}),  # the boards report none
+        *((5, 20.0, {'slope': math.radians(degrees)}) for degrees in (-8.0, 8.0)))])
 def test_no_drive_is_stopped_in_other_conditions(cases, seconds, options):
     for case in range(cases):
         robot = robot_of(case) if 'slope' in options else None
