@@ -38,7 +38,7 @@ MOTION = st.tuples(HOSTILE, HOSTILE, HOSTILE)
 SLIP = st.tuples(*[HOSTILE] * 5)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(st.sampled_from([figure_eight(0.3), square(0.6), line(-1.0)]),
        st.lists(st.tuples(MOTION, SLIP), min_size=40, max_size=40))
 def test_every_command_is_bounded_whatever_odometry_and_slip_say(path, stream):

@@ -61,12 +61,6 @@ def test_without_odometry_its_age_is_infinite():
     assert not monitor().initialized
 
 
-def test_the_distance_driven_is_returned():
-    made = monitor(odometry(0))
-    moved = made.add_odometry(odometry(NS_PER_S, x=0.3, y=0.4, v_x=0.5), PARAMS)
-    assert moved == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize(('x', 'speed', 'fault'), [
     (0.19, 0.0, False), (0.21, 0.0, True), (-0.21, 0.0, True),
     (0.69, 0.5, False), (0.71, 0.5, True), (0.69, -0.5, False)])

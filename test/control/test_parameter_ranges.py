@@ -22,6 +22,7 @@ from smart_tire.control.wheel_control import WheelControl
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, specs, TrajectoryControllerParams, WheelControllerParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
+from support.cases import long
 from support.ideal_robot import odometry, path, Run
 
 pytestmark = pytest.mark.slow
@@ -32,7 +33,6 @@ TIME_STEP_NS = 1_000_000
 READING_STEPS = 10       # at 100 Hz
 COMMAND = VelocityCommand(0, 0.4, 0.3)
 SHORT_PATH = path((0.0, 0.0), (1.0, 0.0), (1.5, 0.5))
-PAIRS = 150
 GAINS = 'pid.proportional', 'pid.integral', 'pid.derivative'
 
 
@@ -46,11 +46,16 @@ def ends(cls):
     return [{spec.name: value} for spec in numbers(cls) for value in (spec.low, spec.high)]
 
 
-def pairs(cls):
-    """Return random pairs of parameters, each at an end of its range."""
+def mixed(cls, size=2, count=150):
+    """Return random sets of parameters, each at an end of its range."""
     chance = random.Random(1)
     return [{spec.name: chance.choice((spec.low, spec.high))
-             for spec in chance.sample(numbers(cls), 2)} for _ in range(PAIRS)]
+             for spec in chance.sample(numbers(cls), size)} for _ in range(count)]
+
+
+def few(cls):
+    """Return sets of several parameters, each at an end of its range."""
+    return mixed(cls, 4, 12)
 
 
 def built(cls, values):
@@ -106,8 +111,11 @@ def assert_in_bounds(wheels, params):
             assert max(map(abs, set_points)) <= params.max_wheel_speed * (1.0 + 1e-9)
 
 
+sweeps = pytest.mark.parametrize('choose', [few, *long(ends, mixed)])
+
+
 @pytest.mark.parametrize('traction', [False, True])
-@pytest.mark.parametrize('choose', [ends, pairs])
+@sweeps
 def test_wheel_control_never_fails_with_parameters_at_the_ends_of_their_ranges(choose, traction):
     for values in choose(WheelControllerParams):
         params = built(WheelControllerParams, {'traction.enabled': traction, **values})
@@ -115,13 +123,14 @@ def test_wheel_control_never_fails_with_parameters_at_the_ends_of_their_ranges(c
             assert_in_bounds(Wheels(params).run(0.3), params)
 
 
-@pytest.mark.parametrize('inertia', [ON_GROUND, LIFTED])
-@pytest.mark.parametrize('rate', [16.0, 100.0, 200.0])
-def test_the_wheels_follow_and_stop_with_any_gains(inertia, rate):
+@pytest.mark.parametrize(('inertia', 'rate', 'all_gains'), [
+    (ON_GROUND, 16.0, False), (LIFTED, 100.0, False),
+    *long(*product((ON_GROUND, LIFTED), (16.0, 100.0, 200.0), (True,)))])
+def test_the_wheels_follow_and_stop_with_any_gains(inertia, rate, all_gains):
     described = specs(WheelControllerParams)
     choices = [(described[name].low, described[name].default, described[name].high)
                for name in GAINS]
-    for gains in product(*choices):
+    for gains in product(*choices) if all_gains else list(zip(*choices))[::2]:
         params = build(WheelControllerParams, {'rate': rate, **dict(zip(GAINS, gains))})
         speeds = Wheels(params, inertia).run(2.0, VelocityCommand(0, 0.5, 0.0)).speeds
         wanted = 0.5 / params.robot.wheel_radius
@@ -131,7 +140,7 @@ def test_the_wheels_follow_and_stop_with_any_gains(inertia, rate):
         assert max(map(abs, speeds[3500:])) < 0.1 * wanted, gains
 
 
-@pytest.mark.parametrize('choose', [ends, pairs])
+@sweeps
 def test_path_following_never_fails_with_parameters_at_the_ends_of_their_ranges(choose):
     for values in choose(TrajectoryControllerParams):
         params = built(TrajectoryControllerParams, {'slip_compensation': False, **values})
@@ -146,8 +155,9 @@ def test_path_following_never_fails_with_parameters_at_the_ends_of_their_ranges(
             assert abs(yaw_rate) <= fastest * (1.0 + 1e-9)
 
 
-def test_slip_compensation_never_fails_with_any_parameter_at_an_end_of_its_range():
-    for values in ends(TrajectoryControllerParams):
+@sweeps
+def test_slip_compensation_never_fails_with_parameters_at_the_ends_of_their_ranges(choose):
+    for values in choose(TrajectoryControllerParams):
         if (params := built(TrajectoryControllerParams, values)) is not None:
             run = Run(params, params.rate).start(SHORT_PATH).for_seconds(2.0)
             assert all(math.isfinite(number) for row in run.log for number in row), values

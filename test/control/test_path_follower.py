@@ -211,12 +211,6 @@ def test_a_turn_keeps_its_side_at_half_a_revolution():
     assert rate(3.1, spin=spin) < 0.0
 
 
-def test_an_overshoot_is_turned_back():
-    spin = SpinControl((0.0, 0.0))
-    rate(1.0, spin=spin)
-    assert rate(-0.2, spin=spin) < 0.0
-
-
 @pytest.mark.parametrize(('x', 'y', 'yaw', 'expected'), [
     (0.01, 0.0, 0.0, -0.03), (-0.01, 0.0, 0.0, 0.03), (0.0, 0.01, 0.0, 0.0),
     (0.0, 0.01, math.pi / 2, -0.03), (0.01, 0.0, math.pi, 0.03), (1.0, 0.0, 0.0, -0.1)])

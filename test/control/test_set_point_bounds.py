@@ -75,7 +75,7 @@ def receive(rng, traction, now_ns, count=4):
 streams = st.randoms(use_true_random=True)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(streams)
 def test_a_set_point_never_leaves_the_command_and_its_ramp_whatever_the_estimates_are(rng):
     traction, now_ns, wanted = TractionControl(PARAMS, ROBOT), NOW_NS, command(rng)
@@ -93,7 +93,7 @@ def test_a_set_point_never_leaves_the_command_and_its_ramp_whatever_the_estimate
         before = found
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(streams)
 def test_after_a_command_of_zero_wheels_only_slow_down_and_stop_in_a_stated_time(rng):
     traction, now_ns = TractionControl(PARAMS, ROBOT), NOW_NS

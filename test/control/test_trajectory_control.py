@@ -14,14 +14,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+from unittest import mock
 
 import pytest
 
 from smart_tire.control.path_library import line
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
-from smart_tire.samples import GoalPose, GroundState, NAN, NS_PER_S, PlannedPath, WheelSlip
-from smart_tire.uncertain import Uncertain
+from smart_tire.samples import GoalPose, NAN, NS_PER_S, WheelSlip
 from support.ideal_robot import IDEAL, odometry, path, Run
 
 FAR = line(3.0)
@@ -88,6 +88,7 @@ def test_the_frame_of_paths_and_goals_is_a_parameter():
     (path((0, 0), (1, 0), frame='map'), "path: frame 'map', expected odom"),
     (path(), 'path: 0 poses, expected 2 to'),
     (path((0, 0)), 'path: 1 poses, expected 2 to'),
+    (path(*((0, 0),) * 5001), '5001 poses, expected 2 to 5000'),
     (path((0, 0), (math.nan, 0), (1, 0)), 'path: pose 1: position (nan, 0) m, expected finite'),
     (path((0, 0), (1, math.inf)), 'path: pose 1: position (1, inf) m'),
     (path((0, 0), (1.1e5, 0)), 'path: 110000.0 m long, expected at most 1000 m'),
@@ -113,12 +114,13 @@ def test_an_invalid_target_is_refused_and_stops_the_robot(planned, reason):
     assert (run.control.state, run.control.reason) == (State.FOLLOWING, '')
 
 
-def test_a_path_may_begin_within_the_distance():
-    assert Run().start(path((0.99, 0), (2, 0))).control.state == State.FOLLOWING
-
-
-def test_a_path_may_have_the_maximum_length():
-    assert Run().start(path((0, 0), (1000, 0))).control.state == State.FOLLOWING
+@pytest.mark.parametrize(('planned', 'start', 'state'), [
+    (path((0.99, 0), (2, 0)), (0.0, 0.0), State.FOLLOWING),
+    (path((0, 0), (1000, 0)), (0.0, 0.0), State.FOLLOWING),
+    (path((5.0, -4.9), (6, -4)), (5.0, -4.0), State.FOLLOWING),
+    (path((5.0, -5.1), (6, -4)), (5.0, -4.0), State.REFUSED)])
+def test_a_path_may_begin_within_a_distance_from_the_robot_and_be_long(planned, start, state):
+    assert Run(x=start[0], y=start[1]).start(planned).control.state == state
 
 
 def test_cancel_stops_and_does_nothing_otherwise():
@@ -160,14 +162,6 @@ def test_a_jump_of_odometry_stops_until_the_next_path(change, reason):
     run.start(line(1.0))
     assert run.step() is not None
     assert run.control.state == State.FOLLOWING
-
-
-def test_a_jump_between_two_paths_does_not_matter():
-    run = Run(x=5.0)
-    run.robot.x = 0.0
-    run.observe()
-    run.start(line(0.3)).until_end()
-    assert run.control.state == State.ARRIVED
 
 
 def test_time_that_runs_back_stops():
@@ -234,9 +228,16 @@ def test_a_new_path_backward_first_stops_the_robot():
     assert run.robot.x == pytest.approx(x - 0.5, abs=0.01)
 
 
-def test_a_path_before_the_first_odometry_waits_for_it():
+@pytest.fixture
+def waiting():
+    """Return a controller with a path and without odometry."""
     control = TrajectoryControl(IDEAL)
     control.follow(line(1.0), 0)
+    return control
+
+
+def test_a_path_before_the_first_odometry_waits_for_it(waiting):
+    control = waiting
     assert control.state == State.FOLLOWING
     assert control.step(NS_PER_S) is None
     assert math.isnan(control.progress(0).remaining_distance)
@@ -244,9 +245,8 @@ def test_a_path_before_the_first_odometry_waits_for_it():
     assert control.step(2 * NS_PER_S).v_x > 0.0
 
 
-def test_without_odometry_waiting_ends():
-    control = TrajectoryControl(IDEAL)
-    control.follow(line(1.0), 0)
+def test_without_odometry_waiting_ends(waiting):
+    control = waiting
     assert control.step(NS_PER_S) is None
     assert control.step(11 * NS_PER_S) is None
     assert control.state == State.FOLLOWING
@@ -255,9 +255,8 @@ def test_without_odometry_waiting_ends():
     assert 'odom: none for 10 s' in control.reason
 
 
-def test_a_path_that_waited_is_refused_if_it_begins_too_far_away():
-    control = TrajectoryControl(IDEAL)
-    control.follow(line(1.0), 0)
+def test_a_path_that_waited_is_refused_if_it_begins_too_far_away(waiting):
+    control = waiting
     control.add_odometry(odometry(0, x=3.0), 0)
     assert control.step(0).v_x == 0.0
     assert control.state == State.REFUSED
@@ -296,86 +295,46 @@ def test_the_first_step_of_a_path_is_one_period_however_long_the_robot_has_waite
     assert run.step().v_x == pytest.approx(0.5 / 20)
 
 
-def test_friction_is_used_by_the_follower():
-    run = under_way(seconds=0.1)
-    run.control.set_ground(
-        GroundState(run.now_ns, Uncertain(50.0, 1.0), Uncertain(0.02, 0.0)))
-    before = run.step().v_x
-    faded = 0.2 + math.exp(-0.1 / 30.0) * (0.02 - 0.2)  # in 0.1 s
-    allowed = 0.6 * 0.7 * faded * 9.81
-    assert run.step().v_x - before == pytest.approx(allowed / 20, rel=3e-2)
-
-
-class Kinematics:
-    """Records what is commanded; commands more."""
-
-    def __init__(self, offset=0.0):
-        self.wanted, self.offset, self.slips, self.asked = [], offset, [], []
-
-    def add_odometry(self, odometry):
-        self.odometry = odometry
-
-    def add_slip(self, slip):
-        self.slips.append(slip)
-
-    def command(self, v_x, yaw_rate, now_ns, params):
-        self.wanted.append((v_x, yaw_rate, now_ns))
-        return 1.5 * v_x, 2.0 * yaw_rate
-
-    def factors(self, v_x, yaw_rate, now_ns):
-        return 1.5, 2.0
-
-    def drift(self, v_x, yaw_rate):
-        self.asked.append((v_x, yaw_rate))
-        return self.offset
-
-
 def compensated(enabled, offset=0.0, **robot):
-    run = Run(replace(IDEAL, slip_compensation=enabled), **robot)
-    run.control._kinematics = Kinematics(offset)
-    return run
+    """Return a run, and its kinematics, which command more than is wanted."""
+    run, more = Run(replace(IDEAL, slip_compensation=enabled), **robot), mock.Mock()
+    more.command.side_effect = lambda v_x, yaw_rate, *_: (1.5 * v_x, 2.0 * yaw_rate)
+    more.factors.return_value, more.drift.return_value = (1.5, 2.0), offset
+    run.control._kinematics = more
+    return run, more
 
 
 def test_wanted_velocities_are_compensated_for_slip():
-    run = compensated(True, y=0.05).start(FAR)
-    command = run.step()
-    (v_x, yaw_rate, now_ns), = run.control._kinematics.wanted
+    run, kinematics = compensated(True, y=0.05)
+    command = run.start(FAR).step()
+    v_x, yaw_rate, now_ns, _ = kinematics.command.call_args.args
     assert (command.v_x, command.yaw_rate) == (1.5 * v_x, 2.0 * yaw_rate)
     assert now_ns == command.stamp_ns == run.now_ns - run.period_ns
     slip = WheelSlip(0, (0.0,) * 4, (0.0,) * 4, (0.0,) * 4)
     run.control.add_slip(slip)
-    assert run.control._kinematics.slips == [slip]
-    assert run.control._kinematics.odometry.position[1] == 0.05
+    kinematics.add_slip.assert_called_once_with(slip)
+    assert kinematics.add_odometry.call_args.args[0].position[1] == 0.05
 
 
 def test_the_drift_is_that_of_the_latest_command():
-    run = compensated(True, y=0.05).start(FAR).for_seconds(1.0)
-    wanted = [one[:2] for one in run.control._kinematics.wanted]
-    assert run.control._kinematics.asked == [(0.0, 0.0), *wanted[:-1]]
+    run, kinematics = compensated(True, y=0.05)
+    run.start(FAR).for_seconds(1.0)
+    wanted = [call.args[:2] for call in kinematics.command.call_args_list]
+    assert [call.args for call in kinematics.drift.call_args_list] == [(0.0, 0.0), *wanted[:-1]]
 
 
 def test_without_compensation_the_wanted_velocity_is_commanded():
-    run = compensated(False, offset=0.3).start(FAR).for_seconds(1.0)
-    assert not run.control._kinematics.wanted
-    assert run.robot.y == 0.0
+    run, kinematics = compensated(False, offset=0.3)
+    assert run.start(FAR).for_seconds(1.0).robot.y == 0.0
+    assert not kinematics.command.called
 
 
 @pytest.mark.parametrize('length', [3.0, -3.0])
 def test_the_velocity_points_along_the_path_not_the_body(length):
     """A velocity to the left of the body makes the body point to the right of the path."""
-    run = compensated(True, 0.1).start(line(length)).for_seconds(0.2)
-    assert run.control._kinematics.wanted[-1][1] < -0.005
-
-
-def test_the_distance_of_the_begin_is_from_the_robot():
-    assert Run(x=5.0, y=-4.0).start(path((5.0, -4.9), (6, -4))).control.state == State.FOLLOWING
-    assert Run(x=5.0, y=-4.0).start(path((5.0, -5.1), (6, -4))).control.state == State.REFUSED
-
-
-def test_too_many_poses_are_refused():
-    poses = ((0.0, 0.0, NAN),) * 5001
-    run = Run().start(PlannedPath(0, 'odom', poses))
-    assert '5001 poses, expected 2 to 5000' in run.control.reason
+    run, kinematics = compensated(True, 0.1)
+    run.start(line(length)).for_seconds(0.2)
+    assert kinematics.command.call_args.args[1] < -0.005
 
 
 HOLDING = replace(IDEAL, hold_on_arrival=True)

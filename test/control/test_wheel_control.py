@@ -57,21 +57,6 @@ def test_a_command_that_is_too_fast_is_scaled_down_on_the_same_curve():
     assert control.step((4.0, 10.0, 4.0, 2.0), 2)[0] == (4.0, 10.0, 4.0, 2.0)
 
 
-def test_without_a_command_the_duty_is_zero_at_any_wheel_speed():
-    control = started()
-    control.step(AHEAD, 0)
-    for tick in range(1, 16):
-        control.add_reading((5.0,) * 4, tick * PERIOD_NS)
-        assert control.step(None, tick * PERIOD_NS) == (STOPPED, STOPPED)
-
-
-def test_a_command_of_zero_brakes():
-    control = started(velocity=(5.0,) * 4)
-    set_points, duty = control.step(STOPPED, 0)
-    assert set_points == STOPPED
-    assert max(duty) < 0.0
-
-
 def test_without_wheel_speeds_the_duty_is_zero():
     control = started()
     assert control.has_measurement(NS_PER_S // 2)
@@ -90,23 +75,6 @@ def test_the_rate_of_the_readings_is_that_of_their_arrival():
     assert control.reading_rate == pytest.approx(4.0)
 
 
-def test_measured_wheel_speeds_can_be_discarded():
-    control = started()
-    control.discard_measurement()
-    assert not control.has_measurement(0)
-    assert control.step(AHEAD, 0)[1] == STOPPED
-    control.add_reading(STOPPED, 1)
-    assert control.step(AHEAD, 1)[1] != STOPPED
-
-
-def test_during_an_emergency_stop_set_points_and_duty_are_zero():
-    control = started()
-    control.emergency_stop = True
-    assert control.step(AHEAD, 0) == (STOPPED, STOPPED)
-    control.emergency_stop = False
-    assert control.step(AHEAD, 1)[1] != STOPPED
-
-
 @pytest.mark.parametrize('pause', ['no command', 'stopped', 'no speeds'])
 def test_controllers_are_reset_after_any_pause(pause):
     control = started()
@@ -117,7 +85,8 @@ def test_controllers_are_reset_after_any_pause(pause):
     control.emergency_stop = pause == 'stopped'
     if pause == 'no speeds':
         control.discard_measurement()
-    assert control.step(None if pause == 'no command' else AHEAD, 5 * PERIOD_NS)[1] == STOPPED
+    set_points, duty = control.step(None if pause == 'no command' else AHEAD, 5 * PERIOD_NS)
+    assert duty == STOPPED and (set_points == STOPPED) == (pause != 'no speeds')
     control.emergency_stop = False
     control.add_reading((1.0,) * 4, 6 * PERIOD_NS)
     assert control.step(AHEAD, 6 * PERIOD_NS) == first
