@@ -264,7 +264,6 @@ def wall_clock_bounds(source: Source) -> Iterator[str]:
         yield source.at(line, 'upper bound on real time')
 
 
-@pytest.mark.xfail(strict=False, reason='some tests still have one')
 def test_no_test_has_an_upper_bound_on_real_time():
     assert_kept(wall_clock_bounds, TESTS)
 

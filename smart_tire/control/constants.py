@@ -36,7 +36,7 @@ MIN_PUBLISHER_WINDOW = 1.5    # s after its latest message that a publisher coun
 #                               line fault; assumed; test_publishers
 PUBLISHER_WINDOW_TIMEOUTS = 2.0  # the same in time-outs: a slow publisher counts; assumed
 MAX_PUBLISHERS = 64           # of one topic, whose transit times are known; assumed; fuzz
-MIN_PAUSE_NS = NS_PER_S       # without any, to reset a trip; above their period; test_duty_gate
+MIN_PAUSE_NS = NS_PER_S       # without a duty, to reset a trip; above their period; test_duty_gate
 MAX_SEQUENCE_GAP = 1000       # numbers of one publisher: its lost messages; assumed; test_commands
 
 # -- standstill ----------------------------------------------------------------------------------

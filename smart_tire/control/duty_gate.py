@@ -30,7 +30,8 @@ class DutyGate:
     * disarming, if ``require_arming`` is set;
     * a hold: a named cause that lasts until it is cleared, such as boards that do not respond;
     * a trip: an event, such as missing encoder counts under duty. It is latched until all holds
-      are cleared and commands were zero, or absent for ``MIN_PAUSE_NS``, once;
+      are cleared and no duty other than zero was commanded for ``MIN_PAUSE_NS``: a controller
+      without a reading commands zero for a moment, too;
     * the absence of commands for ``command_timeout`` [s].
 
     Every stop discards the active command, so a later command is always needed to move the wheels.
@@ -54,7 +55,7 @@ class DutyGate:
         self._trip = ''                   # reason, '' without a trip
         self._duty = STOPPED
         self._expires_ns: int | None = None   # of the active command
-        self._command_ns: int | None = None   # time of the latest command, accepted or not
+        self._asked_duty_ns: int | None = None  # latest command of a duty, accepted or not
         self.timeouts = 0  # commands that expired while the motors were driven
 
     @property
@@ -85,8 +86,9 @@ class DutyGate:
     def command(self, duty: Four, now_ns: int) -> bool:
         """Set the duty [-1, 1] received at ``now_ns``; return whether it is accepted."""
         with self._lock:
-            self._reset_trip(duty, now_ns)
-            self._command_ns = now_ns
+            self._reset_trip(now_ns)
+            if duty != STOPPED:
+                self._asked_duty_ns = now_ns
             if not all(map(math.isfinite, duty)) or self.reasons():
                 self._discard()
                 return False
@@ -129,7 +131,7 @@ class DutyGate:
             self._holds.pop(name, None)
 
     def trip(self, reason: str) -> None:
-        """Stop the motors until commands were zero or absent; report it once."""
+        """Stop the motors until no duty was commanded for a while; report it once."""
         with self._lock:
             known, self._trip = self._trip, reason
             self._discard()
@@ -171,10 +173,10 @@ class DutyGate:
             self._discard()
             return causes if armed else []
 
-    def _reset_trip(self, duty: Four, now_ns: int) -> None:
+    def _reset_trip(self, now_ns: int) -> None:
         """Reset the trip after a pause; an uninterrupted stream of commands must not reset it."""
-        pause = self._command_ns is None or now_ns - self._command_ns > c.MIN_PAUSE_NS
-        if not self._holds and (pause or duty == STOPPED):
+        asked_ns = self._asked_duty_ns
+        if not self._holds and (asked_ns is None or now_ns - asked_ns > c.MIN_PAUSE_NS):
             self._trip = ''
 
     def _discard(self) -> bool:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
-from pathlib import Path
 
 import pytest
 from smart_tire.bags import Bag, BagWriter, channel_of
@@ -22,9 +21,8 @@ from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import ImuSample, WheelSample
+from support.real_recordings import real_recording
 from support.recordings import START_NS, stream, write_bag
-
-SHARED = Path(__file__).resolve().parents[3] / 'shared' / 'data'
 
 
 def write_raw(path, messages):
@@ -203,9 +201,7 @@ def test_the_latest_metadata_counts_and_that_of_the_folder_most(tmp_path):
     ('warthog_asphalt', {'imu/data': 8746, 'wheel_states': 2246, 'ground_truth/odom': 4164}),
     ('husky_rectangle', {'imu/data': 4875, 'wheel_states': 488, 'ground_truth/odom': 1948})])
 def test_recordings_of_real_robots_are_read(name, counts):
-    if not SHARED.is_dir():
-        pytest.skip(f'{SHARED} does not exist: the recordings are not part of the project')
-    with Bag(SHARED / name) as bag:
+    with Bag(real_recording(name)) as bag:
         read = dict.fromkeys(counts, 0)
         for _, topic, sample in bag.samples(TOPICS):
             read[topic] += 1

@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 import pytest
 
 from smart_tire.control.command_check import (
-    check_age, PublisherMonitor, SequenceTracker, StallDetector, TransitTimes,
-    VelocityMux)
+    check_age, StallDetector, TransitTimes, VelocityMux)
 from smart_tire.control.constants import (
     MAX_PUBLISHERS, MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS)
+from smart_tire.control.publishers import PublisherMonitor, SequenceTracker
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 

@@ -160,25 +160,28 @@ def test_a_trip_is_not_reset_by_an_uninterrupted_stream_of_commands(gate):
     assert gate.reports == ['motors stopped: wheel blocked']
 
 
-def test_a_trip_is_reset_by_a_zero_command(gate):
-    gate.trip('wheel blocked')
-    assert gate.command(STOPPED, MS)
-    assert gate.output(MS) == STOPPED
-    assert gate.command(AHEAD, 2 * MS)
-    assert gate.output(2 * MS) == AHEAD
-
-
-def test_a_trip_is_reset_by_a_pause_of_all_commands_including_refused_ones(gate):
+@pytest.mark.parametrize('zero', [True, False])
+def test_a_trip_is_reset_by_a_pause_in_which_no_duty_is_commanded(gate, zero):
     gate.trip('wheel blocked')
     for now_ns in (MIN_PAUSE_NS // 2, MIN_PAUSE_NS, 2 * MIN_PAUSE_NS):
-        assert not gate.command(AHEAD, now_ns)
+        assert not gate.command(AHEAD, now_ns)  # refused commands count, too
+    for tick in range(1, 10 * zero):  # zero is no duty, and no pause by itself
+        assert not gate.command(STOPPED, 2 * MIN_PAUSE_NS + tick * 100 * MS)
     assert gate.command(AHEAD, 3 * MIN_PAUSE_NS + 1)
+    assert gate.output(3 * MIN_PAUSE_NS + 1) == AHEAD
+
+
+def test_zero_between_two_duties_does_not_reset_a_trip(gate):
+    gate.trip('wheel blocked')
+    assert not gate.command(AHEAD, MS)
+    assert not gate.command(STOPPED, 500 * MS)
+    assert not gate.command(AHEAD, 501 * MS)
 
 
 def test_a_new_trip_after_a_reset_is_reported_again(gate):
     gate.trip('wheel blocked')
     gate.trip('wheel blocked')
-    gate.command(STOPPED, MS)
+    gate.command(STOPPED, MIN_PAUSE_NS + MS)
     gate.trip('wheel blocked')
     assert gate.reports == ['motors stopped: wheel blocked'] * 2
 
@@ -186,12 +189,12 @@ def test_a_new_trip_after_a_reset_is_reported_again(gate):
 def test_a_latched_hold_ends_when_it_is_cleared_and_commands_pause(gate):
     gate.hold('supply', 'low', latch=True)
     assert gate.reasons() == ['low']
-    assert not gate.command(STOPPED, MS)  # a pause counts only once the cause is gone
+    assert not gate.command(AHEAD, MS)
+    assert not gate.command(STOPPED, 2 * MIN_PAUSE_NS)  # the cause is not gone
     gate.clear('supply')
     assert gate.reasons() == ['low (latched until commands pause)']
-    assert not gate.command(AHEAD, 2 * MS)
-    assert gate.command(STOPPED, 3 * MS)
-    assert gate.command(AHEAD, 4 * MS)
+    assert not gate.command(AHEAD, MIN_PAUSE_NS)
+    assert gate.command(AHEAD, 2 * MIN_PAUSE_NS + MS)
     assert gate.reports == ['motors stopped: low']
 
 

@@ -13,11 +13,11 @@
 from __future__ import annotations
 
 import math
-import time
 
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from smart_tire.drivers.clock import Clock
 from smart_tire.drivers.motor_board import Board, CurrentReader, MotionCheck, Reading, WheelEncoder
 from smart_tire.parameters import MotorDriverParams
 from smart_tire.protocol.roboclaw import COUNT_WRAP
@@ -195,7 +195,7 @@ def test_a_wheel_that_lags_behind_the_other_one_of_its_side_is_a_fault(
 ADDRESSES = (128, 129)
 
 
-def readings(monkeypatch, period, seconds, silent=()):
+def readings(period, seconds, silent=()):
     """Return the times [s] of the requests to each board in ``seconds`` of polls."""
     now, asked, before = [0.0], {address: [] for address in ADDRESSES}, []
 
@@ -205,10 +205,13 @@ def readings(monkeypatch, period, seconds, silent=()):
             asked[address].append(now[0])
             return None if address in silent else (0, 0)
 
-    monkeypatch.setattr(time, 'monotonic_ns', lambda: round(now[0] * NS_PER_S))
+    class ListClock(Clock):
+        def now_ns(self):
+            return round(now[0] * NS_PER_S)
+
     boards = [Board(address, str(address), [WheelEncoder(1, 2000)] * 2, [], span_ns=1)
               for address in ADDRESSES]
-    reader = CurrentReader(MotorDriverParams(), boards, Line(), period)
+    reader = CurrentReader(MotorDriverParams(), boards, Line(), period, ListClock())
     for poll in range(round(seconds / period)):
         now[0] = poll * period
         reader.read(lambda: before.append(now[0]))
@@ -223,16 +226,16 @@ def readings(monkeypatch, period, seconds, silent=()):
 
 
 @pytest.mark.parametrize(('rate', 'interval'), [(16.0, 1), (50.0, 1), (100.0, 2), (200.0, 4)])
-def test_currents_are_read_at_50_hz_at_most_and_in_turn(monkeypatch, rate, interval):
-    front, rear = readings(monkeypatch, 1.0 / rate, 1.0)
+def test_currents_are_read_at_50_hz_at_most_and_in_turn(rate, interval):
+    front, rear = readings(1.0 / rate, 1.0)
     for times in (front, rear):
         assert np.diff(times) == pytest.approx(interval / rate)
         assert len(times) == rate // interval
     assert len({*front, *rear}) == rate * min(1.0, 2.0 / interval)  # not in the same poll
 
 
-def test_a_board_without_currents_is_asked_at_doubling_intervals_up_to_10_s(monkeypatch):
-    silent, other = readings(monkeypatch, 0.0625, 60.0, {128})
+def test_a_board_without_currents_is_asked_at_doubling_intervals_up_to_10_s():
+    silent, other = readings(0.0625, 60.0, {128})
     waits = [0.0625, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 10.0, 10.0, 10.0, 10.0]
     assert np.diff(silent) == pytest.approx(waits)
     assert np.diff(other) == pytest.approx(0.0625)

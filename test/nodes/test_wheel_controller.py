@@ -16,8 +16,8 @@ import math
 
 from geometry_msgs.msg import Twist, TwistStamped
 import pytest
+from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.errors import ParameterError
-from smart_tire.nodes.command_input import TICK_PERIOD
 from smart_tire.nodes.wheel_controller import WheelController
 from smart_tire.samples import NS_PER_S, Odometry, VelocityCommand, WheelSample
 from std_msgs.msg import Bool

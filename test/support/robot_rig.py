@@ -34,7 +34,7 @@ from support.waiting import wait_for
 
 SPEED = 0.7      # m/s, 8 rad/s at the wheels
 COMMAND_PERIOD = 0.05  # s
-PAUSE = 0.6      # s without commands, longer than their time-out
+PAUSE = 1.5      # s without commands: their time-outs, and the pause that resets a trip
 MIN_DRIVING_DUTY = 0.2  # of every motor while the robot counts as driving
 RELEASE_PERIOD = 0.002  # s between requests to release the emergency stop
 

@@ -397,7 +397,7 @@ class VirtualRobot(VirtualDriver):
         return refused
 
     def _check_state(self) -> None:
-        """Tell the controller whether the motors are enabled, as the node does."""
+        """Publish for the controller whether the motors are enabled, as the node does."""
         enabled = self.output.gate.enabled
         if enabled != self._enabled:
             self._enabled = enabled
