@@ -17,6 +17,8 @@ from pathlib import Path
 import mutation
 import pytest
 
+pytestmark = pytest.mark.processes
+
 CHANGES = [  # statement, its changes
     ('x = a < b <= c', {'x = a <= b <= c', 'x = a < b < c'}),
     ('x = a not in b', {'x = a in b'}),

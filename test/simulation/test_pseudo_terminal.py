@@ -19,7 +19,6 @@ import serial
 from smart_tire.errors import LinkError
 from smart_tire.simulation.pseudo_terminal import PtyPort
 
-
 ALL_BYTES = bytes(range(256))
 PATIENCE = 10.0  # s, only a failing test waits so long
 
