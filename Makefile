@@ -118,17 +118,20 @@ ifndef ROS_DISTRO
 	else echo 'types are not checked on Python 3.10'; fi
 endif
 
-# Style and types are checked while the tests run. Three workers, for two cores: the tests in real
-# time mostly wait; test/conftest.py describes their order.
+# Style and types are checked while the tests run. Three workers, for two cores: tests of processes
+# mostly wait; test/conftest.py describes the order.
 test: $(READY)
 	+@$(MAKE) --no-print-directory --jobs=2 lint pytest
 
 pytest: $(READY)
 	$(BIN)/python -m pytest -n 3 --durations=25 $(SELECTION)
 
-# The results of the benchmarks are in bench_output/check/.
-check: export SELECTION := -m '' --cov --cov-report=term --cov-fail-under=92
+# Those "long" tests that drive in real time run alone. The results of the benchmarks are in
+# bench_output/check/.
+ALONE := long and (processes or safety)
+check: export SELECTION := -m 'not ($(ALONE))' --cov --cov-report=term --cov-fail-under=92
 check: test current site
+	$(BIN)/python -m pytest -m '$(ALONE)'
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction

@@ -12,17 +12,14 @@
 What tests share: a ROS domain, serial ports, and the order in which workers run the tests.
 
 With pytest-xdist, a worker runs all tests of a file, so that its fixtures are made once. Modules
-marked ``processes`` and ``safety`` mostly wait: they run in two chains of about equal length, each
-on one worker, one test after the other. They come first, then those marked ``slow``, then all
-others, with a lower priority: a third worker lets these use the time in which the chains wait.
-``pyproject.toml`` declares the markers.
+marked ``processes`` and ``safety``, which mostly wait, come first, then those marked ``slow``,
+then all others. ``pyproject.toml`` declares the markers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 import fcntl
-from functools import cache
 import gc
 import os
 from pathlib import Path
@@ -33,8 +30,7 @@ from typing import Any, IO
 from benchmarks.events import FOLDER_VARIABLE
 from hypothesis import HealthCheck, settings
 import pytest
-from support.groups import chain_of, GROUPS
-from support.machine import shared_cores
+from support.groups import GROUPS
 from support.pty_port import PtyPort
 from support.skipped import pytest_sessionfinish  # noqa: F401 - a hook
 
@@ -50,8 +46,6 @@ settings.register_profile('anywhere', deadline=None, derandomize=True,
 settings.load_profile('anywhere')
 
 ORDER = (*GROUPS, 'slow')  # markers of the tests that come first
-
-NICENESS = 19  # of tests without group: a seventieth of the share of the others, if they need all
 
 DOMAINS = range(1, 102)  # above, DDS ports overlap the ephemeral ports
 
@@ -83,36 +77,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)  # of xdist, where it is installed
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Return the scheduler that assigns chains, and files of all other tests, to workers."""
+    """Return the scheduler that assigns files to workers, in their order."""
     from xdist.scheduler import LoadFileScheduling
 
-    class ChainsAndFiles(LoadFileScheduling):
-
-        def _split_scope(self, nodeid: str) -> str:
-            """Return the chain of a test, or its file."""
-            file = super()._split_scope(nodeid)
-            text = (config.rootpath / file).read_text(encoding='utf-8')
-            return chain_of(file, text) or file
-
-    config.option.loadscopereorder = False  # they are in order
-    return ChainsAndFiles(config, log)
-
-
-@cache
-def _lower_priority() -> None:
-    """Let tests in real time, which are on other workers or came before, have the cores first."""
-    if 'PYTEST_XDIST_WORKER' in os.environ:
-        os.nice(NICENESS)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Leave all cores to a test that needs them; see ``support/machine.py``."""
-    if _rank(item) < len(GROUPS):
-        return (yield)  # only these ask for it, and no two of a chain run at the same time
-    _lower_priority()
-    with shared_cores():
-        return (yield)
+    config.option.loadscopereorder = False
+    return LoadFileScheduling(config, log)
 
 
 @pytest.fixture(scope='session', autouse=True)

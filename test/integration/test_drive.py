@@ -24,7 +24,6 @@ import time
 
 import pytest
 from smart_tire.bags import Bag
-from support.machine import exclusive_cores
 from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.processes, pytest.mark.long]
@@ -90,8 +89,7 @@ def test_the_simulated_robot_drives_a_lane_change(tmp_path):
     out = tmp_path / 'out'
     words = [sys.executable, '-m', 'smart_tire.cli.main', 'drive', '--path', 'lane_change',
              '--out', str(out)]
-    with exclusive_cores():
-        done = subprocess.run(words, capture_output=True, text=True, timeout=5.0 * PATIENCE)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=5.0 * PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['tracking']['state'] == 'arrived'
@@ -102,17 +100,16 @@ def test_the_simulated_robot_drives_a_lane_change(tmp_path):
 
 
 def test_keys_drive_and_the_terminal_is_restored(tmp_path):
-    with exclusive_cores():
-        terminal = Terminal('drive', '--keyboard', '--out', str(tmp_path))
-        assert terminal.read(PATIENCE, b'arrows or WASD'), terminal.output
-        assert not terminal.echoes()
-        released = terminal.hold(UP, 2.0)
-        terminal.output = b''
-        assert terminal.read(PATIENCE, b'command +0.00'), terminal.output
-        terminal.send_key(b'q')
-        assert terminal.ended() == 0
-        assert terminal.echoes()
-        terminal.close()
+    terminal = Terminal('drive', '--keyboard', '--out', str(tmp_path))
+    assert terminal.read(PATIENCE, b'arrows or WASD'), terminal.output
+    assert not terminal.echoes()
+    released = terminal.hold(UP, 2.0)
+    terminal.output = b''
+    assert terminal.read(PATIENCE, b'command +0.00'), terminal.output
+    terminal.send_key(b'q')
+    assert terminal.ended() == 0
+    assert terminal.echoes()
+    terminal.close()
     sent = commands(tmp_path / 'bag')
     assert max(command.v_x for _, command in sent) == pytest.approx(0.3)
     assert sent[-1][1].v_x == 0.0
@@ -124,13 +121,12 @@ def test_keys_drive_and_the_terminal_is_restored(tmp_path):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_path_is_canceled_by_a_signal(tmp_path, number):
-    with exclusive_cores():
-        terminal = Terminal('drive', '--path', 'square', '--out', str(tmp_path))
-        assert terminal.read(PATIENCE, b'm left'), terminal.output
-        terminal.read(1.0)
-        os.kill(terminal.process, number)
-        assert os.waitstatus_to_exitcode(os.waitpid(terminal.process, 0)[1]) == 1
-        terminal.close()
+    terminal = Terminal('drive', '--path', 'square', '--out', str(tmp_path))
+    assert terminal.read(PATIENCE, b'm left'), terminal.output
+    terminal.read(1.0)
+    os.kill(terminal.process, number)
+    assert os.waitstatus_to_exitcode(os.waitpid(terminal.process, 0)[1]) == 1
+    terminal.close()
     log = (tmp_path / 'logs' / 'trajectory_controller.log').read_text()
     assert 'canceled by cancel_path' in log
     assert commands(tmp_path / 'bag')[-1][1].v_x == 0.0

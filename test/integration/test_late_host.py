@@ -21,7 +21,6 @@ import sys
 import time
 
 import pytest
-from support.machine import exclusive_cores
 
 pytestmark = [pytest.mark.processes, pytest.mark.long]
 
@@ -43,7 +42,7 @@ def process_of(out, name):
 def test_the_demo_resumes_the_path_after_odom_was_late(tmp_path):
     out = tmp_path / 'out'
     words = [sys.executable, '-m', 'smart_tire.cli.main', 'demo', '--out', str(out)]
-    with exclusive_cores(), subprocess.Popen(
+    with subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as demo:
         lines = []
         for line in demo.stdout:

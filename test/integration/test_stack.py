@@ -29,7 +29,6 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.command_line import COMPOSED, COMPOSED_NODES
 from smart_tire.samples import NS_PER_S, VelocityCommand
 from support.graph import Graph
-from support.machine import exclusive_cores
 from support.stack import children, parameter_file
 from support.waiting import wait_for
 
@@ -51,7 +50,7 @@ def run(tmp_path_factory, isolated_ros):
         '/**': {'film.wheels': WHEELS},
         'robot_simulator': {'ground.base': 'concrete', 'units': list(UNITS)},
         'tire_receiver': {'units': list(UNITS)}})
-    with exclusive_cores(), Graph(folder) as graph, Stack(folder / 'logs', os.environ) as stack:
+    with Graph(folder) as graph, Stack(folder / 'logs', os.environ) as stack:
         stack.start('recorder', 'smart_tire.cli.main', 'record', '--out', str(bag))
         stack.start('robot', 'smart_tire.cli.main', 'robot', '--simulated', '--params',
                     str(params))

@@ -25,7 +25,6 @@ from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.samples import NS_PER_S, VelocityCommand, WheelSample
 from support.graph import Graph
-from support.machine import exclusive_cores
 from support.policies import rules_in
 from support.stack import parameter_file
 
@@ -91,7 +90,7 @@ def test_commands_and_stops_reach_the_robot_of_their_namespace_only(tmp_path, is
 def test_a_robot_is_driven_while_the_other_one_stands(tmp_path, isolated_ros):
     params = parameter_file(tmp_path / 'params.yaml', {
         f'/**/{node}': {'port': f'simulated:{port}'} for node, port in DRIVERS.items()})
-    with exclusive_cores(), ExitStack() as robots, Graph(tmp_path) as graph:
+    with ExitStack() as robots, Graph(tmp_path) as graph:
         stacks = {name: robots.enter_context(Stack(tmp_path / name, os.environ))
                   for name in ROBOTS}
         for name, stack in stacks.items():

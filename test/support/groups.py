@@ -22,25 +22,12 @@ from support.sources import Source
 
 GROUPS = ('processes', 'safety')  # markers, declared in pyproject.toml
 MODULE_MARK = re.compile(rf'^pytestmark = .*\bpytest\.mark\.({"|".join(GROUPS)})\b', re.MULTILINE)
-FIRST_CHAIN = ('test/nodes/', 'test/cli/')  # about half of the time of all modules with a marker
 
 
 def group_of(text: str) -> str | None:
     """Return the group of a test module from its source; None for a module without group."""
     match = MODULE_MARK.search(text)
     return match[1] if match else None
-
-
-def chain_of(file: str, text: str) -> str | None:
-    """
-    Return the chain of a test module, whose modules run one after the other on one worker.
-
-    The process that assigns tests to workers collects none, and the groups of xdist 3.8 have no
-    effect with pytest 9.2: xdist sets an attribute of the items that pytest no longer reads.
-    """
-    if not group_of(text):
-        return None
-    return 'first chain' if file.startswith(FIRST_CHAIN) else 'second chain'
 
 
 # With these a test starts programs or nodes, or waits for them.
