@@ -10,9 +10,8 @@
 
 """Equations of the slip filter: compiled, as Python and with numpy; their derivatives."""
 
-from __future__ import annotations
-
 from array import array
+from functools import partial
 
 import numpy as np
 import pytest
@@ -26,6 +25,7 @@ from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.parameters import SlipEstimatorParams
 from support.compiled import load_source
+from support.derivatives import derivative
 
 PARAMS = SlipEstimatorParams()
 ROBOT = PARAMS.robot
@@ -112,62 +112,50 @@ def test_the_jacobian_of_the_motion_is_its_derivative():
     step = ImuStep(1e-4, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.5, 0.5)
     model = MotionModel(ROBOT)
     F = model.predict(x, step, NOISE)[1].copy()
+
+    def predicted(row, delta):
+        moved = x[:]
+        moved[row] += delta
+        return np.array(model.predict(moved, step, NOISE)[0])
     for row in State:
-        ends = []
-        for delta in (-1e-6, 1e-6):
-            moved = x[:]
-            moved[row] += delta
-            ends.append(np.array(model.predict(moved, step, NOISE)[0]))
         # neglected: terms of second order in dt, the change of a slope by speed and yaw rate
-        np.testing.assert_allclose(F[:, row], (ends[1] - ends[0]) / 2e-6, atol=3e-6)
+        np.testing.assert_allclose(
+            F[:, row], derivative(partial(predicted, row), 0.0, 1e-6), atol=3e-6)
+
+
+def balance(model, x, rolling):
+    return model.balance(x, rolling, 0.5, 0.1, 0.3, -0.2)
+
+
+def tractions(model, x, rolling):
+    return model.tractions(x, rolling, 0.5, [25.0, 20.0, 30.0, 28.0])
+
+
+SPEEDS = State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R
+RATIOS = State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL
 
 
 @pytest.mark.parametrize('kind', ['driving', 'sliding', 'reverse'])
-@pytest.mark.parametrize('rows, resistance', [
+@pytest.mark.parametrize('output, rows, resistance', [
     # of the rolling resistance along the heading the change by the speed is neglected
-    ((State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R), 0.0),
-    ((State.LN_STIFFNESS, State.LN_FRICTION, State.RESISTANCE, State.LATERAL_SHARE,
-      State.LN_LATERAL), 0.015)])
-def test_the_jacobian_of_the_balance_is_its_derivative(kind, rows, resistance):
+    (balance, SPEEDS, 0.0), (balance, (*RATIOS, State.RESISTANCE, State.LATERAL_SHARE), 0.015),
+    (tractions, (*SPEEDS, *RATIOS), 0.015)])
+def test_the_jacobian_of_the_forces_is_their_derivative(kind, output, rows, resistance):
     x, _ = state(kind)
     model = TireForces(ROBOT, np.zeros((N, N)))  # without error of the slip
 
-    def balance(row, delta):
+    def forces(row, delta):
         moved, given, i = x[:], list(GROUND), row - State.LN_STIFFNESS
         given[2] = resistance
         moved[row] += delta
-        if row in (State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL):
-            given[i] *= np.exp(delta)
-        elif i > 0:
-            given[i] += delta
+        if i >= 0:
+            given[i] = given[i] * np.exp(delta) if row in RATIOS else given[i] + delta
         model.set_ground(given)
-        return np.array(model.balance(moved, model.rolling_speeds(moved, 0.5, RESIDUAL), 0.5, 0.1,
-                                      0.3, -0.2))
-    balance(rows[0], 0.0)
+        return np.array(output(model, moved, model.rolling_speeds(moved, 0.5, RESIDUAL)))
+    forces(rows[0], 0.0)
     H = model.H.copy()
     for row in rows:
-        slope = (balance(row, 1e-6) - balance(row, -1e-6)) / 2e-6
-        np.testing.assert_allclose(H[:2, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
-
-
-@pytest.mark.parametrize('kind', ['driving', 'sliding', 'reverse'])
-def test_the_jacobian_of_the_tractions_is_their_derivative(kind):
-    x, _ = state(kind)
-    model = TireForces(ROBOT, np.zeros((N, N)))
-
-    def tractions(row, delta):
-        moved, given = x[:], list(GROUND)
-        moved[row] += delta
-        if row >= State.LN_STIFFNESS:
-            given[row - State.LN_STIFFNESS] *= np.exp(delta)
-        model.set_ground(given)
-        return np.array(model.tractions(moved, model.rolling_speeds(moved, 0.5, RESIDUAL), 0.5,
-                                        [25.0, 20.0, 30.0, 28.0]))
-    tractions(State.V_X, 0.0)
-    H = model.H.copy()
-    for row in (State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R, State.LN_STIFFNESS,
-                State.LN_FRICTION, State.LN_LATERAL):
-        slope = (tractions(row, 1e-6) - tractions(row, -1e-6)) / 2e-6
+        slope = derivative(partial(forces, row), 0.0, 1e-6)
         np.testing.assert_allclose(H[:2, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))
 
 

@@ -10,8 +10,6 @@
 
 """Buckled film as a sensor: its constants, both normalizations, and charge from deflection."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from hypothesis import given

@@ -10,8 +10,6 @@
 
 """Heavy elastica: a general solver, limits, energy and the printed series."""
 
-from __future__ import annotations
-
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np

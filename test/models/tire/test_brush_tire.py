@@ -25,22 +25,18 @@ def random_states(count=20_000):
     return rolling, v_x, v_y, mu, load
 
 
-def test_the_tire_force_dissipates_energy():
-    rolling, v_x, v_y, mu, load = random_states()
-    force_x, force_y = brush_tire.brush_force(
-        *brush_tire.slip_vector(rolling, v_x, v_y), mu, load, C_X)
-    assert np.all(force_x * (v_x - rolling) + force_y * v_y <= 0.0)
-    assert np.all(force_x * (v_x - rolling) + force_y * v_y < 0.0, where=load > 0.0)
-
-
-def test_the_force_is_inside_the_friction_circle_and_on_it_under_full_sliding():
+def test_the_force_dissipates_energy_in_the_friction_circle_and_on_it_under_full_sliding():
     rolling, v_x, v_y, mu, load = random_states()
     s_x, s_y = brush_tire.slip_vector(rolling, v_x, v_y)
-    force = np.hypot(*brush_tire.brush_force(s_x, s_y, mu, load, C_X))
+    force_x, force_y = brush_tire.brush_force(s_x, s_y, mu, load, C_X)
+    assert np.all(force_x * (v_x - rolling) + force_y * v_y < 0.0)
+    force = np.hypot(force_x, force_y)
     assert np.all(force <= mu * load * (1.0 + 1e-12))
     sliding = brush_tire.adhesion_ratio(np.hypot(s_x, s_y), mu, load, C_X) == 0.0
     assert sliding.any() and not sliding.all()
     np.testing.assert_allclose(force[sliding], (mu * load)[sliding], rtol=1e-12)
+    back = brush_tire.brush_force(*brush_tire.slip_vector(-rolling, -v_x, v_y), mu, load, C_X)
+    np.testing.assert_array_equal(back, (-force_x, force_y))  # reverse motion mirrors the force
 
 
 @pytest.mark.parametrize('share', [0.02, 0.4, 0.99, 1.0, 1.7, 40.0])
@@ -64,9 +60,11 @@ def test_the_force_has_slope_c_x_at_zero_slip_and_is_smooth_at_the_critical_slip
     np.testing.assert_allclose(around, MU * LOAD, rtol=1e-12)
 
 
-def test_a_stationary_wheel_has_no_force_and_a_locked_one_full_friction():
+def test_without_motion_load_or_friction_there_is_no_force_and_with_locked_wheels_full_friction():
     still = brush_tire.brush_force(*brush_tire.slip_vector(0.0, 0.0, 0.0), MU, LOAD, C_X)
     assert still == (0.0, 0.0)
+    for mu, load in ((MU, 0.0), (0.0, LOAD)):
+        assert brush_tire.brush_force(0.3, 0.1, mu, load, C_X) == (0.0, 0.0)
     locked = brush_tire.brush_force(*brush_tire.slip_vector(0.0, 0.3, 0.4), MU, LOAD, C_X)
     np.testing.assert_allclose(locked, (-0.6 * MU * LOAD, -0.8 * MU * LOAD), rtol=1e-9)
 
@@ -75,19 +73,6 @@ def test_the_least_slip_has_no_warning_and_the_slope_c_x():
     with np.errstate(all='raise', under='ignore'):
         force, _ = brush_tire.brush_force(1e-310, 0.0, MU, LOAD, C_X)
     assert force == pytest.approx(C_X * 1e-310, rel=1e-9, abs=0.0)
-
-
-def test_without_load_or_friction_there_is_no_force():
-    assert brush_tire.brush_force(0.3, 0.1, MU, 0.0, C_X) == (0.0, 0.0)
-    assert brush_tire.brush_force(0.3, 0.1, 0.0, LOAD, C_X) == (0.0, 0.0)
-
-
-def test_reverse_motion_mirrors_the_force():
-    rolling, v_x, v_y, mu, load = random_states()
-    ahead = brush_tire.brush_force(*brush_tire.slip_vector(rolling, v_x, v_y), mu, load, C_X)
-    back = brush_tire.brush_force(*brush_tire.slip_vector(-rolling, -v_x, v_y), mu, load, C_X)
-    np.testing.assert_array_equal(back[0], -ahead[0])
-    np.testing.assert_array_equal(back[1], ahead[1])
 
 
 def test_friction_from_the_adhesion_ratio_is_the_inverse():
@@ -107,20 +92,12 @@ def test_friction_is_nan_where_the_adhesion_ratio_does_not_determine_it(ratio, s
 LOADS = np.array([18.0, 18.0, 35.0, 35.0])[:, np.newaxis]  # N, of an accelerating robot
 
 
-def total_force(slip, friction):
-    return brush_tire.brush_force(slip, 0.0, friction, LOADS, C_X)[0].sum(axis=0)
-
-
 @pytest.mark.parametrize('friction', [0.1, 0.47, 2.0])
 def test_the_linear_force_is_the_inverse_of_the_brush_tire(friction):
-    slip = np.linspace(-0.9, 0.9, 61) * 3.0 * friction * LOADS.min() / C_X
-    found = brush_tire.linear_tire_force(total_force(slip, friction), friction, LOADS)
-    assert found / C_X == pytest.approx(slip, rel=1e-6)
-
-
-def test_front_wheels_may_slide_fully_while_rear_wheels_adhere():
-    slip = np.array([1.05 * 3.0 * 0.3 * LOADS.min() / C_X])
-    found = brush_tire.linear_tire_force(total_force(slip, 0.3), 0.3, LOADS)
+    # up to front wheels that slide fully while rear wheels adhere
+    slip = np.linspace(-1.05, 1.05, 61) * 3.0 * friction * LOADS.min() / C_X
+    force = brush_tire.brush_force(slip, 0.0, friction, LOADS, C_X)[0].sum(axis=0)
+    found = brush_tire.linear_tire_force(force, friction, LOADS)
     assert found / C_X == pytest.approx(slip, rel=1e-6)
 
 

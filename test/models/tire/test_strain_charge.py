@@ -10,18 +10,16 @@
 
 """Overlap integral of the strained film: quadrature, derivatives, peak and limits."""
 
-from __future__ import annotations
-
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from smart_tire.models.tire import strain_charge
+from support.derivatives import derivative
 
 C_X, MU, LOAD, L, FILM = 52.7, 0.47, 26.7, 0.046, 0.02  # paper B, Table I
 CRITICAL = 3.0 * MU * LOAD / C_X
-STEP = 1e-7
 
 criticals = st.floats(0.05, 1.5)
 shares = st.floats(0.01, 1.4)  # of the critical slip
@@ -44,11 +42,6 @@ def by_quadrature(x, slip, total, critical, film):
         return 0.0
     return quad(displacement, low, high, points=[edge] if low < edge < high else None,
                 epsabs=1e-13)[0]
-
-
-def derivative(function, at):
-    """Return the derivative of an array-valued ``function`` by central differences."""
-    return (function(at + STEP) - function(at - STEP)) / (2.0 * STEP)
 
 
 @pytest.mark.parametrize('film', [FILM, 0.045, 0.07])
