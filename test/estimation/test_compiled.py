@@ -10,8 +10,6 @@
 
 """The compiled modules are compiled, from their present source."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 import shutil

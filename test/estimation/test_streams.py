@@ -10,8 +10,6 @@
 
 """The table of streams agrees with the topics of the messages."""
 
-from __future__ import annotations
-
 import pytest
 
 from smart_tire.estimation.streams import (

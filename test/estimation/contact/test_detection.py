@@ -10,8 +10,6 @@
 
 """Coarse detection: the center to a fraction of a millimeter, and no false detections."""
 
-from __future__ import annotations
-
 from benchmarks.friction.grid import Case
 from benchmarks.friction.synthesis import CrossingSynthesizer
 import numpy as np
@@ -42,7 +40,7 @@ def first_film(seed):
 def test_a_crossing_is_detected_at_its_center(slip, rpm, release):
     robot = build(RobotParams, {'film.release': release, 'film.noise': 0.01})
     rng = np.random.default_rng(0)
-    for _ in range(10):
+    for _ in range(3):
         detections = crossing_samples(rng, robot, slip=slip, normalized_slip=1.5 * abs(slip),
                                       rpm=rpm).detections
         for i, detection in enumerate(detections):
@@ -57,7 +55,7 @@ def test_a_crossing_is_detected_at_its_center(slip, rpm, release):
 @pytest.mark.parametrize('slip', [0.05, 0.3, -0.1, -0.3])
 def test_a_crossing_with_a_release_between_the_conventions_is_detected(slip, share, release):
     source = CrossingSynthesizer(Case(slip=slip, release=release, release_share=share), 2)
-    for _ in range(10):
+    for _ in range(3):
         samples = source.crossing().samples
         assert [film.film for film in samples.films] == [0, 1]
         for detection, center in zip(samples.detections, (0.0, 0.03)):

@@ -10,8 +10,6 @@
 
 """The feed of the contact trackers: order, validity and restarts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import random
 

@@ -10,8 +10,6 @@
 
 """Prediction of patch crossings from the wheel angle, and their association with detections."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

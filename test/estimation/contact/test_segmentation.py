@@ -10,8 +10,6 @@
 
 """Segmentation of film signals over rolled distance, independent of the time it takes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import math
 
@@ -139,10 +137,11 @@ def test_a_segment_contains_samples_from_before_entry_to_after_release():
     assert positions[-1] - positions[0] < 0.3 * ROUND
 
 
-def filled(films, volts):
+def filled(films, volts, stamps=None):
     buffer = FilmSampleBuffer(films, PERIOD_NS)
-    for i, row in enumerate(volts):
-        buffer.add_films(TireSample(i * PERIOD_NS, 'front_right', row))
+    stamps = [i * PERIOD_NS for i in range(len(volts))] if stamps is None else stamps
+    for stamp, row in zip(stamps, volts):
+        buffer.add_films(TireSample(int(stamp), 'front_right', row))
     return buffer
 
 
@@ -163,10 +162,7 @@ def test_the_films_of_the_group_are_returned_and_absent_ones_are_nan():
 
 
 def regularized(stamps):
-    buffer = FilmSampleBuffer((0,), PERIOD_NS)
-    for stamp in stamps:
-        buffer.add_films(TireSample(int(stamp), 'front_right', (1.65,)))
-    return buffer.take(2**62)[0]
+    return filled((0,), [(1.65,)] * len(stamps), stamps).take(2**62)[0]
 
 
 def test_timestamps_of_batches_become_as_regular_as_the_conversions():

@@ -10,8 +10,6 @@
 
 """Noise, spikes and smoothing of measured signals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -10,8 +10,6 @@
 
 """Parameters of a film from simulated and real recordings, and their file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -10,8 +10,6 @@
 
 """Waveform method, and mu of a single crossing with the slip of the motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -28,6 +26,8 @@ from support.crossings import crossing_samples, WHEEL
 ROBOT = RobotParams()
 L, FILM = ROBOT.tire.contact_length, ROBOT.film.length
 SPEED = 0.546
+CASES = [(0.1, 0.18), (-0.25, 0.45)]  # slip, normalized slip
+EDGES = [(0.1, 0.18, 0.42), (0.1, 0.42, 0.18), (-0.1, 0.18, 0.42), (-0.1, 0.42, 0.18)]
 
 
 def patch_crossing(samples, change=0.0):
@@ -78,11 +78,11 @@ def test_film_slip_and_adhesion_ratio_are_published_independently_of_the_state()
     assert abs(records[0].adhesion_ratio.value - 0.82) < 3.0 * records[0].adhesion_ratio.sigma
 
 
-@pytest.mark.parametrize('slip, normalized_slip', [(0.1, 0.18), (-0.25, 0.45)])
-def test_film_slip_and_normalized_slip_have_consistent_sigmas_and_correlation(
-        slip, normalized_slip):
+@pytest.mark.parametrize(('cases', 'count'), [(CASES, 70), *(
+    pytest.param([case], 150, marks=pytest.mark.long) for case in CASES)])
+def test_film_slip_and_normalized_slip_have_consistent_sigmas_and_correlation(cases, count):
     rng, errors, correlations = np.random.default_rng(8), [], []
-    for _ in range(150):
+    for slip, normalized_slip in cases * count:
         fit = measure(simulated(rng, slip=slip, normalized_slip=normalized_slip)).slips
         errors.append(((fit.slip - slip) / fit.slip_sigma,
                        -normalized_error(fit, normalized_slip)))
@@ -95,12 +95,10 @@ def test_film_slip_and_normalized_slip_have_consistent_sigmas_and_correlation(
 
 @pytest.mark.parametrize(('slip', 'normalized_slip'), [(0.1, 0.18), (-0.1, 0.3), (0.2, 0.6)])
 def test_mu_of_a_single_crossing_is_within_its_sigma(slip, normalized_slip):
-    rng, errors = np.random.default_rng(2), []
-    for _ in range(60):
-        errors.append(single_error(
-            simulated(rng, slip=slip, normalized_slip=normalized_slip),
-            wheel_state(slip, 1e-4, normalized_slip)))
-    relative, normalized = np.array(errors).T
+    rng = np.random.default_rng(2)
+    relative, normalized = np.transpose([single_error(
+        simulated(rng, slip=slip, normalized_slip=normalized_slip),
+        wheel_state(slip, 1e-4, normalized_slip)) for _ in range(20)])
     assert np.mean(normalized**2) < 1.5
     assert np.median(np.abs(relative)) < 0.1
 
@@ -109,7 +107,7 @@ def test_a_slip_of_the_motion_determines_mu_where_the_films_determine_a_ratio():
     rng = np.random.default_rng(12)
     for slip, normalized_slip in ((0.5, 1.5), (-0.27, 1.6)):
         crossings = [simulated(rng, slip=slip, normalized_slip=normalized_slip)
-                     for _ in range(20)]
+                     for _ in range(8)]
         assert measure(crossings[0]).slips.slip_sigma > 0.5 * abs(slip)
         errors = [single_error(one, wheel_state(slip, 0.005, normalized_slip))[0]
                   for one in crossings]
@@ -124,7 +122,7 @@ def test_the_peaks_are_those_of_the_model_with_either_release():
             strain_charge.overlap_integral(x_m, 0.1, 0.1, 0.1 / 0.18, FILM, L))
         for name, truth in (('stretch_voltage', top), ('peak_interval', (L - x_m) / SPEED)):
             errors = []
-            for _ in range(40):
+            for _ in range(12):
                 value, sigma = getattr(measure(
                     simulated(rng, robot=robot, gain_error=0.0), robot), name)
                 assert sigma < 0.05 * truth
@@ -132,35 +130,28 @@ def test_the_peaks_are_those_of_the_model_with_either_release():
             assert np.mean(np.square(errors)) < 1.6, (release, name)
 
 
-def test_there_are_no_peaks_when_braking_or_with_a_film_longer_than_the_patch():
-    rng = np.random.default_rng(4)
-    braking = measure(simulated(rng, slip=-0.1))
-    assert braking.stretch_voltage == braking.peak_interval == UNKNOWN
-    robot = build(RobotParams, {'film.length': 0.05})
-    long = measure(simulated(rng, robot=robot), robot)
-    assert long.stretch_voltage == long.peak_interval == UNKNOWN
-    assert long.slips.normalized_slip == pytest.approx(0.18, rel=0.15)
-
-
-def test_without_film_1_there_are_no_peaks_but_friction():
-    result = measure(simulated(np.random.default_rng(5), films=(1,)))
+@pytest.mark.parametrize(('robot', 'options'), [
+    (ROBOT, {'slip': -0.1}), (build(RobotParams, {'film.length': 0.05}), {}),
+    (ROBOT, {'films': (1,)})], ids=['braking', 'long film', 'no film 1'])
+def test_there_may_be_friction_without_peaks(robot, options):
+    result = measure(simulated(np.random.default_rng(4), robot=robot, **options), robot)
     assert result.stretch_voltage == result.peak_interval == UNKNOWN
     assert result.slips.normalized_slip == pytest.approx(0.18, rel=0.15)
 
 
 def test_the_shift_is_from_the_detection_to_the_fitted_center():
     rng = np.random.default_rng(6)
-    for _ in range(10):
+    for _ in range(4):
         crossing = simulated(rng)
         detected = np.mean([one.center for one in crossing.samples.detections])
         assert detected + measure(crossing).shift == pytest.approx(0.015, abs=1e-4)
 
 
-@pytest.mark.parametrize('slip', [0.1, -0.1])
-@pytest.mark.parametrize(('first', 'other'), [(0.18, 0.42), (0.42, 0.18)])
-def test_at_a_surface_edge_the_result_is_one_surface_or_has_a_large_sigma(slip, first, other):
+@pytest.mark.parametrize(('edges', 'count'), [(EDGES, 15), *(
+    pytest.param([edge], 60, marks=pytest.mark.long) for edge in EDGES)])
+def test_at_a_surface_edge_the_result_is_one_surface_or_has_a_large_sigma(edges, count):
     rng, neither = np.random.default_rng(17), 0
-    for _ in range(60):
+    for slip, first, other in edges * count:
         crossing = simulated(rng, slip=slip, normalized_slip=first, other_normalized_slip=other,
                              edge=rng.uniform(-0.035, 0.065))
         fit = measure(crossing).slips

@@ -10,8 +10,6 @@
 
 """Output of all films of a wheel, compared with the crossing model, and its Jacobian."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

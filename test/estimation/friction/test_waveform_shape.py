@@ -10,10 +10,9 @@
 
 """The shape of bumps and release is learned: unbiased with any shape, robust, and causal."""
 
-from __future__ import annotations
-
+from copy import deepcopy
 from functools import cache
-from itertools import cycle
+from itertools import cycle, product
 import math
 
 from benchmarks.friction.grid import Case, OTHER_SHAPES, WHEEL
@@ -29,6 +28,8 @@ pytestmark = pytest.mark.slow
 
 SIZE = len(initial_covariance())
 SETTLED = 15  # crossings after which the shape is learned
+USUAL = Case(slip=0.06)
+RELEASES = (0.1, 0.5, 'fig8'), (-0.1, 0.7, 'state')
 
 
 def results(case, count, seed, method=None):
@@ -42,72 +43,76 @@ def normalized_slips(found):
     return np.array([one.slips.normalized_slip for one in found])
 
 
+def normalized_errors(found, case):
+    """Return the normalized errors of normalized slip and slip (n, 2)."""
+    return [((one.slips.normalized_slip - case.normalized_slip) / one.slips.normalized_slip_sigma,
+             (one.slips.slip - case.slip) / one.slips.slip_sigma) for one in found]
+
+
 @cache
 def settled_slips(slip, seed, shape=None):
     """Return the normalized slips of crossings with a shape of ``OTHER_SHAPES``, or the own."""
     case = Case(slip=slip, **(OTHER_SHAPES[shape] if shape else {}))
-    return normalized_slips(results(case, 50, seed))[SETTLED:]
+    return normalized_slips(results(case, SETTLED + 20, seed))[SETTLED:]
 
 
 @cache
-def slips_after(slip, shape=None):
+def experienced():
+    """Return a method after usual crossings."""
+    method = WaveformMethod(WHEEL, USUAL.robot)
+    results(USUAL, 25, 5, method)
+    return method
+
+
+@cache
+def slips_after(shape=None):
     """Return normalized slips after usual crossings and one with another shape, if it is given."""
-    usual = Case(slip=slip)
-    method = WaveformMethod(WHEEL, usual.robot)
-    results(usual, 25, 5, method)
+    method = deepcopy(experienced())
     if shape:
-        results(Case(slip=slip, **OTHER_SHAPES[shape]), 1, 6, method)
-    return normalized_slips(results(usual, 20, 7, method))
+        results(Case(slip=USUAL.slip, **OTHER_SHAPES[shape]), 1, 6, method)
+    return normalized_slips(results(USUAL, 15, 7, method))
 
 
+@pytest.mark.parametrize('seeds', [(11,), pytest.param((11, 12, 13), marks=pytest.mark.long)])
 @pytest.mark.parametrize(('title', 'slip'), [*zip(OTHER_SHAPES, cycle((0.05, -0.07)))])
-def test_another_shape_does_not_bias_normalized_slip(title, slip):
+def test_another_shape_does_not_bias_normalized_slip(title, slip, seeds):
     differences = [np.mean(settled_slips(slip, seed, title) - settled_slips(slip, seed))
-                   for seed in (11, 12, 13)]  # the same noise with both shapes
+                   for seed in seeds]  # the same noise with both shapes
     assert abs(np.mean(differences)) < 0.015 * Case(slip=slip).normalized_slip
 
 
-@pytest.mark.parametrize('title', OTHER_SHAPES)
-def test_sigmas_are_consistent_from_the_first_crossing_on(title):
-    case, errors = Case(slip=0.06, **OTHER_SHAPES[title]), []
-    for seed in range(30):
-        for one in results(case, 4, 100 + seed):
-            films = one.slips
-            errors.append((
-                (films.normalized_slip - case.normalized_slip) / films.normalized_slip_sigma,
-                (films.slip - case.slip) / films.slip_sigma))
+@pytest.mark.parametrize(('titles', 'seeds'), [([*OTHER_SHAPES], 6), *(
+    pytest.param([title], 30, marks=pytest.mark.long) for title in OTHER_SHAPES)])
+def test_sigmas_are_consistent_from_the_first_crossing_on(titles, seeds):
+    cases = [Case(slip=0.06, **OTHER_SHAPES[title]) for title in titles]
+    errors = [error for number, case in enumerate(cases) for seed in range(seeds)
+              for error in normalized_errors(results(case, 4, 100 + 30 * number + seed), case)]
     squares = np.mean(np.square(errors), axis=0)
     assert np.all((squares > 0.5) & (squares < 1.4))
 
 
-@pytest.mark.parametrize('release', ['fig8', 'state'])
-@pytest.mark.parametrize('share', [0.2, 0.5, 0.7])
-@pytest.mark.parametrize('slip', [0.1, -0.1])
+@pytest.mark.parametrize(('slip', 'share', 'release'), [
+    pytest.param(*case, marks=() if case in RELEASES else pytest.mark.long)
+    for case in product((0.1, -0.1), (0.2, 0.5, 0.7), ('fig8', 'state'))])
 def test_a_release_between_the_conventions_is_learned(slip, share, release):
     case = Case(slip=slip, release=release, release_share=share)
     method = WaveformMethod(WHEEL, case.robot)
-    found = results(case, 20, 3, method)
+    errors = normalized_errors(results(case, 20, 3, method), case)
     assert method.shape.prior.value[Release.SHARE] == pytest.approx(share, abs=0.03)
-    errors = [((one.slips.normalized_slip - case.normalized_slip)
-               / one.slips.normalized_slip_sigma,
-               (one.slips.slip - slip) / one.slips.slip_sigma) for one in found]
     assert np.all(np.mean(np.square(errors), axis=0) < 2.0)
 
 
 @pytest.mark.parametrize('title', OTHER_SHAPES)
 def test_one_crossing_with_another_shape_hardly_changes_the_following_estimates(title):
-    change = slips_after(0.06, title) - slips_after(0.06)
-    assert abs(np.mean(change)) < 0.015 * Case(slip=0.06).normalized_slip
+    change = slips_after(title) - slips_after()
+    assert abs(np.mean(change)) < 0.015 * USUAL.normalized_slip
 
 
 def test_a_lasting_change_of_the_shape_is_learned():
-    usual, other = Case(slip=0.07), Case(slip=0.07, **OTHER_SHAPES[
-        'Gaussian bumps at 16 mm, 5 mm wide'])
-    method, only_other = (WaveformMethod(WHEEL, usual.robot) for _ in range(2))
-    results(usual, 25, 5, method)
-    found = normalized_slips(results(other, 50, 7, method))[SETTLED:]
-    expected = normalized_slips(results(other, 50, 7, only_other))[SETTLED:]
-    assert abs(np.mean(found - expected)) < 0.015 * usual.normalized_slip
+    other = Case(slip=USUAL.slip, **OTHER_SHAPES['Gaussian bumps at 16 mm, 5 mm wide'])
+    found, expected = (normalized_slips(results(other, SETTLED + 20, 7, method))[SETTLED:]
+                       for method in (deepcopy(experienced()), None))
+    assert abs(np.mean(found - expected)) < 0.015 * USUAL.normalized_slip
 
 
 def test_an_estimate_is_weighted_by_its_information():

@@ -10,8 +10,6 @@
 
 """Tests of the smoothing of wheel angles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from smart_tire.estimation.ground.wheel_motion import rate_weights, smoothed
@@ -36,7 +34,7 @@ def test_the_rates_of_a_cubic_are_exact_between_uneven_samples_and_at_the_end():
 
 def test_stamp_jitter_is_averaged_at_steady_speed_as_the_covariance_says():
     rng, errors, expected = np.random.default_rng(2), [], []
-    for _ in range(20):
+    for _ in range(10):
         true = angles(np.full(60, 9.0))
         stamps = TIMES + JITTER * rng.standard_normal(60)
         motion = smoothed(stamps, true, JITTER, STEP)

@@ -10,8 +10,6 @@
 
 """Tests of the window on robots of the simulator, and of its parts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import math
 
@@ -60,6 +58,25 @@ def samples():
     return drive()
 
 
+@pytest.fixture(scope='module')
+def torques(samples):
+    """Return the estimator and its solutions with torques, without films."""
+    return run(samples)
+
+
+@pytest.fixture(scope='module')
+def films(samples):
+    """Return the estimator and its solutions with torques and films."""
+    return run(samples, passages=true_passages(samples))
+
+
+@pytest.fixture(scope='module')
+def changed():
+    """Return the samples of a drive onto another ground, the estimator and its solutions."""
+    drive_on = drive(9.0, CHANGING, surfaces=onto(99.0))
+    return drive_on, *run(drive_on)
+
+
 def run(samples, robot=ROBOT, passages=()):
     """Return the estimator after ``samples``, and its solutions."""
     estimator, found, waiting = GroundEstimator(robot, 0.02), [], sorted(
@@ -98,8 +115,8 @@ def true_passages(samples, every=0.6, sigma=(0.003, 0.006), scale=1.0, wheel=1):
     return found
 
 
-def test_the_ground_is_found_from_torques_and_films(samples):
-    estimator, found = run(samples, passages=true_passages(samples))
+def test_the_ground_is_found_from_torques_and_films(films):
+    estimator, found = films
     state = estimator.state(found[-1])
     for value, true in ((state.stiffness, STIFFNESS), (state.friction_coefficient, FRICTION),
                         (state.rolling_resistance, DRAG)):
@@ -107,12 +124,12 @@ def test_the_ground_is_found_from_torques_and_films(samples):
         assert abs(value.value - true) < 3.0 * value.sigma
     assert state.stiffness.sigma < 0.1 * state.stiffness.value
     assert state.center_of_mass_x.sigma <= 0.005
-    assert estimator.known
+    assert estimator.known and estimator.changes == 0
 
 
-def test_without_films_torques_show_stiffness_and_with_more_doubt_friction(samples):
-    estimator, found = run(samples)
-    state, films = estimator.state(found[-1]), run(samples, passages=true_passages(samples))
+def test_without_films_torques_show_stiffness_and_with_more_doubt_friction(torques, films):
+    estimator, found = torques
+    state = estimator.state(found[-1])
     for value, true in ((state.stiffness, STIFFNESS), (state.friction_coefficient, FRICTION)):
         assert abs(math.log(value.value / true)) < 3.0 * value.sigma / value.value
     assert state.friction_coefficient.sigma > films[0].state(
@@ -129,17 +146,16 @@ def test_without_films_and_torques_nothing_is_known(samples):
     assert 'no films' in estimator.status['ground']
 
 
-def test_windows_end_at_multiples_of_the_hop(samples):
-    estimator, found = run(samples)
+def test_windows_end_at_multiples_of_the_hop(samples, torques):
+    _, found = torques
     begin = next(s.stamp_ns for s in samples if isinstance(s, (ImuSample, WheelSample)))
     for solution in found:
         assert (begin + round(solution.end * NS_PER_S)) % HOP_NS == 0
     assert 14 <= len(found) <= 17
 
 
-def test_a_change_of_ground_is_found_and_located():
-    samples = drive(9.0, CHANGING, surfaces=onto(99.0))
-    estimator, found = run(samples)
+def test_a_change_of_ground_is_found_and_located(changed):
+    samples, estimator, found = changed
     crossed = next(s.stamp_ns for s in samples if isinstance(s, Odometry)
                    and s.position[0] > 2.2) / NS_PER_S
     assert estimator.changes == 1
@@ -147,11 +163,6 @@ def test_a_change_of_ground_is_found_and_located():
     begin = min(s.stamp_ns for s in samples) / NS_PER_S
     assert change + begin == pytest.approx(crossed, abs=0.6)
     assert estimator.state(found[-1]).rolling_resistance.value == pytest.approx(0.1, rel=0.4)
-
-
-def test_a_steady_ground_has_no_change(samples):
-    estimator, _ = run(samples, passages=true_passages(samples))
-    assert estimator.changes == 0
 
 
 def test_a_gap_of_the_imu_restarts_the_window_and_keeps_what_was_learned(samples):
@@ -198,13 +209,12 @@ def test_odometry_serves_in_place_of_the_imu_until_there_is_one(samples):
     assert len(estimator._imu) == before
 
 
-def test_an_outlying_passage_hardly_matters(samples):
-    passages = true_passages(samples)
-    wild = [*passages]
+def test_an_outlying_passage_hardly_matters(samples, films):
+    wild = true_passages(samples)
     wild[5] = (*wild[5][:2], -0.6, 0.95, *wild[5][4:])
-    (one, found), (other, changed) = run(samples, passages=passages), run(samples, passages=wild)
-    values = [e.state(f[-1]).friction_coefficient for e, f in ((one, found), (other, changed))]
-    assert abs(values[0].value - values[1].value) < values[0].sigma
+    expected, other = (estimator.state(found[-1]).friction_coefficient
+                       for estimator, found in (films, run(samples, passages=wild)))
+    assert abs(expected.value - other.value) < expected.sigma
 
 
 def test_the_sides_may_differ(samples):
@@ -217,8 +227,8 @@ def test_the_sides_may_differ(samples):
     assert difference == pytest.approx(-0.5 * math.log(1.8), abs=0.15)
 
 
-def test_the_wheel_state_is_that_of_the_motion(samples):
-    estimator, found = run(samples, passages=true_passages(samples))
+def test_the_wheel_state_is_that_of_the_motion(samples, films):
+    estimator, found = films
     end = estimator.end_ns - 700_000_000
     state = estimator.wheel_state(found[-1], end, 'front_right')
     near = min((s for s in samples if type(s).__name__ == 'WheelSlip'),
@@ -303,10 +313,10 @@ def test_priors_walk_with_time_and_travel():
         2.0 * rows[Unknown.TORQUE_SCALE].walk ** 2)
 
 
-def test_estimates_do_not_depend_on_the_clock(samples):
+def test_estimates_do_not_depend_on_the_clock(samples, torques):
     """Windows end at other instants relative to the drive: the estimates agree within noise."""
     shift = 7 * NS_PER_S + HOP_NS // 2
-    _, first = run(samples)
+    _, first = torques
     _, later = run([replace(s, stamp_ns=s.stamp_ns + shift - HOP_NS // 2) for s in samples])
     assert later[-1].fit.x == pytest.approx(first[-1].fit.x, abs=1e-6)
     _, between = run([replace(s, stamp_ns=s.stamp_ns + shift) for s in samples])
@@ -363,10 +373,8 @@ def test_a_strip_that_is_crossed_in_a_second_is_a_disturbance_and_no_change():
     assert not found[-1].hypothesis.disturbances  # forgotten, as they have left the window
 
 
-def test_while_a_change_is_undecided_the_covariance_covers_both_grounds():
-    samples = drive(9.0, CHANGING, surfaces=onto(99.0))
-    _, found = run(samples)
-    undecided = [one for one in found if one.hypothesis.disturbances
+def test_while_a_change_is_undecided_the_covariance_covers_both_grounds(changed):
+    undecided = [one for one in changed[-1] if one.hypothesis.disturbances
                  and one.hypothesis.change == -math.inf]
     assert undecided
     for one in undecided:

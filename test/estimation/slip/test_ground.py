@@ -10,8 +10,6 @@
 
 """Slip filter with the ground given: consistency, changes of the ground, its end."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 import math
@@ -30,10 +28,18 @@ from smart_tire.uncertain import Uncertain
 pytestmark = pytest.mark.slow
 
 SEEDS = (11, 12)  # not used by a benchmark
+SHORT, WHOLE = 24.0, math.inf  # s, of a scenario
 PERIOD_NS = 500_000_000
 DELAY_NS = 100_000_000  # after which a state is published
 STIFFNESS_SIGMA, FRICTION_SIGMA, RESISTANCE_SIGMA = 0.10, 0.08, 0.10  # relative
-RUNS = {**SCENARIOS, 'figure_eight': replace(SCENARIOS['figure_eight'], duration=60.0)}
+
+
+def runs(short, *others):
+    """Return a decorator for short runs of one seed, and whole ones of others and more seeds."""
+    return pytest.mark.parametrize(('name', 'seeds', 'duration'), [
+        *((name, SEEDS[:1], SHORT) for name in short), *(
+            pytest.param(name, SEEDS, WHOLE, marks=pytest.mark.long)
+            for name in (*short, *others))])
 
 
 def test_quantities_that_a_ground_state_does_not_have_are_unknown():
@@ -71,9 +77,10 @@ def ground_states(ground, truth, seed, until):
 
 
 @cache
-def errors(name, seed, begin=0.0, until=math.inf):
+def errors(name, seed=SEEDS[0], duration=SHORT, begin=0.0, until=math.inf):
     """Return time [s] and errors with sigmas of the left slip and of v_x, and the estimator."""
-    scenario = RUNS[name]
+    scenario = SCENARIOS[name]
+    scenario = replace(scenario, duration=min(scenario.duration, duration))
     events = scenario.events(seed)
     poses = [sample for _, topic, sample in events if topic == 'ground_truth/odom']
     slips = {sample.stamp_ns: sample for _, topic, sample in events
@@ -107,9 +114,9 @@ def errors(name, seed, begin=0.0, until=math.inf):
     return table[np.isfinite(table).all(axis=1)], estimator
 
 
-@pytest.mark.parametrize('name', ['concrete', 'sand', 'sweep_60', 'spin_reverse'])
-def test_slip_and_speed_are_accurate_and_within_two_sigma(name):
-    table = np.concatenate([errors(name, seed)[0] for seed in SEEDS])
+@runs(['sand', 'spin_reverse'], 'concrete', 'sweep_60')
+def test_slip_and_speed_are_accurate_and_within_two_sigma(name, seeds, duration):
+    table = np.concatenate([errors(name, seed, duration)[0] for seed in seeds])
     late = table[table[:, 0] > 5.0]
     assert np.sqrt(np.mean(late[:, 3] ** 2)) < 0.03
     assert np.median(np.abs(late[:, 1])) < 0.015
@@ -117,35 +124,36 @@ def test_slip_and_speed_are_accurate_and_within_two_sigma(name):
     assert np.mean(np.abs(late[:, 3]) < 2.0 * late[:, 4]) > 0.88
 
 
-@pytest.mark.parametrize('name', ['concrete', 'sweep_60', 'spin_reverse'])
-def test_without_a_ground_normalized_errors_are_consistent_with_sigma(name):
-    table = np.concatenate([errors(name, seed, until=0.0)[0] for seed in SEEDS])
+@runs(['spin_reverse'], 'concrete', 'sweep_60')
+def test_without_a_ground_normalized_errors_are_consistent_with_sigma(name, seeds, duration):
+    table = np.concatenate([errors(name, seed, duration, until=0.0)[0] for seed in seeds])
     slip, speed = table[:, 1] / table[:, 2], table[:, 3] / table[:, 4]
-    assert len(table) > 200 * len(SEEDS)
+    assert len(table) > 200 * len(seeds)
     # neither overconfident nor uninformative
     assert 0.05 < np.mean(slip ** 2) < 2.0
     assert 0.05 < np.mean(speed ** 2) < 2.0
     assert np.mean(np.abs(slip) < 2.0) > 0.9
 
 
-def test_after_a_change_of_ground_slip_and_speed_stay_within_two_sigma():
-    table = np.concatenate([errors('mu_jumps', seed)[0] for seed in SEEDS])
+@runs(['mu_jumps'])
+def test_after_a_change_of_ground_slip_and_speed_stay_within_two_sigma(name, seeds, duration):
+    table = np.concatenate([errors(name, seed, duration)[0] for seed in seeds])
     late = table[table[:, 0] > 5.0]
     assert np.mean(np.abs(late[:, 1]) < 2.0 * late[:, 2]) > 0.85
     assert np.mean(np.abs(late[:, 3]) < 2.0 * late[:, 4]) > 0.85
 
 
 def test_the_filter_goes_on_when_ground_state_ends():
-    table, estimator = errors('concrete', 11, until=15.0)
+    table, estimator = errors('sand', until=12.0)
     with_ground, without = (table[(table[:, 0] > a) & (table[:, 0] < b)]
-                            for a, b in ((10.0, 15.0), (25.0, 33.0)))
+                            for a, b in ((8.0, 12.0), (19.0, 24.0)))
     assert estimator.status()['ground'] == 'unknown'
     assert np.mean(without[:, 2]) > np.mean(with_ground[:, 2])
     assert np.mean(np.abs(without[:, 1]) < 2.0 * without[:, 2]) > 0.85
 
 
 def test_a_start_in_motion_does_not_ruin_the_heading():
-    _, estimator = errors('figure_eight', 11, begin=8.0, until=0.0)
+    _, estimator = errors('figure_eight', begin=8.0, until=0.0)
     bias = estimator.gyro_bias
-    _, rested = errors('figure_eight', 11, until=0.0)
+    _, rested = errors('figure_eight', until=0.0)
     assert abs(bias.value - rested.gyro_bias.value) < 3.0 * bias.sigma + 0.002

@@ -10,8 +10,6 @@
 
 """Changes of the ground that the slip filter finds, and what it does about them."""
 
-from __future__ import annotations
-
 from collections import namedtuple
 
 import numpy as np
@@ -64,9 +62,8 @@ def test_a_change_is_found_with_its_size():
     assert opposite == pytest.approx(-change)
 
 
-@pytest.mark.parametrize('seed', range(20))
-def test_noise_is_no_change(seed):
-    assert found(0.0, samples=400, seed=seed) is None
+def test_noise_is_no_change():
+    assert not any(found(0.0, samples=400, seed=seed) for seed in range(8))
 
 
 def test_innovations_without_weight_and_old_ones_are_no_evidence():

@@ -10,8 +10,6 @@
 
 """Output records of the slip filter."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -10,8 +10,6 @@
 
 """Estimates without IMU or wheels, or with few messages: bounded, with sigmas that grow."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from benchmarks.faults import interrupted, stalled
@@ -25,9 +23,7 @@ from smart_tire.simulation.offline import simulate
 
 pytestmark = pytest.mark.slow
 
-SEEDS = 1, 2
-LEGS, END = sequence((5.0, 90.0, 90.0), (8.0, 120.0, 60.0), (6.0, 60.0, 120.0),
-                     (5.0, 100.0, 100.0), (3.0, 0.0, 0.0), (4.0, 80.0, 80.0))
+LEGS, END = sequence((5.0, 90.0, 90.0), (8.0, 120.0, 60.0), (6.0, 60.0, 120.0))
 BEGIN, BACK = 10.0, 13.0  # s, of a gap, in a turn
 INPUTS = 'imu/data', 'wheel_states'
 
@@ -49,7 +45,7 @@ def lossy(events, seed):
 
 def late(events, _):
     """Return ``events`` of a host that stalls for 0.4 s in each second."""
-    return stalled(events, [(second, second + 0.4) for second in range(3, 30)])
+    return stalled(events, [(second, second + 0.4) for second in range(3, round(END))])
 
 
 class Run:
@@ -90,17 +86,22 @@ def simulated(seed):
     return simulate(SimulatorParams(seed=seed), LEGS, END)
 
 
-@pytest.mark.parametrize('seed', SEEDS)
+@cache
+def usual(seed):
+    return Run(lambda events, _: events, seed)
+
+
+@pytest.mark.parametrize('seed', [1, pytest.param(2, marks=pytest.mark.long)])
 @pytest.mark.parametrize('change, growth', [
     (without('imu/data'), 1.1), (without('wheel_states'), 2.0), (without(*INPUTS), 4.0),
     (lossy, 1.2), (late, 0.98)])
 def test_estimates_are_bounded_and_their_sigmas_grow_while_inputs_are_missing(
         change, growth, seed):
-    run, whole = Run(change, seed), Run(lambda events, _: events, seed)
-    assert np.isfinite(run.place_covariance).all() and np.isfinite(run.speed_sigma).all()
-    assert np.mean(np.square(run.speed / run.speed_sigma)) < 2.0
-    assert np.abs(run.speed).max() < 0.8
-    assert run.nees < 3.0
-    assert run.sigma(BEGIN, BACK) > growth * whole.sigma(BEGIN, BACK)
+    found, whole = Run(change, seed), usual(seed)
+    assert np.isfinite(found.place_covariance).all() and np.isfinite(found.speed_sigma).all()
+    assert np.mean(np.square(found.speed / found.speed_sigma)) < 2.0
+    assert np.abs(found.speed).max() < 0.8
+    assert found.nees < 3.0
+    assert found.sigma(BEGIN, BACK) > growth * whole.sigma(BEGIN, BACK)
     if change is not lossy:  # which lasts
-        assert run.sigma(BACK + 1.0, BACK + 2.0) < 1.3 * whole.sigma(BACK + 1.0, BACK + 2.0)
+        assert found.sigma(BACK + 1.0, BACK + 2.0) < 1.3 * whole.sigma(BACK + 1.0, BACK + 2.0)

@@ -10,8 +10,6 @@
 
 """Wheel odometry: mean side speeds from positions, or from velocities without them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import math
 
@@ -29,8 +27,12 @@ def sample(velocity, position=None):
     return WheelSample(0, (velocity,) * 4, None if position is None else (position,) * 4)
 
 
-def test_positions_give_the_mean_speed_over_the_gap():
-    odometry = WheelOdometry(ROBOT)
+@pytest.fixture
+def odometry():
+    return WheelOdometry(ROBOT)
+
+
+def test_positions_give_the_mean_speed_over_the_gap(odometry):
     odometry.add_sample(0.0, sample(10.0, 0.0))
     speeds = odometry.add_sample(0.5, sample(10.4, 5.1))
     assert speeds.side_speeds == pytest.approx((10.2 * R, 10.2 * R))
@@ -70,40 +72,35 @@ def test_the_walk_of_the_speed_is_learned():
         (2.0 * R) ** 2 / 0.1 * 0.89 ** 3 / 12.0, rel=0.2)
 
 
-def test_an_encoder_reset_is_detected():
-    odometry = WheelOdometry(ROBOT)
+def test_an_encoder_reset_is_detected(odometry):
     odometry.add_sample(0.0, sample(10.0, 1000.0))
     speeds = odometry.add_sample(0.1, sample(10.0, 0.0))
     assert odometry.position_jumps == 1
     assert speeds.side_speeds == pytest.approx((10.0 * R, 10.0 * R)) and not speeds.from_positions
 
 
-def test_samples_that_are_not_newer_are_refused():
-    odometry = WheelOdometry(ROBOT)
+def test_samples_that_are_not_newer_are_refused(odometry):
     odometry.add_sample(1.0, sample(1.0))
     assert odometry.add_sample(1.0, sample(1.0)) is None
     assert odometry.add_sample(0.5, sample(1.0)) is None
 
 
-def test_wheel_residual_is_the_difference_from_the_mean_of_the_side():
-    odometry = WheelOdometry(ROBOT)
+def test_wheel_residual_is_the_difference_from_the_mean_of_the_side(odometry):
     for k in range(30):
         odometry.add_sample(0.1 * k, WheelSample(0, (10.0, 5.0, 0.0, 5.0)))
     assert odometry.side_speeds == pytest.approx((5.0 * R, 5.0 * R))
     assert odometry.wheel_residual == pytest.approx((5.0 * R, 0.0, -5.0 * R, 0.0), abs=1e-6)
 
 
-def test_variance_is_that_of_quantization_at_both_ends():
-    odometry = WheelOdometry(ROBOT)
+def test_variance_is_that_of_quantization_at_both_ends(odometry):
     odometry.add_sample(0.0, sample(0.0, 0.0))
     count = math.tau / ROBOT.encoder.counts_per_revolution * R
     variance = odometry.add_sample(0.1, sample(0.0, 0.0)).variance
     assert variance == pytest.approx((count / 0.1) ** 2 / 12.0)
 
 
-def test_the_speed_of_a_side_is_that_of_its_measured_wheels():
+def test_the_speed_of_a_side_is_that_of_its_measured_wheels(odometry):
     nan = math.nan
-    odometry = WheelOdometry(ROBOT)
     odometry.add_sample(0.0, WheelSample(0, (10.0, nan, nan, 8.0), (0.0, nan, nan, 0.0)))
     speeds = odometry.add_sample(0.1, WheelSample(0, (10.0, nan, nan, 8.0), (1.1, nan, nan, 0.9)))
     assert speeds.side_speeds == pytest.approx((11.0 * R, 9.0 * R)) and speeds.from_positions
