@@ -10,13 +10,12 @@
 
 """Benchmark of the calibration: consistency on few seeds, refusals, and its scores."""
 
-from __future__ import annotations
-
 from benchmarks.calibration import calibrated_run, pooled, TOPICS
 from benchmarks.scoring import pooled as pooled_errors
 import pytest
 
 
+@pytest.mark.long
 def test_the_demo_identifies_what_it_shows_and_refuses_what_two_grounds_hide():
     runs = calibrated_run('demo', 1)
     for run in runs:
@@ -32,7 +31,7 @@ def test_the_demo_identifies_what_it_shows_and_refuses_what_two_grounds_hide():
     assert found['within_two'] >= 0.75 and found['nees'] < 2.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_guided_recordings_are_accepted_and_consistent():
     run, = calibrated_run('guided', 1)
     assert run.errors.keys() >= {

@@ -10,9 +10,8 @@
 
 """Simulated events: cached on request for the same run and simulator; torques removed, scaled."""
 
-from __future__ import annotations
-
 from dataclasses import replace
+from itertools import count
 import math
 import sys
 
@@ -26,14 +25,11 @@ WHEELS = WheelSample(2, (1.0,) * 4, (3.0,) * 4, (0.1, 0.2, -0.3, math.nan))
 SILENT = WheelSample(3, (1.0,) * 4, (3.0,) * 4)
 
 
-class Maker:
-    """Counts how often events are made."""
-
-    count = 0
-
-    def __call__(self):
-        self.count += 1
-        return [(self.count, 'imu/data', None)]
+@pytest.fixture
+def make():
+    """Return a function that returns other events each time."""
+    numbers = count()
+    return lambda: [(next(numbers), 'imu/data', None)]
 
 
 @pytest.fixture
@@ -42,20 +38,17 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / 'new'
 
 
-def test_without_a_folder_events_are_made_every_time(monkeypatch):
+def test_without_a_folder_events_are_made_every_time(make, monkeypatch):
     monkeypatch.delenv(events.FOLDER_VARIABLE, raising=False)
-    make = Maker()
     assert events.cached_events('a', make) != events.cached_events('a', make)
 
 
-def test_events_of_the_same_run_and_simulator_are_made_once(folder, monkeypatch):
-    make = Maker()
+def test_events_of_the_same_run_and_simulator_are_made_once(make, folder, monkeypatch):
     first, again = (events.cached_events('a', make) for _ in range(2))
     assert first == again != events.cached_events('b', make)
     assert sorted(path.suffix for path in folder.iterdir()) == ['.pickle'] * 2
     monkeypatch.setattr(events, 'source_digest', lambda: 'changed')
-    events.cached_events('a', make)
-    assert make.count == 3
+    assert events.cached_events('a', make) == [(2, 'imu/data', None)]
 
 
 def test_cached_events_are_those_of_the_scenario_and_seed(folder):

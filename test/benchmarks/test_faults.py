@@ -10,8 +10,6 @@
 
 """Transport faults: only the given topics change, and events stay sorted."""
 
-from __future__ import annotations
-
 from benchmarks.faults import delayed, interrupted, reordered, stalled
 import pytest
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
@@ -48,18 +46,16 @@ def test_an_interrupted_topic_has_no_messages_in_its_spans(events):
     assert not any(2.0 <= time < 4.0 or 9.0 <= time < 9.5 for time in times)
 
 
-@pytest.mark.parametrize('seed', range(5))
-def test_reordering_duplicates_and_delays_messages_without_losses(events, seed):
-    mixed = reordered(events, ('imu/data',), duplicate_share=0.1, late_share=0.2,
-                      max_delay=0.025, seed=seed)
+def test_reordering_duplicates_and_delays_messages_without_losses(events):
+    mixed, again = (reordered(events, ('imu/data',), duplicate_share=0.1, late_share=0.2,
+                              max_delay=0.025, seed=1) for _ in range(2))
     assert of(mixed, 'wheel_states') == of(events, 'wheel_states')
     assert {sample for _, _, sample in mixed} == {sample for _, _, sample in events}
     assert 1050 < len(of(mixed, 'imu/data')) < 1150
     assert all(0 <= received - sample.stamp_ns <= 25_000_000 for received, _, sample in mixed)
     stamps = [sample.stamp_ns for _, _, sample in of(mixed, 'imu/data')]
     assert stamps != sorted(stamps)
-    assert mixed == reordered(events, ('imu/data',), duplicate_share=0.1, late_share=0.2,
-                              max_delay=0.025, seed=seed)
+    assert mixed == again
 
 
 def test_a_stalled_recorder_records_one_topic_after_the_other(events):

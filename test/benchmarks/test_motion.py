@@ -10,8 +10,6 @@
 
 """Errors of constructed runs with known errors."""
 
-from __future__ import annotations
-
 import math
 
 from benchmarks.motion import (
@@ -20,11 +18,11 @@ import numpy as np
 import pytest
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import PoseSeries, SlipSeries
-from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
+from smart_tire.samples import NS_PER_S, WheelSlip
+from support.ideal_robot import odometry
 
 RADIUS = 0.087
 PERIOD_NS = NS_PER_S // 100
-NO_COVARIANCE = (0.0,) * 36
 
 
 def poses(stamps, pose, twist, sigma=math.nan, speed_sigma=math.nan):
@@ -46,6 +44,11 @@ def straight_run(seconds=10.0, speed=0.5, slip=0.1):
     return Truth(stamps, poses(stamps, pose, twist, 0.0, 0.0), ratio, rolling, RADIUS)
 
 
+@pytest.fixture
+def truth():
+    return straight_run()
+
+
 def estimate_with(truth, slip_error=0.0, slip_sigma=0.1, shift=(0.0, 0.0, 0.0), speed_error=0.0,
                   ratio=None, **values):
     """Return an estimate with constant errors; those of the pose begin after the start."""
@@ -62,8 +65,7 @@ def figures(estimate, truth, **options):
     return {**found.figures, **found.values}
 
 
-def test_constant_errors_give_the_expected_rms_and_nees():
-    truth = straight_run()
+def test_constant_errors_give_the_expected_rms_and_nees_where_the_truth_is_defined(truth):
     estimate = estimate_with(truth, slip_error=0.03, slip_sigma=0.02, speed_error=0.01)
     found = figures(estimate, truth)
     for side in ('left', 'right'):
@@ -71,6 +73,8 @@ def test_constant_errors_give_the_expected_rms_and_nees():
         assert found[f'slip_{side}_all']['mean'] == pytest.approx(0.03)
         assert found[f'slip_{side}']['nees'] == pytest.approx(2.25)
     assert found['v']['rms'] == pytest.approx(0.01) and found['v']['nees'] == pytest.approx(0.25)
+    ratio = np.where(np.isnan(truth.ratio), 0.9, truth.ratio)
+    assert figures(estimate_with(truth, ratio=ratio), truth)['slip_left_all']['rms'] == 0.0
 
 
 @pytest.mark.parametrize('missing', [50, 550])
@@ -85,14 +89,7 @@ def test_a_nan_where_the_truth_is_defined_counts_as_an_error_of_one(missing):
     assert found['slip_right']['rms'] == 0.0
 
 
-def test_estimates_while_the_truth_is_undefined_do_not_count():
-    truth = straight_run()
-    ratio = np.where(np.isnan(truth.ratio), 0.9, truth.ratio)
-    assert figures(estimate_with(truth, ratio=ratio), truth)['slip_left_all']['rms'] == 0.0
-
-
-def test_steady_sides_roll_after_settling_and_without_fast_changes():
-    truth = straight_run()
+def test_steady_sides_roll_after_settling_and_without_fast_changes(truth):
     truth.rolling[700, 3] += 1.0  # a jerk of one wheel at 7 s
     steady = steady_sides(truth)
     time = np.arange(len(truth.stamp_ns)) / 100
@@ -103,18 +100,12 @@ def test_steady_sides_roll_after_settling_and_without_fast_changes():
     truth.rolling[:, [0, 2]] *= 0.09 / truth.rolling[-1, 0]  # too slow
     steady = steady_sides(truth)
     assert not steady[:, 0].any() and steady[-1, 1]
+    for rate, calm in ((1.4, True), (1.6, False)):  # rad/s2
+        truth.rolling[:] = (0.3 + RADIUS * rate * time)[:, np.newaxis]
+        assert np.all(steady_sides(truth)[time > 3.5] == calm)
 
 
-@pytest.mark.parametrize(('rate', 'calm'), [(1.4, True), (1.6, False)])  # rad/s2
-def test_a_slow_ramp_is_steady_and_a_fast_one_is_not(rate, calm):
-    truth = straight_run()
-    time = np.arange(len(truth.stamp_ns)) / 100
-    truth.rolling[:] = (0.3 + RADIUS * rate * time)[:, np.newaxis]
-    assert steady_sides(truth)[time > 3.5].all() == steady_sides(truth)[time > 3.5].any() == calm
-
-
-def test_path_errors_from_a_common_start_are_shares_of_the_distance():
-    truth = straight_run()
+def test_path_errors_from_a_common_start_are_shares_of_the_distance(truth):
     found = figures(estimate_with(truth, shift=(0.0, 0.1, 0.02)), truth, prefix='own.')
     assert found['own.distance'] == pytest.approx(4.0, rel=0.02)
     assert found['own.position_end_share'] == pytest.approx(0.1 / found['own.distance'])
@@ -124,8 +115,7 @@ def test_path_errors_from_a_common_start_are_shares_of_the_distance():
     assert found['own.heading']['nees'] == pytest.approx(0.04, rel=0.01)
 
 
-def test_the_icr_is_scored_while_the_robot_turns():
-    truth = straight_run()
+def test_the_icr_is_scored_while_the_robot_turns(truth):
     truth.poses.twist[:, 1:] = -0.02 * 0.5, 0.5  # v_y = -S W with S = 0.02 m
     centers = truth.stamp_ns, np.tile([0.05, 1.0], (len(truth.stamp_ns), 1))
     estimate = estimate_with(truth, icr=centers, nis=1.5, step_us=80.0)
@@ -146,12 +136,11 @@ def test_next_to_a_nan_the_nearest_value_is_used_and_none_in_gaps():
 
 def test_the_truth_needs_odometry_and_slip_with_equal_timestamps():
     stamps = [n * PERIOD_NS for n in range(200)]
-    odometry = [Odometry(stamp, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (0.3, 0.0, 0.0),
-                         (0.0, 0.0, 0.5), NO_COVARIANCE, NO_COVARIANCE) for stamp in stamps]
+    poses = [odometry(stamp, v_x=0.3, yaw_rate=0.5) for stamp in stamps]
     slips = [WheelSlip(stamp, (0.1,) * 4, (0.05,) * 4, (0.0,) * 4) for stamp in stamps]
-    truth = as_truth([*odometry, *slips], RobotParams())
+    truth = as_truth([*poses, *slips], RobotParams())
     assert truth.stamp_ns[-1] == stamps[-1] - NS_PER_S // 2  # the excluded end
     assert truth.rolling[0] == pytest.approx(0.05 + 0.3 + 0.19 * 0.5 * np.array([-1, 1, -1, 1]))
-    for records in (odometry + slips[1:], []):
+    for records in (poses + slips[1:], []):
         with pytest.raises(ValueError, match='with odometry and slip'):
             as_truth(records, RobotParams())

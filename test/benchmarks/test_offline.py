@@ -10,8 +10,6 @@
 
 """Benchmark of the offline analysis: repeated drives, measured programs."""
 
-from __future__ import annotations
-
 from benchmarks.offline import ANALYSIS, DURATION, measured, PLAIN, write_bag
 import pytest
 from smart_tire.bags import Bag
@@ -42,15 +40,17 @@ def test_the_wheels_of_a_repeated_drive_go_on_turning(tmp_path):
     assert [one.position[3] for one in found] == [4.0, 44.0, 44.0, 84.0, 84.0, 124.0]
 
 
+@pytest.mark.long
 def test_reading_and_analysis_are_measured(tmp_path):
     write_bag(tmp_path / 'bag', EVENTS, 1)
     (tmp_path / 'params.yaml').write_text('{}')
     for program in PLAIN, ANALYSIS:
         cpu, wall, size = measured(program, tmp_path / 'bag', tmp_path / 'params.yaml',
                                    tmp_path / 'out')
-        assert 0.0 < cpu < 60.0 and 0.0 < wall < 60.0 and 10.0 < size < 2000.0
+        assert cpu > 0.0 and wall > 0.0 and 10.0 < size < 2000.0
 
 
+@pytest.mark.long
 def test_a_program_that_fails_is_reported(tmp_path):
     with pytest.raises(SmartTireError, match='(?s)has failed.*missing'):
         measured(PLAIN, tmp_path / 'missing')

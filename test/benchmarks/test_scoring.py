@@ -10,8 +10,6 @@
 
 """Errors and their standard deviations: figures of a run and of several."""
 
-from __future__ import annotations
-
 import math
 
 from benchmarks.scoring import combined, Errors, part_of, Run

@@ -10,8 +10,6 @@
 
 """Tests of the closed control loop offline."""
 
-from __future__ import annotations
-
 from benchmarks.control.closed_loop import DUTY_DELAY_NS, run_closed_loop
 import pytest
 from smart_tire.parameters import RobotParams, SimulatorParams
@@ -47,9 +45,10 @@ def samples(controller, topic):
     return [(now, sample) for now, name, sample in controller.received if name == topic]
 
 
-def test_messages_arrive_in_order_after_the_delay_of_their_link():
-    controller = StepDuty()
-    run_closed_loop(PARAMS, controller, 1.0)
+def test_messages_arrive_in_order_after_the_delay_of_their_link_until_the_controller_finishes():
+    controller = StepDuty(stop_ns=NS_PER_S)
+    events = run_closed_loop(PARAMS, controller, 5.0)
+    assert events[-1][0] == pytest.approx(EPOCH_NS + NS_PER_S, abs=0.1e9)
     times = [now for now, _, _ in controller.received]
     assert times == sorted(times)
     assert {now - one.stamp_ns for now, one in samples(controller, 'imu/data')} == {IMU_DELAY_NS}
@@ -57,12 +56,12 @@ def test_messages_arrive_in_order_after_the_delay_of_their_link():
     assert sum(delays) / len(delays) == pytest.approx(WHEEL_DELAY_NS, abs=1e6)  # jitter of stamps
 
 
-@pytest.mark.parametrize('rate', [4.0, 16.0, 200.0])
+@pytest.mark.parametrize('rate', [4.0, 200.0])
 def test_control_and_wheel_rates_are_independent(rate):
     controller = StepDuty()
-    run_closed_loop(PARAMS, controller, 2.0, wheel_rate=rate, control_rate=50.0)
-    assert len(controller.asked) == 100
-    assert len(samples(controller, 'wheel_states')) == pytest.approx(2.0 * rate, abs=2)
+    run_closed_loop(PARAMS, controller, 1.0, wheel_rate=rate, control_rate=50.0)
+    assert len(controller.asked) == 50
+    assert len(samples(controller, 'wheel_states')) == pytest.approx(rate, abs=2)
 
 
 def test_a_duty_reaches_the_motors_after_the_delay_of_the_line():
@@ -82,8 +81,3 @@ def test_motors_keep_their_duty_between_two_commands():
     assert end[0] == end[1]
     assert final[0] == pytest.approx(final[1], rel=0.02)
     assert final[0] > 3.0  # rad/s
-
-
-def test_the_run_ends_when_the_controller_has_finished():
-    events = run_closed_loop(PARAMS, StepDuty(stop_ns=NS_PER_S), 5.0)
-    assert events[-1][0] == pytest.approx(EPOCH_NS + NS_PER_S, abs=0.1e9)

@@ -10,8 +10,6 @@
 
 """Filter of the instantaneous centers of rotation, the reference of path tracking."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import math
 

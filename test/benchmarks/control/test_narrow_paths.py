@@ -10,8 +10,6 @@
 
 """Narrow paths in closed loop, on the plant of the models and on another one."""
 
-from __future__ import annotations
-
 from benchmarks.control.scenarios import OTHER, OURS, OWN, SHORT, TrackingCase, TRUE
 from benchmarks.control.tracking import run_tracking
 from benchmarks.scoring import combined, part_of
@@ -22,9 +20,9 @@ SEED = 31  # not tuned on
 
 
 @pytest.mark.parametrize(('path', 'plant'), [
-    ('u_turn_30', OWN), ('spiral', OTHER), ('reverse_parking', OWN), *(
-        pytest.param(*case, marks=pytest.mark.long) for case in (
-            ('u_turn_30', OTHER), ('spiral', OWN), ('reverse_parking', OTHER)))])
+    ('u_turn_30', OWN), *(pytest.param(*case, marks=pytest.mark.long) for case in (
+        ('u_turn_30', OTHER), ('spiral', OWN), ('spiral', OTHER), ('reverse_parking', OWN),
+        ('reverse_parking', OTHER)))])
 def test_narrow_paths_are_tracked_better_than_by_ideal_kinematics(path, plant):
     ours, ideal = (part_of(combined([run_tracking(
         TrackingCase(path, 'concrete', TRUE, plant, kinematics), SEED)]), kinematics)

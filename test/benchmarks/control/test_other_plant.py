@@ -10,8 +10,6 @@
 
 """Tests of the plant that contradicts the models of the software."""
 
-from __future__ import annotations
-
 from benchmarks.control.other_plant import other_robot, OtherPlant, peak_slip
 import numpy as np
 import pytest

@@ -10,8 +10,6 @@
 
 """Path tracking benchmark: scores, requirements, tables, and one short run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import math
 
@@ -27,15 +25,14 @@ import numpy as np
 import pytest
 from smart_tire.control.path_library import figure_eight, line
 from smart_tire.parameters.path_following import FollowerParams
-from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
+from smart_tire.samples import NS_PER_S, PlannedPath
+from support.ideal_robot import odometry
 
-ZEROS = (0.0,) * 36
 CASE = TrackingCase('lane_change', 'sand', 'true')
 
 
-def pose(time, x, y):
-    return Odometry(round(time * NS_PER_S), (x, y, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3,
-                    (0.0,) * 3, ZEROS, ZEROS)
+def pose(time, x, y=0.0, yaw_rate=0.0):
+    return odometry(round(time * NS_PER_S), x, y, yaw_rate=yaw_rate)
 
 
 def test_the_tracking_error_is_the_distance_from_the_path_on_both_sides():
@@ -58,8 +55,8 @@ def test_parts_of_a_path_that_cross_are_not_mixed_up():
     assert path_errors(path, np.vstack([points[:crossing - 200:50], straying]))[-1] > 0.04
 
 
-def test_the_localization_error_is_taken_at_the_same_time():
-    truth = [pose(0.1 * n, 0.1 * n, 0.0) for n in range(21)]
+def test_localization_error_is_taken_at_the_same_time_and_yaw_acceleration_over_a_period():
+    truth = [pose(0.1 * n, 0.1 * n) for n in range(21)]
     followed = [pose(0.1 * n + 0.05, 0.1 * n + 0.05, 0.03) for n in range(19)]
     errors, length = score_tracking(line(2.0), truth, followed)
     assert errors['localization'].figures['rms'] == pytest.approx(0.03, abs=1e-6)
@@ -67,11 +64,7 @@ def test_the_localization_error_is_taken_at_the_same_time():
     assert errors['control'].figures['rms'] == pytest.approx(0.03, abs=1e-6)
     assert errors['true'].figures['max'] == pytest.approx(0.0, abs=1e-6)
     assert length == pytest.approx(2.0)
-
-
-def test_the_yaw_acceleration_is_that_of_the_mean_over_the_period_of_the_controller():
-    truth = [replace(pose(0.01 * n, 0.01 * n, 0.0), angular=(0.0, 0.0, 0.02 * n))
-             for n in range(201)]  # 2 rad/s2
+    truth = [pose(0.01 * n, 0.01 * n, yaw_rate=0.02 * n) for n in range(201)]  # 2 rad/s2
     errors, _ = score_tracking(line(2.0), truth, truth)
     assert errors['yaw'].figures['rms'] == pytest.approx(2.0, rel=0.05)
 
@@ -116,16 +109,13 @@ def test_only_the_kinematics_differ_between_the_runs_of_a_case():
     assert CASE.simulator(1) != CASE.simulator(2)
 
 
-def test_the_ground_of_a_case_is_the_one_in_its_name():
+def test_the_ground_is_the_one_in_the_name_and_the_software_does_not_know_the_other_plant():
     bases = {one.ground: one.simulator(1).ground for one in CASES.values()}
     assert (bases['concrete'].base, bases['sand'].base) == ('concrete', 'sand')
     assert [patch.surface for patch in bases['change'].patches] == ['sand']
-
-
-def test_the_software_does_not_know_the_other_plant():
-    own, other = CASE, replace(CASE, plant=OTHER)
-    assert own.stack() == other.stack()
-    assert (own.simulator(1).robot.mass, other.simulator(1).robot.mass) == (10.9, 15.0)
+    other = replace(CASE, plant=OTHER)
+    assert CASE.stack() == other.stack()
+    assert (CASE.simulator(1).robot.mass, other.simulator(1).robot.mass) == (10.9, 15.0)
 
 
 @pytest.mark.parametrize('localization', ['true', 'estimated'])

@@ -10,8 +10,6 @@
 
 """Starts and stops with the estimators in the loop: slip, distance, drift."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -51,13 +49,14 @@ def test_the_longest_time_above_critical_slip_counts():
     assert longest_sliding(history([0.0] * 5, 1.0)) == pytest.approx(0.05)  # blocked
 
 
-@pytest.mark.parametrize('rate', [16.0, 100.0])
+@pytest.mark.parametrize('rate', [16.0, pytest.param(100.0, marks=pytest.mark.long)])
 def test_a_wheel_that_spins_up_on_a_slippery_patch_is_back_below_critical_slip(rate):
     without, start = (scores_of('change', rate=rate, traction=traction)[0]
                       for traction in (False, True))
     assert start.sliding < MAX_SLIDING[rate] < without.sliding
 
 
+@pytest.mark.long
 def test_a_start_on_unknown_ground_uses_most_of_the_friction():
     found = [scores_of('slippery_unknown', seed=seed) for seed in range(101, 105)]
     for leg in zip(*found):  # start, stop
@@ -84,7 +83,7 @@ def test_a_start_and_a_stop_on_measured_ground_use_the_friction_that_is_there(na
 
 
 @pytest.mark.parametrize('fault', [name for name in FAULTS if name])
-@pytest.mark.parametrize('other', [False, True])
+@pytest.mark.parametrize('other', [False, pytest.param(True, marks=pytest.mark.long)])
 def test_wheels_obey_the_command_whatever_the_estimates_are(fault, other):
     """No wheel turns against the command or much faster, and a stop ends in a stated time."""
     start, stop = scores(replace(HOSTILE, fault=fault, other=other, seed=104))
@@ -94,8 +93,9 @@ def test_wheels_obey_the_command_whatever_the_estimates_are(fault, other):
     assert stop.stopped < 2.3   # 1 m/s with least deceleration, and the lag of the wheels
 
 
-@pytest.mark.parametrize('rate', [16.0, pytest.param(100.0, marks=pytest.mark.xfail(
-    strict=True, reason='slip before the ground is known follows the wheels'))])
+@pytest.mark.parametrize('rate', [16.0, pytest.param(100.0, marks=[
+    pytest.mark.long, pytest.mark.xfail(
+        strict=True, reason='slip before the ground is known follows the wheels')])])
 def test_wheels_do_not_slide_on_ice_that_no_film_has_measured(rate):
     start, stop = scores_of('ice_unknown', rate=rate)
     assert max(start.sliding, stop.sliding) < MAX_SLIDING[rate]

@@ -10,8 +10,6 @@
 
 """The Cramer-Rao bound: reference values and scaling."""
 
-from __future__ import annotations
-
 import math
 
 from benchmarks.friction.cramer_rao import friction_bound

@@ -10,8 +10,6 @@
 
 """True crossings of a constructed run: matched with estimates, counted and scored."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import math
 
@@ -21,13 +19,13 @@ from benchmarks.friction.crossings import (
 import numpy as np
 import pytest
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import Friction, NS_PER_S, Odometry, WheelSlip
+from smart_tire.samples import Friction, NS_PER_S, WheelSlip
 from smart_tire.uncertain import Uncertain
+from support.ideal_robot import odometry
 
 WHEEL = 'front_right'
 SPEED, SLIP = 0.5, 0.1  # m/s, -, of the constructed run
 LOAD, STIFFNESS = 26.7, 52.7
-EXACT = (0.0,) * 36
 
 
 def ns(seconds):
@@ -49,9 +47,8 @@ def truth(times, standing=(), seconds=12.0):
         still = any(begin <= stamp < end for begin, end in standing)
         v = 0.0 if still else SPEED * (1.0 - SLIP)
         ratio, slide = (math.nan, 0.0) if still else (SLIP, SPEED * SLIP)
-        records.append(Odometry(ns(stamp), (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (v, 0.0, 0.0),
-                                (0.0,) * 3, EXACT, EXACT))
-        records.append(WheelSlip(ns(stamp), (ratio,) * 4, (slide,) * 4, (0.0,) * 4))
+        records += [odometry(ns(stamp), v_x=v),
+                    WheelSlip(ns(stamp), (ratio,) * 4, (slide,) * 4, (0.0,) * 4)]
     return true_crossings(records, RobotParams(), WHEEL)
 
 
@@ -83,12 +80,10 @@ def test_the_bound_is_the_sigma_of_informative_crossings():
     assert np.all((errors.sigma > 0.005) & (errors.sigma < 0.05))
 
 
-def test_crossings_at_the_very_end_are_excluded():
-    assert len(truth([2.0, 4.0, 11.6]).crossings) == 2
-
-
-def test_an_estimate_is_matched_with_the_crossing_at_its_timestamp():
-    found = match_rows(truth([2.0, 4.0, 6.0]), [crossing(4.01, 0.5), crossing(6.02, 0.6)], WHEEL)
+def test_an_estimate_is_matched_with_the_crossing_at_its_timestamp_except_at_the_very_end():
+    run = truth([2.0, 4.0, 6.0, 11.6])
+    assert len(run.crossings) == 3
+    found = match_rows(run, [crossing(4.01, 0.5), crossing(6.02, 0.6)], WHEEL)
     assert found.found.tolist() == [False, True, True]
     assert found.value[FUSED][1:].tolist() == [0.5, 0.6] and math.isnan(found.value[FUSED][0])
     assert found.true[FUSED].tolist() == [0.47] * 3 and found.false == 0

@@ -10,8 +10,6 @@
 
 """Friction from two peaks: exact with the exact map, far too high with the printed map."""
 
-from __future__ import annotations
-
 from benchmarks.friction.grid import Case, LOAD
 from benchmarks.friction.paper_method import EXACT_MAP, friction_from_peaks, MAPS, PRINTED_MAP
 import numpy as np

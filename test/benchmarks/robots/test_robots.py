@@ -93,6 +93,7 @@ def test_a_draw_is_reproducible_and_the_estimators_get_the_nominal_robot(name):
     assert replace(exact.traits, terrain_seed=0, pushes=(), lifts=(), sides=()) == Traits()
 
 
+@pytest.mark.long
 def test_a_run_writes_a_table_and_results(monkeypatch, tmp_path, capsys):
     whole = draw('no_torque', 1)
     monkeypatch.setattr(run, 'draw', lambda name, seed, nominal=(): Draw(

@@ -10,8 +10,6 @@
 
 """Recordings: true velocities, alignment of the paths, and the baseline."""
 
-from __future__ import annotations
-
 import math
 
 from benchmarks.slip.recordings import (
