@@ -19,33 +19,38 @@ import math
 from hypothesis import given, settings, strategies as st, target
 import pytest
 from smart_tire.control.duty_gate import DutyGate
+from support.cases import long
 from support.hazards import (
     ACTORS, conditions_of, HAZARDS, longest, MARGIN, MAX_LATENESS, MAX_STALL, PHASES, RATES,
-    README, recorded, runs_of, SENTENCE, sentence, worst)
+    README, recorded, SENTENCE, sentence, worst)
 
 hazards = pytest.mark.parametrize('name', HAZARDS)
 TOPICS = ('motor_commands', 'wheel_states', 'cmd_vel')
 SOON = st.floats(-MAX_STALL, 0.3)  # s, since the fault
 
 
+def is_recorded(name, rate):
+    """Return whether the longest stop time is the recorded one; else, run the script again."""
+    return longest((name, rate)) == pytest.approx(recorded()[name][rate], rel=0.05)
+
+
 @hazards
-def test_the_wheels_stop_within_the_bound_at_every_phase(name):
-    seconds, number = worst(name, 16.0, runs_of(name))
-    assert seconds <= HAZARDS[name].bound, number
+def test_the_recorded_stop_time_is_the_longest_at_all_phases(name):
+    assert is_recorded(name, 16.0)
+
+
+@pytest.mark.long
+@hazards
+@pytest.mark.parametrize('rate', [rate for rate in RATES if rate != 16.0])
+def test_the_recorded_stop_time_is_the_longest_at_other_rates(name, rate):
+    assert is_recorded(name, rate)
 
 
 @hazards
 @pytest.mark.parametrize('rate', [rate for rate in RATES if rate != 16.0])
 def test_the_wheels_stop_within_the_bound_at_other_rates(name, rate):
-    seconds, number = worst(name, rate, 4)
+    seconds, number = worst(name, rate, 2)
     assert seconds <= HAZARDS[name].bound, number
-
-
-@pytest.mark.long
-@hazards
-@pytest.mark.parametrize('rate', RATES)
-def test_the_recorded_worst_stop_time_is_that_of_the_code(name, rate):
-    assert longest((name, rate)) == pytest.approx(recorded()[name][rate], abs=1e-3)
 
 
 @hazards
@@ -58,7 +63,7 @@ def test_the_readme_has_the_bounds():
     assert SENTENCE.search(README.read_text(encoding='utf-8'))[0] == sentence()
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(name=st.sampled_from(sorted(HAZARDS)), rate=st.sampled_from(RATES),
        number=st.integers(0, 2 * PHASES),
        stalls=st.tuples(*(st.tuples(SOON, st.floats(0.0, MAX_STALL)) for _ in ACTORS)),
@@ -76,6 +81,11 @@ def test_no_disturbance_within_the_allowance_delays_a_stop_beyond_the_bound(
     seconds = HAZARDS[name].stop_time(conditions, number)
     target(seconds / HAZARDS[name].bound)
     assert seconds <= HAZARDS[name].bound
+
+
+def some(cases):
+    """Return the first cases, and the others for ``make check``."""
+    return [*cases[:2], *long(*cases[2:])]
 
 
 def constant(name, factor=1.2):
@@ -109,7 +119,7 @@ def wrong_clock(patch, hazard):
                   lambda gate, duty, now_ns: command(gate, duty, now_ns + 50_000_000))
 
 
-@pytest.mark.parametrize(('hazard', 'fault'), [
+@pytest.mark.parametrize(('hazard', 'fault'), some([
     ('replies of both boards lost', constant('drivers.roboclaw_line.REPLY_TIMEOUT')),
     ('replies of one board lost', constant('drivers.roboclaw_line.MAX_ATTEMPTS')),
     ('requests garbled', constant('drivers.roboclaw_pair.ZERO_DUTY_TIME', 1.4)),
@@ -132,7 +142,7 @@ def wrong_clock(patch, hazard):
      without('control.wheel_loop.WheelLoop.set_wheel_conflict')),
     ('odom ends', parameter('follower', **{'checks.odom_timeout': 0.6})),
     ('odom repeats one pose', constant('control.constants.WINDOW_NS')),
-])
+]))
 def test_a_wrong_time_limit_is_found(hazard, fault, monkeypatch):
     fault(monkeypatch, hazard)
-    assert max(worst(hazard, rate, 12) for rate in (4.0, 16.0, 50.0))[0] > HAZARDS[hazard].bound
+    assert not is_recorded(hazard, 16.0)

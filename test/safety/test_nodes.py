@@ -160,8 +160,7 @@ def test_a_stop_survives_a_restart_of_the_controller_and_other_publishers(robot,
 def test_a_restarted_driver_waits_for_the_release_and_for_arming(robot):
     assert robot.processes['motor_driver'].end() == 0
     assert robot.rig.state().still
-    robot.start('motor_driver', start_stopped=True, require_arming=True,
-                release_hold_off=HOLD_OFF)
+    robot.start('motor_driver', start_stopped=True, require_arming=True)
     states = robot.listen_state()
     robot.graph.until(lambda: states and states[-1], robot.command)
     robot.stay_stopped(0.6)
@@ -174,7 +173,7 @@ def test_a_restarted_driver_waits_for_the_release_and_for_arming(robot):
     robot.graph.until(lambda: robot.rig.state().still, robot.command)
     robot.stay_stopped(0.3)
     robot.processes['motor_driver'].end()
-    robot.start('motor_driver', release_hold_off=HOLD_OFF)
+    robot.start('motor_driver')
     robot.drive()
 
 
@@ -183,7 +182,7 @@ def test_the_wheels_stop_when_a_process_is_interrupted(robot, name):
     assert robot.processes[name].end() == 0
     robot.graph.until(lambda: robot.rig.state().still, robot.command)
     robot.stay_stopped(0.3)
-    robot.start(name, **({'release_hold_off': HOLD_OFF} if name == 'motor_driver' else {}))
+    robot.start(name)
     robot.drive()
 
 

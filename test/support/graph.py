@@ -15,10 +15,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable
 from itertools import count
+import math
 from pathlib import Path
 import signal
 import subprocess
 import sys
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -30,6 +32,8 @@ from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import publisher_qos, subscriber_qos
 from support.waiting import PATIENCE, wait_for
+
+REPEAT = 5.0  # s, after which a service that does not answer is called again
 
 
 def node_arguments(name: str) -> list[str]:
@@ -154,13 +158,23 @@ class Graph:
             self.until(lambda: publisher.get_subscription_count() >= readers)
 
     def call(self, type_name: str, name: str, **fields: Any) -> Any:
-        """Call a service and return its response."""
+        """Call a service, again if there is no answer, and return the response."""
         service = message_class(type_name)
         client = self.node.create_client(service, name)
         self.until(client.service_is_ready)
-        future = client.call_async(service.Request(**fields))
-        self.until(future.done)
-        return future.result()
+        futures: list[Any] = []
+
+        def answered() -> bool:
+            # a server that was killed stays in the graph, and one that is started may be
+            # discovered before it has discovered the client
+            if time.monotonic() > self._asked + REPEAT:
+                self._asked = time.monotonic()
+                futures.append(client.call_async(service.Request(**fields)))
+            return any(future.done() for future in futures)
+
+        self._asked = -math.inf
+        self.until(answered)
+        return next(future.result() for future in futures if future.done())
 
     def set_parameter(self, node: str, name: str, value: bool | float) -> bool:
         """Set a parameter as ``ros2 param set`` does; return whether the node accepts it."""

@@ -216,58 +216,58 @@ def second_path(robot: VirtualRobot) -> None:
 CREEPING = {'speed': 0.1}  # m/s
 following = partial(Hazard, robot=FollowingRobot, at=1.2)
 HAZARDS: Mapping[str, Hazard] = {
-    'replies of both boards lost': Hazard(bound=0.3, faults=fails(mute={*ADDRESSES})),
-    'replies of one board lost': Hazard(bound=0.3, faults=fails(*each('mute', ADDRESSES))),
-    'replies of both boards garbled': Hazard(bound=0.3, faults=fails(garbled={*ADDRESSES})),
-    'replies of one board garbled': Hazard(bound=0.3, faults=fails(*each('garbled', ADDRESSES))),
-    'line flooded towards the host': Hazard(bound=0.3, faults=fails(flood=True)),
-    'requests garbled': Hazard(bound=0.55, faults=fails(deaf=True)),
-    'replies lost, duties ignored': Hazard(bound=0.55, faults=fails(
+    'replies of both boards lost': Hazard(bound=0.16, faults=fails(mute={*ADDRESSES})),
+    'replies of one board lost': Hazard(bound=0.15, faults=fails(*each('mute', ADDRESSES))),
+    'replies of both boards garbled': Hazard(bound=0.07, faults=fails(garbled={*ADDRESSES})),
+    'replies of one board garbled': Hazard(bound=0.08, faults=fails(*each('garbled', ADDRESSES))),
+    'line flooded towards the host': Hazard(bound=0.07, faults=fails(flood=True)),
+    'requests garbled': Hazard(bound=0.62, faults=fails(deaf=True)),
+    'replies lost, duties ignored': Hazard(bound=0.62, faults=fails(
         mute={*ADDRESSES}, ignoring_duties={*ADDRESSES})),
-    'encoder frozen': Hazard(bound=0.5, faults=fails(*each('frozen', range(4)))),
+    'encoder frozen': Hazard(bound=0.34, faults=fails(*each('frozen', range(4)))),
     'encoder frozen at 0.1 m/s': Hazard(
-        bound=0.5, faults=fails(*each('frozen', range(4))), settings=CREEPING),
+        bound=0.47, faults=fails(*each('frozen', range(4))), settings=CREEPING),
     'encoder frozen in open loop at duty 0.15': Hazard(
-        bound=0.5, faults=fails(*each('frozen', range(4))), prepare=constant_duty,
+        bound=0.32, faults=fails(*each('frozen', range(4))), prepare=constant_duty,
         settings={'speed': 0.28}),
-    'encoder frozen before the start': Hazard(bound=0.5, **starting('frozen')),
-    'encoder channel open': Hazard(bound=0.5, faults=fails(*each('toggling', range(4)))),
+    'encoder frozen before the start': Hazard(bound=0.42, **starting('frozen')),
+    'encoder channel open': Hazard(bound=0.34, faults=fails(*each('toggling', range(4)))),
     'encoder channel open at 0.1 m/s': Hazard(
-        bound=0.5, faults=fails(*each('toggling', range(4))), settings=CREEPING),
+        bound=0.46, faults=fails(*each('toggling', range(4))), settings=CREEPING),
     'encoder loses 80 % of its counts': Hazard(
-        bound=1.0, faults=fails(*each('losing', range(4), 0.8))),
+        bound=0.47, faults=fails(*each('losing', range(4), 0.8))),
     'encoder loses 80 % of its counts at 0.1 m/s': Hazard(
-        bound=1.0, faults=fails(*each('losing', range(4), 0.8)), settings=CREEPING),
-    'wheel blocked': Hazard(bound=0.5, faults=fails(*each('blocked', range(4)))),
-    'encoder or motor reversed': Hazard(bound=0.5, faults=fails(*each('reversed', range(4)))),
-    'encoder or motor reversed before the start': Hazard(bound=0.5, **starting('reversed')),
-    'board restarted': Hazard(bound=0.5, resumes=True, faults=tuple(
+        bound=0.64, faults=fails(*each('losing', range(4), 0.8)), settings=CREEPING),
+    'wheel blocked': Hazard(bound=0.38, faults=fails(*each('blocked', range(4)))),
+    'encoder or motor reversed': Hazard(bound=0.31, faults=fails(*each('reversed', range(4)))),
+    'encoder or motor reversed before the start': Hazard(bound=0.46, **starting('reversed')),
+    'board restarted': Hazard(bound=0.17, resumes=True, faults=tuple(
         lambda robot, one=one: robot.boards.restart(one, robot.now) for one in ADDRESSES)),
-    'board status not normal': Hazard(bound=0.5, faults=fails(*each('status', ADDRESSES, 4))),
-    'supply low': Hazard(bound=0.5, faults=fails(*each('supply', ADDRESSES, 90))),
-    'cmd_vel ends': Hazard(bound=0.35, faults=(commands_end,)),
-    'cmd_vel becomes NaN': Hazard(bound=0.35, faults=(commands_are_nan,)),
-    'queued motor_commands': Hazard(bound=0.5, faults=(queued,)),
-    'speed of a wheel NaN or too high': Hazard(bound=0.5, faults=(
+    'board status not normal': Hazard(bound=0.24, faults=fails(*each('status', ADDRESSES, 4))),
+    'supply low': Hazard(bound=0.42, faults=fails(*each('supply', ADDRESSES, 90))),
+    'cmd_vel ends': Hazard(bound=0.46, faults=(commands_end,)),
+    'cmd_vel becomes NaN': Hazard(bound=0.46, faults=(commands_are_nan,)),
+    'queued motor_commands': Hazard(bound=0.31, faults=(queued,)),
+    'speed of a wheel NaN or too high': Hazard(bound=0.61, faults=(
         readings_fail(math.nan), readings_fail(101.0))),
-    'emergency stop': Hazard(bound=0.3, faults=(engage,)),
-    'emergency stop, released 500 times a second': Hazard(bound=0.3, faults=(releases,)),
-    'second publisher on motor_commands': Hazard(bound=0.3, faults=(second(
+    'emergency stop': Hazard(bound=0.07, faults=(engage,)),
+    'emergency stop, released 500 times a second': Hazard(bound=0.07, faults=(releases,)),
+    'second publisher on motor_commands': Hazard(bound=0.07, faults=(second(
         'motor_commands', lambda now_ns: MotorCommand(now_ns, (1.0,) * 4)),)),
-    'second publisher on wheel_states': Hazard(bound=0.3, faults=(second(
+    'second publisher on wheel_states': Hazard(bound=0.07, faults=(second(
         'wheel_states', lambda now_ns: WheelSample(now_ns, (0.0,) * 4)),)),
-    'second publisher on cmd_vel': Hazard(bound=0.3, faults=(second(
+    'second publisher on cmd_vel': Hazard(bound=0.13, faults=(second(
         'cmd_vel', lambda now_ns: VelocityCommand(now_ns, 1.4, 0.0)),)),
-    'wheel_controller killed or stopped': Hazard(bound=0.5, faults=(stopped(CONTROLLER),)),
-    'motor_driver killed or stopped': Hazard(bound=0.5, faults=(stopped(DRIVER),)),
-    'host frozen': Hazard(bound=0.5, faults=(stopped(DRIVER, CONTROLLER),)),
-    'cable unplugged': Hazard(bound=0.5, faults=(unplugged,)),
-    'odom repeats one pose': following(bound=1.0, faults=(odom(0.0),)),
-    'odom creeps at 2.5 cm/s': following(bound=1.0, faults=(odom(0.025),)),
-    'odom runs backward': following(bound=1.0, faults=(odom(-0.3),)),
-    'odom ends': following(bound=0.9, faults=(odom(None),)),
-    'second publisher on path': following(bound=0.5, faults=(second_path,)),
-    'trajectory_controller killed or stopped': following(bound=0.35, faults=(stopped(FOLLOWER),)),
+    'wheel_controller killed or stopped': Hazard(bound=0.31, faults=(stopped(CONTROLLER),)),
+    'motor_driver killed or stopped': Hazard(bound=0.23, faults=(stopped(DRIVER),)),
+    'host frozen': Hazard(bound=0.23, faults=(stopped(DRIVER, CONTROLLER),)),
+    'cable unplugged': Hazard(bound=0.23, faults=(unplugged,)),
+    'odom repeats one pose': following(bound=1.07, faults=(odom(0.0),)),
+    'odom creeps at 2.5 cm/s': following(bound=1.07, faults=(odom(0.025),)),
+    'odom runs backward': following(bound=0.91, faults=(odom(-0.3),)),
+    'odom ends': following(bound=0.92, faults=(odom(None),)),
+    'second publisher on path': following(bound=0.47, faults=(second_path,)),
+    'trajectory_controller killed or stopped': following(bound=0.41, faults=(stopped(FOLLOWER),)),
 }
 
 

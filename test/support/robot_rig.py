@@ -53,7 +53,7 @@ class RobotRig:
             self.graph = stack.enter_context(Graph(self._folder))
             self._stack = stack.pop_all()
         self.graph.subscribe('wheel_states')
-        self.start('motor_driver', **self._driver)
+        self.start('motor_driver')
         if self._controller:
             self.start('wheel_controller')
             self.graph.until(lambda: 'wheel_controller' in self.graph.health)
@@ -66,9 +66,9 @@ class RobotRig:
             print(f'--- {name}\n{process.output}')
 
     def start(self, name: str, **parameters: Any) -> Process:
-        """Start a node, or restart it."""
+        """Start a node, or restart it; motor_driver with the parameters of the rig and these."""
         if name == 'motor_driver':
-            parameters['port'] = self.rig.path
+            parameters = {**self._driver, **parameters, 'port': self.rig.path}
         self.processes[name] = self._stack.enter_context(self.graph.start(name, **parameters))
         return self.processes[name]
 
