@@ -33,6 +33,7 @@ MIN_DUTY_RATIO = 0.9        # duty over that of the rolling wheel, above which i
 # N m, of the mean of measured torques: three sigma of noise (0.05) and offset (0.015), see
 # errors.torque_noise and errors.torque_offset of the simulator
 MAX_TORQUE_ERROR = 0.1
+MAX_HELD_PERIOD = 0.1       # s between readings; 1.6 times that at the lowest rate
 MIN_MEASURED = 2            # readings of the torque within the stall time, for their mean
 # Of a wheel that lags behind the other one of its side, over three stall times; no simulated drive
 # on slopes of 8 degrees, with motors 20 % off, was stopped.
@@ -171,9 +172,7 @@ class MotionCheck:
             for early, late in itertools.pairwise(readings)]
         inertial = self._inertia * abs(speeds[-1] - speeds[0]) / (
             (readings[-1].time - readings[0].time) * params.stall_torque)
-        # the duty may have changed at any time between two readings, which a stall of the host
-        # moves apart: the smaller one counts
-        held = [(min(early.duty, late.duty, key=abs), abs(late.torque))
+        held = [(_held(early, late), abs(late.torque))
                 for early, late in itertools.pairwise(readings)]
         measured = [one for one in held if not math.isnan(one[1])]
         if len(measured) < MIN_MEASURED:
@@ -199,6 +198,18 @@ class MotionCheck:
         turned = direction * (last.position - first.position)
         return driven and turned >= max(MIN_ROLLING_SPEED * (last.time - first.time),
                                         MIN_ROLLING_COUNTS * self._toggle)
+
+
+def _held(early: Reading, late: Reading) -> float:
+    """
+    Return the duty between two readings: that of the later one, at which its torque was measured.
+
+    A stall of the host moves them apart; meanwhile the duty may have been the other one, and the
+    smaller one counts.
+    """
+    if late.time - early.time < MAX_HELD_PERIOD:
+        return late.duty
+    return min(early.duty, late.duty, key=abs)
 
 
 @dataclass
