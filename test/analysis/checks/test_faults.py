@@ -272,7 +272,7 @@ def test_too_large_torques_are_reported_and_those_without_a_clear_sign_are_not(c
     (motion.check_radius, RobotParams(wheel_radius=0.025), WRONG_RADIUS),
     (motion.check_radius, RobotParams(wheel_radius=0.16), WRONG_RADIUS),
     (motion.check_yaw_rate, RobotParams(track_width=1.0), WRONG_TRACK),
-    (motion.check_yaw_rate, RobotParams(track_width=0.1), WRONG_TRACK)], ids=str)
+    (motion.check_yaw_rate, RobotParams(track_width=0.1), WRONG_TRACK)])
 def test_a_wrong_geometry_is_reported_with_the_right_value(check, robot, text):
     assert text in found(check, clean(), robot)
 
