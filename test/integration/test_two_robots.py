@@ -81,6 +81,7 @@ def test_commands_and_stops_reach_the_robot_of_their_namespace_only(tmp_path, is
         graph.received['/r1/wheel_commands'].clear()
         drive(lambda: any(speed('r1')))
         assert not any(speed('r2'))
+        drive(lambda: graph.value('r1/wheel_controller', 'emergency_stop'))
         assert graph.value('r1/wheel_controller', 'emergency_stop') == 'False'
         assert_permitted(graph.node, 'r1', ['wheel_controller'])
         assert_permitted(graph.node, 'r2', ['wheel_controller', 'motor_driver'])

@@ -224,23 +224,23 @@ HAZARDS: Mapping[str, Hazard] = {
     'requests garbled': Hazard(bound=0.62, faults=fails(deaf=True)),
     'replies lost, duties ignored': Hazard(bound=0.62, faults=fails(
         mute={*ADDRESSES}, ignoring_duties={*ADDRESSES})),
-    'encoder frozen': Hazard(bound=0.34, faults=fails(*each('frozen', range(4)))),
+    'encoder frozen': Hazard(bound=0.3, faults=fails(*each('frozen', range(4)))),
     'encoder frozen at 0.1 m/s': Hazard(
-        bound=0.47, faults=fails(*each('frozen', range(4))), settings=CREEPING),
+        bound=0.36, faults=fails(*each('frozen', range(4))), settings=CREEPING),
     'encoder frozen in open loop at duty 0.15': Hazard(
         bound=0.32, faults=fails(*each('frozen', range(4))), prepare=constant_duty,
         settings={'speed': 0.28}),
-    'encoder frozen before the start': Hazard(bound=0.42, **starting('frozen')),
-    'encoder channel open': Hazard(bound=0.34, faults=fails(*each('toggling', range(4)))),
+    'encoder frozen before the start': Hazard(bound=0.35, **starting('frozen')),
+    'encoder channel open': Hazard(bound=0.31, faults=fails(*each('toggling', range(4)))),
     'encoder channel open at 0.1 m/s': Hazard(
-        bound=0.46, faults=fails(*each('toggling', range(4))), settings=CREEPING),
+        bound=0.38, faults=fails(*each('toggling', range(4))), settings=CREEPING),
     'encoder loses 80 % of its counts': Hazard(
-        bound=0.47, faults=fails(*each('losing', range(4), 0.8))),
+        bound=0.31, faults=fails(*each('losing', range(4), 0.8))),
     'encoder loses 80 % of its counts at 0.1 m/s': Hazard(
-        bound=0.64, faults=fails(*each('losing', range(4), 0.8)), settings=CREEPING),
+        bound=0.56, faults=fails(*each('losing', range(4), 0.8)), settings=CREEPING),
     'wheel blocked': Hazard(bound=0.38, faults=fails(*each('blocked', range(4)))),
-    'encoder or motor reversed': Hazard(bound=0.31, faults=fails(*each('reversed', range(4)))),
-    'encoder or motor reversed before the start': Hazard(bound=0.46, **starting('reversed')),
+    'encoder or motor reversed': Hazard(bound=0.3, faults=fails(*each('reversed', range(4)))),
+    'encoder or motor reversed before the start': Hazard(bound=0.39, **starting('reversed')),
     'board restarted': Hazard(bound=0.17, resumes=True, faults=tuple(
         lambda robot, one=one: robot.boards.restart(one, robot.now) for one in ADDRESSES)),
     'board status not normal': Hazard(bound=0.24, faults=fails(*each('status', ADDRESSES, 4))),
