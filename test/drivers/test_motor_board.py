@@ -200,12 +200,14 @@ def readings(period, seconds, silent=()):
     now, asked, before = [0.0], {address: [] for address in ADDRESSES}, []
 
     class Line:
+
         def ask(self, address, command, wait):
             assert wait <= min(period, 0.02)
             asked[address].append(now[0])
             return None if address in silent else (0, 0)
 
     class ListClock(Clock):
+
         def now_ns(self):
             return round(now[0] * NS_PER_S)
 

@@ -62,7 +62,7 @@ class Port:
         self.frames, self.period, self.reply, self.delay = frames, period, reply, delay
         self.now, self.written, self.opened, self.due = 0.0, b'', [], []
 
-    def open(self, path, baud_rate, timeout):
+    def begin(self, path, baud_rate, timeout):
         """Begin to send; ``timeout`` [s] is that of reading."""
         self.opened.append(baud_rate)
         self.timeout, begin = timeout, self.now
@@ -102,7 +102,7 @@ def scanned(monkeypatch, tmp_path):
     path.touch()
 
     def scan(device, baud_rates=(115200, 9600), *, ask):
-        monkeypatch.setattr(port_scan, 'open_port', device.open)
+        monkeypatch.setattr(port_scan, 'open_port', device.begin)
         monkeypatch.setattr(port_scan, 'time', SimpleNamespace(monotonic=lambda: device.now))
         return scan_port(str(path), baud_rates, ask)
     return scan
