@@ -43,7 +43,7 @@ help:
 	@echo 'make lint            check style and types only'
 	@echo 'make check           make test with coverage, generated files, documentation site, stop'
 	@echo '                     times, quick benchmarks: under half an hour on two cores'
-	@echo 'make stop-times      measure the stop time of the wheels for each hazard'
+	@echo 'make stop-times      measure the stop time of the wheels for each hazard; RUNS=N'
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
 	@echo '                     for others'
 	@echo 'make fuzz            give damaged bytes to all readers of bytes; SECONDS=N, SEED=S'
@@ -148,7 +148,7 @@ current: $(READY)
 
 # Real processes and emulated motor boards with faults; see docs/safety.md.
 stop-times: $(READY)
-	$(BIN)/python test/safety/stop_times.py
+	$(BIN)/python test/safety/stop_times.py $(if $(RUNS),--runs $(RUNS))
 
 # 100 mutants of the safety path; see test/mutation.py.
 mutants: $(READY)

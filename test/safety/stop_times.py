@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+import io
 import os
 from pathlib import Path
 import signal
@@ -229,7 +230,8 @@ def load(busy: bool) -> Iterator[None]:
 def judge(name: str, scenario: Scenario, rig: type[RobotRig]) -> tuple[float, Verdict]:
     """Return the stop time [s] with new processes, and its verdict; repeat the unclear."""
     for _ in range(MAX_TRIALS):
-        with tempfile.TemporaryDirectory() as folder, rig(Path(folder)) as robot:
+        with (redirect_stdout(io.StringIO()),  # of the nodes, at the end
+              tempfile.TemporaryDirectory() as folder, rig(Path(folder)) as robot):
             robot.drive()
             queues = robot.run_queues()
             seconds = scenario(robot, Path(folder))
