@@ -23,6 +23,7 @@ import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+import gc
 import gzip
 import hashlib
 from itertools import count
@@ -154,6 +155,7 @@ def run(read: Callable[[bytes], bool], make: Callable[[int], Inputs], seconds: f
 def _feed(folder: Path, read: Callable[[bytes], bool], given: Inputs, end: float,
           limit: int | None) -> None:
     """Read inputs; on failure leave the last one, and how many there were, in ``folder``."""
+    gc.freeze()  # objects of ROS from the parent, whose threads are not in this process
     (folder / 'count').write_text('0 0')
     sys.stderr = (folder / 'errors').open('w')
     os.dup2(sys.stderr.fileno(), STDERR)
