@@ -19,6 +19,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import ListParameters
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag
@@ -78,6 +79,15 @@ class Listener:
         for topic in ESTIMATES:
             graph.node.create_subscription(message_class(TOPICS[topic].type), topic,
                                            graph.received[topic].append, DEPTH, raw=True)
+
+    def until_known(self) -> None:
+        """Return when the estimators have discovered the subscriptions made until now."""
+        seen: set[str] = set()
+        latest = self.graph.node.create_subscription(  # discovered in the order of creation
+            DiagnosticArray, '/diagnostics',
+            lambda array: seen.update(status.name for status in array.status), 100)
+        self.graph.until(lambda: set(ESTIMATORS) <= seen)
+        self.graph.node.destroy_subscription(latest)
 
     def until_handled(self) -> None:
         """Return when each estimator has answered a call, after what was published before."""
@@ -145,6 +155,7 @@ def replay(bag_path: Path, params: Path, folder: Path, rate: float, expected: di
                 ['-m', f'smart_tire.nodes.{module}', *words, *params_arguments([params])],
                 folder / f'{module}.log'))
         listener = Listener(stack.enter_context(Graph(folder)))
+        listener.until_known()
         graph = listener.graph
         graph.node.create_subscription(
             message_class(TOPICS['imu/data'].type), 'imu/data', lambda message: None, 1)
