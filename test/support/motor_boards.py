@@ -101,11 +101,6 @@ class Record:
         """Return whether a motor had a duty at all times."""
         return bool(self.duties) and all(duty != STILL for _, duty in self.duties)
 
-    def silence(self) -> float:
-        """Return the longest time between two bytes from the host [s]."""
-        return max((late - early for early, late in zip(self.bytes_at, self.bytes_at[1:])),
-                   default=math.inf)
-
     def first_zero(self) -> float:
         """Return the first time at which all motors had zero duty."""
         return min(when for when, duty in self.duties if duty == STILL)
