@@ -13,7 +13,7 @@ The hazards of ``docs/safety.md`` in virtual time: what happens, and the bound o
 
 ``worst`` runs a hazard at many phases of all cycles. Each run has its own conditions within the
 allowance: one stall of each thread, messages that are late, lost, doubled and thereby reordered.
-``python test/support/hazards.py`` writes the table of ``docs/safety.md``: six minutes on two idle cores.
+``python test/support/hazards.py`` writes the table of ``docs/safety.md``: 6 minutes on two cores.
 """
 
 from __future__ import annotations
