@@ -29,8 +29,8 @@ from smart_tire.estimation.slip.inputs import (
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.state import (
-    ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE, PLANAR_VARIANCE, State,
-    TRUSTED_STANDSTILL, UNWINDING_TIME)
+    ACCEL_ERROR_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE,
+    PLANAR_VARIANCE, SLIP_CORRELATION_TIME, State, TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
@@ -49,6 +49,7 @@ class OutputContext(NamedTuple):
     instant_ns: int       # of the output grid
     extrapolation: float  # s, from the time of the state to the instant
     imu: ImuReading       # last yaw rate, and forces without vibration
+    rate_variance: float  # (rad/s)^2, of that yaw rate beyond the bias
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
 
 
@@ -157,6 +158,7 @@ class SlipSegment:
         self._recorder = recorder
         self._output = SlipOutputBuilder(params)
         self.filter = slip_filter
+        self._gyro_variance = params.robot.imu.gyro_noise ** 2  # (rad/s)^2, of a sample
         self._imu = ImuInput(params.robot)
         self._odometry = WheelOdometry(params.robot)
         self._standstill = ZeroVelocityDetector(
@@ -226,9 +228,15 @@ class SlipSegment:
         if imu.time is None or imu.reading is None or (
                 now - imu.time <= max(IMU_DROPOUT, 3.0 * imu.period.value)):
             return
-        step = self.filter.blind_step(now - self._time, self._odometry.side_speeds)
-        imu.reading, imu.force, self._time = step.mean, None, now
-        self.filter.predict(now, step)
+        dt, (age, variance) = now - self._time, self._odometry.staleness(now)
+        reading = self.filter.blind_reading(dt, self._odometry.side_speeds, imu.turn_rate)
+        step = imu.bridge(
+            reading, dt,
+            # by the yaw angle of a random walk of both speeds
+            2.0 * age * variance / self._robot.track_width ** 2,
+            2.0 * SLIP_CORRELATION_TIME * ACCEL_ERROR_SIGMA ** 2)
+        self._time = now
+        self.filter.predict(now, step, blind=True)
 
     def _correct_wheels(self, time: float, sample: WheelSample) -> None:
         """Use a wheel sample of ``time`` [s], latency removed."""
@@ -286,7 +294,10 @@ class SlipSegment:
         x, P = self.filter.kalman.x, self.filter.kalman.P
         reading = imu.reading if imu.force is None else ImuReading(
             imu.reading.yaw_rate, *imu.force)
-        context = OutputContext(instant_ns, self._seconds(instant_ns) - self._time, reading,
+        now = self._seconds(instant_ns)
+        variance = self.filter.blind_rate_variance(
+            self._odometry.staleness(now)[1]) if self.filter.blind else self._gyro_variance
+        context = OutputContext(instant_ns, now - self._time, reading, variance,
                                 self._odometry.wheel_residual)
         if self._recorder is not None:
             self._recorder.record_output(
@@ -299,7 +310,6 @@ class SlipOutputBuilder:
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._standstill_speed = params.robot.slip.standstill_speed
-        self._gyro_variance = params.robot.imu.gyro_noise ** 2
         self._hidden = _four([0.0 if one else math.nan for one in params.robot.joints.measured])
         self._motion = MotionModel(params.robot)
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
@@ -327,7 +337,7 @@ class SlipOutputBuilder:
         v_x, v_y, W = twist
         pose, rates = self._covariances
         fill_covariances(P, W, self._x_imu, self._y_imu, pose, rates)
-        rates[35] += self._gyro_variance  # of the sample that is published
+        rates[35] += context.rate_variance
         return Odometry(
             context.instant_ns, (x[State.X], x[State.Y], 0.0),
             quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),
