@@ -251,19 +251,20 @@ class SmartTireNode(Node, Generic[Params]):
             reason = counter.latest.removeprefix(f'{name}: ')
             self.get_logger().warning(f'{name}: {counter.bad} messages rejected, latest: {reason}')
 
-    def make_publisher(self, name: str, *, rate: float = 0.0,
-                       wheels: int = 1) -> Callable[[Any], None]:
+    def make_publisher(self, name: str, *, rate: float = 0.0, wheels: int = 1,
+                       to_msg: Callable[[Any, Any], Any] | None = None) -> Callable[[Any], None]:
         """
         Return a function that publishes a sample on the topic ``name`` of ``TOPICS``.
 
         The function reuses one message, so call it from one thread only. ``rate`` [Hz] and
-        ``wheels`` set the depth of the queue, see ``publisher_qos``.
+        ``wheels`` set the depth of the queue, see ``publisher_qos``; ``to_msg`` may differ from
+        that of ``TOPICS``.
         """
         topic = TOPICS[name]
         cls = message_class(topic.type)
         publish = self.make_guarded_publisher(
             cls, name, publisher_qos(name, rate=rate, wheels=wheels))
-        to_msg = self.in_frames(topic.to_msg)
+        to_msg = self.in_frames(to_msg or topic.to_msg)
         if topic.type not in FIELDS:
             msg = cls()
             return lambda sample: publish(to_msg(msg, sample))

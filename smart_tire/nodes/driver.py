@@ -123,11 +123,13 @@ class SampleDriver(DriverNode[Params]):
     """A node whose device sends samples of one kind, such as an IMU."""
 
     def __init__(self, name: str, params_class: type[Params], topic: str,
-                 protocol: Callable[[Params], DeviceProtocol]) -> None:
+                 protocol: Callable[[Params], DeviceProtocol],
+                 to_msg: Callable[[Params], Callable[[Any, Any], Any]] | None = None) -> None:
         super().__init__(name, params_class)
         params: Any = self.params
         self._stream = SampleStream(protocol(self.params), nanoseconds(params.latency))
-        self._publish = self.make_publisher(topic)
+        self._publish = self.make_publisher(
+            topic, to_msg=None if to_msg is None else to_msg(self.params))
         self.connect(self._stream, self._read_port)
 
     def _read_port(self, port: Any, stopping: threading.Event) -> None:

@@ -105,7 +105,7 @@ def test_a_batch_is_published_as_one_message_per_conversion(isolated_ros, port):
 
 @pytest.mark.parametrize('protocol', ['vectornav_binary', 'vectornav_ascii', 'xsens'])
 def test_imu_samples_are_in_rep_103_axes_for_every_protocol(protocol, isolated_ros, port):
-    with receiving(ImuDriver, port, protocol=protocol) as node:
+    with receiving(ImuDriver, port, protocol=protocol, imu__gyro_noise=0.02) as node:
         for index in range(20):
             port.write(imu_frame(protocol, index))
             node.until(lambda: len(node.received['imu/data']) == index + 1)  # noqa: B023
@@ -120,6 +120,10 @@ def test_imu_samples_are_in_rep_103_axes_for_every_protocol(protocol, isolated_r
         force = message.linear_acceleration
         assert (force.x, force.y, force.z) == pytest.approx((0.5, -0.25, 9.8125), abs=1e-3)
         assert message.header.frame_id == 'imu_link'
+        assert list(message.angular_velocity_covariance) == pytest.approx(
+            np.ravel(0.02 ** 2 * np.eye(3)))
+        assert list(message.linear_acceleration_covariance) == pytest.approx(
+            np.ravel(0.05 ** 2 * np.eye(3)))
         assert (message.orientation_covariance[0] == -1.0) == (protocol != 'vectornav_ascii')
     stamps = [sample.stamp_ns for sample in node.samples('imu/data')]
     assert np.all(np.diff(stamps) > 0)
