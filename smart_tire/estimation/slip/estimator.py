@@ -28,6 +28,7 @@ from smart_tire.estimation.slip.inputs import (
     ImuInput, StationaryInterval, WheelOdometry, WheelSpeeds, ZeroVelocityDetector)
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
+from smart_tire.estimation.slip.odometry import ContinuousPose
 from smart_tire.estimation.slip.state import (
     ACCEL_ERROR_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE,
     PLANAR_VARIANCE, SLIP_CORRELATION_TIME, State, TRUSTED_STANDSTILL, UNWINDING_TIME)
@@ -101,7 +102,7 @@ class SlipEstimator:
 
     def reset_odometry(self) -> None:
         """Set the pose to the origin of ``odom``; biases and slips stay."""
-        self._segment.filter.reset_pose()
+        self._segment.reset_pose()
 
     @property
     def late(self) -> Counter[str]:
@@ -157,6 +158,7 @@ class SlipSegment:
         self._dropped = dropped
         self._recorder = recorder
         self._output = SlipOutputBuilder(params)
+        self._pose = ContinuousPose()
         self.filter = slip_filter
         self._gyro_variance = params.robot.imu.gyro_noise ** 2  # (rad/s)^2, of a sample
         self._imu = ImuInput(params.robot)
@@ -180,6 +182,11 @@ class SlipSegment:
         """Return counts of rejected samples and of changes of the ground."""
         return Counter(imu_spikes=self._imu.spikes, position_jumps=self._odometry.position_jumps,
                        ground_changes=self.filter.forces.changes)
+
+    def reset_pose(self) -> None:
+        """Set the pose to the origin of ``odom``."""
+        self.filter.reset_pose()
+        self._pose.reset()
 
     def step(self, instant_ns: int, samples: list[Any]) -> list[EstimateRecord]:
         """Process the samples up to a grid instant; return its estimates, if there are any."""
@@ -302,7 +309,8 @@ class SlipSegment:
         if self._recorder is not None:
             self._recorder.record_output(
                 context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED].copy())
-        return self._output.build(context, x, P)
+        return [self._pose.follow(record) if isinstance(record, Odometry) else record
+                for record in self._output.build(context, x, P)]
 
 
 class SlipOutputBuilder:
