@@ -279,7 +279,7 @@ def described(order: Order | None, length: float) -> str:
     if isinstance(order, GoalPose):
         text = f'goal_pose: x {order.pose[0]:.2f} m, y {order.pose[1]:.2f} m'
     elif order is not None:
-        text = f'path: {len(order.poses)} poses'
+        text = f'path: {len(order.poses)} poses' if len(order.poses) > 1 else 'path: one pose'
     return f'{text}, {length:.2f} m to drive' if math.isfinite(length) else f'{text}, without odom'
 
 

@@ -193,6 +193,12 @@ def test_a_goal_without_timestamp_is_followed_with_feedback_and_succeeds(robot, 
     robot.until(lambda: robot.progress.state == State.ARRIVED)
 
 
+def test_a_path_of_one_pose_succeeds_where_the_robot_is(robot, client):
+    assert client.result(client.send(robot.path(0.0))) == (
+        GoalStatus.STATUS_SUCCEEDED, 'NONE', '')
+    assert robot.speed == 0.0
+
+
 def test_a_canceled_goal_stops_the_robot_at_once(robot, client):
     goal = client.drive()
     cancel = goal.cancel_goal_async()
@@ -268,12 +274,12 @@ def test_what_stops_the_robot_aborts_the_goal_with_its_reason(robot, client, end
 
 
 @pytest.mark.parametrize(('change', 'error', 'reason'), [
-    ({'length': 0.0}, 'INVALID_PATH', '1 poses'),
+    ({'length': -0.05}, 'INVALID_PATH', '0 poses'),
     ({'length': 300.0}, 'INVALID_PATH', '6001 poses, expected at most 5000'),
     ({'stamp_ns': 1}, 'TF_ERROR', 's old, expected at most 2 s'),
     ({'frame': 'nowhere'}, 'TF_ERROR', "frame 'nowhere', expected odom: /tf does not connect"),
     ({'frame': ''}, 'INVALID_PATH', "frame '', expected odom")],
-    ids=['short', 'long', 'old', 'frame', 'no frame'])
+    ids=['empty', 'long', 'old', 'frame', 'no frame'])
 def test_an_invalid_goal_stops_the_robot_and_its_result_has_the_reason(
         robot, client, change, error, reason):
     first = client.drive()

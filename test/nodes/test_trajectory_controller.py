@@ -85,6 +85,17 @@ def test_progress_is_published_at_4_hz_with_names_and_frame(node):
     assert message.header.frame_id == 'odom'
 
 
+def test_a_path_of_one_pose_where_the_robot_is_ends_at_once_and_farther_away_is_driven_to(
+        node, robot):
+    robot.follow(robot.path(0.0))
+    robot.until_state(State.ARRIVED)
+    assert robot.x == 0.0
+    assert 'following path: one pose, 0.00 m to drive' in robot.log()
+    robot.follow(PlannedPath(node.now_ns(), 'odom', ((SHORT, 0.0, NAN),)))
+    robot.until_state(State.ARRIVED)
+    assert robot.x == pytest.approx(SHORT, abs=0.1)
+
+
 @pytest.mark.parametrize('publisher', [TEST, b'another'])
 def test_a_goal_is_driven_to_and_replaces_the_path(node, robot, publisher):
     robot.drive()
@@ -99,7 +110,7 @@ def test_a_goal_is_driven_to_and_replaces_the_path(node, robot, publisher):
 
 @pytest.mark.parametrize(('change', 'reason'), [
     ({'frame': 'map'}, "refused: path: frame 'map', expected odom"),
-    ({'length': 0.0}, 'refused: path: 1 poses'),
+    ({'length': -0.05}, 'refused: path: 0 poses, expected 1 to 5000'),
     ({'length': 251.0}, 'refused: path: 5021 poses, expected at most 5000'),
     ({'age': 2.01}, 'refused: path: 2.01 s old, expected at most 2 s'),
     ({'age': -2.01}, 'refused: path: 2.01 s ahead, expected at most 2 s')],
