@@ -92,12 +92,6 @@ def publisher_names(node: Node, topic: str) -> dict[Hashable, str]:
             for info in node.get_publishers_info_by_topic(topic)}
 
 
-def action_clients(node: Node, action: str) -> dict[Hashable, str]:
-    """Return endpoint identifier -> fully qualified node name of the clients of ``action``."""
-    return {bytes(info.endpoint_gid): full_name(info) for info in
-            node.get_subscriptions_info_by_topic(f'{action}/_action/feedback')}
-
-
 def action_servers(node: Node, action: str) -> list[str]:
     """Return the fully qualified names of the nodes that serve ``action``."""
     return sorted({full_name(info) for info in

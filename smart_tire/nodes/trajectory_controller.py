@@ -26,7 +26,7 @@ from smart_tire.errors import CommandError, SmartTireError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import action_clients, installed_class, publisher_names
+from smart_tire.nodes.compat import installed_class, publisher_names
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.follow_path import FollowPathServer, Goal, NAME as ACTION
 from smart_tire.nodes.qos import order_profiles
@@ -94,11 +94,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._senders = {name: PublisherCheck(name, PUBLISHER_WINDOW,
                                               partial(publisher_names, self, name))
                          for name in ('path', 'goal_pose')}
-        self._senders[ACTION] = PublisherCheck(
-            ACTION, PUBLISHER_WINDOW, partial(action_clients, self, ACTION), 'clients of')
-        self.subscribe('path', partial(self._on_order, 'path'),
+        self.subscribe('path', partial(self._on_message, 'path'),
                        profiles=order_profiles('path'), raw=True, from_msg=self._read_path)
-        self.subscribe('goal_pose', partial(self._on_order, 'goal_pose'),
+        self.subscribe('goal_pose', partial(self._on_message, 'goal_pose'),
                        profiles=order_profiles('goal_pose'))
 
     def _read_path(self, data: bytes) -> PlannedPath:
@@ -121,30 +119,34 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         """Use the new parameters."""
         self._control.params = self.params
 
-    def _on_goal(self, goal: Goal, info: Mapping[str, Any]) -> None:
-        """Follow the path in a goal of the action, under the same conditions as others."""
+    def _on_goal(self, goal: Goal, waited_ns: int) -> None:
+        """Follow the path in a goal of the action, of any client: the newest one wins."""
         counter, path = self.inputs[ACTION], goal.request.path
         try:
             check_pose_count(len(path.poses), self.params.checks.max_path_poses)
-            self._on_order(ACTION, path_from_msg(path), info, goal)
+            self._on_order(ACTION, path_from_msg(path), waited_ns, goal)
         except SmartTireError as error:
             self.reject_input(ACTION, counter, error)
         else:
             counter.accept(self.steady_ns())
 
-    def _on_order(self, name: str, order: Order, info: Mapping[str, Any],
-                  goal: Goal | None = None) -> None:
-        """Follow a new path or goal, unless it is of the past, or another node sends them, too."""
+    def _on_message(self, name: str, order: Order, info: Mapping[str, Any]) -> None:
+        """Follow a new path or goal, unless another node has sent one a short time ago, too."""
+        senders = self._senders[name]
+        if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
+            raise CommandError(conflict)
+        # from its publication on, since a latched one is received when this node starts
+        self._on_order(name, order, max(time.time_ns() - info['source_timestamp'], 0))
+
+    def _on_order(self, name: str, order: Order, waited_ns: int, goal: Goal | None = None) -> None:
+        """Follow a new path or goal, unless it is of the past: it has waited [ns] at most."""
         if self._is_ending:
             raise CommandError(f'{name}: the node ends')
-        self._check_publisher(name, info)
         if self._control.state == State.FOLLOWING and order == self._given:
             # repeated: a new beginning would lead back to parts already driven
             self._goal = goal or self._goal
             self._step()
             return
-        # from its publication on, since a latched one is received when this node starts
-        waited_ns = max(time.time_ns() - info['source_timestamp'], 0)
         check_age(name, order.stamp_ns, self.now_ns(), waited_ns, self.params.path_max_age)
         if self._emergency_stop:
             raise CommandError(f'{name}: the emergency stop is active')
@@ -154,12 +156,6 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._control.follow(self._order, self.now_ns())
         self._reported = self._reported[0], 'new order'  # report it, also if the state is the same
         self._step()
-
-    def _check_publisher(self, name: str, info: Mapping[str, Any]) -> None:
-        """Raise CommandError if another node has sent the same kind of order a short time ago."""
-        senders = self._senders[name]
-        if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
-            raise CommandError(conflict)
 
     def reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
         """Stop the robot for a path or goal that is invalid: the one before is outdated."""
@@ -207,8 +203,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             self._send_progress()
 
     def _pace(self) -> None:
-        """Let the timer run while there is something to do; goals may end any time."""
-        if self._control.active or self._server is not None:
+        """Let the timer run while there is something to do; goals of the action end with it."""
+        if self._control.active:
             if self._step_timer.is_canceled():
                 self._step_timer.reset()
         else:
@@ -216,12 +212,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _end_goals(self, server: FollowPathServer) -> None:
         """End goals of the action that are not followed any more."""
-        server.tick()
-        state, senders = self._control.state, self._senders[ACTION]
+        state = self._control.state
         if state != State.FOLLOWING:
             self._goal = None
-            if not senders.conflicting(self.steady_ns()):
-                senders.forget()  # another client may be the next
         server.end_others(self._goal, state, self._control.cause, self._control.reason)
 
     def _log_state(self, before: State) -> None:
@@ -255,7 +248,6 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._publish_progress(progress)
         if self._server is None or self._goal is None or self._odometry is None:
             return
-        self._senders[ACTION].renew(self.steady_ns())
         if math.isfinite(progress.remaining_distance):
             self._server.send_feedback(self._goal, progress.remaining_distance,
                                        progress.cross_track_error, abs(self._odometry.linear[0]))

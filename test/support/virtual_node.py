@@ -66,6 +66,10 @@ class Log:
         """Add a line that names the level."""
         self.info(f'error: {text}', **options)
 
+    def get_child(self, _: str) -> Log:
+        """Return this log."""
+        return self
+
 
 class Timer:
     """Timer of a node, as rclpy's."""
