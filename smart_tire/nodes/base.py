@@ -12,8 +12,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 import inspect
@@ -41,8 +40,9 @@ from smart_tire.nodes.compat import (
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
+from smart_tire.nodes.kept_messages import CHECK_PERIOD as KEPT_PERIOD, KeptMessages
 from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
-from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos
+from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos, volatile_qos
 from smart_tire.parameters import build, NODE_PARAMS
 from smart_tire.parameters.files import files_of, misspelled
 from smart_tire.samples import NS_PER_S
@@ -52,7 +52,6 @@ Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
 STATE_DEPTH = 10  # queued states of the motor driver, so that a short stop is not missed
-REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,9 +155,9 @@ class SmartTireNode(Node, Generic[Params]):
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
                   required: bool = False, announced: bool = False, info: bool = False,
                   from_msg: Callable[[Any], Any] | None = None,
-                  type_name: str | None = None, profiles: Sequence[QoSProfile] = (),
-                  raw: bool = False,
-                  urgent: bool = True) -> Subscription[Any] | Inbox | None:
+                  type_name: str | None = None, profile: QoSProfile | None = None,
+                  kept: bool = False, raw: bool = False,
+                  urgent: bool = True) -> Subscription[Any] | Inbox:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
@@ -166,11 +165,11 @@ class SmartTireNode(Node, Generic[Params]):
         the topic's name, ``from_msg`` its conversion, ``type_name`` its type. With ``info``,
         ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
-        is logged. With ``profiles`` there is a subscription for each of them, but a message is
-        handled once, with its info. With ``raw``, ``from_msg`` gets the serialized message.
+        is logged. ``profile`` replaces that of ``subscriber_qos``. With ``kept``, messages of all
+        publishers are received, with info, also those from before the subscription that a
+        publisher keeps. With ``raw``, ``from_msg`` gets the serialized message.
         Messages of a publisher in this process are handed over without DDS, except with ``info``
-        or ``profiles``; those that are not ``urgent`` do not wake the node. Returns the
-        subscription; None with ``profiles``.
+        or ``kept``; those that are not ``urgent`` do not wake the node. Returns the subscription.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
@@ -189,10 +188,9 @@ class SmartTireNode(Node, Generic[Params]):
         def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
             handle(msg, message_info)
 
-        if profiles:
-            self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
-            return None
-        profile = subscriber_qos(topic_name, wheels=wheels, reliability=reliability)
+        profile = profile or subscriber_qos(topic_name, wheels=wheels, reliability=reliability)
+        if kept:
+            return self._subscribe_kept(cls, name, on_message_with_info, raw)
         if info:
             return self.create_subscription(
                 cls, name, with_info(on_message_with_info), profile, raw=raw)
@@ -232,13 +230,15 @@ class SmartTireNode(Node, Generic[Params]):
         profile.depth = STATE_DEPTH
         self.create_subscription(Bool, name, lambda state: on_state(bool(state.data)), profile)
 
-    def _subscribe_once(self, cls: type[Any], name: str, callback: Callable[[Any, Any], None],
-                        profiles: Sequence[QoSProfile], raw: bool) -> None:
-        """Subscribe with each of ``profiles``; a publisher need not match all of them."""
-        silent = SubscriptionEventCallbacks(use_default_callbacks=False)  # no warning of rclpy
-        adapter = with_info(once(callback))
-        for profile in profiles:
-            self.create_subscription(cls, name, adapter, profile, event_callbacks=silent, raw=raw)
+    def _subscribe_kept(self, cls: type[Any], name: str, callback: Callable[[Any, Any], None],
+                        raw: bool) -> Subscription[Any]:
+        """Subscribe to the messages of all publishers, and to those that some of them keep."""
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)  # for volatile publishers
+        kept = KeptMessages(self, name, callback, lambda on_kept: self.create_subscription(
+            cls, name, with_info(on_kept), latched(), event_callbacks=silent, raw=raw))
+        self.call_every(KEPT_PERIOD, lambda: kept.check(self.steady_ns()))
+        return self.create_subscription(
+            cls, name, with_info(kept.on_message), volatile_qos(name), raw=raw)
 
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -430,22 +430,3 @@ def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..
 
     adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return adapter
-
-
-def once(callback: Callable[[Any, Mapping[str, Any]], None],
-         ) -> Callable[[Any, Mapping[str, Any]], None]:
-    """
-    Return a callback that calls ``callback`` once per message that several subscriptions receive.
-
-    A message is identified by the time and the number of its publication; repeated content is not
-    a repeated message.
-    """
-    seen: deque[tuple[Any, Any]] = deque(maxlen=REMEMBERED_MESSAGES)
-
-    def on_message(msg: Any, info: Mapping[str, Any]) -> None:
-        key = info['source_timestamp'], info.get('publication_sequence_number')
-        if key not in seen:
-            seen.append(key)
-            callback(msg, info)
-
-    return on_message

@@ -29,7 +29,6 @@ from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import installed_class, publisher_names
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.follow_path import FollowPathServer, Goal, NAME as ACTION
-from smart_tire.nodes.qos import order_profiles
 from smart_tire.nodes.runner import run
 from smart_tire.nodes.transforms import Order, Transforms
 from smart_tire.parameters import TrajectoryControllerParams
@@ -95,9 +94,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
                                               partial(publisher_names, self, name))
                          for name in ('path', 'goal_pose')}
         self.subscribe('path', partial(self._on_message, 'path'),
-                       profiles=order_profiles('path'), raw=True, from_msg=self._read_path)
-        self.subscribe('goal_pose', partial(self._on_message, 'goal_pose'),
-                       profiles=order_profiles('goal_pose'))
+                       kept=True, raw=True, from_msg=self._read_path)
+        self.subscribe('goal_pose', partial(self._on_message, 'goal_pose'), kept=True)
 
     def _read_path(self, data: bytes) -> PlannedPath:
         return path_from_bytes(data, self.params.checks.max_path_poses)

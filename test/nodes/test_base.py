@@ -21,7 +21,6 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from smart_tire.host_load import MAX_LATENESS
-from smart_tire.nodes.base import once
 from smart_tire.nodes.compat import plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.motor_driver import MotorDriver
@@ -56,19 +55,9 @@ def test_nodes_run_with_the_single_threaded_executor_of_older_distributions(grap
     (TrajectoryController, [0.1, 0.25, 1.0])])
 def test_a_node_without_input_wakes_up_for_one_timer_of_each_period(
         node_class, periods, isolated_ros):
-    arguments = ['--ros-args', '-p', 'follow_path:=false'] * (node_class is TrajectoryController)
-    with NodeRunner(node_class, arguments) as runner:
+    with NodeRunner(node_class, []) as runner:
         assert sorted(timer.timer_period_ns * 1e-9 for timer in runner.node.timers
                       if not timer.is_canceled()) == pytest.approx(periods)
-
-
-def test_a_message_that_several_subscriptions_receive_is_handled_once():
-    handled = []
-    callback = once(lambda msg, info: handled.append(msg))
-    for name, stamp, number in (('a', 1, 1), ('a again', 1, 1), ('b', 1, 2), ('c', 2, 1),
-                                ('a late', 1, 1), ('d', 3, None), ('d again', 3, None)):
-        callback(name, {'source_timestamp': stamp, 'publication_sequence_number': number})
-    assert handled == ['a', 'b', 'c', 'd']
 
 
 def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():

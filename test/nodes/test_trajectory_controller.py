@@ -16,7 +16,8 @@ import math
 import re
 
 import pytest
-from rclpy.qos import QoSProfile
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from smart_tire.control.trajectory_control import State
 from smart_tire.messages.path import path_to_msg
@@ -290,16 +291,21 @@ def process(tmp_path_factory, isolated_ros):
             robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
 
 
-@pytest.mark.parametrize(('profile', 'matches'), [(latched(), 2), (QoSProfile(depth=1), 1)],
-                         ids=['latched', 'volatile'])
-def test_a_path_of_any_publisher_is_handled_once(process, profile, matches):
+@pytest.mark.parametrize('profile', [latched(), QoSProfile(depth=1)], ids=['latched', 'volatile'])
+def test_a_path_of_any_publisher_is_handled_once_without_warning_of_its_durability(
+        process, profile):
     def handled():
         return int(process.graph.value(NODE, 'frames_bad') or 0)
 
-    publisher = process.graph.node.create_publisher(PATH, 'path', profile)
-    process.until(lambda: publisher.get_subscription_count() == matches)
-    before = handled()
-    process.until(lambda: handled() > before, lambda: publisher.publish(message(1)))  # matched
+    process.until_more_health(NODE)
+    before, incompatible = handled(), []
+    publisher = process.graph.node.create_publisher(
+        PATH, 'path', profile,
+        event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible.append))
+    publisher.publish(message(1))  # not matched yet: only a latched one is received
+    process.until(lambda: handled() > before, lambda: (
+        profile.durability == DurabilityPolicy.VOLATILE and publisher.publish(message(1))))
+    process.until(lambda: publisher.get_subscription_count() == 1)
     process.until_more_health(NODE)
     before = handled()
     for number in (1, 2):
@@ -307,6 +313,18 @@ def test_a_path_of_any_publisher_is_handled_once(process, profile, matches):
         process.until(lambda: handled() >= before + number)  # noqa: B023
     process.until_more_health(NODE)
     assert handled() == before + 2
+    assert not incompatible
+    process.graph.node.destroy_publisher(publisher)
+
+
+def test_publishers_of_goals_get_no_warning_of_their_durability(process):
+    incompatible = []
+    publisher = process.graph.node.create_publisher(
+        message_class('geometry_msgs/msg/PoseStamped'), 'goal_pose', QoSProfile(depth=1),
+        event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible.append))
+    process.until(lambda: publisher.get_subscription_count() == 1)
+    process.until_more_health(NODE)
+    assert not incompatible
     process.graph.node.destroy_publisher(publisher)
 
 

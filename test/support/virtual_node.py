@@ -33,6 +33,7 @@ import rclpy
 from rclpy.serialization import deserialize_message, serialize_message
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.qos import publisher_qos
 from smart_tire.samples import NS_PER_S
 from support.waiting import wait_for
 
@@ -192,6 +193,7 @@ class VirtualNode:
     def get_publishers_info_by_topic(self, name: str) -> list[Any]:
         """Return the publishers in the graph."""
         return [SimpleNamespace(endpoint_gid=gid, node_name=node, node_namespace='/',
+                                qos_profile=publisher_qos('cmd_vel'),  # volatile
                                 topic_type=self.types_of.get(name) or TOPICS[name].type)
                 for gid, node in self.publishers_of.get(name, {}).items()]
 
