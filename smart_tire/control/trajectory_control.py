@@ -17,7 +17,7 @@ import math
 
 from smart_tire.control import constants as c
 from smart_tire.control.ground_knowledge import GroundKnowledge
-from smart_tire.control.ground_motion import MotionMonitor
+from smart_tire.control.ground_motion import MotionMonitor, wrap
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_follower import Conditions, PathFollower
 from smart_tire.control.path_plan import (
@@ -68,6 +68,7 @@ class TrajectoryControl:
         # until the first odometry after it; a goal that is too near, until the robot has stopped
         self._target: PlannedPath | GoalPose | None = None
         self._follower: PathFollower | None = None
+        self._goal: GoalPose | None = None  # that the follower drives to
         self._progress = ProgressMonitor()
         self._stepped_ns: int | None = None
         self._stop_due = False             # a command of zero is to be published
@@ -196,9 +197,11 @@ class TrajectoryControl:
         return f'odom: {age:.2f} s old, expected at most {limit:g} s'
 
     def _begin(self, target: PlannedPath | GoalPose) -> None:
-        self._target = None
         motion, params = self._motion.motion, self.params
         check_start(target, motion, params.checks)
+        if self._is_renewed(target):
+            return
+        self._target, self._goal = None, target if isinstance(target, GoalPose) else None
         if isinstance(target, PlannedPath):
             maneuvers = plan_path(target.poses, params.follower.corner_angle)
         elif self._must_stop_before(target):
@@ -210,21 +213,30 @@ class TrajectoryControl:
         self._follower = PathFollower(maneuvers, *self._last)
         self._progress = ProgressMonitor()
 
-    def _must_stop_before(self, goal: GoalPose) -> bool:
+    def _is_renewed(self, target: PlannedPath | GoalPose) -> bool:
         """
-        Return whether the robot drives, and cannot stop at the goal: it is planned from rest.
+        Return whether ``target`` is the goal that is followed, within the tolerances.
 
-        Within the tolerance, at the speeds of the end of a path, it is reached, as for the goal
-        checker of nav2: planners that renew it where the robot is would lead it to and fro.
+        A new beginning would turn, or drive, to and fro: nav2 renews goals where the robot is.
         """
+        goal, arrival = self._goal, self.params.arrival
+        if (goal is None or not isinstance(target, GoalPose) or self._follower is None
+                or self._follower.finished):
+            return False
+        x, y, yaw = (new - old for new, old in zip(target.pose, goal.pose))
+        return math.hypot(x, y) <= arrival.xy_tolerance and (
+            abs(wrap(yaw)) <= arrival.yaw_tolerance
+            or math.isnan(goal.pose[2]) and math.isnan(target.pose[2]))
+
+    def _must_stop_before(self, goal: GoalPose) -> bool:
+        """Return whether the robot cannot stop at the goal: it is planned from rest."""
         motion, params = self._motion.motion, self.params
-        if motion.at_rest() or (self._follower is not None and self._follower.finished):
+        if self._follower is not None and self._follower.finished:
             return False
         limits = motion_limits(params, self._ground.acceleration(params.friction))
         braking = motion.speed() ** 2 / (2.0 * c.PLANNED_SHARE * limits.deceleration)
         distance = math.hypot(goal.pose[0] - motion.x, goal.pose[1] - motion.y)
-        return (distance <= braking + motion.speed() * params.follower.actuation_delay
-                and max(distance, braking) > params.arrival.xy_tolerance)
+        return distance <= braking + motion.speed() * params.follower.actuation_delay
 
     def _follow(self, follower: PathFollower, now_ns: int, dt: float) -> VelocityCommand | None:
         params = self.params

@@ -166,17 +166,50 @@ def test_a_goal_nearer_than_the_robot_can_stop_is_reached_after_a_stop(ahead, ya
     assert abs(run.robot.v_x) < 0.02
 
 
-def test_a_goal_renewed_where_the_robot_arrives_is_reached_without_driving_back():
-    """As nav2 renews it, at 1 Hz, from the cell of the goal on."""
-    run = Run(lag=0.1, dead_time=2).start(line(1.0))
-    while run.control.state == State.FOLLOWING:
-        if run.robot.x > 0.95 and len(run.rows) % 20 == 0:
+@pytest.mark.parametrize('period', [10, 20])  # steps; nav2 renews at 1 Hz
+@pytest.mark.parametrize('phase', range(0, 10, 3))
+@pytest.mark.parametrize('begin', [0.5, 0.93])  # m, at high and at low speed
+def test_a_goal_renewed_where_the_robot_is_is_reached(begin, phase, period):
+    run, near = Run(lag=0.1, dead_time=2).start(line(1.0)), -phase  # steps
+    for _ in range(400):
+        near += run.robot.x > begin or near > -phase
+        if near > 0 and near % period == 1 and run.control.state == State.FOLLOWING:
             run.start(path((run.robot.x, 0.0, 1.0)))
         run.step()
-    assert run.control.state == State.ARRIVED
-    assert run.log[:, 6].min() >= -0.05  # m/s, held in the turn
+    assert (run.control.state, run.control.reason) == (State.ARRIVED, '')
     assert_turned(run, 1.0)
-    assert run.robot.x == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(('x', 'yaw', 'renewed'), [
+    (1.049, 1.0, True), (1.051, 1.0, False), (0.949, 1.0, False), (1.0, 1.079, True),
+    (1.0, 1.081, False), (1.0, 0.919, False), (1.0, 1.0 + math.tau, True), (1.0, NAN, False)])
+def test_a_goal_within_the_tolerances_is_no_new_begin(x, yaw, renewed):
+    first = GoalPose(0, 'odom', (1.0, 0.0, 1.0))
+    run = Run().start(first).for_seconds(1.0)
+    run.start(GoalPose(0, 'odom', (x, 0.0, yaw))).until_end()
+    assert (run.rows == Run().start(first).until_end().rows) == renewed
+    assert run.control.state == State.ARRIVED
+    assert math.isnan(yaw) or math.remainder(run.robot.yaw - yaw, math.tau) == pytest.approx(
+        0.0, abs=2.0 * run.params.arrival.yaw_tolerance)
+
+
+def test_a_goal_without_yaw_is_renewed_by_one_without_yaw_only():
+    first = GoalPose(0, 'odom', (1.0, 0.0, NAN))
+    run = Run().start(first).for_seconds(1.0)
+    run.start(GoalPose(0, 'odom', (1.01, 0.0, NAN))).until_end()
+    assert run.rows == Run().start(first).until_end().rows
+    run = Run().start(first).for_seconds(1.0)
+    run.start(GoalPose(0, 'odom', (1.0, 0.0, 2.0))).until_end()
+    assert_turned(run, 2.0)
+
+
+def test_a_goal_that_has_ended_is_no_longer_renewed():
+    goal = GoalPose(0, 'odom', (1.0, 0.0, 1.0))
+    run = Run().start(goal).for_seconds(1.0)
+    run.control.cancel('canceled')
+    run.for_seconds(1.0).start(goal).until_end()
+    assert run.control.state == State.ARRIVED
+    assert_turned(run, 1.0)
 
 
 def test_a_goal_behind_the_braking_distance_is_driven_to_without_a_stop():
@@ -203,6 +236,10 @@ def test_a_robot_that_slides_on_is_not_waited_for():
     run.start(GoalPose(0, 'odom', (run.robot.x, 0.0, NAN))).until_end()
     assert run.control.state == State.STOPPED
     assert 'm from the path' in run.control.reason
+    run = under_way(seconds=2.0)
+    run.robot.drive = lambda *_: None  # as on a treadmill
+    run.start(GoalPose(0, 'odom', (run.robot.x + 0.2, 0.0, NAN))).until_end()
+    assert 'no progress' in run.control.reason
 
 
 def test_cancel_stops_and_does_nothing_otherwise():
@@ -343,6 +380,14 @@ def test_a_path_that_waited_is_refused_if_it_begins_too_far_away(waiting):
     assert control.step(0).v_x == 0.0
     assert control.state == State.REFUSED
     assert 'begins 3.00 m from the robot' in control.reason
+
+
+def test_a_path_that_waited_for_recent_odometry_replaces_the_one_before():
+    run = under_way()
+    run.now_ns += NS_PER_S
+    run.start(path((run.robot.x, 0.0), (run.robot.x + 0.7, 0.0)))
+    assert run.step().v_x > 0.1
+    assert run.progress[-1].remaining_distance == pytest.approx(0.6, abs=0.1)
 
 
 def test_with_old_odometry_a_path_is_not_followed():
