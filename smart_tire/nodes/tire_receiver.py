@@ -65,7 +65,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
             if isinstance(item, BatterySample):
                 self._publish_battery(item)
             else:
-                self._sender.put(item)
+                self._sender.put(item.samples)
 
     def fill_status(self, status: Status) -> None:
         """Add counts of batches and the clock of each sensor node."""
