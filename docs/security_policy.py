@@ -24,6 +24,7 @@ from pathlib import Path
 import sys
 from xml.etree import ElementTree
 
+from smart_tire.messages import TYPED
 from smart_tire.messages.describe import (
     DIAGNOSTICS, FROM_USER, NODE_TABLE, Service, TOPIC_NAMES)
 from smart_tire.nodes.command_line import COMPOSED, COMPOSED_NODES
@@ -51,7 +52,9 @@ def policy(namespace: str = '') -> str:
     for node in NODE_TABLE.values():
         replayed = REPLAYED.get(node.name, [])
         _enclave(enclaves, namespace, node.name,
-                 [*node.publishes, *replayed], [*node.subscribes, *replayed],
+                 [*node.publishes, *replayed, *(
+                     TYPED[name].name for name in node.publishes if name in TYPED)],
+                 [*node.subscribes, *replayed],
                  reply=[one.name for one in node.services if not _is_action(one)],
                  execute=[one.name for one in node.services if _is_action(one)])
     _composed_enclave(enclaves, namespace)
