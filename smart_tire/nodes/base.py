@@ -35,9 +35,10 @@ from rclpy.timer import Timer
 
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import TimerLateness
-from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS
+from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS, TYPED
 from smart_tire.nodes.compat import (
-    full_name, message_class, plain_message, RCLError, RMWError, wrong_type_message)
+    full_name, installed_class, message_class, plain_message, RCLError, RMWError,
+    wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
@@ -256,9 +257,44 @@ class SmartTireNode(Node, Generic[Params]):
         """
         Return a function that publishes a sample on the topic ``name`` of ``TOPICS``.
 
-        The function reuses one message, so call it from one thread only. ``rate`` [Hz] and
-        ``wheels`` set the depth of the queue, see ``publisher_qos``.
+        It also publishes on the typed topic with the same samples. The function reuses one
+        message, so call it from one thread only. ``rate`` [Hz] and ``wheels`` set the depth of
+        the queue, see ``publisher_qos``.
         """
+        publish = self._make_publisher(name, rate, wheels)
+        typed = TYPED.get(name)
+        if typed is None or typed.sample is not TOPICS[name].sample:
+            return publish
+        publish_typed = self.make_typed_publisher(name, wheels=wheels)
+
+        def publish_both(sample: Any) -> None:
+            publish(sample)
+            publish_typed(sample)
+
+        return publish_both
+
+    def make_typed_publisher(self, name: str, *, wheels: int = 1) -> Callable[[Any], None]:
+        """
+        Return a function that publishes a sample on the typed topic of ``name``.
+
+        It does nothing without subscribers, and if smart_tire_msgs is not installed.
+        """
+        topic = TYPED[name]
+        cls = installed_class(topic.type)
+        if cls is None:
+            return lambda sample: None
+        profile = publisher_qos(topic.name, wheels=wheels)
+        publisher = self.create_publisher(cls, topic.name, profile)
+        publish = self._guarded(publisher.publish, topic.name)
+        msg, to_msg = cls(), self.in_frames(topic.to_msg)
+
+        def publish_if_subscribed(sample: Any) -> None:
+            if publisher.get_subscription_count():
+                publish(to_msg(msg, sample))
+
+        return publish_if_subscribed
+
+    def _make_publisher(self, name: str, rate: float, wheels: int) -> Callable[[Any], None]:
         topic = TOPICS[name]
         cls = message_class(topic.type)
         publish = self.make_guarded_publisher(
@@ -303,16 +339,18 @@ class SmartTireNode(Node, Generic[Params]):
 
         A message that ROS fails to publish is counted and logged; the caller continues.
         """
-        publisher = self.create_publisher(cls, name, profile)
+        return self._guarded(self.create_publisher(cls, name, profile).publish, name)
+
+    def _guarded(self, publish: Callable[[Any], None], name: str) -> Callable[[Any], None]:
         self.outputs[name] = InputCounter()
 
-        def publish(msg: Any) -> None:
+        def guarded(msg: Any) -> None:
             try:
-                publisher.publish(msg)
+                publish(msg)
             except RCLError as error:
                 self._on_publish_error(name, error)
 
-        return publish
+        return guarded
 
     def _on_publish_error(self, name: str, error: RuntimeError) -> None:
         counter = self.outputs[name]
