@@ -102,6 +102,8 @@ def test_there_is_one_version(setup_arguments):
     changes = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
     version = MANIFEST.findtext('version')
     assert setup_arguments['version'] == version == smart_tire.__version__
+    messages = ElementTree.parse(ROOT / 'smart_tire_msgs' / 'package.xml')
+    assert messages.findtext('version') == version
     assert 'Forthcoming\n-----------\n' in changes or f'\n{version} (' in changes
 
 
