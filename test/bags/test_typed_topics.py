@@ -21,7 +21,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.recording import read
-from smart_tire.bags import Bag, match_by_name, TopicNames
+from smart_tire.bags import Bag, BagWriter, channel_of, match_by_name, TopicNames
 from smart_tire.bags.cdr import typestore
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.estimation.streams import INPUTS
@@ -135,6 +135,15 @@ def test_typed_messages_are_replayed_as_standard_ones(plain, other):
         found = sorted((renamed.get(channel.topic, channel.topic), bytes(data))
                        for _, channel, data in bag.replayable(bag.topics, renamed))
         assert found == sorted((channel.topic, bytes(data)) for _, channel, data in expected.raw())
+
+
+def test_messages_of_the_standard_type_are_replayed_as_they_are(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.add_topic(channel_of('/mti/imu', TOPICS['imu/data'].type))
+        writer.write('/mti/imu', START_NS, b'\x00\x01\x00\x00unreadable')
+    with Bag(tmp_path / 'bag') as bag:
+        assert list(bag.replayable(bag.topics, {'/mti/imu': 'imu/data'})) == list(bag.raw())
+        assert len(list(bag.raw())) == 1
 
 
 def test_bags_carry_the_definitions_with_all_nested_types(other):
