@@ -33,8 +33,8 @@ from typing import Any
 
 import pytest
 
-from security_policy import policy
 from smart_tire.cli._stack import PORTS
+from smart_tire.cli.policy import policy
 from smart_tire.errors import ParameterError
 from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE
 from smart_tire.nodes.command_line import COMPOSED_NODES
