@@ -119,7 +119,7 @@ def generate_launch_description():
                               description='one process for all nodes but motor_driver and '
                                           'wheel_controller'),
         DeclareLaunchArgument('drivers', default_value='true',
-                              description='start the drivers; false next to those of another base'),
+                              description='start the drivers; another base has its own'),
         DeclareLaunchArgument('control', default_value='true',
                               description='start the controllers'),
         DeclareLaunchArgument('use_sim_time', default_value='false',
