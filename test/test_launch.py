@@ -70,8 +70,9 @@ every_start = pytest.mark.parametrize('path', sorted(LAUNCH.glob('*.launch.py'))
 
 
 @pytest.fixture
-def stand_ins(monkeypatch):
+def stand_ins(monkeypatch, tmp_path):
     """Replace the launch system by the stand-in; no package is installed."""
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))  # of the view for RViz
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     for name in CLASSES:
         monkeypatch.setitem(sys.modules, name, StandIn(name))
@@ -292,8 +293,7 @@ def test_nodes_that_died_restart_and_motor_driver_with_the_stop_latched(
 @pytest.mark.parametrize('namespace', ['', 'r1', '/r1/a/'])
 @pytest.mark.parametrize('composed', ['true', 'false'])
 def test_the_enclave_of_a_program_is_that_of_the_policy(
-        composed, namespace, stand_ins, installed, tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+        composed, namespace, stand_ins, installed):
     installed('robot_state_publisher', 'rviz2')
     nodes = list(started(LAUNCH / 'simulation.launch.py', f'namespace:={namespace}',
                          f'composed:={composed}', 'rviz:=true'))
@@ -407,9 +407,8 @@ def test_programs_that_do_not_unblock_sigint_start_later(described, installed):
 
 @pytest.mark.parametrize('description', ['true', 'false'])
 def test_rviz_shows_the_view_of_this_package_in_the_frames_of_the_robot(
-        description, stand_ins, installed, mine, tmp_path, monkeypatch):
+        description, stand_ins, installed, mine):
     installed('rviz2')
-    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
     node, = started(INCLUDED, 'rviz:=true', f'description:={description}', mine)
     flag, place = node.options['arguments']
     assert (node.options['package'], flag) == ('rviz2', '-d')
