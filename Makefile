@@ -169,7 +169,7 @@ demo-loaded: $(READY)
 config: $(READY)
 	$(BIN)/python docs/config_files.py config
 	$(BIN)/python docs/rosbag2_qos.py config/rosbag2_qos.yaml
-	$(BIN)/python docs/security_policy.py config/security/policy.xml
+	$(BIN)/smart_tire policy > config/security/policy.xml
 	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 
 docs: $(READY)

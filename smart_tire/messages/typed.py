@@ -25,7 +25,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from smart_tire.errors import MessageError
-from smart_tire.messages.header import finite, set_header, stamp_of, wheel_of
+from smart_tire.messages.header import finite, names_of, set_header, stamp_of, wheel_of
 from smart_tire.messages.joint_state import film_indices, film_names, GROUND_CORRELATION
 from smart_tire.messages.path import PROGRESS_NAMES
 from smart_tire.samples import (
@@ -121,7 +121,7 @@ def samples_from_msg(msg: Any) -> TireSamples:
     """Return the batch in a TireSamples message."""
     topic = 'tire_samples' + SUFFIX
     wheel, stamp_ns, films = wheel_of(msg, topic), stamp_of(msg), len(msg.name)
-    order = film_indices(tuple(msg.name), wheel)
+    order = film_indices(names_of(msg, topic), wheel)
     numbers = finite(topic, 'volts', [float(number) for number in msg.volts])
     count, rest = divmod(len(numbers), films)
     if rest or not count:

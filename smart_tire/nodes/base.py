@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 import inspect
 import sys
+import traceback
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -87,6 +88,7 @@ class SmartTireNode(Node, Generic[Params]):
         self.inputs: dict[str, InputCounter] = {}
         self.outputs: dict[str, InputCounter] = {}
         self._types: dict[str, str] = {}        # of the inputs
+        self._defects: set[str] = set()         # inputs and errors that were logged
         self._unreceived_from: dict[str, str] = {}  # input -> warning of publishers
         self.mailbox = Mailbox(self)
         self._counts: dict[str, int] = {}  # in the latest diagnostics
@@ -215,17 +217,37 @@ class SmartTireNode(Node, Generic[Params]):
                  on_sample: Callable[..., None]) -> Callable[..., None]:
         """Return a function that hands over the sample in a message, or rejects it."""
         def handle(msg: Any, *info: Any) -> None:
-            try:
-                on_sample(convert(msg), *info)
-            except OtherJointsError as error:
-                if not counter.ok:  # the wheels may be in other messages of this topic
-                    self.reject_input(name, counter, error)
-            except SmartTireError as error:
-                self.reject_input(name, counter, error)
-            else:
-                counter.accept(self.steady_ns())
+            self.guarded(name, counter, lambda: on_sample(convert(msg), *info))
 
         return handle
+
+    def guarded(self, name: str, counter: InputCounter, action: Callable[[], object]) -> None:
+        """Handle a message of the input ``name`` by ``action``; no error of it ends the node."""
+        try:
+            action()
+        except OtherJointsError as error:
+            if not counter.ok:  # the wheels may be in other messages of this topic
+                self.reject_input(name, counter, error)
+        except SmartTireError as error:
+            self.reject_input(name, counter, error)
+        except Exception as error:  # noqa: BLE001 - a defect here, found by what others send
+            self._report_defect(name, error)
+            self.reject_input(name, counter, MessageError(
+                f'{name}: {type(error).__name__}: {(str(error).splitlines() or [""])[0]}'))
+            self.recover()
+        else:
+            counter.accept(self.steady_ns())
+
+    def _report_defect(self, name: str, error: Exception) -> None:
+        """Log where an error of this package has occurred, once per kind and input."""
+        kind = f'{name}: {type(error).__name__}'
+        if kind not in self._defects:
+            self._defects.add(kind)
+            self.get_logger().error(f'{kind} in this node; please report it:\n'
+                                    + ''.join(traceback.format_exception(error)))
+
+    def recover(self) -> None:
+        """Return to a defined state after an unforeseen error; a subclass may need to."""
 
     def subscribe_state(self, name: str, on_state: Callable[[bool], None]) -> None:
         """Subscribe to a state of the motor driver; call ``on_state`` with each, also the last."""
