@@ -138,7 +138,8 @@ check: test current site
 	$(BIN)/python -m benchmarks.control --quick --force --out bench_output/check/control
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml config/security/policy.xml urdf/smart_tire.urdf docs/topics.md
+GENERATED := config/*.yaml config/security/policy.xml urdf/smart_tire.urdf docs/topics.md \
+	smart_tire_msgs/msg/*.msg
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
