@@ -22,7 +22,7 @@ from typing import Any
 from smart_tire.control.command_check import check_age
 from smart_tire.control.publishers import PublisherCheck
 from smart_tire.control.trajectory_control import State, TrajectoryControl
-from smart_tire.errors import CommandError, SmartTireError
+from smart_tire.errors import CommandError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
 from smart_tire.nodes.base import SmartTireNode
@@ -119,14 +119,12 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _on_goal(self, goal: Goal, waited_ns: int) -> None:
         """Follow the path in a goal of the action, of any client: the newest one wins."""
-        counter, path = self.inputs[ACTION], goal.request.path
-        try:
+        def follow() -> None:
+            path = goal.request.path
             check_pose_count(len(path.poses), self.params.checks.max_path_poses)
             self._on_order(ACTION, path_from_msg(path), waited_ns, goal)
-        except SmartTireError as error:
-            self.reject_input(ACTION, counter, error)
-        else:
-            counter.accept(self.steady_ns())
+
+        self.guarded(ACTION, self.inputs[ACTION], follow)
 
     def _on_message(self, name: str, order: Order, info: Mapping[str, Any]) -> None:
         """Follow a new path or goal, unless another node has sent one a short time ago, too."""

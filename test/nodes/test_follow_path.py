@@ -15,9 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 import math
-import os
 import signal
-import sys
 import time
 from typing import Any
 
@@ -39,13 +37,12 @@ from smart_tire.samples import GoalPose, NAN, NS_PER_S, PlannedPath
 from std_msgs.msg import Bool
 from support.graph import Graph
 from support.moving_robot import Robot, SHORT
-from support.ros_classes import folder_of_classes, INTERFACES, missing
+from support.ros_classes import importable, missing
 from support.virtual_node import virtual
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(bool(missing()), reason=missing())]
 
 NODE = 'trajectory_controller'
-PACKAGES = {interface.partition('/')[0] for interface in INTERFACES}
 PATH = message_class('nav_msgs/msg/Path')
 
 
@@ -121,13 +118,8 @@ class Client:
 @pytest.fixture(scope='module')
 def nav2_msgs(isolated_ros: None) -> Iterator[None]:
     """Make the classes importable, here and in processes."""
-    folder = str(folder_of_classes())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)
-        patch.setenv('PYTHONPATH', os.pathsep.join([folder, os.environ.get('PYTHONPATH', '')]))
+    with importable():
         yield
-    for name in [name for name in sys.modules if name.partition('.')[0] in PACKAGES]:
-        del sys.modules[name]
 
 
 class VirtualGoal:
