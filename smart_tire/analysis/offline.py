@@ -28,6 +28,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from smart_tire.analysis.checks import findings
+from smart_tire.analysis.checks.messages import check_host
 from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
@@ -41,7 +42,6 @@ from smart_tire.errors import BagError, EstimatorError, SmartTireError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.findings import Finding, Level
-from smart_tire.host_load import worst_of
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.recording import Faults, Recording
 from smart_tire.samples import (
@@ -212,15 +212,13 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
         contents.topics, contents.losses = bag.topics, bag.losses.lines()
         contents.warnings = [*contents.losses, *bag.warnings]
-        statuses = tuple(bag.statuses())
-        host = worst_of(status.values for _, status in statuses)
-        if host is not None and host.late:
-            contents.host = f'host late: {host}'
-            contents.skipped.append(contents.host)
+        checked = CheckedRecording(params.robot, contents.inputs, bag.faults, problems_of(bag),
+                                   tuple(bag.statuses()))
+        for late in check_host(checked):
+            contents.host = late.text
+            contents.skipped.insert(0, late.text)
         if checks:  # here the slip stage, in the other process, does not wait for them
-            contents.errors = [one for one in findings(CheckedRecording(
-                params.robot, contents.inputs, bag.faults, problems_of(bag), statuses))
-                if one.level is Level.ERROR]
+            contents.errors = [one for one in findings(checked) if one.level is Level.ERROR]
     yield contents
 
 

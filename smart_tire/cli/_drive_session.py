@@ -167,19 +167,24 @@ class Session:
         return state
 
     def reason(self, state: State) -> tuple[str, str]:
-        """Return why the controller has stopped or refused the path, and the cause."""
+        """
+        Return why the controller has stopped or refused the path, and the cause.
+
+        A late host is the only reason for late data and for what they cause.
+        """
         self.pilot.health.pop(FOLLOWER, None)  # it may be that of a path before
         end, found = time.monotonic() + REASON_TIME, dict[str, str]()
         while found.get('state') != state.name.lower() and time.monotonic() < end:
             self._runner.spin(SPIN_TIME)  # also after a request to stop
             found = self.pilot.health.get(FOLLOWER, {})
-        return found.get('reason', '') + self.host_problem, found.get('cause', '')
+        reason, cause = found.get('reason', ''), found.get('cause', '')
+        return reason if cause == Cause.ORDER.value else self.late_host or reason, cause
 
     @property
-    def host_problem(self) -> str:
-        """Return how late this host is, to follow the text of an error; '' if it is not."""
+    def late_host(self) -> str:
+        """Return how late this host is; '' if it is not."""
         host = worst_of(self.pilot.health.values())
-        return f'; {host}' if host is not None and host.late else ''
+        return str(host) if host is not None and host.late else ''
 
     def await_standstill(self) -> None:
         """Wait for a pose of the standing robot that is measured from now on."""
@@ -240,7 +245,8 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
                     session.await_nodes()
                 yield session
             except RobotError as error:  # may be due to other programs
-                raise RobotError(f'{error}{session.host_problem}') from error
+                raise RobotError('; '.join(filter(None, [session.late_host, str(error)]))
+                                 ) from error
         stack.stop_in_order()
     if simulated:
         remove(out / 'ports', PORTS)
@@ -268,4 +274,4 @@ def follow_resuming(session: Session, name: str, poses: Poses,
             return state, reason
         session.await_standstill()
         rest = remaining_path(rest, session.remaining, session.start_pose()[:2])
-    return state, f'the host is late, stopped {MAX_RESUMPTIONS + 1} times, the last one: {reason}'
+    return state, f'{reason}; stopped {MAX_RESUMPTIONS + 1} times'
