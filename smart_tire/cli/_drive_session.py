@@ -32,6 +32,7 @@ from smart_tire.cli._stack import (
     START_TIMEOUT)
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.errors import ParameterError
+from smart_tire.findings import Level
 from smart_tire.host_load import worst_of
 from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S
@@ -102,6 +103,13 @@ class Session:
                   RobotError(f'no messages on odom within {START_TIMEOUT:.0f} s'))
         if self.pilot.emergency_stop:
             raise RobotError('the emergency stop is active: release it first')
+
+    def clock_warnings(self) -> list[str]:
+        """Return which nodes have clocks that differ from that of this host."""
+        from smart_tire.nodes.clock_offset import clock_findings
+        from smart_tire.nodes.compat import node_names
+        return [one.text for one in clock_findings(self.pilot, node_names(self.pilot))
+                if one.level is Level.WARNING]
 
     def record(self, bag: Path, awaited: Sequence[str] = ('odom',)) -> None:
         """Start to record all topics; wait until the recorder receives those ``awaited``."""
