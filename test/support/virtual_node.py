@@ -308,7 +308,7 @@ def _running(base: type[VirtualNode], node_class: Callable[..., Any], words: Seq
             node: Any = type('Node', (base, kind), {})(*given)
             if base is VirtualNode:
                 patch.setattr(time, 'time_ns', node.now_ns)
-                patch.setattr(node._timer_lateness, '_waited', lambda: node.waited)
+            patch.setattr(node._timer_lateness, '_waited', lambda: node.waited)
             node.start()
             try:
                 yield node
