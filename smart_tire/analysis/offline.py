@@ -73,7 +73,7 @@ class BagContents:
     warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
     topics: dict[str, BagTopic] = field(default_factory=dict)  # all, by name in the bag
     errors: list[Finding] = field(default_factory=list)  # of the checks, if requested
-    host: str = ''      # that the host was late when the bag was recorded
+    host: str | None = None  # that the host was late when the bag was recorded
     start_ns: int = 0   # receive time of the first message
     duration_s: float = 0.0
 
@@ -214,9 +214,7 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool
         contents.warnings = [*contents.losses, *bag.warnings]
         checked = CheckedRecording(params.robot, contents.inputs, bag.faults, problems_of(bag),
                                    tuple(bag.statuses()))
-        for late in check_host(checked):
-            contents.host = late.text
-            contents.skipped.insert(0, late.text)
+        contents.host = next((one.text for one in check_host(checked)), None)
         if checks:  # here the slip stage, in the other process, does not wait for them
             contents.errors = [one for one in findings(checked) if one.level is Level.ERROR]
     yield contents
@@ -291,7 +289,7 @@ def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | 
     diverged = [text for one in (analysis.estimates, analysis.smoothed)
                 if one is not None and (text := divergence(one, fastest))]
     filtered, *smoothed = map(evaluation, analysis.result.comparisons.values())
-    tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
+    tree = {'bag': str(path), 'duration_s': plain(contents.duration_s), 'host': contents.host,
             'parameters': source, 'notes': contents.notes,
             'errors': [one.text for one in contents.errors],
             'diverged': diverged[0] if diverged else None,

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 import os
@@ -21,8 +21,9 @@ from pathlib import Path
 import shutil
 import tempfile
 import time
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
+from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
 from smart_tire.host_load import host_load, HostLoad, other_problems, SHARE, worst_of
 from smart_tire.messages import find_topic
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 SIMULATOR = 'robot_simulator'
 DISCOVERY_TIME = 2.0  # s before messages are counted, to subscribe to what is published
+MAX_DISCOVERY_TIME = 20.0  # s more on a late host
+SPIN_TIME = 0.2       # s between two looks at what was received
 STATUS_LEVELS = (Level.OK, Level.WARNING, Level.ERROR, Level.ERROR)  # of DiagnosticStatus
 PERIOD, DURATION = 0.005, 1.0     # s, of the sleeps that are measured
 MAX_TYPICAL_LATENESS = 0.010      # s, 99 % of them; reorder_window of the estimators is 0.03
@@ -143,9 +146,10 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
     from smart_tire.nodes.compat import node_names
     from smart_tire.nodes.observer import graph_findings, Observer, read_graph
     from smart_tire.nodes.runner import NodeRunner
-    name, listening = f'doctor_{os.getpid()}', [False]
+    name, listening, received = f'doctor_{os.getpid()}', [False], set[str]()
 
     def on_message(topic: str, data: bytes) -> None:
+        received.add(topic)
         if listening[0]:
             heard.on_message(topic, data)
 
@@ -155,6 +159,8 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
 
     with NodeRunner(lambda: Observer(on_message, on_status, name=name), []) as runner:
         runner.spin(DISCOVERY_TIME)
+        if heard.own.late:  # so is discovery
+            await_inputs(runner, received)
         listening[0] = True
         runner.spin(seconds)
         graph, heard.nodes = read_graph(runner.node), node_names(runner.node)
@@ -166,6 +172,16 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
     else:
         yield Finding(Level.INFO, 'ROS', 'no other node is running in this domain',
                       action='start robot.launch.py, or check ROS_DOMAIN_ID')
+
+
+def await_inputs(runner: Any, received: Collection[str]) -> None:
+    """Listen until each input that nodes publish was received, for a limited time."""
+    end = time.monotonic() + MAX_DISCOVERY_TIME
+    while time.monotonic() < end and not all(
+            name in received for name, _ in runner.node.get_topic_names_and_types()
+            if (topic := find_topic(name)) is not None and topic.name in INPUTS
+            and runner.node.count_publishers(name)):
+        runner.spin(SPIN_TIME)
 
 
 def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:

@@ -14,14 +14,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import time
+from types import SimpleNamespace
 
 from benchmarks.faults import interrupted
 import pytest
 from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.cli import _live_checks
 from smart_tire.cli._live_checks import (
-    disk_finding, disk_findings, Heard, host_findings, lateness_finding, Listened, load_finding,
-    robot_findings, status_findings, timer_lateness)
+    await_inputs, disk_finding, disk_findings, Heard, host_findings, lateness_finding, Listened,
+    load_finding, robot_findings, status_findings, timer_lateness)
 from smart_tire.cli.doctor import status_of
 from smart_tire.cli.main import main
 from smart_tire.findings import Finding, Level
@@ -176,6 +178,27 @@ def test_on_a_punctual_host_everything_is_reported():
         'OK host: timers are late by 1.0 ms (99%), 1.0 ms at worst',
         'OK host: load 1.00 on 2 cores',
         f'WARNING node estimator: {DROPPED}']
+
+
+@pytest.mark.parametrize('published, looks', [
+    (['/imu/data', '/odom'], 1), (['/imu/data', '/r/wheel_states'], 4), (['/tire_samples'], 9)])
+def test_inputs_that_nodes_publish_are_awaited_on_a_late_host(monkeypatch, published, looks):
+    """The first input is received at the first look, the second at the fourth, others never."""
+    now, received, spins = [100.0], set(), []
+    order = {1: '/imu/data', 4: '/r/wheel_states'}
+
+    def spin(seconds):
+        spins.append(seconds)
+        now[0] += seconds
+        received.update([order[len(spins)]] if len(spins) in order else [])
+
+    node = SimpleNamespace(get_topic_names_and_types=lambda: [
+        (name, ()) for name in ('/scan', '/tire_battery', '/r2/imu/data', *published)],
+        count_publishers=lambda name: name != '/r2/imu/data')
+    monkeypatch.setattr(_live_checks, 'MAX_DISCOVERY_TIME', 8.5 * _live_checks.SPIN_TIME)
+    monkeypatch.setattr(time, 'monotonic', lambda: now[0])
+    await_inputs(SimpleNamespace(node=node, spin=spin), received)
+    assert len(spins) == looks
 
 
 @pytest.mark.parametrize('late, count', [(0.001, 1), (0.031, 0)])

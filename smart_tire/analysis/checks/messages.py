@@ -178,8 +178,8 @@ def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield irregular timestamps: those of arrival instead of measurement."""
-    for stream in recording.regular:
+    """Yield irregular timestamps: those of arrival, of a host that was not late."""
+    for stream in () if recording.stalls.late else recording.regular:
         steps = np.diff(stream.ordered.stamp_ns) / NS_PER_S
         jitter = MAD_TO_SIGMA * float(np.median(np.abs(steps - stream.period))) / stream.period
         if jitter > limits.MAX_JITTER:
@@ -187,10 +187,16 @@ def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield timestamps far from reception, and inputs whose clocks differ."""
+    """
+    Yield timestamps far from reception, and inputs whose clocks differ.
+
+    A recorder that is late on a late host delays all devices, each at least as the promptest.
+    """
     medians = _median_delays(recording)
+    common = min(medians.values()) if recording.stalls.late and len(
+        {stream.topic for stream in recording.stamped}) > 1 else 0.0
     for stream in recording.stamped:
-        delay = medians[stream.name]
+        delay = medians[stream.name] - max(common, 0.0)
         if not -limits.MAX_LEAD <= delay <= limits.MAX_DELAY:
             yield finding('stamp_ahead' if delay < 0.0 else 'stamp_behind', stream.name,
                           lead=-delay, delay=delay, limit=limits.MAX_DELAY)
@@ -242,8 +248,8 @@ def check_diagnostics(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_drift(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield clocks of timestamps that drift against the clock of the recorder."""
-    for stream in recording.stamped:
+    """Yield clocks of timestamps that drift against the receptions, unless these are late."""
+    for stream in () if recording.stalls.late else recording.stamped:
         span = float(np.ptp(stream.receive_ns)) / NS_PER_S
         if (found := _drift(stream)) is None:
             continue

@@ -152,6 +152,37 @@ def test_stalls_for_which_no_node_has_waited_are_those_of_disk_or_network(longes
     assert text.endswith(f'late; {action}')
 
 
+def backlogged(events, delay, growth, devices):
+    """Return ``events`` of ``devices`` received with a delay [s] that grows [s/s]."""
+    start = events[0][0]
+    return sorted(((receive_ns + (topic in devices) * (
+        round(delay * NS_PER_S) + round(growth * (receive_ns - start))), topic, sample)
+        for receive_ns, topic, sample in events), key=lambda event: event[0])
+
+
+ALL = 'imu/data', 'wheel_states', 'tire_samples'
+
+
+@pytest.mark.parametrize('loads, devices, said', [
+    ((LATE,), ALL, []), ((), ALL, ['timestamps are', 'timestamps drift'] * 3),
+    ((LATE,), ['imu/data'], ['timestamps are', 'timestamps are'])])
+def test_all_devices_are_received_late_by_a_recorder_that_is_late(loads, devices, said):
+    """One device alone is late by itself; its clock differs from those of the others, too."""
+    found = warnings(reported(backlogged(clean(), 0.8, 0.01, devices), *loads))
+    assert found[:1] == [SAID] * bool(loads) or not loads
+    rest = [' '.join(text.partition(': ')[2].split()[:2]) for text in found if text != SAID]
+    assert sorted(rest) == sorted(said)
+
+
+def test_irregular_timestamps_on_a_late_host_are_those_of_arrivals():
+    rng = np.random.default_rng(5)
+    events = [(receive_ns, topic, replace(sample, stamp_ns=sample.stamp_ns + round(
+        rng.normal(0.0, 5e6))) if topic == 'imu/data' else sample)
+        for receive_ns, topic, sample in clean()]
+    jitters = [list(messages.check_jitter(reported(events, *loads))) for loads in ((), (LATE,))]
+    assert list(map(len, jitters)) == [1, 0]
+
+
 def test_what_a_late_host_explains_is_not_reported_of_nodes():
     text = '4 messages dropped: older than reorder_window'
     assert warnings(reported(clean(), LATE, explained=text)) == [SAID]
