@@ -112,7 +112,9 @@ def test_lost_batches_between_punctual_ones_are_those_of_the_radio(loads):
 
 @pytest.mark.parametrize('loads', [(), (LATE,)])
 def test_a_lossy_radio_on_a_late_host_is_blamed_for_its_own_share(loads):
-    found = warnings(reported(starved(lossy(clean(), 0.3)), *loads))
+    """The share is that of the time without stalls, here half of the recording."""
+    spans = [(begin, begin + 1.2) for begin in np.arange(2.0, 22.0, 2.0)]
+    found = warnings(reported(starved(lossy(clean(), 0.3), spans), *loads))
     assert [text.partition(':')[0] for text in found] == ['host', 'tire_samples of front_right']
     share = float(found[1].partition(': ')[2].partition('%')[0])
     assert share == pytest.approx(30.0, abs=5.0)
@@ -225,6 +227,11 @@ def test_intervals_are_explained_by_overlapping_stalls_only():
     times = np.array([(9.0, 9.8), (9.8, 10.2), (10.2, 10.3), (10.3, 12.0), (10.7, 12.0)])
     explained = stalls.explain(*(start_ns + np.rint(times.T * NS_PER_S).astype(np.int64)))
     assert explained.tolist() == [False, True, True, True, False]
+    edges = np.array([(-1.0, -0.005), (-1.0, 0.005), (duration - 0.005, 9.0),
+                      (duration + 0.005, 9.0)])
+    touching = stalls.explain(*(stalls.start_ns + np.rint(
+        (begin + edges.T) * NS_PER_S).astype(np.int64)))
+    assert touching.tolist() == [False, True, True, False]
 
 
 def test_recordings_without_stamped_messages_have_no_stalls():
