@@ -326,10 +326,10 @@ def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:
     lines = [f'{mismatch}: not read' for mismatch in bag.type_mismatches()]
     for name in bag.topics:
         topic = find_topic(name)
-        if topic is not None and topic.name in ESTIMATES:
+        if topic is not None and topic.standard in ESTIMATES:
             lines.append(f'{name}: recorded estimate, not read')
-        elif topic is not None and available.get(topic.name, name) != name:
-            lines.append(f'{name}: not read, {available[topic.name]} is used')
+        elif topic is not None and available.get(topic.standard, name) != name:
+            lines.append(f'{name}: not read, {available[topic.standard]} is used')
     return lines + bag.faults.lines() + bag.losses.lines() + bag.warnings
 
 

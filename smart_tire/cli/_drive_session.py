@@ -186,7 +186,8 @@ class Session:
             self._runner.spin(SPIN_TIME)  # also after a request to stop
             found = self.pilot.health.get(FOLLOWER, {})
         reason, cause = found.get('reason', ''), found.get('cause', '')
-        return reason if cause == Cause.ORDER.value else self.late_host or reason, cause
+        explained = state == State.STOPPED and cause != Cause.ORDER.value
+        return self.late_host if explained and self.late_host else reason, cause
 
     @property
     def late_host(self) -> str:

@@ -63,7 +63,7 @@ class Listened:
         from smart_tire.bags import SampleDecoder
         if topic not in self.readers:
             self.readers[topic] = SampleDecoder(topic, self.faults)
-        if (sample := self.readers[topic](data)) is not None:
+        for sample in self.readers[topic](data):
             self.samples.add_sample(sample, receive_ns)
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 import inspect
 import sys
+import traceback
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -35,9 +36,10 @@ from rclpy.timer import Timer
 
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import HostLoad, TimerLateness
-from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS
+from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS, TYPED
 from smart_tire.nodes.compat import (
-    full_name, message_class, plain_message, RCLError, RMWError, wrong_type_message)
+    full_name, installed_class, message_class, plain_message, RCLError, RMWError,
+    wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
@@ -86,6 +88,7 @@ class SmartTireNode(Node, Generic[Params]):
         self.inputs: dict[str, InputCounter] = {}
         self.outputs: dict[str, InputCounter] = {}
         self._types: dict[str, str] = {}        # of the inputs
+        self._defects: set[str] = set()         # inputs and errors that were logged
         self._unreceived_from: dict[str, str] = {}  # input -> warning of publishers
         self.mailbox = Mailbox(self)
         self._counts: dict[str, int] = {}  # in the latest diagnostics
@@ -214,17 +217,37 @@ class SmartTireNode(Node, Generic[Params]):
                  on_sample: Callable[..., None]) -> Callable[..., None]:
         """Return a function that hands over the sample in a message, or rejects it."""
         def handle(msg: Any, *info: Any) -> None:
-            try:
-                on_sample(convert(msg), *info)
-            except OtherJointsError as error:
-                if not counter.ok:  # the wheels may be in other messages of this topic
-                    self.reject_input(name, counter, error)
-            except SmartTireError as error:
-                self.reject_input(name, counter, error)
-            else:
-                counter.accept(self.steady_ns())
+            self.guarded(name, counter, lambda: on_sample(convert(msg), *info))
 
         return handle
+
+    def guarded(self, name: str, counter: InputCounter, action: Callable[[], object]) -> None:
+        """Handle a message of the input ``name`` by ``action``; no error of it ends the node."""
+        try:
+            action()
+        except OtherJointsError as error:
+            if not counter.ok:  # the wheels may be in other messages of this topic
+                self.reject_input(name, counter, error)
+        except SmartTireError as error:
+            self.reject_input(name, counter, error)
+        except Exception as error:  # noqa: BLE001 - a defect here, found by what others send
+            self._report_defect(name, error)
+            self.reject_input(name, counter, MessageError(
+                f'{name}: {type(error).__name__}: {(str(error).splitlines() or [""])[0]}'))
+            self.recover()
+        else:
+            counter.accept(self.steady_ns())
+
+    def _report_defect(self, name: str, error: Exception) -> None:
+        """Log where an error of this package has occurred, once per kind and input."""
+        kind = f'{name}: {type(error).__name__}'
+        if kind not in self._defects:
+            self._defects.add(kind)
+            self.get_logger().error(f'{kind} in this node; please report it:\n'
+                                    + ''.join(traceback.format_exception(error)))
+
+    def recover(self) -> None:
+        """Return to a defined state after an unforeseen error; a subclass may need to."""
 
     def subscribe_state(self, name: str, on_state: Callable[[bool], None]) -> None:
         """Subscribe to a state of the motor driver; call ``on_state`` with each, also the last."""
@@ -256,9 +279,44 @@ class SmartTireNode(Node, Generic[Params]):
         """
         Return a function that publishes a sample on the topic ``name`` of ``TOPICS``.
 
-        The function reuses one message, so call it from one thread only. ``rate`` [Hz] and
-        ``wheels`` set the depth of the queue, see ``publisher_qos``.
+        It also publishes on the typed topic with the same samples. The function reuses one
+        message, so call it from one thread only. ``rate`` [Hz] and ``wheels`` set the depth of
+        the queue, see ``publisher_qos``.
         """
+        publish = self._make_publisher(name, rate, wheels)
+        typed = TYPED.get(name)
+        if typed is None or typed.sample is not TOPICS[name].sample:
+            return publish
+        publish_typed = self.make_typed_publisher(name, wheels=wheels)
+
+        def publish_both(sample: Any) -> None:
+            publish(sample)
+            publish_typed(sample)
+
+        return publish_both
+
+    def make_typed_publisher(self, name: str, *, wheels: int = 1) -> Callable[[Any], None]:
+        """
+        Return a function that publishes a sample on the typed topic of ``name``.
+
+        It does nothing without subscribers, and if smart_tire_msgs is not installed.
+        """
+        topic = TYPED[name]
+        cls = installed_class(topic.type)
+        if cls is None:
+            return lambda sample: None
+        profile = publisher_qos(topic.name, wheels=wheels)
+        publisher = self.create_publisher(cls, topic.name, profile)
+        publish = self._guarded(publisher.publish, topic.name)
+        msg, to_msg = cls(), self.in_frames(topic.to_msg)
+
+        def publish_if_subscribed(sample: Any) -> None:
+            if publisher.get_subscription_count():
+                publish(to_msg(msg, sample))
+
+        return publish_if_subscribed
+
+    def _make_publisher(self, name: str, rate: float, wheels: int) -> Callable[[Any], None]:
         topic = TOPICS[name]
         cls = message_class(topic.type)
         publish = self.make_guarded_publisher(
@@ -303,16 +361,18 @@ class SmartTireNode(Node, Generic[Params]):
 
         A message that ROS fails to publish is counted and logged; the caller continues.
         """
-        publisher = self.create_publisher(cls, name, profile)
+        return self._guarded(self.create_publisher(cls, name, profile).publish, name)
+
+    def _guarded(self, publish: Callable[[Any], None], name: str) -> Callable[[Any], None]:
         self.outputs[name] = InputCounter()
 
-        def publish(msg: Any) -> None:
+        def guarded(msg: Any) -> None:
             try:
-                publisher.publish(msg)
+                publish(msg)
             except RCLError as error:
                 self._on_publish_error(name, error)
 
-        return publish
+        return guarded
 
     def _on_publish_error(self, name: str, error: RuntimeError) -> None:
         counter = self.outputs[name]

@@ -65,10 +65,10 @@ def has_matched(node: Node, topic: str) -> bool:
 
 
 def installed_class(type_name: str) -> type[Any] | None:
-    """Return the class of a message or action type; None if its package is not installed."""
+    """Return the class of a message or action type; None if it is not installed."""
     try:
         return message_class(type_name)
-    except ModuleNotFoundError:
+    except (ModuleNotFoundError, AttributeError):  # in a checkout, folders are empty packages
         return None
 
 

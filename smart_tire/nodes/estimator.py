@@ -64,6 +64,11 @@ class EstimatorNode(SmartTireNode[Params]):
         self.estimator = self._new_estimator(self.params)
         self._has_estimates = False
 
+    def recover(self) -> None:
+        """Restart after an unforeseen error, which may have left a half of an update."""
+        self.get_logger().warning('restarted from the priors')
+        self.restart()
+
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
         """

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from rclpy.qos import (
     DurabilityPolicy, qos_check_compatible, QoSCompatibility, QoSProfile, ReliabilityPolicy)
 
-from smart_tire.messages import find_topic, TOPICS
+from smart_tire.messages import ALL_TOPICS, find_topic, TOPICS
 from smart_tire.samples import WHEELS
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def publisher_qos(name: str, *, rate: float = 0.0, wheels: int = 1) -> QoSProfil
     """
     if name.strip('/') in LATCHED:
         return latched()
-    topic = TOPICS.get(name)
+    topic = ALL_TOPICS.get(name)
     if topic is None or topic.quality == 'truth':
         return _reliable(OTHER_DEPTH)
     if topic.quality == 'command':

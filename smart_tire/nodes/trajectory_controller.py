@@ -22,7 +22,7 @@ from typing import Any
 from smart_tire.control.command_check import check_age
 from smart_tire.control.publishers import PublisherCheck
 from smart_tire.control.trajectory_control import Cause, State, TrajectoryControl
-from smart_tire.errors import CommandError, SmartTireError
+from smart_tire.errors import CommandError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
 from smart_tire.nodes.base import SmartTireNode
@@ -124,14 +124,12 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _on_goal(self, goal: Goal, info: Mapping[str, Any]) -> None:
         """Follow the path in a goal of the action, under the same conditions as others."""
-        counter, path = self.inputs[ACTION], goal.request.path
-        try:
+        def follow() -> None:
+            path = goal.request.path
             check_pose_count(len(path.poses), self.params.checks.max_path_poses)
             self._on_order(ACTION, path_from_msg(path), info, goal)
-        except SmartTireError as error:
-            self.reject_input(ACTION, counter, error)
-        else:
-            counter.accept(self.steady_ns())
+
+        self.guarded(ACTION, self.inputs[ACTION], follow)
 
     def _on_order(self, name: str, order: Order, info: Mapping[str, Any],
                   goal: Goal | None = None) -> None:
@@ -230,10 +228,13 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _host_as_reason(self) -> str:
         """Return that the host is late, if this explains the present state; else ''."""
-        host, control = self.host_load, self._control
-        explains = control.state in (State.STOPPED, State.REFUSED) and (
-            control.cause is not Cause.ORDER)
-        return str(host) if explains and host.late else ''
+        host = self.host_load
+        return str(host) if host.late and self._may_be_host else ''
+
+    @property
+    def _may_be_host(self) -> bool:
+        """Return whether a late host explains the state; orders are too old by seconds."""
+        return self._control.state == State.STOPPED and self._control.cause is not Cause.ORDER
 
     @property
     def _reason(self) -> str:
@@ -287,7 +288,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             cross_track_error=progress.cross_track_error)
         if state in (State.STOPPED, State.REFUSED):
             status.warn(f'{state.name.lower()}: {reason}',
-                        by_host=self._control.cause is not Cause.ORDER)
+                        by_host=self._may_be_host)
 
 
 def described(order: Order | None, length: float) -> str:

@@ -28,7 +28,7 @@ from smart_tire.bags import Bag
 from smart_tire.errors import BagError
 from smart_tire.messages import topic_of
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
-from support.recordings import write_bag
+from support.recordings import standard, typed, write_bag
 
 pytestmark = pytest.mark.slow
 
@@ -107,6 +107,19 @@ def test_a_late_host_is_in_the_summary_and_the_first_note_of_the_report(
     assert notes[0].startswith('Host: imu/data')
     assert not any('late messages' in note for note in notes)
     assert analyzed[1].summary['host'] is None
+
+
+def test_a_bag_of_typed_messages_gives_the_same_estimates(drive, params, tmp_path):
+    events = typed(until(drive, 4.0))
+    plain = analyze(write_bag(tmp_path / 'plain', standard(events)), tmp_path / 'a', params)
+    other = analyze(write_bag(tmp_path / 'typed', events), tmp_path / 'b', params)
+    same = 'parameters', 'errors', 'inputs', 'left_out', 'estimates', 'against_truth'
+    assert {key: other.summary[key] for key in same} == {key: plain.summary[key] for key in same}
+    assert plain.summary['estimates']['tire_friction'] and plain.summary['against_truth']
+    assert other.contents.skipped == plain.contents.skipped
+    found, expected = ([repr(sample) for _, _, sample in Bag(tmp_path / name / 'estimates')
+                        .samples(ESTIMATES)] for name in 'ab')
+    assert sorted(found) == sorted(expected)
 
 
 def test_slip_and_friction_are_near_the_truth(analyzed):

@@ -15,7 +15,7 @@ from benchmarks.capacity import (
 import pytest
 from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
 from smart_tire.drivers.tire_receiver import TireStream
-from smart_tire.samples import NS_PER_S, WHEELS
+from smart_tire.samples import NS_PER_S, TireSamples, WHEELS
 
 SECONDS, FACTOR = 1.5, 2.0
 
@@ -28,7 +28,7 @@ def test_all_bytes_are_received_at_the_rates_of_the_factor():
     for due, port, data in load.writes:
         stream, found = (radio, samples) if port == 'radio' else (imu, readings)
         found += stream.receive(data, round((due + 100.0) * NS_PER_S))
-    batches = [found for found in samples if isinstance(found, list)]
+    batches = [found.samples for found in samples if isinstance(found, TireSamples)]
     assert sum(map(len, batches)) == load.samples
     assert len(readings) == load.readings
     assert radio.frames_bad == imu.frames_bad == 0

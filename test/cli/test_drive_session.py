@@ -247,13 +247,17 @@ class Controller:
     def __init__(self, cause='late'):
         self.health = {'trajectory_controller': {
             'state': 'stopped', 'reason': 'of another path', 'cause': 'order'}}
-        self.looks, self.cause = 0, cause
+        self.looks, self.state, self.text, self.cause = 0, 'stopped', LATE_REASON, cause
+
+    def refuse(self):
+        """Let the next diagnostics be those of a refused path."""
+        self.looks, self.state, self.text, self.cause = 0, 'refused', 'too old', 'late'
 
     def look(self, seconds):
         self.looks += 1
         if self.looks == 3:
             self.health['trajectory_controller'] = {
-                'state': 'stopped', 'reason': LATE_REASON, 'cause': self.cause}
+                'state': self.state, 'reason': self.text, 'cause': self.cause}
 
 
 class Robot:
@@ -289,6 +293,8 @@ def test_a_late_host_is_the_only_reason_but_not_for_orders(cause, named):
     load = HostLoad(0.031, 0.4, 36.0, 2)
     pilot.health['imu_driver'] = {key: str(value) for key, value in load.values.items()}
     assert session_of(pilot).reason(State.STOPPED) == (str(load) if named else LATE_REASON, cause)
+    pilot.refuse()
+    assert session_of(pilot).reason(State.REFUSED) == ('too old', 'late')
     pilot.health['imu_driver'] = {}
     assert session_of(pilot).late_host == ''
 

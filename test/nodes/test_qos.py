@@ -19,7 +19,7 @@ from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
     ReliabilityPolicy)
 from rosbag2_qos import rosbag2_overrides
-from smart_tire.messages import TOPICS
+from smart_tire.messages import ALL_TOPICS
 from smart_tire.nodes.qos import LATCHED, order_profiles, publisher_qos, subscriber_qos
 import yaml
 
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.processes
 OVERRIDES = Path(__file__).resolve().parents[2] / 'config' / 'rosbag2_qos.yaml'
 
 
-VOLATILE = [*(name for name in TOPICS if name not in LATCHED), 'tf', 'diagnostics']
+VOLATILE = [*(name for name in ALL_TOPICS if name not in LATCHED), 'tf', 'diagnostics']
 
 
 @pytest.mark.parametrize('name', VOLATILE)

@@ -17,9 +17,10 @@ machine. Parameters, conversions, callbacks and timers are those of the node tha
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from copy import deepcopy
 from functools import partial
 import inspect
 import math
@@ -101,7 +102,8 @@ class VirtualNode:
 
     ``received`` holds topic -> messages of the node, ``times`` when they were sent [s]. Names are
     those that the node uses. The graph is ``publishers_of``: topic -> identifiers and nodes of
-    publishers, and ``types_of``: topic -> type of their messages, if it is another one.
+    publishers, and ``types_of``: topic -> type of their messages, if it is another one;
+    ``subscribers`` counts those of a topic, none unless the test says so.
     """
 
     def __init__(self, *given: Any) -> None:
@@ -114,6 +116,7 @@ class VirtualNode:
         self.failures: dict[str, list[Exception]] = defaultdict(list)  # topic -> when published
         self.publishers_of: dict[str, dict[bytes, str]] = {}
         self.types_of: dict[str, str] = {}
+        self.subscribers: Counter[str] = Counter()
         self._readers: defaultdict[str, list[tuple[Callable[..., None], bool]]] = defaultdict(list)
         self._answers: dict[str, tuple[type[Any], Callable[[Any, Any], Any]]] = {}
         self._virtual_timers: list[Timer] = []
@@ -139,13 +142,18 @@ class VirtualNode:
         def publish(message: Any) -> None:
             if self.failures[name]:
                 raise self.failures[name].pop()
-            data, kind = (message, cls) if isinstance(message, bytes) else (
-                serialize_message(message), type(message))  # it may be used again
-            self.received[name].append(deserialize_message(data, kind))
+            if isinstance(message, SimpleNamespace):  # of a type that is not installed
+                kept: Any = deepcopy(message)         # it may be used again
+            else:
+                data, kind = (message, cls) if isinstance(message, bytes) else (
+                    serialize_message(message), type(message))
+                kept = deserialize_message(data, kind)
+            self.received[name].append(kept)
             self.times[name].append(self.elapsed_ns / NS_PER_S)
 
         self.open.append(SimpleNamespace(
-            publish=publish, topic_name=self.resolve_topic_name(name)))
+            publish=publish, topic_name=self.resolve_topic_name(name),
+            get_subscription_count=lambda: self.subscribers[name]))
         return self.open[-1]
 
     @property

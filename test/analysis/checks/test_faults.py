@@ -77,7 +77,7 @@ def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
         msg = topic.to_msg(empty(topic.type), replace(
             sample, rate=(0.0, 0.0, 1e4 if index < invalid else 0.0)))
         msg.header.frame_id = 'base_imu'
-        if (received := read(encode(msg))) is not None:
+        for received in read(encode(msg)):
             samples.add_sample(received, index)
     checked = CheckedRecording(RobotParams(), samples, faults)
     text = texts(messages.check_rejected(checked))
