@@ -34,7 +34,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
-from smart_tire.host_load import TimerLateness
+from smart_tire.host_load import HostLoad, TimerLateness
 from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS, TYPED
 from smart_tire.nodes.compat import (
     full_name, installed_class, message_class, plain_message, RCLError, RMWError,
@@ -380,14 +380,18 @@ class SmartTireNode(Node, Generic[Params]):
             self.get_logger().error(f'{counter.bad} messages on {name} not published, latest: '
                                     f'{plain_message(error)}')
 
+    @property
+    def host_load(self) -> HostLoad:
+        """Return the load of the host and the lateness of the timers of this node until now."""
+        self._timer_lateness.check(self.steady_ns() / NS_PER_S)
+        return self._timer_lateness.load
+
     def status(self) -> Status:
         """Return the diagnostic status: counts and ages of inputs, then those of the subclass."""
         status = Status(counts=self._counts)
         self._fill_inputs(status)
-        host = self._timer_lateness.load
-        status.values.update(host.values)
-        if host.late:
-            status.warn(str(host))
+        status.host = self.host_load
+        status.values.update(status.host.values)
         status.values['publish_errors'] = sum(counter.bad for counter in self.outputs.values())
         for name, counter in self.outputs.items():
             if new := status.new(f'publish {name}', counter.bad):
@@ -414,7 +418,7 @@ class SmartTireNode(Node, Generic[Params]):
         if inboxes:
             status.values['messages_lost'] = lost = sum(inbox.lost for inbox in inboxes)
             if new := status.new('messages lost', lost):
-                status.warn(f'{new} messages lost: this node is too slow')
+                status.warn(f'{new} messages lost: this node is too slow', by_host=True)
 
     def _unreceived(self, name: str, age: float) -> str:
         """

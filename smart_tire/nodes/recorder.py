@@ -134,7 +134,7 @@ class Recorder(SmartTireNode[NoParams]):
             if count:
                 status.values[f'{name}.messages_lost'] = count
             if new := status.new(f'lost {name}', count):
-                status.warn(f'lost {new} messages of {name}')
+                status.warn(f'lost {new} messages of {name}', by_host=True)
         for name in sorted(self._names - counts.keys()):
             status.warn(f'no {name}')
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from smart_tire.control.command_check import check_age
 from smart_tire.control.publishers import PublisherCheck
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import Cause, State, TrajectoryControl
 from smart_tire.errors import CommandError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
@@ -66,6 +66,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._odometry: Odometry | None = None
         self._emergency_stop = False
         self._reported = self._control.state, self._control.reason
+        self._late_host = ''  # why the path was not followed to its end, if the host was late
         self._publish_velocity = self.make_publisher('cmd_vel')
         self._publish_progress = self.make_publisher('path_progress')
         self._transforms = Transforms(self)
@@ -190,10 +191,13 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         command = self._control.step(self.now_ns())
         if command is not None:
             self._publish_velocity(command)
+        found = self._control.state, self._control.reason
+        if self._reported != found:
+            self._late_host = self._host_as_reason()
         if self._server is not None:
             self._end_goals(self._server)
         self._pace()
-        if self._reported != (found := (self._control.state, self._control.reason)):
+        if self._reported != found:
             self._log_state(before=self._reported[0])
             self._reported = found
             self._send_progress()
@@ -211,10 +215,25 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         state = self._control.state
         if state != State.FOLLOWING:
             self._goal = None
-        server.end_others(self._goal, state, self._control.cause, self._control.reason)
+        server.end_others(self._goal, state, self._control.cause, self._reason)
+
+    def _host_as_reason(self) -> str:
+        """Return that the host is late, if this explains the present state; else ''."""
+        host = self.host_load
+        return str(host) if host.late and self._may_be_host else ''
+
+    @property
+    def _may_be_host(self) -> bool:
+        """Return whether a late host explains the state; orders are too old by seconds."""
+        return self._control.state == State.STOPPED and self._control.cause is not Cause.ORDER
+
+    @property
+    def _reason(self) -> str:
+        """Return why the path was not followed to its end: the host, if it was late."""
+        return self._late_host or self._control.reason
 
     def _log_state(self, before: State) -> None:
-        state, reason = self._control.state, self._control.reason
+        state, reason = self._control.state, self._reason
         if state == State.FOLLOWING:
             length = self._control.progress(self.now_ns()).remaining_distance
             self.get_logger().info(f'following {described(self._order, length)}')
@@ -250,7 +269,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def fill_status(self, status: Status) -> None:
         """Add state and progress, and why the robot does not follow."""
-        state, reason = self._control.state, self._control.reason
+        state, reason = self._control.state, self._reason
         progress = self._control.progress(self.now_ns())
         status.values.update(
             state=state.name.lower(), reason=reason, cause=self._control.cause.value,
@@ -258,7 +277,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             remaining_distance=progress.remaining_distance,
             cross_track_error=progress.cross_track_error)
         if state in (State.STOPPED, State.REFUSED):
-            status.warn(f'{state.name.lower()}: {reason}')
+            status.warn(f'{state.name.lower()}: {reason}',
+                        by_host=self._may_be_host)
 
 
 def described(order: Order | None, length: float) -> str:

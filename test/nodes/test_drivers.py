@@ -17,6 +17,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import count
 import time
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
@@ -27,7 +28,9 @@ from smart_tire.drivers.serial_port import open_port
 from smart_tire.messages import TYPED
 from smart_tire.nodes import base
 from smart_tire.nodes.compat import RCLError
+from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.imu_driver import ImuDriver
+from smart_tire.nodes.motor_driver import MotorDriver
 from smart_tire.nodes.qos import latched
 from smart_tire.nodes.tire_receiver import TireReceiver
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
@@ -261,6 +264,16 @@ def test_the_motors_follow_commands_and_their_state_is_published(robot):
     graph.until(lambda: float(graph.value('motor_driver', 'line_rate_limit') or 0.0) > 1.0)
     assert driver.output.count('motor_driver]: 2 boards on the line: one poll takes ') == 1
     assert 'motors stopped: no motor command for 0.25 s' in driver.output
+
+
+@pytest.mark.parametrize('node_class, explained', [
+    (MotorDriver, ['2 bad frames, latest: no reply', '3 bytes skipped']), (TireReceiver, [])])
+def test_a_late_host_explains_bad_replies_but_no_damaged_frames(node_class, explained):
+    source = SimpleNamespace(frames_bad=2, bytes_skipped=3, last_error='no reply')
+    node = SimpleNamespace(_source=source, _next_logged=4, polls=node_class.polls)
+    status = Status()
+    node_class._fill_bad_frames(node, status)
+    assert (len(status.warnings), status.explained) == (2, explained)
 
 
 def test_a_silent_board_is_named_in_an_error_and_disables_the_motors(robot):

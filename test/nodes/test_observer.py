@@ -24,8 +24,8 @@ from smart_tire.messages import forms_of, TOPICS, TYPED
 from smart_tire.nodes import observer
 from smart_tire.nodes.compat import message_class, node_names
 from smart_tire.nodes.observer import (
-    DISCOVERY_PERIOD, discovery_time, Endpoint, graph_findings, Listener, Observer, read_graph,
-    state_of, TopicEnds)
+    discovery_finding, DISCOVERY_PERIOD, discovery_time, Endpoint, graph_findings, Listener,
+    Observer, read_graph, state_of, TopicEnds)
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import NodeRunner
 from smart_tire.samples import ImuSample
@@ -178,12 +178,11 @@ def test_a_listener_passes_samples_and_diagnostics(graph):
     assert int(statuses['ear'].values['frames_ok']) <= len(samples)
 
 
-@pytest.mark.parametrize('elapsed, level', [
-    (3.4, Level.OK), (3.6, Level.WARNING), (None, Level.ERROR)])
-def test_slow_and_failed_discovery_are_reported(monkeypatch, elapsed, level):
-    monkeypatch.setattr(observer, 'discovery_time', lambda: elapsed)
-    finding, = observer.discovery_findings()
-    assert finding.level is level
+@pytest.mark.parametrize('elapsed, late, level', [
+    (3.4, False, Level.OK), (3.6, False, Level.WARNING), (3.6, True, Level.OK),
+    (None, False, Level.ERROR), (None, True, Level.ERROR)])
+def test_slow_and_failed_discovery_are_reported(elapsed, late, level):
+    assert discovery_finding(elapsed, late=late).level is level
 
 
 def test_the_environment_of_discovery_is_named(monkeypatch):

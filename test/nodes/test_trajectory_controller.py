@@ -165,6 +165,41 @@ def test_the_robot_stops_when_odom_is_older_than_its_time_out_at_any_phase(node,
     assert robot.progress.state == State.STOPPED  # also when odom is back
 
 
+def test_a_stop_for_late_odom_on_a_late_host_names_the_host_only(node, robot):
+    robot.drive()
+    node.starve(0.7)
+    node.run(0.1)
+    assert robot.speed == 0.0
+    robot.until_more_progress()
+    assert robot.progress.state == State.STOPPED
+    line, = (line for line in node.log.lines if 'stopped' in line)
+    assert re.fullmatch(r'warning: stopped: timers late by [4-7]\d\d ms \(99%\), load \S+ on \S+ '
+                        'cores: end other programs', line)
+    health = node.health()
+    assert health.message.startswith('timers late by') and ';' not in health.message
+    assert (health.values['state'], health.values['cause']) == ('stopped', 'late')
+    node.run(15.0)  # the host is no longer late
+    assert node.health().message.startswith('no odom; stopped: timers late by')
+    assert node.health().values['reason'].startswith('timers late by')
+
+
+@pytest.mark.parametrize('waited', [0.0, 0.4])
+def test_a_stop_without_waiting_for_a_core_or_by_order_is_not_that_of_the_host(
+        node, robot, waited):
+    robot.drive()
+    node.stall(0.7)
+    node.run(0.1)
+    assert node.log.lines[-1].startswith('warning: stopped: odom: 0.')
+    robot.until_more_progress()
+    robot.drive()
+    node.starve(waited)
+    assert node.call('cancel_path').success
+    assert node.log.lines[-1] == 'warning: stopped: canceled by cancel_path'
+    assert node.health().values['reason'] == 'canceled by cancel_path'
+    assert node.health().message.endswith('stopped: canceled by cancel_path')
+    assert node.health().message.startswith('timers late by') is bool(waited)
+
+
 def test_an_emergency_stop_ends_following_until_a_new_path_after_its_release(node, robot):
     robot.drive()
     node.publish('emergency_stop_active', Bool(data=True))

@@ -112,7 +112,7 @@ class VirtualNode:
     """
 
     def __init__(self, *given: Any) -> None:
-        self.elapsed_ns = 0
+        self.elapsed_ns, self.waited = 0, 0.0    # s, for a core
         self.log = Log(self.steady_ns)
         self.received: defaultdict[str, list[Any]] = defaultdict(list)
         self.times: defaultdict[str, list[float]] = defaultdict(list)
@@ -232,6 +232,11 @@ class VirtualNode:
         """Let time pass while the process does not run."""
         self.elapsed_ns += round(seconds * NS_PER_S)
 
+    def starve(self, seconds: float) -> None:
+        """Let time pass while the process waits for a core."""
+        self.waited += seconds
+        self.stall(seconds)
+
     def publish(self, name: str, *samples: Any, topic: str = '', publisher: bytes = TEST,
                 sent: float = 0.0) -> None:
         """
@@ -317,6 +322,7 @@ def _running(base: type[VirtualNode], node_class: Callable[..., Any], words: Seq
             node: Any = type('Node', (base, kind), {})(*given)
             if base is VirtualNode:
                 patch.setattr(time, 'time_ns', node.now_ns)
+            patch.setattr(node._timer_lateness, '_waited', lambda: node.waited)
             node.start()
             try:
                 yield node

@@ -80,14 +80,13 @@ def report_of(analysis: Analysis, used: BagParams, name: str,
 
 def _notes(analysis: Analysis, summary: Tree) -> list[str]:
     inputs = summary['inputs'].values()
+    host = analysis.contents.host
     counts = {'warnings of the bag reader': len(analysis.contents.warnings),
               'rejected messages': sum(one['rejected'] for one in inputs),
-              'late messages': sum(one['late'] for one in inputs)}
+              'late messages': 0 if host else sum(one['late'] for one in inputs)}
     found = [f'{what}: {count}' for what, count in counts.items() if count]
-    host = analysis.contents.host
-    return [*(f'{text.capitalize()}.' for text in [summary['diverged']] if text),
-            *(f'Error in the recording: {text}.' for text in summary['errors']),
-            *([f'{host.capitalize()}.'] if host else []), *(
+    return [*(f'{text.capitalize()}.' for text in [host, summary['diverged']] if text),
+            *(f'Error in the recording: {text}.' for text in summary['errors']), *(
         [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else [])]
 
 
