@@ -10,6 +10,8 @@
 
 """Exceptions of this package, derived from built-in ones."""
 
+MAX_REASON = 200  # characters
+
 
 class SmartTireError(Exception):
     """Base of all exceptions that this package raises."""
@@ -27,11 +29,24 @@ class ParameterError(SmartTireError, ValueError):
     """A parameter is unknown, of the wrong type, or outside its range."""
 
 
-class MessageError(SmartTireError, ValueError):
+class RejectedError(SmartTireError, ValueError):
+    """
+    A message is rejected; the middle of a long reason is left out.
+
+    What strangers send is part of the reason, which gets into logs and diagnostics.
+    """
+
+    def __init__(self, reason: str) -> None:
+        half = MAX_REASON // 2 - 3
+        super().__init__(reason if len(reason) <= MAX_REASON
+                         else f'{reason[:half]} ... {reason[-half:]}')
+
+
+class MessageError(RejectedError):
     """A message has wrong names, wrong lengths or an impossible value."""
 
 
-class CommandError(SmartTireError, ValueError):
+class CommandError(RejectedError):
     """A command is outdated or from a second publisher."""
 
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 import fcntl
 import os
 from pathlib import Path
+import stat
 
 from smart_tire.errors import BagError, ParameterError
 
@@ -44,8 +45,51 @@ def port_url(port: str, namespace: str, device: str = '') -> str:
     if name == port or '/' in name:
         return port
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
-    folder = Path(f'/tmp/smart_tire-{os.getuid()}', domain, namespace.strip('/'))
-    return f'{SIMULATED}{folder / name}'
+    return f'{SIMULATED}{runtime_folder() / domain / namespace.strip("/") / name}'
+
+
+def runtime_folder() -> Path:
+    """
+    Return the folder of this user's simulated ports.
+
+    It is in ``XDG_RUNTIME_DIR``, if that is a folder of this user only, otherwise in ``/tmp``.
+    """
+    given = os.environ.get('XDG_RUNTIME_DIR', '')
+    if os.path.isabs(given) and os.path.isdir(given):
+        found = os.stat(given)
+        if found.st_uid == os.getuid() and not found.st_mode & 0o077:
+            return Path(given, 'smart_tire')
+    return Path(f'/tmp/smart_tire-{os.getuid()}')
+
+
+def make_runtime_folder() -> None:
+    """Create ``runtime_folder``; raise OSError if another user has, or can write to it."""
+    folder = runtime_folder()
+    try:
+        folder.mkdir(mode=0o700)
+    except FileExistsError:
+        found = folder.lstat()
+        if (not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid()
+                or found.st_mode & 0o022):
+            raise PermissionError(
+                f'{folder} is not a folder that only user {os.getuid()} can write to') from None
+        folder.chmod(0o700)
+
+
+def open_lock(link: str, flags: int) -> int:
+    """
+    Return a descriptor of the lock file of ``link``, of which the simulator holds the lock.
+
+    Raises OSError if it is a link, or not a file of this user alone: others may write to folders
+    such as ``/tmp``.
+    """
+    path = link + LOCK_SUFFIX
+    lock = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o600)
+    found = os.fstat(lock)
+    if stat.S_ISREG(found.st_mode) and found.st_uid == os.getuid() and found.st_nlink == 1:
+        return lock
+    os.close(lock)
+    raise PermissionError(f'{path} is not a file of user {os.getuid()} alone')
 
 
 def owned_terminal(link: str) -> str:
@@ -56,7 +100,7 @@ def owned_terminal(link: str) -> str:
     that was left behind may lead to a terminal that is another program's by now.
     """
     try:
-        lock = os.open(link + LOCK_SUFFIX, os.O_RDONLY)
+        lock = open_lock(link, os.O_RDONLY)
     except OSError:
         return ''
     try:
