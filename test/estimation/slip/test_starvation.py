@@ -160,7 +160,6 @@ def test_a_turn_is_estimated_consistently_without_the_imu_that_has_seen_its_begi
     assert np.linalg.norm(found.place, axis=1).max() < 2.5
     blind = (found.time > ONSET + 0.2) & (found.time < ONSET + 3.0)
     assert np.mean(np.square(found.rate / found.rate_sigma)[blind]) < 2.0
-    assert np.abs(found.rate[blind]).max() < 0.25  # of 0.64 rad/s
 
 
 def test_the_wheels_do_not_confirm_the_yaw_rate_that_they_give():
