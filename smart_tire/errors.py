@@ -10,6 +10,16 @@
 
 """Exceptions of this package, derived from built-in ones."""
 
+MAX_TEXT = 500  # characters of an error, assumed: a few lines of a terminal
+
+
+def printable(text: str) -> str:
+    """Return ``text`` as one line, without control characters, which terminals would obey."""
+    line = ' '.join(text.splitlines())
+    if len(line) > MAX_TEXT:
+        line = f'{line[:MAX_TEXT // 2]} ... {line[-MAX_TEXT // 2:]}'
+    return ''.join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)
+
 
 class SmartTireError(Exception):
     """Base of all exceptions that this package raises."""
@@ -23,7 +33,18 @@ class LinkError(SmartTireError, OSError):
     """A port is absent, busy or lost."""
 
 
-class ParameterError(SmartTireError, ValueError):
+class ForeignDataError(SmartTireError):
+    """
+    Base of the exceptions with texts from files, bags and messages of others.
+
+    The text is one line of printable characters, of which the middle is left out if it is long.
+    """
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
+
+
+class ParameterError(ForeignDataError, ValueError):
     """A parameter is unknown, of the wrong type, or outside its range."""
 
 
@@ -43,5 +64,5 @@ class EstimatorError(SmartTireError, ArithmeticError):
     """An estimator received invalid input, or its state is invalid."""
 
 
-class BagError(SmartTireError, OSError):
+class BagError(ForeignDataError, OSError):
     """A bag cannot be read or written."""
