@@ -125,7 +125,7 @@ def test_a_path_is_canceled_by_a_signal(tmp_path, number):
     assert terminal.read(PATIENCE, b'm left'), terminal.output
     terminal.read(1.0)
     os.kill(terminal.process, number)
-    assert os.waitstatus_to_exitcode(os.waitpid(terminal.process, 0)[1]) == 1
+    assert os.waitstatus_to_exitcode(os.waitpid(terminal.process, 0)[1]) == 130
     terminal.close()
     log = (tmp_path / 'logs' / 'trajectory_controller.log').read_text()
     assert 'canceled by cancel_path' in log

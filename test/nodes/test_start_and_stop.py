@@ -153,7 +153,8 @@ def test_what_is_refused_is_named_in_one_line(module, words, message, refused, i
     ('/**:\n  ros__parameters:\n    qos_overrides./tf.publisher.depth: 9\n',
      'qualities of service are fixed'),
     ('/**:\n  ros__parameters:\n    units: [broken]\n', "units: 'broken', expected 16 hex digits"),
-    ('/**: [', 'params.yaml: not a YAML file'), ('/**: &a {a: *a}', 'aliases and tags are not read'),
+    ('/**: [', 'params.yaml: not a YAML file'),
+    ('/**: &a {a: *a}', 'params.yaml: not a YAML file: line 1: aliases and tags are not read'),
     ('[' * 100_000, 'params.yaml: not a YAML file: line 1: more than 50 nested levels'),
 ])
 def test_an_invalid_parameter_file_is_refused(text, message, refused, isolated_ros, tmp_path):
