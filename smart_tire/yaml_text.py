@@ -67,14 +67,16 @@ def _value(events: Iterable[Any]) -> Any:
     documents: list[Any] = []
     stack = [documents]  # of the items of nested collections, keys and values alternately
     for event in events:
-        if isinstance(event, yaml.AliasEvent) or getattr(event, 'tag', None):
+        tag = getattr(event, 'tag', None)
+        if isinstance(event, yaml.AliasEvent) or tag not in (None, '!'):
             raise ValueError(_at(event.start_mark, 'aliases and tags are not read'))
         if isinstance(event, yaml.CollectionStartEvent):
             stack.append([])
             if len(stack) > MAX_DEPTH + 1:
                 raise ValueError(_at(event.start_mark, f'more than {MAX_DEPTH} nested levels'))
         elif isinstance(event, yaml.ScalarEvent):
-            stack[-1].append(_scalar(event.value) if event.implicit[0] else event.value)
+            plain = event.implicit[0] and tag is None  # yaml-cpp marks some texts with !
+            stack[-1].append(_scalar(event.value) if plain else event.value)
         elif isinstance(event, yaml.SequenceEndEvent):
             stack[-2].append(stack.pop())
         elif isinstance(event, yaml.MappingEndEvent):

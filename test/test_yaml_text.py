@@ -67,6 +67,7 @@ def test_text_that_attacks_is_refused_by_other_readers_or_harmless(name, tmp_pat
     ('[1, a, [2.0, ]]', [1, 'a', [2.0]]), ('{a: 1, b: {c: [x]}}', {'a': 1, 'b': {'c': ['x']}}),
     ('{2: a, true: b, ~: c}', {2: 'a', True: 'b', None: 'c'}), ('{a: 1, a: 2}', {'a': 2}),
     ('{<<: {a: 1}}', {'<<': {'a': 1}}), ('&x a', 'a'), ('- a\n- b: c\n', ['a', {'b': 'c'}]),
+    ('[! 7, ! "7", !<!> 7, ! [7]]', ['7', '7', '7', [7]]),
     (b'\xef\xbb\xbfa: \xc3\xa4', {'a': 'ä'}), ('{a, b: }', {'a': None, 'b': None})])
 def test_each_notation_has_this_value(text, value):
     assert repr(parse_yaml(text)) == repr(value)
@@ -102,7 +103,7 @@ def test_the_bounds_of_depth_and_size_are_exact():
 @pytest.mark.parametrize(('text', 'reason'), [
     ('a:\n- *b', 'line 2: aliases and tags are not read'),
     ('\n!!str a', 'line 2: aliases and tags are not read'),
-    ('! a', 'line 1: aliases and tags are not read'),
+    ('!a a', 'line 1: aliases and tags are not read'),
     ('!!map {}', 'line 1: aliases and tags are not read'),
     ('a: 1\n? [b]\n: 2', 'a list or mapping is a key'),
     ('a\n---\nb\n---\nc', '3 documents, expected one'),
