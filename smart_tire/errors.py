@@ -10,15 +10,26 @@
 
 """Exceptions of this package, derived from built-in ones."""
 
-MAX_TEXT = 500  # characters of an error, assumed: a few lines of a terminal
+MAX_TEXT = 500    # characters of an error, assumed: a few lines of a terminal
+MAX_REASON = 200  # characters of the reason why a message is rejected
 
 
-def printable(text: str) -> str:
-    """Return ``text`` as one line, without control characters, which terminals would obey."""
-    line = ' '.join(text.splitlines())
-    if len(line) > MAX_TEXT:
-        line = f'{line[:MAX_TEXT // 2]} ... {line[-MAX_TEXT // 2:]}'
-    return ''.join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)
+def printable(text: str, limit: int = MAX_TEXT) -> str:
+    """
+    Return ``text`` as one line, without control characters, which terminals would obey.
+
+    The middle is left out of more than ``limit`` characters.
+    """
+    line = _shortened(text, limit)
+    if not line.isprintable():
+        line = _shortened(''.join(letter if letter.isprintable() else ascii(letter)[1:-1]
+                                  for letter in ' '.join(line.splitlines())), limit)
+    return line
+
+
+def _shortened(text: str, limit: int) -> str:
+    half = limit // 2 - 3
+    return text if len(text) <= limit else f'{text[:half]} ... {text[-half:]}'
 
 
 class SmartTireError(Exception):
@@ -40,19 +51,27 @@ class ForeignDataError(SmartTireError):
     The text is one line of printable characters, of which the middle is left out if it is long.
     """
 
+    max_text = MAX_TEXT
+
     def __str__(self) -> str:
-        return printable(super().__str__())
+        return printable(super().__str__(), self.max_text)
 
 
 class ParameterError(ForeignDataError, ValueError):
     """A parameter is unknown, of the wrong type, or outside its range."""
 
 
-class MessageError(SmartTireError, ValueError):
+class RejectedError(ForeignDataError, ValueError):
+    """A message is rejected, for a reason that gets into logs and diagnostics."""
+
+    max_text = MAX_REASON
+
+
+class MessageError(RejectedError):
     """A message has wrong names, wrong lengths or an impossible value."""
 
 
-class CommandError(SmartTireError, ValueError):
+class CommandError(RejectedError):
     """A command is outdated or from a second publisher."""
 
 

@@ -19,7 +19,8 @@ from pathlib import Path
 import pytest
 from smart_tire.bags.metadata import Metadata, metadata_in
 from smart_tire.cli.main import main
-from smart_tire.errors import BagError, MAX_TEXT, ParameterError, printable
+from smart_tire.errors import (
+    BagError, MAX_REASON, MAX_TEXT, MessageError, ParameterError, printable)
 from smart_tire.estimation.film.files import read_params
 from smart_tire.parameters import load_robot
 from smart_tire.yaml_text import MAX_DEPTH, MAX_SIZE, parse_yaml
@@ -120,6 +121,9 @@ def test_the_reason_of_a_refusal_has_its_line(text, reason):
     ('', ''), ('ä  b', 'ä  b'), ('  a\n b\r\nc\u2028d', '  a  b c d'),
     ('\x1b[2J\a', '\\x1b[2J\\x07'),
     ('\ud800\u202e', '\\ud800\\u202e'), ('x' * MAX_TEXT, 'x' * MAX_TEXT),
-    ('x' * 300 + 'y' * 300, 'x' * (MAX_TEXT // 2) + ' ... ' + 'y' * (MAX_TEXT // 2))])
+    ('x' * 300 + 'y' * 300, f'{"x" * 247} ... {"y" * 247}'),
+    ('\a' * 500, f'{"BELL" * 61}\\x0 ... x07{"BELL" * 61}'.replace('BELL', '\\x07'))])
 def test_texts_of_others_are_shown_in_one_line_without_control_characters(text, line):
     assert printable(text) == str(ParameterError(text)) == str(BagError(text)) == line
+    assert len(str(MessageError(text))) <= MAX_REASON
+    assert str(MessageError(text)).isprintable()

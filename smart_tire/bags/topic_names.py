@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from smart_tire.errors import BagError, ParameterError, printable
-from smart_tire.messages import find_topic, TOPICS
+from smart_tire.messages import find_topic, forms_of, TOPICS
 
 if TYPE_CHECKING:
     from smart_tire.bags.reader import Bag
@@ -87,9 +87,9 @@ class TopicNames:
                 raise BagError(f'--remap {standard}{SEPARATOR}{self.remap[standard]}: the bag has '
                                f'no {self.remap[standard]}; its topics: '
                                f'{", ".join(types) or "none"}')
-            if types[name] != TOPICS[standard].type:
+            if types[name] not in (forms := forms_of(standard)):
                 raise BagError(f'--remap {standard}{SEPARATOR}{name}: {name} is {types[name]}, '
-                               f'expected {TOPICS[standard].type}')
+                               f'expected {" or ".join(forms)}')
             found[standard] = name
         return found
 
@@ -102,17 +102,16 @@ def match_by_name(wanted: Iterable[str], types: Types) -> dict[str, str]:
     Return standard name -> name in the bag of those topics of ``wanted`` that have that name.
 
     A name in the bag may have a namespace. If several namespaces match, all topics are taken from
-    the namespace with the most matches, so that topics of two robots are never mixed.
+    the namespace with the most matches, so that topics of two robots are never mixed. A typed
+    topic is taken if the namespace lacks the other one, whose name is shorter.
     """
-    found: dict[str, list[str]] = {name: [] for name in wanted}
+    found: dict[str, dict[str, str]] = {name: {} for name in wanted}  # name in bag -> namespace
     for name, kind in types.items():
         topic = find_topic(name)
-        if topic is not None and topic.name in found and kind == topic.type:
-            found[topic.name].append(name)
-    spaces = Counter(_namespace(name, standard)
-                     for standard, names in found.items() for name in names)
-    return {standard: min(names, key=lambda name: (
-                -spaces[_namespace(name, standard)], len(name), name))
+        if topic is not None and topic.standard in found and kind == topic.type:
+            found[topic.standard][name] = name.strip('/')[:-len(topic.name)].strip('/')
+    spaces = Counter(space for names in found.values() for space in set(names.values()))
+    return {standard: min(names, key=lambda name: (-spaces[names[name]], len(name), name))
             for standard, names in found.items() if names}
 
 
@@ -120,10 +119,6 @@ def candidates(standard: str, types: Types) -> list[str]:
     """Return the topics of the type of ``standard`` that have no standard name of their own."""
     return [name for name, kind in types.items()
             if kind == TOPICS[standard].type and find_topic(name) is None]
-
-
-def _namespace(name: str, standard: str) -> str:
-    return name.strip('/')[:-len(standard)].strip('/')
 
 
 class ChoiceError(BagError):

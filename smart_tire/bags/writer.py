@@ -32,7 +32,7 @@ from smart_tire.bags.metadata import (
     Channel, Contents, metadata_text, Qos, qos_text, Span, write_metadata)
 from smart_tire.bags.reader import Bag
 from smart_tire.errors import BagError
-from smart_tire.messages import TOPICS
+from smart_tire.messages import ALL_TOPICS
 from smart_tire.samples import NS_PER_S, Sample
 
 FLUSH_PERIOD_NS = 250_000_000       # of message time between chunks: half of the loss allowed
@@ -126,8 +126,8 @@ class BagWriter:
         """Write a sample of a standard topic such as ``odom``."""
         encode = self._encoders.get(topic)
         if encode is None:
-            encode = self._encoders[topic] = SampleEncoder(TOPICS[topic])
-            self.add_topic(channel_of(topic, TOPICS[topic].type))
+            encode = self._encoders[topic] = SampleEncoder(ALL_TOPICS[topic])
+            self.add_topic(channel_of(topic, ALL_TOPICS[topic].type))
         self.write(f'/{topic}', receive_ns, encode(sample))
 
     def flush(self) -> None:

@@ -153,6 +153,8 @@ def _session(args: argparse.Namespace, pilot: Callable[[], Any],
         else:
             session.await_robot('cmd_vel', 'wheel_controller')
             session.refuse_other_driver()
+        for text in session.clock_warnings() if args.robot else ():
+            print(f'smart_tire drive: {text}', file=sys.stderr)
         if args.view:
             session.stack.start_viewer(*(word for file in params
                                          for word in ('--params', str(file))))

@@ -19,8 +19,8 @@ from typing import Any
 from smart_tire.messages.header import (
     bounded, finite, not_finite_error, set_header, stamp_of, wheel_of)
 from smart_tire.samples import (
-    BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_SPEED, Odometry,
-    Vector3, VelocityCommand)
+    BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_POSITION, MAX_SPECIFIC_FORCE, MAX_SPEED,
+    Odometry, Vector3, VelocityCommand)
 
 NOT_MEASURED = -1.0  # first element of a covariance if the quantity is not measured (REP-145)
 NOT_MEASURED_COVARIANCE = (NOT_MEASURED, *[0.0] * 8)
@@ -88,10 +88,11 @@ def odometry_from_msg(msg: Any, topic: str = 'odom') -> Odometry:
     """Return the pose and twist in an Odometry."""
     pose, twist = msg.pose.pose, msg.twist.twist
     return Odometry(
-        stamp_of(msg), _vector(pose.position, 'pose.pose.position', topic),
+        stamp_of(msg),
+        _bounded_vector(topic, 'pose.pose.position', pose.position, MAX_POSITION, 'm'),
         _quaternion(pose.orientation, 'pose.pose.orientation', topic),
-        _vector(twist.linear, 'twist.twist.linear', topic),
-        _vector(twist.angular, 'twist.twist.angular', topic),
+        _bounded_vector(topic, 'twist.twist.linear', twist.linear, MAX_SPEED, 'm/s'),
+        _bounded_vector(topic, 'twist.twist.angular', twist.angular, MAX_ANGULAR_RATE, 'rad/s'),
         _covariance(msg.pose.covariance, 'pose.covariance', topic),
         _covariance(msg.twist.covariance, 'twist.covariance', topic))
 

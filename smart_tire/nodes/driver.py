@@ -60,7 +60,8 @@ class DriverNode(SmartTireNode[Params]):
     ``publish`` is safe there, since it holds the interpreter lock.
     """
 
-    device = ''  # name of its simulated port
+    device = ''    # name of its simulated port
+    polls = False  # whether frames are replies in limited time, which a late host misses
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name, params_class)
@@ -111,12 +112,12 @@ class DriverNode(SmartTireNode[Params]):
         source = self._source
         bad, latest = source.frames_bad, source.last_error or 'damaged'
         if new := status.new('bad frames', bad):
-            status.warn(f'{new} bad frames, latest: {latest}')
+            status.warn(f'{new} bad frames, latest: {latest}', by_host=self.polls)
         if bad >= self._next_logged:  # the 1st, 2nd, 4th, 8th ..., checked once a second
             self._next_logged = 1 << bad.bit_length()
             self.get_logger().warning(f'{bad} bad frames, latest: {latest}')
         if new := status.new('bytes skipped', source.bytes_skipped):
-            status.warn(f'{new} bytes skipped')
+            status.warn(f'{new} bytes skipped', by_host=self.polls)
 
 
 class SampleDriver(DriverNode[Params]):

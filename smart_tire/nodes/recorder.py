@@ -27,7 +27,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from smart_tire.bags import BagWriter, Channel, channel_of, PARAMETERS_KEY, Qos
 from smart_tire.errors import BagError
 from smart_tire.nodes.base import NoParams, SmartTireNode, with_info
-from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.compat import installed_class
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.parameters import ParameterCollector
 from smart_tire.nodes.qos import matching_qos, requests_less
@@ -121,7 +121,7 @@ class Recorder(SmartTireNode[NoParams]):
             if count:
                 status.values[f'{name}.messages_lost'] = count
             if new := status.new(f'lost {name}', count):
-                status.warn(f'lost {new} messages of {name}')
+                status.warn(f'lost {new} messages of {name}', by_host=True)
         for name in sorted(self._names - counts.keys()):
             status.warn(f'no {name}')
 
@@ -154,7 +154,7 @@ class Recorder(SmartTireNode[NoParams]):
             return
         type_name = self._type_of(name, [info.topic_type for info in published])
         publishers = [info for info in published if info.topic_type == type_name]
-        if not publishers or not is_installed(type_name):
+        if not publishers or (cls := installed_class(type_name)) is None:
             return
         offers = [info.qos_profile for info in publishers]
         requested = matching_qos(name, offers)
@@ -171,7 +171,7 @@ class Recorder(SmartTireNode[NoParams]):
         channel = channel_of(name, type_name, tuple(map(recorded_qos, offers)))
         callback = with_info(self._write_callback(channel))
         self._recorded[name] = type_name, requested, self.create_subscription(
-            message_class(type_name), name, callback, requested, raw=True)
+            cls, name, callback, requested, raw=True)
 
     def _type_of(self, name: str, published: list[str]) -> str:
         """Return the type to record: that of the recorded messages, or the one found last."""
@@ -179,7 +179,7 @@ class Recorder(SmartTireNode[NoParams]):
         new = list(dict.fromkeys(kind for kind in published if kind not in found))
         found += new
         type_name = self._recorded[name][0] if self._writer.has_topic(name) else found[-1]
-        if new and not is_installed(type_name):
+        if new and installed_class(type_name) is None:
             self.get_logger().warning(f'{name} is {type_name}, which is not installed: not '
                                       'recorded')
         elif new and len(found) > 1:
@@ -200,15 +200,6 @@ class Recorder(SmartTireNode[NoParams]):
                 self.get_logger().warning(f'lost {gaps.lost} messages of {name} so far')
 
         return on_message
-
-
-def is_installed(type_name: str) -> bool:
-    """Return whether messages of a type can be received."""
-    try:
-        message_class(type_name)
-    except (ModuleNotFoundError, AttributeError):
-        return False
-    return True
 
 
 def recorded_qos(profile: QoSProfile) -> Qos:

@@ -213,6 +213,16 @@ def test_an_emergency_stop_is_to_be_released_first():
         session_of(pilot).await_robot('path', 'trajectory_controller')
 
 
+def test_clocks_that_certainly_differ_are_warnings(monkeypatch):
+    pytest.importorskip('rclpy')
+    offsets = {'/a': (-0.001, 0.0005), '/b': (0.0012, 0.003)}
+    monkeypatch.setattr('smart_tire.nodes.compat.node_names', lambda _: offsets)
+    monkeypatch.setattr('smart_tire.nodes.clock_offset._trips', lambda _, name: name)
+    monkeypatch.setattr('smart_tire.nodes.clock_offset.offset_bounds', offsets.get)
+    text, = session_of(Pilot()).clock_warnings()
+    assert text.startswith('node /b: its clock is +1.20 to +3.00 ms from that of this host')
+
+
 def test_the_keyboard_is_refused_while_a_path_is_followed():
     pilot = Pilot()
     session_of(pilot).refuse_other_driver()

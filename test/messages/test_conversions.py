@@ -28,7 +28,7 @@ from smart_tire.messages import (
     velocity_from_twist)
 from smart_tire.messages.header import set_header
 from smart_tire.samples import (
-    FRICTION_QUANTITIES, GroundState, Sample, VelocityCommand, WHEELS, WheelSample)
+    FRICTION_QUANTITIES, GroundState, Sample, TireSamples, VelocityCommand, WHEELS, WheelSample)
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from support.samples import COVARIANCE, FOUR, SAMPLES, STAMP
 
@@ -95,7 +95,8 @@ def test_every_topic_converts_its_sample_with_its_frame(name):
 
 
 def test_every_sample_has_a_topic():
-    assert {TOPICS[topic_of(sample)].sample for sample in SAMPLES} == set(get_args(Sample))
+    assert {TOPICS[topic_of(sample)].sample for sample in SAMPLES} \
+        == set(get_args(Sample)) - {TireSamples}  # whose topic is a typed one
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))
