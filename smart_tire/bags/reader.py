@@ -30,6 +30,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder, SampleEncoder
+from smart_tire.bags.file_bytes import max_unpacked
 from smart_tire.bags.metadata import add_warning, Channel, Losses, Message, Metadata
 from smart_tire.bags.opening import OpenFiles
 from smart_tire.bags.topic_names import (
@@ -131,6 +132,11 @@ class Bag:
     def custom_data(self) -> dict[str, str]:
         """Return the texts stored with ``ros2 bag record --custom-data`` or by this package."""
         return {key: text for one in self._metadata for key, text in one.custom_data.items()}
+
+    @property
+    def max_content(self) -> int:
+        """Return how many bytes of messages the files may have, compressed as they are."""
+        return max_unpacked(self._opened.size)
 
     @property
     def ros_distro(self) -> str:

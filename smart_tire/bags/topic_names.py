@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from smart_tire.errors import BagError, ParameterError
+from smart_tire.errors import BagError, ParameterError, printable
 from smart_tire.messages import find_topic, forms_of, TOPICS
 
 if TYPE_CHECKING:
@@ -121,9 +121,16 @@ def candidates(standard: str, types: Types) -> list[str]:
             if kind == TOPICS[standard].type and find_topic(name) is None]
 
 
+class ChoiceError(BagError):
+    """A topic is missing that the bag may have by another name: a table of what may be meant."""
+
+    def __str__(self) -> str:
+        return '\n'.join(map(printable, OSError.__str__(self).splitlines()))
+
+
 def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
     """
-    Raise BagError if a topic of ``wanted`` is missing, but the bag may have it by another name.
+    Raise ChoiceError if a topic of ``wanted`` is missing that the bag may have by another name.
 
     The message lists what may be meant and the option or parameter that selects it. Also raises
     BagError if the topics have timestamps of different clocks.
@@ -131,9 +138,9 @@ def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
     found = bag.match(wanted)
     for standard in wanted:
         if standard == WHEELS_TOPIC and (message := _joints_message(bag, found.get(standard))):
-            raise BagError(message)
+            raise ChoiceError(message)
         if standard not in found and (message := _topics_message(bag, standard)):
-            raise BagError(message)
+            raise ChoiceError(message)
     _check_clocks(bag, found)
 
 

@@ -98,7 +98,8 @@ class TrajectoryControl:
             if self._motion.initialized and not self._stale(now_ns):
                 self._begin(target)
             else:
-                self._target, self._follower, self._progress = target, None, ProgressMonitor()
+                self._target, self._follower = target, None
+                self._progress = self._new_monitor()
         except CommandError as error:
             self.refuse(error)
             return
@@ -211,7 +212,11 @@ class TrajectoryControl:
                                   tolerance=params.arrival.xy_tolerance,
                                   reverse_distance=params.arrival.reverse_distance)
         self._follower = PathFollower(maneuvers, *self._last)
-        self._progress = ProgressMonitor()
+        self._progress = self._new_monitor()
+
+    def _new_monitor(self) -> ProgressMonitor:
+        """Return a monitor of a new path, which follows on that of the one followed so far."""
+        return ProgressMonitor(self._progress if self.state == State.FOLLOWING else None)
 
     def _is_renewed(self, target: PlannedPath | GoalPose) -> bool:
         """

@@ -19,7 +19,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from smart_tire.cli import _drive_session
+from smart_tire.cli import _drive_session, drive
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._drive_session import Session
 from smart_tire.cli._keyboard import Key, StopRequest, Teleoperation
@@ -160,6 +160,14 @@ def test_the_end_of_the_path_is_the_state_after_following(end, dashboard):
         assert session.follow('line', LINE, dashboard) == end
     assert pilot.paths == [LINE] and not pilot.canceled
     assert session.lateness == 0.5
+
+
+@pytest.mark.parametrize(('end', 'status'), [
+    (State.ARRIVED, 0), (State.STOPPED, 1), (State.REFUSED, 1), (KeyboardInterrupt(), 130)])
+def test_the_exit_status_is_how_a_drive_along_a_path_has_ended(end, status, monkeypatch):
+    monkeypatch.setattr(_drive_session, 'REASON_TIME', 0.0)
+    session = session_of(Pilot([State.FOLLOWING, end]))
+    assert drive._follow(SimpleNamespace(path='line', absolute=True), session, LINE) == status
 
 
 @pytest.mark.parametrize('error', [KeyboardInterrupt(), RobotError('a node died')])

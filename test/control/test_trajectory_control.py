@@ -18,6 +18,7 @@ from unittest import mock
 
 import pytest
 
+from smart_tire.control.constants import MAX_WAIT, MIN_ADVANCE
 from smart_tire.control.path_library import line
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
@@ -240,6 +241,41 @@ def test_a_robot_that_slides_on_is_not_waited_for():
     run.robot.drive = lambda *_: None  # as on a treadmill
     run.start(GoalPose(0, 'odom', (run.robot.x + 0.2, 0.0, NAN))).until_end()
     assert 'no progress' in run.control.reason
+
+
+@pytest.mark.parametrize('period', [0.1, 1.0])
+@pytest.mark.parametrize('speed', [0.0, 0.012])
+def test_a_path_that_is_renewed_does_not_excuse_a_robot_that_is_blocked(period, speed):
+    run = blocked(0.0)
+    run.robot.drive = lambda *_: setattr(run.robot, 'x', run.robot.x + speed / 20)
+    for _ in range(round(4.0 / period)):
+        if run.control.state == State.FOLLOWING:
+            run.start(path((run.robot.x, 0.0), (5.0 + run.robot.x, 0.0))).for_seconds(period)
+    moves = speed * 2.0 > MIN_ADVANCE
+    assert run.control.state == (State.FOLLOWING if moves else State.STOPPED)
+    assert moves or 'no progress for 2 s' in run.control.reason
+
+
+@pytest.mark.parametrize('yaw_rate, state', [
+    (0.03, State.FOLLOWING), (0.0, State.STOPPED)])
+def test_a_slow_turn_to_a_renewed_goal_is_progress(yaw_rate, state):
+    run = blocked(0.0)
+    run.robot.drive = lambda *_: setattr(run.robot, 'yaw', run.robot.yaw + yaw_rate / 20)
+    for number in range(20):
+        goal = GoalPose(0, 'odom', (run.robot.x, 0.0, 2.0 + 0.1 * (number % 2)))
+        if run.control.state == State.FOLLOWING:
+            run.start(goal).for_seconds(0.2)
+    assert run.control.state == state
+
+
+def test_the_time_without_odom_is_not_renewed_with_the_path():
+    control = TrajectoryControl(IDEAL)
+    for tick in range(int(MAX_WAIT) + 2):
+        control.follow(FAR, tick * NS_PER_S)
+        control.step(tick * NS_PER_S)
+        if control.state != State.FOLLOWING:
+            break
+    assert control.reason.startswith('odom: none for') and tick == int(MAX_WAIT) + 1
 
 
 def test_cancel_stops_and_does_nothing_otherwise():
