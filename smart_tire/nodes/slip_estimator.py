@@ -88,6 +88,10 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     def fill_status(self, status: Status) -> None:
         """Add the state of the estimator; log when a rest has determined the gyro bias."""
         super().fill_status(status)
+        if new := status.new('restarts', self.estimator.restarts):
+            text = f'{new} restarts from the priors: the state was not finite'
+            status.warn(text)
+            self.get_logger().warning(text)
         bias = self.estimator.gyro_bias
         if not self._is_initialized and (
                 bias.sigma < MAX_BIAS_SHARE * self.params.robot.imu.gyro_bias):

@@ -86,6 +86,8 @@ class SlipEstimator:
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and rejected samples
         self._past: Counter[str] = Counter()    # counters of the segments before a reset
         self._handled_resets = 0
+        self.restarts = 0                       # from the priors, at the same pose
+        self._latest: Odometry | None = None
         self._begin()
 
     def reset(self) -> None:
@@ -132,6 +134,7 @@ class SlipEstimator:
             'clock_jumps': self._reorder_buffer.resets,
             'position_jumps': counters['position_jumps'],
             'imu_spikes': counters['imu_spikes'],
+            'restarts': self.restarts,
             **{f'dropped.{topic}': count for topic, count in self.dropped.items()},
         }
 
@@ -146,7 +149,30 @@ class SlipEstimator:
         if self._reorder_buffer.resets != self._handled_resets:
             self.reset()
         return [record for instant_ns, samples in closed
-                for record in self._segment.step(instant_ns, samples)]
+                for record in self._step(instant_ns, samples)]
+
+    def _step(self, instant_ns: int, samples: list[Any]) -> list[EstimateRecord]:
+        """Return the estimates of an instant; none, and a restart, if there is no valid state."""
+        try:
+            records = self._segment.step(instant_ns, samples)
+        except (ArithmeticError, ValueError):  # of numpy's linear algebra, too
+            self._restart()
+            return []
+        if not self._segment.filter.is_sound:
+            self._restart()
+            return []
+        for record in records:
+            if isinstance(record, Odometry):
+                self._latest = record
+        return records
+
+    def _restart(self) -> None:
+        """Start again from the priors, at the latest pose and with its variances."""
+        self.restarts += 1
+        self._past.update(self._segment.counters())
+        self._begin()
+        if self._latest is not None:
+            self._segment.filter.set_pose(self._latest)
 
 
 class SlipSegment:

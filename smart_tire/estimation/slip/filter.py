@@ -41,7 +41,8 @@ from smart_tire.estimation.slip.state import (
     SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS,
     TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import Four, GRAVITY
+from smart_tire.rotation import euler
+from smart_tire.samples import Four, GRAVITY, Odometry
 
 SLOPES = State.ROLL, State.PITCH
 # where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
@@ -115,6 +116,19 @@ class SlipFilter:
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
         self.kalman.set_states([State.X, State.Y, State.YAW], 0.0, MIN_SIGMA)
+
+    @property
+    def is_sound(self) -> bool:
+        """Return whether the state is finite and no variance is negative."""
+        variances = np.diagonal(self.kalman.P)
+        return bool(math.isfinite(sum(self.kalman.x)) and variances.min() >= 0.0
+                    and math.isfinite(variances.sum()))
+
+    def set_pose(self, odometry: Odometry) -> None:
+        """Set the pose, and its variances, to those in ``odometry``."""
+        pose = (*odometry.position[:2], euler(odometry.orientation)[2])
+        for row, value, i in zip((State.X, State.Y, State.YAW), pose, (0, 1, 5)):
+            self.kalman.set_states([row], value, math.sqrt(odometry.pose_covariance[7 * i]))
 
     def predict(self, time: float, step: ImuStep, *, blind: bool = False) -> None:
         """
