@@ -29,6 +29,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.slip.accelerometer import AccelerometerModel
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import (
@@ -37,9 +38,9 @@ from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
     ACCEL_ERROR_SIGMA, BALANCE_SIGMA, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
-    LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE, SLIP_CHANGE_SHARE,
-    SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS,
-    TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
+    LATERAL_WALK, LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE, SLIP_CHANGE_SHARE,
+    SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, SPEED_WALK, State,
+    STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
 from smart_tire.samples import Four, GRAVITY, Odometry
@@ -71,6 +72,7 @@ class SlipFilter:
             sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
             for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
         self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, LEARNING_TIME)
+        self._accelerometer = AccelerometerModel(SPEED_WALK), AccelerometerModel(LATERAL_WALK)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
@@ -91,6 +93,7 @@ class SlipFilter:
         return {
             'ground': 'given' if self.forces.active else 'unknown',
             'rolling_radius': round(radius * (1.0 + x[State.RADIUS]), 6),
+            'accelerometer_share': round(min(self.accel_share), 3),
             'effective_track': round(
                 self._robot.track_width + x[State.ICR_L] + x[State.ICR_R], 4),
             'icr_x': round(x[State.ICR_X], 4),
@@ -141,6 +144,10 @@ class SlipFilter:
         self.forces.age(step.dt)
         noise = Noise(self._slope_sigmas(), math.sqrt(self._common_variance),
                       math.sqrt(self._difference.variance), self._icr_walk)
+        if not self.forces.active:
+            noise = noise._replace(accel_share=self.accel_share, accel_density=(
+                self._accelerometer[0].density, self._accelerometer[1].density))
+        self._compare_accelerations(step)
         x = kalman.x
         left, right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
         after, F, Q = motion.predict(x, step, noise)
@@ -152,6 +159,23 @@ class SlipFilter:
         new_left, new_right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
         self._history.add_step(time, step.dt, new_left - left, new_right - right)
         self._time = time
+
+    @property
+    def accel_share(self) -> tuple[float, float]:
+        """Return the shares [-] of the acceleration in x and y that are motion."""
+        if self.forces.active:
+            return 1.0, 1.0
+        return self._accelerometer[0].share, self._accelerometer[1].share
+
+    def _compare_accelerations(self, step: ImuStep) -> None:
+        """Compare with the wheels; in y they give the centripetal one, and roll is an error."""
+        x = self.kalman.x
+        W = step.mean.yaw_rate - x[State.GYRO_BIAS_Z]
+        along, across = self._accelerometer
+        along.add_acceleration(
+            step.mean.force_x - self.motion.steady_force(x, W)[0], step.dt)
+        across.add_acceleration(step.mean.force_y - x[State.ACCEL_BIAS_Y]
+                                - W * 0.5 * sum(self._sides), step.dt)
 
     def _slope_sigmas(self) -> tuple[float, float]:
         """
@@ -237,6 +261,9 @@ class SlipFilter:
         R = self._wheel_covariance(wheels, sides, independent and not self.blind)
         self._add_slip_change(sides, R, dt, lag)
         moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
+        for model, speed in zip(self._accelerometer, (
+                0.5 * sum(sides), (self._x_imu - x[State.ICR_X]) * W)):
+            model.add_speed(speed, dt, learn=moving and not self.blind)
         if not moving:
             left, both, right = kalman.covariance(H, R)  # of y
             self._add_sliding(y, H, 0.25 * (left + both + both + right), dt)

@@ -115,6 +115,8 @@ IMU_WINDOW = 1.0              # s, of the vibration level, and of the mean yaw r
 TURN_TIME = 0.2               # s, in which tires build up the slip of a turn: 10 cm; field
 DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; field
 IMU_DROPOUT = 0.1             # s without IMU samples (or 3 periods), then predict by the wheels
+LATERAL_WALK = 0.1            # m/s per sqrt(s), least random walk of the lateral speed, which has
+# no starts and stops, assumed; spin_reverse, asphalt
 SPEED_WALK = 0.2              # m/s per sqrt(s), least random walk of the speed of a side between
 # messages, without positions: robots start and stop within seconds; lost messages, learned
 MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differenced
