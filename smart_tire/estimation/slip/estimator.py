@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from array import array
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 import math
 from typing import Any, NamedTuple, Protocol
@@ -25,13 +25,14 @@ from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.inputs import (
-    ImuInput, StationaryInterval, WheelOdometry, WheelSpeeds, ZeroVelocityDetector)
+    ImuInput, SpikeFilter, StationaryInterval, WheelOdometry, WheelSpeeds, ZeroVelocityDetector)
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.odometry import ContinuousPose
 from smart_tire.estimation.slip.state import (
     ACCEL_ERROR_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE,
     PLANAR_VARIANCE, SLIP_CORRELATION_TIME, State, TRUSTED_STANDSTILL, UNWINDING_TIME)
+from smart_tire.estimation.slip.wheel_lag import WheelLag
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
@@ -52,6 +53,9 @@ class OutputContext(NamedTuple):
     imu: ImuReading       # last yaw rate, and forces without vibration
     rate_variance: float  # (rad/s)^2, of that yaw rate beyond the bias
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
+    mean: ImuReading | None = None  # over the extrapolation; None: as ``imu``
+    share: tuple[float, float] = 1.0, 1.0           # of the acceleration that is motion
+    speed_variance: tuple[float, float] = 0.0, 0.0  # (m/s)^2, by the extrapolation
 
 
 class EstimatorRecorder(StateRecorder, Protocol):
@@ -130,6 +134,7 @@ class SlipEstimator:
             'equations': 'compiled' if COMPILED else 'not compiled',
             'normalized_innovation_squared': round(segment.filter.nis.variance, 3),
             'gyro_bias': round(self.gyro_bias.value, 6),
+            'wheel_lag': round(segment.wheel_lag, 3),
             **segment.filter.status(),
             'clock_jumps': self._reorder_buffer.resets,
             'position_jumps': counters['position_jumps'],
@@ -192,6 +197,11 @@ class SlipSegment:
         self._standstill = ZeroVelocityDetector(
             params.robot.imu.gyro_noise, params.robot.imu.accel_noise)
         self._stationary = False
+        self._lag = WheelLag()
+        # samples that are newer than the state: time [s], sample, reading without spikes
+        self._held: deque[tuple[float, ImuSample, ImuReading]] = deque()
+        self._spikes = SpikeFilter()
+        self._latest: ImuReading | None = None
         self._time = 0.0                    # s, of the filter state
         self._origin_ns: int | None = None  # instant from which seconds are counted
 
@@ -203,6 +213,11 @@ class SlipSegment:
         if not self._odometry.started:
             return 'waiting for wheel_states'
         return 'stationary' if self._stationary else 'moving'
+
+    @property
+    def wheel_lag(self) -> float:
+        """Return the delay [s] of the wheels that was found."""
+        return self._lag.value
 
     def counters(self) -> Counter[str]:
         """Return counts of rejected samples and of changes of the ground."""
@@ -221,8 +236,13 @@ class SlipSegment:
         for sample in samples:
             if isinstance(sample, GroundState):
                 self.filter.forces.set_ground(sample)
-        self._predict([sample for sample in samples if isinstance(sample, ImuSample)])
-        self._bridge_dropout(self._seconds(instant_ns))
+        for sample in samples:
+            if isinstance(sample, ImuSample):
+                self._hold(self._seconds(sample.stamp_ns), sample)
+        # the filter runs at the time of the wheels
+        now = self._seconds(instant_ns) - self._lag.value
+        self._predict(now)
+        self._bridge_dropout(now)
         for sample in samples:
             if isinstance(sample, WheelSample):
                 self._correct_wheels(
@@ -233,13 +253,20 @@ class SlipSegment:
         assert self._origin_ns is not None
         return (stamp_ns - self._origin_ns) / NS_PER_S
 
-    def _predict(self, samples: list[ImuSample]) -> None:
-        """Predict through samples that are newer than the state, as one step."""
+    def _hold(self, time: float, sample: ImuSample) -> None:
+        reading = self._spikes.clean(
+            self._imu.in_base_axes(sample), self._latest, self._imu.vibration)
+        self._latest = reading
+        self._held.append((time, sample, reading))
+        self._lag.add_rate(time, reading.yaw_rate)
+
+    def _predict(self, now: float) -> None:
+        """Predict through samples up to ``now`` [s] that are newer than the state, as one step."""
         readings: list[tuple[float, ImuReading]] = []
         if self._imu.reading is not None:
             readings.append((self._time, self._imu.reading))
-        for sample in samples:
-            time = self._seconds(sample.stamp_ns)
+        while self._held and self._held[0][0] <= now:
+            time, sample, _ = self._held.popleft()
             reading = self._imu.add_sample(time, sample)
             if reading is None or time <= self._time and readings:
                 self._dropped['imu/data'] += 1
@@ -280,6 +307,11 @@ class SlipSegment:
         reading = self._imu.reading
         if reading is None:
             return
+        left, right = wheels.side_speeds
+        if self._odometry.independent:
+            self._lag.add_turn(time, right - left, wheels.duration, max(
+                abs(left), abs(right)) >= self._robot.slip.standstill_speed)
+        time -= self._lag.value
         self._correct_standstill(time, wheels)
         self.filter.correct_wheels(time, wheels, reading.yaw_rate, self._odometry.independent)
         if not self._stationary:
@@ -332,11 +364,23 @@ class SlipSegment:
             self._odometry.staleness(now)[1]) if self.filter.blind else self._gyro_variance
         context = OutputContext(instant_ns, now - self._time, reading, variance,
                                 self._odometry.wheel_residual)
+        if self._held:
+            context = self._carried(context)
         if self._recorder is not None:
             self._recorder.record_output(
                 context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED].copy())
         return [self._pose.follow(record) if isinstance(record, Odometry) else record
                 for record in self._output.build(context, x, P)]
+
+    def _carried(self, context: OutputContext) -> OutputContext:
+        """Return the context with the readings since the state."""
+        readings = [reading for *_, reading in self._held]
+        mean = ImuReading(*(sum(column) / len(readings) for column in zip(*readings)))
+        latest, span = context.imu._replace(yaw_rate=readings[-1].yaw_rate), context.extrapolation
+        white_x, white_y = self.filter.accel_density
+        return context._replace(
+            imu=latest, mean=mean, share=self.filter.accel_share,
+            speed_variance=(span * white_x, span * white_y))
 
 
 class SlipOutputBuilder:
@@ -353,7 +397,8 @@ class SlipOutputBuilder:
     def build(self, context: OutputContext, x: Sequence[float], P: Array
               ) -> list[EstimateRecord]:
         """Return the records for at least the estimated states ``x`` with covariance ``P``."""
-        x = self._motion.extrapolate(array('d', x), context.imu, context.extrapolation)
+        x = self._motion.extrapolate(array('d', x), context.mean or context.imu,
+                                     context.extrapolation, context.share)
         W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
         twist = (x[State.V_X] + self._y_imu * W,
                  x[State.V_Y] - (self._x_imu + x[State.IMU_X]) * W, W)
@@ -372,6 +417,8 @@ class SlipOutputBuilder:
         pose, rates = self._covariances
         fill_covariances(P, W, self._x_imu, self._y_imu, pose, rates)
         rates[35] += context.rate_variance
+        rates[0] += context.speed_variance[0]
+        rates[7] += context.speed_variance[1]
         return Odometry(
             context.instant_ns, (x[State.X], x[State.Y], 0.0),
             quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),

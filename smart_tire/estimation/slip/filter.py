@@ -145,8 +145,8 @@ class SlipFilter:
         noise = Noise(self._slope_sigmas(), math.sqrt(self._common_variance),
                       math.sqrt(self._difference.variance), self._icr_walk)
         if not self.forces.active:
-            noise = noise._replace(accel_share=self.accel_share, accel_density=(
-                self._accelerometer[0].density, self._accelerometer[1].density))
+            noise = noise._replace(accel_share=self.accel_share,
+                                   accel_density=self.accel_density)
         self._compare_accelerations(step)
         x = kalman.x
         left, right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
@@ -166,6 +166,11 @@ class SlipFilter:
         if self.forces.active:
             return 1.0, 1.0
         return self._accelerometer[0].share, self._accelerometer[1].share
+
+    @property
+    def accel_density(self) -> tuple[float, float]:
+        """Return the densities [(m/s2)^2 s] of the white noise of the acceleration."""
+        return self._accelerometer[0].density, self._accelerometer[1].density
 
     def _compare_accelerations(self, step: ImuStep) -> None:
         """Compare with the wheels; in y they give the centripetal one, and roll is an error."""

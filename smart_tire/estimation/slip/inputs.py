@@ -44,6 +44,25 @@ class Period:
             self.value, self._measured = gap, True
 
 
+class SpikeFilter:
+    """Replaces single spikes; two in a row are an impact."""
+
+    def __init__(self) -> None:
+        self._last_was_spike = False
+        self.count = 0
+
+    def clean(self, reading: ImuReading, last: ImuReading | None, vibration: float) -> ImuReading:
+        """Return ``reading``, or the ``last`` one if it is a spike at a vibration [m/s2]."""
+        spike = last is not None and not self._last_was_spike and is_imu_spike(
+            reading.yaw_rate - last.yaw_rate, reading.force_x - last.force_x,
+            reading.force_y - last.force_y, vibration)
+        self._last_was_spike = spike
+        if last is None or not spike:
+            return reading
+        self.count += 1
+        return last
+
+
 class ImuInput:
     """
     Rotates IMU samples into base axes, replaces spikes and integrates them over steps.
@@ -55,7 +74,7 @@ class ImuInput:
     def __init__(self, robot: RobotParams) -> None:
         self._imu = robot.imu
         self._rotation: list[list[float]] = matrix(*robot.imu.rotation).tolist()
-        self._last_was_spike = False
+        self._spikes = SpikeFilter()
         self._vertical: list[float] | None = None  # mean [m/s2] and variance of the force
         self.time: float | None = None          # s, of the last sample
         self.reading: ImuReading | None = None  # last one, or its substitute in a dropout
@@ -64,14 +83,14 @@ class ImuInput:
         self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``TURN_TIME``
         self._begin_rate = 0.0                  # rad/s, that at the begin of the step
         self.force: tuple[float, float] | None = None  # m/s2, without vibration
-        self.spikes = 0                         # samples rejected as spikes
         self.vibration = 0.0                    # m/s2
 
     def add_sample(self, time: float, sample: ImuSample) -> ImuReading | None:
         """Add a sample of ``time`` [s]; return its reading, None if it is not newer."""
         if self.time is not None and time <= self.time:
             return None
-        reading = self._without_spike(self._in_base_axes(sample))
+        reading = self._spikes.clean(
+            self.in_base_axes(sample), self.reading, self.vibration)
         dt = self.period.value if self.time is None else min(time - self.time, IMU_WINDOW)
         self._measure_vibration(sample.acceleration[2], dt)
         if self.time is not None and self.reading is not None:
@@ -80,6 +99,11 @@ class ImuInput:
         self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
         self.time, self.reading = time, reading
         return reading
+
+    @property
+    def spikes(self) -> int:
+        """Return the number of samples that were replaced as spikes."""
+        return self._spikes.count
 
     def bridge(self, reading: ImuReading, dt: float, rate_density: float, accel_density: float
                ) -> ImuStep:
@@ -147,22 +171,11 @@ class ImuInput:
         self.vibration = math.sqrt(max(
             self._vertical[1] - 2.0 * self._imu.accel_noise ** 2, 0.0))
 
-    def _in_base_axes(self, sample: ImuSample) -> ImuReading:
+    def in_base_axes(self, sample: ImuSample) -> ImuReading:
+        """Return the reading of a sample."""
         x, y, z = self._rotation
         return ImuReading(_dot(z, sample.rate), _dot(x, sample.acceleration),
                           _dot(y, sample.acceleration))
-
-    def _without_spike(self, reading: ImuReading) -> ImuReading:
-        """Return ``reading``, or the previous one if this is a single spike, not an impact."""
-        last = self.reading
-        spike = last is not None and not self._last_was_spike and is_imu_spike(
-            reading.yaw_rate - last.yaw_rate, reading.force_x - last.force_x,
-            reading.force_y - last.force_y, self.vibration)
-        self._last_was_spike = spike
-        if last is None or not spike:
-            return reading
-        self.spikes += 1
-        return last
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,6 +123,13 @@ MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differen
 RESIDUAL_GAIN = 0.5           # of a new sample in the smoothed difference of a wheel and its side:
 # the counts of single samples differ by one; without, single wheels are 7 % worse; demo
 
+# delay of the wheels behind the gyroscope, beyond the known latency
+LAG_SIGMA = 0.1               # s, prior: buses and drivers between wheels and message; field
+MAX_LAG = 0.3                 # s, three of them
+LAG_WINDOW = 0.1              # s, of compared turns: below the delays, above the noise of counts
+LAG_LEARNING_TIME = 40.0      # s of driving, assumed: a delay is that of the hardware; field
+MAX_LAG_RATE = 0.02           # s per s, of its change: wheel speeds are wrong by as much then
+
 # standstill
 QUIET_TIME = 0.4              # s for which the IMU must have been quiet; concrete, sand_turn
 MIN_QUIET_SAMPLES = 4         # in the quiet time
