@@ -78,7 +78,8 @@ class SlipFilter:
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
         self._step = 0.0          # m/s, of a side at the last wheel sample, beyond its noise
         self._balanced = False    # the forces were used at the last step
-        self._started = False     # there has been a wheel sample
+        self._started = False     # there has been a wheel sample ...
+        self._provisional = False  # ... only one, with a speed that later ones do not continue
         self.blind = False        # the IMU was missing at the last step
         # errors of the gyro bias that have the effect of those of the states on that yaw rate
         self._blind_row = np.zeros(N)
@@ -250,9 +251,10 @@ class SlipFilter:
         W = gyro_z - x[State.GYRO_BIAS_Z]
         sides = [speed * (1.0 + x[State.RADIUS]) for speed in wheels.side_speeds]
         change = self._history.travel_change(time)
-        if not self._started:
+        provisional, self._provisional = self._provisional, not self._started
+        if not self._started or provisional and wheels.from_positions:
             self._start(wheels, sides, W)
-            self._restart_travel(wheels, sides, lag, change, W)
+            self._restart_travel(wheels, sides, lag, change, W, continued=False)
             return
         after = [lag * rate + more
                  for rate, more in zip(self.motion.rolling_rates(x, W), change)]
@@ -281,7 +283,12 @@ class SlipFilter:
         self._restart_travel(wheels, sides, lag, change, W)
 
     def _start(self, wheels: WheelSpeeds, sides: list[float], W: float) -> None:
-        """Begin with the mean speed of the first wheel sample: the robot may be in motion."""
+        """
+        Begin with the mean speed of the first wheel sample: the robot may be in motion.
+
+        Where later speeds come from positions, the second one begins anew: the reported velocity
+        of the first one may be filtered, of another time, or that of a driver that just started.
+        """
         self._sides, self._started = sides, True
         x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
         x[State.V_X] = 0.5 * sum(side - x[slip] - arm * W for side, slip, arm in zip(
@@ -361,18 +368,18 @@ class SlipFilter:
             self._common.add_square(common, dt)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
-                        change: list[float], W: float) -> None:
+                        change: list[float], W: float, *, continued: bool = True) -> None:
         """
         Count the rolled distance from the wheel sample on.
 
-        Positions are exact references, whatever the error of their timestamps. Without them it is
-        counted from the timestamp.
+        Positions are exact references, whatever the error of their timestamps. Without them, or
+        if it is not ``continued``, it is counted from the timestamp.
         """
         x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
         rates = self.motion.rolling_rates(x, W)
         for i, (travel, slip) in enumerate(zip(TRAVELS, SLIP_VELS)):
             Q[travel, travel] = MIN_SIGMA ** 2
-            if wheels.from_positions:
+            if wheels.from_positions and continued:
                 x[travel] -= wheels.duration * sides[i]
                 F[travel, State.RADIUS] = -wheels.duration * wheels.side_speeds[i]
             else:

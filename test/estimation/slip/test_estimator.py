@@ -21,7 +21,8 @@ import pytest
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.state import State
 from smart_tire.parameters import build, SlipEstimatorParams
-from smart_tire.samples import Icr, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip
+from smart_tire.samples import (
+    GRAVITY, Icr, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip)
 from support.driving import drive, ramp, START_NS, STEP
 
 pytestmark = pytest.mark.slow
@@ -357,3 +358,20 @@ def test_a_state_that_is_none_restarts_from_the_priors_at_the_same_pose(spoil):
         *one.position, *one.linear, *one.pose_covariance, *one.twist_covariance))
     assert np.hypot(*rest[-1].linear[:2]) == pytest.approx(0.5 * (FAST + SLOW), rel=0.2)
     assert len(rest) > 400
+
+
+@pytest.mark.parametrize('reported', [0.0, 0.3, 0.8])
+def test_the_reported_velocity_of_the_first_sample_is_no_speed_where_positions_follow(reported):
+    speed, estimator, found = 0.5, SlipEstimator(build(SlipEstimatorParams, {
+        'imu.position': [0.0, 0.0, 0.0]})), []
+    for i in range(200):
+        stamp_ns = NS_PER_S + i * 10_000_000
+        samples = [ImuSample(stamp_ns, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))]
+        if i % 5 == 0:
+            velocity = (reported if i == 0 else speed) / 0.087
+            samples.append(WheelSample(
+                stamp_ns, (velocity,) * 4, (speed * i * 0.01 / 0.087,) * 4, None))
+        found += [one for sample in samples for one in estimator.update(sample)
+                  if isinstance(one, Odometry)]
+    late = [one.linear[0] for one in found if one.stamp_ns > 1.2 * NS_PER_S]
+    assert late == pytest.approx([speed] * len(late), abs=0.01)
