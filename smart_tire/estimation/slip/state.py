@@ -126,6 +126,8 @@ RESIDUAL_GAIN = 0.5           # of a new sample in the smoothed difference of a 
 # delay of the wheels behind the gyroscope, beyond the known latency
 LAG_SIGMA = 0.1               # s, prior: buses and drivers between wheels and message; field
 MAX_LAG = 0.3                 # s, three of them
+MIN_LAG = 0.04                # s, of slip that follows the wheels late; below, none is used;
+# simulated slip with a lag of 0.1 s
 LAG_WINDOW = 0.1              # s, of compared turns: below the delays, above the noise of counts
 LAG_LEARNING_TIME = 40.0      # s of driving, assumed: a delay is that of the hardware; field
 MAX_LAG_RATE = 0.02           # s per s, of its change: wheel speeds are wrong by as much then

@@ -17,7 +17,8 @@ from collections import deque
 import numpy as np
 
 from smart_tire.estimation.slip.state import (
-    LAG_LEARNING_TIME, LAG_SIGMA, LAG_WINDOW, MAX_LAG, MAX_LAG_RATE, SLIP_CORRELATION_TIME)
+    LAG_LEARNING_TIME, LAG_SIGMA, LAG_WINDOW, MAX_LAG, MAX_LAG_RATE, MIN_LAG,
+    SLIP_CORRELATION_TIME)
 
 LAGS = np.linspace(0.0, MAX_LAG, 16)  # s, that are compared
 
@@ -29,7 +30,7 @@ class WheelLag:
     Over windows of ``LAG_WINDOW`` the difference of the side speeds is a linear function of the
     yaw rate at the right delay, with an error that is correlated as the slip is. ``n`` independent
     errors with the correlation coefficient r have the log likelihood -n/2 ln(1 - r^2); the prior
-    is half a normal distribution.
+    is half a normal distribution. Slip that builds up looks like a delay of up to ``MIN_LAG``.
     """
 
     def __init__(self) -> None:
@@ -82,7 +83,8 @@ class WheelLag:
         self._own = keep * (self._own + gain * own * own)
         self._mixed = keep * (self._mixed + gain * own * others)
         self._others = keep * (self._others + gain * others * others)
-        step = self._most_probable() - self.value
+        lag = self._most_probable()
+        step = (lag if lag > MIN_LAG else 0.0) - self.value
         self.value += min(max(step, -MAX_LAG_RATE * span), MAX_LAG_RATE * span)
 
     def _most_probable(self) -> float:
