@@ -125,9 +125,7 @@ class SlipFilter:
     @property
     def is_sound(self) -> bool:
         """Return whether the state is finite and no variance is negative."""
-        variances = np.diagonal(self.kalman.P)
-        return bool(math.isfinite(sum(self.kalman.x)) and variances.min() >= 0.0
-                    and math.isfinite(variances.sum()))
+        return self.kalman.is_sound()
 
     def set_pose(self, odometry: Odometry) -> None:
         """Set the pose, and its variances, to those in ``odometry``."""

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+import math
 from typing import Protocol
 
 import numpy as np
@@ -48,10 +49,11 @@ LOOPS = COMPILED  # over the covariance, otherwise numpy: loops in Python would 
 
 # constants and rows of the state that are numbers of C
 cython.declare(
-    OUTLIER_SIGMAS=cython.double, MIN_SHARE=cython.double, X=cython.int, Y=cython.int,
-    YAW=cython.int, GYRO_BIAS_Z=cython.int, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int,
-    LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int, RADIUS=cython.int)
-OUTLIER_SIGMAS = state.OUTLIER_SIGMAS
+    INFINITY=cython.double, OUTLIER_SIGMAS=cython.double, MIN_SHARE=cython.double, X=cython.int,
+    Y=cython.int, YAW=cython.int, GYRO_BIAS_Z=cython.int, SLIP_VEL_L=cython.int,
+    SLIP_VEL_R=cython.int, LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
+    RADIUS=cython.int)
+INFINITY, OUTLIER_SIGMAS = math.inf, state.OUTLIER_SIGMAS
 RADIUS = int(State.RADIUS)
 MIN_SHARE = 1e-9  # of a variance that is left given other states; numerical
 X, Y, YAW, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
@@ -135,6 +137,16 @@ class KalmanFilter:
     def add_noise(self, Q: Array) -> None:
         """Add ``Q`` (n, n) to the covariance."""
         self.predict(self.x, IDENTITY, Q)
+
+    def is_sound(self) -> bool:
+        """Return whether the state is finite and no variance is negative."""
+        x: cython.double[::1] = self._x
+        P: cython.double[:, ::1] = self._P
+        for i in range(x.shape[0]):
+            # comparisons with NaN are false
+            if not (-INFINITY < x[i] < INFINITY and 0.0 <= P[i, i] < INFINITY):
+                return False
+        return True
 
     @cython.ccall
     def fade_ground(self, keep: cython.double) -> cython.void:
