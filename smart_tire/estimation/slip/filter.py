@@ -33,8 +33,7 @@ from smart_tire.estimation.slip.accelerometer import AccelerometerModel
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import (
-    CONSIDERED, GYRO_HELD, KalmanFilter, LearnedVariance, RADIUS_HELD, SENSORS_HELD,
-    StateRecorder)
+    CONSIDERED, GYRO_HELD, KalmanFilter, LearnedVariance, SENSORS_HELD, StateRecorder)
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
@@ -340,15 +339,10 @@ class SlipFilter:
             g[list(TRAVELS)] = innovation / (0.5 * dt) * (0.5 * dt - H[0, State.V_X])
             self.kalman.add_noise(np.outer(g, g))
 
-    @property
-    def _sensors_held(self) -> Array:
-        """Return the states (N,) that wheels and standstill do not correct."""
-        return GYRO_HELD if self.forces.active else RADIUS_HELD
-
     def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float,
                            slip_held: bool) -> float:
         """Correct with the innovations of both rolled distances; return the NIS over 2."""
-        return self.kalman.correct_jointly(y, H, R, self._sensors_held, slip_held)
+        return self.kalman.correct_jointly(y, H, R, GYRO_HELD, slip_held)
 
     def _learn_slip(self, W: float, dt: float, independent: bool) -> None:
         """
@@ -421,4 +415,4 @@ class SlipFilter:
 
     def _correct_state(self, row: State, value: float, sigma: float) -> None:
         self.kalman.correct(value - self.kalman.x[row], np.eye(N)[row], sigma ** 2,
-                            CONSIDERED if row == State.GYRO_BIAS_Z else self._sensors_held)
+                            CONSIDERED if row == State.GYRO_BIAS_Z else GYRO_HELD)

@@ -51,10 +51,8 @@ LOOPS = COMPILED  # over the covariance, otherwise numpy: loops in Python would 
 cython.declare(
     INFINITY=cython.double, OUTLIER_SIGMAS=cython.double, MIN_SHARE=cython.double, X=cython.int,
     Y=cython.int, YAW=cython.int, GYRO_BIAS_Z=cython.int, SLIP_VEL_L=cython.int,
-    SLIP_VEL_R=cython.int, LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
-    RADIUS=cython.int)
+    SLIP_VEL_R=cython.int, LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int)
 INFINITY, OUTLIER_SIGMAS = math.inf, state.OUTLIER_SIGMAS
-RADIUS = int(State.RADIUS)
 MIN_SHARE = 1e-9  # of a variance that is left given other states; numerical
 X, Y, YAW, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
     State.X, State.Y, State.YAW, State.GYRO_BIAS_Z, State.SLIP_VEL_L, State.SLIP_VEL_R,
@@ -66,9 +64,6 @@ CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states nev
 # which is observed at standstill
 GYRO_HELD = CONSIDERED.copy()
 GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z]] = 1.0
-# without forces on a known ground, nothing but the accelerometer shows the radius
-RADIUS_HELD = GYRO_HELD.copy()
-RADIUS_HELD[State.RADIUS] = 1.0
 # lasting errors of the force balance and of the ICR kinematics must not be taken for sensor errors
 SENSORS_HELD = GYRO_HELD.copy()
 SENSORS_HELD[[State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0
@@ -274,7 +269,7 @@ class KalmanFilter:
         if slip_held:
             d[SLIP_VEL_L] = d[SLIP_VEL_R] = 0.5 * (g[SLIP_VEL_L] + g[SLIP_VEL_R])
         if held[YAW] and self._recorder is None:  # the smoother needs the gains of all states
-            self._hold_position(d, held[RADIUS] > 0.0)
+            self._hold_position(d)
         for i in range(g.shape[0]):
             x[i] += (g[i] - d[i]) * (y * scale)
         if not LOOPS:
@@ -285,32 +280,23 @@ class KalmanFilter:
                 P[i, j] -= g[i] * g[j] - d[i] * d[j]
 
     @cython.cfunc
-    def _hold_position(self, d: cython.double[::1], radius_held: cython.bint) -> cython.void:
+    def _hold_position(self, d: cython.double[::1]) -> cython.void:
         """
-        Hold the part of the position that it shares with held heading, gyro bias and radius.
+        Hold the part of the position that it shares with the held heading and gyro bias.
 
         Otherwise an error that must not be taken for one of the gyroscope moves the robot as if it
         were one: by decimeters at rest after a drive of 10 m. ``d`` are the parts not applied; the
-        regression of the position on them is by their covariance.
+        regression of the position on heading and bias is by their covariance.
         """
         P: cython.double[:, ::1] = self._P
-        # regressors that are not correlated: bias, yaw beyond it, and radius beyond both
-        by_bias = 1.0 / P[GYRO_BIAS_Z, GYRO_BIAS_Z] if P[GYRO_BIAS_Z, GYRO_BIAS_Z] > 0.0 else 0.0
-        share = P[YAW, GYRO_BIAS_Z] * by_bias
-        rest = P[YAW, YAW] - share * P[YAW, GYRO_BIAS_Z]
+        yaw, bias = P[YAW, YAW], P[GYRO_BIAS_Z, GYRO_BIAS_Z]
+        share = P[YAW, GYRO_BIAS_Z] / bias if bias > 0.0 else 0.0
+        rest = yaw - share * P[YAW, GYRO_BIAS_Z]
         # unless the bias determines the heading
-        by_yaw = 1.0 / rest if rest > MIN_SHARE * P[YAW, YAW] else 0.0
-        common = P[RADIUS, YAW] - share * P[RADIUS, GYRO_BIAS_Z]
-        share_bias, share_yaw = P[RADIUS, GYRO_BIAS_Z] * by_bias, common * by_yaw
-        rest = P[RADIUS, RADIUS] - share_bias * P[RADIUS, GYRO_BIAS_Z] - share_yaw * common
-        by_radius = 1.0 / rest if radius_held and rest > MIN_SHARE * P[RADIUS, RADIUS] else 0.0
-        d_bias = d[GYRO_BIAS_Z] * by_bias
-        d_yaw = d[YAW] - share * d[GYRO_BIAS_Z]
-        d_radius = (d[RADIUS] - share_bias * d[GYRO_BIAS_Z] - share_yaw * d_yaw) * by_radius
+        by_yaw = (d[YAW] - share * d[GYRO_BIAS_Z]) / rest if rest > MIN_SHARE * yaw else 0.0
+        by_bias = d[GYRO_BIAS_Z] / bias - share * by_yaw if bias > 0.0 else 0.0
         for row in (X, Y):
-            yaw = P[row, YAW] - share * P[row, GYRO_BIAS_Z]
-            radius = P[row, RADIUS] - share_bias * P[row, GYRO_BIAS_Z] - share_yaw * yaw
-            d[row] = P[row, GYRO_BIAS_Z] * d_bias + yaw * by_yaw * d_yaw + radius * d_radius
+            d[row] = P[row, YAW] * by_yaw + P[row, GYRO_BIAS_Z] * by_bias
 
 
 @cython.cfunc

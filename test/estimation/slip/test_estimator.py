@@ -375,31 +375,3 @@ def test_the_reported_velocity_of_the_first_sample_is_no_speed_where_positions_f
                   if isinstance(one, Odometry)]
     late = [one.linear[0] for one in found if one.stamp_ns > 1.2 * NS_PER_S]
     assert late == pytest.approx([speed] * len(late), abs=0.01)
-
-
-def started_and_stopped(scale, **values):
-    """Return estimator, last estimate and distance [m]; ``scale`` is that of the accelerometer."""
-    estimator, found, rolled = SlipEstimator(build(SlipEstimatorParams, {
-        'imu.position': [0.0, 0.0, 0.0], **values})), [], 0.0
-    for i in range(4000):
-        time = max(0.01 * i - 1.0, 0.0)
-        rolled = 0.3 * (time - math.sin(1.7 * time) / 1.7)
-        accel = 0.3 * 1.7 * math.sin(1.7 * time)
-        samples = [ImuSample(NS_PER_S + i * 10_000_000, (scale * accel, 0.0, GRAVITY), (0.0,) * 3)]
-        if i % 5 == 0:
-            velocity = 0.3 * (1.0 - math.cos(1.7 * time)) / 0.087
-            samples.append(WheelSample(
-                samples[0].stamp_ns, (velocity,) * 4, (rolled / 0.087,) * 4, None))
-        found += [one for sample in samples for one in estimator.update(sample)
-                  if isinstance(one, Odometry)]
-    return estimator, found[-1], rolled
-
-
-@pytest.mark.parametrize('scale', [0.7, 1.3])
-def test_the_accelerometer_shows_no_wheel_radius_on_unknown_ground(scale):
-    """If it did, 30 % of its acceleration would become 20 to 30 % of radius and distance."""
-    estimator, last, rolled = started_and_stopped(scale, wheel_radius_sigma=0.05)
-    _, certain, _ = started_and_stopped(scale, wheel_radius_sigma=0.0)
-    assert estimator.status()['rolling_radius'] == pytest.approx(0.087, rel=1e-6)
-    assert last.position[0] == pytest.approx(certain.position[0], rel=0.01)
-    assert 0.03 < math.sqrt(last.pose_covariance[0]) / rolled < 0.06
