@@ -18,10 +18,10 @@ The robot is a planar rigid body. The state is the velocity (u, v) [m/s] of its 
 body axes and the yaw rate w [rad/s]. With the slip ``s = (r w_i - v_x, -k v_y) / |r w_i|`` of a
 wheel, ``k = C_y / C_x`` and ``t = C_x |s| / (3 mu F_z)``, its force is
 ``C_x (1 - t + t^2 / 3) s`` below full sliding (t < 1) and ``mu F_z s / |s|`` above. The slip of
-a tire follows over its relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``, which has
-no singularity at rest. The rolling
-resistance ``f F_z`` acts along the velocity of its center by the lateral share and along its
-heading by the rest (PHYSICS.md D). Loads follow the acceleration of the step before.
+a tire follows over its relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``, without
+a singularity at rest; a sliding tire deflects no further. The rolling resistance ``f F_z`` acts
+along the velocity of its center by the lateral share and along its heading by the rest
+(PHYSICS.md D). Loads follow the acceleration of the step before.
 
 Steps are implicit, by the second backward differentiation formula, with the secant slope
 ``|F| / |s|`` at the extrapolated velocity: stable at any speed, where explicit steps of a

@@ -342,6 +342,23 @@ def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_
     assert step(-0.5, 0.3) == step(0.0, 0.3) == pytest.approx(0.3)
 
 
+def test_friction_is_less_certain_to_larger_values_and_unknown_sooner(films):
+    estimator, found = films
+    solution, row = found[-1], Unknown.FRICTION
+
+    def sigma(log_sigma):
+        covariance = np.zeros((SIZE, SIZE))
+        covariance[row, row] = log_sigma ** 2
+        changed = solution._replace(fit=solution.fit._replace(covariance=covariance))
+        stamp = round(estimator.end_ns - 0.5 * NS_PER_S)
+        both = (estimator.wheel_state(changed, stamp, 'front_left').friction,
+                estimator.state(changed).friction_coefficient)
+        return [one.sigma / one.value for one in both]
+
+    assert sigma(0.2) == pytest.approx([0.25, 0.25], rel=0.1)  # 1 / 0.8 - 1, and of the curve
+    assert not np.isfinite(sigma(0.27)).any() and not np.isfinite(sigma(1.2)).any()
+
+
 def test_derivatives_for_the_output_are_those_by_the_steps_of_the_fit(films):
     _, found = films
     solution = found[-1]
