@@ -199,15 +199,20 @@ class Measurements:
         found[:, :TORQUE] += x[:, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
         loads = self._loads(x, a_x, a_y).transpose(0, 2, 1)
         radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
-        torque = (radius * means[model.FORCE:].transpose(1, 0, 2)
-                  + friction_torque(self._moving, loads, robot.motor, robot.wheel_radius)
-                  + self._inertia_torque)
+        torque = radius * means[model.FORCE:].transpose(1, 0, 2) + (
+            np.exp(x[:, Unknown.MOTOR_FRICTION, np.newaxis, np.newaxis]) * friction_torque(
+                self._moving, loads, robot.motor, robot.wheel_radius)
+            + np.exp(x[:, Unknown.MOTOR_INERTIA, np.newaxis, np.newaxis]) * self._inertia_torque)
         scale = np.exp(-x[:, Unknown.TORQUE_SCALE, np.newaxis] - x[:, MOTORS])
         found[:, TORQUE:] = scale[:, :, np.newaxis] * torque + x[:, OFFSETS, np.newaxis]
         return found
 
-    def linear(self, x: Array, predicted: Array) -> Array:
-        """Return the derivatives (STREAMS, blocks, SIZE - DYNAMIC) by the other unknowns."""
+    def linear(self, x: Array, predicted: Array, motion: Motion) -> Array:
+        """
+        Return the derivatives (STREAMS, blocks, SIZE - DYNAMIC) by the other unknowns.
+
+        ``motion`` is that of ``x`` (SIZE,), its first run.
+        """
         found = np.zeros((*predicted.shape, SIZE - DYNAMIC))
         for stream in range(TORQUE):
             found[stream, :, stream] = 1.0
@@ -216,6 +221,14 @@ class Measurements:
             found[TORQUE + i, :, Unknown.TORQUE_SCALE - DYNAMIC] = motor
             found[TORQUE + i, :, Unknown.MOTOR_SCALE - DYNAMIC + i] = motor
             found[TORQUE + i, :, Unknown.TORQUE_OFFSET - DYNAMIC + i] = 1.0
+        scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
+        means = block_means(motion.states[:1, :, model.A_X:model.A_Y + 1])
+        loads = self._loads(x[np.newaxis], *means.transpose(2, 0, 1))[0].T
+        friction = friction_torque(
+            self._moving, loads, self._robot.motor, self._robot.wheel_radius)
+        for row, torque in ((Unknown.MOTOR_FRICTION, friction),
+                            (Unknown.MOTOR_INERTIA, self._inertia_torque)):
+            found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
         return found
 
     def passage_values(self, x: Array, motion: Motion) -> Array:

@@ -62,10 +62,12 @@ class Unknown(IntEnum):
     ACCEL_BIAS_X = 24     # m/s2, including the tilt of the mounting
     ACCEL_BIAS_Y = 25
     TORQUE_SCALE = 26     # ln of the true over the nominal torque constant, of all motors
-    MOTOR_SCALE = 27      # four rows: the same of each motor
-    TORQUE_OFFSET = 31    # four rows: N m, of the measured torque, with the friction of the motor
-    FILM_GAIN = 35        # four rows, by wheel: ln of the true over the nominal stretch gain
-    FILM_ERROR = 39       # four rows, by wheel: lasting error of slip times normalized slip
+    MOTOR_FRICTION = 27   # ln of the true over the nominal friction of gears and axles
+    MOTOR_INERTIA = 28    # ln of the true over the nominal inertia of wheel, gear and rotor
+    MOTOR_SCALE = 29      # four rows: the same of each motor
+    TORQUE_OFFSET = 33    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 37        # four rows, by wheel: ln of the true over the nominal stretch gain
+    FILM_ERROR = 41       # four rows, by wheel: lasting error of slip times normalized slip
 
 
 SIZE = Unknown.FILM_ERROR + len(WHEELS)
@@ -112,8 +114,9 @@ MODEL_ERROR = 0.05      # of forces, yaw rates and torques: tire curve, uneven t
 MODEL_TIME = 1.0        # s, correlation time of the errors of the model, assumed; NEES
 LEAST_FORCE = 0.3       # m/s2, on which that share is taken at least; torques: the same force
 TIMING_ERROR = 0.006    # s, of the model: latencies that differ; slow_turn
-RELAXATION_ERROR = 2.0  # of the effect of a relaxation length of half the contact, the brush's: the
-# carcass adds to it, and close to standstill no such law holds; straight
+RELAXATION_ERROR = 2.0  # of the effect of a relaxation length of half the contact, that of a
+# brush: the carcass adds to it, and close to standstill no such law holds; straight
+MOTOR_SIGMA = 0.5       # of ln of friction and inertia of a drive: data sheet, not measured; gears
 TRANSIENT_SHARE = 0.3   # of the change of acceleration within a wheel period: error of torques
 FILM_SLIP_ERROR = 0.02, 0.002  # relative and absolute error of a film's slip; NEES
 FILM_RATIO_ERROR = 0.04  # relative error of a normalized slip; NEES
@@ -183,7 +186,9 @@ def priors(robot: RobotParams) -> list[Row]:
         Unknown.RADIUS: Row(0.0, max(robot.wheel_radius_sigma, 0.006), 0.0015, 0.0, 1e-4),
         Unknown.GYRO_BIAS: Row(0.0, imu.gyro_bias, 0.0003, 0.0, 1e-4),
         Unknown.ACCEL_BIAS_X: bias, Unknown.ACCEL_BIAS_Y: bias,
-        Unknown.TORQUE_SCALE: Row(0.0, motor.torque_constant_sigma, 0.0015, 0.0, 1e-4)}
+        Unknown.TORQUE_SCALE: Row(0.0, motor.torque_constant_sigma, 0.0015, 0.0, 1e-4),
+        Unknown.MOTOR_FRICTION: Row(0.0, MOTOR_SIGMA, 0.003, 0.0, 1e-4),
+        Unknown.MOTOR_INERTIA: Row(0.0, MOTOR_SIGMA, 0.0, 0.0, 1e-4)}
     found = [rows[one] for one in list(Unknown)[:Unknown.MOTOR_SCALE]]
     return [*found, *[Row(0.0, 0.015, 0.0015, 0.0, 1e-4)] * 4, *[offset] * 4, *[gain] * 4,
             *[Row(0.0, _product_error(robot), 0.0, 0.0, 1e-4)] * 4]

@@ -211,7 +211,7 @@ class GroundWindow:
             residual = measurements.values - predicted[0]
             film_residual = measurements.passage_measured - passages[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0)
-            columns = self._columns(x, predicted, residual, measurements, steps)
+            columns = self._columns(x, predicted, residual, measurements, varied, steps)
             film_columns = self._film_columns(x, passages, film_residual, measurements, steps)
             white = whiten(columns, film_columns)
             rows = Rows(white[:, -1], white[:, :-1])
@@ -247,11 +247,11 @@ class GroundWindow:
         return min(max(likely, sigma), 2.0 * sigma)
 
     def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements,
-                 steps: Array) -> Array:
+                 motion: Motion, steps: Array) -> Array:
         """Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 1)."""
         dynamic = (predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]
         return np.concatenate([
-            dynamic.transpose(1, 2, 0), measurements.linear(x, predicted[0]),
+            dynamic.transpose(1, 2, 0), measurements.linear(x, predicted[0], motion),
             residual[:, :, np.newaxis]], axis=2)
 
     def _film_columns(self, x: Array, passages: Array, residual: Array,
