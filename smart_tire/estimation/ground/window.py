@@ -336,12 +336,16 @@ def _gain(fit: Fit, other: Fit, measurements: Measurements, change: float) -> fl
 
 
 def _mixed(fit: Fit, other: Fit) -> Fit:
-    """Return the likelier ``fit`` with the covariance of the mixture of both."""
-    covariance, difference = fit.covariance.copy(), other.x[GROUND] - fit.x[GROUND]
-    covariance[GROUND, GROUND] += other.covariance[GROUND, GROUND] + np.outer(
-        difference, difference)
-    covariance[GROUND, GROUND] *= 0.5
-    return fit._replace(covariance=covariance)
+    """
+    Return the likelier ``fit`` with the covariance of the mixture of both.
+
+    The old ground is that of ``fit``: the other one may have none.
+    """
+    difference, own = other.x - fit.x, other.covariance.copy()
+    difference[OLD_GROUND], own[OLD_GROUND], own[:, OLD_GROUND] = 0.0, 0.0, 0.0
+    own[OLD_GROUND, OLD_GROUND] = fit.covariance[OLD_GROUND, OLD_GROUND]
+    return fit._replace(covariance=0.5 * (
+        fit.covariance + own + np.outer(difference, difference)))
 
 
 def _start(hypothesis: Hypothesis, measurements: Measurements) -> tuple[Array, Array]:
