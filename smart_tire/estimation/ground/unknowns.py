@@ -124,6 +124,8 @@ FILM_SHAPE_ERROR = 0.0026  # of the bending peak, over the stretch at full slip:
 # the covariance of waveform fits at small slip, and spread of their means; straight
 LEAST_RATIO = 0.1       # -, on which that share is taken at least
 SLIDING_WEIGHT = 10.0   # of a passage in full sliding: sigma over its slip along slip / t
+TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
+# the model cannot: the covariance grows by the square of their ratio; gears, straight
 CURVE_ERROR = 0.03      # of mu: it varies with the slip where the tire is not a brush; NEES
 MAX_LN_SIGMA = 0.35     # of ln mu; above, mu is unknown
 

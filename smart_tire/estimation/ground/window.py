@@ -39,7 +39,7 @@ from smart_tire.estimation.ground.measurements import (
 from smart_tire.estimation.ground.unknowns import (
     CANDIDATES, CHANGE_EVIDENCE, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, FREEDOM,
     GROUND, Hypothesis, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors,
-    SIDES, SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
+    SIDES, SIDES_DIFFER, SIZE, START, TENSION, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
@@ -66,13 +66,21 @@ class Fit(NamedTuple):
     leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
 
 
+class Tension(NamedTuple):
+    """The error of a sensor or of the robot that is largest over the sigma of its prior."""
+
+    name: str
+    size: float        # sigmas
+
+
 class Solution(NamedTuple):
     """Estimate at the end of a window."""
 
     end: float         # s
     measurements: Measurements
     hypothesis: Hypothesis
-    fit: Fit
+    fit: Fit           # its covariance is widened by the tension
+    tension: Tension
 
     def values_at(self, time: float, wheels: Iterable[int]) -> tuple[Array, Array]:
         """
@@ -166,7 +174,20 @@ class GroundWindow:
                 best = likely[0], _mixed(likely[1], other[1])
         self._main = self._advanced(main, fit, measurements, hop)
         self._rival = None if found is None else self._advanced(*found, measurements, hop)
-        return Solution(end, measurements, *best)
+        hypothesis, fit = best
+        tension = self._tension(fit.x)
+        excess = max(1.0, (tension.size / TENSION) ** 2)
+        return Solution(end, measurements, hypothesis, fit._replace(
+            covariance=excess * fit.covariance), tension)
+
+    def _tension(self, x: Array) -> Tension:
+        """Return the nuisance that contradicts its prior most."""
+        sizes = [abs(value - row.mean) / row.sigma for value, row in zip(x, self._rows)]
+        most = max((*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
+                    *range(Unknown.GYRO_BIAS, SIZE)), key=sizes.__getitem__)
+        first = max(one for one in Unknown if one <= most)
+        return Tension(f'{first.name.lower()}_{most - first}' if most > first else
+                       first.name.lower(), sizes[most])
 
     def _fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float
                 ) -> tuple[Hypothesis, Fit]:

@@ -476,6 +476,20 @@ def test_while_a_change_is_undecided_the_covariance_covers_both_grounds(changed)
             assert abs(one.fit.x[Unknown.RESISTANCE] - math.log(drag)) < 2.5 * sigma
 
 
+def test_an_error_of_a_sensor_beyond_its_prior_is_named_and_widens_sigma(samples, torques):
+    _, given = torques
+    biased = [replace(one, acceleration=(one.acceleration[0], one.acceleration[1] + 0.8,
+                                         one.acceleration[2]))
+              if isinstance(one, ImuSample) else one for one in samples]
+    estimator, found = run(biased)
+    tension = found[-1].tension
+    assert tension.name == 'accel_bias_y' and tension.size > 3.0 > 2.0 > given[-1].tension.size
+    assert estimator.status['ground_tension'] == f'{tension.size:.1f} sigma: accel_bias_y'
+    row = Unknown.STIFFNESS
+    ratio = found[-1].fit.covariance[row, row] / given[-1].fit.covariance[row, row]
+    assert ratio == pytest.approx((tension.size / 2.0) ** 2, rel=0.4)
+
+
 def test_the_covariance_of_a_mixture_is_positive_definite(films):
     _, found = films
     fit = found[-1].fit
