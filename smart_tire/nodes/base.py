@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 import inspect
@@ -33,11 +33,12 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import TimerLateness
 from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS
 from smart_tire.nodes.compat import (
-    full_name, message_class, plain_message, RCLError, RMWError, wrong_type_message)
+    full_name, message_class, message_info, plain_message, RCLError, RMWError, wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
@@ -164,7 +165,7 @@ class SmartTireNode(Node, Generic[Params]):
 
         Invalid messages are counted and logged, those of other joints ignored. ``name`` replaces
         the topic's name, ``from_msg`` its conversion, ``type_name`` its type. With ``info``,
-        ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
+        ``on_sample`` also gets its MessageInfo. No message for ``MAX_INPUT_AGE`` on a
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
         is logged. With ``profiles`` there is a subscription for each of them, but a message is
         handled once, with its info. With ``raw``, ``from_msg`` gets the serialized message.
@@ -186,8 +187,8 @@ class SmartTireNode(Node, Generic[Params]):
         def on_message(msg: Any) -> None:
             handle(msg)
 
-        def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
-            handle(msg, message_info)
+        def on_message_with_info(msg: Any, info: MessageInfo) -> None:  # rclpy counts arguments
+            handle(msg, info)
 
         if profiles:
             self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
@@ -418,32 +419,32 @@ def _call_all(callbacks: Iterable[Callable[[], None]]) -> None:
         callback()
 
 
-def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
+def with_info(callback: Callable[[Any, MessageInfo], None]) -> Callable[..., None]:
     """
-    Return a subscription callback that calls ``callback`` with the message and its DDS info.
+    Return a subscription callback that calls ``callback`` with the message and its info.
 
     The events executor passes both as one tuple, other executors as two arguments. rclpy decides
     by the signature whether a callback takes both.
     """
     def adapter(*given: Any) -> None:
-        callback(*(given if len(given) == 2 else given[0]))
+        msg, info = given if len(given) == 2 else given[0]
+        callback(msg, message_info(info))
 
     adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return adapter
 
 
-def once(callback: Callable[[Any, Mapping[str, Any]], None],
-         ) -> Callable[[Any, Mapping[str, Any]], None]:
+def once(callback: Callable[[Any, MessageInfo], None]) -> Callable[[Any, MessageInfo], None]:
     """
     Return a callback that calls ``callback`` once per message that several subscriptions receive.
 
     A message is identified by the time and the number of its publication; repeated content is not
     a repeated message.
     """
-    seen: deque[tuple[Any, Any]] = deque(maxlen=REMEMBERED_MESSAGES)
+    seen: deque[tuple[int, int | None]] = deque(maxlen=REMEMBERED_MESSAGES)
 
-    def on_message(msg: Any, info: Mapping[str, Any]) -> None:
-        key = info['source_timestamp'], info.get('publication_sequence_number')
+    def on_message(msg: Any, info: MessageInfo) -> None:
+        key = info.source_ns, info.number
         if key not in seen:
             seen.append(key)
             callback(msg, info)

@@ -12,12 +12,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import time
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from smart_tire.control.command_check import StallDetector
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import action_servers
@@ -40,7 +41,7 @@ class FollowPathServer(ActionServer):
     """
 
     def __init__(self, node: SmartTireNode[Any], action: type[Any],
-                 on_goal: Callable[[Goal, Mapping[str, Any]], None]) -> None:
+                 on_goal: Callable[[Goal, MessageInfo], None]) -> None:
         super().__init__(node, action, NAME, lambda goal: None, goal_callback=self._check,
                          handle_accepted_callback=self._accept,
                          cancel_callback=lambda goal: CancelResponse.ACCEPT)
@@ -75,8 +76,8 @@ class FollowPathServer(ActionServer):
         stamp = goal.request.path.header.stamp
         waited_ns = (0 if stamp.sec or stamp.nanosec else
                      self._stalls.waited_ns(self._owner.steady_ns()))
-        self._on_goal(goal, {'publication_sequence_number': self._number,
-                             'source_timestamp': time.time_ns() - waited_ns})
+        now_ns = time.time_ns()
+        self._on_goal(goal, MessageInfo(now_ns - waited_ns, now_ns, self._number))
 
     def tick(self) -> None:
         """Record that the process is running."""

@@ -25,6 +25,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.bags import BagWriter, Channel, channel_of, PARAMETERS_KEY, Qos
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import BagError
 from smart_tire.nodes.base import NoParams, SmartTireNode, with_info
 from smart_tire.nodes.compat import message_class
@@ -51,24 +52,26 @@ class SequenceGaps:
     The DDS event ``message_lost`` does not occur when a queue of the subscriber overflows.
     ``missed`` counts the messages that publishers sent before they matched the subscription, for
     publishers not in ``initial_publishers`` (None: not counted). Losses after the last received
-    message are not detected.
+    message are not detected. Messages that do not identify their publisher (before Kilted) are of
+    the ``only_publisher``; they are not counted while there are several.
     """
 
     def __init__(self, initial_publishers: Container[bytes] | None = None) -> None:
         self.lost = self.missed = 0
+        self.only_publisher: bytes | None = None
         self._initial_publishers = initial_publishers
         self._last: dict[bytes, int] = {}  # publisher -> latest sequence number
 
-    def count(self, info: Mapping[str, Any]) -> bool:
+    def count(self, info: MessageInfo) -> bool:
         """Add a received message; return whether the losses have reached 1, 2, 4, 8 ... now."""
-        number, identifier = info.get('publication_sequence_number'), info.get('publisher_gid')
-        if number is None or identifier is None:  # rclpy of Jazzy does not identify publishers
+        number, publisher = info.number, info.publisher or self.only_publisher
+        if number is None or publisher is None:
             return False
-        publisher, before = bytes(identifier['data']), self.lost + self.missed
-        last = self._last.get(publisher)
+        before, last = self.lost + self.missed, self._last.get(publisher)
         if last is not None:
             self.lost += max(0, number - last - 1)
-        elif self._initial_publishers is not None and publisher not in self._initial_publishers:
+        elif (info.publisher is not None and self._initial_publishers is not None
+              and publisher not in self._initial_publishers):
             self.missed += number - 1
         self._last[publisher] = max(last or 0, number)
         return before.bit_length() < (self.lost + self.missed).bit_length()
@@ -167,8 +170,11 @@ class Recorder(SmartTireNode[NoParams]):
             return
         type_name = self._type_of(name, [info.topic_type for info in published])
         publishers = [info for info in published if info.topic_type == type_name]
+        found = {bytes(info.endpoint_gid) for info in publishers}
         if self.steady_ns() < self._initial_until_ns:
-            self._initial_publishers.update(bytes(info.endpoint_gid) for info in publishers)
+            self._initial_publishers.update(found)
+        elif name in self._gaps:  # by now, those that existed before are discovered
+            self._gaps[name].only_publisher = min(found) if len(found) == 1 else None
         if not publishers or not is_installed(type_name):
             return
         offers = [info.qos_profile for info in publishers]
@@ -203,14 +209,14 @@ class Recorder(SmartTireNode[NoParams]):
         return type_name
 
     def _write_callback(self, channel: Channel,
-                        profile: QoSProfile) -> Callable[[Any, Mapping[str, Any]], None]:
+                        profile: QoSProfile) -> Callable[[Any, MessageInfo], None]:
         name = channel.topic
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         gaps = self._gaps.setdefault(
             name, SequenceGaps(None if latched else self._initial_publishers))
         add_topic, write, now_ns = self._writer.add_topic, self._writer.write, time.time_ns
 
-        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
+        def on_message(data: bytes, info: MessageInfo) -> None:
             add_topic(channel)
             write(name, now_ns(), data)
             if gaps.count(info):

@@ -12,15 +12,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 import math
 import sys
 import time
-from typing import Any
 
 from smart_tire.control.command_check import check_age
-from smart_tire.control.publishers import PublisherCheck
+from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.errors import CommandError, SmartTireError
 from smart_tire.messages import (
@@ -121,7 +119,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         """Use the new parameters."""
         self._control.params = self.params
 
-    def _on_goal(self, goal: Goal, info: Mapping[str, Any]) -> None:
+    def _on_goal(self, goal: Goal, info: MessageInfo) -> None:
         """Follow the path in a goal of the action, under the same conditions as others."""
         counter, path = self.inputs[ACTION], goal.request.path
         try:
@@ -132,7 +130,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         else:
             counter.accept(self.steady_ns())
 
-    def _on_order(self, name: str, order: Order, info: Mapping[str, Any],
+    def _on_order(self, name: str, order: Order, info: MessageInfo,
                   goal: Goal | None = None) -> None:
         """Follow a new path or goal, unless it is of the past, or another node sends them, too."""
         if self._is_ending:
@@ -144,7 +142,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             self._step()
             return
         # from its publication on, since a latched one is received when this node starts
-        waited_ns = max(time.time_ns() - info['source_timestamp'], 0)
+        waited_ns = max(time.time_ns() - info.source_ns, 0)
         check_age(name, order.stamp_ns, self.now_ns(), waited_ns, self.params.path_max_age)
         if self._emergency_stop:
             raise CommandError(f'{name}: the emergency stop is active')
@@ -155,7 +153,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._reported = self._reported[0], 'new order'  # report it, also if the state is the same
         self._step()
 
-    def _check_publisher(self, name: str, info: Mapping[str, Any]) -> None:
+    def _check_publisher(self, name: str, info: MessageInfo) -> None:
         """Raise CommandError if another node has sent the same kind of order a short time ago."""
         senders = self._senders[name]
         if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
@@ -167,6 +165,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             super().reject_input(name, counter, error)
             return
         counter.reject(str(error))
+        self._reported = self._reported[0], ''  # report each, as often as the log permits
         self._control.refuse(error)
         self._step()
 

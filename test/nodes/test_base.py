@@ -20,6 +20,7 @@ import sys
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.host_load import MAX_LATENESS
 from smart_tire.nodes.base import once
 from smart_tire.nodes.compat import plain_message
@@ -67,7 +68,7 @@ def test_a_message_that_several_subscriptions_receive_is_handled_once():
     callback = once(lambda msg, info: handled.append(msg))
     for name, stamp, number in (('a', 1, 1), ('a again', 1, 1), ('b', 1, 2), ('c', 2, 1),
                                 ('a late', 1, 1), ('d', 3, None), ('d again', 3, None)):
-        callback(name, {'source_timestamp': stamp, 'publication_sequence_number': number})
+        callback(name, MessageInfo(stamp, stamp, number))
     assert handled == ['a', 'b', 'c', 'd']
 
 
