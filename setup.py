@@ -98,12 +98,6 @@ setup(
         'test': [
             'hypothesis', 'pandas', 'pytest', 'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
-        # linters of ROS with their plugins for machines without a ROS distribution
-        'ament': [
-            'flake8-blind-except', 'flake8-builtins', 'flake8-class-newline',
-            'flake8-comprehensions', 'flake8-deprecated', 'flake8-docstrings',
-            'flake8-import-order', 'flake8-quotes', 'ros-ament-flake8', 'ros-ament-lint',
-            'ros-ament-pep257'],
     },
     zip_safe=False,
     entry_points={

@@ -23,7 +23,7 @@ UNDISCOVERED = 'a node whose name is not discovered yet'
 
 @dataclass(frozen=True)
 class MessageInfo:
-    """What the middleware tells about a message; times [ns] since 1970."""
+    """What the middleware reports of a message; times [ns] since 1970."""
 
     source_ns: int                 # when it was published
     received_ns: int

@@ -53,7 +53,8 @@ class SequenceGaps:
     ``missed`` counts the messages that publishers sent before they matched the subscription, for
     publishers not in ``initial_publishers`` (None: not counted). Losses after the last received
     message are not detected. Messages that do not identify their publisher (before Kilted) are of
-    the ``only_publisher``; they are not counted while there are several.
+    the ``only_publisher``, and not counted while there are several; those that its successor sent
+    before it was discovered are not ``missed``.
     """
 
     def __init__(self, initial_publishers: Container[bytes] | None = None) -> None:
@@ -70,8 +71,8 @@ class SequenceGaps:
         before, last = self.lost + self.missed, self._last.get(publisher)
         if last is not None:
             self.lost += max(0, number - last - 1)
-        elif (info.publisher is not None and self._initial_publishers is not None
-              and publisher not in self._initial_publishers):
+        elif (self._initial_publishers is not None and publisher not in self._initial_publishers
+              and (info.publisher is not None or not self._last)):
             self.missed += number - 1
         self._last[publisher] = max(last or 0, number)
         return before.bit_length() < (self.lost + self.missed).bit_length()
@@ -171,10 +172,12 @@ class Recorder(SmartTireNode[NoParams]):
         type_name = self._type_of(name, [info.topic_type for info in published])
         publishers = [info for info in published if info.topic_type == type_name]
         found = {bytes(info.endpoint_gid) for info in publishers}
+        only = min(found) if len(found) == 1 else None
         if self.steady_ns() < self._initial_until_ns:
             self._initial_publishers.update(found)
-        elif name in self._gaps:  # by now, those that existed before are discovered
-            self._gaps[name].only_publisher = min(found) if len(found) == 1 else None
+            only = None  # others may have existed before that are not discovered yet
+        if name in self._gaps:
+            self._gaps[name].only_publisher = only
         if not publishers or not is_installed(type_name):
             return
         offers = [info.qos_profile for info in publishers]
@@ -193,6 +196,7 @@ class Recorder(SmartTireNode[NoParams]):
         callback = with_info(self._write_callback(channel, requested))
         self._recorded[name] = type_name, requested, self.create_subscription(
             message_class(type_name), name, callback, requested, raw=True)
+        self._gaps[name].only_publisher = only
 
     def _type_of(self, name: str, published: list[str]) -> str:
         """Return the type to record: that of the recorded messages, or the one found last."""

@@ -134,7 +134,7 @@ def test_a_number_that_continues_no_sequence_is_another_publisher(numbers, publi
 
 
 @given(st.integers(1, 5000), st.integers(1, 5000), st.lists(st.sampled_from('ab')))
-def test_a_publisher_that_sends_again_after_another_one_is_told_apart(first, second, before):
+def test_a_publisher_that_sends_again_after_another_one_is_distinguished(first, second, before):
     tracker = SequenceTracker()
     numbers = {'a': itertools.count(first), 'b': itertools.count(second)}
     indices = [tracker.publisher(next(numbers[one])) for one in (*before, 'a', 'b', 'a')]

@@ -81,7 +81,7 @@ def test_first_messages_count_as_missed_for_new_publishers_only():
 
 
 def test_losses_of_unknown_publishers_are_counted_while_there_is_one():
-    gaps = SequenceGaps(initial_publishers=())
+    gaps = SequenceGaps(initial_publishers=(b'1',))
     assert not gaps.count(info(None))
     assert not gaps.count(info(None, publisher=None))
     for number in (1, 9):  # of any publisher
@@ -95,6 +95,10 @@ def test_losses_of_unknown_publishers_are_counted_while_there_is_one():
     assert [gaps.count(info(number, publisher=None)) for number in (3, 4, 6)] == [
         False, False, False]
     assert (gaps.lost, gaps.missed) == (3, 0)
+    new = SequenceGaps(initial_publishers=())
+    new.only_publisher = b'3'
+    assert new.count(info(5, publisher=None))
+    assert (new.lost, new.missed) == (0, 4)
 
 
 @pytest.fixture

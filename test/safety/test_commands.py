@@ -289,7 +289,7 @@ def test_a_second_publisher_stops_the_wheels_until_it_is_silent(robot, topic, kn
     yield from stay_stopped(robot, 1.0)
     assert any(f'2 publishers on {topic}' in reason for reason in robot.rejected)
     sending[0] = False
-    del robot.sent[topic][STRANGER]  # ended: nothing else tells that it is silent
+    del robot.sent[topic][STRANGER]  # ended
     yield 1.3
     yield from robot.until(lambda: robot.output.gate.enabled)
     yield from driven(robot)

@@ -431,13 +431,13 @@ class VirtualRobot(VirtualDriver):
                     if (name, index) == (topic, number) and self._fault_ns is not None)
         sent_ns, (reader, check) = self.clock.time_ns(), self._checks[topic]
         self.sent[topic][sender] += 1
-        tells: dict[str, Any] = {
+        reported: dict[str, Any] = {
             'publisher': {'publisher': sender.encode()},
             'number': {'number': self.sent[topic][sender]}, 'nothing': {}}[conditions.known]
 
         def receive() -> None:
             now_ns, wall_ns = self.clock.now_ns(), self.clock.time_ns()
-            info = MessageInfo(sent_ns, wall_ns, **tells)
+            info = MessageInfo(sent_ns, wall_ns, **reported)
             try:
                 check.receive(valid(sample), info, now_ns, wall_ns=wall_ns,
                               stamp_ns=wall_ns)
