@@ -53,13 +53,14 @@ class SequenceGaps:
     ``missed`` counts the messages that publishers sent before they matched the subscription, for
     publishers not in ``initial_publishers`` (None: not counted). Losses after the last received
     message are not detected. Messages that do not identify their publisher (before Kilted) are of
-    the ``only_publisher``, and not counted while there are several; those that its successor sent
-    before it was discovered are not ``missed``.
+    the ``only_publisher``; their losses are not counted while it is None or other publishers are
+    not ``discovered``. Those that its successor sent before it was found are not ``missed``.
     """
 
     def __init__(self, initial_publishers: Container[bytes] | None = None) -> None:
         self.lost = self.missed = 0
         self.only_publisher: bytes | None = None
+        self.discovered = False  # whether there is no other that has existed for long
         self._initial_publishers = initial_publishers
         self._last: dict[bytes, int] = {}  # publisher -> latest sequence number
 
@@ -70,7 +71,8 @@ class SequenceGaps:
             return False
         before, last = self.lost + self.missed, self._last.get(publisher)
         if last is not None:
-            self.lost += max(0, number - last - 1)
+            if info.publisher is not None or self.discovered:
+                self.lost += max(0, number - last - 1)
         elif (self._initial_publishers is not None and publisher not in self._initial_publishers
               and (info.publisher is not None or not self._last)):
             self.missed += number - 1
@@ -172,16 +174,17 @@ class Recorder(SmartTireNode[NoParams]):
         type_name = self._type_of(name, [info.topic_type for info in published])
         publishers = [info for info in published if info.topic_type == type_name]
         found = {bytes(info.endpoint_gid) for info in publishers}
-        only = min(found) if len(found) == 1 else None
-        if self.steady_ns() < self._initial_until_ns:
+        if is_starting := self.steady_ns() < self._initial_until_ns:
             self._initial_publishers.update(found)
-            only = None  # others may have existed before that are not discovered yet
-        if name in self._gaps:
-            self._gaps[name].only_publisher = only
         if not publishers or not is_installed(type_name):
             return
         offers = [info.qos_profile for info in publishers]
         requested = matching_qos(name, offers)
+        latched = requested.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        gaps = self._gaps.setdefault(
+            name, SequenceGaps(None if latched else self._initial_publishers))
+        gaps.only_publisher = min(found) if len(found) == 1 else None
+        gaps.discovered = not is_starting
         if name in self._recorded:
             present, profile, subscription = self._recorded[name]
             if present == type_name and not requests_less(requested, profile):
@@ -193,10 +196,9 @@ class Recorder(SmartTireNode[NoParams]):
         else:
             self.get_logger().info(f'recording {name}')
         channel = channel_of(name, type_name, tuple(map(recorded_qos, offers)))
-        callback = with_info(self._write_callback(channel, requested))
+        callback = with_info(self._write_callback(channel, gaps))
         self._recorded[name] = type_name, requested, self.create_subscription(
             message_class(type_name), name, callback, requested, raw=True)
-        self._gaps[name].only_publisher = only
 
     def _type_of(self, name: str, published: list[str]) -> str:
         """Return the type to record: that of the recorded messages, or the one found last."""
@@ -213,11 +215,8 @@ class Recorder(SmartTireNode[NoParams]):
         return type_name
 
     def _write_callback(self, channel: Channel,
-                        profile: QoSProfile) -> Callable[[Any, MessageInfo], None]:
+                        gaps: SequenceGaps) -> Callable[[Any, MessageInfo], None]:
         name = channel.topic
-        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        gaps = self._gaps.setdefault(
-            name, SequenceGaps(None if latched else self._initial_publishers))
         add_topic, write, now_ns = self._writer.add_topic, self._writer.write, time.time_ns
 
         def on_message(data: bytes, info: MessageInfo) -> None:

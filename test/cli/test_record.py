@@ -131,6 +131,8 @@ def everything(tmp_path_factory, isolated_ros):
             idle.publish(TwistStamped())
             robot.until_stored(bag, 'cmd_vel', lambda: twists.publish(Twist()))
             robot.until_stored(bag, 'flood', lambda: robot.send(flood))
+            wait_for(lambda: count(bag, 'diagnostics') >= 4)  # one per second: what it finds in
+            # the first two seconds may be older than itself
 
             def overrun() -> None:
                 with stopped(recorder):
@@ -140,8 +142,6 @@ def everything(tmp_path_factory, isolated_ros):
 
             wait_for(lambda: GAP.search(recorder.output), overrun)
             wait_for(lambda: count(bag, 'path'))
-            wait_for(lambda: count(bag, 'diagnostics') >= 4)  # one per second: what it finds in
-            # the first two seconds may be older than itself
             with stopped(recorder):
                 early = robot.publisher(Int64, 'early')
                 robot.send(early, 500)
