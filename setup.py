@@ -66,9 +66,11 @@ setup(
                             'py.typed']},
     ext_modules=[
         # without fused multiply-add, results are those of Python on every processor; with symbols
-        # for debuggers the files are five times as large
+        # for debuggers the files are five times as large; what Cython writes leaves a tuple
+        # uninitialized where it returns an error
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
-                  extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable'])
+                  extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable',
+                                      '-Wno-maybe-uninitialized'])
         for path in COMPILED],
     cmdclass={'build_ext': BuildFromPython},
     data_files=[
