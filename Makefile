@@ -161,7 +161,8 @@ check: test current site
 	$(BIN)/python -m benchmarks.control --quick --force --out bench_output/check/control
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml config/security/policy.xml urdf/smart_tire.urdf docs/topics.md
+GENERATED := config/*.yaml config/security/policy.xml urdf/smart_tire.urdf docs/topics.md \
+	smart_tire_msgs/msg/*.msg
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
@@ -192,7 +193,7 @@ demo-loaded: $(READY)
 config: $(READY)
 	$(BIN)/python docs/config_files.py config
 	$(BIN)/python docs/rosbag2_qos.py config/rosbag2_qos.yaml
-	$(BIN)/python docs/security_policy.py config/security/policy.xml
+	$(BIN)/smart_tire policy > config/security/policy.xml
 	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 
 docs: $(READY)

@@ -78,6 +78,7 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
         (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{PACKAGE}/config/platforms', sorted(glob('config/platforms/*'))),
         (f'share/{PACKAGE}/config/view', sorted(glob('config/view/*'))),
         (f'share/{PACKAGE}/config/security', sorted(glob('config/security/*'))),
         (f'share/{PACKAGE}/urdf', sorted(glob('urdf/*.urdf'))),

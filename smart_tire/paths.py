@@ -16,9 +16,12 @@ A bag may be given by a folder that contains it, such as ``demo_output``.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from pathlib import Path
+import stat
+from typing import BinaryIO
 
 from smart_tire.errors import BagError, ParameterError
 
@@ -44,8 +47,51 @@ def port_url(port: str, namespace: str, device: str = '') -> str:
     if name == port or '/' in name:
         return port
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
-    folder = Path(f'/tmp/smart_tire-{os.getuid()}', domain, namespace.strip('/'))
-    return f'{SIMULATED}{folder / name}'
+    return f'{SIMULATED}{runtime_folder() / domain / namespace.strip("/") / name}'
+
+
+def runtime_folder() -> Path:
+    """
+    Return the folder of this user's simulated ports.
+
+    It is in ``XDG_RUNTIME_DIR``, if that is a folder of this user only, otherwise in ``/tmp``.
+    """
+    given = os.environ.get('XDG_RUNTIME_DIR', '')
+    if os.path.isabs(given) and os.path.isdir(given):
+        found = os.stat(given)
+        if found.st_uid == os.getuid() and not found.st_mode & 0o077:
+            return Path(given, 'smart_tire')
+    return Path(f'/tmp/smart_tire-{os.getuid()}')
+
+
+def make_runtime_folder() -> None:
+    """Create ``runtime_folder``; raise OSError if another user has, or can write to it."""
+    folder = runtime_folder()
+    try:
+        folder.mkdir(mode=0o700)
+    except FileExistsError:
+        found = folder.lstat()
+        if (not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid()
+                or found.st_mode & 0o022):
+            raise PermissionError(
+                f'{folder} is not a folder that only user {os.getuid()} can write to') from None
+        folder.chmod(0o700)
+
+
+def open_lock(link: str, flags: int) -> int:
+    """
+    Return a descriptor of the lock file of ``link``, of which the simulator holds the lock.
+
+    Raises OSError if it is a link, or not a file of this user alone: others may write to folders
+    such as ``/tmp``.
+    """
+    path = link + LOCK_SUFFIX
+    lock = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o600)
+    found = os.fstat(lock)
+    if stat.S_ISREG(found.st_mode) and found.st_uid == os.getuid() and found.st_nlink == 1:
+        return lock
+    os.close(lock)
+    raise PermissionError(f'{path} is not a file of user {os.getuid()} alone')
 
 
 def owned_terminal(link: str) -> str:
@@ -56,7 +102,7 @@ def owned_terminal(link: str) -> str:
     that was left behind may lead to a terminal that is another program's by now.
     """
     try:
-        lock = os.open(link + LOCK_SUFFIX, os.O_RDONLY)
+        lock = open_lock(link, os.O_RDONLY)
     except OSError:
         return ''
     try:
@@ -99,14 +145,45 @@ def is_bag(folder: Path) -> bool:
         child.name.endswith(BAG_SUFFIXES) and child.is_file() for child in folder.iterdir())
 
 
+def open_file(path: str | Path) -> BinaryIO:
+    """
+    Open a regular file for reading; raise OSError if it cannot be read, and for anything else.
+
+    A FIFO would wait for a writer, a terminal or /dev/zero never end, and opening a serial port
+    resets the device behind it.
+    """
+    _check_regular(os.stat(path))
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        _check_regular(os.fstat(descriptor))  # it may have been replaced
+    except OSError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, 'rb')
+
+
+def _check_regular(found: os.stat_result) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, 'not a regular file')
+
+
+def read_file(path: str | Path, max_size: int) -> bytes:
+    """Return the content of a regular file; raise OSError if that is above ``max_size`` bytes."""
+    with open_file(path) as file:
+        data = file.read(max_size + 1)
+    if len(data) > max_size:
+        raise OSError(errno.EFBIG, f'more than {max_size} bytes')
+    return data
+
+
 def check_file(path: Path) -> None:
-    """Raise ParameterError unless ``path`` is a file that can be read."""
-    if not path.exists():
-        raise ParameterError(f'{path}: no such file')
-    if path.is_dir():
-        raise ParameterError(f'{path} is a folder, expected a file')
-    if not os.access(path, os.R_OK):
-        raise ParameterError(f'{path}: cannot be read (permission denied)')
+    """Raise ParameterError unless ``path`` is a regular file that can be read."""
+    try:
+        open_file(path).close()
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
 
 
 def check_writable(path: Path) -> None:

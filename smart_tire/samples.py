@@ -35,6 +35,9 @@ GRAVITY = 9.80665  # m/s2, standard acceleration of free fall (ISO 80000-3)
 MAX_WHEEL_SPEED = 1e3     # rad/s, 10 000 rpm; 87 m/s with the wheels of paper B
 MAX_SPECIFIC_FORCE = 1e3  # m/s2, 100 g; IMUs of robots measure up to 16 g
 MAX_SPEED = 1e2           # m/s, of a ground vehicle
+MAX_POSITION = 1e7        # m, of a pose; northings of UTM are below
+MAX_WHEEL_ANGLE = 1e9     # rad; a wheel of paper B after a way of 87 000 km
+MAX_WHEEL_TORQUE = 1e5    # N m
 MAX_ANGULAR_RATE = 1e2    # rad/s; gyroscopes of robots measure up to 35 rad/s (2000 deg/s)
 
 Vector3 = tuple[float, float, float]
@@ -79,6 +82,23 @@ class TireSample:
     stamp_ns: int              # time of the conversion
     wheel: str                 # one of WHEELS
     volts: tuple[float, ...]   # V, one per film; rolling forward, film 1 enters the patch first
+
+
+@dataclass(frozen=True, slots=True)
+class TireSamples:
+    """Consecutive A/D conversions of the films of one wheel: a radio batch."""
+
+    stamp_ns: int    # time of the first conversion
+    wheel: str       # one of WHEELS
+    period_ns: int   # between two conversions
+    volts: tuple[tuple[float, ...], ...]  # V, conversions x films
+    saturated: bool  # whether a conversion is at a limit of the converter
+
+    @property
+    def samples(self) -> list[TireSample]:
+        """Return the conversions."""
+        return [TireSample(self.stamp_ns + index * self.period_ns, self.wheel, volts)
+                for index, volts in enumerate(self.volts)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +257,6 @@ GROUND_ESTIMATES = ('stiffness', *(one.name for one in fields(GroundState)
                                    if one.default is UNKNOWN))
 
 
-Sample = (ImuSample | WheelSample | TireSample | BatterySample | VelocityCommand | WheelCommand
-          | MotorCommand | PlannedPath | GoalPose | PathProgress | Odometry | WheelSlip | Icr
-          | GroundState | Friction)
+Sample = (ImuSample | WheelSample | TireSample | TireSamples | BatterySample | VelocityCommand
+          | WheelCommand | MotorCommand | PlannedPath | GoalPose | PathProgress | Odometry
+          | WheelSlip | Icr | GroundState | Friction)

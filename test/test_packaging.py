@@ -103,6 +103,8 @@ def test_there_is_one_version(setup_arguments):
     changes = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
     version = MANIFEST.findtext('version')
     assert setup_arguments['version'] == version == smart_tire.__version__
+    messages = ElementTree.parse(ROOT / 'smart_tire_msgs' / 'package.xml')
+    assert messages.findtext('version') == version
     assert 'Forthcoming\n-----------\n' in changes or f'\n{version} (' in changes
 
 
@@ -151,7 +153,8 @@ def test_marker_manifest_launch_files_parameters_views_and_urdf_are_installed(se
     assert installed == {
         'share/ament_index/resource_index/packages/smart_tire', f'{share}/package.xml',
         *(f'{share}/{path.relative_to(ROOT)}' for pattern in (
-            'launch/*.py', 'config/*.yaml', 'config/view/*', 'config/security/*', 'urdf/*')
+            'launch/*.py', 'config/*.yaml', 'config/platforms/*', 'config/view/*',
+            'config/security/*', 'urdf/*')
           for path in ROOT.glob(pattern))}
     assert (ROOT / 'resource' / 'smart_tire').is_file()
 

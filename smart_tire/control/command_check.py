@@ -29,7 +29,7 @@ class StallDetector:
 
     Their DDS reception time is the time at which the process resumed, as if they had just
     arrived, or later, if the transport repeats them. Call ``tick`` more often than every
-    ``MIN_STALL_NS``. Times are nanoseconds of one steady clock.
+    ``MIN_STALL_NS``, or the shortest stall that counts. Times are nanoseconds of one steady clock.
     """
 
     def __init__(self, now_ns: int) -> None:
@@ -37,12 +37,13 @@ class StallDetector:
         self._resumed_ns: int | None = None
         self.stalls = 0
 
-    def tick(self, now_ns: int) -> None:
-        """Record that the process is running."""
-        if now_ns - self._ticked_ns > c.MIN_STALL_NS:
+    def tick(self, now_ns: int, shortest_ns: int = 0) -> None:
+        """Record that the process is running, after a stall if it is long enough."""
+        if now_ns - self._ticked_ns > max(shortest_ns, c.MIN_STALL_NS):
             if self._ticked_ns >= self._drained_ns:  # otherwise still the backlog of the last one
                 self._stalled_ns = self._ticked_ns
-            self._resumed_ns, self._drained_ns = now_ns, 2 * now_ns - self._stalled_ns
+            self._resumed_ns = now_ns
+            self._drained_ns = 2 * now_ns - self._stalled_ns + c.REPAIR_NS
             self.stalls += 1
         self._ticked_ns = now_ns
 
@@ -61,7 +62,7 @@ class StallDetector:
         Return for how long a message handled then may have been queued [ns], at most.
 
         For messages without reception time: what a stall has left is handled within a time as long
-        as the stall.
+        as the stall, and what it has lost is repeated within ``REPAIR_NS``.
         """
         return received_ns - self._stalled_ns if received_ns < self._drained_ns else 0
 

@@ -47,10 +47,6 @@ class PublisherMonitor:
         """Record a message of ``publisher``."""
         self._latest_ns[publisher] = now_ns
 
-    def forget(self) -> None:
-        """Forget all publishers."""
-        self._latest_ns.clear()
-
     def conflicting(self, now_ns: int) -> list[Hashable]:
         """Return the active publishers if there are several, otherwise an empty list."""
         self._latest_ns = {publisher: latest_ns for publisher, latest_ns in self._latest_ns.items()
@@ -91,16 +87,15 @@ class PublisherCheck:
     """
     Names the publishers that send on the topic ``name`` within ``window`` [s], if several.
 
-    ``existing`` returns the nodes of those in the graph. For an action, ``kind`` is that of its
-    clients. All that exist count as senders of a message of which nothing is known.
+    ``existing`` returns the nodes of those in the graph. All of them count as senders of a message
+    of which nothing is known.
     """
 
-    def __init__(self, name: str, window: float, existing: Callable[[], Mapping[Hashable, str]],
-                 kind: str = 'publishers on') -> None:
-        self._name, self._existing, self._kind = name, existing, kind
+    def __init__(self, name: str, window: float,
+                 existing: Callable[[], Mapping[Hashable, str]]) -> None:
+        self._name, self._existing = name, existing
         self._monitor = PublisherMonitor(round(window * NS_PER_S))
         self._sequences = SequenceTracker()
-        self._latest: tuple[Hashable, ...] = ()
 
     def record(self, sender: Hashable, now_ns: int, *, by_node: bool = False) -> str:
         """
@@ -109,8 +104,8 @@ class PublisherCheck:
         With ``by_node``, publishers of one node count once, and those that have ended do not. The
         sender of this message has not ended, even if it is not discovered yet.
         """
-        self._latest = tuple(self._existing()) if sender is None else (sender,)
-        self.renew(now_ns)
+        for publisher in self._existing() if sender is None else (sender,):
+            self._monitor.record(publisher, now_ns)
         if not (publishers := self._monitor.conflicting(now_ns)):
             return ''
         existing = self._existing()
@@ -120,17 +115,7 @@ class PublisherCheck:
         if by_node:
             names = sorted({*names})
             count = len(names)
-        return f'{count} {self._kind} {self._name}: {", ".join(names)}' if count > 1 else ''
-
-    def renew(self, now_ns: int) -> None:
-        """Record that what the latest sender has sent is still in force."""
-        for sender in self._latest:
-            self._monitor.record(sender, now_ns)
-
-    def forget(self) -> None:
-        """Forget all senders and their sequence numbers: what they have sent is done."""
-        self._monitor.forget()
-        self._sequences = SequenceTracker()
+        return f'{count} publishers on {self._name}: {", ".join(names)}' if count > 1 else ''
 
     def conflicting(self, now_ns: int) -> bool:
         """Return whether several publishers are active."""

@@ -29,11 +29,14 @@ from types import SimpleNamespace
 from typing import Any
 
 from smart_tire.errors import MessageError
+from smart_tire.messages.header import MAX_NAME_LENGTH, MAX_NAMES
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE
 from smart_tire.samples import NS_PER_S
 
 BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}  # CDR_BE, CDR_LE
 HEADER_SIZE = 4  # bytes: encapsulation identifier and options
+# bytes: names with length and end, in UTF-8, three numbers for each, and the rest of any type
+MAX_SIZE = MAX_NAMES * (4 * MAX_NAME_LENGTH + 8 + 3 * 8) + 2048
 
 # Attributes in the order of their bytes, each with its kind: a time stamp, a string, a sequence of
 # strings or of doubles, the number of doubles of an array, or the names of the doubles in a part.
@@ -212,7 +215,13 @@ class Decoder:
         self._layouts: dict[int, list[Layout]] = {}  # by size of the message
 
     def __call__(self, data: bytes) -> Any:
-        """Return the message in ``data``, valid until the next call."""
+        """
+        Return the message in ``data``, valid until the next call.
+
+        Raises MessageError for more bytes than a message with the most names has.
+        """
+        if len(data) > MAX_SIZE:
+            raise MessageError(f'{self._type}: {len(data)} bytes, expected at most {MAX_SIZE}')
         for layout in self._layouts.get(len(data), ()):
             if (msg := layout.read(data)) is not None:
                 return msg

@@ -20,6 +20,8 @@ from typing import Any, cast, TypeVar
 from smart_tire.errors import MessageError
 from smart_tire.samples import NS_PER_S, WHEELS
 
+MAX_NAMES = 64         # of a JointState: a humanoid robot has some 40 joints
+MAX_NAME_LENGTH = 255  # characters, as of the names of ROS
 Numbers = TypeVar('Numbers', bound=Sequence[float])
 
 
@@ -44,6 +46,25 @@ def set_joints(msg: Any, stamp_ns: int, frame: str, names: Sequence[str],
     for field, numbers in fields.items():
         setattr(msg, field, numbers)
     return msg
+
+
+def checked_frame(frame: str, topic: str) -> str:
+    """Return the name of a frame; raise MessageError if it is too long to be kept."""
+    if len(frame) > MAX_NAME_LENGTH:
+        raise MessageError(f'{topic}: a frame_id of {len(frame)} characters, expected at most '
+                           f'{MAX_NAME_LENGTH}')
+    return frame
+
+
+def names_of(msg: Any, topic: str) -> tuple[str, ...]:
+    """Return the names in a JointState; raise MessageError if they are too many or too long."""
+    names = tuple(msg.name)
+    if len(names) > MAX_NAMES:
+        raise MessageError(f'{topic}: {len(names)} names, expected at most {MAX_NAMES}')
+    if names and (longest := max(map(len, names))) > MAX_NAME_LENGTH:
+        raise MessageError(f'{topic}: a name of {longest} characters, expected at most '
+                           f'{MAX_NAME_LENGTH}')
+    return names
 
 
 def wheel_of(msg: Any, topic: str) -> str:

@@ -18,22 +18,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import isfinite, isinf, isnan
+from math import inf, isfinite, isinf, isnan
 from typing import Any, cast
 
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
-    bounded, finite, not_finite_error, set_joints, stamp_of, wheel_of)
+    bounded, finite, names_of, not_finite_error, set_joints, stamp_of, wheel_of)
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE, wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
-    Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_WHEEL_SPEED,
-    MotorCommand, NAN, TireSample, WheelCommand, WHEELS, WheelSample, WheelSlip)
-from smart_tire.uncertain import Uncertain
+    Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_WHEEL_ANGLE,
+    MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN, TireSample, WheelCommand, WHEELS,
+    WheelSample, WheelSlip)
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
 GROUND_CORRELATION = 'stiffness_friction_correlation'
-GROUND_QUANTITIES = *GROUND_ESTIMATES, GROUND_CORRELATION
+# Far beyond any tire, ground and robot; the squares and products of filters are finite.
+GROUND_RANGES = {
+    'stiffness': (1e-2, 1e8), 'friction_coefficient': (1e-4, 10.0),  # N, -
+    'rolling_resistance': (-1.0, 1.0), 'lateral_share': (-10.0, 10.0),
+    'lateral_stiffness_ratio': (1e-3, 1e3),
+    'center_of_mass_x': (-100.0, 100.0), 'center_of_mass_y': (-100.0, 100.0),  # m
+    GROUND_CORRELATION: (-1.0, 1.0)}
+GROUND_QUANTITIES = tuple(GROUND_RANGES)
 
 
 def _values(msg: Any, field: str, topic: str) -> list[float]:
@@ -55,7 +63,7 @@ def _wheel_indices(names: tuple[str, ...], topic: str) -> tuple[int, int, int, i
 
 
 def _four(msg: Any, field: str, topic: str) -> Four:
-    a, b, c, d = _wheel_indices(tuple(msg.name), topic)
+    a, b, c, d = _wheel_indices(names_of(msg, topic), topic)
     values = _values(msg, field, topic)
     return values[a], values[b], values[c], values[d]
 
@@ -69,7 +77,7 @@ def wheels_from_msg(msg: Any, topic: str = 'wheel_states', joints: JointParams =
     OtherJointsError if the message has none of the wheels. With ``recognize``, the default
     ``joints`` also match other unambiguous names.
     """
-    layout = wheel_layout(tuple(msg.name), joints, topic, recognize=recognize)
+    layout = wheel_layout(names_of(msg, topic), joints, topic, recognize=recognize)
     velocity = _wheel_values(msg, 'velocity', layout.signs, layout, topic)
     finite(topic, 'velocity', _measured(velocity, layout))
     bounded(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
@@ -97,7 +105,7 @@ def _positions(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     measured = _measured(angles, layout)
     if any(map(isnan, measured)):
         return None
-    finite(topic, 'position', measured)
+    bounded(topic, 'position', finite(topic, 'position', measured), MAX_WHEEL_ANGLE, 'rad')
     return angles
 
 
@@ -108,6 +116,7 @@ def _torques(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     torques = _wheel_values(msg, 'effort', layout.torque_factors, layout, topic)
     if any(map(isinf, torques)):
         raise not_finite_error(topic, 'effort', torques)
+    bounded(topic, 'effort', torques, MAX_WHEEL_TORQUE, 'N m')
     return None if all(map(isnan, torques)) else torques
 
 
@@ -124,7 +133,7 @@ def film_names(wheel: str, count: int) -> tuple[str, ...]:
 
 
 @lru_cache(LAYOUT_CACHE_SIZE)
-def _film_indices(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
+def film_indices(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
     ours = [name for name in names if name.startswith(f'{wheel}_pvdf_')]
     if not ours or sorted(ours) != sorted(film_names(wheel, len(ours))):
         raise MessageError(f'tire_samples: name is {list(names)}, '
@@ -135,8 +144,9 @@ def _film_indices(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
 def tire_from_msg(msg: Any) -> TireSample:
     """Return the sample in a JointState."""
     wheel = wheel_of(msg, 'tire_samples')
+    indices = film_indices(names_of(msg, 'tire_samples'), wheel)
     values = _values(msg, 'position', 'tire_samples')
-    volts = tuple([values[index] for index in _film_indices(tuple(msg.name), wheel)])
+    volts = tuple([values[index] for index in indices])
     return TireSample(stamp_of(msg), wheel, finite('tire_samples', 'position', volts))
 
 
@@ -170,18 +180,29 @@ def ground_state_from_msg(msg: Any) -> GroundState:
 
     Missing quantities except the stiffness are unknown, others are ignored.
     """
-    names = list(msg.name)
+    names = names_of(msg, 'ground_state')
     if names.count('stiffness') != 1 or any(names.count(name) > 1 for name in GROUND_QUANTITIES):
-        raise MessageError(f'ground_state: name is {names}, expected stiffness and others once')
+        raise MessageError(f'ground_state: name is {list(names)}, '
+                           'expected stiffness and others once')
     values, sigmas = (dict(zip(names, _values(msg, field, 'ground_state')))
                       for field in ('position', 'effort'))
-    if any(isnan(sigma) for name, sigma in sigmas.items() if name in GROUND_QUANTITIES):
-        raise MessageError(f'ground_state: effort is {list(sigmas.values())}, '
-                           'expected a sigma for each name')
-    return GroundState(
-        stamp_of(msg), stiffness_friction_correlation=values.get(GROUND_CORRELATION, 0.0),
-        **{name: Uncertain(values[name], sigmas[name])
-           for name in GROUND_ESTIMATES if name in values})
+    found = {name: _ground_estimate(name, values[name], sigmas[name])
+             for name in GROUND_RANGES if name in values}
+    correlation = found.pop(GROUND_CORRELATION, UNKNOWN).value
+    return GroundState(stamp_of(msg), **found, stiffness_friction_correlation=(
+        0.0 if isnan(correlation) else correlation))
+
+
+def _ground_estimate(name: str, value: float, sigma: float) -> Uncertain:
+    """Return an estimate, which may be NaN or of infinite sigma; else it must be in its range."""
+    low, high = GROUND_RANGES[name]
+    if value < low or value > high:
+        raise MessageError(f'ground_state: position of {name} is {value:g}, '
+                           f'expected {low:g} to {high:g}')
+    if not 0.0 <= sigma <= high and sigma != inf:
+        raise MessageError(f'ground_state: effort of {name} is {sigma:g}, expected a sigma of 0 '
+                           f'to {high:g}, or inf')
+    return Uncertain(value, sigma)
 
 
 def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
@@ -199,11 +220,12 @@ def _set_quantities(msg: Any, stamp_ns: int, frame: str, names: Sequence[str],
 
 def friction_from_msg(msg: Any, topic: str = 'tire_friction') -> Friction:
     """Return the friction in a JointState; missing quantities are NaN with infinite sigma."""
+    names = names_of(msg, topic)
     values, sigmas = _values(msg, 'position', topic), _values(msg, 'effort', topic)
     quantities = {name: Uncertain(value, sigma)
-                  for name, value, sigma in zip(msg.name, values, sigmas) if name in QUANTITIES}
-    if QUANTITIES.isdisjoint(msg.name):
-        raise MessageError(f'{topic}: name is {list(msg.name)}, '
+                  for name, value, sigma in zip(names, values, sigmas) if name in QUANTITIES}
+    if QUANTITIES.isdisjoint(names):
+        raise MessageError(f'{topic}: name is {list(names)}, '
                            f'expected {FRICTION_QUANTITIES[0]} and others')
     return Friction(stamp_of(msg), wheel_of(msg, topic), **quantities)
 

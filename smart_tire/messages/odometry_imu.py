@@ -19,8 +19,8 @@ from typing import Any
 from smart_tire.messages.header import (
     bounded, finite, not_finite_error, set_header, stamp_of, wheel_of)
 from smart_tire.samples import (
-    BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_SPEED, Odometry,
-    Vector3, VelocityCommand)
+    BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_POSITION, MAX_SPECIFIC_FORCE, MAX_SPEED,
+    Odometry, Vector3, VelocityCommand)
 
 NOT_MEASURED = -1.0  # first element of a covariance if the quantity is not measured (REP-145)
 NOT_MEASURED_COVARIANCE = (NOT_MEASURED, *[0.0] * 8)
@@ -44,6 +44,12 @@ def _covariance(matrix: Any, field: str, topic: str) -> tuple[float, ...]:
     if len(numbers) != 36 or not all(map(isfinite, numbers)):
         raise not_finite_error(topic, field, numbers)
     return numbers
+
+
+def _isotropic(sigma: float) -> tuple[float, ...]:
+    """Return the covariance (9 numbers) of a vector with ``sigma`` on each axis."""
+    variance = sigma ** 2
+    return (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
 
 
 def _set_vector(target: Any, values: Sequence[float]) -> None:
@@ -73,13 +79,21 @@ def _orientation(msg: Any) -> tuple[float, float, float, float] | None:
     return finite('imu/data', 'orientation', xyzw)
 
 
-def imu_to_msg(msg: Any, sample: ImuSample) -> Any:
-    """Write ``sample`` into an Imu and return it."""
+def imu_to_msg(msg: Any, sample: ImuSample, gyro_noise: float = 0.0, accel_noise: float = 0.0
+               ) -> Any:
+    """
+    Write ``sample`` into an Imu and return it.
+
+    ``gyro_noise`` [rad/s] and ``accel_noise`` [m/s2] are the standard deviations of the noise of
+    one sample, on each axis; 0 is unknown (REP-145). A bias is no noise: it is not part of them.
+    """
     set_header(msg, sample.stamp_ns, 'imu_link')
     _set_vector(msg.linear_acceleration, sample.acceleration)
     _set_vector(msg.angular_velocity, sample.rate)
     msg.orientation_covariance = (
         NOT_MEASURED_COVARIANCE if sample.orientation is None else UNKNOWN_COVARIANCE)
+    msg.angular_velocity_covariance = _isotropic(gyro_noise)
+    msg.linear_acceleration_covariance = _isotropic(accel_noise)
     _set_quaternion(msg.orientation, sample.orientation or (0.0, 0.0, 0.0, 1.0))
     return msg
 
@@ -88,10 +102,11 @@ def odometry_from_msg(msg: Any, topic: str = 'odom') -> Odometry:
     """Return the pose and twist in an Odometry."""
     pose, twist = msg.pose.pose, msg.twist.twist
     return Odometry(
-        stamp_of(msg), _vector(pose.position, 'pose.pose.position', topic),
+        stamp_of(msg),
+        _bounded_vector(topic, 'pose.pose.position', pose.position, MAX_POSITION, 'm'),
         _quaternion(pose.orientation, 'pose.pose.orientation', topic),
-        _vector(twist.linear, 'twist.twist.linear', topic),
-        _vector(twist.angular, 'twist.twist.angular', topic),
+        _bounded_vector(topic, 'twist.twist.linear', twist.linear, MAX_SPEED, 'm/s'),
+        _bounded_vector(topic, 'twist.twist.angular', twist.angular, MAX_ANGULAR_RATE, 'rad/s'),
         _covariance(msg.pose.covariance, 'pose.covariance', topic),
         _covariance(msg.twist.covariance, 'twist.covariance', topic))
 

@@ -26,8 +26,9 @@ from typing import Any
 
 from smart_tire.errors import MessageError
 from smart_tire.messages.cdr import CdrReader
-from smart_tire.messages.header import finite, not_finite_error, set_header, set_joints, stamp_of
-from smart_tire.samples import GoalPose, NAN, PathProgress, PlannedPath, Vector3
+from smart_tire.messages.header import (
+    bounded, checked_frame, finite, names_of, not_finite_error, set_header, set_joints, stamp_of)
+from smart_tire.samples import GoalPose, MAX_POSITION, NAN, PathProgress, PlannedPath, Vector3
 
 PROGRESS_NAMES = ('remaining_distance', 'cross_track_error', 'state')
 STATES = range(5)           # of ``path_progress``: idle, following, arrived, stopped, refused
@@ -37,7 +38,7 @@ MIN_COS_TILT = 0.98  # 11 degrees: paths are plane
 
 def path_from_msg(msg: Any) -> PlannedPath:
     """Return the path in a Path; the frame of each pose is that of the path, or empty."""
-    frame = msg.header.frame_id
+    frame = checked_frame(msg.header.frame_id, 'path')
     return PlannedPath(stamp_of(msg), frame, tuple(
         _pose_in(frame, item, index) for index, item in enumerate(msg.poses)))
 
@@ -59,7 +60,8 @@ def path_to_msg(msg: Any, sample: PlannedPath) -> Any:
 
 def goal_from_msg(msg: Any) -> GoalPose:
     """Return the goal in a PoseStamped."""
-    return GoalPose(stamp_of(msg), msg.header.frame_id, _pose(msg.pose, 'goal_pose', 'pose'))
+    return GoalPose(stamp_of(msg), checked_frame(msg.header.frame_id, 'goal_pose'),
+                    _pose(msg.pose, 'goal_pose', 'pose'))
 
 
 def goal_to_msg(msg: Any, sample: GoalPose) -> Any:
@@ -70,6 +72,8 @@ def goal_to_msg(msg: Any, sample: GoalPose) -> Any:
 def transform_from_msg(msg: Any) -> Vector3:
     """Return x, y [m] and yaw [rad] of a TransformStamped; yaw is NaN if its frame is tilted."""
     pose = SimpleNamespace(position=msg.transform.translation, orientation=msg.transform.rotation)
+    for frame in (msg.header.frame_id, msg.child_frame_id):
+        checked_frame(frame, 'transform')
     x, y, yaw = _pose(pose, f'transform of {msg.child_frame_id}', 'transform')
     rotation = pose.orientation
     cos_tilt = 1.0 - 2.0 * (rotation.x**2 + rotation.y**2)
@@ -78,13 +82,14 @@ def transform_from_msg(msg: Any) -> Vector3:
 
 def progress_from_msg(msg: Any) -> PathProgress:
     """Return the progress in a JointState; a distance may be NaN."""
-    numbers = dict(zip(msg.name, msg.position))
-    if any(list(msg.name).count(name) != 1 for name in PROGRESS_NAMES):
-        raise MessageError(f'path_progress: name is {list(msg.name)}, '
+    names = names_of(msg, 'path_progress')
+    numbers = dict(zip(names, msg.position))
+    if any(names.count(name) != 1 for name in PROGRESS_NAMES):
+        raise MessageError(f'path_progress: name is {list(names)}, '
                            f'expected each of {", ".join(PROGRESS_NAMES)} once')
-    if len(msg.position) != len(msg.name):
+    if len(msg.position) != len(names):
         raise MessageError(f'path_progress: position has {len(msg.position)} numbers, '
-                           f'expected one for each of {len(msg.name)} names')
+                           f'expected one for each of {len(names)} names')
     remaining, error, state = (float(numbers[name]) for name in PROGRESS_NAMES)
     if isinf(remaining) or isinf(error):
         raise not_finite_error('path_progress', 'position', msg.position)
@@ -101,8 +106,8 @@ def progress_to_msg(msg: Any, sample: PathProgress) -> Any:
 
 def _pose(pose: Any, topic: str, field: str) -> Vector3:
     """Return x, y and yaw of a Pose; yaw is NaN if the quaternion is all zero."""
-    position = finite(topic, f'{field}.position',
-                      (pose.position.x, pose.position.y, pose.position.z))
+    position = bounded(topic, f'{field}.position', finite(topic, f'{field}.position', (
+        pose.position.x, pose.position.y, pose.position.z)), MAX_POSITION, 'm')
     given = pose.orientation
     xyzw = given.x, given.y, given.z, given.w
     norm = hypot(*xyzw)

@@ -77,10 +77,10 @@ def has_matched(node: Node, topic: str) -> bool:
 
 
 def installed_class(type_name: str) -> type[Any] | None:
-    """Return the class of a message or action type; None if its package is not installed."""
+    """Return the class of a message or action type; None if it is not installed."""
     try:
         return message_class(type_name)
-    except ModuleNotFoundError:
+    except (ModuleNotFoundError, AttributeError):  # in a checkout, folders are empty packages
         return None
 
 
@@ -102,12 +102,6 @@ def publisher_names(node: Node, topic: str) -> dict[Hashable, str]:
     """Return endpoint identifier -> fully qualified node name of the publishers of ``topic``."""
     return {bytes(info.endpoint_gid): full_name(info)
             for info in node.get_publishers_info_by_topic(topic)}
-
-
-def action_clients(node: Node, action: str) -> dict[Hashable, str]:
-    """Return endpoint identifier -> fully qualified node name of the clients of ``action``."""
-    return {bytes(info.endpoint_gid): full_name(info) for info in
-            node.get_subscriptions_info_by_topic(f'{action}/_action/feedback')}
 
 
 def action_servers(node: Node, action: str) -> list[str]:

@@ -64,6 +64,11 @@ class EstimatorNode(SmartTireNode[Params]):
         self.estimator = self._new_estimator(self.params)
         self._has_estimates = False
 
+    def recover(self) -> None:
+        """Restart after an unforeseen error, which may have left a half of an update."""
+        self.get_logger().warning('restarted from the priors')
+        self.restart()
+
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
         """
@@ -121,7 +126,7 @@ class EstimatorNode(SmartTireNode[Params]):
         status.values.update({f'{name}.late_messages': count for name, count in late.items()})
         status.values.update(self.estimator.status())
         if new := status.new('late', total):
-            status.warn(f'{new} messages dropped: older than reorder_window')
+            status.warn(f'{new} messages dropped: older than reorder_window', by_host=True)
         self._fill_replay(status)
 
     def _fill_replay(self, status: Status) -> None:

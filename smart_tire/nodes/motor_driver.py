@@ -28,6 +28,7 @@ from smart_tire.nodes.driver import DriverNode
 from smart_tire.nodes.qos import latched
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import MotorDriverParams
+from smart_tire.samples import MotorCommand, STOPPED
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
@@ -56,6 +57,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     """
 
     device = 'motors'
+    polls = True
 
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)
@@ -87,6 +89,10 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         super().start()
         if self.params.start_stopped:
             self.get_logger().warning('emergency stop: latched at start, until released')
+
+    def recover(self) -> None:
+        """Stop the motors until the next command, after an unforeseen error in one."""
+        self._output.set_command(MotorCommand(0, STOPPED), self.steady_ns())
 
     def _on_emergency_stop(self, request: SetBool.Request,
                            response: SetBool.Response) -> SetBool.Response:

@@ -19,7 +19,7 @@ import math
 from typing import Any
 
 from smart_tire.control.command_check import check_age
-from smart_tire.errors import CommandError, LateCommandError, MessageError
+from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.messages import stamp_of, transform_from_msg
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import installed_class
@@ -66,12 +66,8 @@ class Transforms:
         """Remember the transforms in a message of the topic ``name``."""
         counter = self._node.inputs[name]
         for item in msg.transforms:
-            try:
-                self._add_one(item, static=name == '/tf_static')
-            except MessageError as error:
-                self._node.reject_input(name, counter, error)
-            else:
-                counter.accept(self._node.steady_ns())
+            self._node.guarded(name, counter, partial(
+                self._add_one, item, static=name == '/tf_static'))
 
     def _add_one(self, item: Any, *, static: bool) -> None:
         x, y, yaw = transform_from_msg(item)

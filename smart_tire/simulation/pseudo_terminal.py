@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import fcntl
 import os
+from pathlib import Path
 import select
 import termios
 import time
 import tty
 
 from smart_tire.errors import LinkError
-from smart_tire.paths import LOCK_SUFFIX, MAX_LOCK_BYTES
+from smart_tire.paths import make_runtime_folder, MAX_LOCK_BYTES, open_lock, runtime_folder
 
 MAX_READ_BYTES = 4096  # bytes per read
 LOCK_ATTEMPTS, LOCK_DELAY = 5, 0.02  # -, s; a driver needs microseconds
@@ -114,10 +115,12 @@ class PtyPort:
 
         An old link is replaced, but never another kind of file, nor the link of another port.
         """
+        if runtime_folder() in Path(self.link).parents:
+            make_runtime_folder()
         os.makedirs(os.path.dirname(os.path.abspath(self.link)), exist_ok=True)
         if os.path.lexists(self.link) and not os.path.islink(self.link):
             raise FileExistsError('exists and is not a link')
-        lock = os.open(self.link + LOCK_SUFFIX, os.O_RDWR | os.O_CREAT, 0o600)
+        lock = open_lock(self.link, os.O_RDWR | os.O_CREAT)
         for _ in range(LOCK_ATTEMPTS):  # a driver holds it while it looks for a simulator
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

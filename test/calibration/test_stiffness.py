@@ -53,9 +53,12 @@ def fitted(ground, seed):
 
 @pytest.mark.long
 @pytest.mark.parametrize('ground', [CONCRETE, SAND])
-def test_the_mean_of_many_recordings_is_within_five_percent(ground):
+def test_the_mean_of_many_recordings_is_unbiased(ground):
+    """Ten recordings of 12 % each have a mean of 4 %: within three of its standard errors."""
     stiffness = [fitted(ground, seed).stiffness.value for seed in range(10)]
-    assert np.mean(stiffness) == pytest.approx(ground.stiffness, rel=0.05)
+    errors = np.array(stiffness) / ground.stiffness - 1.0
+    standard_error = np.std(errors, ddof=1) / np.sqrt(len(errors))
+    assert abs(np.mean(errors)) < 3.0 * standard_error < 0.15
 
 
 def scaled(recording, scale):

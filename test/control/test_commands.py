@@ -22,7 +22,7 @@ import pytest
 from smart_tire.control.command_check import (
     check_age, StallDetector, TransitTimes, VelocityMux)
 from smart_tire.control.constants import (
-    MAX_PUBLISHERS, MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS)
+    MAX_PUBLISHERS, MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS, REPAIR_NS)
 from smart_tire.control.publishers import PublisherMonitor, SequenceTracker
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
@@ -87,13 +87,22 @@ def test_without_reception_time_messages_are_queued_while_the_backlog_of_a_stall
     busy = begin + length + MIN_STALL_NS + 1
     stall.tick(busy)  # handling it: the stall goes on
     assert stall.waited_ns(busy + length) == busy + length - begin
-    assert stall.waited_ns(2 * busy - begin) == 0
-    again = 2 * busy - begin
+    again = 2 * busy - begin + REPAIR_NS
+    assert stall.waited_ns(again - 1) == again - 1 - begin
+    assert stall.waited_ns(again) == 0
     for now in range(busy, again + 1, MIN_STALL_NS):
         stall.tick(now)
     stall.tick(again)
     stall.tick(again + MIN_STALL_NS + 1)
     assert stall.waited_ns(again + MIN_STALL_NS + 1) == MIN_STALL_NS + 1
+
+
+def test_a_stall_counts_from_the_shortest_that_is_given_on():
+    stall = StallDetector(0)
+    stall.tick(NS_PER_S, NS_PER_S)
+    assert stall.waited_ns(NS_PER_S) == 0
+    stall.tick(2 * NS_PER_S + 1, NS_PER_S)
+    assert stall.waited_ns(2 * NS_PER_S + 1) == NS_PER_S + 1
 
 
 def test_the_excess_of_a_transit_time_is_counted_from_the_least_one_of_its_publisher():

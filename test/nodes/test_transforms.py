@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from smart_tire.errors import CommandError, LateCommandError
+from smart_tire.errors import CommandError, LateCommandError, MessageError
 from smart_tire.nodes import compat, slip_estimator, transforms
 from smart_tire.nodes.diagnostics import InputCounter
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
@@ -130,9 +130,14 @@ class Listener:
 
     steady_ns = now_ns
 
-    def reject_input(self, name, counter, error):
-        """Keep the message."""
-        self.rejected.append(f'{name}: {error}')
+    def guarded(self, name, counter, action):
+        """Keep the reason of a rejection."""
+        try:
+            action()
+        except MessageError as error:
+            self.rejected.append(f'{name}: {error}')
+        else:
+            counter.accept(self.steady_ns())
 
     def add(self, parent, child, x, y, yaw, *, tilt=0.0, age=0.0, name='/tf'):
         """Receive a transform."""

@@ -16,7 +16,9 @@ import time
 
 import pytest
 import serial
+from smart_tire import paths
 from smart_tire.errors import LinkError
+from smart_tire.paths import LOCK_SUFFIX, owned_terminal, port_url
 from smart_tire.simulation.pseudo_terminal import PtyPort
 
 ALL_BYTES = bytes(range(256))
@@ -143,3 +145,87 @@ def test_a_file_is_never_replaced(link):
     assert len(os.listdir('/proc/self/fd')) == descriptors
     with open(link, encoding='ascii') as file:
         assert file.read() == 'precious'
+
+
+@pytest.mark.parametrize('make', [
+    os.symlink, os.link,
+    lambda target, lock: os.mkfifo(lock)], ids=['symbolic link', 'hard link', 'FIFO'])
+def test_a_lock_that_leads_to_another_file_is_refused_and_changes_nothing(link, make, tmp_path):
+    (precious := tmp_path / 'precious').write_text('content')
+    os.makedirs(os.path.dirname(link))
+    make(precious, link + LOCK_SUFFIX)
+    descriptors = len(os.listdir('/proc/self/fd'))
+    with pytest.raises(LinkError, match='tire_radio'):
+        PtyPort(link)
+    assert owned_terminal(link) == ''
+    assert precious.read_text() == 'content'
+    assert len(os.listdir('/proc/self/fd')) == descriptors
+
+
+def test_the_lock_and_the_folder_of_another_user_are_refused(link, tmp_path, monkeypatch):
+    with PtyPort(link):
+        assert owned_terminal(link).startswith('/dev/pts/')
+        user = os.getuid()
+        monkeypatch.setattr(os, 'getuid', lambda: user + 1)
+        assert owned_terminal(link) == ''
+    with pytest.raises(LinkError, match=rf'lock is not a file of user {user + 1} alone'):
+        PtyPort(link)
+
+
+@pytest.fixture
+def runtime(tmp_path, monkeypatch):
+    """Return a private folder that is XDG_RUNTIME_DIR."""
+    (folder := tmp_path / 'runtime').mkdir(mode=0o700)
+    monkeypatch.setenv('XDG_RUNTIME_DIR', str(folder))
+    return folder
+
+
+def simulated(name='imu'):
+    return port_url(f'simulated:{name}', '/r1').removeprefix('simulated:')
+
+
+def test_simulated_ports_are_in_a_folder_of_this_user_only(runtime):
+    (runtime / 'smart_tire').mkdir(mode=0o755)  # as older versions have made it
+    with PtyPort(simulated()):
+        assert os.stat(runtime / 'smart_tire').st_mode & 0o777 == 0o700
+        assert owned_terminal(simulated()).startswith('/dev/pts/')
+        assert simulated().startswith(str(runtime / 'smart_tire'))
+
+
+@pytest.mark.parametrize('mode', [0o777, 0o720, 0o702])
+def test_a_folder_that_others_can_write_to_is_refused(runtime, mode):
+    (folder := runtime / 'smart_tire').mkdir()
+    folder.chmod(mode)
+    with pytest.raises(LinkError, match=r'smart_tire is not a folder that only user'):
+        PtyPort(simulated())
+    assert not list(folder.iterdir())
+
+
+def test_a_link_instead_of_the_folder_and_a_folder_of_another_user_are_refused(
+        runtime, tmp_path, monkeypatch):
+    (other := tmp_path / 'other').mkdir(mode=0o700)
+    (runtime / 'smart_tire').symlink_to(other)
+    with pytest.raises(LinkError, match='is not a folder that only user'):
+        PtyPort(simulated())
+    (runtime / 'smart_tire').unlink()
+    with PtyPort(simulated()):
+        pass
+    link, user = simulated(), os.getuid()
+    folder = os.path.dirname(os.path.dirname(os.path.dirname(link)))
+    monkeypatch.setattr(paths, 'runtime_folder', lambda: paths.Path(folder))
+    monkeypatch.setattr(os, 'getuid', lambda: user + 1)
+    with pytest.raises(PermissionError, match=f'only user {user + 1} can write to'):
+        paths.make_runtime_folder()
+
+
+@pytest.mark.parametrize('mode, used', [(0o700, True), (0o750, False), (0o777, False)])
+def test_a_runtime_folder_of_others_is_not_used(runtime, mode, used):
+    runtime.chmod(mode)
+    assert (str(runtime) in simulated()) == used
+    assert used or f'/tmp/smart_tire-{os.getuid()}/' in simulated()
+
+
+@pytest.mark.parametrize('value', ['', 'relative', '/nowhere/at/all'])
+def test_a_runtime_folder_that_does_not_exist_is_not_used(monkeypatch, value):
+    monkeypatch.setenv('XDG_RUNTIME_DIR', value)
+    assert simulated().startswith(f'/tmp/smart_tire-{os.getuid()}/')
