@@ -12,10 +12,10 @@ PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python
 VENV := .venv
 EXTRAS := [ros,test,lint,view]
 endif
-BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off
+BIN = $(VENV)/bin
+PIP = $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off
 READY := $(VENV)/ready
-LOG := $(VENV)/install.log
+LOG = $(VENV)/install.log
 
 # $(call step,TEXT,COMMAND) prints what is done, every five seconds the last line of its log, and
 # how long it took; the end of the log if it failed.
@@ -33,13 +33,14 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Tests start some hundreds of processes: none shall compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo demo-loaded test pytest lint check current mutants fuzz soak stop-times bench \
-	bench-slip bench-friction bench-control config docs screenshots site clean
+.PHONY: help setup demo demo-loaded test pytest test-jazzy lint check current mutants fuzz soak \
+	stop-times bench bench-slip bench-friction bench-control config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make demo VIEW=1     the same, live in the viewer'
 	@echo 'make demo-loaded     the same, ten times on a busy machine; RUNS=N for N times'
 	@echo 'make test            check style and types, run the tests'
+	@echo 'make test-jazzy      run the tests of the nodes, and the linters of ROS, with ROS 2 Jazzy'
 	@echo 'make lint            check style and types only'
 	@echo 'make check           make test with coverage, generated files, documentation site, stop'
 	@echo '                     times, quick benchmarks: under half an hour on two cores'
@@ -126,6 +127,28 @@ test: $(READY)
 pytest: $(READY)
 	$(BIN)/python -m pytest -n 3 --durations=25 $(SELECTION)
 
+# What depends on rclpy, and the linters, with the wheels of ROS 2 Jazzy: in an environment of their
+# own, because constraints.txt pins those of Kilted.
+TESTS_ON_JAZZY := test/nodes test/safety/test_nodes.py test/cli/test_record.py test/test_ament_lint.py
+ifdef ROS_DISTRO
+test-jazzy:
+	@echo 'make test-jazzy needs a shell without a sourced ROS distribution' >&2; exit 1
+else
+JAZZY := .venv-jazzy-wheels
+test-jazzy $(JAZZY)/ready: VENV := $(JAZZY)
+$(JAZZY)/ready: requirements-jazzy.txt constraints.txt
+	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
+	@$(PYTHON) -m venv $(VENV)
+	@grep -v '^ros-\|^setuptools' constraints.txt > $(VENV)/constraints.txt
+	$(call step,1/1 rclpy of ROS 2 Jazzy with libraries and linters,{ $(PIP) \
+		--requirement requirements-jazzy.txt --constraint $(VENV)/constraints.txt || \
+		{ echo 'cannot install ROS 2 Jazzy: is the registry of packages reachable?'; false; }; })
+	@touch $@
+
+test-jazzy: $(JAZZY)/ready
+	$(BIN)/python -m pytest -n 3 --durations=10 $(TESTS_ON_JAZZY)
+endif
+
 # Those "long" tests that drive in real time run alone. The results of the benchmarks are in
 # bench_output/check/.
 ALONE := long and (processes or safety)
@@ -138,7 +161,8 @@ check: test current site
 	$(BIN)/python -m benchmarks.control --quick --force --out bench_output/check/control
 
 # Regenerate files derived from the source; fail if one of them was outdated.
-GENERATED := config/*.yaml config/security/policy.xml urdf/smart_tire.urdf docs/topics.md
+GENERATED := config/*.yaml config/security/policy.xml urdf/smart_tire.urdf docs/topics.md \
+	smart_tire_msgs/msg/*.msg
 current: $(READY)
 	@files="$(GENERATED) $$($(NEWEST) && echo docs/architecture.svg)"; \
 	before=$$(cat $$files | cksum); \
@@ -169,7 +193,7 @@ demo-loaded: $(READY)
 config: $(READY)
 	$(BIN)/python docs/config_files.py config
 	$(BIN)/python docs/rosbag2_qos.py config/rosbag2_qos.yaml
-	$(BIN)/python docs/security_policy.py config/security/policy.xml
+	$(BIN)/smart_tire policy > config/security/policy.xml
 	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 
 docs: $(READY)

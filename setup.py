@@ -66,9 +66,11 @@ setup(
                             'py.typed']},
     ext_modules=[
         # without fused multiply-add, results are those of Python on every processor; with symbols
-        # for debuggers the files are five times as large
+        # for debuggers the files are five times as large; what Cython writes leaves a tuple
+        # uninitialized where it returns an error
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
-                  extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable'])
+                  extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable',
+                                      '-Wno-maybe-uninitialized'])
         for path in COMPILED],
     cmdclass={'build_ext': BuildFromPython},
     data_files=[
@@ -76,6 +78,7 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
         (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{PACKAGE}/config/platforms', sorted(glob('config/platforms/*'))),
         (f'share/{PACKAGE}/config/view', sorted(glob('config/view/*'))),
         (f'share/{PACKAGE}/config/security', sorted(glob('config/security/*'))),
         (f'share/{PACKAGE}/urdf', sorted(glob('urdf/*.urdf'))),
@@ -98,12 +101,6 @@ setup(
         'test': [
             'hypothesis', 'pandas', 'pytest', 'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
-        # linters of ROS with their plugins for machines without a ROS distribution
-        'ament': [
-            'flake8-blind-except', 'flake8-builtins', 'flake8-class-newline',
-            'flake8-comprehensions', 'flake8-deprecated', 'flake8-docstrings',
-            'flake8-import-order', 'flake8-quotes', 'ros-ament-flake8', 'ros-ament-lint',
-            'ros-ament-pep257'],
     },
     zip_safe=False,
     entry_points={

@@ -11,15 +11,16 @@
 """
 Largest load that the nodes of a robot take without loss: films and IMU at growing rates.
 
-Precomputed bytes of four wheels with two films each and of an IMU are written to the ports at
-their times, so that no simulator needs a core; ``wheel_states`` is published at 16 Hz.
+The rates grow until something is lost, late or old. Precomputed bytes of four wheels with two
+films each and of an IMU are written to the ports at their times, so that no simulator needs a
+core; ``wheel_states`` is published at 16 Hz.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 import os
@@ -43,7 +44,7 @@ import yaml
 
 DESCRIPTION = 'measure the largest load without loss'
 FILM_RATE, IMU_RATE = 400.0, 200.0  # Hz, at factor 1
-FACTORS = (1.0, 2.0, 4.0, 6.0, 8.0)
+FACTORS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
 BATCH = 16                # samples per packet
 ADDRESS = 0x0013A20040A1B2C0  # of the first sensor node
 STANDSTILL = 2.0          # s, before the drive
@@ -53,6 +54,25 @@ DISCOVERY_TIME = 4.0      # s until all nodes have found each other
 DRAIN_TIME = 2.0          # s after the last byte until the counts are read
 MAX_AGE = 0.25            # s, of odom; older ones stop the robot
 STEPS = 'tire_receiver', 'imu_driver', 'slip_estimator', 'friction_estimator'
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What a load was too much for."""
+
+    receivers: int   # samples and readings that the drivers have not received
+    estimators: int  # messages that the estimators have not received
+    late: int        # messages after their place in the order had passed
+    age: float       # s, of the oldest odom in motion
+
+    @property
+    def none(self) -> bool:
+        """Return whether everything was used in time."""
+        return not (self.receivers or self.estimators or self.late) and self.age <= MAX_AGE
+
+    def __str__(self) -> str:
+        return (f'{self.receivers} lost at the receivers, {self.estimators} at the estimators, '
+                f'{self.late} late, odom up to {1e3 * self.age:.0f} ms old')
 
 
 @dataclass(frozen=True)
@@ -71,7 +91,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--seconds', type=float, default=20.0, metavar='S',
                         help='duration of each drive (default: %(default)s)')
     parser.add_argument('--factors', type=float, nargs='+', default=FACTORS, metavar='F',
-                        help='of the rates of films (400 Hz) and IMU (200 Hz)')
+                        help='of the rates of films (400 Hz) and IMU (200 Hz), until a loss '
+                        '(default: 1 to 32)')
     args = parser.parse_args(argv)
     # Importing rclpy may start Python again, so it must come before any child is started.
     from smart_tire.nodes.pilot import Pilot
@@ -82,13 +103,36 @@ def main(argv: Sequence[str] | None = None) -> int:
                           'IMU [Hz]', *(f'{name}\n[cores]' for name in STEPS),
                           'lost at\nthe receivers', 'lost at\nthe estimators', 'late',
                           'odom age\nmax [ms]')
+        losses: dict[float, Loss] = {}
         for factor in args.factors:
             load = make_load(factor, args.seconds)
             with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-                table.add_row(*run(Path(folder), factor, load, partial(
-                    NodeRunner, partial(Pilot, 'capacity'))))
+                cores, losses[factor] = run(Path(folder), factor, load, partial(
+                    NodeRunner, partial(Pilot, 'capacity')))
+            table.add_row(*row(factor, cores, losses[factor]))
+            if not losses[factor].none:
+                break
         print_tables(machine(), [table])
+        print(limit(losses))
     return run_benchmark('capacity', measure)
+
+
+def row(factor: float, cores: Sequence[float], loss: Loss) -> list[str]:
+    """Return the row of a factor, with the load of each of ``STEPS``."""
+    return [f'{factor:g}', f'{factor * FILM_RATE:g}', f'{factor * IMU_RATE:g}',
+            *(f'{one:.2f}' for one in cores), str(loss.receivers), str(loss.estimators),
+            str(loss.late), f'{1e3 * loss.age:.0f}']
+
+
+def limit(losses: Mapping[float, Loss]) -> str:
+    """Return up to which rates nothing was lost, and what was lost at the next."""
+    def rates(factor: float) -> str:
+        return f'{factor * FILM_RATE:g} Hz of 4 x 2 films, {factor * IMU_RATE:g} Hz of the IMU'
+
+    good = [factor for factor, loss in losses.items() if loss.none]
+    text = f'without loss: up to {rates(good[-1])}' if good else 'without loss: no rate measured'
+    return text + ''.join(f'; not {rates(factor)}: {loss}' for factor, loss in losses.items()
+                          if not loss.none)
 
 
 def parameters(factor: float) -> SimulatorParams:
@@ -138,8 +182,8 @@ def frame(batch: Sequence[TireSample], sequence: int, begin_ns: int, factor: flo
 
 
 def run(folder: Path, factor: float, load: Load, runner_class: Callable[[list[str]], Any]
-        ) -> Iterator[str]:
-    """Feed the nodes in real time; yield the cells of a row."""
+        ) -> tuple[list[float], Loss]:
+    """Feed the nodes in real time; return the cores that each of ``STEPS`` uses, and losses."""
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     params = write_params(folder, factor)
@@ -164,16 +208,11 @@ def run(folder: Path, factor: float, load: Load, runner_class: Callable[[list[st
                       for name, values in node.health.items()}
     receiver, friction = counts['tire_receiver'], counts['friction_estimator']
     expected = load.samples + load.readings + len(load.wheels)
-    yield f'{factor:g}'
-    yield f'{factor * FILM_RATE:g}'
-    yield f'{factor * IMU_RATE:g}'
-    for name in STEPS:
-        yield f'{(after[name] - before[name]) / elapsed:.2f}'
-    yield str(load.samples - BATCH * receiver['batches_ok']
-              + load.readings - counts['imu_driver']['frames_ok'])
-    yield str(expected - friction['frames_ok'])
-    yield str(friction['late_messages'] + counts['slip_estimator']['late_messages'])
-    yield f'{1e3 * age:.0f}'
+    lost = (load.samples - BATCH * receiver['batches_ok']
+            + load.readings - counts['imu_driver']['frames_ok'])
+    late = friction['late_messages'] + counts['slip_estimator']['late_messages']
+    return ([(after[name] - before[name]) / elapsed for name in STEPS],
+            Loss(lost, expected - friction['frames_ok'], late, age))
 
 
 def feed(load: Load, ports: dict[str, PtyPort], publish: Callable[[Any], None], runner: Any

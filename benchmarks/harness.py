@@ -164,9 +164,9 @@ def positive(text: str) -> int:
 
 def machine() -> str:
     """Return processor, number of cores, Python version and load average."""
-    models = [line.partition(':')[2].strip()
+    models = [line.partition(':')[2].strip()  # of the processor; on ARM of the board
               for line in Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
-              if line.startswith('model name')]
+              if line.startswith(('model name', 'Model'))]
     return (f'{models[0] if models else platform.machine()}, '
             f'{len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}, '
             f'load {os.getloadavg()[0]:.1f} before')

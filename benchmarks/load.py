@@ -8,14 +8,22 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""CPU load and latency of the running stack."""
+"""
+CPU load, memory and latency of the running stack while it follows a path.
+
+The whole stack runs with the simulated robot, once as in paper B and once with all that the
+drivers support: films in all wheels at 400 Hz, an IMU at 200 Hz. The CPU load on another machine
+is that of the table times the ratio of the times of ``--reference``.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
+import math
 import os
 from pathlib import Path
 import select
@@ -26,53 +34,123 @@ import time
 from types import TracebackType
 from typing import Any
 
-from benchmarks.harness import machine, run_benchmark
-from smart_tire.cli._stack import isolated_environment, NODES, Stack
+from benchmarks.harness import machine, new_table, print_tables, run_benchmark
+from benchmarks.start import memory
+import numpy as np
+from rich.table import Table
+from smart_tire.analysis.pipeline import estimates_of, forwarded, INPUTS
+from smart_tire.cli._path_file import length, placed, Poses
+from smart_tire.cli._stack import isolated_environment, NODES, Stack, write_parameters
+from smart_tire.control.path_library import figure_eight
+from smart_tire.control.trajectory_control import State
 from smart_tire.errors import SmartTireError
+from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.reorder_buffer import GRID_NS
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.host_load import HostLoad, worst_of
 from smart_tire.launching import SEPARATE
 from smart_tire.nodes.command_line import COMPOSED
+from smart_tire.parameters import FrictionEstimatorParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.protocol.tire_payload import decode_batch, volts
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
-from smart_tire.samples import NS_PER_S, TireSample
+from smart_tire.rotation import euler
+from smart_tire.samples import NS_PER_S, TireSample, WHEELS
+from smart_tire.simulation.offline import simulate
 from smart_tire.simulation.pseudo_terminal import PtyPort
 
-DESCRIPTION = 'measure CPU load and latency'
-WHEEL = 'front_right'           # instrumented wheel, as in paper B
-SENSOR_NODE = f'0013A20040A1B2C3={WHEEL}'
-RADIO_DELAY = 0.005             # s, of the simulated radio
+DESCRIPTION = 'measure CPU load, memory and latency'
+ADDRESS = 0x0013A20040A1B2C0    # of the first sensor node
 START_TIMEOUT = 30.0            # s until all nodes run
 WARM_UP_TIME = 3.0              # s of driving before the measurement
-LEFT_SPEED, RIGHT_SPEED = 120.0, 60.0  # rpm
+RADIUS = 1.0                    # m, of the figure-eight that is followed
+MAX_SPEED = 0.5                 # m/s
 SEED = 1
 MAX_READ = 4096      # bytes
 POLL_PERIOD = 0.1    # s
 OPEN_TIMEOUT = 10.0  # s until the port of the radio must exist
 ODOM_PHASES = 5      # an instant of odom, every 8 ms, waits for IMU samples, every 10 ms
 KEY_LENGTH = 8       # samples at the end of a batch whose noise identifies it
+REFERENCE_TIME, REFERENCE_REPEATS = 10.0, 3  # s of the drive that is estimated, and how often
 
 Key = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is measured."""
+
+    wheels: tuple[str, ...]  # with films
+    imu_rate: float          # Hz
+
+    @property
+    def name(self) -> str:
+        """Return number of wheels and rate of the IMU."""
+        count = len(self.wheels)
+        return f'{count} wheel{"s" * (count > 1)},\nIMU {self.imu_rate:g} Hz'
+
+
+SETUPS = Setup(('front_right',), 100.0), Setup(WHEELS, 200.0)  # paper B, and all
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What a process uses."""
+
+    cpu: float     # cores
+    memory: float  # B, of the process alone
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure the running stack; return the exit status."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.load', description=DESCRIPTION)
     parser.add_argument('--seconds', type=float, default=30.0, metavar='S',
-                        help='duration of the live measurement (default: %(default)s)')
+                        help='duration of each live measurement (default: %(default)s)')
     parser.add_argument('--composed', action='store_true',
                         help='the nodes in one process, except motor_driver and wheel_controller')
+    parser.add_argument('--reference', action='store_true',
+                        help='only the time of the estimators on one core, without ROS')
     args = parser.parse_args(argv)
+    if args.reference:
+        print(machine(), reference_line(), sep='\n')
+        return 0
     # Importing rclpy may start Python again, so it must come before any child is started.
     from smart_tire.nodes.pilot import Pilot
     from smart_tire.nodes.runner import NodeRunner
-    print(machine())
+    print(machine(), reference_line(), sep='\n', flush=True)
+    processes = (NODES[0], COMPOSED, *SEPARATE) if args.composed else NODES
 
     def measure() -> None:
-        with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-            measure_live(Path(folder), args.seconds,
-                         partial(NodeRunner, partial(Pilot, 'demo_driver')),
-                         (NODES[0], COMPOSED, *SEPARATE) if args.composed else NODES)
+        usages = {}
+        for setup in SETUPS:
+            print(setup.name.replace('\n', ' '), flush=True)
+            with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
+                usages[setup.name] = measure_live(
+                    Path(folder), setup, args.seconds,
+                    partial(NodeRunner, partial(Pilot, 'load')), processes)
+        print_tables('', [usage_table(usages)])
     return run_benchmark('load', measure)
+
+
+def reference_line() -> str:
+    """Return the time that the estimators need on one core for a second of a drive, as text."""
+    return (f'reference: the estimators need {1e3 * reference_time():.1f} ms of CPU time per '
+            'second of a drive')
+
+
+def reference_time() -> float:
+    """Return the CPU time [s] of both estimators per second of a simulated drive, the least."""
+    params = SimulatorParams(seed=SEED)
+    events = [sample for _, topic, sample in simulate(
+        params, [(0.0, 0.0, 0.0), (1.0, 100.0, 60.0)], REFERENCE_TIME) if topic in INPUTS]
+    times = []
+    for _ in range(REFERENCE_REPEATS):
+        friction = FrictionEstimator(FrictionEstimatorParams())
+        slip, begin = SlipEstimator(SlipEstimatorParams()), time.process_time()
+        for sample in events:
+            for item in forwarded(friction, sample):
+                estimates_of(slip, item)
+        times.append(time.process_time() - begin)
+    return min(times) / REFERENCE_TIME
 
 
 class RadioTap:
@@ -89,7 +167,7 @@ class RadioTap:
         self._port = PtyPort(link)
         self._deframer = XBeeDeframer()
         self._sent_ns: dict[Key, int] = {}
-        self._newest: deque[tuple[float, ...]] = deque(maxlen=KEY_LENGTH)
+        self._newest: dict[str, deque[tuple[float, ...]]] = {}  # of each wheel
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._forward_bytes, name='radio_tap', daemon=True)
 
@@ -106,8 +184,9 @@ class RadioTap:
     def add_sample(self, sample: TireSample) -> None:
         """Add a sample published by the receiver, in order."""
         now_ns = time.monotonic_ns()
-        self._newest.append(sample.volts)
-        sent_ns = self._sent_ns.pop(tuple(self._newest), None)
+        newest = self._newest.setdefault(sample.wheel, deque(maxlen=KEY_LENGTH))
+        newest.append(sample.volts)
+        sent_ns = self._sent_ns.pop(tuple(newest), None)
         if sent_ns is not None:
             self.latencies.append((now_ns - sent_ns) / NS_PER_S)
 
@@ -143,19 +222,20 @@ class RadioTap:
         return tuple(tuple(map(volts, codes)) for codes in batch.codes[-KEY_LENGTH:])
 
 
-def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]], Any],
-                 processes: Sequence[str]) -> None:
-    """Run all nodes in ``processes``; print their CPU time, and the latency of their messages."""
+def measure_live(folder: Path, setup: Setup, seconds: float,
+                 runner_class: Callable[[list[str]], Any], processes: Sequence[str]
+                 ) -> dict[str, Usage]:
+    """Run all nodes in ``processes``; print latencies, return what each process uses."""
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
-    params = write_params(folder, source, link)
+    params = write_params(folder, setup, source, link)
     with Stack(folder / 'logs', environment) as stack, RadioTap(source, link) as tap:
         for name in processes:
             stack.node(name, [params])
         with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
             await_nodes(stack, runner, NODES)
-            runner.node.drive(LEFT_SPEED, RIGHT_SPEED)
+            runner.node.follow(path_for(seconds + 2.0 * WARM_UP_TIME, runner.node.odometry))
             runner.spin(WARM_UP_TIME)
             runner.node.subscribe('tire_samples', tap.add_sample)
             ages: list[tuple[int, float]] = []
@@ -164,11 +244,26 @@ def measure_live(folder: Path, seconds: float, runner_class: Callable[[list[str]
             before, begin = cpu_seconds(stack), time.monotonic()
             runner.spin(seconds)
             elapsed, after = time.monotonic() - begin, cpu_seconds(stack)
+            sizes = {name: memory(stack.processes[name].pid)[0] for name in processes}
+            state, host = State(runner.node.progress.state), worst_of(runner.node.health.values())
         if died := stack.died():
             raise SmartTireError(f'{", ".join(died)} died')
-        print_cpu({name: (after[name] - before[name]) / elapsed for name in processes})
-        print_latency(tap.latencies)
-        print_jitter(ages)
+    if state != State.FOLLOWING:
+        raise SmartTireError(f'the path was not followed to the end of the measurement: '
+                             f'{state.name.lower()}')
+    print_host(host)
+    print_latency(tap.latencies)
+    print_jitter(ages)
+    return {name: Usage((after[name] - before[name]) / elapsed, sizes[name])
+            for name in processes}
+
+
+def path_for(seconds: float, odometry: Any) -> Poses:
+    """Return figures-of-eight from the robot on, which last for ``seconds`` at full speed."""
+    eight = figure_eight(RADIUS).poses
+    laps = math.ceil(seconds * MAX_SPEED / length(eight))
+    return placed((*eight, *eight[1:] * (laps - 1)), (
+        *odometry.position[:2], euler(odometry.orientation)[2]))
 
 
 def cpu_seconds(stack: Stack) -> dict[str, float]:
@@ -181,20 +276,15 @@ def cpu_seconds(stack: Stack) -> dict[str, float]:
     return found
 
 
-def write_params(folder: Path, source: str, link: str) -> Path:
-    """Write and return the parameter file of the live run with one instrumented wheel."""
-    import yaml
-    imu, motors = str(folder / 'imu'), str(folder / 'motors')
-    nodes: dict[str, dict[str, Any]] = {
-        '/**': {'film.wheels': [WHEEL]},
-        'robot_simulator': {'seed': SEED, 'units': [SENSOR_NODE], 'ports.tire_radio': source,
-                            'ports.imu': imu, 'ports.motors': motors},
-        'tire_receiver': {'port': link, 'units': [SENSOR_NODE], 'radio_latency': RADIO_DELAY},
-        'imu_driver': {'port': imu}, 'motor_driver': {'port': motors}}
-    path = folder / 'bench.yaml'
-    path.write_text(yaml.safe_dump({name: {'ros__parameters': values}
-                                    for name, values in nodes.items()}), encoding='utf-8')
-    return path
+def write_params(folder: Path, setup: Setup, source: str, link: str) -> Path:
+    """Write and return the parameter file of a live run; the radio is at ``source``."""
+    units = [f'{ADDRESS + WHEELS.index(wheel):016X}={wheel}' for wheel in setup.wheels]
+    return write_parameters(folder, 'bench.yaml', SEED, {
+        '/**': {'film.wheels': list(setup.wheels)},
+        'robot_simulator': {'units': units, 'imu_rate': setup.imu_rate,
+                            'ports.tire_radio': source},
+        'tire_receiver': {'units': list(units), 'port': link},  # no alias in the file
+        'trajectory_controller': {'max_speed': MAX_SPEED}})
 
 
 def await_nodes(stack: Any, runner: Any, names: Sequence[str]) -> None:
@@ -209,35 +299,46 @@ def await_nodes(stack: Any, runner: Any, names: Sequence[str]) -> None:
         runner.spin(0.25)
 
 
-def print_cpu(shares: dict[str, float]) -> None:
-    """Print the CPU load of each node."""
-    print('CPU seconds per second of robot time, one instrumented wheel:')
-    for name, share in shares.items():
-        print(f'  {name:20} {share:6.3f}')
-    robot = sum(share for name, share in shares.items() if name != 'robot_simulator')
-    print(f'  {"all but simulator":20} {robot:6.3f}')
+def usage_table(usages: Mapping[str, Mapping[str, Usage]]) -> Table:
+    """Return the table of all processes, and their sum on a robot, which has no simulator."""
+    table = new_table('CPU load and memory while a path is followed', '', *(
+        f'{name}\n[{unit}]' for name in usages for unit in ('cores', 'MB')))
+    names = [*dict.fromkeys(name for usage in usages.values() for name in usage)]
+    sums = {setup: {'all but robot_simulator': Usage(
+        sum(one.cpu for name, one in usage.items() if name != 'robot_simulator'),
+        sum(one.memory for name, one in usage.items() if name != 'robot_simulator'))}
+        for setup, usage in usages.items()}
+    for name in (*names, 'all but robot_simulator'):
+        found = [({**usage, **sums[setup]})[name] for setup, usage in usages.items()]
+        table.add_row(name, *(text for one in found for text in (
+            f'{one.cpu:.3f}', f'{one.memory / 1e6:.0f}')))
+    return table
+
+
+def print_host(host: HostLoad | None) -> None:
+    """Print that the machine was too busy for figures that count, if it was."""
+    if host is not None and host.late:
+        print(f'  not a quiet machine: {host}')
 
 
 def print_latency(latencies: Sequence[float]) -> None:
     """Print the latency of radio batches from the last byte to the topic."""
-    import numpy as np
     if not latencies:
         raise SmartTireError('no radio batch reached tire_samples')
     median, p99, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
-    print(f'last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
+    print(f'  last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
           f'p50 {median:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms')
 
 
 def print_jitter(ages: Sequence[tuple[int, float]]) -> None:
     """Print the jitter of ``odom`` from its timestamps [ns] and its ages on arrival [s]."""
-    import numpy as np
     stamps, age = np.array([stamp for stamp, _ in ages]), np.array([one for _, one in ages])
     phases = stamps // GRID_NS % ODOM_PHASES
     jitter = np.empty_like(age)
     for phase in range(ODOM_PHASES):
         jitter[phases == phase] = age[phases == phase] - np.median(age[phases == phase])
     p99, p999, worst = 1e3 * np.percentile(jitter, (99.0, 99.9, 100.0))
-    print(f'age of odom on arrival: p50 {1e3 * np.median(age):.1f} ms; later than usual by '
+    print(f'  age of odom on arrival: p50 {1e3 * np.median(age):.1f} ms; later than usual by '
           f'p99 {p99:.1f} ms, p99.9 {p999:.1f} ms, worst {worst:.1f} ms')
 
 

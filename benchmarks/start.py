@@ -82,10 +82,7 @@ def start(stack: Stack, runner: Any, name: str) -> Start:
     launch(stack, name)
     await_message(stack, runner, name)
     wall, pid = time.monotonic() - begin, stack.processes[name].pid
-    status = dict(line.split(':', 1) for line in
-                  Path(f'/proc/{pid}/status').read_text(encoding='utf-8').splitlines())
-    found = Start(cpu_seconds(pid), wall, *(
-        1024.0 * int(status[key].split()[0]) for key in ('RssAnon', 'VmRSS')))
+    found = Start(cpu_seconds(pid), wall, *memory(pid))
     stack.stop(name)
     del stack.processes[name]
     runner.spin(SPIN_TIME)
@@ -114,6 +111,14 @@ def cpu_seconds(pid: int) -> float:
     """Return the CPU time [s] of the threads of a process; /proc/PID/stat counts in 10 ms."""
     return sum(int(file.read_bytes().split()[0]) for file in
                Path(f'/proc/{pid}/task').glob('*/schedstat')) * 1e-9
+
+
+def memory(pid: int) -> tuple[float, float]:
+    """Return the memory [B] of a process: of its own, and with what it shares."""
+    status = dict(line.split(':', 1) for line in
+                  Path(f'/proc/{pid}/status').read_text(encoding='utf-8').splitlines())
+    private, resident = (1024.0 * int(status[key].split()[0]) for key in ('RssAnon', 'VmRSS'))
+    return private, resident
 
 
 def idle_loads(stack: Stack, runner: Any, seconds: float) -> dict[str, float]:

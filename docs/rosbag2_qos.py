@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from pathlib import Path
 import sys
 
-from smart_tire.messages import TOPICS
+from smart_tire.messages import ALL_TOPICS
 from smart_tire.nodes.qos import LATCHED, OTHER_DEPTH, subscriber_qos
 from smart_tire.samples import WHEELS
 
@@ -43,7 +43,7 @@ def rosbag2_overrides() -> str:
 
 
 def _overrides() -> Iterator[str]:
-    for name in (*(name for name in TOPICS if name not in LATCHED), 'tf', 'diagnostics'):
+    for name in (*(name for name in ALL_TOPICS if name not in LATCHED), 'tf', 'diagnostics'):
         profile = subscriber_qos(name, wheels=len(WHEELS))
         yield from (
             f'/{name}:', '  history: keep_last', f'  depth: {max(profile.depth, OTHER_DEPTH)}',

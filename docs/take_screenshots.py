@@ -28,8 +28,7 @@ from playwright.sync_api import sync_playwright
 
 from smart_tire.analysis.pipeline import bag_params
 from smart_tire.bags import Bag
-from smart_tire.paths import find_bag
-from smart_tire.view.bag import find_recording, show
+from smart_tire.view.bag import find_bags, show
 from smart_tire.view.layout import Layout
 from smart_tire.view.scene import Scene
 from smart_tire.view.viewer import open_stream, Viewer
@@ -50,12 +49,12 @@ def take(folder: Path) -> None:
     IMAGES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as tools, \
             Viewer(web=True, wait=time.sleep) as viewer:
-        recording = find_recording(find_bag(folder))
-        with Bag(recording.bag) as bag:
+        path, estimates = find_bags(folder)
+        with Bag(path) as bag:
             params = bag_params(bag).params
         layout = Layout(params.robot.film.wheels, live=False)
         stream = open_stream('demo', layout.blueprint(), address=viewer.address.stream)
-        show(recording, Scene(stream, params.robot), params, estimate=False, describe=print)
+        show(path, estimates, Scene(stream, params.robot), params, estimate=False, describe=print)
         browser = tools.chromium.launch(executable_path=shutil.which('chromium'), args=FLAGS)
         page = browser.new_page(viewport=LOADING_SIZE, color_scheme='dark')
         page.goto(viewer.address.page)

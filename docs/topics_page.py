@@ -9,13 +9,13 @@
 # the License.
 
 """
-The tables of ``docs/topics.md`` from the table of topics of the package.
+The tables of ``docs/topics.md`` and ``smart_tire_msgs/msg/`` from the topics of the package.
 
 Run it after a change of ``smart_tire/messages``: it writes the overview between the markers of the
-document; a test checks that it is current. As a Sphinx extension it writes the fields of all
-topics in the place of ``MARKER``, with the examples in ``docs/topic_examples.yaml``.
-``python docs/topics_page.py BAG`` takes new ones from BAG, as ``ros2 topic echo --flow-style``
-prints them, and requires a ROS distribution.
+document, and the definitions of messages; a test checks that they are current. As a Sphinx
+extension it writes the fields of all topics in the place of ``MARKER``, with the examples in
+``docs/topic_examples.yaml``. ``python docs/topics_page.py BAG`` takes new ones from BAG, as
+``ros2 topic echo --flow-style`` prints them, and requires a ROS distribution.
 """
 
 from __future__ import annotations
@@ -26,11 +26,13 @@ import re
 import sys
 from typing import Any
 
-from smart_tire.messages.describe import describe, Described, Field, NODE_TABLE
-from smart_tire.messages.topics import TOPICS
+from smart_tire.messages.describe import describe, Described, Field, NODE_TABLE, paragraph
+from smart_tire.messages.topics import TOPICS, TYPED
+from smart_tire.messages.typed import definitions, ESTIMATE, PACKAGE
 
 DOCUMENT = Path(__file__).parent / 'topics.md'
 EXAMPLES = DOCUMENT.with_name('topic_examples.yaml')
+DEFINITIONS = DOCUMENT.parents[1] / PACKAGE / 'msg'
 MARKER = '<!-- fields -->'
 GROUPS = {  # marker in the document -> topics of its table
     'measurements': [name for name, topic in TOPICS.items() if topic.quality == 'sensor'],
@@ -38,10 +40,14 @@ GROUPS = {  # marker in the document -> topics of its table
                   'tire_friction'],
     'commands': ['path', 'goal_pose', 'path_progress', 'cmd_vel', 'wheel_commands',
                  'motor_commands', 'emergency_stop_active', 'motors_enabled', '/diagnostics'],
-    'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth']}
+    'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth'],
+    'typed': [topic.name for topic in TYPED.values()]}
 HEADER = '| topic | type | publisher | rate | content |\n| --- | --- | --- | --- | --- |'
 EXAMPLE = re.compile(r'^# (\S+)\n(.*?^---\n)', re.MULTILINE | re.DOTALL)
 EMPTY = 'empty'  # meaning of a field that no message fills
+ESTIMATED = Described('', ESTIMATE, '', '', '', '', 'an estimated quantity', (
+    Field('value', '', 'in the unit of the quantity; NaN if it is not observable'),
+    Field('sigma', '', 'standard deviation in the same unit; infinite if value is NaN')), ())
 EXAMPLE_TIME_NS = 12_000_000_000  # ns after the start of the bag, on the first leg of the demo
 PREFERRED_NODE = 'slip_estimator'  # of which to show the diagnostics
 IN_BLOCK_STYLE = ('diagnostics',)  # nested lists are not readable on one line
@@ -136,6 +142,32 @@ def written(text: str) -> str:
     return text
 
 
+def message_files() -> dict[Path, str]:
+    """Return file -> definition of a message of ``smart_tire_msgs``, with comments."""
+    types = {topic.type: described(topic.name) for topic in reversed(TYPED.values())}
+    return {DEFINITIONS / f'{kind.rpartition("/")[2]}.msg': '\n'.join(
+                _definition(text, ESTIMATED if kind == ESTIMATE else types[kind])) + '\n'
+            for kind, text in definitions().items()}
+
+
+def _definition(text: str, topic: Described) -> Iterator[str]:
+    """Yield the lines of a definition: what the message is, then the fields with comments."""
+    comments = {field.name: f'[{field.unit}] {field.meaning}' if field.unit else field.meaning
+                for field in topic.fields}
+    if topic.name:
+        comments['header'] = (f'frame_id: {topic.frame or "the wheel"}; stamp: '
+                              + comments.get('header.stamp', 'instant of the estimate'))
+    yield from paragraph(f'{topic.summary[0].upper()}{topic.summary[1:]}.', '# ')
+    yield '# Written by docs/topics_page.py of smart_tire. Units in brackets; axes as in REP-103.'
+    for line in text.splitlines():
+        name = line.split()[1]
+        if name in comments or name.endswith('=0'):
+            yield ''
+        if name in comments:
+            yield from paragraph(comments[name], '# ')
+        yield line
+
+
 def read_examples() -> dict[str, str]:
     """Return topic -> example."""
     return dict(EXAMPLE.findall(EXAMPLES.read_text(encoding='utf-8')))
@@ -174,10 +206,12 @@ def recorded_examples(path: Path) -> dict[str, str]:
 
 
 def main(words: list[str]) -> None:
-    """Write the document, and the examples from the bag named in ``words``, if any."""
+    """Write document and definitions, and the examples from the bag in ``words``, if any."""
     if words:
         write_examples(read_examples() | recorded_examples(Path(words[0])))
     DOCUMENT.write_text(written(DOCUMENT.read_text(encoding='utf-8')), encoding='utf-8')
+    for path, text in message_files().items():
+        path.write_text(text, encoding='utf-8')
 
 
 def _insert(app: Any, docname: str, source: list[str]) -> None:

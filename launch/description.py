@@ -11,9 +11,12 @@
 """
 Publish the description of the robot and show it in RViz; included by the other launch files.
 
-The URDF is generated from the parameter files. robot_state_publisher reads the wheel angles in
+URDF and frames are those of the parameter files. robot_state_publisher reads the wheel angles in
 ``wheel_states``. Where it is not installed, the launch continues without it.
 """
+
+from pathlib import Path
+from tempfile import NamedTemporaryFile
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, TimerAction
@@ -23,7 +26,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, file, is_described, PUBLISHER, text, TRANSFORMS, viewer)
+    boolean, check_arguments, enclave, file, is_described, PUBLISHER, text, topic, TRANSFORMS,
+    view_of, viewer)
 from smart_tire.parameters import load_robot
 from smart_tire.parameters.urdf_writer import urdf_text
 
@@ -31,8 +35,8 @@ FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
     'tuning': 'estimators',
 }
-ARGUMENTS = {'namespace': text, 'description': boolean, 'rviz': viewer,
-             **dict.fromkeys(FILES, file)}
+ARGUMENTS = {'namespace': text, 'description': boolean, 'rviz': viewer, 'use_sim_time': boolean,
+             'wheel_states': topic, **dict.fromkeys(FILES, file)}
 # s; these programs do not unblock SIGINT: they start when hold_interrupts has ended.
 START_DELAY = 0.5
 
@@ -40,35 +44,42 @@ START_DELAY = 0.5
 def describe(context):
     """Return robot_state_publisher and RViz, those that are wanted."""
     chosen = context.launch_configurations
-    programs = []
-    if is_described(chosen['description']):
-        programs.append(state_publisher([chosen[name] for name in FILES]))
-    if viewer(chosen['rviz']):
-        programs.append(rviz())
-    actions = [TimerAction(period=START_DELAY, actions=programs)] if programs else []
+    actions, wanted = [], [make for make, is_wanted in (
+        (state_publisher, is_described(chosen['description'])), (rviz, viewer(chosen['rviz'])))
+        if is_wanted]
+    if wanted:
+        robot = load_robot([chosen[name] for name in FILES])
+        actions.append(TimerAction(period=START_DELAY, actions=[
+            make(context, robot) for make in wanted]))
     if boolean(chosen['description']) and not is_described(chosen['description']):
         actions.append(LogInfo(msg=f'{PUBLISHER} is not installed: robot_description is not '
                                    'published'))
     return actions
 
 
-def state_publisher(files):
-    """Return robot_state_publisher with the URDF of the robot in parameter files."""
-    robot = load_robot(files)
+def state_publisher(context, robot):
+    """Return robot_state_publisher with the URDF of ``robot``."""
     urdf = ParameterValue(urdf_text(robot), value_type=str)
-    return Node(package=PUBLISHER, executable=PUBLISHER, output='screen',
-                namespace=LaunchConfiguration('namespace'),
-                parameters=[{'robot_description': urdf, 'frame_prefix': robot.frame_prefix}],
-                remappings=[('joint_states', 'wheel_states'), *TRANSFORMS])
+    return program(context, PUBLISHER, PUBLISHER,
+                   parameters=[{'robot_description': urdf, 'frame_prefix': robot.frame_prefix}],
+                   remappings=[('joint_states', LaunchConfiguration('wheel_states'))])
 
 
-def rviz():
-    """Return RViz with the view of this package."""
+def rviz(context, robot):
+    """Return RViz with the view of this package, in the frames of ``robot``."""
     view = PathJoinSubstitution(
-        [FindPackageShare('smart_tire'), 'config', 'view', 'smart_tire.rviz'])
-    return Node(package='rviz2', executable='rviz2', output='screen',
-                namespace=LaunchConfiguration('namespace'), remappings=TRANSFORMS,
-                arguments=['-d', view])
+        [FindPackageShare('smart_tire'), 'config', 'view', 'smart_tire.rviz']).perform(context)
+    with NamedTemporaryFile('w', suffix='.rviz', encoding='utf-8', delete=False) as own:
+        own.write(view_of(Path(view).read_text(encoding='utf-8'), robot))
+    return program(context, 'rviz2', 'operator', arguments=['-d', own.name])
+
+
+def program(context, package, role, *, parameters=(), remappings=(), arguments=()):
+    """Return a program of another package; ``role`` names its enclave in the security policy."""
+    clock = {'use_sim_time': boolean(context.launch_configurations['use_sim_time'])}
+    return Node(package=package, executable=package, output='screen', arguments=arguments,
+                namespace=LaunchConfiguration('namespace'), parameters=[*parameters, clock],
+                remappings=[*remappings, *TRANSFORMS], ros_arguments=enclave(context, role))
 
 
 def generate_launch_description():
@@ -80,6 +91,10 @@ def generate_launch_description():
         DeclareLaunchArgument('description', default_value='true',
                               description='start robot_state_publisher, if it is installed'),
         DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
+        DeclareLaunchArgument('use_sim_time', default_value='false',
+                              description='time from /clock'),
+        DeclareLaunchArgument('wheel_states', default_value='wheel_states',
+                              description='topic with the angles of the wheels'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, content in FILES.items()),

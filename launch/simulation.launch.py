@@ -17,7 +17,7 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, file, hold_interrupts, parameters_of, text, viewer)
+    boolean, check_arguments, enclave, file, hold_interrupts, parameters_of, text, viewer)
 
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
@@ -30,18 +30,23 @@ ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rvi
              'simulation': parameters_of('robot_simulator')}
 
 
-def robot(context):
+def simulation(context):
     """
-    Return ``robot.launch.py`` with drivers that open the ports of the simulator only.
+    Return the simulator, and ``robot.launch.py`` with drivers that open its ports only.
 
-    As the result of a function, its arguments ``hardware`` and ``simulated``, which are set here,
+    As the result of a function, other arguments of ``robot.launch.py``, such as ``simulated``,
     are not listed by ``ros2 launch --show-args``.
     """
+    simulator = 'robot_simulator'
     same = {name: LaunchConfiguration(name) for name in ARGUMENTS if name != 'simulation'}
-    return [IncludeLaunchDescription(
-        PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'robot.launch.py']),
-        launch_arguments={**same, 'hardware': LaunchConfiguration('simulation'),
-                          'simulated': 'true'}.items())]
+    return [
+        Node(package='smart_tire', executable=simulator, output='screen',
+             namespace=LaunchConfiguration('namespace'), ros_arguments=enclave(context, simulator),
+             parameters=[LaunchConfiguration('robot'), LaunchConfiguration('simulation'), PORTS]),
+        IncludeLaunchDescription(
+            PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'robot.launch.py']),
+            launch_arguments={**same, 'hardware': LaunchConfiguration('simulation'),
+                              'simulated': 'true'}.items())]
 
 
 def generate_launch_description():
@@ -62,8 +67,5 @@ def generate_launch_description():
           for name, content in FILES.items()),
         OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
         OpaqueFunction(function=hold_interrupts),
-        Node(package='smart_tire', executable='robot_simulator', output='screen',
-             namespace=LaunchConfiguration('namespace'),
-             parameters=[LaunchConfiguration('robot'), LaunchConfiguration('simulation'), PORTS]),
-        OpaqueFunction(function=robot),
+        OpaqueFunction(function=simulation),
     ])

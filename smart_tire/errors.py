@@ -10,7 +10,26 @@
 
 """Exceptions of this package, derived from built-in ones."""
 
-MAX_REASON = 200  # characters
+MAX_TEXT = 500    # characters of an error, assumed: a few lines of a terminal
+MAX_REASON = 200  # characters of the reason why a message is rejected
+
+
+def printable(text: str, limit: int = MAX_TEXT) -> str:
+    """
+    Return ``text`` as one line, without control characters, which terminals would obey.
+
+    The middle is left out of more than ``limit`` characters.
+    """
+    line = _shortened(text, limit)
+    if not line.isprintable():
+        line = _shortened(''.join(letter if letter.isprintable() else ascii(letter)[1:-1]
+                                  for letter in ' '.join(line.splitlines())), limit)
+    return line
+
+
+def _shortened(text: str, limit: int) -> str:
+    half = limit // 2 - 3
+    return text if len(text) <= limit else f'{text[:half]} ... {text[-half:]}'
 
 
 class SmartTireError(Exception):
@@ -25,21 +44,27 @@ class LinkError(SmartTireError, OSError):
     """A port is absent, busy or lost."""
 
 
-class ParameterError(SmartTireError, ValueError):
+class ForeignDataError(SmartTireError):
+    """
+    Base of the exceptions with texts from files, bags and messages of others.
+
+    The text is one line of printable characters, of which the middle is left out if it is long.
+    """
+
+    max_text = MAX_TEXT
+
+    def __str__(self) -> str:
+        return printable(super().__str__(), self.max_text)
+
+
+class ParameterError(ForeignDataError, ValueError):
     """A parameter is unknown, of the wrong type, or outside its range."""
 
 
-class RejectedError(SmartTireError, ValueError):
-    """
-    A message is rejected; the middle of a long reason is left out.
+class RejectedError(ForeignDataError, ValueError):
+    """A message is rejected, for a reason that gets into logs and diagnostics."""
 
-    What strangers send is part of the reason, which gets into logs and diagnostics.
-    """
-
-    def __init__(self, reason: str) -> None:
-        half = MAX_REASON // 2 - 3
-        super().__init__(reason if len(reason) <= MAX_REASON
-                         else f'{reason[:half]} ... {reason[-half:]}')
+    max_text = MAX_REASON
 
 
 class MessageError(RejectedError):
@@ -58,5 +83,5 @@ class EstimatorError(SmartTireError, ArithmeticError):
     """An estimator received invalid input, or its state is invalid."""
 
 
-class BagError(SmartTireError, OSError):
+class BagError(ForeignDataError, OSError):
     """A bag cannot be read or written."""

@@ -19,10 +19,14 @@ import os
 from pathlib import Path
 
 SCHEDSTAT = Path('/proc/thread-self/schedstat')  # ns running, ns waiting for a core, time slices
-WINDOW = 100                  # latest checks, 10 s at 10 Hz
+PERIOD = 0.1                  # s between checks
+WINDOW = 100                  # latest checks
+WINDOW_TIME = WINDOW * PERIOD  # s
 SHARE = 0.99                  # of the checks that were at most ``typical`` late
 MAX_LATENESS = 0.020          # s, of a robot at work; reorder_window of the estimators is 0.03
 PREFIX = 'timers late by'  # of the text
+TOLERANCE = 1e-3              # s, by which clocks of timers may differ
+EXPLAINED = 'host.explained'   # parts of a message that a late host causes
 KEYS = tuple(f'host.{name}' for name in ('timer_lateness', 'longest_lateness', 'load', 'cores'))
 
 
@@ -69,6 +73,17 @@ def worst_of(diagnostics: Iterable[Mapping[str, str | float]]) -> HostLoad | Non
     return max(found, key=lambda one: one.typical, default=None)
 
 
+def other_problems(status: str, values: Mapping[str, str], *, late: bool) -> str:
+    """
+    Return what the text of a diagnostic ``status`` says of other things than the host.
+
+    If the host is ``late``, also without what its node has marked as explained by this.
+    """
+    explained = values.get(EXPLAINED, '').split('; ') if late else []
+    return '; '.join(part for part in status.split('; ')
+                     if not part.startswith(PREFIX) and part not in explained)
+
+
 class TimerLateness:
     """
     Lateness of a periodic timer for which other programs are the reason.
@@ -86,16 +101,17 @@ class TimerLateness:
         self._late: deque[float] = deque(maxlen=WINDOW)
 
     def check(self, now: float) -> None:
-        """Take a call of the timer at ``now`` [s], on the thread that executes it."""
+        """
+        Count the calls of the timer that were due until ``now`` [s], also those that it skips.
+
+        Call this on the thread of the timer, when it calls and whenever the lateness matters.
+        """
         waited = self._waited()
-        if self._due is not None:
-            late = now - self._due
-            self._late.append(max(0.0, min(late, waited - self._waited_before)))
-            if late > self._period:  # the timer skips calls, and keeps its phase
-                now -= late % self._period
-                self._due = now
-        self._due = (now if self._due is None else self._due) + self._period
-        self._waited_before = waited
+        due = now if self._due is None else self._due
+        while due <= now + TOLERANCE:
+            self._late.append(max(0.0, min(now - due, waited - self._waited_before)))
+            due += self._period
+        self._due, self._waited_before = due, waited
 
     @property
     def load(self) -> HostLoad:

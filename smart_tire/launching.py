@@ -22,15 +22,21 @@ import difflib
 import math
 import os
 from pathlib import Path
+import re
 import signal
 from typing import Any
 
 from smart_tire.errors import ParameterError
+from smart_tire.parameters import RobotParams
 from smart_tire.parameters.files import has_block_for
+from smart_tire.yaml_text import load_own
+import yaml
 
 # Arguments that launch itself reads, undeclared, for any launch file.
 LAUNCH_ARGUMENTS = ('emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sigkill_timeout',
                     'sigterm_timeout')
+# design.ros2.org/articles/topic_and_service_names.html
+TOPIC = r'(?!.*__)/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*'
 BOOLEANS = {'true': True, 'false': False}
 INDEX = 'share/ament_index/resource_index/packages'  # below each path of AMENT_PREFIX_PATH
 # as in nav2: robots in namespaces have transforms of their own
@@ -125,6 +131,13 @@ def file(value: str) -> Path:
     return found
 
 
+def topic(value: str) -> str:
+    """Return ``value``; raise ValueError if it is no name of a topic."""
+    if not re.fullmatch(TOPIC, value, re.ASCII):
+        raise ValueError('expected the name of a topic, such as sensors/imu_0/data')
+    return value
+
+
 def parameters_of(*nodes: str) -> Converter:
     """
     Return a converter to the path of a parameter file with values for one of ``nodes``.
@@ -138,6 +151,34 @@ def parameters_of(*nodes: str) -> Converter:
         return found
 
     return convert
+
+
+def enclave(context: Any, name: str) -> list[str]:
+    """Return the ROS arguments with the enclave of ``name`` in the security policy."""
+    space = context.launch_configurations['namespace'].strip('/')
+    return ['--enclave', '/'.join(('', *filter(None, (space, name))))]
+
+
+def view_of(text: str, robot: RobotParams) -> str:
+    """
+    Return the configuration ``text`` of RViz with the frames and the ground of ``robot``.
+
+    Raises ParameterError if ``frame_prefix`` does not end with ``/``, which RViz puts between the
+    prefix of a robot model and its links.
+    """
+    if robot.frame_prefix and not robot.frame_prefix.endswith('/'):
+        raise ParameterError(f'frame_prefix: {robot.frame_prefix!r}, RViz needs one that ends '
+                             'with /')
+    view = load_own(text)
+    manager = view['Visualization Manager']
+    manager['Global Options']['Fixed Frame'] = robot.frames['odom']
+    manager['Views']['Current']['Target Frame'] = robot.frames['base_link']
+    for display in manager['Displays']:
+        if display['Class'].endswith('/RobotModel'):
+            display['TF Prefix'] = robot.frame_prefix.removesuffix('/')
+        elif display['Class'].endswith('/Grid'):
+            display['Offset']['Z'] = -robot.wheel_radius
+    return yaml.safe_dump(view, sort_keys=False)
 
 
 def hold_interrupts(context: Any) -> None:

@@ -16,10 +16,12 @@ A bag may be given by a folder that contains it, such as ``demo_output``.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from pathlib import Path
 import stat
+from typing import BinaryIO
 
 from smart_tire.errors import BagError, ParameterError
 
@@ -143,14 +145,45 @@ def is_bag(folder: Path) -> bool:
         child.name.endswith(BAG_SUFFIXES) and child.is_file() for child in folder.iterdir())
 
 
+def open_file(path: str | Path) -> BinaryIO:
+    """
+    Open a regular file for reading; raise OSError if it cannot be read, and for anything else.
+
+    A FIFO would wait for a writer, a terminal or /dev/zero never end, and opening a serial port
+    resets the device behind it.
+    """
+    _check_regular(os.stat(path))
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        _check_regular(os.fstat(descriptor))  # it may have been replaced
+    except OSError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, 'rb')
+
+
+def _check_regular(found: os.stat_result) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, 'not a regular file')
+
+
+def read_file(path: str | Path, max_size: int) -> bytes:
+    """Return the content of a regular file; raise OSError if that is above ``max_size`` bytes."""
+    with open_file(path) as file:
+        data = file.read(max_size + 1)
+    if len(data) > max_size:
+        raise OSError(errno.EFBIG, f'more than {max_size} bytes')
+    return data
+
+
 def check_file(path: Path) -> None:
-    """Raise ParameterError unless ``path`` is a file that can be read."""
-    if not path.exists():
-        raise ParameterError(f'{path}: no such file')
-    if path.is_dir():
-        raise ParameterError(f'{path} is a folder, expected a file')
-    if not os.access(path, os.R_OK):
-        raise ParameterError(f'{path}: cannot be read (permission denied)')
+    """Raise ParameterError unless ``path`` is a regular file that can be read."""
+    try:
+        open_file(path).close()
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
 
 
 def check_writable(path: Path) -> None:

@@ -85,6 +85,23 @@ class TireSample:
 
 
 @dataclass(frozen=True, slots=True)
+class TireSamples:
+    """Consecutive A/D conversions of the films of one wheel: a radio batch."""
+
+    stamp_ns: int    # time of the first conversion
+    wheel: str       # one of WHEELS
+    period_ns: int   # between two conversions
+    volts: tuple[tuple[float, ...], ...]  # V, conversions x films
+    saturated: bool  # whether a conversion is at a limit of the converter
+
+    @property
+    def samples(self) -> list[TireSample]:
+        """Return the conversions."""
+        return [TireSample(self.stamp_ns + index * self.period_ns, self.wheel, volts)
+                for index, volts in enumerate(self.volts)]
+
+
+@dataclass(frozen=True, slots=True)
 class BatterySample:
     """Battery voltage of a sensor node."""
 
@@ -240,6 +257,6 @@ GROUND_ESTIMATES = ('stiffness', *(one.name for one in fields(GroundState)
                                    if one.default is UNKNOWN))
 
 
-Sample = (ImuSample | WheelSample | TireSample | BatterySample | VelocityCommand | WheelCommand
-          | MotorCommand | PlannedPath | GoalPose | PathProgress | Odometry | WheelSlip | Icr
-          | GroundState | Friction)
+Sample = (ImuSample | WheelSample | TireSample | TireSamples | BatterySample | VelocityCommand
+          | WheelCommand | MotorCommand | PlannedPath | GoalPose | PathProgress | Odometry
+          | WheelSlip | Icr | GroundState | Friction)

@@ -8,25 +8,34 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""YAML from outside, which may be damaged: a value or yaml.YAMLError."""
+"""
+YAML from outside: what ROS and YAML 1.2 have in common, in bounds.
+
+Of the rest, which parameter files and bags do not need, aliases may multiply to more than any
+memory has, and tags call constructors; rcl reads neither.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+import math
 import re
 from typing import Any
 
 import yaml
 
-MAX_DEPTH = 100  # of nested collections: the C loader overflows its stack at some 10,000 levels
-NUMBER = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?$')
+MAX_SIZE = 1_000_000  # bytes: metadata of 4000 files of a bag
+MAX_DEPTH = 50        # of nested collections
+MAX_NUMBER = 100      # characters of a number; a longer one is a text
 BASE: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # compiled, 10 times as fast
-
-
-class Loader(BASE):
-    """YAML loader that reads 1e-3 as a number, as rcl and YAML 1.2 do."""
-
-
-Loader.add_implicit_resolver('tag:yaml.org,2002:float', NUMBER, list('-+.0123456789'))
+INTEGERS = {10: re.compile('[-+]?[0-9]+'), 16: re.compile('0x[0-9a-fA-F]+'),
+            8: re.compile('0o[0-7]+')}  # by base
+FLOAT = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?')
+WORDS: dict[str, Any] = {
+    spelled: value for value, words in (
+        (None, ('', '~', 'null')), (True, ('true', 'yes', 'on')), (False, ('false', 'no', 'off')),
+        (math.inf, ('.inf', '+.inf')), (-math.inf, ('-.inf',)), (math.nan, ('.nan', '.NaN')))
+    for word in words for spelled in (word, word.title(), word.upper())}
 
 
 def load_own(text: str) -> Any:
@@ -34,16 +43,64 @@ def load_own(text: str) -> Any:
     return yaml.load(text, BASE)
 
 
-def parse_yaml(text: str) -> Any:
-    """Return the value of ``text``; raise yaml.YAMLError if it is not valid YAML."""
-    depth = 0
+def parse_yaml(data: bytes | str) -> Any:
+    """
+    Return the value of a YAML text: nested dict and list of str, float, int, bool and None.
+
+    Dates and merge keys are texts. Raises ValueError with the reason in one line if ``data`` are
+    no YAML in UTF-8, or have aliases, tags, several documents, collections as keys, or more than
+    ``MAX_SIZE`` and ``MAX_DEPTH``.
+    """
+    if len(data) > MAX_SIZE:
+        raise ValueError(f'{len(data)} bytes, expected at most {MAX_SIZE}')
+    text = data if isinstance(data, str) else data.decode('utf-8-sig')
     try:
-        for event in yaml.parse(text, Loader):
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if depth > MAX_DEPTH:
-                raise yaml.YAMLError(f'nested deeper than {MAX_DEPTH} levels')
-        return yaml.load(text, Loader)
-    # The constructors raise these for an impossible date or a tag that does not fit its text.
-    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
-        raise yaml.YAMLError(str(error)) from error
+        return _value(yaml.parse(text, BASE))
+    except yaml.YAMLError as error:
+        mark, problem = getattr(error, 'problem_mark', None), getattr(error, 'problem', None)
+        raise ValueError(problem and mark and _at(mark, problem)
+                         or str(error).splitlines()[0]) from error
+
+
+def _value(events: Iterable[Any]) -> Any:
+    """Return the value that the events of a YAML parser describe."""
+    documents: list[Any] = []
+    stack = [documents]  # of the items of nested collections, keys and values alternately
+    for event in events:
+        tag = getattr(event, 'tag', None)
+        if isinstance(event, yaml.AliasEvent) or tag not in (None, '!'):
+            raise ValueError(_at(event.start_mark, 'aliases and tags are not read'))
+        if isinstance(event, yaml.CollectionStartEvent):
+            stack.append([])
+            if len(stack) > MAX_DEPTH + 1:
+                raise ValueError(_at(event.start_mark, f'more than {MAX_DEPTH} nested levels'))
+        elif isinstance(event, yaml.ScalarEvent):
+            plain = event.implicit[0] and tag is None  # yaml-cpp marks some texts with !
+            stack[-1].append(_scalar(event.value) if plain else event.value)
+        elif isinstance(event, yaml.SequenceEndEvent):
+            stack[-2].append(stack.pop())
+        elif isinstance(event, yaml.MappingEndEvent):
+            items = stack.pop()
+            if any(isinstance(key, (list, dict)) for key in items[::2]):
+                raise ValueError('a list or mapping is a key')
+            stack[-1].append(dict(zip(items[::2], items[1::2])))
+    if len(documents) > 1:
+        raise ValueError(f'{len(documents)} documents, expected one')
+    return documents[0] if documents else None
+
+
+def _scalar(text: str) -> Any:
+    """Return the value of a scalar without quotes."""
+    if text in WORDS:
+        return WORDS[text]
+    if len(text) <= MAX_NUMBER:
+        for base, pattern in INTEGERS.items():
+            if pattern.fullmatch(text):
+                return int(text, base)
+        if FLOAT.fullmatch(text):
+            return float(text)
+    return text
+
+
+def _at(mark: yaml.Mark, problem: str) -> str:
+    return f'line {mark.line + 1}: {problem}'

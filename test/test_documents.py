@@ -21,12 +21,17 @@ from command_line_page import verbs_text
 from draw_architecture import check_nodes, check_rooms, read_nodes
 import pytest
 
+from smart_tire import errors, yaml_text
+from smart_tire.bags import file_bytes
+from smart_tire.cli import _path_file
 from smart_tire.cli.main import new_parser, VERBS
+from smart_tire.estimation.film.files import MAX_TABLE_SIZE
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import known_names, NODE_PARAMS
 from smart_tire.protocol.tire_payload import decode_batch
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 from smart_tire.samples import FRICTION_QUANTITIES
+from support.yaml_attacks import ATTACKS
 from topics_page import details
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -235,3 +240,14 @@ def test_every_verb_is_in_the_reference_of_the_command():
     assert '### smart_tire identify gains\n' in text
     assert '| `--rate R` | speed relative to the recording' in text
     assert '%(' not in text
+
+
+def test_the_bounds_in_the_security_page_are_those_of_the_source():
+    text = ' '.join((ROOT / 'docs' / 'security.md').read_text(encoding='utf-8').split())
+    for bound in (
+            f'| {yaml_text.MAX_SIZE / 1e6:.0f} MB, {yaml_text.MAX_DEPTH} nested levels',
+            f'in memory | {file_bytes.MAX_SIZE / 1e6:.0f} MB |',
+            f'| {file_bytes.MAX_FILE_SIZE >> 30} GB, or {file_bytes.MAX_RATIO} times',
+            f'| {MAX_TABLE_SIZE / 1e6:.0f} MB, {_path_file.MAX_SIZE / 1e6:.0f} MB |',
+            f'| {errors.MAX_TEXT} characters', f'({len(ATTACKS)} parameter files)'):
+        assert bound in text

@@ -27,16 +27,17 @@ import runpy
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from security_policy import policy
 from smart_tire.cli._stack import PORTS
+from smart_tire.cli.policy import policy
 from smart_tire.errors import ParameterError
-from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE
+from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE, view_of
 from smart_tire.nodes.command_line import COMPOSED_NODES
 from smart_tire.parameters import build, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
@@ -48,11 +49,18 @@ ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch'
 IS_REAL = find_spec('launch_ros') is not None and find_spec('ros2launch') is not None
 DEFAULTS = {'namespace': '', 'description': 'true', 'rviz': 'false', 'simulated': 'false',
-            'composed': 'false',
+            'composed': 'false', 'drivers': 'true', 'control': 'true', 'use_sim_time': 'false',
+            'imu': 'imu/data', 'wheel_states': 'wheel_states',
             'robot': str(ROOT / 'config' / 'robot.yaml'),
             'tuning': str(ROOT / 'config' / 'tuning.yaml')}
 TUNING = DEFAULTS['tuning']
+HUSKY = f'params:={ROOT / "config" / "platforms" / "husky.yaml"}'
+VIEW = ROOT / 'config' / 'view' / 'smart_tire.rviz'
+WITH_BASE = 'estimators.launch.py'
+CONTROLLERS = {'wheel_controller', 'trajectory_controller'}
 ESTIMATORS = {'slip_estimator', 'friction_estimator'}
+# arguments of robot.launch.py with another base
+OF_OTHER_BASES = {'drivers', 'control', 'use_sim_time', 'imu', 'wheel_states'}
 INCLUDED = LAUNCH / 'description.py'  # starts no nodes of this package
 
 every_file = pytest.mark.parametrize('path', sorted(LAUNCH.glob('*.py')),
@@ -62,8 +70,9 @@ every_start = pytest.mark.parametrize('path', sorted(LAUNCH.glob('*.launch.py'))
 
 
 @pytest.fixture
-def stand_ins(monkeypatch):
+def stand_ins(monkeypatch, tmp_path):
     """Replace the launch system by the stand-in; no package is installed."""
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))  # of the view for RViz
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     for name in CLASSES:
         monkeypatch.setitem(sys.modules, name, StandIn(name))
@@ -119,7 +128,7 @@ def test_arguments_that_are_used_are_declared_and_described(path, described):
     found = described(path)
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
     assert all(options['description'] for options in declared.values())
-    by_function = {'simulated', 'respawn', 'composed'}
+    by_function = {'simulated', 'respawn', 'composed', 'drivers', 'control', 'use_sim_time'}
     assert used(found) >= declared.keys() - by_function or path == INCLUDED
     assert used(found) <= declared.keys() or path == INCLUDED
 
@@ -183,7 +192,7 @@ def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
              for name, call in include.options['launch_arguments']}
     taken = {call.args[0] for call in of_kind(described(LAUNCH / 'robot.launch.py'),
                                               'DeclareLaunchArgument')}
-    assert given == {**{name: name for name in taken}, 'hardware': 'simulation',
+    assert given == {**{name: name for name in taken - OF_OTHER_BASES}, 'hardware': 'simulation',
                      'simulated': 'true'}
     simulator, = of_kind(found, 'Node')
     ports = simulator.options['parameters'][-1]  # whatever the parameter files say
@@ -206,6 +215,47 @@ def test_a_composed_robot_has_two_nodes_in_processes_of_their_own(simulated, des
            for node in of_kind(found, 'Node')}
     assert own == {'composed': [*port, {'publish_imu_tf': False}], 'motor_driver': port,
                    'wheel_controller': []}
+
+
+@pytest.mark.parametrize('composed', ['true', 'false'])
+@pytest.mark.parametrize(('words', 'missing'), [
+    ([], set()), (['drivers:=false'], {'motor_driver', 'imu_driver', 'tire_receiver'}),
+    (['control:=false'], CONTROLLERS),
+    (['drivers:=false', 'control:=false'], NODE_PARAMS.keys() - ESTIMATORS)])
+def test_drivers_and_controllers_are_left_out_if_they_are_not_wanted(
+        words, missing, composed, stand_ins):
+    nodes = list(started(LAUNCH / 'robot.launch.py', f'composed:={composed}', *words))
+    running = [name for node in nodes
+               for name in node.options['arguments'] or [node.options['executable']]]
+    assert sorted(running) == sorted(NODE_PARAMS.keys() - {'robot_simulator'} - missing)
+    assert all((node.options['executable'] == 'composed') == bool(node.options['arguments'])
+               for node in nodes)
+
+
+@pytest.mark.parametrize('clock', ['true', 'false'])
+def test_the_estimators_run_with_another_base_on_its_topics_and_parameters(clock, stand_ins):
+    nodes = list(started(
+        LAUNCH / WITH_BASE, HUSKY, 'namespace:=a200', 'imu:=sensors/imu_0/data',
+        'wheel_states:=platform/joint_states', f'use_sim_time:={clock}'))
+    assert set(executables(nodes)) == ESTIMATORS
+    for node in nodes:
+        options = node.options
+        assert options['namespace'] == 'a200'
+        assert options['remappings'] == [
+            ('imu/data', 'sensors/imu_0/data'), ('wheel_states', 'platform/joint_states'),
+            ('/tf', 'tf'), ('/tf_static', 'tf_static')]
+        files = [part for part in options['parameters'] if isinstance(part, str)]
+        # defaults, such as the place of the IMU, would pass for those of the base
+        assert set(files) - {str(ROOT / 'config' / 'hardware.yaml')} == {HUSKY.partition(':=')[2]}
+        assert files[-1] == HUSKY.partition(':=')[2]
+        assert ({'use_sim_time': True} in options['parameters']) == (clock == 'true')
+        assert options['ros_arguments'] == ['--enclave', f'/a200/{options["executable"]}']
+
+
+def test_the_wheels_of_another_base_are_those_of_joint_state_broadcaster_by_default(stand_ins):
+    for node in started(LAUNCH / WITH_BASE, HUSKY):
+        assert node.options['remappings'][:2] == [
+            ('imu/data', 'imu/data'), ('wheel_states', 'joint_states')]
 
 
 def exited(node: Call, status: int = -9, shutdown: bool = False, respawn: str = 'true',
@@ -242,9 +292,13 @@ def test_nodes_that_died_restart_and_motor_driver_with_the_stop_latched(
 
 @pytest.mark.parametrize('namespace', ['', 'r1', '/r1/a/'])
 @pytest.mark.parametrize('composed', ['true', 'false'])
-def test_the_enclave_of_a_node_is_that_of_the_policy(composed, namespace, described):
-    for node in of_kind(described(LAUNCH / 'robot.launch.py', namespace=namespace,
-                                  composed=composed), 'Node'):
+def test_the_enclave_of_a_program_is_that_of_the_policy(
+        composed, namespace, stand_ins, installed):
+    installed('robot_state_publisher', 'rviz2')
+    nodes = list(started(LAUNCH / 'simulation.launch.py', f'namespace:={namespace}',
+                         f'composed:={composed}', 'rviz:=true'))
+    assert len(nodes) == (6 if composed == 'true' else len(NODE_PARAMS) + 2)
+    for node in nodes:
         option, enclave = node.options['ros_arguments']
         assert option == '--enclave'
         assert f'<enclave path="{enclave}">' in policy(namespace.strip('/'))
@@ -308,23 +362,34 @@ def test_the_static_transform_is_left_to_robot_state_publisher_only_if_it_starts
     assert (LAUNCH / include.args[0].args[0][-1]) == INCLUDED
     given = {key: call.args[0] for key, call in include.options['launch_arguments']}
     taken = {call.args[0] for call in of_kind(described(INCLUDED), 'DeclareLaunchArgument')}
-    assert given == {key: key for key in taken}
+    assert given == {key: key for key in (taken if name == 'robot.launch.py'
+                                          else taken - OF_OTHER_BASES)}
     programs = of_kind(described(INCLUDED, description=description), 'Node')
     assert bool(programs) == bool(own)
 
 
+@pytest.fixture
+def mine(tmp_path):
+    """Return an argument with a parameter file."""
+    file = tmp_path / 'mine.yaml'
+    file.write_text('/**: {ros__parameters: {wheel_radius: 0.1, mass: 20.0, frame_prefix: r1/}}')
+    return f'tuning:={file}'
+
+
+@pytest.mark.parametrize('name', ['description.py', 'robot.launch.py'])
 def test_the_description_is_the_urdf_of_the_parameter_files_with_wheel_states_as_joints(
-        described, installed, tmp_path):
+        name, stand_ins, installed, mine):
     installed('robot_state_publisher')
-    mine = tmp_path / 'mine.yaml'
-    mine.write_text('/**: {ros__parameters: {wheel_radius: 0.1, mass: 20.0, frame_prefix: r1/}}')
-    found = described(INCLUDED, tuning=str(mine))
-    program, = of_kind(found, 'Node')
-    assert program.options['namespace'].args == ('namespace',)
-    assert program.options['package'] == program.options['executable'] == 'robot_state_publisher'
+    program, = (node for node in started(
+        LAUNCH / name, mine, 'namespace:=r1', 'wheel_states:=platform/joints')
+        if node.options['package'] == 'robot_state_publisher')
+    assert program.options['namespace'] == 'r1'
+    assert program.options['executable'] == 'robot_state_publisher'
     assert program.options['remappings'] == [
-        ('joint_states', 'wheel_states'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
+        ('joint_states', 'platform/joints'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
+    assert program.options['ros_arguments'] == ['--enclave', '/r1/robot_state_publisher']
     assert program.options['parameters'][0]['frame_prefix'] == 'r1/'
+    assert program.options['parameters'][1] == {'use_sim_time': False}
     value = program.options['parameters'][0]['robot_description']  # as text: XML is not YAML
     assert (value.kind, value.options) == ('ParameterValue', {'value_type': str})
     assert value.args == (urdf_text(build(RobotParams, {'wheel_radius': 0.1, 'mass': 20.0})),)
@@ -340,13 +405,18 @@ def test_programs_that_do_not_unblock_sigint_start_later(described, installed):
         == ['robot_state_publisher', 'rviz2']
 
 
-def test_rviz_shows_the_view_of_this_package_with_or_without_description(described, installed):
+@pytest.mark.parametrize('description', ['true', 'false'])
+def test_rviz_shows_the_view_of_this_package_in_the_frames_of_the_robot(
+        description, stand_ins, installed, mine):
     installed('rviz2')
-    node, = of_kind(described(INCLUDED, rviz='true', description='false'), 'Node')
+    node, = started(INCLUDED, 'rviz:=true', f'description:={description}', mine)
     flag, place = node.options['arguments']
     assert (node.options['package'], flag) == ('rviz2', '-d')
-    assert ROOT.joinpath(*place.args[0][1:]).is_file()
-    assert not of_kind(described(INCLUDED, description='false'), 'Node')
+    assert node.options['ros_arguments'] == ['--enclave', '/operator']
+    assert Path(place).read_text(encoding='utf-8') == view_of(
+        VIEW.read_text(encoding='utf-8'), build(RobotParams, {
+            'wheel_radius': 0.1, 'frame_prefix': 'r1/'}))
+    assert not list(started(INCLUDED, 'description:=false'))
 
 
 @pytest.mark.parametrize(('packages', 'description', 'logged'), [
@@ -415,7 +485,7 @@ class Launch:
 def given_files(name: str) -> list[str]:
     """Return arguments for all parameter files: the package need not be installed."""
     return [f'{kind}:={ROOT / "config" / kind}.yaml'
-            for kind in runpy.run_path(str(LAUNCH / name))['FILES']]
+            for kind in runpy.run_path(str(LAUNCH / name))['FILES'] if name != WITH_BASE]
 
 
 def refusal(file: str, *words: str) -> str:
@@ -443,7 +513,18 @@ def refusal(file: str, *words: str) -> str:
     ('replay', 'rate:=fast', 'expected a positive number'),
     ('simulation', 'simulaton:=x', 'did you mean simulation:=?'),
     ('simulation', 'hardware:=x', 'unknown argument hardware:='),
-    ('robot', 'use_sim_time:=maybe', 'unknown argument use_sim_time:='),
+    ('robot', 'use_sim_tim:=true', 'did you mean use_sim_time:=?'),
+    ('robot', 'use_sim_time:=maybe', 'use_sim_time:=maybe: expected true or false'),
+    ('robot', 'use_sim_time:=true', 'drivers stamp with the time of the host'),
+    ('robot', 'drivers:=none', 'drivers:=none: expected true or false'),
+    ('robot', 'control:=none', 'control:=none: expected true or false'),
+    ('robot', 'imu:=imu data', 'imu:=imu data: expected the name of a topic'),
+    ('estimators', 'wheel_states:=/joint_states/', 'expected the name of a topic'),
+    ('estimators', 'imu:=9dof/imu', 'imu:=9dof/imu: expected the name of a topic'),
+    ('estimators', 'use_sim_time:=maybe', 'use_sim_time:=maybe: expected true or false'),
+    ('estimators', 'params:=husky', 'params:=husky: no such file'),
+    ('estimators', 'robot:=husky.yaml', 'unknown argument robot:='),
+    ('estimators', 'wheel_state:=x', 'did you mean wheel_states:=?'),
     ('robot', 'respawn:=maybe', 'respawn:=maybe: expected true or false'),
     ('replay', 'description:=maybe', 'description:=maybe: expected true or false'),
     ('simulation', 'rviz:=maybe', 'rviz:=maybe: expected true or false'),
@@ -451,13 +532,14 @@ def refusal(file: str, *words: str) -> str:
 def test_an_invalid_argument_ends_the_launch_in_one_line(
         name, word, message, launch_system, isolated_ros):
     file = f'{name}.launch.py'
-    bag = ['bag:=/tmp'] if name == 'replay' else []
-    assert message in refusal(file, *given_files(file), *bag, word)
+    required = {'replay': ['bag:=/tmp'], 'estimators': [HUSKY]}.get(name, [])
+    assert message in refusal(file, *given_files(file), *required, word)
 
 
 @pytest.mark.parametrize(('name', 'words', 'count'), [
     ('robot', [], len(NODE_PARAMS) - 1), ('simulation', [], len(NODE_PARAMS)),
-    ('simulation', ['composed:=true'], 4), ('replay', ['bag:=/tmp'], 3)])
+    ('simulation', ['composed:=true'], 4), ('replay', ['bag:=/tmp'], 3),
+    ('estimators', [HUSKY], 2)])
 def test_a_launch_with_defaults_starts_its_processes(name, words, count, stand_ins):
     nodes = list(started(LAUNCH / f'{name}.launch.py', *words))
     assert len(set(executables(nodes))) == len(nodes) == count

@@ -22,9 +22,11 @@ import pytest
 
 from smart_tire.errors import ParameterError
 from smart_tire.launching import (
-    boolean, check_arguments, file, INDEX, is_described, is_installed, parameters_of, path,
-    positive, text, viewer)
+    boolean, check_arguments, enclave, file, INDEX, is_described, is_installed, parameters_of,
+    path, positive, text, topic, view_of, viewer)
+from smart_tire.parameters import build, RobotParams
 from support.waiting import PATIENCE
+import yaml
 
 pytestmark = pytest.mark.processes
 
@@ -199,3 +201,56 @@ def test_processes_start_with_sigint_blocked_and_launch_unblocks_it_for_itself(
                             capture_output=True, text=True, timeout=PATIENCE)
     assert result.stdout.count('alive') == survivors
     assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize('name', [
+    'imu/data', '/imu', 'sensors/imu_0/data_raw', 'a', '/r1/joint_states', 'B2/c3'])
+def test_a_topic_may_be_relative_or_absolute(name):
+    assert topic(name) == name
+
+
+@pytest.mark.parametrize('name', [
+    '', '/', 'imu/', 'a//b', '0imu', 'imu/0', 'imu data', 'imu-data', 'a:=b', '~/imu', 'a__b',
+    'imu\n', 'größe'])
+def test_what_ros_does_not_allow_is_no_topic(name):
+    with pytest.raises(ValueError, match='expected the name of a topic'):
+        topic(name)
+
+
+@pytest.mark.parametrize('space', ['', 'r1', '/r1/a/'])
+def test_an_enclave_has_the_namespace_and_the_name(space):
+    names = '/'.join(filter(None, [space.strip('/'), 'node']))
+    assert enclave(context({'namespace': space}), 'node') == ['--enclave', f'/{names}']
+
+
+VIEW = Path(__file__).resolve().parents[1] / 'config' / 'view' / 'smart_tire.rviz'
+
+
+def viewed(**values):
+    """Return the manager of the view for a robot, and class -> display, for single ones."""
+    manager = yaml.safe_load(view_of(VIEW.read_text(encoding='utf-8'), build(RobotParams, values))
+                             )['Visualization Manager']
+    return manager, {one['Class'].rpartition('/')[2]: one for one in manager['Displays']}
+
+
+def test_the_view_of_the_robot_with_default_parameters_is_that_of_the_file():
+    text = VIEW.read_text(encoding='utf-8')
+    assert yaml.safe_load(view_of(text, RobotParams())) == yaml.safe_load(text)
+
+
+def test_the_view_has_the_frames_of_the_robot():
+    manager, displays = viewed(frame_prefix='r1/', odom_frame='slip_odom', base_frame='base')
+    assert manager['Global Options']['Fixed Frame'] == 'r1/slip_odom'
+    assert manager['Views']['Current']['Target Frame'] == 'r1/base'
+    assert displays['RobotModel']['TF Prefix'] == 'r1'  # RViz adds /
+
+
+def test_the_ground_in_the_view_is_below_the_wheels():
+    assert viewed(wheel_radius=0.3)[1]['Grid']['Offset'] == {'X': 0, 'Y': 0, 'Z': -0.3}
+
+
+def test_a_prefix_that_rviz_cannot_show_is_refused():
+    for prefix in ('r1/', ''):
+        viewed(frame_prefix=prefix)
+    with pytest.raises(ParameterError, match="frame_prefix: 'r1_', RViz needs one that ends with"):
+        viewed(frame_prefix='r1_')

@@ -15,6 +15,7 @@ from __future__ import annotations
 import ast
 import configparser
 from functools import cache
+import itertools
 from pathlib import Path
 import re
 import runpy
@@ -102,6 +103,8 @@ def test_there_is_one_version(setup_arguments):
     changes = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
     version = MANIFEST.findtext('version')
     assert setup_arguments['version'] == version == smart_tire.__version__
+    messages = ElementTree.parse(ROOT / 'smart_tire_msgs' / 'package.xml')
+    assert messages.findtext('version') == version
     assert 'Forthcoming\n-----------\n' in changes or f'\n{version} (' in changes
 
 
@@ -150,7 +153,8 @@ def test_marker_manifest_launch_files_parameters_views_and_urdf_are_installed(se
     assert installed == {
         'share/ament_index/resource_index/packages/smart_tire', f'{share}/package.xml',
         *(f'{share}/{path.relative_to(ROOT)}' for pattern in (
-            'launch/*.py', 'config/*.yaml', 'config/view/*', 'config/security/*', 'urdf/*')
+            'launch/*.py', 'config/*.yaml', 'config/platforms/*', 'config/view/*',
+            'config/security/*', 'urdf/*')
           for path in ROOT.glob(pattern))}
     assert (ROOT / 'resource' / 'smart_tire').is_file()
 
@@ -215,8 +219,12 @@ def test_every_library_is_declared_with_its_rosdep_key_or_as_having_none(setup_a
 
 
 def test_every_requirement_has_its_exact_version(setup_arguments):
-    wanted = [*setup_arguments['install_requires'],
-              *(item for extra in setup_arguments['extras_require'].values() for item in extra)]
+    lines = (ROOT / 'requirements-jazzy.txt').read_text(encoding='utf-8').splitlines()
+    jazzy = [line for line in lines if not line.startswith('#')]
+    extras = setup_arguments['extras_require']
+    assert {*map(distribution, extras['ros'])} <= {*map(distribution, jazzy)}
+    wanted = [*setup_arguments['install_requires'], *itertools.chain(*extras.values()),
+              *(line for line in jazzy if '==' not in line)]
     assert {distribution(item) for item in wanted} <= pins('constraints.txt').keys()
 
 

@@ -286,11 +286,11 @@ cart:
 
 
 @pytest.mark.parametrize('block', [
-    '/**', 'cart', '/cart', '/**/cart', '/robot/cart', 'c*'])
+    '/**', '*', 'cart', '/cart', '/**/cart', '/robot/cart'])
 def test_a_block_applies_to_the_node_in_its_last_token(tmp_path, block):
     path = written(tmp_path, 'any.yaml', f'"{block}": {{ros__parameters: {{name: me}}}}')
     assert loaded(path) == {'name': 'me'}
-    assert (loaded(path, node='other') == {}) == (block != '/**')
+    assert (loaded(path, node='other') == {}) == (block not in ('/**', '*'))
 
 
 def test_a_namespace_may_be_a_separate_level(tmp_path):
@@ -379,10 +379,14 @@ def test_later_arguments_of_a_command_line_take_precedence(tmp_path):
     ('/robot2/slip_estimator', '/robot1/slip_estimator', False),
     ('/*/slip_estimator', '/robot1/slip_estimator', True),
     ('/**/slip_estimator', '/a/b/slip_estimator', True),
-    ('/robot1/**', '/robot1/imu_driver', True), ('/robot1/*', '/robot2/imu_driver', False)])
+    ('/robot1/**', '/robot1/imu_driver', True), ('/robot1/*', '/robot2/imu_driver', False),
+    ('/robot1/*', '/robot1/imu_driver', True), ('/robot1/*', '/robot1/a/imu_driver', False),
+    ('/*', '/robot1/imu_driver', False), ('imu_*', '/imu_driver', False),
+    ('/**/a/**/b', '/x/a/b', True), ('/**/a/**/b', '/a/x/y/b', True), ('/**/a/*/b', '/a/b', False),
+    ('/**' * 10_000 + '/b', '/a/a/a/a/a/a/a/c', False)])
 def test_the_namespace_of_a_block_must_match_a_fully_qualified_node(tmp_path, block, node, meant):
     path = tmp_path / 'some.yaml'
-    path.write_text(f'{block}: {{ros__parameters: {{mass: 7}}}}')
+    path.write_text(f'? {block}\n: {{ros__parameters: {{mass: 7}}}}')
     words = ['node', '--ros-args', '--params-file', str(path)]
     assert from_arguments(words, node) == ({'mass': 7} if meant else {})
 

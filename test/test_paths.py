@@ -18,7 +18,9 @@ from pathlib import Path
 import pytest
 
 from smart_tire.errors import BagError, ParameterError
-from smart_tire.paths import check_file, check_writable, find_bag, port_url
+from smart_tire.paths import (
+    check_file, check_writable, find_bag, open_file, port_url, read_file)
+from support.special_files import KINDS, special_file
 
 
 def made(folder: Path, *files: str) -> Path:
@@ -81,12 +83,43 @@ def test_a_missing_bag_is_an_error_with_its_path(tmp_path):
         find_bag(tmp_path / 'nowhere')
 
 
-def test_a_file_to_read_must_exist_and_be_no_folder(tmp_path):
+def test_a_file_to_read_must_exist_and_be_a_regular_file(tmp_path):
     check_file(made(tmp_path / 'config', 'robot.yaml') / 'robot.yaml')
-    with pytest.raises(ParameterError, match=r'none.yaml: no such file$'):
-        check_file(tmp_path / 'none.yaml')
-    with pytest.raises(ParameterError, match='config is a folder, expected a file'):
-        check_file(tmp_path / 'config')
+    (tmp_path / 'link').symlink_to('config/robot.yaml')
+    check_file(tmp_path / 'link')
+    for name, reason in (('none.yaml', 'No such file or directory'), ('config', 'Is a directory'),
+                         ('link/x', 'Not a directory'), ('x' * 300, 'File name too long')):
+        with pytest.raises(ParameterError) as raised:
+            check_file(tmp_path / name)
+        assert str(raised.value) == f'{tmp_path / name}: cannot be read ({reason})'
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_only_regular_files_are_opened(kind, tmp_path, monkeypatch):
+    with special_file(kind, tmp_path) as path:
+        monkeypatch.setattr(os, 'open', None)  # opening resets some devices
+        with pytest.raises(OSError, match='not a regular file'):
+            open_file(path)
+
+
+def test_a_file_that_is_replaced_by_a_fifo_before_it_is_opened_does_not_block(
+        tmp_path, monkeypatch):
+    path, fifo = made(tmp_path / 'folder', 'file') / 'file', tmp_path / 'fifo'
+    os.mkfifo(fifo)
+    before = len(os.listdir('/proc/self/fd'))
+    state = path.stat()
+    monkeypatch.setattr(os, 'stat', lambda path: state)
+    with pytest.raises(OSError, match='not a regular file'):
+        open_file(fifo)
+    assert len(os.listdir('/proc/self/fd')) == before
+
+
+def test_a_file_is_read_up_to_its_size_limit(tmp_path):
+    path = tmp_path / 'file'
+    path.write_bytes(b'12345')
+    assert read_file(path, 5) == b'12345'
+    with pytest.raises(OSError, match='more than 4 bytes'):
+        read_file(path, 4)
 
 
 def test_an_output_may_be_new_with_new_folders_or_existing(tmp_path, monkeypatch):
@@ -114,12 +147,10 @@ def test_files_without_permission_are_refused(tmp_path, monkeypatch):
     file = made(tmp_path / 'results', 'robot.yaml') / 'robot.yaml'
     asked = []  # root may read and write everything, so that real permissions show nothing
     monkeypatch.setattr(os, 'access', lambda path, mode: bool(asked.append((path, mode))))
-    with pytest.raises(ParameterError, match='robot.yaml: cannot be read'):
-        check_file(file)
     with pytest.raises(ParameterError, match=r'no permission to write to .*results\)$'):
         check_writable(file)
     with pytest.raises(ParameterError, match=r'no permission to write to .*results\)$'):
         check_writable(file.parent)
     with pytest.raises(ParameterError, match=r'no permission to write to .*results\)$'):
         check_writable(file.parent / 'new' / 'folder' / 'file')
-    assert asked == [(file, os.R_OK), *[(file.parent, os.W_OK | os.X_OK)] * 3]
+    assert asked == [(file.parent, os.W_OK | os.X_OK)] * 3

@@ -22,21 +22,23 @@ from draw_architecture import read_nodes
 import pytest
 from smart_tire.bags.cdr import empty
 from smart_tire.estimation.streams import FRICTION, SLIP, Streams
-from smart_tire.messages import TOPICS
+from smart_tire.messages import ALL_TOPICS, TOPICS, TYPED
 from smart_tire.messages.describe import (
     columns, describe, NODE_TABLE, publishers_of, subscribers_of, topic_lines, TOPIC_NAMES)
 from smart_tire.messages.joint_state import GROUND_QUANTITIES
 from smart_tire.parameters import NODE_PARAMS
 from smart_tire.samples import FRICTION_QUANTITIES, WHEELS
 from topics_page import (
-    described, DOCUMENT, GROUPS, MARKER, read_examples, same_fields, written)
+    DEFINITIONS, described, DOCUMENT, GROUPS, MARKER, message_files, read_examples, same_fields,
+    written)
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = DOCUMENT.read_text(encoding='utf-8')
 EXAMPLES = read_examples()
 TRANSFORMS = {'/tf', '/tf_static'}  # only where tf2_msgs is installed
-WITHOUT_EXAMPLE = {*TRANSFORMS, *(name for name in TOPIC_NAMES if same_fields(described(name)))}
+WITHOUT_EXAMPLE = {*TRANSFORMS, *(topic.name for topic in TYPED.values()),
+                   *(name for name in TOPIC_NAMES if same_fields(described(name)))}
 
 
 def value_at(msg: Any, path: str) -> Any:
@@ -130,7 +132,7 @@ def test_every_number_has_a_unit():
         content = described(name)
         for field in (*content.fields, *content.quantities):
             assert field.unit or field.name in (
-                'name', 'data', 'status', 'transforms', 'location', 'header.stamp') \
+                'name', 'data', 'status', 'transforms', 'location', 'header.stamp', 'saturated') \
                 or field.meaning == 'empty' or content.quantities, (name, field.name)
         assert all(quantity.unit for quantity in content.quantities)
 
@@ -141,11 +143,23 @@ def test_the_document_is_current():
     assert sorted(name for names in GROUPS.values() for name in names) == sorted(TOPIC_NAMES)
 
 
+def test_the_definitions_of_messages_are_current():
+    assert {path: path.read_text(encoding='utf-8') for path in DEFINITIONS.iterdir()} \
+        == message_files(), 'run docs/topics_page.py'
+
+
+@pytest.mark.parametrize('name', [topic.name for topic in TYPED.values()])
+def test_every_field_of_a_typed_message_is_described(name):
+    fields = {field.name for field in described(name).fields} | {'header'}
+    assert fields - {'header.stamp'} == vars(empty(ALL_TOPICS[name].type)).keys()
+
+
 def test_a_topic_is_described_with_any_namespace():
     assert describe('/robot/odom').name == 'odom'
     assert describe('ground_truth/odom').name == 'ground_truth/odom'
     assert describe('diagnostics').name == '/diagnostics'
     assert describe('/robot/motors_enabled').name == 'motors_enabled'
+    assert describe('/robot/wheel_slip/typed').name == 'wheel_slip/typed'
     assert describe('/odometry') is None
 
 
@@ -200,6 +214,8 @@ def test_services_are_those_that_the_node_creates(name):
 def test_publishers_and_subscribers_of_a_topic():
     assert publishers_of('odom') == ('slip_estimator',)
     assert publishers_of('/diagnostics') == tuple(NODE_TABLE)
+    assert publishers_of('wheel_slip/typed') == ('slip_estimator',)
+    assert publishers_of('tire_samples/typed') == ('tire_receiver',)
     assert publishers_of('cmd_vel') == ('trajectory_controller',)
     assert subscribers_of('motor_commands') == ('motor_driver',)
     assert describe('cmd_vel').publishers == 'user, navigation, trajectory_controller'

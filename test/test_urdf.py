@@ -54,6 +54,8 @@ def joint_of(model, name):
 
 def pose(model, link):
     """Return position and rotation matrix of a link in base_link, at wheel angles of 0."""
+    if link == model.get_root():
+        return np.zeros(3), np.eye(3)
     joint, = (joint for joint in model.joints if joint.child == link)
     assert joint.parent == 'base_link'
     return np.array(joint.origin.xyz), matrix(*joint.origin.rpy)
@@ -174,6 +176,18 @@ def test_mass_center_and_yaw_inertia_are_those_of_the_robot(values):
         assert inertia.iyy == pytest.approx(robot.motor.inertia)
 
 
+@every_robot
+def test_the_root_has_the_inertia_of_the_chassis_for_simulators_that_merge_no_links(values):
+    robot, parts = described(values)
+    model = Robot.from_xml_string(urdf_text(robot, inertia_in_base=True).encode())
+    assert model.get_root() == 'base_link' and 'chassis_link' not in model.link_map
+    assert model.link_map['base_link'].visuals and model.link_map['base_link'].collisions
+    assert bodies_of(model) == bodies_of(parts)
+    for joint in model.joints:
+        assert joint.to_xml_string() == joint_of(parts, joint.name).to_xml_string()
+    assert len(model.joints) == len(parts.joints) - 1
+
+
 @given(mass=st.floats(0.01, 1e3), yaw_inertia=st.floats(1e-4, 1e3),
        center=st.tuples(*[st.floats(-0.5, 0.5)] * 3), track_width=st.floats(0.01, 3.0),
        wheelbase=st.floats(0.01, 3.0), radius=st.floats(0.07, 1.0), spin=st.floats(1e-5, 10.0))
@@ -203,6 +217,8 @@ def test_the_program_writes_the_robot_of_the_given_files(tmp_path):
     assert write(str(out), '--params', *files).returncode == 0
     expected = build(RobotParams, {'wheel_radius': 0.3, 'mass': 30.0})
     assert out.read_text(encoding='utf-8') == urdf_text(expected)
+    assert write(str(out), '--inertia-in-base', '--params', *files).returncode == 0
+    assert out.read_text(encoding='utf-8') == urdf_text(expected, inertia_in_base=True)
 
 
 def test_the_program_refuses_invalid_parameters_in_one_line(tmp_path):

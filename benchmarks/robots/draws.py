@@ -46,7 +46,7 @@ from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams)
 from smart_tire.parameters.robot import FilmParams, MotorParams, TireParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams, SensorErrorParams
-from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
+from smart_tire.samples import Four, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import BUMP_HALF_WIDTHS
 from smart_tire.simulation.offline import Event, simulate
 from smart_tire.simulation.plant import LOAD_TRANSFER_TIME
@@ -208,6 +208,9 @@ ROWS: Mapping[str, Row] = {
     'start_in_motion': Row(title='starts in motion', disturbance='cut', mu=(0.04, 0.08))}
 
 
+FILMS, TORQUES = 'films', 'torques'
+
+
 @dataclass(frozen=True)
 class Draw:
     """A drawn robot: parameters of the estimator, of the simulator, and wheel speeds."""
@@ -221,6 +224,7 @@ class Draw:
     duration: float           # s
     values: Values            # drawn properties, of DISTRIBUTIONS
     stuck: tuple[tuple[int, float], ...] = ()  # wheel and begin [s] of constant currents
+    without: Collection[str] = ()  # inputs that other robots do not have: FILMS, TORQUES
 
     @property
     def true(self) -> RobotParams:
@@ -243,8 +247,10 @@ class Draw:
         run = repr((_source(), self.simulator, self.traits, self.legs, self.duration,
                     row.wheel_rate))
         events = cached_events(run, self._simulated)
-        if not row.torque:
+        if not row.torque or TORQUES in self.without:
             events = _without_efforts(events)
+        if FILMS in self.without:
+            events = [event for event in events if not isinstance(event[2], TireSample)]
         events = delayed(events, 'wheel_states', self.true.encoder.latency)
         start = events[0][0]
         for wheel, begin in self.stuck:

@@ -18,12 +18,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 import math
 
 from benchmarks.harness import (
     Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows)
-from benchmarks.robots.draws import DISTRIBUTIONS, draw, ROWS, TUNING_SEED
+from benchmarks.robots.draws import DISTRIBUTIONS, draw, FILMS, ROWS, TORQUES, TUNING_SEED
 from benchmarks.robots.scoring import LATERAL, run_robot, SLIP, SPEED
 from benchmarks.scoring import Figures, Run
 from rich.table import Table
@@ -54,6 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help=f'seeds for tuning: counted from {TUNING_SEED}')
     parser.add_argument('--known-radius', action='store_true',
                         help='give the true wheel radius to the estimators')
+    parser.add_argument('--without', nargs='+', default=[], choices=(FILMS, TORQUES),
+                        help='inputs that the estimators do not get')
     parser.add_argument('--nominal', nargs='+', default=[], choices=DISTRIBUTIONS,
                         metavar='PROPERTY', help='properties that are not drawn: '
                         + ', '.join(DISTRIBUTIONS))
@@ -62,13 +65,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def jobs(row: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
     """Return one job for each robot."""
     first = TUNING_SEED - 1 if args.tuning else 0
-    return [partial(run, row, first + seed, tuple(args.nominal), args.known_radius)
+    return [partial(run, row, first + seed, args.nominal, args.known_radius, args.without)
             for seed in seeds]
 
 
-def run(row: str, seed: int, nominal: Sequence[str], known_radius: bool) -> list[Run]:
+def run(row: str, seed: int, nominal: Sequence[str], known_radius: bool,
+        without: Sequence[str]) -> list[Run]:
     """Return the results of one robot."""
-    one = draw(row, seed, nominal)
+    one = replace(draw(row, seed, nominal), without=without)
     return [run_robot(one.known_radius() if known_radius else one)]
 
 

@@ -37,6 +37,7 @@ from smart_tire.samples import NS_PER_S
 
 MAX_AGE = 0.25  # s, of odom when it is recorded; as cmd_vel_timeout of wheel_controller
 MIN_PUNCTUAL_TIME = 1.0  # s between two times that the host was late
+PUNCTUAL = {'times': 0, 'longest_s': 0.0, 'resumed': 0}  # late_host of data without lateness
 REFERENCE_STAMP_SIGMA = 0.5e-3  # s, standard deviation for normalized timestamp errors
 
 
@@ -104,9 +105,9 @@ def evaluate_drive(bag_path: Path, name: str, figure: Path,
 
 def drive_lines(tree: Tree) -> Iterator[str]:
     """Yield the summary of ``evaluate_drive`` as lines of text."""
+    yield from host_lines(tree['host'])
     if tree['tracking'] is not None:
         yield from driven_lines(tree['drive'], tree['tracking'])
-    yield from host_lines(tree['host'])
     for table in estimate_tables(tree['estimates']):
         yield from table.lines()
     if pose := (tree['against_truth'] or {}).get('pose'):
@@ -153,11 +154,20 @@ def late_host(ages: Array, drives: Iterable[DrivenPath]) -> Tree:
             'resumed': sum(drive.resumed for drive in drives)}
 
 
-def host_lines(tree: Tree | None) -> Iterator[str]:
-    """Yield a line if the timers of a node were late because other programs ran."""
-    if tree is not None and (host := HostLoad(**{
-            name: value for name, value in tree.items() if name != 'late'})).late:
-        yield f'host late: {host}'
+def host_lines(host: Tree | None, late: Tree = PUNCTUAL) -> Iterator[str]:
+    """
+    Yield a line if data were late: because other programs ran, or how late they were.
+
+    ``host`` has the lateness of timers, ``late`` is that of ``late_host``.
+    """
+    resumed = f'; path resumed {late["resumed"]} x after a stop for it'
+    if host is not None and host['late']:
+        yield 'host late: {}{}'.format(HostLoad(**{
+            name: value for name, value in host.items() if name != 'late'}),
+            resumed if late['resumed'] else '')
+    elif late['times'] or late['resumed']:
+        yield (f'odom late {late["times"]} x: up to {late["longest_s"]:.2f} s old, expected at '
+               f'most {MAX_AGE:g} s{resumed}')
 
 
 @dataclass(frozen=True)
@@ -210,13 +220,9 @@ def radio_counts(inputs: Recording, batches: Sequence[Batch]) -> Tree:
 def demo_lines(tree: Tree) -> Iterator[str]:
     """Yield the summary of ``evaluate_demo`` as lines of text."""
     yield f'recorded {tree["duration_s"]:.0f} s, {sum(tree["messages"].values())} messages'
+    yield from host_lines(tree['host'], tree['late_host'])
     yield ('radio batches: {sent} sent, {dropped} dropped by the simulated radio, {missing} lost '
            'after it'.format(**tree['radio']))
-    yield from host_lines(tree['host'])
-    late = tree['late_host']
-    if late['times'] or late['resumed']:
-        yield (f'host late {late["times"]} x: odom up to {late["longest_s"]:.2f} s old, expected '
-               f'at most {MAX_AGE:g} s; path resumed {late["resumed"]} x after a stop for it')
     for wheel, score in tree['stamps'].items():
         yield (f'timestamp error of {wheel} samples: {1e3 * score["rms"]:.2f} ms rms, '
                f'mean {1e3 * score["mean"]:+.2f} ms')

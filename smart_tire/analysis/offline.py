@@ -28,6 +28,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from smart_tire.analysis.checks import findings
+from smart_tire.analysis.checks.messages import check_host
 from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.pipeline import (
@@ -41,7 +42,6 @@ from smart_tire.errors import BagError, EstimatorError, SmartTireError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.findings import Finding, Level
-from smart_tire.host_load import worst_of
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.recording import Faults, Recording
 from smart_tire.samples import (
@@ -73,7 +73,7 @@ class BagContents:
     warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
     topics: dict[str, BagTopic] = field(default_factory=dict)  # all, by name in the bag
     errors: list[Finding] = field(default_factory=list)  # of the checks, if requested
-    host: str = ''      # that the host was late when the bag was recorded
+    host: str | None = None  # that the host was late when the bag was recorded
     start_ns: int = 0   # receive time of the first message
     duration_s: float = 0.0
 
@@ -212,15 +212,11 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)
         contents.topics, contents.losses = bag.topics, bag.losses.lines()
         contents.warnings = [*contents.losses, *bag.warnings]
-        statuses = tuple(bag.statuses())
-        host = worst_of(status.values for _, status in statuses)
-        if host is not None and host.late:
-            contents.host = f'host late: {host}'
-            contents.skipped.append(contents.host)
+        checked = CheckedRecording(params.robot, contents.inputs, bag.faults, problems_of(bag),
+                                   tuple(bag.statuses()))
+        contents.host = next((one.text for one in check_host(checked)), None)
         if checks:  # here the slip stage, in the other process, does not wait for them
-            contents.errors = [one for one in findings(CheckedRecording(
-                params.robot, contents.inputs, bag.faults, problems_of(bag), statuses))
-                if one.level is Level.ERROR]
+            contents.errors = [one for one in findings(checked) if one.level is Level.ERROR]
     yield contents
 
 
@@ -293,7 +289,7 @@ def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | 
     diverged = [text for one in (analysis.estimates, analysis.smoothed)
                 if one is not None and (text := divergence(one, fastest))]
     filtered, *smoothed = map(evaluation, analysis.result.comparisons.values())
-    tree = {'bag': str(path), 'duration_s': plain(contents.duration_s),
+    tree = {'bag': str(path), 'duration_s': plain(contents.duration_s), 'host': contents.host,
             'parameters': source, 'notes': contents.notes,
             'errors': [one.text for one in contents.errors],
             'diverged': diverged[0] if diverged else None,
@@ -330,10 +326,10 @@ def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:
     lines = [f'{mismatch}: not read' for mismatch in bag.type_mismatches()]
     for name in bag.topics:
         topic = find_topic(name)
-        if topic is not None and topic.name in ESTIMATES:
+        if topic is not None and topic.standard in ESTIMATES:
             lines.append(f'{name}: recorded estimate, not read')
-        elif topic is not None and available.get(topic.name, name) != name:
-            lines.append(f'{name}: not read, {available[topic.name]} is used')
+        elif topic is not None and available.get(topic.standard, name) != name:
+            lines.append(f'{name}: not read, {available[topic.standard]} is used')
     return lines + bag.faults.lines() + bag.losses.lines() + bag.warnings
 
 

@@ -113,6 +113,7 @@ def _words(name: str) -> str:
 def lines(summary: Tree) -> Iterator[str]:
     """Yield the report of a summary written by ``analyze``."""
     yield f'{summary["bag"]}: {text(summary["duration_s"], ".1f")} s'
+    yield from filter(None, [summary['host']])
     yield from inputs_table(summary['inputs']).lines()
     yield from ('', *(f'skipped: {line}' for line in summary['left_out']))
     filtered = result_tables(summary)

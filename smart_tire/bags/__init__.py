@@ -13,9 +13,11 @@
 from smart_tire.bags.cdr import SampleDecoder
 from smart_tire.bags.metadata import Channel, Qos
 from smart_tire.bags.reader import Bag, BagTopic, PARAMETERS_KEY, report_losses
-from smart_tire.bags.topic_names import check_inputs, STANDARD_NAMES, TopicNames
+from smart_tire.bags.topic_names import (
+    check_inputs, match_by_name, STANDARD_NAMES, TopicNames)
 from smart_tire.bags.writer import BagWriter, channel_of, recover, Recovery
 
 __all__ = [
-    'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs', 'PARAMETERS_KEY',
-    'Qos', 'recover', 'Recovery', 'report_losses', 'SampleDecoder', 'STANDARD_NAMES', 'TopicNames']
+    'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs', 'match_by_name',
+    'PARAMETERS_KEY', 'Qos', 'recover', 'Recovery', 'report_losses', 'SampleDecoder',
+    'STANDARD_NAMES', 'TopicNames']

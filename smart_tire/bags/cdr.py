@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 import struct
 from types import SimpleNamespace
@@ -22,14 +22,15 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
-from rosbags.typesys import get_typestore, Stores, TypesysError
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores, TypesysError
 from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
-from smart_tire.messages import cdr, OtherJointsError, Topic, TOPICS, wheels_from_msg
+from smart_tire.messages import (
+    cdr, definitions, forms_of, OtherJointsError, Topic, wheels_from_msg)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
-from smart_tire.samples import Sample, WheelSample
+from smart_tire.samples import Sample, TireSamples, WheelSample
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
 BIG_ENDIAN, LITTLE_ENDIAN = cdr.BYTE_ORDERS
@@ -37,8 +38,15 @@ BIG_ENDIAN, LITTLE_ENDIAN = cdr.BYTE_ORDERS
 
 @cache
 def typestore() -> Typestore:
-    """Return the types of ROS 2 Jazzy; those used here are equal in all distributions."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """
+    Return the types of ROS 2 Jazzy and of smart_tire_msgs.
+
+    Those of ROS that are used here are equal in all distributions.
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in definitions().items():
+        store.register(get_types_from_msg(text, name))
+    return store
 
 
 @cache
@@ -138,31 +146,34 @@ class SampleDecoder:
     """
     Messages of a standard topic to samples; ``faults`` counts the invalid ones and the frames.
 
-    ``joints`` are the wheels in ``wheel_states``. With ``other_joints``, messages of that topic
-    with other joints are no fault.
+    The messages have the type ``type_name``, by default that in ``TOPICS``. ``joints`` are the
+    wheels in ``wheel_states``. With ``other_joints``, messages of that topic with other joints are
+    no fault.
     """
 
     def __init__(self, topic: str, faults: Faults, joints: JointParams = STANDARD_JOINTS,
-                 other_joints: bool = False) -> None:
+                 other_joints: bool = False, type_name: str = '') -> None:
         self._topic, self._faults = topic, faults
         self._frames = faults.frames.setdefault(topic, Counter())
         self._ignored = (OtherJointsError,) if other_joints else ()
-        kind, self._from_msg = TOPICS[topic].type, TOPICS[topic].from_msg
-        read = Decoder(kind)
-        self._read = cdr.Decoder(kind, read) if kind in cdr.FIELDS else read
-        if TOPICS[topic].sample is WheelSample:
+        forms = forms_of(topic)
+        form = forms[type_name] if type_name else next(iter(forms.values()))
+        self._from_msg, read = form.from_msg, Decoder(form.type)
+        self._read = cdr.Decoder(form.type, read) if form.type in cdr.FIELDS else read
+        if form.sample is WheelSample:
             self._from_msg = partial(wheels_from_msg, joints=joints)
 
-    def __call__(self, data: bytes) -> Sample | None:
-        """Return the sample in a message; None if there is none."""
+    def __call__(self, data: bytes) -> Sequence[Sample]:
+        """Return the samples in a message."""
         try:
             msg = self._read(data)
             self._frames[msg.header.frame_id] += 1
-            return self._from_msg(msg)
+            sample = self._from_msg(msg)
         except MessageError as error:
             if not isinstance(error, self._ignored):
                 self._faults.reject(self._topic, error)
-            return None
+            return ()
+        return sample.samples if isinstance(sample, TireSamples) else (sample,)
 
 
 class SampleEncoder:

@@ -23,19 +23,20 @@ import shutil
 
 import lz4.frame  # type: ignore[import-untyped]
 from smart_tire.errors import BagError
+from smart_tire.paths import open_file
 import zstandard
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'  # start of a compressed file or message, but of no CDR message
 MAX_SIZE = 1 << 28       # bytes of a chunk or message in memory, assumed: more than any image has
 MAX_FILE_SIZE = 1 << 30  # bytes of a file that is compressed by more than MAX_RATIO
-MAX_RATIO = 1000.0       # assumed: recordings have 2 to 100, zeros 30,000
+MAX_RATIO = 1000         # assumed: recordings have 2 to 100, zeros 30,000
 BLOCK_SIZE = 1 << 20     # bytes that are decompressed at a time
 
 
 def map_file(path: Path) -> mmap.mmap:
     """Return the content of a file; raise BagError if it is empty or cannot be read."""
     try:
-        with path.open('rb') as file:
+        with open_file(path) as file:
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except ValueError as error:  # an empty file cannot be mapped
         raise BagError(f'{path}: file is empty') from error
@@ -65,6 +66,11 @@ def unpacked(data: bytes, compression: str = 'zstd', size: int | None = None) ->
     return data
 
 
+def max_unpacked(size: int) -> int:
+    """Return how many bytes ``size`` compressed bytes of a recording may have at most."""
+    return max(MAX_FILE_SIZE, MAX_RATIO * size)
+
+
 def unpack_file(path: Path, plain: Path) -> str:
     """
     Decompress the file ``path`` to ``plain``; return what is wrong, '' if nothing is.
@@ -72,9 +78,8 @@ def unpack_file(path: Path, plain: Path) -> str:
     Raises BagError if the file is too large when decompressed, or cannot be written.
     """
     try:
-        limit = int(min(max(MAX_FILE_SIZE, MAX_RATIO * path.stat().st_size),
-                        shutil.disk_usage(plain.parent).free))
-        with path.open('rb') as file, plain.open('wb') as out:
+        limit = min(max_unpacked(path.stat().st_size), shutil.disk_usage(plain.parent).free)
+        with open_file(path) as file, plain.open('wb') as out:
             size = zstandard.get_frame_parameters(file.read(BLOCK_SIZE)).content_size
             if limit < size < zstandard.CONTENTSIZE_UNKNOWN:
                 raise BagError(f'{path}: {_too_large(size, limit)}')

@@ -24,7 +24,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 from io import BytesIO
-from operator import itemgetter
+from itertools import pairwise
+from operator import attrgetter, itemgetter
 from pathlib import Path
 import re
 import struct
@@ -97,6 +98,7 @@ class McapFile:
         self._schemas: dict[int, Schema] = {}
         self._records: dict[int, ChannelRecord] = {}
         self._channels: dict[int, Channel] = {}
+        self._types: dict[str, str] = {}  # by topic
         self._counts: Counter[Channel] | None = None
         self._listed = 0  # messages, by the statistics
         self._metadata_offsets: list[int] = []
@@ -119,11 +121,14 @@ class McapFile:
 
     def metadata(self) -> list[BagMetadata]:
         """Return the metadata records of rosbag2."""
-        found = []
+        found, left = [], len(self._data)  # bytes: an index may list a record many times
         for offset in self._metadata_offsets:
             try:
                 length = RECORD.unpack_from(self._data, offset)[1]
                 start = offset + RECORD.size
+                left -= length
+                if left < 0:
+                    raise ValueError('metadata overlap')
                 record = Metadata.read(ReadDataStream(BytesIO(self._data[start:start + length])))
             except DECODE_ERRORS as error:
                 add_warning(self.warnings, f'{self.path.name}: damaged at byte {offset}: {error}')
@@ -144,14 +149,16 @@ class McapFile:
         """Yield the messages of ``topics`` (None: all) in order of receive time."""
         waiting: list[Message] = []
         log_time = itemgetter(0)
+        wanted = {number: channel for number, channel in self._channels.items()
+                  if topics is None or channel.topic in topics}
         for block in self._blocks:
-            if block.channels and self._channel_ids(topics).isdisjoint(block.channels):
+            if block.channels and wanted.keys().isdisjoint(block.channels):
                 continue
             ready = 0
             while ready < len(waiting) and waiting[ready][0] < block.start_ns:
                 ready += 1
             yield from waiting[:ready]
-            waiting = waiting[ready:] + self._read(block, topics)
+            waiting = waiting[ready:] + self._read(block, topics, wanted)
             waiting.sort(key=log_time)  # stable, and fast if already in order
         yield from waiting
 
@@ -170,6 +177,9 @@ class McapFile:
                 BytesIO(data[start:]), skip_magic=True, emit_chunks=True).records)
             blocks = [self._indexed_block(entry) for entry in summary
                       if isinstance(entry, ChunkIndex)]
+            if any(block.offset + block.size > after.offset for block, after in pairwise(
+                    sorted(blocks, key=attrgetter('offset')))):
+                raise ValueError('chunks overlap')
             fitting = sum(map(self._has_header, blocks))
             if not checksum and fitting < len(blocks) or 2 * fitting < len(blocks):
                 raise ValueError('chunks are not where it says')
@@ -201,7 +211,7 @@ class McapFile:
         """Read channels and counts from the summary; return whether it is complete."""
         for entry in summary:
             if isinstance(entry, Schema) or isinstance(entry, ChannelRecord) and (
-                    entry.schema_id in {0, *self._schemas}):
+                    not entry.schema_id or entry.schema_id in self._schemas):
                 self._register(entry)
         channels = {entry.id for entry in summary if isinstance(entry, ChannelRecord)}.union(
             *(block.channels for block in blocks))
@@ -233,7 +243,7 @@ class McapFile:
             elif opcode == Opcode.MESSAGE:
                 run.extend(MESSAGE.unpack_from(self._data, offset)[4], offset, end)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._read(Block(0, 0, offset, end - offset, frozenset()), None)
+                self._read(Block(0, 0, offset, end - offset, frozenset()), (), {})
             elif opcode == Opcode.METADATA:
                 self._metadata_offsets.append(offset)
             if opcode != Opcode.MESSAGE or run.messages == MAX_RUN_MESSAGES:
@@ -316,13 +326,18 @@ class McapFile:
         return Block(start_ns, end_ns, offset, min(start + length, len(data)) - offset,
                      frozenset(), Chunk(name.decode('latin-1'), start, length, size, checksum))
 
-    def _read(self, block: Block, topics: Collection[str] | None) -> list[Message]:
-        """Return the messages in ``block``; add a loss if some cannot be read."""
+    def _read(self, block: Block, topics: Collection[str] | None,
+              wanted: dict[int, Channel]) -> list[Message]:
+        """
+        Return the messages in ``block``; add a loss if some cannot be read.
+
+        ``wanted`` are the channels of ``topics``, to which those in ``block`` are added.
+        """
         found: list[Message] = []
         try:
             records = (self._data[block.offset:block.offset + block.size] if block.chunk is None
                        else self._chunk_records(block.chunk))
-            self._parse_records(records, topics, found)
+            self._parse_records(records, topics, wanted, found)
         except DECODE_ERRORS as error:
             self.losses.add(f'{self.path.name}: damaged at byte {block.offset}: {error}',
                             block.chunk.messages if block.chunk and not found else 0)
@@ -339,9 +354,8 @@ class McapFile:
         return records
 
     def _parse_records(self, records: bytes, topics: Collection[str] | None,
-                       found: list[Message]) -> None:
+                       wanted: dict[int, Channel], found: list[Message]) -> None:
         """Append the messages in ``records`` to ``found``; raise ValueError if some are left."""
-        wanted = self._wanted(topics)
         offset, unknown, size, unpack = 0, 0, len(records), MESSAGE.unpack_from
         padded = records + bytes(MESSAGE_HEAD)  # allows unpacking a short last record
         while offset + RECORD.size <= size:
@@ -356,9 +370,9 @@ class McapFile:
                     unknown += 1
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 stream = ReadDataStream(BytesIO(records[offset + RECORD.size:end]))
-                reader = Schema if opcode == Opcode.SCHEMA else ChannelRecord
-                self._register(reader.read(stream))
-                wanted = self._wanted(topics)
+                record = (Schema if opcode == Opcode.SCHEMA else ChannelRecord).read(stream)
+                self._register(record)
+                self._want(record, topics, wanted)
             elif opcode == NO_OPCODE:  # zeros would be millions of records
                 break
             offset = end
@@ -367,12 +381,15 @@ class McapFile:
         if offset < size:
             raise ValueError(f'last {size - offset} of {size} bytes are not a complete record')
 
-    def _wanted(self, topics: Collection[str] | None) -> dict[int, Channel]:
-        return {number: channel for number, channel in self._channels.items()
-                if topics is None or channel.topic in topics}
-
-    def _channel_ids(self, topics: Collection[str] | None) -> set[int]:
-        return set(self._wanted(topics))
+    def _want(self, record: Schema | ChannelRecord, topics: Collection[str] | None,
+              wanted: dict[int, Channel]) -> None:
+        """Add the channel of ``record``, if it is one, to ``wanted`` if it is of ``topics``."""
+        if isinstance(record, Schema):
+            return
+        wanted.pop(record.id, None)
+        channel = self._channels.get(record.id)
+        if channel is not None and (topics is None or channel.topic in topics):
+            wanted[record.id] = channel
 
     def _register(self, record: Schema | ChannelRecord) -> None:
         if isinstance(record, Schema):
@@ -380,8 +397,7 @@ class McapFile:
         elif self._records.get(record.id) != record:  # some writers repeat channels in every chunk
             self._records[record.id] = record
             schema = self._schemas.get(record.schema_id, NO_SCHEMA)
-            if any(channel.topic == record.topic and channel.type != schema.name
-                   for channel in self._channels.values()):
+            if self._types.setdefault(record.topic, schema.name) != schema.name:
                 add_warning(self.warnings, f'{self.path.name}: {record.topic} has a second type, '
                             f'{schema.name}, which is skipped')
                 return

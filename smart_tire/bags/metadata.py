@@ -20,13 +20,14 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from smart_tire.errors import BagError
-from smart_tire.paths import BAG_METADATA
-from smart_tire.yaml_text import parse_yaml
+from smart_tire.paths import BAG_METADATA, BAG_SUFFIXES, read_file
+from smart_tire.yaml_text import MAX_SIZE, parse_yaml
 import yaml
 
 ROOT = 'rosbag2_bagfile_information'
 VERSION = 9
 NO_START = 2**63 - 1                       # ns, start time of a bag without messages
+MAX_WARNINGS = 100                         # of a bag or file
 MAX_REASONS = 3                            # of losses that are listed
 INFINITE_DURATION = {'sec': 9223372036, 'nsec': 854775807}  # RMW_DURATION_INFINITE
 # The variants of libyaml, if it is installed, are ten times as fast.
@@ -50,8 +51,8 @@ Message = tuple[int, Channel, bytes]  # receive time [ns], channel, data
 
 
 def add_warning(warnings: list[str], text: str) -> None:
-    """Append ``text`` to ``warnings`` unless it is already listed."""
-    if text not in warnings:
+    """Append ``text`` to ``warnings`` unless it, or ``MAX_WARNINGS`` others, are listed."""
+    if len(warnings) < MAX_WARNINGS and text not in warnings:
         warnings.append(text)
 
 
@@ -59,23 +60,28 @@ class Losses:
     """What of a bag could not be read."""
 
     def __init__(self) -> None:
-        self.reasons: list[str] = []
+        self._reasons: dict[str, None] = {}  # in order; a list would be searched for each
         self.messages = 0  # known to be lost for these reasons
         self.missing = 0   # messages that metadata.yaml lists, but the files lack
 
+    @property
+    def reasons(self) -> list[str]:
+        """Return the reasons of all losses."""
+        return list(self._reasons)
+
     def add(self, reason: str, messages: int = 0) -> None:
         """Note a loss, once, of a known number of messages or of an unknown one, 0."""
-        if reason not in self.reasons:
-            self.reasons.append(reason)
+        if reason not in self._reasons:
+            self._reasons[reason] = None
             self.messages += messages
 
     def lines(self) -> list[str]:
         """Return all losses in one line; none without losses."""
-        if not self.reasons:
+        if not self._reasons:
             return []
         number = max(self.messages, self.missing)
         shown = self.reasons[:MAX_REASONS]
-        if more := len(self.reasons) - len(shown):
+        if more := len(self._reasons) - len(shown):
             shown.append(f'and {more} more')
         return [f'{f"{number} messages or more" if number else "messages"} are missing: '
                 + '; '.join(shown)]
@@ -160,17 +166,20 @@ def read_metadata(directory: Path) -> Metadata | None:
     """Return the content of metadata.yaml; None if it is missing; BagError if it is invalid."""
     path = directory / BAG_METADATA
     try:
-        document = parse_yaml(path.read_text(encoding='utf-8'))
+        document = parse_yaml(read_file(path, MAX_SIZE))
     except FileNotFoundError:
         return None
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise BagError(f'{path}: not valid YAML') from error
+    except ValueError as error:
+        raise BagError(f'{path}: not valid YAML ({error})') from error
     root = document.get(ROOT) if isinstance(document, Mapping) else None
     names = root.get('relative_file_paths') if isinstance(root, Mapping) else None
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+    if not isinstance(names, list):
         raise BagError(f'{path}: relative_file_paths is missing')
+    for name in names:
+        if not isinstance(name, str) or not name.endswith(BAG_SUFFIXES):
+            raise BagError(f'{path}: relative_file_paths has {name!r}, which is no file of a bag')
     return _metadata_of(root)
 
 
@@ -178,7 +187,7 @@ def metadata_in(text: str) -> Metadata:
     """Return the content of ``metadata_text``; empty if it is not valid YAML."""
     try:
         return _metadata_of(parse_yaml(text))
-    except yaml.YAMLError:
+    except ValueError:
         return Metadata()
 
 
@@ -190,10 +199,9 @@ def _metadata_of(entry: Any) -> Metadata:
         'relative_file_paths', 'message_count', 'ros_distro', 'custom_data'))
     return Metadata(
         # Old versions put the name of the folder in front.
-        tuple(PurePath(name).name for name in files if isinstance(name, str))
+        tuple(dict.fromkeys(PurePath(name).name for name in files if isinstance(name, str)))
         if isinstance(files, list) else (),
         messages if isinstance(messages, int) else 0, distro if isinstance(distro, str) else '',
-        # The text of a collection may be longer than memory: its aliases multiply.
         {str(key): str(value) for key, value in data.items()
          if isinstance(value, str | int | float)}
         if isinstance(data, Mapping) else {})
@@ -226,6 +234,7 @@ def _topic(channel: Channel) -> dict[str, Any]:
 
 def _profiles(qos: str) -> Any:
     try:
-        return parse_yaml(qos) or []
-    except yaml.YAMLError:  # of a damaged bag
+        found = parse_yaml(qos)
+    except ValueError:  # of a damaged bag
         return []
+    return found if isinstance(found, list) and all(isinstance(one, dict) for one in found) else []

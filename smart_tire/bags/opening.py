@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 import re
 import tempfile
@@ -21,7 +22,7 @@ from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import Losses, Metadata, read_metadata
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
-from smart_tire.paths import BAG_SUFFIXES
+from smart_tire.paths import BAG_SUFFIXES, open_file
 
 SQLITE_MAGIC = b'SQLite format 3\x00'
 ROS1_MAGIC = b'#ROSBAG V2.0'
@@ -38,6 +39,7 @@ class OpenFiles:
     def __init__(self, path: Path, warnings: list[str], losses: Losses) -> None:
         self.files: list[McapFile | SqliteFile] = []
         self.metadata = Metadata()  # content of metadata.yaml
+        self.size = 0               # bytes of the files
         self._path, self._warnings, self._losses = path, warnings, losses
         self._decompressed = tempfile.TemporaryDirectory(prefix='smart_tire_')
         try:
@@ -57,6 +59,7 @@ class OpenFiles:
         for path in self._paths():
             try:
                 self.files.append(self._open(path))
+                self.size += path.stat().st_size
             except BagError as error:
                 errors.append(error)
         if not self.files:
@@ -79,10 +82,10 @@ class OpenFiles:
             else:
                 self.metadata = metadata
         listed = [self._path / name for name in self.metadata.files]
-        for path in listed:
-            if not path.exists():
-                self._losses.add(f'{path}: file is missing')
-        paths = [path for path in listed if path.exists()] or sorted(
+        found = [path for path in listed if os.path.exists(path)]  # not with 300 characters
+        for path in sorted({*listed} - {*found}):
+            self._losses.add(f'{path}: file is missing')
+        paths = found or sorted(
             (path for path in self._path.iterdir() if path.name.endswith(BAG_SUFFIXES)),
             key=_natural_sort_key)
         if not paths:
@@ -119,7 +122,7 @@ class OpenFiles:
 
 def _first_bytes(path: Path) -> bytes:
     try:
-        with path.open('rb') as file:
+        with open_file(path) as file:
             return file.read(len(SQLITE_MAGIC))
     except OSError as error:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error

@@ -27,8 +27,10 @@ import logging
 import math
 from operator import itemgetter
 from pathlib import Path
+from types import MappingProxyType
 
-from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder
+from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder, SampleEncoder
+from smart_tire.bags.file_bytes import max_unpacked
 from smart_tire.bags.metadata import add_warning, Channel, Losses, Message, Metadata
 from smart_tire.bags.opening import OpenFiles
 from smart_tire.bags.topic_names import (
@@ -132,6 +134,11 @@ class Bag:
         return {key: text for one in self._metadata for key, text in one.custom_data.items()}
 
     @property
+    def max_content(self) -> int:
+        """Return how many bytes of messages the files may have, compressed as they are."""
+        return max_unpacked(self._opened.size)
+
+    @property
     def ros_distro(self) -> str:
         """Return the ROS distribution that recorded the bag; '' if unknown."""
         return next((one.ros_distro for one in reversed(self._metadata) if one.ros_distro), '')
@@ -206,17 +213,29 @@ class Bag:
         streams = [file.messages(topics) for file in self._files]
         return streams[0] if len(streams) == 1 else heapq.merge(*streams, key=itemgetter(0))
 
-    def replayable(self, topics: Collection[str]) -> Iterator[Message]:
-        """Yield the messages of ``topics`` as ``raw`` does, without efforts that are duties."""
+    def replayable(self, topics: Collection[str],
+                   renamed: Mapping[str, str] = MappingProxyType({})) -> Iterator[Message]:
+        """
+        Yield the messages of ``topics`` as ``raw`` does, without efforts that are duties.
+
+        Those of typed topics in ``renamed`` are converted to the type of their standard topic.
+        """
         duties = {name for name in topics if name in self.topics and self._ignores_efforts(name)}
         joints = TOPICS['wheel_states'].type
         read, write = Decoder(joints), Encoder(joints)
+        converted = {name: (SampleDecoder(topic.name, self.faults, type_name=self.types[name]),
+                            SampleEncoder(topic)) for name, standard in renamed.items()
+                     if (topic := find_topic(standard)) and topic.type != self.types[name]}
         for receive_ns, channel, data in self.raw(topics):
             if channel.topic in duties:
                 msg = read(data)
                 msg.effort = ()
                 data = write(msg)
-            yield receive_ns, channel, data
+            if channel.topic in converted:
+                samples, encode = converted[channel.topic]
+                yield from ((receive_ns, channel, encode(sample)) for sample in samples(data))
+            else:
+                yield receive_ns, channel, data
 
     def samples(self, wanted: Iterable[str], *, restamp: bool = True
                 ) -> Iterator[tuple[int, str, Sample]]:
@@ -270,11 +289,11 @@ class Bag:
     def _samples(self, found: Mapping[str, str], faults: Faults
                  ) -> Iterator[tuple[int, str, Sample]]:
         readers = {name: (standard, SampleDecoder(
-                       standard, faults, *self._joints_of(standard, name)))
-                   for standard, name in found.items()}
+                       standard, faults, *self._joints_of(standard, name), self.types[name]))
+                   for standard, name in found.items() if name in self.types}
         for receive_ns, channel, data in self.raw(readers):
             standard, read = readers[channel.topic]
-            if (sample := read(data)) is not None:
+            for sample in read(data):
                 yield receive_ns, standard, sample
 
     def _joints_of(self, standard: str, name: str) -> tuple[JointParams, bool]:

@@ -23,6 +23,7 @@ from collections.abc import Collection, Iterator
 from contextlib import closing, ExitStack
 from dataclasses import replace
 from pathlib import Path
+import re
 import sqlite3
 from typing import Any
 from urllib.parse import quote
@@ -33,6 +34,12 @@ from smart_tire.bags.sqlite_pages import Cell, Pages
 from smart_tire.errors import BagError
 import zstandard
 
+# What is read by SQL. A view or a generated column may be endless, and sqlite evaluates conditions
+# and the expressions of indices while it checks a file.
+COLUMN = r'\s*"?\w+"?(?:\s+(?:ASC|DESC))?\s*'
+PLAIN_SCHEMA = re.compile(
+    r'CREATE\s+(?:TABLE\s[^()]*\((?:(?!\b(?:CHECK|AS)\b)(?:[^()]|\([\w\s,]*\)))*\)[^()]*'
+    rf'|(?:UNIQUE\s+)?INDEX\s[^()]*\({COLUMN}(?:,{COLUMN})*\)\s*)', re.IGNORECASE)
 VALID = """topic_id IN (SELECT id FROM topics) AND typeof(timestamp) = 'integer'
            AND timestamp >= 0 AND typeof(data) = 'blob'"""  # of a message
 
@@ -95,6 +102,9 @@ class _Database:
     def __init__(self, path: Path, stack: ExitStack) -> None:
         self._connection = stack.enter_context(closing(_connect(path)))
         self._connection.text_factory = lambda text: text.decode(errors='replace')
+        if not all(sql is None or isinstance(sql, str) and PLAIN_SCHEMA.fullmatch(sql)
+                   for sql, in self._connection.execute('SELECT sql FROM sqlite_master')):
+            raise sqlite3.DatabaseError('the schema has more than plain tables and indices')
         page_size, = self._connection.execute('PRAGMA page_size').fetchone()
         if path.stat().st_size % page_size:  # sqlite reads the missing bytes as zeros
             raise sqlite3.DatabaseError('last page is incomplete')
@@ -211,6 +221,7 @@ def _connect(path: Path) -> sqlite3.Connection:
     for mode in ('mode=ro', 'immutable=1'):
         connection = sqlite3.connect(f'file:{quote(str(path))}?{mode}', uri=True)
         try:
+            connection.execute('PRAGMA trusted_schema = OFF')
             connection.execute('SELECT count(*) FROM sqlite_master')
         except sqlite3.OperationalError:
             connection.close()

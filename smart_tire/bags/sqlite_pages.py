@@ -31,6 +31,8 @@ REAL, ZERO, ONE, FIRST_BLOB = 7, 8, 9, 12  # serial types; odd ones from 13 on a
 DECODE_ERRORS = (IndexError, struct.error, ValueError)
 PAGE_NUMBER = struct.Struct('>I')
 
+MAX_COPIES = 2  # of a byte, assumed: a page of overflow may belong to a row and to a deleted one
+
 Cell = tuple[int, int]   # number of its page, offset in the file
 
 
@@ -38,7 +40,7 @@ class Pages:
     """The pages of a file; ``damaged`` counts the cells that could not be read."""
 
     def __init__(self, data: mmap.mmap) -> None:
-        self._data, self.damaged = data, 0
+        self._data, self.damaged, self._read = data, 0, 0
         size, = struct.unpack_from('>H', data[:FILE_HEAD].ljust(FILE_HEAD, b'\0'),
                                    PAGE_SIZE_OFFSET)
         size = 65536 if size == 1 else size
@@ -47,7 +49,7 @@ class Pages:
 
     def rows(self) -> Iterator[tuple[Cell, int, Sequence[Any]]]:
         """Yield place, row number and columns of all rows of tables, in order of the pages."""
-        for cell in self._cells((TABLE_LEAF,)):
+        for cell in self._disjoint(self._cells((TABLE_LEAF,))):
             try:
                 row, columns = self.row(cell)
             except DECODE_ERRORS:
@@ -65,12 +67,21 @@ class Pages:
     def index_entries(self) -> Iterator[Sequence[Any]]:
         """Yield the columns of all entries of indices."""
         most = (self._size - 12) * 64 // 255 - 23
-        for number, start in self._cells((INDEX_LEAF, INDEX_INTERIOR)):
+        for number, start in self._disjoint(self._cells((INDEX_LEAF, INDEX_INTERIOR))):
             try:
                 length, start = _varint(self._data, start)
                 yield _columns(self._payload(number, start, length, most))
             except DECODE_ERRORS:
                 continue  # serves as a check of the rows only
+
+    def _disjoint(self, cells: Iterator[Cell]) -> Iterator[Cell]:
+        """Yield ``cells`` until more was read than the file has: they share pages."""
+        most = self._read + MAX_COPIES * len(self._data)
+        for cell in cells:
+            if self._read > most:
+                self.damaged += 1
+                return
+            yield cell
 
     def _cells(self, kinds: Sequence[int]) -> Iterator[Cell]:
         """Yield the number of the page and the offset of each cell in pages of ``kinds``."""
@@ -104,6 +115,7 @@ class Pages:
                 raise ValueError('page of overflow is missing')
             parts.append(self._data[start:end + min(self._size, PAGE_NUMBER.size + left)])
             left -= len(parts[-1])
+        self._read += length
         return b''.join(parts)
 
 

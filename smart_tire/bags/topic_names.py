@@ -17,8 +17,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from smart_tire.errors import BagError, ParameterError
-from smart_tire.messages import find_topic, TOPICS
+from smart_tire.errors import BagError, ParameterError, printable
+from smart_tire.messages import find_topic, forms_of, TOPICS
 
 if TYPE_CHECKING:
     from smart_tire.bags.reader import Bag
@@ -87,9 +87,9 @@ class TopicNames:
                 raise BagError(f'--remap {standard}{SEPARATOR}{self.remap[standard]}: the bag has '
                                f'no {self.remap[standard]}; its topics: '
                                f'{", ".join(types) or "none"}')
-            if types[name] != TOPICS[standard].type:
+            if types[name] not in (forms := forms_of(standard)):
                 raise BagError(f'--remap {standard}{SEPARATOR}{name}: {name} is {types[name]}, '
-                               f'expected {TOPICS[standard].type}')
+                               f'expected {" or ".join(forms)}')
             found[standard] = name
         return found
 
@@ -102,17 +102,16 @@ def match_by_name(wanted: Iterable[str], types: Types) -> dict[str, str]:
     Return standard name -> name in the bag of those topics of ``wanted`` that have that name.
 
     A name in the bag may have a namespace. If several namespaces match, all topics are taken from
-    the namespace with the most matches, so that topics of two robots are never mixed.
+    the namespace with the most matches, so that topics of two robots are never mixed. A typed
+    topic is taken if the namespace lacks the other one, whose name is shorter.
     """
-    found: dict[str, list[str]] = {name: [] for name in wanted}
+    found: dict[str, dict[str, str]] = {name: {} for name in wanted}  # name in bag -> namespace
     for name, kind in types.items():
         topic = find_topic(name)
-        if topic is not None and topic.name in found and kind == topic.type:
-            found[topic.name].append(name)
-    spaces = Counter(_namespace(name, standard)
-                     for standard, names in found.items() for name in names)
-    return {standard: min(names, key=lambda name: (
-                -spaces[_namespace(name, standard)], len(name), name))
+        if topic is not None and topic.standard in found and kind == topic.type:
+            found[topic.standard][name] = name.strip('/')[:-len(topic.name)].strip('/')
+    spaces = Counter(space for names in found.values() for space in set(names.values()))
+    return {standard: min(names, key=lambda name: (-spaces[names[name]], len(name), name))
             for standard, names in found.items() if names}
 
 
@@ -122,13 +121,16 @@ def candidates(standard: str, types: Types) -> list[str]:
             if kind == TOPICS[standard].type and find_topic(name) is None]
 
 
-def _namespace(name: str, standard: str) -> str:
-    return name.strip('/')[:-len(standard)].strip('/')
+class ChoiceError(BagError):
+    """A topic is missing that the bag may have by another name: a table of what may be meant."""
+
+    def __str__(self) -> str:
+        return '\n'.join(map(printable, OSError.__str__(self).splitlines()))
 
 
 def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
     """
-    Raise BagError if a topic of ``wanted`` is missing, but the bag may have it by another name.
+    Raise ChoiceError if a topic of ``wanted`` is missing that the bag may have by another name.
 
     The message lists what may be meant and the option or parameter that selects it. Also raises
     BagError if the topics have timestamps of different clocks.
@@ -136,9 +138,9 @@ def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
     found = bag.match(wanted)
     for standard in wanted:
         if standard == WHEELS_TOPIC and (message := _joints_message(bag, found.get(standard))):
-            raise BagError(message)
+            raise ChoiceError(message)
         if standard not in found and (message := _topics_message(bag, standard)):
-            raise BagError(message)
+            raise ChoiceError(message)
     _check_clocks(bag, found)
 
 

@@ -32,7 +32,7 @@ from smart_tire.bags.metadata import (
     Channel, Contents, metadata_text, Qos, qos_text, Span, write_metadata)
 from smart_tire.bags.reader import Bag
 from smart_tire.errors import BagError
-from smart_tire.messages import TOPICS
+from smart_tire.messages import ALL_TOPICS
 from smart_tire.samples import NS_PER_S, Sample
 
 FLUSH_PERIOD_NS = 250_000_000       # of message time between chunks: half of the loss allowed
@@ -52,23 +52,25 @@ class BagWriter:
 
     The writer has no clock: chunks end by message time. If messages may stop arriving, call
     ``flush`` periodically. A new file begins with the first message after a file has ``max_size``
-    [bytes], without its last chunk and its index, or ``max_duration`` [s] of message time.
+    [bytes], without its last chunk and its index, or ``max_duration`` [s] of message time. If it
+    is not ``live``, metadata.yaml is written at the end only.
     """
 
     def __init__(self, directory: str | Path, *, ros_distro: str = '',
                  custom_data: Mapping[str, str] | None = None, max_size: float = math.inf,
-                 max_duration: float = math.inf) -> None:
+                 max_duration: float = math.inf, live: bool = True) -> None:
         self.directory = Path(directory)
         self._max_size, self._max_ns = max_size, max_duration * NS_PER_S
-        self._contents = Contents(ros_distro)
+        self._contents = Contents(ros_distro, custom_data=dict(custom_data or {}))
+        self._live = live
         self._numbers: dict[str, tuple[int, Channel]] = {}  # by topic: of the channel in this file
         self._encoders: dict[str, SampleEncoder] = {}
         self._receive_ns = self._flushed_ns = self._metadata_ns = 0
         with self._errors_named():
             self.directory.mkdir(parents=True)
         self._begin_file()
-        for key, text in (custom_data or {}).items():
-            self.set_custom_data(key, text)
+        if custom_data:
+            self._add_metadata_record()  # for readers of the file alone, after a crash
 
     def __enter__(self) -> BagWriter:
         return self
@@ -85,7 +87,7 @@ class BagWriter:
         """Store ``text`` in the metadata, like ``ros2 bag record --custom-data``, at once."""
         if self._contents.custom_data.get(key) != text:
             self._contents.custom_data[key] = text
-            self._add_metadata_record()  # for readers of the file alone, after a crash
+            self._add_metadata_record()
             self._write_metadata()
 
     def has_topic(self, topic: str) -> bool:
@@ -97,7 +99,8 @@ class BagWriter:
         if not self.has_topic(channel.topic):
             self._contents.counts[channel] = 0
             self._register(channel)
-            self._write_metadata()
+            if self._live:
+                self._write_metadata()
 
     def write(self, topic: str, receive_ns: int, data: bytes) -> None:
         """Write the serialized message of a registered topic."""
@@ -105,14 +108,17 @@ class BagWriter:
             self._end_file()
             self._begin_file()
         number, channel = self._numbers[topic]
-        self._mcap.add_message(number, receive_ns, data, receive_ns)
+        try:
+            self._mcap.add_message(number, receive_ns, data, receive_ns)
+        except OSError as error:  # without a context, which would take as long as the rest
+            raise self._error(error) from error
         self._contents.counts[channel] += 1
         self._contents.span.add(receive_ns)
         self._span.add(receive_ns)
         self._receive_ns = receive_ns
         if abs(receive_ns - self._flushed_ns) >= FLUSH_PERIOD_NS:
             self.flush()
-        if abs(receive_ns - self._metadata_ns) >= METADATA_PERIOD_NS:
+        if self._live and abs(receive_ns - self._metadata_ns) >= METADATA_PERIOD_NS:
             self._metadata_ns = receive_ns
             self._write_metadata()
 
@@ -120,8 +126,8 @@ class BagWriter:
         """Write a sample of a standard topic such as ``odom``."""
         encode = self._encoders.get(topic)
         if encode is None:
-            encode = self._encoders[topic] = SampleEncoder(TOPICS[topic])
-            self.add_topic(channel_of(topic, TOPICS[topic].type))
+            encode = self._encoders[topic] = SampleEncoder(ALL_TOPICS[topic])
+            self.add_topic(channel_of(topic, ALL_TOPICS[topic].type))
         self.write(f'/{topic}', receive_ns, encode(sample))
 
     def flush(self) -> None:
@@ -187,7 +193,10 @@ class BagWriter:
         except BagError:  # an OSError, too
             raise
         except OSError as error:
-            raise BagError(f'{self.directory}: cannot be written ({error.strerror})') from error
+            raise self._error(error) from error
+
+    def _error(self, error: OSError) -> BagError:
+        return BagError(f'{self.directory}: cannot be written ({error.strerror})')
 
 
 @dataclass(frozen=True)
@@ -206,14 +215,22 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
 
     The parameters in the bag, other custom data and the ROS distribution are kept.
 
-    Raises BagError if the bag cannot be read or ``out`` exists.
+    Of more than ``Bag.max_content``, only the first messages are. Raises BagError if the bag
+    cannot be read or ``out`` exists.
     """
     with Bag(path) as bag:
         topics = [topic.channel for topic in bag.topics.values()]
-        with BagWriter(out, ros_distro=bag.ros_distro, custom_data=bag.custom_data) as writer:
+        with BagWriter(out, ros_distro=bag.ros_distro, custom_data=bag.custom_data,
+                       live=False) as writer:
             for channel in topics:
                 writer.add_topic(_completed(channel))
+            left = bag.max_content
             for receive_ns, channel, data in bag.raw():
+                left -= len(data)
+                if left < 0:
+                    bag.losses.add(f'only the first {bag.max_content / 1e6:.0f} MB of messages '
+                                   'are recovered')
+                    break
                 if not writer.has_topic(channel.topic):  # with another name in the summary
                     writer.add_topic(_completed(channel))
                 writer.write(channel.topic, receive_ns, data)

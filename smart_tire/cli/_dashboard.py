@@ -52,8 +52,8 @@ class Dashboard:
     def show(self, phase: str, status: Pilot, note: str = '') -> None:
         """Show ``status``, the name of the current ``phase`` of the drive, and a ``note``."""
         now = time.monotonic() - self._start
-        shown = Group(_header(now, phase, status, note), _table(status), _radio_line(status),
-                      *_host_lines(status))
+        shown = Group(*_host_lines(status), _header(now, phase, status, note), _table(status),
+                      _radio_line(status))
         if self._console.is_terminal:
             self._live.update(shown, refresh=True)
         elif now >= self._last + TABLE_PERIOD:

@@ -32,6 +32,7 @@ from smart_tire.cli._stack import (
     START_TIMEOUT)
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.errors import ParameterError
+from smart_tire.findings import Level
 from smart_tire.host_load import worst_of
 from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S
@@ -103,6 +104,13 @@ class Session:
         if self.pilot.emergency_stop:
             raise RobotError('the emergency stop is active: release it first')
 
+    def clock_warnings(self) -> list[str]:
+        """Return which nodes have clocks that differ from that of this host."""
+        from smart_tire.nodes.clock_offset import clock_findings
+        from smart_tire.nodes.compat import node_names
+        return [one.text for one in clock_findings(self.pilot, node_names(self.pilot))
+                if one.level is Level.WARNING]
+
     def record(self, bag: Path, awaited: Sequence[str] = ('odom',)) -> None:
         """Start to record all topics; wait until the recorder receives those ``awaited``."""
         self.stack.start(RECORDER, 'smart_tire.cli.main', 'record', '--out', str(bag))
@@ -167,19 +175,25 @@ class Session:
         return state
 
     def reason(self, state: State) -> tuple[str, str]:
-        """Return why the controller has stopped or refused the path, and the cause."""
+        """
+        Return why the controller has stopped or refused the path, and the cause.
+
+        A late host is the only reason for late data and for what they cause.
+        """
         self.pilot.health.pop(FOLLOWER, None)  # it may be that of a path before
         end, found = time.monotonic() + REASON_TIME, dict[str, str]()
         while found.get('state') != state.name.lower() and time.monotonic() < end:
             self._runner.spin(SPIN_TIME)  # also after a request to stop
             found = self.pilot.health.get(FOLLOWER, {})
-        return found.get('reason', '') + self.host_problem, found.get('cause', '')
+        reason, cause = found.get('reason', ''), found.get('cause', '')
+        explained = state == State.STOPPED and cause != Cause.ORDER.value
+        return self.late_host if explained and self.late_host else reason, cause
 
     @property
-    def host_problem(self) -> str:
-        """Return how late this host is, to follow the text of an error; '' if it is not."""
+    def late_host(self) -> str:
+        """Return how late this host is; '' if it is not."""
         host = worst_of(self.pilot.health.values())
-        return f'; {host}' if host is not None and host.late else ''
+        return str(host) if host is not None and host.late else ''
 
     def await_standstill(self) -> None:
         """Wait for a pose of the standing robot that is measured from now on."""
@@ -240,7 +254,8 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
                     session.await_nodes()
                 yield session
             except RobotError as error:  # may be due to other programs
-                raise RobotError(f'{error}{session.host_problem}') from error
+                raise RobotError('; '.join(filter(None, [session.late_host, str(error)]))
+                                 ) from error
         stack.stop_in_order()
     if simulated:
         remove(out / 'ports', PORTS)
@@ -268,4 +283,4 @@ def follow_resuming(session: Session, name: str, poses: Poses,
             return state, reason
         session.await_standstill()
         rest = remaining_path(rest, session.remaining, session.start_pose()[:2])
-    return state, f'the host is late, stopped {MAX_RESUMPTIONS + 1} times, the last one: {reason}'
+    return state, f'{reason}; stopped {MAX_RESUMPTIONS + 1} times'

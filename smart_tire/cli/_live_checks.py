@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 import os
@@ -21,10 +21,11 @@ from pathlib import Path
 import shutil
 import tempfile
 import time
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
+from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
-from smart_tire.host_load import host_load, SHARE
+from smart_tire.host_load import host_load, HostLoad, other_problems, SHARE, worst_of
 from smart_tire.messages import find_topic
 from smart_tire.recording import Faults, Recording
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 SIMULATOR = 'robot_simulator'
 DISCOVERY_TIME = 2.0  # s before messages are counted, to subscribe to what is published
+MAX_DISCOVERY_TIME = 20.0  # s more on a late host
+SPIN_TIME = 0.2       # s between two looks at what was received
 STATUS_LEVELS = (Level.OK, Level.WARNING, Level.ERROR, Level.ERROR)  # of DiagnosticStatus
 PERIOD, DURATION = 0.005, 1.0     # s, of the sleeps that are measured
 MAX_TYPICAL_LATENESS = 0.010      # s, 99 % of them; reorder_window of the estimators is 0.03
@@ -60,7 +63,7 @@ class Listened:
         from smart_tire.bags import SampleDecoder
         if topic not in self.readers:
             self.readers[topic] = SampleDecoder(topic, self.faults)
-        if (sample := self.readers[topic](data)) is not None:
+        for sample in self.readers[topic](data):
             self.samples.add_sample(sample, receive_ns)
 
 
@@ -72,6 +75,13 @@ class Heard:
     statuses: dict[str, NodeStatus] = field(default_factory=dict)
     robots: dict[str, Listened] = field(default_factory=dict)  # by namespace
     size: int = 0                                              # bytes of all messages
+    own: HostLoad = HostLoad(0.0, 0.0, 0.0, 1)                 # measured by this program
+
+    @property
+    def host(self) -> HostLoad:
+        """Return the greatest lateness of this program and of the nodes."""
+        return worst_of([self.own.values, *(
+            status.values for status in self.statuses.values())]) or self.own
 
     def on_message(self, name: str, data: bytes) -> None:
         """Add a message of a topic."""
@@ -89,14 +99,17 @@ def live_findings(args: argparse.Namespace, files: list[Path],
                   progress: Progress) -> Iterator[Finding]:
     """Yield the findings on this robot."""
     heard = Heard()
+    progress('measuring timers (1 s)')
+    heard.own = host_load(timer_lateness())
     if find_spec('rclpy') is None:
+        yield from host_findings(heard)
         yield Finding(Level.INFO, 'ROS', 'rclpy is not installed: nodes and topics are not '
                       'checked', action='source a ROS 2 distribution, or pip install '
                       'smart_tire[ros]')
     else:
         yield from _ros_findings(args.seconds, files, heard, progress)
-    progress('measuring timers and disk (2 s)')
-    yield from host_findings(args.out, max(heard.size / args.seconds, NOMINAL_RATE))
+    progress('measuring the disk (1 s)')
+    yield from disk_findings(args.out, max(heard.size / args.seconds, NOMINAL_RATE))
     if any(name.rpartition('/')[2] == SIMULATOR for name in heard.nodes):
         yield Finding(Level.INFO, 'ports', 'the robot is simulated: serial ports are not checked')
     elif not args.no_ports:
@@ -106,21 +119,25 @@ def live_findings(args: argparse.Namespace, files: list[Path],
 
 def _ros_findings(seconds: float, files: list[Path], heard: Heard,
                   progress: Progress) -> Iterator[Finding]:
-    from smart_tire.nodes.observer import discovery_findings, middleware_findings
-    yield from middleware_findings()
+    from smart_tire.nodes.observer import discovery_finding, discovery_time, middleware_findings
     progress('two participants look for each other (up to 5 s)')
-    yield from discovery_findings()
+    discovered = discovery_time()
     progress(f'listening to nodes and topics ({DISCOVERY_TIME + seconds:g} s)')
-    yield from _listen(seconds, heard)
+    graph = list(_listen(seconds, heard))
+    yield from host_findings(heard)
+    yield from middleware_findings()
+    yield discovery_finding(discovered, late=heard.host.late)
+    yield from graph
     yield from status_findings(heard)
     yield from robot_findings(heard, files)
 
 
 def status_findings(heard: Heard) -> Iterator[Finding]:
-    """Yield the diagnostics of each node; a stale one is an error."""
+    """Yield the diagnostics of each node, without what says only that the host is late."""
     for name, status in sorted(heard.statuses.items()):
-        yield Finding(STATUS_LEVELS[min(status.level, len(STATUS_LEVELS) - 1)], f'node {name}',
-                      status.message)
+        if text := other_problems(status.message, status.values, late=heard.host.late):
+            yield Finding(STATUS_LEVELS[min(status.level, len(STATUS_LEVELS) - 1)],
+                          f'node {name}', text)
 
 
 def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
@@ -129,9 +146,10 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
     from smart_tire.nodes.compat import node_names
     from smart_tire.nodes.observer import graph_findings, Observer, read_graph
     from smart_tire.nodes.runner import NodeRunner
-    name, listening = f'doctor_{os.getpid()}', [False]
+    name, listening, received = f'doctor_{os.getpid()}', [False], set[str]()
 
     def on_message(topic: str, data: bytes) -> None:
+        received.add(topic)
         if listening[0]:
             heard.on_message(topic, data)
 
@@ -141,6 +159,8 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
 
     with NodeRunner(lambda: Observer(on_message, on_status, name=name), []) as runner:
         runner.spin(DISCOVERY_TIME)
+        if heard.own.late:  # so is discovery
+            await_inputs(runner, received)
         listening[0] = True
         runner.spin(seconds)
         graph, heard.nodes = read_graph(runner.node), node_names(runner.node)
@@ -154,6 +174,16 @@ def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
                       action='start robot.launch.py, or check ROS_DOMAIN_ID')
 
 
+def await_inputs(runner: Any, received: Collection[str]) -> None:
+    """Listen until each input that nodes publish was received, for a limited time."""
+    end = time.monotonic() + MAX_DISCOVERY_TIME
+    while time.monotonic() < end and not all(
+            name in received for name, _ in runner.node.get_topic_names_and_types()
+            if (topic := find_topic(name)) is not None and topic.name in INPUTS
+            and runner.node.count_publishers(name)):
+        runner.spin(SPIN_TIME)
+
+
 def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
     """Yield the findings on the samples of each robot."""
     from smart_tire.analysis.checks import findings
@@ -161,7 +191,7 @@ def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
     from smart_tire.parameters import load_robot
     robot = load_robot(files)
     for namespace, one in sorted(heard.robots.items()):
-        checked = CheckedRecording(robot, one.samples, one.faults, live=True)
+        checked = CheckedRecording(robot, one.samples, one.faults, live=True, host=heard.host)
         for finding in findings(checked):
             yield replace(finding, where=f'{namespace}: {finding.where}') if namespace else finding
 
@@ -177,11 +207,13 @@ def _port_findings(files: list[Path]) -> Iterator[Finding]:
     yield from port_findings(expected, devices, scan(rates, boards))
 
 
-def host_findings(folder: Path, rate: float = NOMINAL_RATE) -> Iterator[Finding]:
-    """Yield the findings on this host; recordings of ``rate`` [bytes/s] go to ``folder``."""
-    yield lateness_finding(timer_lateness())
-    yield load_finding(os.getloadavg()[0], os.cpu_count() or 1)
-    yield from disk_findings(folder, rate)
+def host_findings(heard: Heard) -> Iterator[Finding]:
+    """Yield one finding on a late host, else those on its timers and on its load."""
+    if heard.host.late:
+        yield Finding(Level.WARNING, 'host', str(heard.host))
+        return
+    yield lateness_finding(heard.own)
+    yield load_finding(heard.own.load, heard.own.cores)
 
 
 def timer_lateness(sleep: Callable[[float], None] = time.sleep,
@@ -201,9 +233,8 @@ def bounded(where: str, found: str, inside: bool, expected: str, action: str) ->
             else Finding(Level.WARNING, where, found, expected, action))
 
 
-def lateness_finding(late: list[float]) -> Finding:
-    """Return the finding on latenesses [s]."""
-    host = host_load(late)
+def lateness_finding(host: HostLoad) -> Finding:
+    """Return the finding on the lateness of timers."""
     return bounded(
         'host', f'timers are late by {1e3 * host.typical:.1f} ms ({SHARE:.0%}), '
         f'{1e3 * host.longest:.1f} ms at worst',

@@ -28,7 +28,7 @@ import re
 import sys
 from typing import Any, TYPE_CHECKING
 
-from smart_tire.errors import ParameterError
+from smart_tire.errors import ParameterError, printable
 from smart_tire.findings import Finding, Level
 from smart_tire.paths import BAG_METADATA, check_file, check_writable, find_bag
 
@@ -226,10 +226,10 @@ def print_counts(counts: Mapping[str, int]) -> None:
     """Print the message count of each topic."""
     width = max((len(str(count)) for count in counts.values()), default=1)
     for topic, count in sorted(counts.items()):
-        print(f'  {count:{width}} {topic}')
+        print(f'  {count:{width}} {printable(topic)}')
 
 
 def print_warnings(warnings: Iterable[str]) -> None:
     """Print the warnings of a bag reader."""
     for warning in warnings:
-        print(f'warning: {warning}')
+        print(f'warning: {printable(warning)}')

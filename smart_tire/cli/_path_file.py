@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import csv
+from io import StringIO
 import math
 from pathlib import Path
 
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError, ParameterError
-from smart_tire.paths import BAG_SUFFIXES, find_bag
+from smart_tire.paths import BAG_SUFFIXES, find_bag, read_file
 from smart_tire.rotation import euler
 from smart_tire.samples import NAN, Odometry, Vector3
 
@@ -27,6 +28,7 @@ COLUMNS = ('x', 'y', 'yaw')
 HEADERS = (COLUMNS[:2], COLUMNS)
 COMMENT = '#'
 RECORDED_SPACING = 0.05  # m between poses taken from a bag
+MAX_SIZE = 1 << 26       # bytes of a CSV file: a million poses, thousands of kilometers
 MAX_COORDINATE = 1e5     # m; farther is not driven: probably other units or a map projection
 
 Poses = tuple[Vector3, ...]  # m, m, rad: x, y, yaw; yaw is NaN where it is not given
@@ -49,20 +51,22 @@ def read_path(path: Path) -> Poses:
 
 def _rows(path: Path) -> Iterator[Vector3]:
     try:
-        with path.open(newline='', encoding='utf-8-sig') as file:
-            reader, columns = csv.reader(file, skipinitialspace=True), 0
-            for row in reader:
-                words = [word.strip() for word in row]
-                if not any(words) or words[0].startswith(COMMENT):
+        text = read_file(path, MAX_SIZE).decode('utf-8-sig')
+        reader, columns = csv.reader(StringIO(text, newline=''), skipinitialspace=True), 0
+        for row in reader:
+            words = [word.strip() for word in row]
+            if not any(words) or words[0].startswith(COMMENT):
+                continue
+            where = f'{path}, line {reader.line_num}'
+            if not columns:
+                columns = len(words)
+                if _is_header(words, where):
                     continue
-                where = f'{path}, line {reader.line_num}'
-                if not columns:
-                    columns = len(words)
-                    if _is_header(words, where):
-                        continue
-                yield _pose(words, columns, where)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ParameterError(f'{path}: cannot be read as CSV ({error})') from error
+            yield _pose(words, columns, where)
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ParameterError(f'{path}: not a CSV file ({error})') from error
 
 
 def _is_header(words: Sequence[str], where: str) -> bool:

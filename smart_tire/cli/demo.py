@@ -242,8 +242,8 @@ def _report(out: Path, summary: Tree) -> int:
         return 1
     if unfinished := [name for name in (TO_BORDER, EIGHT)
                       if summary['tracking'].get(name, {}).get('state') != 'arrived']:
-        problems = [f'the robot did not arrive: {", ".join(unfinished)}',
-                    *host_lines(summary['host'])]
+        problems = [*host_lines(summary['host'], summary['late_host']),
+                    f'the robot did not arrive: {", ".join(unfinished)}']
         print(f'demo: {"; ".join(problems)}', file=sys.stderr)
         return 1
     return 0

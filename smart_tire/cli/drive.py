@@ -37,7 +37,7 @@ PATHS = ('figure_eight', 'square', 'lane_change')
 RADIUS, SIDE, LANE_CHANGE = 0.6, 2.0, (3.0, 1.0)  # m, with --scale 1
 KEYBOARD_SPEED = 0.3   # m/s
 FILES = ('drive.yaml', 'summary.json', 'path.png')
-ARRIVED, NOT_ARRIVED = 0, 1  # exit statuses
+ARRIVED, NOT_ARRIVED, INTERRUPTED = 0, 1, 130  # exit statuses
 CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
 
 
@@ -48,7 +48,12 @@ def complete_path(prefix: str, **_: object) -> list[str]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive, evaluate the recording; return 0 if the end was reached or the keyboard was left."""
+    """
+    Drive, evaluate the recording.
+
+    Return 0 if the end was reached or the keyboard was left, 1 if the path was refused or the
+    robot stopped before its end, 130 if a signal ended it.
+    """
     poses = _checked(args)
     if args.view:
         import_module('smart_tire.view.viewer')  # raises if rerun is not installed
@@ -56,11 +61,14 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.nodes.pilot import Pilot
     _announce(args, poses)
     _remove_results(args.out)
-    pilot, arrived = partial(Pilot, f'smart_tire_drive_{os.getpid()}'), True
+    pilot, status = partial(Pilot, f'smart_tire_drive_{os.getpid()}'), ARRIVED
     with StopRequest() as stopped, _session(args, pilot, stopped) as session, session.ending():
-        arrived = _follow(args, session, poses) if poses else _teleoperate(args, session)
+        if poses:
+            status = _follow(args, session, poses)
+        else:
+            _teleoperate(args, session)
     _report(args)
-    return ARRIVED if arrived else NOT_ARRIVED
+    return status
 
 
 def _checked(args: argparse.Namespace) -> Poses:
@@ -145,6 +153,8 @@ def _session(args: argparse.Namespace, pilot: Callable[[], Any],
         else:
             session.await_robot('cmd_vel', 'wheel_controller')
             session.refuse_other_driver()
+        for text in session.clock_warnings() if args.robot else ():
+            print(f'smart_tire drive: {text}', file=sys.stderr)
         if args.view:
             session.stack.start_viewer(*(word for file in params
                                          for word in ('--params', str(file))))
@@ -152,8 +162,8 @@ def _session(args: argparse.Namespace, pilot: Callable[[], Any],
         yield session
 
 
-def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
-    """Follow the path; return whether its end was reached."""
+def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> int:
+    """Follow the path; return the exit status."""
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._path_file import placed
     from smart_tire.control.trajectory_control import State
@@ -163,22 +173,21 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> bool:
                 poses, session.start_pose()), dashboard)
     except KeyboardInterrupt:
         print('interrupted: the path is canceled', file=sys.stderr)
-        return False
+        return INTERRUPTED
     if state != State.ARRIVED:
         reason, _ = session.reason(state)
         print(f'smart_tire drive: {state.name.lower()}: {reason}', file=sys.stderr)
-    return state == State.ARRIVED
+    return ARRIVED if state == State.ARRIVED else NOT_ARRIVED
 
 
-def _teleoperate(args: argparse.Namespace, session: Session) -> bool:
-    """Drive by the keyboard; return true, as there is no end to be reached."""
+def _teleoperate(args: argparse.Namespace, session: Session) -> None:
+    """Drive by the keyboard until it is left."""
     from smart_tire.cli._keyboard import Teleoperation
     try:
         with Keyboard(sys.stdin) as keyboard:
             session.teleoperate(keyboard, Teleoperation(args.speed or KEYBOARD_SPEED))
     except KeyboardInterrupt:
         pass  # Ctrl-C is as good as q
-    return True
 
 
 def _report(args: argparse.Namespace) -> None:

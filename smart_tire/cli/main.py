@@ -32,7 +32,7 @@ from typing import Any
 
 import smart_tire
 from smart_tire.cli._options import check_paths, not_negative, positive, step_and_bag
-from smart_tire.errors import BagError, ParameterError, SmartTireError
+from smart_tire.errors import BagError, ParameterError, printable, SmartTireError
 from smart_tire.yaml_text import load_own
 
 VERBS: dict[str, Any] = load_own(
@@ -205,7 +205,7 @@ class LossReport(logging.Handler):
     def __exit__(self, *_: object) -> None:
         self._logger.removeHandler(self)
         for path, line in self._lines.items():
-            report_error(self._verb, f'{path}: {line}', INCOMPLETE)
+            report_error(self._verb, printable(f'{path}: {line}'), INCOMPLETE)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Note a report of ``report_losses``; later ones of the same bag are more complete."""

@@ -117,10 +117,19 @@ def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) ->
 
 
 def standard_names(bag: Bag, names: Sequence[str]) -> dict[str, str]:
-    """Return name in the bag -> standard name for those of ``names`` that are named otherwise."""
+    """
+    Return name in the bag -> standard name for those of ``names`` that are named otherwise.
+
+    A typed topic keeps its namespace.
+    """
     from smart_tire.messages import find_topic, TOPICS
-    return {name: standard for standard, name in bag.match(TOPICS).items()
-            if name in names and ((topic := find_topic(name)) is None or topic.name != standard)}
+    found = {}
+    for standard, name in bag.match(TOPICS).items():
+        topic = find_topic(name)
+        if name in names and (topic is None or topic.name != standard):
+            space = '' if topic is None else name.removesuffix(topic.name)
+            found[name] = space + standard
+    return found
 
 
 def find(bag: Bag, wanted: str, together: Sequence[str] = ()) -> str | None:

@@ -26,6 +26,7 @@ from rich.live import Live
 from rich.table import Column, Table
 from rich.text import Text
 
+from smart_tire.host_load import other_problems, worst_of
 from smart_tire.messages import find_topic, NodeStatus
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ MAX_MISSING = 3.0
 # published on events, so that silence is no fault although a rate is nominal
 ON_EVENTS = ('tire_friction', 'ground_truth/tire_friction', 'icr', 'ground_state')
 STOP, ENABLED = 'emergency_stop_active', 'motors_enabled'  # topics with a Bool
+HOST_LATE = 'its host is late'  # in place of a message that says no more
 BOOL_OFFSET = 4       # bytes before the Bool in a serialized message: its encapsulation header
 EXIT_STATUSES = (0, 1, 2, 2)  # index: highest level of all nodes and topics
 STYLES = {OK: 'green', WARNING: 'yellow', ERROR: 'bold red', STALE: 'magenta'}
@@ -123,6 +125,7 @@ class RobotView:
     emergency_stop: bool | None   # None if unknown
     motors_enabled: bool | None
     supply: str                   # V, of the motor boards; '' if unknown
+    host: str                     # how late its host is; '' if it is not
 
     @property
     def level(self) -> int:
@@ -179,21 +182,26 @@ class StatusBoard:
         return EXIT_STATUSES[max(robot.level for robot in self.robots(now))]
 
     def _robot(self, space: str, now: float) -> RobotView:
-        nodes = [self._node(name, now) for name in sorted(self._statuses)
-                 if name.rpartition('/')[0] == space]
+        statuses = {name: status for name, (_, status) in sorted(self._statuses.items())
+                    if name.rpartition('/')[0] == space}
+        load = worst_of(status.values for status in statuses.values())
+        late = load is not None and load.late
+        nodes = [self._node(name, now, late=late) for name in statuses]
         topics = [self._topic(key, now) for key in sorted(self._topics) if key[0] == space]
-        supply = next((status.values['supply'] for name, (_, status) in self._statuses.items()
-                       if name.rpartition('/')[0] == space and 'supply' in status.values), '')
+        supply = next((status.values['supply'] for status in statuses.values()
+                       if 'supply' in status.values), '')
         return RobotView(space, nodes, topics, self._states.get((space, STOP)),
-                         self._states.get((space, ENABLED)), '' if supply == 'nan' else supply)
+                         self._states.get((space, ENABLED)), '' if supply == 'nan' else supply,
+                         str(load) if late else '')
 
-    def _node(self, name: str, now: float) -> NodeRow:
+    def _node(self, name: str, now: float, *, late: bool) -> NodeRow:
         received, status = self._statuses[name]
         age, short = now - received, name.rpartition('/')[2]
         if age > MAX_STATUS_AGE:
             return NodeRow(short, STALE, f'no diagnostics for {age:.0f} s; the last: '
                            f'{status.message}', age)
-        return NodeRow(short, min(status.level, STALE), status.message, age)
+        text = other_problems(status.message, status.values, late=late)
+        return NodeRow(short, min(status.level, STALE), text or HOST_LATE, age)
 
     def _topic(self, key: tuple[str, str], now: float) -> TopicRow:
         row, topic = self._topics[key], find_topic(key[1])
@@ -244,6 +252,8 @@ def _header(robot: RobotView) -> Text:
                 style='yellow' if robot.motors_enabled is False else 'not bold')
     if robot.supply:
         text.append(f'  supply: {robot.supply} V', style='not bold')
+    if robot.host:
+        text.append(f'\n{robot.host}', style='yellow')
     return text
 
 

@@ -18,7 +18,7 @@ import math
 from typing import Any
 
 from smart_tire.control import constants as c
-from smart_tire.control.publishers import PublisherCheck
+from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
@@ -29,7 +29,7 @@ class StallDetector:
 
     Their DDS reception time is the time at which the process resumed, as if they had just
     arrived, or later, if the transport repeats them. Call ``tick`` more often than every
-    ``MIN_STALL_NS``. Times are nanoseconds of one steady clock.
+    ``MIN_STALL_NS``, or the shortest stall that counts. Times are nanoseconds of one steady clock.
     """
 
     def __init__(self, now_ns: int) -> None:
@@ -37,12 +37,13 @@ class StallDetector:
         self._resumed_ns: int | None = None
         self.stalls = 0
 
-    def tick(self, now_ns: int) -> None:
-        """Record that the process is running."""
-        if now_ns - self._ticked_ns > c.MIN_STALL_NS:
+    def tick(self, now_ns: int, shortest_ns: int = 0) -> None:
+        """Record that the process is running, after a stall if it is long enough."""
+        if now_ns - self._ticked_ns > max(shortest_ns, c.MIN_STALL_NS):
             if self._ticked_ns >= self._drained_ns:  # otherwise still the backlog of the last one
                 self._stalled_ns = self._ticked_ns
-            self._resumed_ns, self._drained_ns = now_ns, 2 * now_ns - self._stalled_ns
+            self._resumed_ns = now_ns
+            self._drained_ns = 2 * now_ns - self._stalled_ns + c.REPAIR_NS
             self.stalls += 1
         self._ticked_ns = now_ns
 
@@ -61,7 +62,7 @@ class StallDetector:
         Return for how long a message handled then may have been queued [ns], at most.
 
         For messages without reception time: what a stall has left is handled within a time as long
-        as the stall.
+        as the stall, and what it has lost is repeated within ``REPAIR_NS``.
         """
         return received_ns - self._stalled_ns if received_ns < self._drained_ns else 0
 
@@ -143,19 +144,18 @@ class CommandCheck:
             self.conflict = ''
             self._on_conflict('')
 
-    def receive(self, command: Any, info: Mapping[str, Any], now_ns: int, *, wall_ns: int,
+    def receive(self, command: Any, info: MessageInfo, now_ns: int, *, wall_ns: int,
                 stamp_ns: int) -> None:
         """
         Check a command handled at the steady time ``now_ns``; raise CommandError if refused.
 
-        ``info`` is what rclpy gives with the message, ``wall_ns`` the present time of its clock
+        ``info`` came with the message, ``wall_ns`` is the present time of its clock
         and ``stamp_ns`` that of the clock of timestamps, which may be simulated.
         """
         self._stalls.tick(now_ns)
-        received_ns = info['received_timestamp']
-        waited_ns = max(wall_ns - received_ns, 0)
+        waited_ns = max(wall_ns - info.received_ns, 0)
         sender = self._publishers.sender(info)
-        excess_ns = self._transit.excess(sender, received_ns - info['source_timestamp'])
+        excess_ns = self._transit.excess(sender, info.received_ns - info.source_ns)
         if text := self._publishers.record(sender, now_ns):
             self.conflict = text
             self._on_conflict(text)

@@ -31,6 +31,8 @@ MAX_STEP_PERIODS = 4  # time step of a controller; assumed; test_wheel_control: 
 # -- validity of commands ------------------------------------------------------------------------
 MIN_STALL_NS = 250_000_000    # between ticks of a stopped process; assumed; safety: stopped nodes
 QUEUE_DRAIN_NS = 100_000_000  # after it, to read queued messages; assumed; the same
+# after it, until the transport repeats a lost message; period of the heartbeats of Fast DDS
+REPAIR_NS = 3 * NS_PER_S
 TICK_PERIOD = 0.025           # s, a tenth of the shortest stall that must be detected; derived
 MIN_PUBLISHER_WINDOW = 1.5    # s after its latest message that a publisher counts, longer than a
 #                               line fault; assumed; test_publishers

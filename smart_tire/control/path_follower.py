@@ -79,7 +79,7 @@ class Conditions:
 
 class PathFollower:
     """
-    Drives along ``maneuvers``; they begin at standstill, except the first one.
+    Drives along ``maneuvers``; they begin at standstill, except the first one. None: stops.
 
     ``point`` is the position relative to the path, None in turns in place.
     """
@@ -89,21 +89,20 @@ class PathFollower:
         self._distance: float | None = None  # m, arc length reached in the segment
         self._spin: SpinControl | None = None
         self._hold: tuple[float, float] | None = None  # m, where the robot turns in place
-        self._settling: float | None = None  # s, since the zero command at the end
+        # s, since the command of zero at the end
+        self._settling: float | None = None if maneuvers else 0.0
         self._v_x, self._yaw_rate = v_x, yaw_rate  # last command
         self.point: PathPoint | None = None
 
     @property
     def finished(self) -> bool:
         """Whether all maneuvers have been driven, and the robot is at rest."""
-        return self._number >= len(self._maneuvers)
+        return self._number >= len(self._maneuvers) and self._settling is None
 
     @property
     def segment(self) -> Segment | None:
         """Segment that is followed; None in turns in place."""
-        if self.finished:
-            return None
-        maneuver = self._maneuvers[self._number]
+        maneuver = next(iter(self._maneuvers[self._number:]), None)
         return maneuver if isinstance(maneuver, Segment) else None
 
     @property
@@ -144,11 +143,14 @@ class PathFollower:
 
     def _settle(self, now: Conditions) -> None:
         """Wait for standstill, then go on; a turn that misses its yaw is repeated."""
+        if self._v_x != 0.0 or self._yaw_rate != 0.0:
+            return
         self._settling = (self._settling or 0.0) + now.dt
-        at_rest = now.motion.at_rest() and self._v_x == self._yaw_rate == 0.0
-        if not at_rest and self._settling <= c.MAX_SETTLING:
+        if not now.motion.at_rest() and self._settling <= c.MAX_SETTLING:
             return
         self._settling, self._spin, self._distance, self.point = None, None, None, None
+        if not self._maneuvers:
+            return
         maneuver, tolerance = self._maneuvers[self._number], now.params.arrival.yaw_tolerance
         if isinstance(maneuver, Segment):
             self._hold = maneuver.end

@@ -41,12 +41,10 @@ def plan_path(poses: Sequence[Vector3], corner_angle: float) -> tuple[Maneuver, 
     """
     Return the maneuvers along ``poses`` (x [m], y [m], yaw [rad], NaN: not given).
 
-    ``corner_angle`` [rad] is the sharpest corner that is driven without stop.
+    They are not all at one position. ``corner_angle`` [rad] is the sharpest corner that is driven
+    without stop.
     """
     points, spins = _distinct(poses)
-    if len(points) == 1:
-        yaw = spins.get(0, points[0, 2])
-        return () if math.isnan(yaw) else (Spin(float(yaw)),)
     directions = _directions(points)
     if directions is None:
         spins, directions = {}, np.full(len(points) - 1, FORWARD)
@@ -61,6 +59,20 @@ def plan_path(poses: Sequence[Vector3], corner_angle: float) -> tuple[Maneuver, 
         if last in spins:
             maneuvers.append(Spin(spins[last]))
     return (*maneuvers, *([] if math.isnan(final) else [Spin(final)]))
+
+
+def goal_in(path: PlannedPath) -> GoalPose | None:
+    """
+    Return the goal in a path whose poses are all at one position; None if they are not.
+
+    nav2's planners send such a path where the robot and its goal share a cell. Its yaw is the last
+    one given.
+    """
+    x, y, _ = path.poses[0]
+    if any(math.hypot(pose[0] - x, pose[1] - y) >= c.MIN_SPACING for pose in path.poses):
+        return None
+    given = [pose[2] for pose in path.poses if not math.isnan(pose[2])]
+    return GoalPose(path.stamp_ns, path.frame, (x, y, given[-1] if given else math.nan))
 
 
 def plan_goal(start: Vector3, goal: Vector3, *, tolerance: float,
@@ -155,8 +167,8 @@ def _peaks(turn: Array, arc: Array, limit: float) -> list[int]:
 def check_path(path: PlannedPath, params: PathCheckParams, frame: str) -> None:
     """Raise CommandError if ``path`` is not in ``frame`` or can be followed from nowhere."""
     _check_frame('path', path.frame, frame)
-    if not 2 <= len(path.poses) <= params.max_path_poses:
-        raise CommandError(f'path: {len(path.poses)} poses, expected 2 to {params.max_path_poses}')
+    if not 1 <= len(path.poses) <= params.max_path_poses:
+        raise CommandError(f'path: {len(path.poses)} poses, expected 1 to {params.max_path_poses}')
     for number, pose in enumerate(path.poses):
         _check_pose(f'path: pose {number}', pose)
     length = math.fsum(math.dist(one[:2], other[:2]) for one, other in pairwise(path.poses))
@@ -182,12 +194,6 @@ def check_start(target: PlannedPath | GoalPose, motion: Motion, params: PathChec
     if distance > limit:
         raise CommandError(f'{what} {distance:.2f} m from the robot, expected at most '
                            f'{limit:g} m (checks.{name})')
-
-
-def check_maneuvers(maneuvers: tuple[Maneuver, ...]) -> None:
-    """Raise CommandError if there is nothing to drive along a path."""
-    if not maneuvers:
-        raise CommandError('path: all poses at one position, expected some distance or a yaw')
 
 
 def _check_frame(what: str, given: str, frame: str) -> None:

@@ -119,10 +119,17 @@ def _finite(values: Iterable[float]) -> list[float]:
 
 
 class ProgressMonitor:
-    """Watches the distance from the path, and the progress along it."""
+    """
+    Watches the distance from the path, and the progress along it.
 
-    def __init__(self) -> None:
-        self._waiting_ns: int | None = None
+    A path that replaces another one, of the monitor ``before``, does not excuse a robot that does
+    not move: planners renew their paths every second.
+    """
+
+    def __init__(self, before: ProgressMonitor | None = None) -> None:
+        self._waiting_ns: int | None = before._waiting_ns if before else None
+        self._place: Motion | None = before._place if before else None  # where it was at ...
+        self._place_ns: int = before._place_ns if before else 0
         self._mark: tuple[float, float] | None = None  # progress at ``_mark_ns``
         self._mark_ns = 0
         self._allowed = math.inf  # m, from the path: the robot may begin off it
@@ -140,7 +147,7 @@ class ProgressMonitor:
               params: TrajectoryControllerParams) -> str:
         """Return the reason to stop; empty if there is none."""
         return (self._check_error(follower, params) or self._check_end(follower, motion, params)
-                or self._check_progress(follower, now_ns, params))
+                or self._check_progress(follower, motion, now_ns, params))
 
     def _check_error(self, follower: PathFollower, params: TrajectoryControllerParams) -> str:
         if follower.point is None:
@@ -168,12 +175,18 @@ class ProgressMonitor:
             return ''
         return f'{miss:.3f} m from the end of the path, expected at most {limit:g} m'
 
-    def _check_progress(self, follower: PathFollower, now_ns: int,
+    def _check_progress(self, follower: PathFollower, motion: Motion, now_ns: int,
                         params: TrajectoryControllerParams) -> str:
-        now, timeout = follower.advance(), params.checks.progress_timeout
-        mark = self._mark
-        if mark is None or now[0] > mark[0] + c.MIN_ADVANCE or now[1] > mark[1] + c.MIN_TURN:
+        now, timeout_ns = follower.advance(), params.checks.progress_timeout * NS_PER_S
+        mark, place = self._mark, self._place
+        advanced = mark is not None and (
+            now[0] > mark[0] + c.MIN_ADVANCE or now[1] > mark[1] + c.MIN_TURN)
+        if mark is None or advanced:
             self._mark, self._mark_ns = now, now_ns
-        elif now_ns - self._mark_ns > timeout * NS_PER_S:
-            return f'no progress for {timeout:g} s: blocked, or the wheels do not turn'
-        return ''
+        if place is None or advanced or abs(wrap(motion.yaw - place.yaw)) > c.MIN_TURN or (
+                math.hypot(motion.x - place.x, motion.y - place.y) > c.MIN_ADVANCE):
+            self._place, self._place_ns = motion, now_ns
+        if now_ns - min(self._mark_ns, self._place_ns) <= timeout_ns:
+            return ''
+        return (f'no progress for {params.checks.progress_timeout:g} s: blocked, or the wheels do '
+                'not turn')

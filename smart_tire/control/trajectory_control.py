@@ -13,14 +13,15 @@
 from __future__ import annotations
 
 from enum import Enum, IntEnum
+import math
 
 from smart_tire.control import constants as c
 from smart_tire.control.ground_knowledge import GroundKnowledge
-from smart_tire.control.ground_motion import MotionMonitor
+from smart_tire.control.ground_motion import MotionMonitor, wrap
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_follower import Conditions, PathFollower
 from smart_tire.control.path_plan import (
-    check_goal, check_maneuvers, check_path, check_start, plan_goal, plan_path)
+    check_goal, check_path, check_start, goal_in, plan_goal, plan_path)
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.control.stop_conditions import OdometryCheck, ProgressMonitor
 from smart_tire.errors import CommandError, LateCommandError
@@ -52,9 +53,10 @@ class TrajectoryControl:
     """
     Follows one path or drives to one goal; all times are nanoseconds of the message clock.
 
-    A new path replaces the one that is followed without stop. If it is refused, the robot stops:
-    whoever sent it does not expect that the old one is driven on. ``reason`` is the text for the
-    present state: why it was stopped or refused, for the ``cause``.
+    A path whose poses are all at one position is a goal. A new order replaces the one that is
+    followed without stop. If it is refused, the robot stops: whoever sent it does not expect that
+    the old one is driven on. ``reason`` is the text for the present state: why it was stopped or
+    refused, for the ``cause``.
     """
 
     def __init__(self, params: TrajectoryControllerParams) -> None:
@@ -63,8 +65,10 @@ class TrajectoryControl:
         self._ground = GroundKnowledge()
         self._motion = MotionMonitor()
         self._odometry_check = OdometryCheck(params.robot)
-        self._target: PlannedPath | GoalPose | None = None  # until the first odometry after it
+        # until the first odometry after it; a goal that is too near, until the robot has stopped
+        self._target: PlannedPath | GoalPose | None = None
         self._follower: PathFollower | None = None
+        self._goal: GoalPose | None = None  # that the follower drives to
         self._progress = ProgressMonitor()
         self._stepped_ns: int | None = None
         self._stop_due = False             # a command of zero is to be published
@@ -88,12 +92,14 @@ class TrajectoryControl:
             frame = self.params.robot.frames['odom']
             if isinstance(target, PlannedPath):
                 check_path(target, self.params.checks, frame)
+                target = goal_in(target) or target
             else:
                 check_goal(target, frame)
             if self._motion.initialized and not self._stale(now_ns):
                 self._begin(target)
             else:
-                self._target, self._progress = target, ProgressMonitor()
+                self._target, self._follower = target, None
+                self._progress = self._new_monitor()
         except CommandError as error:
             self.refuse(error)
             return
@@ -178,7 +184,8 @@ class TrajectoryControl:
         elif fault := ((not self._motion.initialized and self._progress.waiting(now_ns))
                        or self._odometry_check.fault(self.params.checks.max_slip)):
             self._end(State.STOPPED, fault, Cause.MOTION)
-        elif self._target is not None and self._motion.initialized:
+        elif (self._target is not None and self._motion.initialized
+              and (self._follower is None or self._follower.finished)):
             try:
                 self._begin(self._target)
             except CommandError as error:
@@ -191,18 +198,50 @@ class TrajectoryControl:
         return f'odom: {age:.2f} s old, expected at most {limit:g} s'
 
     def _begin(self, target: PlannedPath | GoalPose) -> None:
-        self._target = None
         motion, params = self._motion.motion, self.params
         check_start(target, motion, params.checks)
+        if self._is_renewed(target):
+            return
+        self._target, self._goal = None, target if isinstance(target, GoalPose) else None
         if isinstance(target, PlannedPath):
             maneuvers = plan_path(target.poses, params.follower.corner_angle)
-            check_maneuvers(maneuvers)
+        elif self._must_stop_before(target):
+            maneuvers, self._target = (), target
         else:
             maneuvers = plan_goal((motion.x, motion.y, motion.yaw), target.pose,
                                   tolerance=params.arrival.xy_tolerance,
                                   reverse_distance=params.arrival.reverse_distance)
         self._follower = PathFollower(maneuvers, *self._last)
-        self._progress = ProgressMonitor()
+        self._progress = self._new_monitor()
+
+    def _new_monitor(self) -> ProgressMonitor:
+        """Return a monitor of a new path, which follows on that of the one followed so far."""
+        return ProgressMonitor(self._progress if self.state == State.FOLLOWING else None)
+
+    def _is_renewed(self, target: PlannedPath | GoalPose) -> bool:
+        """
+        Return whether ``target`` is the goal that is followed, within the tolerances.
+
+        A new beginning would turn, or drive, to and fro: nav2 renews goals where the robot is.
+        """
+        goal, arrival = self._goal, self.params.arrival
+        if (goal is None or not isinstance(target, GoalPose) or self._follower is None
+                or self._follower.finished):
+            return False
+        x, y, yaw = (new - old for new, old in zip(target.pose, goal.pose))
+        return math.hypot(x, y) <= arrival.xy_tolerance and (
+            abs(wrap(yaw)) <= arrival.yaw_tolerance
+            or math.isnan(goal.pose[2]) and math.isnan(target.pose[2]))
+
+    def _must_stop_before(self, goal: GoalPose) -> bool:
+        """Return whether the robot cannot stop at the goal: it is planned from rest."""
+        motion, params = self._motion.motion, self.params
+        if self._follower is not None and self._follower.finished:
+            return False
+        limits = motion_limits(params, self._ground.acceleration(params.friction))
+        braking = motion.speed() ** 2 / (2.0 * c.PLANNED_SHARE * limits.deceleration)
+        distance = math.hypot(goal.pose[0] - motion.x, goal.pose[1] - motion.y)
+        return distance <= braking + motion.speed() * params.follower.actuation_delay
 
     def _follow(self, follower: PathFollower, now_ns: int, dt: float) -> VelocityCommand | None:
         params = self.params
@@ -212,6 +251,8 @@ class TrajectoryControl:
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
         drift = self._kinematics.drift(*self._last) if params.slip_compensation else 0.0
         self._last = follower.step(Conditions(motion, dt, limits, params, drift))
+        if self._target is not None:  # the robot stops before it drives there
+            return VelocityCommand(now_ns, *self._compensated(now_ns))
         reason = self._progress.check(follower, self._motion.motion, now_ns, params)
         if follower.finished or reason:
             self._end(State.STOPPED if reason else State.ARRIVED, reason, Cause.MOTION)

@@ -21,7 +21,7 @@ from smart_tire.errors import FrameError
 from smart_tire.protocol.tire_payload import (
     decode_batch, MAX_CODE, SEQUENCE_WRAP, TIMER_WRAP_US, TireBatch, volts)
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
-from smart_tire.samples import BatterySample, NS_PER_S, TireSample
+from smart_tire.samples import BatterySample, NS_PER_S, TireSamples
 
 VOLTS_OF_CODE = tuple(volts(code) for code in range(MAX_CODE + 1))
 NS_PER_US = 1000
@@ -59,11 +59,11 @@ class SensorNode:
         self._recent: deque[TireBatch] = deque(maxlen=REORDER_WINDOW)
         self._battery_due_ns = 0
 
-    def samples(self, batch: TireBatch, receive_ns: int) -> list[TireSample]:
-        """Return the samples of ``batch``, none if it is a duplicate."""
+    def samples(self, batch: TireBatch, receive_ns: int) -> TireSamples | None:
+        """Return the samples of ``batch``, None if it is a duplicate."""
         if self._is_duplicate(batch):
             self.duplicates += 1
-            return []
+            return None
         behind_us = self._behind(batch, receive_ns)
         if behind_us:
             self.late += 1
@@ -75,10 +75,12 @@ class SensorNode:
         self.last_ns = receive_ns
         self.saturated += batch.saturated
         start = (self._timer_us - behind_us) * NS_PER_US
-        period = batch.period_us * NS_PER_US
-        return [TireSample(self.clock.host_ns(start + index * period) - self._latency_ns,
-                           self.wheel, tuple([VOLTS_OF_CODE[code] for code in row]))
-                for index, row in enumerate(batch.codes)]
+        host_ns = self.clock.host_ns(start)
+        return TireSamples(
+            host_ns - self._latency_ns, self.wheel,
+            self.clock.host_ns(start + batch.period_us * NS_PER_US) - host_ns,
+            tuple([tuple([VOLTS_OF_CODE[code] for code in row]) for row in batch.codes]),
+            batch.saturated)
 
     def battery(self, batch: TireBatch, receive_ns: int) -> BatterySample | None:
         """Return the battery state if a report is due, once per ``BATTERY_PERIOD_NS``."""
@@ -155,10 +157,10 @@ class TireStream(FrameReceiver):
         self.sensor_nodes = {address: SensorNode(wheel, latency_ns)
                              for address, wheel in wheel_of.items()}
 
-    def receive(self, chunk: bytes, receive_ns: int) -> Iterator[list[TireSample] | BatterySample]:
+    def receive(self, chunk: bytes, receive_ns: int) -> Iterator[TireSamples | BatterySample]:
         """Take bytes that arrived at ``receive_ns`` and yield the batches they complete."""
         for node, batch in self._decoded(chunk, receive_ns, self._decode):
-            if samples := node.samples(batch, receive_ns):
+            if (samples := node.samples(batch, receive_ns)) is not None:
                 yield samples
             if (battery := node.battery(batch, receive_ns)) is not None:
                 yield battery

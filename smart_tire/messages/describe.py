@@ -18,7 +18,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from smart_tire.messages.topics import find_topic, TOPICS
+from smart_tire.messages.topics import ALL_TOPICS, find_topic
 from smart_tire.yaml_text import load_own
 
 WIDTH = 99             # characters of a line
@@ -81,14 +81,15 @@ def _node(name: str, purpose: str, services: dict[str, Any] | None = None,
 
 _TEXT = load_own(Path(__file__).with_name('topics.yaml').read_text(encoding='utf-8'))
 TOPIC_NAMES = tuple(_TEXT['topics'])
-STATE_TOPICS = tuple(name for name in TOPIC_NAMES if name not in TOPICS)  # without samples
+STATE_TOPICS = tuple(name for name in TOPIC_NAMES if name not in ALL_TOPICS)  # without samples
 NODE_TABLE = {name: _node(name, **entry) for name, entry in _TEXT['nodes'].items()}
 
 
 def publishers_of(topic: str) -> tuple[str, ...]:
     """Return the nodes that publish ``topic``."""
+    standard = ALL_TOPICS[topic].standard if topic in ALL_TOPICS else topic
     return tuple(node.name for node in NODE_TABLE.values()
-                 if topic in (*node.publishes, DIAGNOSTICS))
+                 if standard in (*node.publishes, DIAGNOSTICS))
 
 
 def subscribers_of(topic: str) -> tuple[str, ...]:

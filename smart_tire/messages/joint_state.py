@@ -133,7 +133,7 @@ def film_names(wheel: str, count: int) -> tuple[str, ...]:
 
 
 @lru_cache(LAYOUT_CACHE_SIZE)
-def _film_indices(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
+def film_indices(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
     ours = [name for name in names if name.startswith(f'{wheel}_pvdf_')]
     if not ours or sorted(ours) != sorted(film_names(wheel, len(ours))):
         raise MessageError(f'tire_samples: name is {list(names)}, '
@@ -144,7 +144,7 @@ def _film_indices(names: tuple[str, ...], wheel: str) -> tuple[int, ...]:
 def tire_from_msg(msg: Any) -> TireSample:
     """Return the sample in a JointState."""
     wheel = wheel_of(msg, 'tire_samples')
-    indices = _film_indices(names_of(msg, 'tire_samples'), wheel)
+    indices = film_indices(names_of(msg, 'tire_samples'), wheel)
     values = _values(msg, 'position', 'tire_samples')
     volts = tuple([values[index] for index in indices])
     return TireSample(stamp_of(msg), wheel, finite('tire_samples', 'position', volts))

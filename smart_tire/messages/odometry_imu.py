@@ -46,6 +46,12 @@ def _covariance(matrix: Any, field: str, topic: str) -> tuple[float, ...]:
     return numbers
 
 
+def _isotropic(sigma: float) -> tuple[float, ...]:
+    """Return the covariance (9 numbers) of a vector with ``sigma`` on each axis."""
+    variance = sigma ** 2
+    return (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
+
+
 def _set_vector(target: Any, values: Sequence[float]) -> None:
     target.x, target.y, target.z = values
 
@@ -73,13 +79,21 @@ def _orientation(msg: Any) -> tuple[float, float, float, float] | None:
     return finite('imu/data', 'orientation', xyzw)
 
 
-def imu_to_msg(msg: Any, sample: ImuSample) -> Any:
-    """Write ``sample`` into an Imu and return it."""
+def imu_to_msg(msg: Any, sample: ImuSample, gyro_noise: float = 0.0, accel_noise: float = 0.0
+               ) -> Any:
+    """
+    Write ``sample`` into an Imu and return it.
+
+    ``gyro_noise`` [rad/s] and ``accel_noise`` [m/s2] are the standard deviations of the noise of
+    one sample, on each axis; 0 is unknown (REP-145). A bias is no noise: it is not part of them.
+    """
     set_header(msg, sample.stamp_ns, 'imu_link')
     _set_vector(msg.linear_acceleration, sample.acceleration)
     _set_vector(msg.angular_velocity, sample.rate)
     msg.orientation_covariance = (
         NOT_MEASURED_COVARIANCE if sample.orientation is None else UNKNOWN_COVARIANCE)
+    msg.angular_velocity_covariance = _isotropic(gyro_noise)
+    msg.linear_acceleration_covariance = _isotropic(accel_noise)
     _set_quaternion(msg.orientation, sample.orientation or (0.0, 0.0, 0.0, 1.0))
     return msg
 

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -27,10 +27,12 @@ from smart_tire.messages.odometry_imu import (
     odometry_from_msg, odometry_to_msg, velocity_from_msg, velocity_to_msg)
 from smart_tire.messages.path import (
     goal_from_msg, goal_to_msg, path_from_msg, path_to_msg, progress_from_msg, progress_to_msg)
+from smart_tire.messages.typed import (
+    BATCH, BATCH_RATE, FORMS, samples_from_msg, samples_to_msg, SUFFIX)
 from smart_tire.samples import (
     BatterySample, Friction, GoalPose, GroundState, Icr, ImuSample, MotorCommand, Odometry,
-    PathProgress, PlannedPath, Sample, TireSample, VelocityCommand, WheelCommand, WheelSample,
-    WheelSlip)
+    PathProgress, PlannedPath, Sample, TireSample, TireSamples, VelocityCommand, WheelCommand,
+    WheelSample, WheelSlip)
 
 SampleClass = type[Any]
 
@@ -47,6 +49,11 @@ class Topic:
     rate: float                       # Hz, nominal (tire: per wheel); 0: not periodic
     frame: str                        # header.frame_id; '' if it is the name of the wheel
     quality: str                      # 'sensor', 'estimate', 'command' or 'truth'
+
+    @property
+    def standard(self) -> str:
+        """Return the name in ``TOPICS`` of the topic with the same samples."""
+        return self.name.removesuffix(SUFFIX)
 
 
 JOINTS = 'sensor_msgs/msg/JointState'
@@ -96,6 +103,22 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
         wheel_slip_from_msg, topic='overhead/wheel_slip'), wheel_slip_to_msg,
         30.0, 'base_link', 'truth'),
 )}
+
+
+def _typed(topic: Topic) -> Topic:
+    """Return the topic with the samples of ``topic`` in messages of smart_tire_msgs."""
+    form = FORMS[topic.sample]
+    return replace(topic, name=topic.name + SUFFIX, type=form.type,
+                   from_msg=lambda msg: topic.from_msg(form.joints(msg)),
+                   to_msg=lambda msg, sample: form.fill(msg, sample, topic.frame))
+
+
+TYPED: dict[str, Topic] = {  # standard name -> topic with these samples, or batches of them
+    **{name: _typed(topic) for name, topic in TOPICS.items() if topic.sample in FORMS},
+    'tire_samples': replace(
+        TOPICS['tire_samples'], name='tire_samples' + SUFFIX, type=BATCH.type, sample=TireSamples,
+        from_msg=samples_from_msg, to_msg=samples_to_msg, rate=BATCH_RATE)}
+ALL_TOPICS = TOPICS | {topic.name: topic for topic in TYPED.values()}
 # reversed: of topics with the same sample class the first counts, which is not the ground truth
 _NAME_OF = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
 
@@ -105,10 +128,16 @@ def topic_of(sample: Sample) -> str:
     return _NAME_OF[type(sample)]
 
 
+def forms_of(standard: str) -> dict[str, Topic]:
+    """Return message type -> topic with the samples of ``standard``, a name in ``TOPICS``."""
+    return {topics[standard].type: topics[standard] for topics in (TOPICS, TYPED)
+            if standard in topics}
+
+
 def find_topic(name: str) -> Topic | None:
     """Return the topic whose name ``name`` is, in any namespace; None if there is none."""
     parts = name.strip('/').split('/')
     for start in range(len(parts)):  # longest match first: ground_truth/odom is not odom
-        if (topic := TOPICS.get('/'.join(parts[start:]))) is not None:
+        if (topic := ALL_TOPICS.get('/'.join(parts[start:]))) is not None:
             return topic
     return None

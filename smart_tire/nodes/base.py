@@ -12,8 +12,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 import inspect
@@ -34,16 +33,19 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
-from smart_tire.host_load import TimerLateness
-from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS
+from smart_tire.host_load import HostLoad, TimerLateness
+from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS, TYPED
 from smart_tire.nodes.compat import (
-    full_name, message_class, plain_message, RCLError, RMWError, wrong_type_message)
+    full_name, installed_class, message_class, message_info, plain_message, RCLError, RMWError,
+    wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
+from smart_tire.nodes.kept_messages import CHECK_PERIOD as KEPT_PERIOD, KeptMessages
 from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
-from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos
+from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos, volatile_qos
 from smart_tire.parameters import build, NODE_PARAMS
 from smart_tire.parameters.files import files_of, misspelled
 from smart_tire.samples import NS_PER_S
@@ -53,7 +55,6 @@ Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
 STATE_DEPTH = 10  # queued states of the motor driver, so that a short stop is not missed
-REMEMBERED_MESSAGES = 16  # of a topic with several subscriptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,21 +159,21 @@ class SmartTireNode(Node, Generic[Params]):
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
                   required: bool = False, announced: bool = False, info: bool = False,
                   from_msg: Callable[[Any], Any] | None = None,
-                  type_name: str | None = None, profiles: Sequence[QoSProfile] = (),
-                  raw: bool = False,
-                  urgent: bool = True) -> Subscription[Any] | Inbox | None:
+                  type_name: str | None = None, profile: QoSProfile | None = None,
+                  kept: bool = False, raw: bool = False,
+                  urgent: bool = True) -> Subscription[Any] | Inbox:
         """
         Subscribe to a topic of ``TOPICS``; call ``on_sample`` with each valid sample.
 
         Invalid messages are counted and logged, those of other joints ignored. ``name`` replaces
         the topic's name, ``from_msg`` its conversion, ``type_name`` its type. With ``info``,
-        ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
+        ``on_sample`` also gets its MessageInfo. No message for ``MAX_INPUT_AGE`` on a
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
-        is logged. With ``profiles`` there is a subscription for each of them, but a message is
-        handled once, with its info. With ``raw``, ``from_msg`` gets the serialized message.
+        is logged. ``profile`` replaces that of ``subscriber_qos``. With ``kept``, messages of all
+        publishers are received, with info, also those from before the subscription that a
+        publisher keeps. With ``raw``, ``from_msg`` gets the serialized message.
         Messages of a publisher in this process are handed over without DDS, except with ``info``
-        or ``profiles``; those that are not ``urgent`` do not wake the node. Returns the
-        subscription; None with ``profiles``.
+        or ``kept``; those that are not ``urgent`` do not wake the node. Returns the subscription.
         """
         topic, name = TOPICS[topic_name], name or topic_name
         counter = InputCounter(required=required)
@@ -188,13 +189,12 @@ class SmartTireNode(Node, Generic[Params]):
         def on_message(msg: Any) -> None:
             handle(msg)
 
-        def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
-            handle(msg, message_info)
+        def on_message_with_info(msg: Any, info: MessageInfo) -> None:  # rclpy counts arguments
+            handle(msg, info)
 
-        if profiles:
-            self._subscribe_once(cls, name, on_message_with_info, profiles, raw)
-            return None
-        profile = subscriber_qos(topic_name, wheels=wheels, reliability=reliability)
+        profile = profile or subscriber_qos(topic_name, wheels=wheels, reliability=reliability)
+        if kept:
+            return self._subscribe_kept(cls, name, on_message_with_info, raw)
         if info:
             return self.create_subscription(
                 cls, name, with_info(on_message_with_info), profile, raw=raw)
@@ -254,13 +254,15 @@ class SmartTireNode(Node, Generic[Params]):
         profile.depth = STATE_DEPTH
         self.create_subscription(Bool, name, lambda state: on_state(bool(state.data)), profile)
 
-    def _subscribe_once(self, cls: type[Any], name: str, callback: Callable[[Any, Any], None],
-                        profiles: Sequence[QoSProfile], raw: bool) -> None:
-        """Subscribe with each of ``profiles``; a publisher need not match all of them."""
-        silent = SubscriptionEventCallbacks(use_default_callbacks=False)  # no warning of rclpy
-        adapter = with_info(once(callback))
-        for profile in profiles:
-            self.create_subscription(cls, name, adapter, profile, event_callbacks=silent, raw=raw)
+    def _subscribe_kept(self, cls: type[Any], name: str, callback: Callable[[Any, Any], None],
+                        raw: bool) -> Subscription[Any]:
+        """Subscribe to the messages of all publishers, and to those that some of them keep."""
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)  # for volatile publishers
+        kept = KeptMessages(self, name, callback, lambda on_kept: self.create_subscription(
+            cls, name, with_info(on_kept), latched(), event_callbacks=silent, raw=raw))
+        self.call_every(KEPT_PERIOD, lambda: kept.check(self.steady_ns()))
+        return self.create_subscription(
+            cls, name, with_info(kept.on_message), volatile_qos(name), raw=raw)
 
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -273,19 +275,55 @@ class SmartTireNode(Node, Generic[Params]):
             reason = counter.latest.removeprefix(f'{name}: ')
             self.get_logger().warning(f'{name}: {counter.bad} messages rejected, latest: {reason}')
 
-    def make_publisher(self, name: str, *, rate: float = 0.0,
-                       wheels: int = 1) -> Callable[[Any], None]:
+    def make_publisher(self, name: str, *, rate: float = 0.0, wheels: int = 1,
+                       to_msg: Callable[[Any, Any], Any] | None = None) -> Callable[[Any], None]:
         """
         Return a function that publishes a sample on the topic ``name`` of ``TOPICS``.
 
-        The function reuses one message, so call it from one thread only. ``rate`` [Hz] and
-        ``wheels`` set the depth of the queue, see ``publisher_qos``.
+        It also publishes on the typed topic with the same samples. The function reuses one
+        message, so call it from one thread only. ``rate`` [Hz] and ``wheels`` set the depth of
+        the queue, see ``publisher_qos``; ``to_msg`` may differ from that of ``TOPICS``.
         """
+        publish = self._make_publisher(name, rate, wheels, to_msg)
+        typed = TYPED.get(name)
+        if typed is None or typed.sample is not TOPICS[name].sample:
+            return publish
+        publish_typed = self.make_typed_publisher(name, wheels=wheels)
+
+        def publish_both(sample: Any) -> None:
+            publish(sample)
+            publish_typed(sample)
+
+        return publish_both
+
+    def make_typed_publisher(self, name: str, *, wheels: int = 1) -> Callable[[Any], None]:
+        """
+        Return a function that publishes a sample on the typed topic of ``name``.
+
+        It does nothing without subscribers, and if smart_tire_msgs is not installed.
+        """
+        topic = TYPED[name]
+        cls = installed_class(topic.type)
+        if cls is None:
+            return lambda sample: None
+        profile = publisher_qos(topic.name, wheels=wheels)
+        publisher = self.create_publisher(cls, topic.name, profile)
+        publish = self._guarded(publisher.publish, topic.name)
+        msg, to_msg = cls(), self.in_frames(topic.to_msg)
+
+        def publish_if_subscribed(sample: Any) -> None:
+            if publisher.get_subscription_count():
+                publish(to_msg(msg, sample))
+
+        return publish_if_subscribed
+
+    def _make_publisher(self, name: str, rate: float, wheels: int,
+                        to_msg: Callable[[Any, Any], Any] | None) -> Callable[[Any], None]:
         topic = TOPICS[name]
         cls = message_class(topic.type)
         publish = self.make_guarded_publisher(
             cls, name, publisher_qos(name, rate=rate, wheels=wheels))
-        to_msg = self.in_frames(topic.to_msg)
+        to_msg = self.in_frames(to_msg or topic.to_msg)
         if topic.type not in FIELDS:
             msg = cls()
             return lambda sample: publish(to_msg(msg, sample))
@@ -325,16 +363,18 @@ class SmartTireNode(Node, Generic[Params]):
 
         A message that ROS fails to publish is counted and logged; the caller continues.
         """
-        publisher = self.create_publisher(cls, name, profile)
+        return self._guarded(self.create_publisher(cls, name, profile).publish, name)
+
+    def _guarded(self, publish: Callable[[Any], None], name: str) -> Callable[[Any], None]:
         self.outputs[name] = InputCounter()
 
-        def publish(msg: Any) -> None:
+        def guarded(msg: Any) -> None:
             try:
-                publisher.publish(msg)
+                publish(msg)
             except RCLError as error:
                 self._on_publish_error(name, error)
 
-        return publish
+        return guarded
 
     def _on_publish_error(self, name: str, error: RuntimeError) -> None:
         counter = self.outputs[name]
@@ -342,14 +382,18 @@ class SmartTireNode(Node, Generic[Params]):
             self.get_logger().error(f'{counter.bad} messages on {name} not published, latest: '
                                     f'{plain_message(error)}')
 
+    @property
+    def host_load(self) -> HostLoad:
+        """Return the load of the host and the lateness of the timers of this node until now."""
+        self._timer_lateness.check(self.steady_ns() / NS_PER_S)
+        return self._timer_lateness.load
+
     def status(self) -> Status:
         """Return the diagnostic status: counts and ages of inputs, then those of the subclass."""
         status = Status(counts=self._counts)
         self._fill_inputs(status)
-        host = self._timer_lateness.load
-        status.values.update(host.values)
-        if host.late:
-            status.warn(str(host))
+        status.host = self.host_load
+        status.values.update(status.host.values)
         status.values['publish_errors'] = sum(counter.bad for counter in self.outputs.values())
         for name, counter in self.outputs.items():
             if new := status.new(f'publish {name}', counter.bad):
@@ -376,7 +420,7 @@ class SmartTireNode(Node, Generic[Params]):
         if inboxes:
             status.values['messages_lost'] = lost = sum(inbox.lost for inbox in inboxes)
             if new := status.new('messages lost', lost):
-                status.warn(f'{new} messages lost: this node is too slow')
+                status.warn(f'{new} messages lost: this node is too slow', by_host=True)
 
     def _unreceived(self, name: str, age: float) -> str:
         """
@@ -440,34 +484,16 @@ def _call_all(callbacks: Iterable[Callable[[], None]]) -> None:
         callback()
 
 
-def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
+def with_info(callback: Callable[[Any, MessageInfo], None]) -> Callable[..., None]:
     """
-    Return a subscription callback that calls ``callback`` with the message and its DDS info.
+    Return a subscription callback that calls ``callback`` with the message and its info.
 
     The events executor passes both as one tuple, other executors as two arguments. rclpy decides
     by the signature whether a callback takes both.
     """
     def adapter(*given: Any) -> None:
-        callback(*(given if len(given) == 2 else given[0]))
+        msg, info = given if len(given) == 2 else given[0]
+        callback(msg, message_info(info))
 
     adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return adapter
-
-
-def once(callback: Callable[[Any, Mapping[str, Any]], None],
-         ) -> Callable[[Any, Mapping[str, Any]], None]:
-    """
-    Return a callback that calls ``callback`` once per message that several subscriptions receive.
-
-    A message is identified by the time and the number of its publication; repeated content is not
-    a repeated message.
-    """
-    seen: deque[tuple[Any, Any]] = deque(maxlen=REMEMBERED_MESSAGES)
-
-    def on_message(msg: Any, info: Mapping[str, Any]) -> None:
-        key = info['source_timestamp'], info.get('publication_sequence_number')
-        if key not in seen:
-            seen.append(key)
-            callback(msg, info)
-
-    return on_message

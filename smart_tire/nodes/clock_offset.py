@@ -18,7 +18,9 @@ by the own clock. All round trips hold, so the bounds are those of their interse
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import starmap
+import math
 import time
 from typing import Any
 
@@ -32,9 +34,10 @@ TIMEOUT = 0.5          # s, for the service and for each response
 POLL_PERIOD = 0.0001   # s between two looks for a response
 
 Trip = tuple[int, int, int]  # ns: request, response by the other clock, reception
+Bounds = tuple[float, float]  # s: least and greatest offset
 
 
-def offset_bounds(trips: Iterable[Trip]) -> tuple[float, float] | None:
+def offset_bounds(trips: Iterable[Trip]) -> Bounds | None:
     """Return the least and the greatest offset [s] of the other clock; None without response."""
     found = list(trips)
     if not found:
@@ -43,23 +46,45 @@ def offset_bounds(trips: Iterable[Trip]) -> tuple[float, float] | None:
             min(sent - asked for asked, sent, _ in found) / NS_PER_S)
 
 
-def clock_finding(name: str, bounds: tuple[float, float]) -> Finding:
-    """Return the finding on a node's clock with these bounds of its offset [s]."""
+def clock_finding(names: Sequence[str], bounds: Bounds) -> Finding:
+    """Return the finding on the clocks of nodes with these bounds of their offset [s]."""
     low, high = bounds
-    found = f'its clock is {1e3 * low:+.2f} to {1e3 * high:+.2f} ms from that of this host'
+    where, clocks = (f'node {names[0]}', 'its clock is') if len(names) == 1 else (
+        f'nodes {", ".join(names)}', 'their clocks are')
+    found = f'{clocks} {1e3 * low:+.2f} to {1e3 * high:+.2f} ms from that of this host'
     if low > MAX_OFFSET or high < -MAX_OFFSET or low > high:
-        return Finding(Level.WARNING, f'node {name}', found, f'at most {1e3 * MAX_OFFSET:g} ms',
+        return Finding(Level.WARNING, where, found, f'at most {1e3 * MAX_OFFSET:g} ms',
                        'synchronize the clocks (chrony)')
     certain = max(-low, high) <= MAX_OFFSET
-    return Finding(Level.OK if certain else Level.INFO, f'node {name}', found)
+    return Finding(Level.OK if certain else Level.INFO, where, found)
+
+
+def merged(offsets: Mapping[str, Bounds]) -> Iterator[tuple[list[str], Bounds]]:
+    """
+    Yield the nodes of each level whose offsets may be that of one clock, and bounds for all.
+
+    The nodes of one host have one clock, of which one finding is enough.
+    """
+    def order(name: str) -> tuple[Level, Bounds]:
+        return clock_finding([name], offsets[name]).level, offsets[name]
+
+    names, level, low, high = list[str](), Level.OK, 0.0, -math.inf
+    for name in sorted(offsets, key=order):
+        found, (least, greatest) = order(name)
+        if names and (found != level or least > high):
+            yield names, (low, high)
+            names = []
+        low, high = (min(low, least), max(high, greatest)) if names else (least, greatest)
+        names, level = [*names, name], found
+    if names:
+        yield names, (low, high)
 
 
 def clock_findings(node: Any, names: Iterable[str]) -> Iterator[Finding]:
     """Yield the findings on the clocks of the nodes with fully qualified ``names``."""
-    for name in names:
-        bounds = offset_bounds(_trips(node, name))
-        if bounds is not None:
-            yield clock_finding(name, bounds)
+    offsets = {name: bounds for name in names
+               if (bounds := offset_bounds(_trips(node, name))) is not None}
+    yield from starmap(clock_finding, merged(offsets))
 
 
 def _trips(node: Any, name: str) -> Iterator[Trip]:

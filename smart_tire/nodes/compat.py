@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from importlib import import_module
 import re
 import sys
@@ -22,7 +22,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-from smart_tire.control.publishers import UNDISCOVERED
+from smart_tire.control.publishers import MessageInfo, UNDISCOVERED
 from smart_tire.parameters.files import from_arguments
 
 # not exported by rclpy:
@@ -52,6 +52,18 @@ def message_class(type_name: str) -> type[Any]:
     return cast('type[Any]', getattr(import_module(f'{package}.{kind}'), name))
 
 
+def message_info(given: Mapping[str, Any]) -> MessageInfo:
+    """
+    Return the record of what rclpy gives with a message.
+
+    rclpy of Jazzy does not identify the publisher; Cyclone DDS does not number messages.
+    """
+    publisher = given.get('publisher_gid')
+    return MessageInfo(given['source_timestamp'], given['received_timestamp'],
+                       given.get('publication_sequence_number'),
+                       None if publisher is None else bytes(publisher['data']))
+
+
 def has_matched(node: Node, topic: str) -> bool:
     """
     Return whether the subscription of ``node`` to ``topic`` has matched all publishers.
@@ -65,10 +77,10 @@ def has_matched(node: Node, topic: str) -> bool:
 
 
 def installed_class(type_name: str) -> type[Any] | None:
-    """Return the class of a message or action type; None if its package is not installed."""
+    """Return the class of a message or action type; None if it is not installed."""
     try:
         return message_class(type_name)
-    except ModuleNotFoundError:
+    except (ModuleNotFoundError, AttributeError):  # in a checkout, folders are empty packages
         return None
 
 
@@ -90,12 +102,6 @@ def publisher_names(node: Node, topic: str) -> dict[Hashable, str]:
     """Return endpoint identifier -> fully qualified node name of the publishers of ``topic``."""
     return {bytes(info.endpoint_gid): full_name(info)
             for info in node.get_publishers_info_by_topic(topic)}
-
-
-def action_clients(node: Node, action: str) -> dict[Hashable, str]:
-    """Return endpoint identifier -> fully qualified node name of the clients of ``action``."""
-    return {bytes(info.endpoint_gid): full_name(info) for info in
-            node.get_subscriptions_info_by_topic(f'{action}/_action/feedback')}
 
 
 def action_servers(node: Node, action: str) -> list[str]:

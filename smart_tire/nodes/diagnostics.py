@@ -26,9 +26,10 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from smart_tire.host_load import EXPLAINED, HostLoad, PERIOD
 from smart_tire.samples import NS_PER_S
 
-CHECK_PERIOD = 0.1              # s between calls of ``check``, the resolution of the gaps logged
+CHECK_PERIOD = PERIOD           # s between calls of ``check``, the resolution of the gaps logged
 WAIT_NS = 2 * NS_PER_S          # without a first message until a line
 WAIT_FACTOR = 4                 # between the waiting times at which the line is repeated
 SILENCE_NS = 2 * NS_PER_S       # without a message until an input is reported as lost
@@ -64,34 +65,48 @@ class InputCounter:
 
 @dataclass
 class Status:
-    """Diagnostic status of a node; errors take precedence over warnings in the level."""
+    """
+    Diagnostic status of a node; errors take precedence over warnings in the level.
+
+    While the host is late, the message says so, and nothing of what this explains.
+    """
 
     warnings: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
     values: dict[str, Any] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)  # those of the previous status
+    explained: list[str] = field(default_factory=list)    # problems that a late host causes
+    host: HostLoad | None = None
 
     def new(self, name: str, count: int) -> int:
         """Return by how much a count has grown since the previous status; it may restart at 0."""
         before, self.counts[name] = self.counts.get(name, 0), count
         return count - before if count >= before else count
 
-    def warn(self, text: str) -> None:
-        """Add a problem with which the node still does its work."""
+    def warn(self, text: str, *, by_host: bool = False) -> None:
+        """Add a problem with which the node still does its work; a late host may cause it."""
         self.warnings.append(text)
+        self.explained += [text] * by_host
 
-    def error(self, text: str) -> None:
-        """Add a problem that prevents the node from doing its work."""
+    def error(self, text: str, *, by_host: bool = False) -> None:
+        """Add a problem that prevents the node from doing its work; a late host may cause it."""
         self.errors.append(text)
+        self.explained += [text] * by_host
 
     def message(self, name: str, hardware: str = '') -> DiagnosticStatus:
         """Return the DiagnosticStatus of the component ``name``."""
-        level = DiagnosticStatus.OK
-        if self.warnings or self.errors:
+        late = self.host is not None and self.host.late
+        level, problems = DiagnosticStatus.OK, [*self.errors, *self.warnings]
+        if problems or late:
             level = DiagnosticStatus.ERROR if self.errors else DiagnosticStatus.WARN
+        if late:
+            problems = [str(self.host), *(
+                text for text in problems if text not in self.explained)]
+        elif self.explained:
+            self.values[EXPLAINED] = '; '.join(self.explained)
         return DiagnosticStatus(
             level=level, name=name, hardware_id=hardware,
-            message='; '.join(self.errors + self.warnings) or 'ok',
+            message='; '.join(problems) or 'ok',
             values=[KeyValue(key=key, value=_text(value)) for key, value in self.values.items()])
 
 

@@ -60,7 +60,8 @@ class DriverNode(SmartTireNode[Params]):
     ``publish`` is safe there, since it holds the interpreter lock.
     """
 
-    device = ''  # name of its simulated port
+    device = ''    # name of its simulated port
+    polls = False  # whether frames are replies in limited time, which a late host misses
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
         super().__init__(name, params_class)
@@ -111,23 +112,25 @@ class DriverNode(SmartTireNode[Params]):
         source = self._source
         bad, latest = source.frames_bad, source.last_error or 'damaged'
         if new := status.new('bad frames', bad):
-            status.warn(f'{new} bad frames, latest: {latest}')
+            status.warn(f'{new} bad frames, latest: {latest}', by_host=self.polls)
         if bad >= self._next_logged:  # the 1st, 2nd, 4th, 8th ..., checked once a second
             self._next_logged = 1 << bad.bit_length()
             self.get_logger().warning(f'{bad} bad frames, latest: {latest}')
         if new := status.new('bytes skipped', source.bytes_skipped):
-            status.warn(f'{new} bytes skipped')
+            status.warn(f'{new} bytes skipped', by_host=self.polls)
 
 
 class SampleDriver(DriverNode[Params]):
     """A node whose device sends samples of one kind, such as an IMU."""
 
     def __init__(self, name: str, params_class: type[Params], topic: str,
-                 protocol: Callable[[Params], DeviceProtocol]) -> None:
+                 protocol: Callable[[Params], DeviceProtocol],
+                 to_msg: Callable[[Params], Callable[[Any, Any], Any]] | None = None) -> None:
         super().__init__(name, params_class)
         params: Any = self.params
         self._stream = SampleStream(protocol(self.params), nanoseconds(params.latency))
-        self._publish = self.make_publisher(topic)
+        self._publish = self.make_publisher(
+            topic, to_msg=None if to_msg is None else to_msg(self.params))
         self.connect(self._stream, self._read_port)
 
     def _read_port(self, port: Any, stopping: threading.Event) -> None:

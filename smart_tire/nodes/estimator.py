@@ -126,7 +126,7 @@ class EstimatorNode(SmartTireNode[Params]):
         status.values.update({f'{name}.late_messages': count for name, count in late.items()})
         status.values.update(self.estimator.status())
         if new := status.new('late', total):
-            status.warn(f'{new} messages dropped: older than reorder_window')
+            status.warn(f'{new} messages dropped: older than reorder_window', by_host=True)
         self._fill_replay(status)
 
     def _fill_replay(self, status: Status) -> None:

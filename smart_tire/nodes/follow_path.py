@@ -12,8 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-import time
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -21,12 +20,14 @@ from smart_tire.control.command_check import StallDetector
 from smart_tire.control.trajectory_control import Cause, State
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import action_servers
+from smart_tire.nodes.diagnostics import CHECK_PERIOD
+from smart_tire.samples import NS_PER_S
 
 NAME = 'follow_path'
 ERRORS = {  # of nav2_msgs/action/FollowPath. Only for the second one nav2 tries its recoveries
     Cause.LATE: 'TF_ERROR', Cause.MOTION: 'FAILED_TO_MAKE_PROGRESS',
     Cause.ORDER: 'INVALID_CONTROLLER'}  # the robot was stopped, or drives for somebody else
-REPLACED = 'replaced by a newer path or goal'
+REPLACED = 'replaced by a newer goal or path'
 ENDING_SPINS = 100  # of the executor, one event each, until results are sent at the end
 Goal = Any  # rclpy's ServerGoalHandle, which is generic from Kilted on
 
@@ -35,25 +36,20 @@ class FollowPathServer(ActionServer):
     """
     Accepts goals, and returns their results when the node reports that they have ended.
 
-    ``on_goal`` is called with each goal and its origin, as rclpy gives it for messages. A goal
-    that its client cancels is marked so. Goals are rejected while another node serves the action.
+    ``on_goal`` is called with each goal and the time [ns] for which it may have been queued. A
+    goal that its client cancels is marked so. Goals are rejected while another node serves the
+    action.
     """
 
     def __init__(self, node: SmartTireNode[Any], action: type[Any],
-                 on_goal: Callable[[Goal, Mapping[str, Any]], None]) -> None:
+                 on_goal: Callable[[Goal, int], None]) -> None:
         super().__init__(node, action, NAME, lambda goal: None, goal_callback=self._check,
                          handle_accepted_callback=self._accept,
                          cancel_callback=lambda goal: CancelResponse.ACCEPT)
         self._owner, self._on_goal = node, on_goal
         self._goals: list[Goal] = []  # that have not ended
-        self._number = 0  # of the request, counted by its client
         self._stalls = StallDetector(node.steady_ns())
-
-    async def execute(self, taken_data: Any) -> None:
-        """Handle requests."""
-        if 'goal' in taken_data:
-            self._number = taken_data['goal'][0].sequence_number
-        await super().execute(taken_data)
+        node.call_every(CHECK_PERIOD, self._tick)
 
     def notify_execute(self, goal_handle: Goal, execute_callback: Any) -> None:
         """Do nothing for a goal that begins: the timer of the node follows the path."""
@@ -71,16 +67,15 @@ class FollowPathServer(ActionServer):
     def _accept(self, goal: Goal) -> None:
         goal.execute()
         self._goals.append(goal)
-        self.tick()
+        self._tick()
         stamp = goal.request.path.header.stamp
-        waited_ns = (0 if stamp.sec or stamp.nanosec else
-                     self._stalls.waited_ns(self._owner.steady_ns()))
-        self._on_goal(goal, {'publication_sequence_number': self._number,
-                             'source_timestamp': time.time_ns() - waited_ns})
+        self._on_goal(goal, 0 if stamp.sec or stamp.nanosec else
+                      self._stalls.waited_ns(self._owner.steady_ns()))
 
-    def tick(self) -> None:
-        """Record that the process is running."""
-        self._stalls.tick(self._owner.steady_ns())
+    def _tick(self) -> None:
+        """Record that the process is running; a stall counts if goals may be too old after it."""
+        shortest_ns = round(0.5 * self._owner.params.path_max_age * NS_PER_S)
+        self._stalls.tick(self._owner.steady_ns(), shortest_ns)
 
     def end_others(self, followed: Goal | None, state: State, cause: Cause, reason: str) -> None:
         """End all goals except the one that is ``followed``, for the state of the controller."""

@@ -12,9 +12,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 import sys
+from typing import Any
 
 from smart_tire.drivers.sample_stream import IMU_PROTOCOLS
+from smart_tire.messages import imu_to_msg
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import SampleDriver
 from smart_tire.nodes.runner import run
@@ -33,13 +37,19 @@ class ImuDriver(SampleDriver[ImuDriverParams]):
 
     def __init__(self) -> None:
         super().__init__('imu_driver', ImuDriverParams, 'imu/data',
-                         lambda params: IMU_PROTOCOLS[params.protocol])
+                         lambda params: IMU_PROTOCOLS[params.protocol], _with_noise)
 
     def fill_status(self, status: Status) -> None:
         """Add protocol and axes."""
         super().fill_status(status)
         status.values.update(
             protocol=self.params.protocol, axes=IMU_PROTOCOLS[self.params.protocol].axes)
+
+
+def _with_noise(params: ImuDriverParams) -> Callable[[Any, Any], Any]:
+    """Return the conversion to messages, with the covariances by the parameters."""
+    imu = params.robot.imu
+    return partial(imu_to_msg, gyro_noise=imu.gyro_noise, accel_noise=imu.accel_noise)
 
 
 def main() -> int:

@@ -31,6 +31,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import chain
 import json
 from typing import Any
 import uuid
@@ -72,9 +73,16 @@ class ControlMessage:
     def read(cls, message: String) -> ControlMessage | None:
         """Return the control message in ``message``; None if it is not one."""
         try:
-            return cls(**json.loads(message.data))
-        except (TypeError, ValueError):
+            control = cls(**json.loads(message.data))
+            names = (control.kind, control.sender, control.run, *control.topics, *control.inputs,
+                     *control.feedback, *control.outputs, *control.unmatched, *control.heard,
+                     *chain(*control.upstream.items()), *(topic for topic, _ in control.entries))
+            numbers = control.number, *(stamp_ns for _, stamp_ns in control.entries)
+        except (TypeError, ValueError, AttributeError, RecursionError):
             return None
+        valid = (all(isinstance(name, str) for name in names)
+                 and all(isinstance(number, int) for number in numbers))
+        return control if valid else None
 
     def message(self) -> String:
         """Return this control message as a ROS message."""

@@ -57,6 +57,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     """
 
     device = 'motors'
+    polls = True
 
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)

@@ -98,6 +98,8 @@ class Observer(Listener):
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
             topic = find_topic(name)
+            if topic is not None and topic.name not in TOPICS:
+                continue  # typed: the same samples again
             expected = topic.type if topic else BOOL if state_of(name) else ''
             if types == [expected]:
                 self._observe(name, expected)
@@ -146,18 +148,22 @@ def middleware_findings() -> Iterator[Finding]:
                   f'{os.environ.get("ROS_DOMAIN_ID") or 0}' + (f' ({given})' if given else ''))
 
 
-def discovery_findings() -> Iterator[Finding]:
-    """Yield whether two participants on this host find each other, and how long it takes."""
-    elapsed = discovery_time()
+def discovery_finding(elapsed: float | None, *, late: bool) -> Finding:
+    """
+    Return whether two participants on this host found each other, and how long [s] it took.
+
+    A host that is ``late`` is the reason for a long time.
+    """
     if elapsed is None:
-        yield Finding(Level.ERROR, 'ROS', 'two participants on this host do not find each other '
-                      f'within {DISCOVERY_TIMEOUT:g} s', 'discovery over loopback',
-                      'enable multicast (ip link set lo multicast on), check the firewall')
-    elif elapsed > SLOW_DISCOVERY:
-        yield Finding(Level.WARNING, 'ROS', f'discovery took {elapsed:.1f} s',
-                      f'at most {SLOW_DISCOVERY:g} s', 'check multicast and the load of the host')
-    else:
-        yield Finding(Level.OK, 'ROS', f'discovery over loopback works ({elapsed:.2f} s)')
+        return Finding(
+            Level.ERROR, 'ROS', 'two participants on this host do not find each other within '
+            f'{DISCOVERY_TIMEOUT:g} s', 'discovery over loopback',
+            'enable multicast (ip link set lo multicast on), check the firewall')
+    if elapsed > SLOW_DISCOVERY and not late:
+        return Finding(
+            Level.WARNING, 'ROS', f'discovery took {elapsed:.1f} s',
+            f'at most {SLOW_DISCOVERY:g} s', 'check multicast and the load of the host')
+    return Finding(Level.OK, 'ROS', f'discovery over loopback works ({elapsed:.2f} s)')
 
 
 def discovery_time() -> float | None:

@@ -28,7 +28,6 @@ from smart_tire.parameters import build, known_names, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import check_names
 from smart_tire.parameters.spec import is_known
 from smart_tire.yaml_text import parse_yaml
-import yaml
 
 Params = TypeVar('Params')
 QUERY_TIMEOUT_NS = 5_000_000_000  # after which a node is asked again
@@ -76,7 +75,7 @@ def with_number(node: Node, change: Parameter[Any]) -> Parameter[Any]:
         return change
     try:
         value = parse_yaml(change.value)
-    except yaml.YAMLError:
+    except ValueError:
         return change
     items = value if isinstance(value, list) else [value]
     if not all(isinstance(item, float) for item in items):

@@ -64,7 +64,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
             for topic in ('imu/data', 'wheel_states'):
                 self.subscribe(topic, on_sample)
         for topic, field in latest.items():  # on a busy machine a queue is always full
-            self.subscribe(topic, self._store_in(field), profiles=[latest_qos(topic)])
+            self.subscribe(topic, self._store_in(field), profile=latest_qos(topic))
         self.subscribe('path_progress', self._store_in('progress'))
         self.subscribe('tire_friction', self._on_friction, wheels=len(WHEELS))
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
@@ -135,7 +135,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
                 self.destroy_publisher(publisher)
 
     def _store_in(self, field: str) -> Callable[[Any], None]:
-        return lambda sample, *_: setattr(self, field, sample)
+        return lambda sample: setattr(self, field, sample)
 
     def _on_friction(self, friction: Friction) -> None:
         self.friction[friction.wheel] = friction

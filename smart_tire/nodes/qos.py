@@ -12,13 +12,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 import math
 from typing import TYPE_CHECKING
 
+from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy, qos_check_compatible, QoSCompatibility, QoSProfile, ReliabilityPolicy)
 
-from smart_tire.messages import find_topic, TOPICS
+from smart_tire.messages import ALL_TOPICS, find_topic, TOPICS
 from smart_tire.samples import WHEELS
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ def publisher_qos(name: str, *, rate: float = 0.0, wheels: int = 1) -> QoSProfil
     """
     if name.strip('/') in LATCHED:
         return latched()
-    topic = TOPICS.get(name)
+    topic = ALL_TOPICS.get(name)
     if topic is None or topic.quality == 'truth':
         return _reliable(OTHER_DEPTH)
     if topic.quality == 'command':
@@ -90,15 +92,17 @@ def latest_qos(name: str) -> QoSProfile:
     return profile
 
 
-def order_profiles(name: str) -> list[QoSProfile]:
-    """
-    Return the profiles of two subscriptions to the order ``name``, such as ``path``.
+def volatile_qos(name: str) -> QoSProfile:
+    """Return the profile of a subscription that also serves publishers that keep nothing."""
+    profile = subscriber_qos(name)
+    profile.durability = DurabilityPolicy.VOLATILE
+    return profile
 
-    One receives what was published before, the other also serves publishers that keep nothing.
-    """
-    volatile = subscriber_qos(name)
-    volatile.durability = DurabilityPolicy.VOLATILE
-    return [latched(), volatile]
+
+def keeping_publishers(node: Node, topic: str) -> set[Hashable]:
+    """Return the identifiers of the publishers that keep messages for late subscriptions."""
+    return {bytes(info.endpoint_gid) for info in node.get_publishers_info_by_topic(topic)
+            if info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
 
 
 def replayer_qos(published: str, channel: Channel, messages: int, rate: float) -> QoSProfile:

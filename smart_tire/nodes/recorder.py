@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 import math
 import os
@@ -25,9 +25,10 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.bags import BagWriter, Channel, channel_of, PARAMETERS_KEY, Qos
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import BagError
 from smart_tire.nodes.base import NoParams, SmartTireNode, with_info
-from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.compat import installed_class
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.parameters import ParameterCollector
 from smart_tire.nodes.qos import matching_qos, requests_less
@@ -39,7 +40,7 @@ FLUSH_PERIOD = 0.1          # s between chunks, half of what a crash may cost
 PROGRESS_PERIOD = 1.0       # s between reports of the progress, and looks at the disk
 MIN_FREE = 200_000_000      # bytes on the disk with which a recording ends: the bag is completed
 MAX_DURATION = 300.0        # s of a file: its index is in memory, up to 10 MB with 30 topics
-DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start: publishers found until then existed before
+DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start, until publishers that existed are discovered
 
 Progress = Callable[[Mapping[str, int], int], None]  # topic -> messages, number of lost ones
 
@@ -48,35 +49,29 @@ class SequenceGaps:
     """
     Counts lost messages of a topic by the sequence numbers of its publishers.
 
-    The DDS event ``message_lost`` does not occur when a queue of the subscriber overflows.
-    ``missed`` counts the messages that publishers sent before they matched the subscription, for
-    publishers not in ``initial_publishers`` (None: not counted). Losses after the last received
-    message are not detected.
+    The DDS event ``message_lost`` does not occur when a queue of the subscriber overflows. A
+    publisher is counted from its first message that is received on: what it sent before it matched
+    the subscription was never on its way. Losses after the last received message are not detected.
+    Messages that do not identify their publisher (before Kilted) are of the ``only_publisher``;
+    their losses are not counted while it is None or other publishers are not ``discovered``.
     """
 
-    def __init__(self, initial_publishers: Container[bytes] | None = None) -> None:
-        self.lost = self.missed = 0
-        self._initial_publishers = initial_publishers
+    def __init__(self) -> None:
+        self.lost = 0
+        self.only_publisher: bytes | None = None
+        self.discovered = False  # whether there is no other that has existed for long
         self._last: dict[bytes, int] = {}  # publisher -> latest sequence number
 
-    def count(self, info: Mapping[str, Any]) -> bool:
+    def count(self, info: MessageInfo) -> bool:
         """Add a received message; return whether the losses have reached 1, 2, 4, 8 ... now."""
-        number, identifier = info.get('publication_sequence_number'), info.get('publisher_gid')
-        if number is None or identifier is None:  # rclpy of Jazzy does not identify publishers
+        number, publisher = info.number, info.publisher or self.only_publisher
+        if number is None or publisher is None:
             return False
-        publisher, before = bytes(identifier['data']), self.lost + self.missed
-        last = self._last.get(publisher)
-        if last is not None:
+        before, last = self.lost, self._last.get(publisher, number)
+        if info.publisher is not None or self.discovered:
             self.lost += max(0, number - last - 1)
-        elif self._initial_publishers is not None and publisher not in self._initial_publishers:
-            self.missed += number - 1
-        self._last[publisher] = max(last or 0, number)
-        return before.bit_length() < (self.lost + self.missed).bit_length()
-
-    def __str__(self) -> str:
-        if self.missed and self.lost:
-            return f'the first {self.missed} and {self.lost} later'
-        return f'the first {self.missed}' if self.missed else str(self.lost)
+        self._last[publisher] = max(last, number)
+        return before.bit_length() < self.lost.bit_length()
 
 
 class Recorder(SmartTireNode[NoParams]):
@@ -102,17 +97,16 @@ class Recorder(SmartTireNode[NoParams]):
         self._stored: Mapping[str, Mapping[str, Any]] = {}  # parameters in the bag
         self._names = {self.resolve_topic_name(topic) for topic in topics}
         self._recorded: dict[str, tuple[str, QoSProfile, Any]] = {}  # type, profile, subscription
+        self._discovered_ns = self.steady_ns() + DISCOVERY_GRACE_NS
         self._published: dict[str, list[str]] = {}  # of the publishers, in the order of discovery
         self.problem = ''  # that ended the recording
-        self._initial_publishers: set[bytes] = set()  # those that existed before the recorder
-        self._initial_until_ns = self.steady_ns() + DISCOVERY_GRACE_NS
         self._gaps: dict[str, SequenceGaps] = {}
 
     @property
     def losses(self) -> list[str]:
         """Return a line for each topic with lost messages."""
-        return [f'lost {gaps} messages of {name}' for name, gaps in sorted(self._gaps.items())
-                if gaps.lost or gaps.missed]
+        return [f'lost {gaps.lost} messages of {name}'
+                for name, gaps in sorted(self._gaps.items()) if gaps.lost]
 
     def start(self) -> None:
         """Record the topics that exist, and look for new ones."""
@@ -128,13 +122,13 @@ class Recorder(SmartTireNode[NoParams]):
         counts = self._writer.counts
         status.values['topics'] = len(counts)
         status.values['messages'] = sum(counts.values())
-        lost = {name: gaps.lost + gaps.missed for name, gaps in self._gaps.items()}
+        lost = {name: gaps.lost for name, gaps in self._gaps.items()}
         status.values['messages_lost'] = sum(lost.values())
         for name, count in lost.items():
             if count:
                 status.values[f'{name}.messages_lost'] = count
             if new := status.new(f'lost {name}', count):
-                status.warn(f'lost {new} messages of {name}')
+                status.warn(f'lost {new} messages of {name}', by_host=True)
         for name in sorted(self._names - counts.keys()):
             status.warn(f'no {name}')
 
@@ -145,7 +139,7 @@ class Recorder(SmartTireNode[NoParams]):
                             f'{free / 1e6:.0f} MB left, needed are {MIN_FREE / 1e6:.0f} MB')
             signal.raise_signal(signal.SIGTERM)  # ends the runner as an operator does
         if self._on_progress is not None:
-            lost = sum(gaps.lost + gaps.missed for gaps in self._gaps.values())
+            lost = sum(gaps.lost for gaps in self._gaps.values())
             self._on_progress(self._writer.counts, lost)
 
     def _discover(self) -> None:
@@ -167,12 +161,13 @@ class Recorder(SmartTireNode[NoParams]):
             return
         type_name = self._type_of(name, [info.topic_type for info in published])
         publishers = [info for info in published if info.topic_type == type_name]
-        if self.steady_ns() < self._initial_until_ns:
-            self._initial_publishers.update(bytes(info.endpoint_gid) for info in publishers)
-        if not publishers or not is_installed(type_name):
+        if not publishers or (cls := installed_class(type_name)) is None:
             return
         offers = [info.qos_profile for info in publishers]
         requested = matching_qos(name, offers)
+        gaps = self._gaps.setdefault(name, SequenceGaps())
+        gaps.only_publisher = bytes(publishers[0].endpoint_gid) if len(publishers) == 1 else None
+        gaps.discovered = self.steady_ns() > self._discovered_ns
         if name in self._recorded:
             present, profile, subscription = self._recorded[name]
             if present == type_name and not requests_less(requested, profile):
@@ -184,9 +179,9 @@ class Recorder(SmartTireNode[NoParams]):
         else:
             self.get_logger().info(f'recording {name}')
         channel = channel_of(name, type_name, tuple(map(recorded_qos, offers)))
-        callback = with_info(self._write_callback(channel, requested))
+        callback = with_info(self._write_callback(channel, gaps))
         self._recorded[name] = type_name, requested, self.create_subscription(
-            message_class(type_name), name, callback, requested, raw=True)
+            cls, name, callback, requested, raw=True)
 
     def _type_of(self, name: str, published: list[str]) -> str:
         """Return the type to record: that of the recorded messages, or the one found last."""
@@ -194,7 +189,7 @@ class Recorder(SmartTireNode[NoParams]):
         new = list(dict.fromkeys(kind for kind in published if kind not in found))
         found += new
         type_name = self._recorded[name][0] if self._writer.has_topic(name) else found[-1]
-        if new and not is_installed(type_name):
+        if new and installed_class(type_name) is None:
             self.get_logger().warning(f'{name} is {type_name}, which is not installed: not '
                                       'recorded')
         elif new and len(found) > 1:
@@ -203,29 +198,17 @@ class Recorder(SmartTireNode[NoParams]):
         return type_name
 
     def _write_callback(self, channel: Channel,
-                        profile: QoSProfile) -> Callable[[Any, Mapping[str, Any]], None]:
+                        gaps: SequenceGaps) -> Callable[[Any, MessageInfo], None]:
         name = channel.topic
-        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        gaps = self._gaps.setdefault(
-            name, SequenceGaps(None if latched else self._initial_publishers))
         add_topic, write, now_ns = self._writer.add_topic, self._writer.write, time.time_ns
 
-        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
+        def on_message(data: bytes, info: MessageInfo) -> None:
             add_topic(channel)
             write(name, now_ns(), data)
             if gaps.count(info):
-                self.get_logger().warning(f'lost {gaps} messages of {name} so far')
+                self.get_logger().warning(f'lost {gaps.lost} messages of {name} so far')
 
         return on_message
-
-
-def is_installed(type_name: str) -> bool:
-    """Return whether messages of a type can be received."""
-    try:
-        message_class(type_name)
-    except (ModuleNotFoundError, AttributeError):
-        return False
-    return True
 
 
 def recorded_qos(profile: QoSProfile) -> Qos:

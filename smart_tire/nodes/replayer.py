@@ -30,8 +30,8 @@ from rosgraph_msgs.msg import Clock
 
 from smart_tire.bags import Bag
 from smart_tire.drivers.clock import Clock as HostClock, SYSTEM
-from smart_tire.messages import stamp_in
-from smart_tire.nodes.compat import full_name, message_class, new_executor, node_names
+from smart_tire.messages import find_topic, stamp_in
+from smart_tire.nodes.compat import full_name, installed_class, new_executor, node_names
 from smart_tire.nodes.lockstep import Leader, MAX_STEPS_AHEAD
 from smart_tire.nodes.qos import matches, replayer_qos
 from smart_tire.parameters.files import ros_arguments
@@ -88,15 +88,16 @@ class Replayer:
         self._first_ns, self._started_ns = 0, 0  # that of the first one, and when it was sent
         self._node, self._bag, self._rate, self._stop = node, bag, rate, stop
         self._publishers: dict[str, Publisher[Any]] = {}
+        self._renamed = renamed
         self._clock = node.create_publisher(Clock, '/clock', 10) if clock else None
         for name in names:
-            topic = bag.topics[name]
-            try:
-                cls = message_class(topic.channel.type)
-            except (ModuleNotFoundError, AttributeError):
-                self.result.missing[name] = topic.channel.type
+            topic, published = bag.topics[name], renamed.get(name, name)
+            ours = find_topic(renamed.get(name, ''))
+            type_name = topic.channel.type if ours is None else ours.type
+            cls = installed_class(type_name)
+            if cls is None:
+                self.result.missing[name] = type_name
             else:
-                published = renamed.get(name, name)
                 self._publishers[name] = node.create_publisher(
                     cls, published, replayer_qos(published, topic.channel, topic.messages, rate))
                 self.result.counts[name] = 0
@@ -295,7 +296,7 @@ class Replayer:
     def _events(self) -> Iterator[Event]:
         """Yield the messages and, between them, the instants of /clock with topic ''."""
         step_ns, tick_ns = int(self._rate * NS_PER_S / CLOCK_RATE), None
-        for ns, channel, data in self._bag.replayable(self._publishers):
+        for ns, channel, data in self._bag.replayable(self._publishers, self._renamed):
             if self._clock is not None:
                 tick_ns = ns if tick_ns is None else tick_ns
                 while tick_ns <= ns:

@@ -26,7 +26,8 @@ from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import new_executor, plain_message, RCLError
 from smart_tire.nodes.priority import request_priority
-from smart_tire.parameters.files import foreign_arguments, ros_arguments
+from smart_tire.parameters.files import (
+    files_of, foreign_arguments, read_blocks, ros_arguments)
 
 MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
@@ -85,7 +86,12 @@ def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = F
             f'unknown arguments: {" ".join(words)} (ROS arguments come after --ros-args)')
         return EXIT_REFUSED
     try:
+        for file in files_of(sys.argv):
+            read_blocks(file)  # has bounds, which rcl has not: it would wait for a FIFO
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except ParameterError as error:
+        get_logger('smart_tire').fatal(str(error))
+        return EXIT_REFUSED
     except RuntimeError as error:  # rcl cannot parse the arguments or a parameter file
         get_logger('smart_tire').fatal(f'ROS arguments: {plain_message(error)}')
         return EXIT_REFUSED

@@ -18,6 +18,7 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.odometry import OdometryOutput
 from smart_tire.estimation.streams import HOLDING, SLIP
 from smart_tire.messages import imu_mounting_to_msg, transform_to_msg
 from smart_tire.nodes.compat import installed_class
@@ -43,7 +44,8 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
 
     Parameters: ``reorder_window``, ``differential_slip_sigma``, ``common_slip_sigma``,
     ``free_rolling_slip_sigma``, ``icr_x``, ``icr_x_sigma``, ``lateral_sigma``, ``slope_sigma``,
-    ``ground_delay``, ``publish_imu_tf``, ``reliability``, and those of the robot.
+    ``ground_delay``, ``odom_rate``, ``odom_twist``, ``publish_imu_tf``, ``reliability``, and
+    those of the robot.
     """
 
     estimator: SlipEstimator
@@ -81,10 +83,15 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
         """Replace the estimator by a new one, whose gyro bias is unknown."""
         super().restart()
         self._is_initialized = False
+        self._odometry = OdometryOutput(self.params)
 
     def fill_status(self, status: Status) -> None:
         """Add the state of the estimator; log when a rest has determined the gyro bias."""
         super().fill_status(status)
+        if new := status.new('restarts', self.estimator.restarts):
+            text = f'{new} restarts from the priors: the state was not finite'
+            status.warn(text)
+            self.get_logger().warning(text)
         bias = self.estimator.gyro_bias
         if not self._is_initialized and (
                 bias.sigma < MAX_BIAS_SHARE * self.params.robot.imu.gyro_bias):
@@ -93,14 +100,20 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
                                    f'deviation {bias.sigma:.4f} rad/s, from standstill')
 
     def publish_estimate(self, estimate: Sample) -> None:
-        """Publish one estimate; the pose also as a transform."""
+        """Publish one estimate, odometry at its own rate; the pose also as a transform."""
+        if isinstance(estimate, Odometry):
+            message = self._odometry.message(estimate)
+            if message is None:
+                return
+            estimate = message
+            if self._publish_transform is not None:
+                self._publish_transform(estimate)
         super().publish_estimate(estimate)
-        if self._publish_transform is not None and isinstance(estimate, Odometry):
-            self._publish_transform(estimate)
 
     def _on_reset_odometry(self, _: Trigger.Request,
                            response: Trigger.Response) -> Trigger.Response:
         self.estimator.reset_odometry()
+        self._odometry.reset()
         response.success = True
         response.message = 'the origin of odom is at the present pose'
         return response

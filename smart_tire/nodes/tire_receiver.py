@@ -32,7 +32,8 @@ class TireReceiver(DriverNode[TireReceiverParams]):
     """
     Publishes one message per A/D conversion, stamped by the timer of the sensor node.
 
-    Publishes ``tire_samples``, ``tire_battery`` and ``/diagnostics``. Parameters: ``port``,
+    Publishes ``tire_samples`` (batches on ``tire_samples/typed`` if smart_tire_msgs is
+    installed), ``tire_battery`` and ``/diagnostics``. Parameters: ``port``,
     ``baud_rate``, ``units``, ``radio_latency``, and those of the robot.
     """
 
@@ -44,6 +45,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
         self._stream = TireStream(wheel_of, nanoseconds(self.params.radio_latency))
         self._sender = PacedSender(
             self.make_publisher('tire_samples', wheels=len(wheel_of)), len(wheel_of))
+        self._publish_batch = self.make_typed_publisher('tire_samples', wheels=len(wheel_of))
         self._publish_battery = self.make_publisher('tire_battery', wheels=len(wheel_of))
         self.connect(self._stream, self._read_port)
 
@@ -65,7 +67,8 @@ class TireReceiver(DriverNode[TireReceiverParams]):
             if isinstance(item, BatterySample):
                 self._publish_battery(item)
             else:
-                self._sender.put(item)
+                self._sender.put(item.samples)
+                self._publish_batch(item)
 
     def fill_status(self, status: Status) -> None:
         """Add counts of batches and the clock of each sensor node."""

@@ -12,24 +12,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 import math
 import sys
 import time
-from typing import Any
 
 from smart_tire.control.command_check import check_age
-from smart_tire.control.publishers import PublisherCheck
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.publishers import MessageInfo, PublisherCheck
+from smart_tire.control.trajectory_control import Cause, State, TrajectoryControl
 from smart_tire.errors import CommandError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import action_clients, installed_class, publisher_names
+from smart_tire.nodes.compat import installed_class, publisher_names
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.follow_path import FollowPathServer, Goal, NAME as ACTION
-from smart_tire.nodes.qos import order_profiles
 from smart_tire.nodes.runner import run
 from smart_tire.nodes.transforms import Order, Transforms
 from smart_tire.parameters import TrajectoryControllerParams
@@ -67,6 +64,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._odometry: Odometry | None = None
         self._emergency_stop = False
         self._reported = self._control.state, self._control.reason
+        self._late_host = ''  # why the path was not followed to its end, if the host was late
         self._publish_velocity = self.make_publisher('cmd_vel')
         self._publish_progress = self.make_publisher('path_progress')
         self._transforms = Transforms(self)
@@ -94,12 +92,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._senders = {name: PublisherCheck(name, PUBLISHER_WINDOW,
                                               partial(publisher_names, self, name))
                          for name in ('path', 'goal_pose')}
-        self._senders[ACTION] = PublisherCheck(
-            ACTION, PUBLISHER_WINDOW, partial(action_clients, self, ACTION), 'clients of')
-        self.subscribe('path', partial(self._on_order, 'path'),
-                       profiles=order_profiles('path'), raw=True, from_msg=self._read_path)
-        self.subscribe('goal_pose', partial(self._on_order, 'goal_pose'),
-                       profiles=order_profiles('goal_pose'))
+        self.subscribe('path', partial(self._on_message, 'path'),
+                       kept=True, raw=True, from_msg=self._read_path)
+        self.subscribe('goal_pose', partial(self._on_message, 'goal_pose'), kept=True)
 
     def _read_path(self, data: bytes) -> PlannedPath:
         return path_from_bytes(data, self.params.checks.max_path_poses)
@@ -121,28 +116,32 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         """Use the new parameters."""
         self._control.params = self.params
 
-    def _on_goal(self, goal: Goal, info: Mapping[str, Any]) -> None:
-        """Follow the path in a goal of the action, under the same conditions as others."""
+    def _on_goal(self, goal: Goal, waited_ns: int) -> None:
+        """Follow the path in a goal of the action, of any client: the newest one wins."""
         def follow() -> None:
             path = goal.request.path
             check_pose_count(len(path.poses), self.params.checks.max_path_poses)
-            self._on_order(ACTION, path_from_msg(path), info, goal)
+            self._on_order(ACTION, path_from_msg(path), waited_ns, goal)
 
         self.guarded(ACTION, self.inputs[ACTION], follow)
 
-    def _on_order(self, name: str, order: Order, info: Mapping[str, Any],
-                  goal: Goal | None = None) -> None:
-        """Follow a new path or goal, unless it is of the past, or another node sends them, too."""
+    def _on_message(self, name: str, order: Order, info: MessageInfo) -> None:
+        """Follow a new path or goal, unless another node has sent one a short time ago, too."""
+        senders = self._senders[name]
+        if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
+            raise CommandError(conflict)
+        # from its publication on, since a latched one is received when this node starts
+        self._on_order(name, order, max(time.time_ns() - info.source_ns, 0))
+
+    def _on_order(self, name: str, order: Order, waited_ns: int, goal: Goal | None = None) -> None:
+        """Follow a new path or goal, unless it is of the past: it has waited [ns] at most."""
         if self._is_ending:
             raise CommandError(f'{name}: the node ends')
-        self._check_publisher(name, info)
         if self._control.state == State.FOLLOWING and order == self._given:
             # repeated: a new beginning would lead back to parts already driven
             self._goal = goal or self._goal
             self._step()
             return
-        # from its publication on, since a latched one is received when this node starts
-        waited_ns = max(time.time_ns() - info['source_timestamp'], 0)
         check_age(name, order.stamp_ns, self.now_ns(), waited_ns, self.params.path_max_age)
         if self._emergency_stop:
             raise CommandError(f'{name}: the emergency stop is active')
@@ -153,18 +152,13 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._reported = self._reported[0], 'new order'  # report it, also if the state is the same
         self._step()
 
-    def _check_publisher(self, name: str, info: Mapping[str, Any]) -> None:
-        """Raise CommandError if another node has sent the same kind of order a short time ago."""
-        senders = self._senders[name]
-        if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
-            raise CommandError(conflict)
-
     def reject_input(self, name: str, counter: InputCounter, error: Exception) -> None:
         """Stop the robot for a path or goal that is invalid: the one before is outdated."""
         if name not in ORDERS:
             super().reject_input(name, counter, error)
             return
         counter.reject(str(error))
+        self._reported = self._reported[0], ''  # report each, as often as the log permits
         self._control.refuse(error)
         self._step()
 
@@ -196,17 +190,20 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         command = self._control.step(self.now_ns())
         if command is not None:
             self._publish_velocity(command)
+        found = self._control.state, self._control.reason
+        if self._reported != found:
+            self._late_host = self._host_as_reason()
         if self._server is not None:
             self._end_goals(self._server)
         self._pace()
-        if self._reported != (found := (self._control.state, self._control.reason)):
+        if self._reported != found:
             self._log_state(before=self._reported[0])
             self._reported = found
             self._send_progress()
 
     def _pace(self) -> None:
-        """Let the timer run while there is something to do; goals may end any time."""
-        if self._control.active or self._server is not None:
+        """Let the timer run while there is something to do; goals of the action end with it."""
+        if self._control.active:
             if self._step_timer.is_canceled():
                 self._step_timer.reset()
         else:
@@ -214,16 +211,28 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     def _end_goals(self, server: FollowPathServer) -> None:
         """End goals of the action that are not followed any more."""
-        server.tick()
-        state, senders = self._control.state, self._senders[ACTION]
+        state = self._control.state
         if state != State.FOLLOWING:
             self._goal = None
-            if not senders.conflicting(self.steady_ns()):
-                senders.forget()  # another client may be the next
-        server.end_others(self._goal, state, self._control.cause, self._control.reason)
+        server.end_others(self._goal, state, self._control.cause, self._reason)
+
+    def _host_as_reason(self) -> str:
+        """Return that the host is late, if this explains the present state; else ''."""
+        host = self.host_load
+        return str(host) if host.late and self._may_be_host else ''
+
+    @property
+    def _may_be_host(self) -> bool:
+        """Return whether a late host explains the state; orders are too old by seconds."""
+        return self._control.state == State.STOPPED and self._control.cause is not Cause.ORDER
+
+    @property
+    def _reason(self) -> str:
+        """Return why the path was not followed to its end: the host, if it was late."""
+        return self._late_host or self._control.reason
 
     def _log_state(self, before: State) -> None:
-        state, reason = self._control.state, self._control.reason
+        state, reason = self._control.state, self._reason
         if state == State.FOLLOWING:
             length = self._control.progress(self.now_ns()).remaining_distance
             self.get_logger().info(f'following {described(self._order, length)}')
@@ -253,14 +262,13 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._publish_progress(progress)
         if self._server is None or self._goal is None or self._odometry is None:
             return
-        self._senders[ACTION].renew(self.steady_ns())
         if math.isfinite(progress.remaining_distance):
             self._server.send_feedback(self._goal, progress.remaining_distance,
                                        progress.cross_track_error, abs(self._odometry.linear[0]))
 
     def fill_status(self, status: Status) -> None:
         """Add state and progress, and why the robot does not follow."""
-        state, reason = self._control.state, self._control.reason
+        state, reason = self._control.state, self._reason
         progress = self._control.progress(self.now_ns())
         status.values.update(
             state=state.name.lower(), reason=reason, cause=self._control.cause.value,
@@ -268,7 +276,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             remaining_distance=progress.remaining_distance,
             cross_track_error=progress.cross_track_error)
         if state in (State.STOPPED, State.REFUSED):
-            status.warn(f'{state.name.lower()}: {reason}')
+            status.warn(f'{state.name.lower()}: {reason}',
+                        by_host=self._may_be_host)
 
 
 def described(order: Order | None, length: float) -> str:
@@ -277,7 +286,7 @@ def described(order: Order | None, length: float) -> str:
     if isinstance(order, GoalPose):
         text = f'goal_pose: x {order.pose[0]:.2f} m, y {order.pose[1]:.2f} m'
     elif order is not None:
-        text = f'path: {len(order.poses)} poses'
+        text = f'path: {len(order.poses)} poses' if len(order.poses) > 1 else 'path: one pose'
     return f'{text}, {length:.2f} m to drive' if math.isfinite(length) else f'{text}, without odom'
 
 

@@ -101,7 +101,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         if control.emergency_stop:
             status.warn('emergency stop')
         if not control.has_measurement(self.steady_ns()):
-            status.error('no recent wheel_states: motors disabled')
+            status.error('no recent wheel_states: motors disabled', by_host=True)
         self._fill_traction(status, driven=selected is not None)
         for item in (*self._inputs, self._wheels):
             item.fill_status(status)

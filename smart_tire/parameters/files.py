@@ -17,22 +17,22 @@ A parameter file is YAML with ``<node>: {ros__parameters: {...}}``.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 import difflib
-from fnmatch import fnmatchcase
 from pathlib import Path
-import re
 import sys
 from typing import Any
 
-from smart_tire.errors import ParameterError
+from smart_tire.errors import ParameterError, printable
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import is_known, specs, unknown_name_error
-from smart_tire.yaml_text import parse_yaml
+from smart_tire.parameters.spec import (
+    is_known, known_name, Spec, specs, unknown_name_error)
+from smart_tire.paths import read_file
+from smart_tire.yaml_text import MAX_SIZE, parse_yaml
 import yaml
 
 ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 ALL_NODES = '/**'
-WILDCARDS = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}  # token of a block's name -> regular expression
 PARAMS_FILE = '--params-file'  # option of a ROS command line
 SIMILARITY = 0.8  # of the name of a block and of a node, difflib: one or two wrong letters in ten
 ROS_NAMES = ('use_sim_time', 'start_type_description_service')  # declared by rclpy on every node
@@ -42,21 +42,33 @@ Block = tuple[str, dict[str, Any]]  # name of the node or pattern, flat paramete
 
 
 def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
-               own: Iterable[str]) -> dict[str, Any]:
+               own: Mapping[str, Spec]) -> dict[str, Any]:
     """
     Return the flat parameters that ``paths`` set for ``node``; later files and blocks win.
 
     ``known`` are the parameter names of all nodes of this package; any other name is an error.
     ``own`` are those of this node; others are ignored. Both are results of ``known_names``.
-    Raises ParameterError if a file is missing or not a parameter file.
+    Raises ParameterError, naming the file, if one is missing, not a parameter file, or has a value
+    that is not of the described kind and range.
     """
-    known, own = set(known), set(own)
-    values: dict[str, Any] = {}
+    known, values = set(known), dict[str, Any]()
     for path in paths:
-        for block, parameters in _blocks(Path(path)):
+        for block, parameters in read_blocks(Path(path)):
             check_names(parameters, known, f'{path}: ')
-            values.update(values_for(node, [(block, parameters)], own))
+            found = values_for(node, [(block, parameters)], own)
+            _check_values(found, own, f'{path}: ')
+            values.update(found)
     return values
+
+
+def _check_values(values: Mapping[str, Any], own: Mapping[str, Spec], where: str) -> None:
+    for name, value in values.items():
+        pattern = known_name(name, own)
+        assert pattern is not None
+        try:
+            replace(own[pattern], name=name).check(value)
+        except ParameterError as error:
+            raise ParameterError(f'{where}{error}') from error
 
 
 def from_arguments(words: Sequence[str], node: str) -> dict[str, Any]:
@@ -69,7 +81,7 @@ def from_arguments(words: Sequence[str], node: str) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for option, given in _options(words):
         if option == PARAMS_FILE:
-            for block, parameters in _blocks(Path(given)):
+            for block, parameters in read_blocks(Path(given)):
                 if _matches(block, node):
                     values.update(parameters)
         else:
@@ -123,11 +135,11 @@ def misspelled(path: str | Path, nodes: Collection[str]) -> Iterator[tuple[str, 
     ROS ignores a block for a node that does not exist; that of another package is none of ours.
     Raises ParameterError if ``path`` is not a parameter file.
     """
-    for block, _ in _blocks(Path(path)):
+    for block, _ in read_blocks(Path(path)):
         name = block.rsplit('/', 1)[-1]
         if name not in nodes:
             for near in difflib.get_close_matches(name, nodes, n=1, cutoff=SIMILARITY):
-                yield near, f'{path}: {block} is ignored, did you mean {near}?'
+                yield near, printable(f'{path}: {block} is ignored, did you mean {near}?')
 
 
 def has_block_for(path: str | Path, nodes: Iterable[str]) -> bool:
@@ -136,7 +148,7 @@ def has_block_for(path: str | Path, nodes: Iterable[str]) -> bool:
 
     Raises ParameterError if it is not a parameter file.
     """
-    blocks = _blocks(Path(path))
+    blocks = read_blocks(Path(path))
     return any(_matches(block, node) for block, _ in blocks for node in nodes)
 
 
@@ -144,7 +156,7 @@ def _load(text: str) -> Any:
     """Return the value of ``text`` as YAML, ``text`` itself if it is not valid YAML."""
     try:
         return parse_yaml(text)
-    except yaml.YAMLError:
+    except ValueError:
         return text
 
 
@@ -156,16 +168,15 @@ def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> 
             raise unknown_name_error(name, known, where)
 
 
-def _blocks(path: Path) -> list[Block]:
+def read_blocks(path: Path) -> list[Block]:
+    """Return the blocks in a parameter file, as ``blocks_in``; raise ParameterError."""
     try:
-        return blocks_in(path.read_text(encoding='utf-8'), str(path))
+        return blocks_in(read_file(path, MAX_SIZE), str(path))
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
-    except UnicodeDecodeError as error:
-        raise ParameterError(f'{path}: not a YAML file: {error}') from error
 
 
-def blocks_in(text: str, where: str) -> list[Block]:
+def blocks_in(text: bytes | str, where: str) -> list[Block]:
     """
     Return the blocks in the text of a parameter file: the node of each and its flat parameters.
 
@@ -173,7 +184,7 @@ def blocks_in(text: str, where: str) -> list[Block]:
     """
     try:
         document = parse_yaml(text)
-    except yaml.YAMLError as error:
+    except ValueError as error:
         raise ParameterError(f'{where}: not a YAML file: {error}') from error
     if not isinstance(document, Mapping):
         raise ParameterError(f'{where}: expected "<node>: ros__parameters: ..." at the top')
@@ -212,12 +223,15 @@ def flatten(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
 
 def _matches(block: str, node: str) -> bool:
     """Return whether a block applies to ``node``; a name without ``/`` ignores namespaces."""
+    tokens, names = block.strip('/').split('/'), node.strip('/').split('/')
     if not node.startswith('/'):
-        pattern = block.rsplit('/', 1)[-1]
-        return pattern == '**' or fnmatchcase(node, pattern)
-    tokens = (WILDCARDS.get(token, '/' + re.escape(token))
-              for token in block.strip('/').split('/'))
-    return re.fullmatch(''.join(tokens), node) is not None
+        tokens = tokens[-1:]
+    matched = {0}  # numbers of names that the tokens so far may stand for
+    for token in tokens:
+        matched = (set(range(min(matched), len(names) + 1)) if token == '**' and matched else
+                   {number + 1 for number in matched if number < len(names)
+                    and token in ('*', names[number])})
+    return len(names) in matched
 
 
 def value_text(value: object) -> str:

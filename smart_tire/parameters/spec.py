@@ -197,15 +197,20 @@ def _instance_names(parameter: str, names: Any) -> tuple[str, ...]:
     return listed
 
 
-def known_names(classes: Iterable[type]) -> set[str]:
-    """Return the parameter names of ``classes``, with ``*`` for the names of ``named`` fields."""
-    return {spec.name for cls in classes for spec in _walk(cls, '', None)}
+def known_names(classes: Iterable[type]) -> dict[str, Spec]:
+    """Return the parameters of ``classes`` by name, ``*`` for the names of ``named`` fields."""
+    return {spec.name: spec for cls in classes for spec in _walk(cls, '', None)}
 
 
 def is_known(name: str, known: Iterable[str]) -> bool:
     """Return whether ``name`` is one of ``known``, the result of ``known_names``."""
-    return name in known or any(fnmatchcase(name, pattern) for pattern in known
-                                if ANY_NAME in pattern)
+    return known_name(name, known) is not None
+
+
+def known_name(name: str, known: Iterable[str]) -> str | None:
+    """Return which of ``known``, the result of ``known_names``, is ``name``; None if none is."""
+    return name if name in known else next((
+        pattern for pattern in known if ANY_NAME in pattern and fnmatchcase(name, pattern)), None)
 
 
 def unknown_name_error(name: str, known: Iterable[str], where: str = '') -> ParameterError:

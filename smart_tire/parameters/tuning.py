@@ -18,6 +18,8 @@ from typing import Any
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, param
 
+INCREMENTS = 'increments'  # value of odom_twist
+
 
 def reliability() -> Any:
     """Return the field that all nodes with inputs have."""
@@ -47,6 +49,12 @@ class SlipEstimatorParams:
         0.01, 'rad', 'initial sigma of the ground slope, which is learned', (0.0, 1.0))
     ground_delay: float = param(
         0.3, 's', 'message time after which a ground_state takes effect', (0.0, 0.8))
+    odom_rate: float = param(
+        125.0, 'Hz', 'largest rate of odom and /tf: every n-th instant of the grid of 8 ms',
+        (1.0, 125.0))
+    odom_twist: str = param(
+        'estimate', '-', 'twist of odom; increments: mean velocity since the last message, for '
+        'filters that take errors of messages as independent', choices=('estimate', INCREMENTS))
     publish_imu_tf: bool = param(
         True, '-', 'publish imu_link on /tf_static; false: robot_state_publisher does')
     reliability: str = reliability()

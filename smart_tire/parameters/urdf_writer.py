@@ -15,8 +15,10 @@ Writes the robot description (URDF) from the parameters of the robot.
 that ``urdf/smart_tire.urdf``, the robot with the default parameters, is current.
 
 The joints of the wheels have the names in ``wheel_states``, so that robot_state_publisher can
-subscribe to it in place of ``joint_states``. The root link has no inertia, because KDL does not
-support one there.
+subscribe to it in place of ``joint_states``. The root is ``base_link``, of which the pose is
+estimated. It has no inertia, because KDL supports none there and robot_state_publisher would warn:
+``chassis_link``, fixed to it, has. Gazebo merges the two; ``--inertia-in-base`` is for simulators
+that do not.
 
 The parameters give mass, center of mass and yaw inertia of the whole robot. The mass of a wheel
 and the size of the chassis are not parameters: they are assumed here. The bodies together have the
@@ -48,8 +50,8 @@ MAX_TIRE_WIDTH_SHARE = 0.5     # of the track, so that there is space for a chas
 CHASSIS_WIDTH_SHARE = 0.9      # of the space between the tires
 
 
-def urdf_text(robot: RobotParams) -> str:
-    """Return the URDF of ``robot``."""
+def urdf_text(robot: RobotParams, *, inertia_in_base: bool = False) -> str:
+    """Return the URDF of ``robot``; with ``inertia_in_base`` the chassis is the root link."""
     templates = load_own(
         Path(__file__).with_name('urdf_templates.yaml').read_text(encoding='utf-8'))
     chassis, bodies = rigid_bodies(robot)
@@ -60,8 +62,11 @@ def urdf_text(robot: RobotParams) -> str:
             map(math.prod, zip(SPOKE_SIZE, (radius, width, radius)))),
         films=''.join(templates['film'].format(**film) for film in _films(robot, wheel)))
         for wheel, body in bodies.items()]
-    text: str = templates['robot'].format(
+    base = templates['chassis'].format(
         **_inertial(chassis), center=_text(chassis.center), size=_text(chassis_size(robot)),
+        name='base_link' if inertia_in_base else 'chassis_link')
+    text: str = templates['robot'].format(
+        chassis=base if inertia_in_base else templates['root'] + base,
         ground=_text([-radius]), imu_position=_text(robot.imu.position),
         imu_rotation=_text(robot.imu.rotation), wheels=''.join(wheels))
     return text.replace('"base_link"', f'"{robot.base_frame}"')
@@ -167,9 +172,13 @@ def main() -> None:
     parser.add_argument('file', type=Path, help='URDF to write')
     parser.add_argument('--params', type=Path, nargs='+', default=[], metavar='FILE',
                         help='parameter files; later ones win')
+    parser.add_argument('--inertia-in-base', action='store_true',
+                        help='give base_link the inertia of the chassis, for simulators that do '
+                             'not merge links at fixed joints')
     arguments = parser.parse_args()
     try:
-        write_text(arguments.file, urdf_text(load_robot(arguments.params)))
+        write_text(arguments.file, urdf_text(load_robot(arguments.params),
+                                             inertia_in_base=arguments.inertia_in_base))
     except ParameterError as error:
         parser.error(str(error))
 

@@ -76,18 +76,31 @@ def test_late_messages_in_a_row_are_one_time_that_the_host_was_late():
 
 
 @pytest.mark.parametrize('times, resumed, said', [(0, 0, False), (3, 0, True), (3, 1, True)])
-def test_a_late_host_is_one_line_of_the_report(times, resumed, said):
+def test_late_odom_is_one_line_of_the_report(times, resumed, said):
     tree = {'against_truth': None, 'duration_s': 60.0, 'messages': {'odom': 10},
             'radio': {'sent': 1, 'dropped': 0, 'missing': 0}, 'stamps': {}, 'tracking': {},
             'host': None, 'late_host': {'times': times, 'longest_s': 0.92, 'resumed': resumed}}
-    found = [line for line in demo_lines(tree) if 'host' in line]
-    assert found == ([f'host late 3 x: odom up to 0.92 s old, expected at most 0.25 s; path '
+    found = [line for line in demo_lines(tree) if line.startswith('odom')]
+    assert found == ([f'odom late 3 x: up to 0.92 s old, expected at most 0.25 s; path '
                       f'resumed {resumed} x after a stop for it'] if said else [])
 
 
 @pytest.mark.parametrize('typical, late', [(0.019, False), (0.031, True)])
 def test_late_timers_are_one_line_with_the_load(typical, late):
     tree = {'late': late, **asdict(HostLoad(typical, 0.4, 36.0, 2))}
-    assert list(host_lines(tree)) == late * [
-        'host late: timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs']
+    said = 'host late: timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs'
+    assert list(host_lines(tree)) == late * [said]
     assert not list(host_lines(None))
+    odom = {'times': 3, 'longest_s': 0.92, 'resumed': 2}
+    lines = list(host_lines(tree, odom))
+    assert lines == ([f'{said}; path resumed 2 x after a stop for it'] if late else [
+        'odom late 3 x: up to 0.92 s old, expected at most 0.25 s; path resumed 2 x after a stop '
+        'for it'])
+
+
+def test_the_late_host_comes_before_its_consequences():
+    tree = {'against_truth': None, 'duration_s': 60.0, 'messages': {'odom': 10}, 'stamps': {},
+            'radio': {'sent': 9, 'dropped': 0, 'missing': 2}, 'tracking': {},
+            'host': {'late': True, **asdict(HostLoad(0.031, 0.4, 36.0, 2))},
+            'late_host': {'times': 3, 'longest_s': 0.92, 'resumed': 1}}
+    assert [line.partition(' ')[0] for line in demo_lines(tree)] == ['recorded', 'host', 'radio']

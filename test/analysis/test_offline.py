@@ -15,16 +15,20 @@ from dataclasses import replace
 import json
 import math
 
+from benchmarks.faults import stalled
 import numpy as np
 import pytest
 
+from smart_tire.analysis.html_report.content import report_of
 from smart_tire.analysis.offline import analyze
-from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS
+from smart_tire.analysis.pipeline import (
+    BagParams, ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS)
 from smart_tire.analysis.summary import WHOLE
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError
 from smart_tire.messages import topic_of
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
+from support.recordings import standard, typed, write_bag
 
 pytestmark = pytest.mark.slow
 
@@ -77,7 +81,7 @@ def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     summary = json.loads((out / 'summary.json').read_text())
     assert summary == run.summary
     assert list(summary) == [
-        'bag', 'duration_s', 'parameters', 'notes', 'errors', 'diverged', 'inputs',
+        'bag', 'duration_s', 'host', 'parameters', 'notes', 'errors', 'diverged', 'inputs',
         'left_out', 'estimates', 'against_truth', 'smoothed']
     assert summary['bag'] == str(drive_bag)
     assert summary['duration_s'] == pytest.approx(12.0, abs=0.1)
@@ -89,6 +93,33 @@ def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
         assert inputs['rate_hz'] == pytest.approx(rate, rel=0.05)
         assert (inputs['late'], inputs['rejected']) == (0, 0)
     assert summary['left_out'] == []
+
+
+def test_a_late_host_is_in_the_summary_and_the_first_note_of_the_report(
+        drive, params, tmp_path, analyzed):
+    bag = write_bag(tmp_path / 'bag', stalled(drive, [(4.0, 4.6), (8.0, 8.5)]))
+    run = analyze(bag, None, params)
+    assert run.summary['host'] == (
+        'host: imu/data, wheel_states, tire_samples stalled 2 times at the same time, up to '
+        '0.6 s, the first at 4.0 s: the host or the recorder was late; end other programs')
+    run.contents.late['imu/data'] = 5
+    notes = report_of(run, BagParams(params, 'defaults'), 'late', ()).notes
+    assert notes[0].startswith('Host: imu/data')
+    assert not any('late messages' in note for note in notes)
+    assert analyzed[1].summary['host'] is None
+
+
+def test_a_bag_of_typed_messages_gives_the_same_estimates(drive, params, tmp_path):
+    events = typed(until(drive, 4.0))
+    plain = analyze(write_bag(tmp_path / 'plain', standard(events)), tmp_path / 'a', params)
+    other = analyze(write_bag(tmp_path / 'typed', events), tmp_path / 'b', params)
+    same = 'parameters', 'errors', 'inputs', 'left_out', 'estimates', 'against_truth'
+    assert {key: other.summary[key] for key in same} == {key: plain.summary[key] for key in same}
+    assert plain.summary['estimates']['tire_friction'] and plain.summary['against_truth']
+    assert other.contents.skipped == plain.contents.skipped
+    found, expected = ([repr(sample) for _, _, sample in Bag(tmp_path / name / 'estimates')
+                        .samples(ESTIMATES)] for name in 'ab')
+    assert sorted(found) == sorted(expected)
 
 
 def test_slip_and_friction_are_near_the_truth(analyzed):

@@ -32,7 +32,8 @@ ESTIMATES = {
     'tire_friction': {'front_left': {'crossings': 20, 'informative': 15, 'median_single': 0.45,
                                      'last_fused': 0.46, 'last_fused_sigma': 0.03}}}
 SUMMARY = {
-    'bag': 'field/run_3', 'duration_s': 80.04, 'left_out': ['tire_samples is not in the bag'],
+    'bag': 'field/run_3', 'duration_s': 80.04, 'host': None,
+    'left_out': ['tire_samples is not in the bag'],
     'inputs': {'imu/data': {'messages': 8000, 'rate_hz': 100.0, 'gaps': 2, 'missing': 3,
                             'longest_gap_s': 0.5, 'late': 1, 'rejected': 0}},
     'estimates': ESTIMATES, 'against_truth': {'pose': POSE}}
@@ -63,6 +64,12 @@ def test_columns_are_aligned_and_a_table_without_rows_has_no_text():
 def test_the_text_has_inputs_estimates_and_errors(expected):
     assert next(lines(SUMMARY)) == 'field/run_3: 80.0 s'
     assert expected in [line.split() for line in lines(SUMMARY)]
+
+
+def test_a_late_host_comes_before_gaps_and_late_messages():
+    first, second, *rest = lines({**SUMMARY, 'host': 'host: late'})
+    assert (first, second) == ('field/run_3: 80.0 s', 'host: late')
+    assert list(lines(SUMMARY)) == [first, *rest]
 
 
 def test_of_smoothed_estimates_only_what_differs_is_repeated():

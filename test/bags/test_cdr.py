@@ -188,7 +188,7 @@ def test_the_bytes_of_rclpy_are_read_and_ours_are_read_by_it(topic):
     cls = getattr(import_module(f'{package}.{kind}'), name)
     sample = next(sample for sample in SAMPLES if isinstance(sample, topic.sample))
     theirs = serialization.serialize_message(topic.to_msg(cls(), sample))
-    assert SampleDecoder(topic.name, Faults())(theirs) == sample
+    assert [*SampleDecoder(topic.name, Faults())(theirs)] == [sample]
     ours = SampleEncoder(topic)(sample)
     assert topic.from_msg(serialization.deserialize_message(ours, cls)) == sample
 

@@ -22,6 +22,7 @@ from mcap.opcode import Opcode
 from mcap.writer import CompressionType, IndexType, Writer
 import pytest
 from smart_tire.bags.mcap_file import MAGIC, MAX_RUN_MESSAGES, McapFile
+from smart_tire.bags.metadata import MAX_WARNINGS
 from smart_tire.errors import BagError
 import zstandard
 
@@ -375,3 +376,44 @@ def test_a_file_that_is_not_mcap_is_rejected(tmp_path, data):
     path.write_bytes(data)
     with pytest.raises(BagError, match=r'a\.mcap: (file is empty|not an MCAP file)'):
         McapFile(path)
+
+
+def test_an_index_that_lists_records_many_times_reads_them_once(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        channel = writer.register_channel('/a', 'cdr', writer.register_schema('a', '', b''))
+        writer.add_message(channel, 5, b'x', 5)
+        writer.flush()
+        writer.add_metadata('rosbag2', {'serialized_metadata': 'ros_distro: humble'})
+        writer._Writer__chunk_indices *= 100
+        writer._Writer__metadata_indexes *= 100
+        writer._Writer__statistics.chunk_count = 100
+        writer.finish()
+    with closing(McapFile(path)) as file:
+        assert [ns for ns, _, _ in file.messages()] == [5]
+        assert file.warnings == ['a.mcap: index is damaged (chunks overlap)']
+        assert [one.ros_distro for one in file.metadata()] == ['humble']
+        file._metadata_offsets *= 10_000  # of an index whose chunks are in order
+        assert 1 <= len(file.metadata()) < 1000
+        assert 'metadata overlap' in file.warnings[-1]
+
+
+def test_channels_in_the_order_of_their_records_have_their_messages(read):
+    assert read(topic(1, '/a') + message(1) + topic(2, '/b') + message(2, channel=2) + message(
+        3) + topic(1, '/c') + message(4), topics={'/a', '/c'}) == ([1, 3, 4], [])
+    content = topic(1, '/a') + message(1) + topic(2, '/b') + message(2, channel=2) + message(3)
+    assert read(chunk(content, start=1, end=3), topics={'/b'}) == ([2], [])
+    assert read(chunk(content, start=1, end=3), topics={'/a'}) == ([1, 3], [])
+    assert read(chunk(content, start=1, end=3), chunk(message(4, channel=2), start=4, end=4),
+                topics={'/b'}) == ([2, 4], [])
+
+
+def test_no_more_warnings_than_anybody_reads(tmp_path):
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(HEAD + topic() + message(1) + b''.join(
+        topic(number, kind=f'a/msg/B{number}') for number in range(2, 300)) + TAIL)
+    with closing(McapFile(path)) as file:
+        assert [ns for ns, _, _ in file.messages()] == [1]
+        assert len(file.warnings) == MAX_WARNINGS

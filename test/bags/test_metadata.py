@@ -17,6 +17,7 @@ from smart_tire.bags.metadata import (
     Channel, Contents, Losses, Metadata, metadata_in, metadata_text, Qos, qos_text, read_metadata,
     Span, write_metadata)
 from smart_tire.errors import BagError
+from support.yaml_attacks import ATTACKS
 import yaml
 
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
@@ -89,6 +90,16 @@ def test_all_contents_are_in_the_file(tmp_path):
         ('a_0.mcap', 'a_1.mcap'), 4, 'jazzy', {'key': 'one\ntwo'})
 
 
+@pytest.mark.parametrize('text', [
+    'keep last', '3', '{depth: 7}', '[7]', '[{depth: 7}, 7]', '- &a {depth: *a}',
+    '- !!python/name:os', '[' * 100_000, '- depth: \0',
+    *(data.decode(errors='replace') for data in ATTACKS.values())])
+def test_profiles_that_no_recorder_has_written_are_left_out(text):
+    contents = Contents(counts={Channel('/a', 'a/msg/A', qos=text): 1})
+    entry, = yaml.safe_load(metadata_text(contents))['topics_with_message_count']
+    assert entry['topic_metadata']['offered_qos_profiles'] == []
+
+
 def test_keys_are_in_the_order_of_rosbag2():
     entry = yaml.safe_load(metadata_text(Contents()))
     assert list(entry) == [
@@ -102,6 +113,8 @@ def test_keys_are_in_the_order_of_rosbag2():
     ('{', Metadata()), ('- a', Metadata()), ('', Metadata()),
     ('{relative_file_paths: [bag/a.db3, 3, b.db3], message_count: 7}',
      Metadata(('a.db3', 'b.db3'), 7)),
+    ('{relative_file_paths: [a.db3, b.db3, a.db3]}', Metadata(('a.db3', 'b.db3'))),
+    ('{ros_distro: !!str humble}', Metadata()), ('{custom_data: &a {a: *a}}', Metadata()),
     ('{relative_file_paths: a, message_count: b, ros_distro: 3, custom_data: [c]}', Metadata()),
     ('{ros_distro: humble, custom_data: {a: b, 1: 2, c: [3], d: 0.5}}',
      Metadata((), 0, 'humble', {'a': 'b', '1': '2', 'd': '0.5'}))])
@@ -113,8 +126,10 @@ def test_invalid_parts_of_metadata_are_ignored(text, found):
     ('a: [', 'not valid YAML'), ('- a', 'relative_file_paths is missing'),
     ('rosbag2_bagfile_information: 3', 'relative_file_paths is missing'),
     ('rosbag2_bagfile_information: {relative_file_paths: a}', 'relative_file_paths is missing'),
-    ('rosbag2_bagfile_information: {relative_file_paths: [a, 1]}',
-     'relative_file_paths is missing')])
+    ('rosbag2_bagfile_information: {relative_file_paths: [a.mcap, 1]}',
+     'relative_file_paths has 1, which is no file of a bag'),
+    ('&a {rosbag2_bagfile_information: *a}',
+     r'not valid YAML \(line 1: aliases and tags are not read\)')])
 def test_an_invalid_file_is_an_error(text, message, tmp_path):
     (tmp_path / 'metadata.yaml').write_text(text)
     with pytest.raises(BagError, match=f'metadata.yaml: {message}'):

@@ -24,6 +24,7 @@ from smart_tire.bags.opening import OpenFiles
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
 from support.recordings import stream, write_with_rosbags
+from support.special_files import KINDS, special_file
 import zstandard
 
 LISTED = 'rosbag2_bagfile_information: {{relative_file_paths: [{}], message_count: 8}}'
@@ -77,6 +78,50 @@ def test_a_bag_whose_listed_files_are_all_missing_is_what_its_folder_has(files, 
     bag, _, losses = opened()
     assert [file.path.name for file in bag.files] == ['b.mcap']
     assert losses == [f'{tmp_path}/a.mcap: file is missing']
+
+
+@pytest.mark.parametrize('names', [
+    '..', "''", '.', '/', 'b', 'b.mcap/', '../b.txt', '3', '~', '[b.mcap]', '"b\\0"',
+    'b.mcap, ..'])
+def test_a_folder_is_read_itself_if_its_metadata_list_what_is_no_file_of_a_bag(
+        files, opened, tmp_path, names):
+    (tmp_path / 'b.mcap').write_bytes(files['mcap'])
+    (tmp_path / 'metadata.yaml').write_text(LISTED.format(names))
+    bag, (warning,), losses = opened()
+    assert [file.path.name for file in bag.files] == ['b.mcap']
+    assert 'relative_file_paths has ' in warning
+    assert losses == []
+
+
+@pytest.mark.parametrize(('names', 'missing'), [
+    ('x' * 300 + '.mcap', 1), ('"\\0.mcap"', 1), ('/etc/passwd.mcap', 1), ('../other.mcap', 1),
+    (', '.join(f'{number}.mcap' for number in range(50_000)), 50_000),
+    ('b.mcap, ' * 100_000 + 'b.mcap', 0)],
+    ids=['long', 'NUL', 'absolute', 'above', 'many', 'same'])
+def test_listed_files_are_those_of_the_folder_once(files, opened, tmp_path, names, missing):
+    folder = tmp_path / 'bag'
+    folder.mkdir()
+    for path in (folder / 'b.mcap', tmp_path / 'other.mcap'):
+        path.write_bytes(files['mcap'])
+    (folder / 'metadata.yaml').write_text(LISTED.format(names))
+    bag, warnings, losses = opened(folder)
+    assert [file.path for file in bag.files] == [folder / 'b.mcap']
+    assert (warnings, len(losses)) == ([], missing)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_only_regular_files_of_a_folder_are_read(files, opened, tmp_path, kind):
+    folder = tmp_path / 'bag'
+    folder.mkdir()
+    (folder / 'b.mcap').write_bytes(files['mcap'])
+    with special_file(kind, tmp_path) as special:
+        (folder / 'a.mcap').symlink_to(special)
+        (folder / 'metadata.yaml').symlink_to(special)
+        bag, warnings, losses = opened(folder)
+        assert [file.path.name for file in bag.files] == ['b.mcap']
+        reason = 'cannot be read (not a regular file)'
+        assert warnings == [f'{folder}/metadata.yaml: {reason}']
+        assert losses == [f'{folder}/a.mcap: {reason}']
 
 
 @pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'a.mcap.zstd', 'a.db3.zstd', 'a'])

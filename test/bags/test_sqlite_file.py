@@ -238,3 +238,78 @@ def test_a_name_with_special_characters_is_opened(tmp_path):
     path = jazzy(tmp_path / 'a?b#c%20 d.db3')
     assert len(contents(path)[0]) == len(TIMES)
     assert contents(path)[4].reasons == []
+
+
+ENDLESS = 'WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT '
+MESSAGES = 'CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp INTEGER, data'
+INDEX = 'CREATE INDEX a ON messages '
+SCHEMAS = {  # table that is replaced, and how
+    'endless messages': ('messages', 'CREATE VIEW messages AS ' + ENDLESS +
+                         'x AS id, 3 AS topic_id, x AS timestamp, zeroblob(9) AS data FROM n'),
+    'endless topics': ('topics', 'CREATE VIEW topics AS ' + ENDLESS +
+                       "x AS id, '/a' AS name, 'a' AS type, 'cdr' AS serialization_format FROM n"),
+    'endless metadata': ('metadata', 'CREATE VIEW metadata AS ' + ENDLESS +
+                         "x AS id, 'a: b' AS metadata FROM n"),
+    'endless definitions': ('message_definitions', 'CREATE VIEW message_definitions AS ' + ENDLESS
+                            + "'a' AS topic_type, 'b' AS encoding, 'c' AS "
+                            'encoded_message_definition FROM n'),
+    'generated column': ('messages', MESSAGES + ' GENERATED ALWAYS AS (zeroblob(900000000)))'),
+    'stored column': ('messages', MESSAGES + ' AS (zeroblob(900000000)) STORED)'),
+    'virtual table': ('messages', 'CREATE VIRTUAL TABLE messages USING fts5(timestamp, data)'),
+    'check': ('messages', MESSAGES + ', CHECK (length(hex(zeroblob(4))) > 0))'),
+    'check without brackets': ('messages', MESSAGES + ' check(data LIKE data))'),
+    'index': ('', INDEX + '(length(hex(zeroblob(4))))'),
+    'index without brackets': ('', INDEX + '(data LIKE data)'),
+    'partial index': ('', INDEX + '(timestamp) WHERE data LIKE data'),
+    'trigger': ('', f'CREATE TRIGGER a AFTER INSERT ON messages BEGIN {ENDLESS} x FROM n; END'),
+    'comment': ('', f'CREATE /* TABLE a(b) */ VIEW a AS {ENDLESS} x FROM n')}
+
+
+@pytest.mark.parametrize('name', SCHEMAS)
+def test_of_any_schema_but_plain_tables_only_the_rows_are_read(tmp_path, name, monkeypatch):
+    path = jazzy(tmp_path / 'a.db3')
+    expected, statements, connect = contents(path), [], sqlite3.connect
+    table, statement = SCHEMAS[name]
+    written(path, (f'DROP TABLE {table};' if table else '') + statement)
+
+    def traced(*args, **options):
+        connection = connect(*args, **options)
+        connection.set_trace_callback(statements.append)
+        return connection
+
+    monkeypatch.setattr(sqlite3, 'connect', traced)
+    if table == 'topics':
+        with pytest.raises(BagError, match=r'not an sqlite3 bag \(the schema has more than plain'):
+            contents(path)
+    else:
+        messages, counts, metadata, _, losses = contents(path)
+        assert messages == ([] if table == 'messages' else [
+            one for one in expected[0] if one in messages or not name.startswith('index')])
+        # The entries of an unknown index contradict the times of some rows.
+        assert [count[0] for count in counts] == ['/a', '/b']
+        assert metadata == ([] if table == 'metadata' else ['jazzy'])
+        assert 'the schema has more than plain tables' in losses.reasons[0]
+    assert statements[0] == 'PRAGMA trusted_schema = OFF'
+    assert all('FROM sqlite_master' in one for one in statements[1:])
+
+
+@pytest.mark.parametrize('statement', [
+    'CREATE TABLE other(a VARCHAR(255) DEFAULT 3, b, FOREIGN KEY (b) REFERENCES topics(id))',
+    'CREATE TABLE other(a, b, PRIMARY KEY (a, b)) WITHOUT ROWID', 'CREATE TABLE "o t"("a" UNIQUE)',
+    'create unique index other on messages("timestamp" ASC, id desc)'])
+def test_plain_tables_and_indices_have_any_columns(tmp_path, statement):
+    path = jazzy(tmp_path / 'a.db3')
+    expected = contents(path)[:4]
+    written(path, statement)
+    assert contents(path)[:4] == expected
+    assert contents(path)[4].reasons == []
+
+
+@pytest.mark.parametrize('sql', ['sql', 'CAST(sql AS BLOB)', '5'])
+def test_a_view_that_claims_to_be_a_table_is_none(tmp_path, sql):
+    path = jazzy(tmp_path / 'a.db3')
+    expected = contents(path)[:4]
+    written(path, 'PRAGMA writable_schema = ON; CREATE VIEW a AS SELECT 1; UPDATE sqlite_master '
+                  f"SET type = 'table', rootpage = 2, sql = {sql} WHERE name = 'a'")
+    assert contents(path)[:4] == expected
+    assert 'file is damaged' in contents(path)[4].reasons[0]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from contextlib import closing
 import sqlite3
+import struct
 
 import pytest
 from smart_tire.bags.file_bytes import map_file
@@ -138,3 +139,25 @@ def test_integers_of_variable_length(data, number, end):
     assert _varint(b'ab' + data + b'\xff', 2) == (number, 2 + end)
     with pytest.raises(IndexError):
         _varint(data[:-1], 0)
+
+
+def test_rows_that_share_their_pages_are_read_no_more_often_than_twice(tmp_path):
+    size = 200_000
+    path = write(tmp_path / 'a.db3', 4096, [(number, 7, bytes(size) if number == 1 else 'text')
+                                            for number in range(1, 100)], index=False)
+    data = bytearray(path.read_bytes())
+    with closing(map_file(path)) as content:
+        cells = {row: cell for cell, row, columns in Pages(content).rows() if len(columns) == 3}
+    page, first = cells[1]
+    head = page * 4096
+    count, = struct.unpack_from('>H', data, head + 3)
+    for number in range(count):  # all rows of this page are the first one
+        struct.pack_into('>H', data, head + 8 + 2 * number, first - head)
+    path.write_bytes(data)
+    with closing(map_file(path)) as content:
+        pages = Pages(content)
+        long = [columns for _, _, columns in pages.rows()
+                if len(columns) == 3 and columns[2] != 'text']
+    assert count > 10
+    assert 1 < len(long) <= 2 * len(data) // size + 1
+    assert pages.damaged == 1

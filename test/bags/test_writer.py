@@ -12,7 +12,9 @@
 
 from __future__ import annotations
 
+import errno
 import gc
+import os
 import random
 import resource
 import shutil
@@ -22,11 +24,12 @@ from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
-from smart_tire.bags import Bag, BagWriter, Channel, channel_of, Qos, recover
+from smart_tire.bags import (
+    Bag, BagWriter, Channel, channel_of, Qos, recover, writer as bag_writer)
 from smart_tire.bags.metadata import qos_text
 from smart_tire.errors import BagError
 from smart_tire.messages import TOPICS
-from support.recordings import stream, write_bag
+from support.recordings import stream, write_bag, write_with_rosbags
 import yaml
 
 
@@ -147,6 +150,49 @@ def test_missing_definitions_are_added(tmp_path):
 def test_an_existing_folder_is_not_overwritten(tmp_path, broken):
     with pytest.raises(BagError, match='File exists'):
         recover(broken, broken)
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'db3'])
+def test_no_more_is_recovered_than_a_recording_of_this_size_may_have(
+        tmp_path, monkeypatch, storage):
+    write = write_bag if storage == 'mcap' else write_with_rosbags
+    path = write(tmp_path / 'bag', stream(1.0))
+    with Bag(path) as bag:
+        sizes = [len(data) for _, _, data in bag.raw()]
+        assert bag.max_content == 1 << 30
+        bag._opened.size = 1 << 40
+        assert bag.max_content == 1000 << 40
+    for limit, count in ((sum(sizes), len(sizes)), (sum(sizes[:70]), 70), (sizes[0] - 1, 0)):
+        monkeypatch.setattr(Bag, 'max_content', limit)
+        result = recover(path, tmp_path / f'{count}')
+        assert sum(result.counts.values()) == count
+        assert [line.partition(': ')[2] for line in result.losses] == (
+            [] if count == len(sizes) else
+            [f'only the first {limit / 1e6:.0f} MB of messages are recovered'])
+
+
+def test_recovery_writes_the_metadata_at_begin_and_end(tmp_path, monkeypatch):
+    keys = {f'key {number}': 'text' for number in range(20)}
+    with BagWriter(tmp_path / 'bag', custom_data=keys) as writer:
+        for number in range(30):
+            writer.add_topic(channel_of(f'/{number}', 'a_msgs/msg/A'))
+            writer.write(f'/{number}', 10**10 * number, b'x')
+    written = []
+    monkeypatch.setattr(bag_writer, 'metadata_text', lambda contents: written.append(1) or '')
+    monkeypatch.setattr(bag_writer, 'write_metadata', lambda *_: written.append(2))
+    assert sum(recover(tmp_path / 'bag', tmp_path / 'copy').counts.values()) == 30
+    assert written == [2, 1, 1, 2]  # the record is at the begin for readers of a part of the file
+
+
+def test_a_full_disk_ends_the_recovery_with_the_folder(tmp_path, monkeypatch):
+    path = write_bag(tmp_path / 'bag', stream(1.0))
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(bag_writer.Writer, 'add_message', full)
+    with pytest.raises(BagError, match=r'copy: cannot be written \(No space left on device\)'):
+        recover(path, tmp_path / 'copy')
 
 
 @pytest.mark.parametrize(('limit', 'least'), [

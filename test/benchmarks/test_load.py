@@ -10,17 +10,27 @@
 
 """The radio tap forwards every byte and identifies batches by their samples."""
 
+import math
 import os
 import select
+import subprocess
+import sys
 import tty
+from types import SimpleNamespace
 
-from benchmarks.load import RadioTap
+from benchmarks.load import (
+    MAX_SPEED, path_for, print_host, RadioTap, RADIUS, SETUPS, Usage, usage_table)
 import pytest
+from smart_tire.cli._path_file import length
+from smart_tire.cli._stack import NODES
+from smart_tire.host_load import HostLoad
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch, volts
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
 from smart_tire.samples import TireSample
 from smart_tire.simulation.pseudo_terminal import PtyPort
 from support.waiting import PATIENCE
+
+pytestmark = pytest.mark.processes
 
 
 def batch(number):
@@ -33,8 +43,8 @@ def frame(number):
     return encode_frame(encode_receive_packet(packet))
 
 
-def samples(number):
-    return [TireSample(number, 'front_right', tuple(map(volts, codes)))
+def samples(number, wheel='front_right'):
+    return [TireSample(number, wheel, tuple(map(volts, codes)))
             for codes in batch(number).codes]
 
 
@@ -75,3 +85,51 @@ def test_all_bytes_are_forwarded_and_each_complete_batch_has_a_latency(line):
         for sample in samples(number):
             tap.add_sample(sample)
     assert len(tap.latencies) == 3 and min(tap.latencies) > 0.0
+
+
+def test_batches_of_several_wheels_have_latencies_although_their_samples_alternate(line):
+    radio, tap, descriptor = line
+    for number in (7, 8):
+        radio.write(frame(number))
+        read(descriptor, len(frame(number)))
+    for pair in zip(samples(7, 'front_left'), samples(8, 'rear_left')):
+        for sample in pair:
+            tap.add_sample(sample)
+    assert len(tap.latencies) == 2
+
+
+def test_the_path_lasts_for_the_measurement_and_begins_at_the_robot():
+    odometry = SimpleNamespace(position=(1.0, 2.0, 0.0), orientation=(0.0, 0.0, 1.0, 0.0))
+    for seconds in (1.0, 60.0, 600.0):
+        path = path_for(seconds, odometry)
+        assert path[0][:2] == pytest.approx((1.0, 2.0))
+        assert path[1][0] < 1.0  # it has turned round
+        assert seconds * MAX_SPEED <= length(path) < seconds * MAX_SPEED + 16.0 * RADIUS
+        assert max(map(math.dist, (one[:2] for one in path), (one[:2] for one in path[1:]))) < 0.1
+
+
+def test_the_table_has_each_process_and_the_sum_of_a_robot():
+    table = usage_table({'few': {'robot_simulator': Usage(0.5, 9e6), 'a': Usage(0.1, 40e6)},
+                         'many': {'robot_simulator': Usage(0.6, 9e6), 'a': Usage(0.25, 41e6)}})
+    assert list(zip(*(column.cells for column in table.columns))) == [
+        ('robot_simulator', '0.500', '9', '0.600', '9'), ('a', '0.100', '40', '0.250', '41'),
+        ('all but robot_simulator', '0.100', '40', '0.250', '41')]
+
+
+def test_a_busy_machine_is_named(capsys):
+    for lateness in (0.001, 0.031):
+        print_host(HostLoad(lateness, 0.1, 9.0, 2))
+    assert capsys.readouterr().out == (
+        '  not a quiet machine: timers late by 31 ms (99%), load 9.0 on 2 cores: end other '
+        'programs\n')
+
+
+@pytest.mark.long  # two runs of the whole stack
+def test_the_stack_follows_the_path_while_it_is_measured():
+    out = subprocess.run([sys.executable, '-m', 'benchmarks.load', '--seconds', '3'], check=True,
+                         stdout=subprocess.PIPE, text=True).stdout
+    assert out.count('age of odom on arrival') == len(SETUPS) == 2
+    rows = {line.split()[0]: line.split()[1:] for line in out.splitlines()
+            if line.split() and line.split()[0] in NODES}
+    assert list(rows) == list(NODES)
+    assert all(float(cell) > 0.0 for cells in rows.values() for cell in cells)

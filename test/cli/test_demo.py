@@ -77,7 +77,7 @@ def test_a_transfer_ends_on_the_sand_and_a_standstill_after_its_duration(monkeyp
 
 
 @pytest.mark.parametrize(('typical', 'reason'), [(0.001, ''), (
-    0.031, '; host late: timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs')])
+    0.031, 'host late: timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs; ')])
 def test_the_error_of_a_path_that_was_not_driven_names_a_late_host(
         typical, reason, tmp_path, capsys):
     host = HostLoad(typical, 0.4, 36.0, 2)
@@ -87,5 +87,5 @@ def test_the_error_of_a_path_that_was_not_driven_names_a_late_host(
                'late_host': {'times': 0, 'longest_s': 0.0, 'resumed': 0}}
     assert demo._report(tmp_path, summary) == 1
     assert capsys.readouterr().err == (
-        f'demo: the robot did not arrive: to the border, figure-eight{reason}\n')
+        f'demo: {reason}the robot did not arrive: to the border, figure-eight\n')
     assert (tmp_path / 'summary.json').exists()

@@ -14,18 +14,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import time
 from types import SimpleNamespace
 
+from benchmarks.faults import interrupted
 import pytest
 from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.cli import _live_checks
 from smart_tire.cli._live_checks import (
-    disk_finding, disk_findings, Heard, lateness_finding, load_finding, robot_findings,
-    status_findings, timer_lateness)
+    await_inputs, disk_finding, disk_findings, Heard, host_findings, lateness_finding, Listened,
+    load_finding, robot_findings, status_findings, timer_lateness)
 from smart_tire.cli.doctor import status_of
 from smart_tire.cli.main import main
 from smart_tire.findings import Finding, Level
-from smart_tire.messages import TOPICS
+from smart_tire.host_load import EXPLAINED, host_load, HostLoad
+from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.samples import Icr
 from support.checked import changed, clean, texts
 from support.recordings import write_bag
@@ -96,21 +99,23 @@ def test_live_samples_are_checked_per_namespace():
 @pytest.mark.parametrize('level, text', [
     (0, 'ok'), (1, 'warning'), (2, 'error'), (3, 'error'), (9, 'error')])
 def test_levels_of_diagnostics_become_levels_of_findings(level, text):
-    heard = Heard(statuses={'a/imu_driver': SimpleNamespace(level=level, message='why')})
+    heard = Heard(statuses={'a/imu_driver': NodeStatus('a/imu_driver', level, 'why', {})})
     finding, = status_findings(heard)
     assert (finding.level.name.lower(), finding.text) == (text, 'node a/imu_driver: why')
 
 
 def test_without_rclpy_host_and_ports_are_checked(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(_live_checks, 'find_spec', lambda name: None)
-    monkeypatch.setattr(_live_checks, 'host_findings', lambda folder, rate: [
-        Finding(Level.OK, 'host', f'{rate:g}')])
+    monkeypatch.setattr(_live_checks, 'timer_lateness', lambda: [0.031])
+    monkeypatch.setattr(_live_checks, 'disk_findings', lambda folder, rate: [
+        Finding(Level.OK, 'disk', f'{rate:g}')])
     monkeypatch.setattr('smart_tire.drivers.port_scan.serial_devices', list)
     params = tmp_path / 'ports.yaml'
     params.write_text('/**/imu_driver: {ros__parameters: {port: /dev/none}}')
     assert main(['doctor', '--params', str(params)]) == 0
     printed = capsys.readouterr()
-    assert 'rclpy is not installed' in printed.out and 'host: 300000' in printed.out
+    assert 'rclpy is not installed' in printed.out and 'disk: 300000' in printed.out
+    assert printed.out.startswith('warning host: timers late by 31 ms (99%), load ')
     assert 'warning ports: this machine has no serial port' in printed.out
     assert '/dev/none' in printed.out
 
@@ -141,7 +146,69 @@ def test_lateness_is_measured_per_sleep():
     ([0.001] * 199 + [0.049], Level.OK), ([0.001] * 199 + [0.051], Level.WARNING),
     ([0.009] * 200, Level.OK), ([0.011] * 200, Level.WARNING)])
 def test_late_timers_are_a_warning(late, level):
-    assert lateness_finding(late).level is level
+    assert lateness_finding(host_load(late)).level is level
+
+
+def heard_of(own, *statuses):
+    """Return what was heard, with rows (name, level, message, explained part, lateness)."""
+    return Heard(own=HostLoad(own, own, 1.0, 2), statuses={name: NodeStatus(
+        name, level, message, {EXPLAINED: explained, **{
+            key: str(value) for key, value in HostLoad(late, late, 36.0, 2).values.items()}})
+        for name, level, message, explained, late in statuses})
+
+
+LATE_NODE = 'imu_driver', 1, str(HostLoad(0.031, 0.031, 36.0, 2)), '', 0.031
+DROPPED = '4 messages dropped'
+
+
+@pytest.mark.parametrize('own, nodes, said', [
+    (0.001, [LATE_NODE], 'timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs'),
+    (0.025, [], 'timers late by 25 ms (99%), load 1.0 on 2 cores: end other programs'),
+    (0.040, [LATE_NODE], 'timers late by 40 ms (99%), load 1.0 on 2 cores: end other programs')])
+def test_a_late_host_is_one_finding_without_its_consequences(own, nodes, said):
+    heard = heard_of(own, *nodes, ('estimator', 1, DROPPED, DROPPED, 0.001),
+                     ('motor_driver', 2, f'port lost; {DROPPED}', DROPPED, 0.001))
+    assert texts([*host_findings(heard), *status_findings(heard)]).splitlines() == [
+        f'WARNING host: {said}', 'ERROR node motor_driver: port lost']
+
+
+def test_on_a_punctual_host_everything_is_reported():
+    heard = heard_of(0.001, ('estimator', 1, DROPPED, DROPPED, 0.001))
+    assert texts([*host_findings(heard), *status_findings(heard)]).splitlines() == [
+        'OK host: timers are late by 1.0 ms (99%), 1.0 ms at worst',
+        'OK host: load 1.00 on 2 cores',
+        f'WARNING node estimator: {DROPPED}']
+
+
+@pytest.mark.parametrize('published, looks', [
+    (['/imu/data', '/odom'], 1), (['/imu/data', '/r/wheel_states'], 4), (['/tire_samples'], 9)])
+def test_inputs_that_nodes_publish_are_awaited_on_a_late_host(monkeypatch, published, looks):
+    """The first input is received at the first look, the second at the fourth, others never."""
+    now, received, spins = [100.0], set(), []
+    order = {1: '/imu/data', 4: '/r/wheel_states'}
+
+    def spin(seconds):
+        spins.append(seconds)
+        now[0] += seconds
+        received.update([order[len(spins)]] if len(spins) in order else [])
+
+    node = SimpleNamespace(get_topic_names_and_types=lambda: [
+        (name, ()) for name in ('/scan', '/tire_battery', '/r2/imu/data', *published)],
+        count_publishers=lambda name: name != '/r2/imu/data')
+    monkeypatch.setattr(_live_checks, 'MAX_DISCOVERY_TIME', 8.5 * _live_checks.SPIN_TIME)
+    monkeypatch.setattr(time, 'monotonic', lambda: now[0])
+    await_inputs(SimpleNamespace(node=node, spin=spin), received)
+    assert len(spins) == looks
+
+
+@pytest.mark.parametrize('late, count', [(0.001, 1), (0.031, 0)])
+def test_gaps_of_a_robot_on_a_late_host_are_not_reported(late, count):
+    heard = heard_of(late)
+    heard.robots[''] = Listened()
+    for receive_ns, _, sample in interrupted(clean(), 'imu/data', [(10.0, 10.4)]):
+        heard.robots[''].samples.add_sample(sample, receive_ns)
+    found = [one for one in robot_findings(heard, []) if one.level >= Level.WARNING]
+    assert [one.where for one in found] == ['imu/data'] * count
 
 
 @pytest.mark.parametrize('load, level', [(1.5, Level.OK), (1.7, Level.WARNING)])

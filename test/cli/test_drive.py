@@ -19,7 +19,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from smart_tire.cli import _drive_session
+from smart_tire.cli import _drive_session, drive
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._drive_session import Session
 from smart_tire.cli._keyboard import Key, StopRequest, Teleoperation
@@ -162,6 +162,14 @@ def test_the_end_of_the_path_is_the_state_after_following(end, dashboard):
     assert session.lateness == 0.5
 
 
+@pytest.mark.parametrize(('end', 'status'), [
+    (State.ARRIVED, 0), (State.STOPPED, 1), (State.REFUSED, 1), (KeyboardInterrupt(), 130)])
+def test_the_exit_status_is_how_a_drive_along_a_path_has_ended(end, status, monkeypatch):
+    monkeypatch.setattr(_drive_session, 'REASON_TIME', 0.0)
+    session = session_of(Pilot([State.FOLLOWING, end]))
+    assert drive._follow(SimpleNamespace(path='line', absolute=True), session, LINE) == status
+
+
 @pytest.mark.parametrize('error', [KeyboardInterrupt(), RobotError('a node died')])
 @pytest.mark.parametrize('before', [(), (State.FOLLOWING,)])
 def test_a_path_is_canceled_if_the_program_ends_before_the_robot_arrives(
@@ -203,6 +211,16 @@ def test_an_emergency_stop_is_to_be_released_first():
     pilot.emergency_stop = True
     with pytest.raises(RobotError, match='emergency stop is active'):
         session_of(pilot).await_robot('path', 'trajectory_controller')
+
+
+def test_clocks_that_certainly_differ_are_warnings(monkeypatch):
+    pytest.importorskip('rclpy')
+    offsets = {'/a': (-0.001, 0.0005), '/b': (0.0012, 0.003)}
+    monkeypatch.setattr('smart_tire.nodes.compat.node_names', lambda _: offsets)
+    monkeypatch.setattr('smart_tire.nodes.clock_offset._trips', lambda _, name: name)
+    monkeypatch.setattr('smart_tire.nodes.clock_offset.offset_bounds', offsets.get)
+    text, = session_of(Pilot()).clock_warnings()
+    assert text.startswith('node /b: its clock is +1.20 to +3.00 ms from that of this host')
 
 
 def test_the_keyboard_is_refused_while_a_path_is_followed():

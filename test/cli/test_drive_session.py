@@ -170,11 +170,11 @@ def test_a_stop_is_caused_by_the_host_only_if_data_were_late(lateness, cause, re
         State.ARRIVED if resumed else State.STOPPED)
 
 
-def test_after_too_many_stops_the_reason_names_the_host():
+def test_after_too_many_stops_the_reason_counts_them():
     drives = Drives(*[(State.STOPPED, 'late', 3.0, (1.0, 0.0))] * (MAX_RESUMPTIONS + 1))
     state, reason = follow_resuming(drives, 'line', LINE, None)
     assert state == State.STOPPED
-    assert reason == 'the host is late, stopped 11 times, the last one: because: late'
+    assert reason == 'because: late; stopped 11 times'
 
 
 def test_the_causes_of_the_controller_are_those_of_a_resumption():
@@ -244,16 +244,20 @@ def test_the_robot_arrives_on_the_path_after_stops_for_late_data():
 class Controller:
     """A pilot whose controller sends its diagnostics at the third look."""
 
-    def __init__(self):
+    def __init__(self, cause='late'):
         self.health = {'trajectory_controller': {
             'state': 'stopped', 'reason': 'of another path', 'cause': 'order'}}
-        self.looks = 0
+        self.looks, self.state, self.text, self.cause = 0, 'stopped', LATE_REASON, cause
+
+    def refuse(self):
+        """Let the next diagnostics be those of a refused path."""
+        self.looks, self.state, self.text, self.cause = 0, 'refused', 'too old', 'late'
 
     def look(self, seconds):
         self.looks += 1
         if self.looks == 3:
             self.health['trajectory_controller'] = {
-                'state': 'stopped', 'reason': LATE_REASON, 'cause': 'late'}
+                'state': self.state, 'reason': self.text, 'cause': self.cause}
 
 
 class Robot:
@@ -283,14 +287,16 @@ def test_the_reason_is_that_of_the_diagnostics_after_the_stop():
     assert pilot.looks == 3
 
 
-def test_errors_on_a_late_host_name_its_load():
-    pilot = Controller()
+@pytest.mark.parametrize('cause, named', [('late', True), ('motion', True), ('order', False)])
+def test_a_late_host_is_the_only_reason_but_not_for_orders(cause, named):
+    pilot = Controller(cause)
     load = HostLoad(0.031, 0.4, 36.0, 2)
     pilot.health['imu_driver'] = {key: str(value) for key, value in load.values.items()}
-    reason, cause = session_of(pilot).reason(State.STOPPED)
-    assert (reason, cause) == (f'{LATE_REASON}; {load}', 'late')
+    assert session_of(pilot).reason(State.STOPPED) == (str(load) if named else LATE_REASON, cause)
+    pilot.refuse()
+    assert session_of(pilot).reason(State.REFUSED) == ('too old', 'late')
     pilot.health['imu_driver'] = {}
-    assert session_of(pilot).host_problem == ''
+    assert session_of(pilot).late_host == ''
 
 
 def test_a_pose_of_the_standing_robot_that_is_measured_from_now_on_is_awaited(monkeypatch):

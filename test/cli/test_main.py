@@ -165,7 +165,7 @@ def completions(line, folder):
     ('smart_tire analyze my_bag --params rob', {'robot.yaml'}),
     ('smart_tire drive --path figure', {'figure_eight'}),
     ('smart_tire drive --path my_', {'my_bag/'}),
-    ('smart_tire topics wheel_s', {'wheel_slip', 'wheel_states'})])
+    ('smart_tire topics wheel_s', {'wheel_slip', 'wheel_slip/typed', 'wheel_states'})])
 def test_options_kinds_files_and_topics_are_completed(line, offered, tmp_path):
     (tmp_path / 'my_bag').mkdir()
     (tmp_path / 'robot.yaml').touch()

@@ -67,7 +67,7 @@ def test_errors_name_the_line_and_what_is_expected(tmp_path, text, message):
 def test_a_binary_file_is_not_a_path(tmp_path):
     path = tmp_path / 'path.csv'
     path.write_bytes(b'\xff\xfe\x00')
-    with pytest.raises(ParameterError, match='cannot be read as CSV'):
+    with pytest.raises(ParameterError, match='not a CSV file'):
         read_path(path)
 
 

@@ -131,6 +131,8 @@ def everything(tmp_path_factory, isolated_ros):
             idle.publish(TwistStamped())
             robot.until_stored(bag, 'cmd_vel', lambda: twists.publish(Twist()))
             robot.until_stored(bag, 'flood', lambda: robot.send(flood))
+            wait_for(lambda: count(bag, 'diagnostics') >= 4)  # one per second: on Jazzy, losses
+            # are counted from 2 s after the start on
 
             def overrun() -> None:
                 with stopped(recorder):
@@ -140,8 +142,6 @@ def everything(tmp_path_factory, isolated_ros):
 
             wait_for(lambda: GAP.search(recorder.output), overrun)
             wait_for(lambda: count(bag, 'path'))
-            wait_for(lambda: count(bag, 'diagnostics') >= 4)  # one per second: what it finds in
-            # the first two seconds may be older than itself
             with stopped(recorder):
                 early = robot.publisher(Int64, 'early')
                 robot.send(early, 500)
@@ -173,16 +173,14 @@ def test_messages_that_overrun_the_queue_are_counted(everything):
     assert lost > 0 and numbers == sorted(set(numbers))
     output = everything.recorder.output
     line, = re.findall(r'^lost .*messages of /flood$', output, re.MULTILINE)
-    missed = f'the first {numbers[0] - 1} and {lost} later'  # found late, on a slow machine
-    assert line in (f'lost {lost} messages of /flood', f'lost {missed} messages of /flood')
+    assert line == f'lost {lost} messages of /flood'
     warnings = output.count('messages of /flood so far')
     assert 0 < warnings <= (numbers[-1] - len(numbers)).bit_length()
 
 
-def test_messages_published_before_the_connection_are_counted(everything):
-    first = integers(everything.messages['/early'])[0]
-    assert first > 500
-    assert f'lost the first {first - 1} ' in everything.recorder.output
+def test_messages_published_before_the_connection_are_no_losses(everything):
+    assert integers(everything.messages['/early'])[0] > 500
+    assert 'messages of /early' not in everything.recorder.output
 
 
 def test_cmd_vel_is_recorded_in_the_type_that_is_sent(everything):

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from contextlib import contextmanager
 import signal
 import threading
@@ -29,7 +29,7 @@ from smart_tire.messages import TOPICS
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand
 from support.command import command
 from support.foreign import Foreign
-from support.recordings import START_NS, stream, write_bag
+from support.recordings import START_NS, stream, typed, write_bag
 from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
@@ -309,3 +309,19 @@ def test_inputs_of_other_names_are_published_under_the_standard_ones(tmp_path, l
     assert len(listener.received['/wheel_states']) == count
     assert '/base/joint_states was published as wheel_states' in output
     assert '/mti30/imu was published as imu/data' in output
+
+
+def test_typed_inputs_are_published_as_the_standard_ones(tmp_path, listener):
+    """smart_tire_msgs need not be installed; a robot keeps its namespace."""
+    events = stream(0.5)
+    bag = Foreign({'imu/data': 'robot/imu/data', 'wheel_states': 'robot/wheel_states',
+                   'tire_samples/typed': 'robot/tire_samples/typed'},
+                  omitted=('odom',)).write(tmp_path / 'bag', typed(events))
+    names = [f'robot/{name}' for name in INPUTS]
+    listener.subscribe(**{name: TOPICS[name.removeprefix('robot/')].type for name in names})
+    output = listener.play(bag)
+    assert listener.published == {f'/{name}' for name in names}
+    expected = Counter(topic for _, topic, _ in events)
+    for name in INPUTS:
+        assert len(listener.received[f'/robot/{name}']) == expected[name]
+    assert '/robot/tire_samples/typed was published as /robot/tire_samples' in output

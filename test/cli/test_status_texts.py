@@ -20,6 +20,7 @@ import pytest
 from rich.console import Console
 
 from smart_tire.cli.status import ERROR, OK, STALE, StatusBoard, to_json, view, WARNING
+from smart_tire.host_load import EXPLAINED, HostLoad
 
 
 def status(name, level=OK, message='ok', **values):
@@ -125,6 +126,21 @@ def test_the_screen_shows_nodes_topics_and_safety_state():
     assert '/r  warning  emergency stop: yes  motors enabled: unknown' in text
     assert 'motors stopped: [emergency] stop' in text and 'silent' in text
     assert 'no diagnostics for 4 s' in text_of(board, 4.0)
+
+
+def test_a_late_host_is_named_once_for_all_nodes():
+    host = HostLoad(0.031, 0.4, 36.0, 2)
+    board = board_with(
+        status('r/imu_driver', WARNING, str(host), **host.values),
+        status('r/slip_estimator', WARNING, '4 dropped; no odom', **{EXPLAINED: '4 dropped'}),
+        status('two/slip_estimator', WARNING, '5 dropped', **{EXPLAINED: '5 dropped'}))
+    one, two = board.robots(0.0)
+    assert [row.message for row in one.nodes] == ['its host is late', 'no odom']
+    assert [row.message for row in two.nodes] == ['5 dropped']
+    assert (one.level, one.host, two.host) == (WARNING, str(host), '')
+    text = text_of(board, 0.0)
+    assert text.count('timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs') == 1
+    assert text.index('timers late') < text.index('imu_driver')
 
 
 def test_the_screen_explains_that_no_node_is_heard():

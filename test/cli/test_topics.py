@@ -20,7 +20,7 @@ def test_all_topics_are_listed_with_their_meaning(capsys):
     assert main(['topics']) == 0
     lines = capsys.readouterr().out.splitlines()
     assert all(any(line.startswith(name) for line in lines) for name in TOPIC_NAMES)
-    assert 'wheel_slip' + ' ' * 18 + 'longitudinal slip of the four wheels' in lines
+    assert 'wheel_slip' + ' ' * 20 + 'longitudinal slip of the four wheels' in lines
 
 
 def test_fields_publisher_and_subscribers_of_topics_are_printed(capsys):

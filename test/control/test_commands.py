@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 from hypothesis import example, given
@@ -21,7 +22,7 @@ import pytest
 from smart_tire.control.command_check import (
     check_age, StallDetector, TransitTimes, VelocityMux)
 from smart_tire.control.constants import (
-    MAX_PUBLISHERS, MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS)
+    MAX_PUBLISHERS, MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS, REPAIR_NS)
 from smart_tire.control.publishers import PublisherMonitor, SequenceTracker
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
@@ -86,13 +87,22 @@ def test_without_reception_time_messages_are_queued_while_the_backlog_of_a_stall
     busy = begin + length + MIN_STALL_NS + 1
     stall.tick(busy)  # handling it: the stall goes on
     assert stall.waited_ns(busy + length) == busy + length - begin
-    assert stall.waited_ns(2 * busy - begin) == 0
-    again = 2 * busy - begin
+    again = 2 * busy - begin + REPAIR_NS
+    assert stall.waited_ns(again - 1) == again - 1 - begin
+    assert stall.waited_ns(again) == 0
     for now in range(busy, again + 1, MIN_STALL_NS):
         stall.tick(now)
     stall.tick(again)
     stall.tick(again + MIN_STALL_NS + 1)
     assert stall.waited_ns(again + MIN_STALL_NS + 1) == MIN_STALL_NS + 1
+
+
+def test_a_stall_counts_from_the_shortest_that_is_given_on():
+    stall = StallDetector(0)
+    stall.tick(NS_PER_S, NS_PER_S)
+    assert stall.waited_ns(NS_PER_S) == 0
+    stall.tick(2 * NS_PER_S + 1, NS_PER_S)
+    assert stall.waited_ns(2 * NS_PER_S + 1) == NS_PER_S + 1
 
 
 def test_the_excess_of_a_transit_time_is_counted_from_the_least_one_of_its_publisher():
@@ -125,10 +135,26 @@ def test_publishers_conflict_while_several_have_sent_within_the_window(messages)
 @pytest.mark.parametrize(('numbers', 'publishers'), [
     ((7, 8, 9, 20, 21, 21 + MAX_SEQUENCE_GAP), [0] * 6),  # with or without losses
     ((500, 1, 501, 2, 502, 3), [0, 1, 0, 1, 0, 1]), ((100, 50, 101, 51, 103), [0, 1, 0, 1, 0]),
-    ((5, 5, 6 + MAX_SEQUENCE_GAP), [0, 1, 2])])
+    ((5, 5, 6 + MAX_SEQUENCE_GAP), [0, 1, 2]),
+    ((1, 2, 3, 1, 2, 3, 4, 5, 4), [0, 0, 0, 1, 1, 1, 1, 1, 0])])  # restarted
 def test_a_number_that_continues_no_sequence_is_another_publisher(numbers, publishers):
     tracker = SequenceTracker()
     assert [tracker.publisher(number) for number in numbers] == publishers
+
+
+@given(st.integers(1, 5000), st.integers(1, 5000), st.lists(st.sampled_from('ab')))
+def test_a_publisher_that_sends_again_after_another_one_is_distinguished(first, second, before):
+    tracker = SequenceTracker()
+    numbers = {'a': itertools.count(first), 'b': itertools.count(second)}
+    indices = [tracker.publisher(next(numbers[one])) for one in (*before, 'a', 'b', 'a')]
+    assert len({*indices[-3:]}) > 1
+
+
+def test_of_many_publishers_the_sequence_of_the_one_that_is_silent_for_longest_is_forgotten():
+    tracker = SequenceTracker()
+    assert [tracker.publisher(-number) for number in range(MAX_PUBLISHERS + 1)] == [
+        *range(MAX_PUBLISHERS + 1)]
+    assert tracker.publisher(1) == 1  # 0 would have been followed more closely by 1
 
 
 @given(st.lists(st.tuples(

@@ -18,6 +18,7 @@ from unittest import mock
 
 import pytest
 
+from smart_tire.control.constants import MAX_WAIT, MIN_ADVANCE
 from smart_tire.control.path_library import line
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
@@ -86,16 +87,18 @@ def test_the_frame_of_paths_and_goals_is_a_parameter():
 
 @pytest.mark.parametrize(('planned', 'reason'), [
     (path((0, 0), (1, 0), frame='map'), "path: frame 'map', expected odom"),
-    (path(), 'path: 0 poses, expected 2 to'),
-    (path((0, 0)), 'path: 1 poses, expected 2 to'),
-    (path(*((0, 0),) * 5001), '5001 poses, expected 2 to 5000'),
+    (path(), 'path: 0 poses, expected 1 to'),
+    (path(*((0, 0),) * 5001), '5001 poses, expected 1 to 5000'),
+    (path((0, 0), frame='map'), "path: frame 'map', expected odom"),
+    (path((0, NAN)), 'path: pose 0: position (0, nan) m, expected finite'),
+    (path((0, 0, math.inf)), 'path: pose 0: yaw inf rad'),
+    (path((-1001.0, 0)), 'goal_pose: 1001.'),
     (path((0, 0), (math.nan, 0), (1, 0)), 'path: pose 1: position (nan, 0) m, expected finite'),
     (path((0, 0), (1, math.inf)), 'path: pose 1: position (1, inf) m'),
     (path((0, 0), (1.1e5, 0)), 'path: 110000.0 m long, expected at most 1000 m'),
     (path((0, 0), (0, -9e4)), 'path: 90000.0 m long, expected at most 1000 m'),
     (path((0, 0), (1, 0, math.inf)), 'path: pose 1: yaw inf rad'),
     (path((0, 0), (900, 0), (700, 0)), 'path: 1100.0 m long, expected at most 1000 m'),
-    (path((0, 0), (0, 0.001)), 'all poses at one position'),
     (path((-1.01, 0), (2, 0)), 'm from the robot, expected at most 1 m (checks.max_start_dist'),
     (GoalPose(0, 'map', (1.0, 0.0, 0.0)), "goal_pose: frame 'map', expected odom"),
     (GoalPose(0, 'odom', (1.0, NAN, 0.0)), 'goal_pose: position (1, nan) m'),
@@ -121,6 +124,158 @@ def test_an_invalid_target_is_refused_and_stops_the_robot(planned, reason):
     (path((5.0, -5.1), (6, -4)), (5.0, -4.0), State.REFUSED)])
 def test_a_path_may_begin_within_a_distance_from_the_robot_and_be_long(planned, start, state):
     assert Run(x=start[0], y=start[1]).start(planned).control.state == state
+
+
+def assert_turned(run, yaw):
+    """Check the yaw that is reached."""
+    tolerance = run.params.arrival.yaw_tolerance
+    assert math.remainder(run.robot.yaw - yaw, math.tau) == pytest.approx(0.0, abs=tolerance)
+
+
+@pytest.mark.parametrize('poses', [1, 3])
+@pytest.mark.parametrize(('distance', 'yaw'), [
+    (0.0, 1.0), (0.049, -3.0), (0.049, NAN), (0.051, 1.0), (-0.3, 0.0), (3.0, NAN), (3.0, 2.0)])
+def test_a_path_at_one_position_is_a_goal(poses, distance, yaw):
+    order = path(*((distance, 0.0, yaw),) * poses)
+    run, goal = (Run().start(one).until_end() for one in (
+        order, GoalPose(0, 'odom', (distance, 0.0, yaw))))
+    assert run.rows == goal.rows
+    assert run.control.state == State.ARRIVED
+    assert run.robot.x == pytest.approx(distance if abs(distance) > 0.05 else 0.0, abs=0.01)
+    assert_turned(run, 0.0 if math.isnan(yaw) else yaw)
+
+
+def test_the_last_yaw_that_is_given_counts_at_one_position():
+    run = Run().start(path((0, 0, 2.0), (0, 0.0019, 1.0), (0, 0, NAN))).until_end()
+    assert_turned(run, 1.0)
+    assert run.robot.x == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize('yaw', [1.0, NAN])
+@pytest.mark.parametrize('ahead', [-0.1, 0.0, 0.04, 0.2, 0.4])
+def test_a_goal_nearer_than_the_robot_can_stop_is_reached_after_a_stop(ahead, yaw):
+    run = under_way(seconds=2.0, lag=0.1, dead_time=2)
+    x = run.robot.x + ahead
+    begin = len(run.rows)
+    run.start(path((x, 0.0, yaw))).until_end()
+    assert (run.control.state, run.control.reason) == (State.ARRIVED, '')
+    assert run.robot.x == pytest.approx(x, abs=0.02)
+    assert_turned(run, 0.0 if math.isnan(yaw) else yaw)
+    speeds = run.log[begin:, 6]
+    assert speeds[0] > 0.5  # no jump of the command
+    assert abs(speeds[1:] - speeds[:-1]).max() <= 0.5 / 20 + 1e-9
+    assert abs(run.robot.v_x) < 0.02
+
+
+@pytest.mark.parametrize('period', [10, 20])  # steps; nav2 renews at 1 Hz
+@pytest.mark.parametrize('phase', range(0, 10, 3))
+@pytest.mark.parametrize('begin', [0.5, 0.93])  # m, at high and at low speed
+def test_a_goal_renewed_where_the_robot_is_is_reached(begin, phase, period):
+    run, near = Run(lag=0.1, dead_time=2).start(line(1.0)), -phase  # steps
+    for _ in range(400):
+        near += run.robot.x > begin or near > -phase
+        if near > 0 and near % period == 1 and run.control.state == State.FOLLOWING:
+            run.start(path((run.robot.x, 0.0, 1.0)))
+        run.step()
+    assert (run.control.state, run.control.reason) == (State.ARRIVED, '')
+    assert_turned(run, 1.0)
+
+
+@pytest.mark.parametrize(('x', 'yaw', 'renewed'), [
+    (1.049, 1.0, True), (1.051, 1.0, False), (0.949, 1.0, False), (1.0, 1.079, True),
+    (1.0, 1.081, False), (1.0, 0.919, False), (1.0, 1.0 + math.tau, True), (1.0, NAN, False)])
+def test_a_goal_within_the_tolerances_is_no_new_begin(x, yaw, renewed):
+    first = GoalPose(0, 'odom', (1.0, 0.0, 1.0))
+    run = Run().start(first).for_seconds(1.0)
+    run.start(GoalPose(0, 'odom', (x, 0.0, yaw))).until_end()
+    assert (run.rows == Run().start(first).until_end().rows) == renewed
+    assert run.control.state == State.ARRIVED
+    assert math.isnan(yaw) or math.remainder(run.robot.yaw - yaw, math.tau) == pytest.approx(
+        0.0, abs=2.0 * run.params.arrival.yaw_tolerance)
+
+
+def test_a_goal_without_yaw_is_renewed_by_one_without_yaw_only():
+    first = GoalPose(0, 'odom', (1.0, 0.0, NAN))
+    run = Run().start(first).for_seconds(1.0)
+    run.start(GoalPose(0, 'odom', (1.01, 0.0, NAN))).until_end()
+    assert run.rows == Run().start(first).until_end().rows
+    run = Run().start(first).for_seconds(1.0)
+    run.start(GoalPose(0, 'odom', (1.0, 0.0, 2.0))).until_end()
+    assert_turned(run, 2.0)
+
+
+def test_a_goal_that_has_ended_is_no_longer_renewed():
+    goal = GoalPose(0, 'odom', (1.0, 0.0, 1.0))
+    run = Run().start(goal).for_seconds(1.0)
+    run.control.cancel('canceled')
+    run.for_seconds(1.0).start(goal).until_end()
+    assert run.control.state == State.ARRIVED
+    assert_turned(run, 1.0)
+
+
+def test_a_goal_behind_the_braking_distance_is_driven_to_without_a_stop():
+    run = under_way(seconds=2.0)
+    x = run.robot.x + 0.8
+    run.start(GoalPose(0, 'odom', (x, 0.0, NAN))).until_end()
+    assert run.control.state == State.ARRIVED
+    assert run.log[run.log[:, 1] < x - 0.1, 6][1:].min() > 0.0
+
+
+@pytest.mark.parametrize('order', [FAR, GoalPose(0, 'odom', (0.9, 0.0, 1.0))])
+def test_an_order_replaces_a_goal_that_waits_for_the_stop(order):
+    run = under_way(seconds=2.0)
+    run.start(GoalPose(0, 'odom', (run.robot.x, 0.0, 3.0))).for_seconds(0.2)
+    run.start(order).until_end()
+    assert run.control.state == State.ARRIVED
+    end = order.pose if isinstance(order, GoalPose) else order.poses[-1]
+    assert run.robot.x == pytest.approx(end[0], abs=0.03)
+
+
+def test_a_robot_that_slides_on_is_not_waited_for():
+    run = under_way(seconds=2.0)
+    run.robot.drive = lambda *_: setattr(run.robot, 'x', run.robot.x + 0.5 / 20)
+    run.start(GoalPose(0, 'odom', (run.robot.x, 0.0, NAN))).until_end()
+    assert run.control.state == State.STOPPED
+    assert 'm from the path' in run.control.reason
+    run = under_way(seconds=2.0)
+    run.robot.drive = lambda *_: None  # as on a treadmill
+    run.start(GoalPose(0, 'odom', (run.robot.x + 0.2, 0.0, NAN))).until_end()
+    assert 'no progress' in run.control.reason
+
+
+@pytest.mark.parametrize('period', [0.1, 1.0])
+@pytest.mark.parametrize('speed', [0.0, 0.012])
+def test_a_path_that_is_renewed_does_not_excuse_a_robot_that_is_blocked(period, speed):
+    run = blocked(0.0)
+    run.robot.drive = lambda *_: setattr(run.robot, 'x', run.robot.x + speed / 20)
+    for _ in range(round(4.0 / period)):
+        if run.control.state == State.FOLLOWING:
+            run.start(path((run.robot.x, 0.0), (5.0 + run.robot.x, 0.0))).for_seconds(period)
+    moves = speed * 2.0 > MIN_ADVANCE
+    assert run.control.state == (State.FOLLOWING if moves else State.STOPPED)
+    assert moves or 'no progress for 2 s' in run.control.reason
+
+
+@pytest.mark.parametrize('yaw_rate, state', [
+    (0.03, State.FOLLOWING), (0.0, State.STOPPED)])
+def test_a_slow_turn_to_a_renewed_goal_is_progress(yaw_rate, state):
+    run = blocked(0.0)
+    run.robot.drive = lambda *_: setattr(run.robot, 'yaw', run.robot.yaw + yaw_rate / 20)
+    for number in range(20):
+        goal = GoalPose(0, 'odom', (run.robot.x, 0.0, 2.0 + 0.1 * (number % 2)))
+        if run.control.state == State.FOLLOWING:
+            run.start(goal).for_seconds(0.2)
+    assert run.control.state == state
+
+
+def test_the_time_without_odom_is_not_renewed_with_the_path():
+    control = TrajectoryControl(IDEAL)
+    for tick in range(int(MAX_WAIT) + 2):
+        control.follow(FAR, tick * NS_PER_S)
+        control.step(tick * NS_PER_S)
+        if control.state != State.FOLLOWING:
+            break
+    assert control.reason.startswith('odom: none for') and tick == int(MAX_WAIT) + 1
 
 
 def test_cancel_stops_and_does_nothing_otherwise():
@@ -261,6 +416,14 @@ def test_a_path_that_waited_is_refused_if_it_begins_too_far_away(waiting):
     assert control.step(0).v_x == 0.0
     assert control.state == State.REFUSED
     assert 'begins 3.00 m from the robot' in control.reason
+
+
+def test_a_path_that_waited_for_recent_odometry_replaces_the_one_before():
+    run = under_way()
+    run.now_ns += NS_PER_S
+    run.start(path((run.robot.x, 0.0), (run.robot.x + 0.7, 0.0)))
+    assert run.step().v_x > 0.1
+    assert run.progress[-1].remaining_distance == pytest.approx(0.6, abs=0.1)
 
 
 def test_with_old_odometry_a_path_is_not_followed():

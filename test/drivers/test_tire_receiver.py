@@ -19,7 +19,7 @@ import pytest
 from smart_tire.drivers.tire_receiver import SensorNode, TireStream
 from smart_tire.protocol.tire_payload import encode_batch, SATURATED, TireBatch
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
-from smart_tire.samples import BatterySample
+from smart_tire.samples import BatterySample, TireSamples
 
 ADDRESS, OTHER_ADDRESS = 0x0013A20040A1B2C3, 0x0013A200DEADBEEF
 HOST_NS = 1_700_000_000_000_000_000
@@ -46,15 +46,21 @@ def packet(payload, source=ADDRESS):
     return encode_frame(encode_receive_packet(ReceivePacket(source, 0xFFFE, 1, payload)))
 
 
+def received(node, one, receive_ns):
+    """Feed a batch and return its samples."""
+    found = node.samples(one, receive_ns)
+    return [] if found is None else found.samples
+
+
 def feed(node, *batches):
     """Feed (count, batch) pairs and return all samples."""
-    return [sample for count, one in batches for sample in node.samples(one, arrival(count))]
+    return [sample for count, one in batches for sample in received(node, one, arrival(count))]
 
 
 def samples_of(stream, chunk, receive_ns):
     """Feed bytes and return the samples of the batches that they complete."""
-    return [sample for item in stream.receive(chunk, receive_ns) if isinstance(item, list)
-            for sample in item]
+    return [sample for item in stream.receive(chunk, receive_ns) if isinstance(item, TireSamples)
+            for sample in item.samples]
 
 
 @pytest.fixture
@@ -93,7 +99,7 @@ def test_each_batch_is_delivered_once_with_the_times_of_its_conversions(order, s
         repeated += count in seen
         newest = max(count, newest)
         one = batch(count, sequence=sequence % 65536, timer_us=2**32 - timer * SPAN_US)
-        samples = node.samples(replace(one, timer_us=one.timer_us % 2**32), arrival(newest))
+        samples = received(node, replace(one, timer_us=one.timer_us % 2**32), arrival(newest))
         assert len(samples) == 16 * (count not in seen)
         seen.add(count)
         for index, sample in enumerate(samples):
@@ -131,15 +137,26 @@ def test_a_restart_of_the_node_is_detected_and_counts_no_losses(node, first, res
 
 def test_batches_that_arrive_faster_than_possible_are_counted(node):
     samples = [sample for count in (0, 1, 2, 30, 31, 40)
-               for sample in node.samples(batch(count), HOST_NS + count * 1_000_000)]
+               for sample in received(node, batch(count), HOST_NS + count * 1_000_000)]
     assert len(samples) == 6 * 16
     assert node.lost == 27 + 8
     assert node.resets == 0
 
 
 def test_saturated_batches_are_counted(node):
-    feed(node, (0, replace(BATCH, flags=SATURATED)), (1, batch(1)))
+    found = [node.samples(one, arrival(count)) for count, one in enumerate(
+        (replace(BATCH, flags=SATURATED), batch(1)))]
     assert node.saturated == 1
+    assert [one.saturated for one in found] == [True, False]
+
+
+def test_the_conversions_of_a_batch_have_equal_periods_of_the_host_clock(node):
+    """The timer of the node is fast by 1000 ppm, so that its 2500 us are 2497.5 us."""
+    found = [node.samples(replace(BATCH, sequence=count, timer_us=count * SPAN_US),
+                          HOST_NS + round(count * SPAN_US * 999)) for count in range(600)][-1]
+    assert found.period_ns == pytest.approx(2_497_500, abs=100)
+    stamps = [sample.stamp_ns for sample in found.samples]
+    assert stamps == [found.stamp_ns + index * found.period_ns for index in range(16)]
 
 
 def test_the_battery_is_reported_once_a_second():

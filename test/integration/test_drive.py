@@ -24,7 +24,7 @@ import time
 
 import pytest
 from smart_tire.bags import Bag
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, wait_for
 
 pytestmark = [pytest.mark.processes, pytest.mark.long]
 
@@ -123,9 +123,11 @@ def test_keys_drive_and_the_terminal_is_restored(tmp_path):
 def test_a_path_is_canceled_by_a_signal(tmp_path, number):
     terminal = Terminal('drive', '--path', 'square', '--out', str(tmp_path))
     assert terminal.read(PATIENCE, b'm left'), terminal.output
+    recorder = tmp_path / 'logs' / 'recorder.log'
+    wait_for(lambda: '/cmd_vel' in recorder.read_text(), lambda: terminal.read(0.2))
     terminal.read(1.0)
     os.kill(terminal.process, number)
-    assert os.waitstatus_to_exitcode(os.waitpid(terminal.process, 0)[1]) == 1
+    assert os.waitstatus_to_exitcode(os.waitpid(terminal.process, 0)[1]) == 130
     terminal.close()
     log = (tmp_path / 'logs' / 'trajectory_controller.log').read_text()
     assert 'canceled by cancel_path' in log

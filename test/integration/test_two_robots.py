@@ -18,8 +18,8 @@ import time
 
 import numpy as np
 import pytest
-from security_policy import policy
 from smart_tire.cli._stack import NODES, PORTS, Stack
+from smart_tire.cli.policy import policy
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import subscriber_qos

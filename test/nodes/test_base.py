@@ -20,8 +20,7 @@ import sys
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from smart_tire.host_load import MAX_LATENESS
-from smart_tire.nodes.base import once
+from smart_tire.host_load import EXPLAINED, HostLoad, MAX_LATENESS, other_problems
 from smart_tire.nodes.compat import plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.motor_driver import MotorDriver
@@ -56,19 +55,9 @@ def test_nodes_run_with_the_single_threaded_executor_of_older_distributions(grap
     (TrajectoryController, [0.1, 0.25, 1.0])])
 def test_a_node_without_input_wakes_up_for_one_timer_of_each_period(
         node_class, periods, isolated_ros):
-    arguments = ['--ros-args', '-p', 'follow_path:=false'] * (node_class is TrajectoryController)
-    with NodeRunner(node_class, arguments) as runner:
+    with NodeRunner(node_class, []) as runner:
         assert sorted(timer.timer_period_ns * 1e-9 for timer in runner.node.timers
                       if not timer.is_canceled()) == pytest.approx(periods)
-
-
-def test_a_message_that_several_subscriptions_receive_is_handled_once():
-    handled = []
-    callback = once(lambda msg, info: handled.append(msg))
-    for name, stamp, number in (('a', 1, 1), ('a again', 1, 1), ('b', 1, 2), ('c', 2, 1),
-                                ('a late', 1, 1), ('d', 3, None), ('d again', 3, None)):
-        callback(name, {'source_timestamp': stamp, 'publication_sequence_number': number})
-    assert handled == ['a', 'b', 'c', 'd']
 
 
 def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():
@@ -108,6 +97,30 @@ def test_errors_take_precedence_over_warnings():
     assert (message.level, message.message) == (b'\x02', 'gone; slow')
     assert [(item.key, item.value) for item in message.values] == [('age', '1.25')]
     assert message.hardware_id == '/dev/x'
+
+
+def test_a_late_host_is_the_message_without_what_it_explains():
+    status = Status(host=HostLoad(0.031, 0.4, 36.0, 2))
+    status.warn('dropped', by_host=True)
+    status.error('no readings', by_host=True)
+    status.warn('port busy')
+    message = status.message('x')
+    assert (message.level, message.message) == (b'\x02', f'{status.host}; port busy')
+    assert not message.values
+    late_only = Status(host=HostLoad(0.031, 0.4, 36.0, 2)).message('x')
+    assert (late_only.level, late_only.message) == (b'\x01', str(status.host))
+
+
+def test_what_a_late_host_would_explain_is_marked_for_those_who_know_of_it():
+    status = Status(host=HostLoad(0.001, 0.4, 36.0, 2))
+    for text, by_host in (('dropped', True), ('port busy', False), ('lost', True)):
+        status.warn(text, by_host=by_host)
+    message = status.message('x')
+    assert (message.level, message.message) == (b'\x01', 'dropped; port busy; lost')
+    values = {item.key: item.value for item in message.values}
+    assert values == {EXPLAINED: 'dropped; lost'}
+    assert other_problems(message.message, values, late=True) == 'port busy'
+    assert other_problems(message.message, values, late=False) == message.message
 
 
 def test_with_use_sim_time_stamps_are_simulated_and_names_follow_the_namespace(graph):

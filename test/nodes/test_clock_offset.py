@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from itertools import starmap
 import json
 import os
 from pathlib import Path
@@ -25,7 +26,7 @@ from types import SimpleNamespace
 import pytest
 from smart_tire.findings import Level
 from smart_tire.nodes.clock_offset import (
-    clock_finding, clock_findings, offset_bounds, POLL_PERIOD, ROUND_TRIPS, TIMEOUT)
+    clock_finding, clock_findings, merged, offset_bounds, POLL_PERIOD, ROUND_TRIPS, TIMEOUT)
 from support.graph import node_arguments
 from support.waiting import wait_for
 
@@ -48,13 +49,27 @@ def test_bounds_are_those_of_all_round_trips():
     (0.0009, 0.0011, Level.INFO), (0.0011, 0.002, Level.WARNING),
     (-0.002, -0.0011, Level.WARNING), (0.0005, 0.0004, Level.WARNING)])
 def test_only_a_clock_that_is_certainly_off_is_a_warning(low, high, level):
-    assert clock_finding('/a', (low, high)).level is level
+    assert clock_finding(['/a'], (low, high)).level is level
 
 
 def test_the_text_has_both_bounds_and_what_to_do():
-    assert clock_finding('/r1/imu_driver', (0.0498, 0.0503)).text == (
+    assert clock_finding(['/r1/imu_driver'], (0.0498, 0.0503)).text == (
         'node /r1/imu_driver: its clock is +49.80 to +50.30 ms from that of this host (expected '
         'at most 1 ms); synchronize the clocks (chrony)')
+
+
+def test_nodes_of_one_host_are_one_finding():
+    found = starmap(clock_finding, merged({
+        '/a': (-0.0002, 0.0003), '/b': (0.0498, 0.0503), '/c': (-0.0004, 0.0001),
+        '/d': (0.0502, 0.0506), '/e': (-0.0200, -0.0198), '/f': (-0.001, 0.002),
+        '/g': (0.0508, 0.0510)}))
+    assert [(one.level, one.where, one.found.partition(' ms')[0]) for one in found] == [
+        (Level.OK, 'nodes /c, /a', 'their clocks are -0.40 to +0.30'),
+        (Level.INFO, 'node /f', 'its clock is -1.00 to +2.00'),
+        (Level.WARNING, 'node /e', 'its clock is -20.00 to -19.80'),
+        (Level.WARNING, 'nodes /b, /d', 'their clocks are +49.80 to +50.60'),
+        (Level.WARNING, 'node /g', 'its clock is +50.80 to +51.00')]
+    assert not list(merged({}))
 
 
 def test_nodes_on_this_host_have_its_clock(graph):
@@ -132,19 +147,19 @@ def ip(*words):
 def hosts():
     """Return two hosts; skip where network namespaces are not permitted."""
     if shutil.which('ip') is None:
-        pytest.skip('iproute2 is not installed: no network namespaces')
+        pytest.skip('needs iproute2')
     try:
         with Hosts() as found:
             yield found
     except subprocess.CalledProcessError as error:
-        pytest.skip(f'network namespaces are not permitted: {error.stderr.strip()}')
+        pytest.skip(f'needs network namespaces: {error.stderr.strip()}')
 
 
 @pytest.mark.long  # real hosts; the bounds of each case are above
 def test_a_host_with_another_clock_is_found(hosts, tmp_path, isolated_ros):
     compiler, library = shutil.which('cc'), tmp_path / 'clock_skew.so'
     if compiler is None:
-        pytest.skip('no C compiler')
+        pytest.skip('needs a C compiler')
     subprocess.run([compiler, '-shared', '-fPIC', '-o', library, SKEW], check=True)
     environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
     with (tmp_path / 'log').open('wb') as log, subprocess.Popen(

@@ -14,16 +14,23 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from itertools import count
 import time
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from smart_tire.bags.cdr import empty
 from smart_tire.drivers.serial_port import open_port
+from smart_tire.messages import TYPED
+from smart_tire.nodes import base
 from smart_tire.nodes.compat import RCLError
+from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.imu_driver import ImuDriver
+from smart_tire.nodes.motor_driver import MotorDriver
 from smart_tire.nodes.qos import latched
 from smart_tire.nodes.tire_receiver import TireReceiver
 from smart_tire.protocol import vectornav, vectornav_ascii, xsens
@@ -103,9 +110,24 @@ def test_a_batch_is_published_as_one_message_per_conversion(isolated_ros, port):
     assert names == ('front_right_pvdf_1', 'front_right_pvdf_2')
 
 
+def test_a_batch_is_published_as_one_typed_message_while_someone_subscribes(
+        isolated_ros, port, monkeypatch):
+    monkeypatch.setattr(base, 'installed_class', lambda name: partial(empty, name))
+    typed = TYPED['tire_samples']
+    with receiving(TireReceiver, port, units=UNITS_TEXT) as node:
+        for number, subscribers in enumerate((0, 1, 0)):
+            node.subscribers[typed.name] = subscribers
+            port.write(packet(number, 0x0013A20040A1B2C3))
+            wanted = 16 * number + 16
+            node.until(lambda: len(node.received['tire_samples']) == wanted)  # noqa: B023
+    (batch,) = map(typed.from_msg, node.received[typed.name])
+    assert batch.samples == node.samples('tire_samples')[16:32]
+    assert (batch.wheel, batch.saturated) == ('front_right', False)
+
+
 @pytest.mark.parametrize('protocol', ['vectornav_binary', 'vectornav_ascii', 'xsens'])
 def test_imu_samples_are_in_rep_103_axes_for_every_protocol(protocol, isolated_ros, port):
-    with receiving(ImuDriver, port, protocol=protocol) as node:
+    with receiving(ImuDriver, port, protocol=protocol, imu__gyro_noise=0.02) as node:
         for index in range(20):
             port.write(imu_frame(protocol, index))
             node.until(lambda: len(node.received['imu/data']) == index + 1)  # noqa: B023
@@ -120,6 +142,10 @@ def test_imu_samples_are_in_rep_103_axes_for_every_protocol(protocol, isolated_r
         force = message.linear_acceleration
         assert (force.x, force.y, force.z) == pytest.approx((0.5, -0.25, 9.8125), abs=1e-3)
         assert message.header.frame_id == 'imu_link'
+        assert list(message.angular_velocity_covariance) == pytest.approx(
+            np.ravel(0.02 ** 2 * np.eye(3)))
+        assert list(message.linear_acceleration_covariance) == pytest.approx(
+            np.ravel(0.05 ** 2 * np.eye(3)))
         assert (message.orientation_covariance[0] == -1.0) == (protocol != 'vectornav_ascii')
     stamps = [sample.stamp_ns for sample in node.samples('imu/data')]
     assert np.all(np.diff(stamps) > 0)
@@ -243,6 +269,16 @@ def test_the_motors_follow_commands_and_their_state_is_published(robot):
     graph.until(lambda: float(graph.value('motor_driver', 'line_rate_limit') or 0.0) > 1.0)
     assert driver.output.count('motor_driver]: 2 boards on the line: one poll takes ') == 1
     assert 'motors stopped: no motor command for 0.25 s' in driver.output
+
+
+@pytest.mark.parametrize('node_class, explained', [
+    (MotorDriver, ['2 bad frames, latest: no reply', '3 bytes skipped']), (TireReceiver, [])])
+def test_a_late_host_explains_bad_replies_but_no_damaged_frames(node_class, explained):
+    source = SimpleNamespace(frames_bad=2, bytes_skipped=3, last_error='no reply')
+    node = SimpleNamespace(_source=source, _next_logged=4, polls=node_class.polls)
+    status = Status()
+    node_class._fill_bad_frames(node, status)
+    assert (len(status.warnings), status.explained) == (2, explained)
 
 
 def test_a_silent_board_is_named_in_an_error_and_disables_the_motors(robot):

@@ -71,6 +71,26 @@ def test_odometry_and_slip_are_published_at_every_grid_instant(slip):
     assert not slip.received['icr']
 
 
+def test_odometry_is_thinned_and_its_numbers_are_those_of_the_full_rate(isolated_ros):
+    found = {}
+    for rate in (125.0, 50.0):
+        with virtual(SlipEstimatorNode, odom_rate=rate) as node:
+            stand(node)
+            found[rate] = node.samples('odom')
+            slips = len(node.samples('wheel_slip'))
+    assert len(found[50.0]) > 35 and slips == len(found[125.0])
+    assert found[50.0] == [one for one in found[125.0] if one.stamp_ns % (3 * GRID_NS) == 0]
+
+
+def test_increments_are_published_and_none_leads_over_a_reset(isolated_ros):
+    with virtual(SlipEstimatorNode, odom_twist='increments') as node:
+        stand(node)
+        assert node.call('reset_odometry').success
+        stand(node, 0.3, START_NS + NS_PER_S)
+        assert max(abs(one.linear[0]) for one in node.samples('odom')) < 0.01
+        assert len(node.samples('odom')) > 130
+
+
 def test_reset_odometry_moves_the_origin_of_odom_to_the_robot(slip):
     stand(slip)
     assert slip.call('reset_odometry').success

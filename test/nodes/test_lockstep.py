@@ -268,7 +268,11 @@ def test_invalid_control_messages_are_ignored(rig):
     rig.publishers('/x')
     publisher = rig.replayer.create_publisher(String, TOPIC, 10)
     rig.until(publisher.get_subscription_count)
-    for text in ('', '{', '[]', '{"kind": "announce"}', '{"other": 1}', 'null'):
+    head = '{"kind": "announce", "sender": "/a", "run": "1", '
+    for text in ('', '{', '[]', '{"kind": "announce"}', '{"other": 1}', 'null', '[' * 100_000,
+                 head + '"topics": 3}', head + '"topics": [3]}', head + '"upstream": []}',
+                 head + '"number": "1"}', head + '"entries": [["/x"]]}',
+                 head + '"entries": [["/x", "1"]]}'):
         assert ControlMessage.read(String(data=text)) is None
         publisher.publish(String(data=text))
     rig.begin(['/x'], '/a')

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 import os
 from pathlib import Path
 import subprocess
@@ -24,6 +25,8 @@ from smart_tire.nodes.priority import request_priority
 pytestmark = pytest.mark.processes
 
 PRIORITY = 7
+LOWEST_PRIORITY = 19  # of processes without real-time priority
+BUSY = 'while True: pass'
 
 
 def is_permitted():
@@ -47,6 +50,46 @@ def test_all_threads_of_a_node_have_the_priority_or_a_warning_says_why_not(graph
         else:
             graph.until(lambda: 'realtime_priority 7 is not permitted' in node.output)
         assert node.end() == 0
+
+
+WITHOUT_PERMISSION = """
+import ctypes, os, resource, sys
+PR_CAPBSET_DROP, CAP_SYS_NICE = 24, 23
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+if not os.geteuid():
+    assert not ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, CAP_SYS_NICE, 0, 0, 0)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
+def test_without_permission_the_kernel_refuses_and_one_line_says_what_is_missing():
+    ask = f'from smart_tire.nodes.priority import request_priority as r; print(r({PRIORITY}))'
+    result = subprocess.run([sys.executable, '-c', WITHOUT_PERMISSION, '-c', ask],
+                            stdout=subprocess.PIPE, text=True, check=True)
+    assert result.stdout == (
+        'realtime_priority 7 is not permitted: add "USER - rtprio 7" to '
+        '/etc/security/limits.d/realtime.conf and log in again\n')
+
+
+@pytest.mark.long  # four busy loops
+def test_a_node_with_priority_waits_less_for_a_core_that_others_use(graph):
+    if not is_permitted():
+        pytest.skip('needs permission for SCHED_FIFO')
+    core, names = {min(os.sched_getaffinity(0))}, ('wheel_controller', 'slip_estimator')
+    with graph.start(names[0], realtime_priority=PRIORITY) as urgent, \
+            graph.start(names[1]) as other, ExitStack() as loops:
+        graph.until(lambda: set(names) <= set(graph.health))
+        for node in (urgent, other):
+            for task in threads(node):
+                os.sched_setaffinity(task, core)
+            os.setpriority(os.PRIO_PROCESS, node.popen.pid, LOWEST_PRIORITY)
+        for _ in range(4):
+            loop = loops.enter_context(subprocess.Popen([sys.executable, '-c', BUSY]))
+            loops.callback(loop.kill)
+            os.sched_setaffinity(loop.pid, core)
+        graph.until(lambda: 'timers late by' in graph.status_message(names[1]))
+        late = [float(graph.value(name, 'host.timer_lateness')) for name in names]
+        assert late[0] < 0.5 * late[1]
 
 
 @pytest.mark.parametrize(('error', 'text'), [

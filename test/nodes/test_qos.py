@@ -19,8 +19,8 @@ from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
     ReliabilityPolicy)
 from rosbag2_qos import rosbag2_overrides
-from smart_tire.messages import TOPICS
-from smart_tire.nodes.qos import LATCHED, order_profiles, publisher_qos, subscriber_qos
+from smart_tire.messages import ALL_TOPICS
+from smart_tire.nodes.qos import LATCHED, publisher_qos, subscriber_qos, volatile_qos
 import yaml
 
 pytestmark = pytest.mark.processes
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.processes
 OVERRIDES = Path(__file__).resolve().parents[2] / 'config' / 'rosbag2_qos.yaml'
 
 
-VOLATILE = [*(name for name in TOPICS if name not in LATCHED), 'tf', 'diagnostics']
+VOLATILE = [*(name for name in ALL_TOPICS if name not in LATCHED), 'tf', 'diagnostics']
 
 
 @pytest.mark.parametrize('name', VOLATILE)
@@ -79,12 +79,12 @@ def test_topics_published_on_change_are_transient_local(name):
     assert profile.depth == 1
 
 
-def test_orders_are_subscribed_twice_so_that_any_publisher_matches_and_a_kept_one_is_read():
-    kept, volatile = order_profiles('path')
-    assert kept.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert volatile.durability == DurabilityPolicy.VOLATILE
-    assert {kept.reliability, volatile.reliability} == {ReliabilityPolicy.RELIABLE}
-    assert (kept.depth, volatile.depth) == (1, 1)
+def test_the_subscription_to_an_order_matches_any_reliable_publisher():
+    profile = volatile_qos('path')
+    assert profile.durability == DurabilityPolicy.VOLATILE
+    assert profile.reliability == ReliabilityPolicy.RELIABLE
+    assert profile.depth == 1
+    assert publisher_qos('path').durability == DurabilityPolicy.TRANSIENT_LOCAL  # not changed
 
 
 def test_the_file_for_rosbag2_is_current():

@@ -153,12 +153,20 @@ def test_what_is_refused_is_named_in_one_line(module, words, message, refused, i
     ('/**:\n  ros__parameters:\n    qos_overrides./tf.publisher.depth: 9\n',
      'qualities of service are fixed'),
     ('/**:\n  ros__parameters:\n    units: [broken]\n', "units: 'broken', expected 16 hex digits"),
-    ('/**: [', 'params.yaml'),
+    ('/**: [', 'params.yaml: not a YAML file'),
+    ('/**: &a {a: *a}', 'params.yaml: not a YAML file: line 1: aliases and tags are not read'),
+    ('[' * 100_000, 'params.yaml: not a YAML file: line 1: more than 50 nested levels'),
 ])
 def test_an_invalid_parameter_file_is_refused(text, message, refused, isolated_ros, tmp_path):
     path = tmp_path / 'params.yaml'
     path.write_text(text)
     assert message in refused(tire_receiver, '--ros-args', '--params-file', str(path))
+
+
+def test_a_parameter_file_that_is_a_fifo_is_refused(refused, isolated_ros, tmp_path):
+    os.mkfifo(tmp_path / 'params.yaml')
+    line = refused(tire_receiver, '--ros-args', '--params-file', str(tmp_path / 'params.yaml'))
+    assert line.endswith('params.yaml: cannot be read (not a regular file)')
 
 
 def test_a_node_that_is_refused_ends_with_status_2(graph):

@@ -16,7 +16,8 @@ import math
 import re
 
 import pytest
-from rclpy.qos import QoSProfile
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from smart_tire.control.trajectory_control import State
 from smart_tire.messages.path import path_to_msg
@@ -85,6 +86,17 @@ def test_progress_is_published_at_4_hz_with_names_and_frame(node):
     assert message.header.frame_id == 'odom'
 
 
+def test_a_path_of_one_pose_where_the_robot_is_ends_at_once_and_farther_away_is_driven_to(
+        node, robot):
+    robot.follow(robot.path(0.0))
+    robot.until_state(State.ARRIVED)
+    assert robot.x == 0.0
+    assert 'following path: one pose, 0.00 m to drive' in robot.log()
+    robot.follow(PlannedPath(node.now_ns(), 'odom', ((SHORT, 0.0, NAN),)))
+    robot.until_state(State.ARRIVED)
+    assert robot.x == pytest.approx(SHORT, abs=0.1)
+
+
 @pytest.mark.parametrize('publisher', [TEST, b'another'])
 def test_a_goal_is_driven_to_and_replaces_the_path(node, robot, publisher):
     robot.drive()
@@ -99,7 +111,7 @@ def test_a_goal_is_driven_to_and_replaces_the_path(node, robot, publisher):
 
 @pytest.mark.parametrize(('change', 'reason'), [
     ({'frame': 'map'}, "refused: path: frame 'map', expected odom"),
-    ({'length': 0.0}, 'refused: path: 1 poses'),
+    ({'length': -0.05}, 'refused: path: 0 poses, expected 1 to 5000'),
     ({'length': 251.0}, 'refused: path: 5021 poses, expected at most 5000'),
     ({'age': 2.01}, 'refused: path: 2.01 s old, expected at most 2 s'),
     ({'age': -2.01}, 'refused: path: 2.01 s ahead, expected at most 2 s')],
@@ -151,6 +163,41 @@ def test_the_robot_stops_when_odom_is_older_than_its_time_out_at_any_phase(node,
     robot.is_silent = False
     robot.until_more_progress()
     assert robot.progress.state == State.STOPPED  # also when odom is back
+
+
+def test_a_stop_for_late_odom_on_a_late_host_names_the_host_only(node, robot):
+    robot.drive()
+    node.starve(0.7)
+    node.run(0.1)
+    assert robot.speed == 0.0
+    robot.until_more_progress()
+    assert robot.progress.state == State.STOPPED
+    line, = (line for line in node.log.lines if 'stopped' in line)
+    assert re.fullmatch(r'warning: stopped: timers late by [4-7]\d\d ms \(99%\), load \S+ on \S+ '
+                        'cores: end other programs', line)
+    health = node.health()
+    assert health.message.startswith('timers late by') and ';' not in health.message
+    assert (health.values['state'], health.values['cause']) == ('stopped', 'late')
+    node.run(15.0)  # the host is no longer late
+    assert node.health().message.startswith('no odom; stopped: timers late by')
+    assert node.health().values['reason'].startswith('timers late by')
+
+
+@pytest.mark.parametrize('waited', [0.0, 0.4])
+def test_a_stop_without_waiting_for_a_core_or_by_order_is_not_that_of_the_host(
+        node, robot, waited):
+    robot.drive()
+    node.stall(0.7)
+    node.run(0.1)
+    assert node.log.lines[-1].startswith('warning: stopped: odom: 0.')
+    robot.until_more_progress()
+    robot.drive()
+    node.starve(waited)
+    assert node.call('cancel_path').success
+    assert node.log.lines[-1] == 'warning: stopped: canceled by cancel_path'
+    assert node.health().values['reason'] == 'canceled by cancel_path'
+    assert node.health().message.endswith('stopped: canceled by cancel_path')
+    assert node.health().message.startswith('timers late by') is bool(waited)
 
 
 def test_an_emergency_stop_ends_following_until_a_new_path_after_its_release(node, robot):
@@ -279,16 +326,21 @@ def process(tmp_path_factory, isolated_ros):
             robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
 
 
-@pytest.mark.parametrize(('profile', 'matches'), [(latched(), 2), (QoSProfile(depth=1), 1)],
-                         ids=['latched', 'volatile'])
-def test_a_path_of_any_publisher_is_handled_once(process, profile, matches):
+@pytest.mark.parametrize('profile', [latched(), QoSProfile(depth=1)], ids=['latched', 'volatile'])
+def test_a_path_of_any_publisher_is_handled_once_without_warning_of_its_durability(
+        process, profile):
     def handled():
         return int(process.graph.value(NODE, 'frames_bad') or 0)
 
-    publisher = process.graph.node.create_publisher(PATH, 'path', profile)
-    process.until(lambda: publisher.get_subscription_count() == matches)
-    before = handled()
-    process.until(lambda: handled() > before, lambda: publisher.publish(message(1)))  # matched
+    process.until_more_health(NODE)
+    before, incompatible = handled(), []
+    publisher = process.graph.node.create_publisher(
+        PATH, 'path', profile,
+        event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible.append))
+    publisher.publish(message(1))  # not matched yet: only a latched one is received
+    process.until(lambda: handled() > before, lambda: (
+        profile.durability == DurabilityPolicy.VOLATILE and publisher.publish(message(1))))
+    process.until(lambda: publisher.get_subscription_count() == 1)
     process.until_more_health(NODE)
     before = handled()
     for number in (1, 2):
@@ -296,6 +348,18 @@ def test_a_path_of_any_publisher_is_handled_once(process, profile, matches):
         process.until(lambda: handled() >= before + number)  # noqa: B023
     process.until_more_health(NODE)
     assert handled() == before + 2
+    assert not incompatible
+    process.graph.node.destroy_publisher(publisher)
+
+
+def test_publishers_of_goals_get_no_warning_of_their_durability(process):
+    incompatible = []
+    publisher = process.graph.node.create_publisher(
+        message_class('geometry_msgs/msg/PoseStamped'), 'goal_pose', QoSProfile(depth=1),
+        event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible.append))
+    process.until(lambda: publisher.get_subscription_count() == 1)
+    process.until_more_health(NODE)
+    assert not incompatible
     process.graph.node.destroy_publisher(publisher)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from smart_tire.bags import BagWriter, channel_of
 from smart_tire.bags.cdr import empty, Encoder
-from smart_tire.messages import TOPICS
+from smart_tire.messages import ALL_TOPICS, TOPICS
 from smart_tire.samples import WHEELS, WheelSample
 
 JOINTS = TOPICS['wheel_states'].type
@@ -45,14 +45,14 @@ class Foreign:
             for receive_ns, topic, sample in events:
                 if topic in self.omitted:
                     continue
-                standard, name = TOPICS[topic], '/' + self.topics.get(topic, topic).lstrip('/')
+                standard, name = ALL_TOPICS[topic], '/' + self.topics.get(topic, topic).lstrip('/')
                 writer.add_topic(channel_of(name, standard.type))
                 encode = encoders.setdefault(standard.type, Encoder(standard.type))
                 writer.write(name, receive_ns, encode(self._message(topic, sample)))
         return path
 
     def _message(self, topic: str, sample: Any) -> Any:
-        msg = TOPICS[topic].to_msg(empty(TOPICS[topic].type), sample)
+        msg = ALL_TOPICS[topic].to_msg(empty(ALL_TOPICS[topic].type), sample)
         if isinstance(sample, WheelSample):
             msg.name = list(self.joints)
             for name in ('velocity', 'position', 'effort'):

@@ -216,8 +216,7 @@ def _read_message(data: bytes) -> bool:
     name = list(TOPICS)[data[0] % len(TOPICS) if data else 0]
     with suppress(MessageError):
         Decoder(TOPICS[name].type)(data[1:])
-    return (TOPICS[name].sample is not None
-            and SampleDecoder(name, Faults())(data[1:]) is not None)
+    return bool(TOPICS[name].sample is not None and SampleDecoder(name, Faults())(data[1:]))
 
 
 def _file_target(read_file: Callable[[Path], object], seeds: Callable[[], Sequence[bytes]],

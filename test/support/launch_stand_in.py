@@ -66,6 +66,10 @@ class Call:
         yield self
         yield from calls([self.args, self.options])
 
+    def perform(self, context: Any) -> str:
+        """Return what this substitution stands for."""
+        return str(_resolved(self, context.launch_configurations))
+
     @property
     def name(self) -> str:
         """Return the name of a launch argument."""
@@ -130,7 +134,11 @@ class Context:
 
 
 def started(path: Path, *words: str) -> Iterator[Call]:
-    """Yield the nodes that ``ros2 launch`` starts with ``words``, ``name:=value`` each."""
+    """
+    Yield the nodes that ``ros2 launch`` starts with ``words``, ``name:=value`` each.
+
+    Their options have texts in place of substitutions.
+    """
     yield from _visited(described(path), Context(path, words))
 
 
@@ -144,15 +152,14 @@ def _visited(call: Call, context: Context) -> Iterator[Call]:
     """Visit an action; yield the nodes that start."""
     chosen, path, inner = context.launch_configurations, context.path, []
     if call.kind == 'Node':
-        yield call
+        yield Call(call.kind, call.args, _resolved(call.options, chosen))
     elif call.kind == 'DeclareLaunchArgument' and call.name not in chosen:
         if 'default_value' not in call.options:
             raise RuntimeError(f'required launch argument {call.name} was not provided')
-        chosen[call.name] = _text(call.options['default_value'], chosen)
+        chosen[call.name] = _resolved(call.options['default_value'], chosen)
     elif call.kind == 'IncludeLaunchDescription':
-        context.path = Path(_text(call.args[0], chosen))
-        chosen.update({name: _text(value, chosen)
-                       for name, value in call.options['launch_arguments']})
+        context.path = Path(_resolved(call.args[0], chosen))
+        chosen.update(_resolved(dict(call.options['launch_arguments']), chosen))
         inner = [described(context.path)]
     elif call.kind == 'OpaqueFunction' and call.options['function'] is not hold_interrupts:
         inner = call.options['function'](context, *call.options.get('args', ())) or []
@@ -165,12 +172,15 @@ def _visited(call: Call, context: Context) -> Iterator[Call]:
     context.path = path
 
 
-def _text(value: Call | str, chosen: dict[str, str]) -> str:
-    """Return what a substitution stands for."""
-    if isinstance(value, str):
-        return value
-    if value.kind == 'LaunchConfiguration':
+def _resolved(value: Any, chosen: dict[str, str]) -> Any:
+    """Return ``value`` with texts in place of substitutions."""
+    if isinstance(value, dict):
+        return {name: _resolved(inner, chosen) for name, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return type(value)(_resolved(inner, chosen) for inner in value)
+    kind = value.kind if isinstance(value, Call) else ''
+    if kind == 'LaunchConfiguration':
         return chosen[value.args[0]]
-    if value.kind == 'FindPackageShare':
+    if kind == 'FindPackageShare':
         return str(ROOT)
-    return '/'.join(_text(part, chosen) for part in value.args[0])
+    return '/'.join(_resolved(value.args[0], chosen)) if kind == 'PathJoinSubstitution' else value

@@ -17,8 +17,9 @@ from pathlib import Path
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from smart_tire.bags import BagWriter
 from smart_tire.bags.cdr import empty, Encoder, typestore
-from smart_tire.messages import TOPICS
-from smart_tire.samples import ImuSample, NS_PER_S, Odometry, TireSample, WheelSample
+from smart_tire.messages import ALL_TOPICS, TYPED
+from smart_tire.samples import (
+    ImuSample, NS_PER_S, Odometry, TireSample, TireSamples, WheelSample)
 
 START_NS = 1_700_000_000 * NS_PER_S
 BATCH = 16  # tire samples per radio batch
@@ -51,6 +52,32 @@ def stream(seconds=2.0, wheels=('front_left', 'front_right')):
     return events
 
 
+def typed(events):
+    """
+    Return ``events`` as messages of smart_tire_msgs where there are some.
+
+    The samples of a radio batch are received at once, and get equal intervals.
+    """
+    found, batches = [], {}
+    for receive_ns, name, sample in events:
+        if name == 'tire_samples':
+            batches.setdefault((receive_ns // BATCH, sample.wheel), []).append(sample)
+        else:
+            found.append((receive_ns, TYPED[name].name if name in TYPED else name, sample))
+    for (received, wheel), samples in batches.items():
+        span_ns = samples[-1].stamp_ns - samples[0].stamp_ns
+        found.append((received * BATCH, TYPED['tire_samples'].name, TireSamples(
+            samples[0].stamp_ns, wheel, span_ns // (len(samples) - 1),
+            tuple(sample.volts for sample in samples), saturated=False)))
+    return sorted(found, key=lambda event: event[0])
+
+
+def standard(events):
+    """Return the events of ``typed`` as samples of the standard topics."""
+    return [(receive_ns, name.removesuffix('/typed'), one) for receive_ns, name, sample in events
+            for one in (sample.samples if isinstance(sample, TireSamples) else [sample])]
+
+
 def write_bag(path: Path, events) -> Path:
     """Write ``events`` into a bag; return its path."""
     with BagWriter(path) as writer:
@@ -67,7 +94,7 @@ def write_with_rosbags(path, events, version=9, plugin=StoragePlugin.SQLITE3,
     with writer:
         connections, encoders = {}, {}
         for receive_ns, name, sample in events:
-            topic = TOPICS[name]
+            topic = ALL_TOPICS[name]
             if name not in connections:
                 connections[name] = writer.add_connection(
                     '/' + name, topic.type, typestore=typestore())

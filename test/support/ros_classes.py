@@ -16,6 +16,8 @@ They are kept for later runs, in the temporary folder of the machine.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from hashlib import sha256
 from importlib.util import find_spec
 import os
@@ -27,6 +29,7 @@ import sysconfig
 import tempfile
 
 import numpy as np
+import pytest
 
 FOLLOW_PATH = """nav_msgs/Path path
 string controller_id
@@ -51,7 +54,9 @@ float32 speed
 """
 INTERFACES = {  # of Jazzy and Kilted: package/kind/file -> fields
     'nav2_msgs/action/FollowPath.action': FOLLOW_PATH,
-    'tf2_msgs/msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n'}
+    'tf2_msgs/msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n',
+    **{f'smart_tire_msgs/msg/{path.name}': path.read_text(encoding='utf-8') for path in sorted(
+        (Path(__file__).resolve().parents[2] / 'smart_tire_msgs' / 'msg').iterdir())}}
 LIBRARIES = ('lib*__rosidl_*_c.so', 'lib*__rosidl_generator_py.so', 'librosidl_*_c.so',
              'libfastcdr.so', 'librmw.so', 'librcutils.so')
 PREFIX = Path(sys.prefix)  # of the wheels of ROS
@@ -63,16 +68,21 @@ from rosidl_generator_c.cli import GenerateC
 from rosidl_generator_py.cli import GeneratePython
 from rosidl_typesupport_c.cli import GenerateCTypesupport
 from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
-source, package, file, share, output = sys.argv[1:]
-file = pathlib.Path(file)
-convert = convert_action_to_idl if file.suffix == '.action' else convert_msg_to_idl
-convert(pathlib.Path(source), package, file, pathlib.Path(source) / file.parent)
+from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
+source, package, share, output, other, *names = sys.argv[1:]
+files = [pathlib.Path(name) for name in names]
+for file in files:
+    convert = convert_action_to_idl if file.suffix == '.action' else convert_msg_to_idl
+    convert(pathlib.Path(source), package, file, pathlib.Path(source) / file.parent)
+introspection = GenerateIntrospectionCTypesupport('')  # writes a file that C has, too
 for generator in (
-        GenerateC(''), GenerateFastRTPSCTypesupport(''),
-        GenerateCTypesupport('', typesupport_implementations=['rosidl_typesupport_fastrtps_c']),
+        GenerateC(''), GenerateFastRTPSCTypesupport(''), introspection,
+        GenerateCTypesupport('', typesupport_implementations=[
+            'rosidl_typesupport_fastrtps_c', 'rosidl_typesupport_introspection_c']),
         GeneratePython('', typesupport_implementations=['rosidl_typesupport_c'])):
-    generator.generate(package, [f'{source}:{file.with_suffix(".idl")}'], [share],
-                       pathlib.Path(output))
+    generator.generate(package, [f'{source}:{file.with_suffix(".idl")}' for file in files],
+                       [share, f'{package}:{source}'],
+                       pathlib.Path(other if generator is introspection else output))
 """
 
 
@@ -86,14 +96,32 @@ def missing() -> str:
     return '' if shutil.which('gcc') and shutil.which('g++') else 'no compiler'
 
 
+@contextmanager
+def importable() -> Iterator[None]:
+    """Make the classes importable in this process and those that it starts."""
+    folder = str(folder_of_classes())
+    with pytest.MonkeyPatch.context() as patch:
+        _forget()  # packages that are folders of the repository
+        patch.syspath_prepend(folder)
+        patch.setenv('PYTHONPATH', os.pathsep.join([folder, os.environ.get('PYTHONPATH', '')]))
+        yield
+    _forget()
+
+
+def _forget() -> None:
+    packages = {interface.partition('/')[0] for interface in INTERFACES}
+    for name in [name for name in sys.modules if name.partition('.')[0] in packages]:
+        del sys.modules[name]
+
+
 def folder_of_classes() -> Path:
     """Return a folder from which Python imports the packages of ``INTERFACES``."""
     key = sha256(repr((INTERFACES, GENERATE, sys.prefix, sys.version)).encode()).hexdigest()[:16]
     made = Path(tempfile.gettempdir()) / f'smart_tire_test_interfaces_{key}'
     if not made.is_dir():
         with tempfile.TemporaryDirectory(dir=made.parent) as name:
-            for interface, fields in INTERFACES.items():
-                _build(Path(name), interface, fields)
+            for package in dict.fromkeys(key.partition('/')[0] for key in INTERFACES):
+                _build(Path(name), package)
             try:
                 (Path(name) / 'classes').rename(made)
             except OSError:  # another run was faster
@@ -101,21 +129,35 @@ def folder_of_classes() -> Path:
     return made
 
 
-def _build(folder: Path, interface: str, fields: str) -> None:
-    package, kind, file = interface.split('/')
-    source, classes = folder / 'source' / package, folder / 'classes'
-    (source / kind).mkdir(parents=True)
-    (source / kind / file).write_text(fields, encoding='utf-8')
-    _run([sys.executable, '-c', GENERATE, str(source), package, f'{kind}/{file}',
-          str(PREFIX / 'share'), str(classes / package)])
+def _build(folder: Path, package: str) -> None:
+    source, classes, other = (
+        folder / 'source' / package, folder / 'classes', folder / 'introspection')
+    files = {interface.partition('/')[2]: fields for interface, fields in INTERFACES.items()
+             if interface.startswith(f'{package}/')}
+    for file, fields in files.items():
+        (source / file).parent.mkdir(parents=True, exist_ok=True)
+        (source / file).write_text(fields, encoding='utf-8')
+    _run([sys.executable, '-c', GENERATE, str(source), package, str(PREFIX / 'share'),
+          str(classes / package), str(other / package), *files])
     (classes / package / '__init__.py').touch()
-    headers = [PREFIX / 'include', *(PREFIX / 'include').iterdir(), classes,
+    headers = [PREFIX / 'include', *(PREFIX / 'include').iterdir(), classes, other,
                Path(sysconfig.get_path('include')), Path(np.get_include())]
-    code = [path for end in ('*.c', '*.cpp') for path in (classes / package).rglob(end)]
+    code = [path for end in ('*.c', '*.cpp') for made in (classes, other)
+            for path in (made / package).rglob(end)]
+    module = {path for path in code if path.parent == classes / package}
     libraries = [path for end in LIBRARIES for path in sorted((PREFIX / 'lib').glob(end))]
-    _run(['gcc', '-O0', '-w', '-shared', '-fPIC', *(f'-I{path}' for path in headers),
-          *map(str, code), '-o', str(classes / package / f'{package}_s__rosidl_typesupport_c.so'),
-          *map(str, libraries), '-lstdc++', '-Wl,--as-needed', f'-Wl,-rpath,{PREFIX / "lib"}'])
+    # rosidl_typesupport_c opens a library for each kind: the module has loaded both by then
+    first, second = (f'lib{package}__rosidl_typesupport_{kind}_c.so'
+                     for kind in ('fastrtps', 'introspection'))
+    for name, given in (
+            (first, [*map(str, {*code} - module), *map(str, libraries), '-lstdc++',
+                     '-Wl,--as-needed', f'-Wl,-rpath,{PREFIX / "lib"}']),
+            (second, ['-Wl,--no-as-needed', f'-l:{first}']),
+            (f'{package}_s__rosidl_typesupport_c.so', [
+                *map(str, module), '-Wl,--no-as-needed', f'-l:{second}'])):
+        _run(['gcc', '-O0', '-w', '-shared', '-fPIC', *(f'-I{path}' for path in headers),
+              f'-L{classes / package}', *given, '-Wl,-rpath,$ORIGIN',
+              '-o', str(classes / package / name)])
 
 
 def _run(command: list[str]) -> None:

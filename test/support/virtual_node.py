@@ -17,9 +17,10 @@ machine. Parameters, conversions, callbacks and timers are those of the node tha
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from copy import deepcopy
 from functools import partial
 import inspect
 import math
@@ -33,6 +34,7 @@ import rclpy
 from rclpy.serialization import deserialize_message, serialize_message
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
+from smart_tire.nodes.qos import publisher_qos
 from smart_tire.samples import NS_PER_S
 from support.waiting import wait_for
 
@@ -65,6 +67,10 @@ class Log:
     def error(self, text: str, **options: Any) -> None:
         """Add a line that names the level."""
         self.info(f'error: {text}', **options)
+
+    def get_child(self, _: str) -> Log:
+        """Return this log."""
+        return self
 
 
 class Timer:
@@ -101,11 +107,12 @@ class VirtualNode:
 
     ``received`` holds topic -> messages of the node, ``times`` when they were sent [s]. Names are
     those that the node uses. The graph is ``publishers_of``: topic -> identifiers and nodes of
-    publishers, and ``types_of``: topic -> type of their messages, if it is another one.
+    publishers, and ``types_of``: topic -> type of their messages, if it is another one;
+    ``subscribers`` counts those of a topic, none unless the test says so.
     """
 
     def __init__(self, *given: Any) -> None:
-        self.elapsed_ns = 0
+        self.elapsed_ns, self.waited = 0, 0.0    # s, for a core
         self.log = Log(self.steady_ns)
         self.received: defaultdict[str, list[Any]] = defaultdict(list)
         self.times: defaultdict[str, list[float]] = defaultdict(list)
@@ -114,6 +121,7 @@ class VirtualNode:
         self.failures: dict[str, list[Exception]] = defaultdict(list)  # topic -> when published
         self.publishers_of: dict[str, dict[bytes, str]] = {}
         self.types_of: dict[str, str] = {}
+        self.subscribers: Counter[str] = Counter()
         self._readers: defaultdict[str, list[tuple[Callable[..., None], bool]]] = defaultdict(list)
         self._answers: dict[str, tuple[type[Any], Callable[[Any, Any], Any]]] = {}
         self._virtual_timers: list[Timer] = []
@@ -139,13 +147,18 @@ class VirtualNode:
         def publish(message: Any) -> None:
             if self.failures[name]:
                 raise self.failures[name].pop()
-            data, kind = (message, cls) if isinstance(message, bytes) else (
-                serialize_message(message), type(message))  # it may be used again
-            self.received[name].append(deserialize_message(data, kind))
+            if isinstance(message, SimpleNamespace):  # of a type that is not installed
+                kept: Any = deepcopy(message)         # it may be used again
+            else:
+                data, kind = (message, cls) if isinstance(message, bytes) else (
+                    serialize_message(message), type(message))
+                kept = deserialize_message(data, kind)
+            self.received[name].append(kept)
             self.times[name].append(self.elapsed_ns / NS_PER_S)
 
         self.open.append(SimpleNamespace(
-            publish=publish, topic_name=self.resolve_topic_name(name)))
+            publish=publish, topic_name=self.resolve_topic_name(name),
+            get_subscription_count=lambda: self.subscribers[name]))
         return self.open[-1]
 
     @property
@@ -188,6 +201,7 @@ class VirtualNode:
     def get_publishers_info_by_topic(self, name: str) -> list[Any]:
         """Return the publishers in the graph."""
         return [SimpleNamespace(endpoint_gid=gid, node_name=node, node_namespace='/',
+                                qos_profile=publisher_qos('cmd_vel'),  # volatile
                                 topic_type=self.types_of.get(name) or TOPICS[name].type)
                 for gid, node in self.publishers_of.get(name, {}).items()]
 
@@ -217,6 +231,11 @@ class VirtualNode:
     def stall(self, seconds: float) -> None:
         """Let time pass while the process does not run."""
         self.elapsed_ns += round(seconds * NS_PER_S)
+
+    def starve(self, seconds: float) -> None:
+        """Let time pass while the process waits for a core."""
+        self.waited += seconds
+        self.stall(seconds)
 
     def publish(self, name: str, *samples: Any, topic: str = '', publisher: bytes = TEST,
                 sent: float = 0.0) -> None:
@@ -303,6 +322,7 @@ def _running(base: type[VirtualNode], node_class: Callable[..., Any], words: Seq
             node: Any = type('Node', (base, kind), {})(*given)
             if base is VirtualNode:
                 patch.setattr(time, 'time_ns', node.now_ns)
+            patch.setattr(node._timer_lateness, '_waited', lambda: node.waited)
             node.start()
             try:
                 yield node

@@ -35,6 +35,7 @@ MAX_JITTER = 0.3             # standard deviation of the period over the period
 MAX_DELAY = 0.5              # s, from timestamp to reception, and between those of two inputs
 MAX_LEAD = 0.05              # s, of a timestamp before reception: clocks differ
 MAX_LATENESS = 0.25          # s after the promptest message; cmd_vel_timeout of wheel_controller
+MIN_STALL = 0.1              # s; a radio batch of 16 samples is collected for 0.04 s
 MIN_WARNINGS = 2             # equal ones of a node, one a second; a single one is a transient
 MAX_DRIFT = 200e-6           # s/s; crystals differ by up to 100e-6
 MIN_DRIFT_CHANGE = 0.010     # s, over the recording

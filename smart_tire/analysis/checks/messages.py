@@ -19,17 +19,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import re
-from typing import Any
 
 import numpy as np
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.summary import MIN_GAP_PERIODS, stream_stats
-from smart_tire.arrays import Array
+from smart_tire.analysis.checks.stalls import delays, due_ns, least_delays
+from smart_tire.analysis.summary import MIN_GAP_PERIODS
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import counted, Finding, Level
-from smart_tire.host_load import PREFIX, worst_of
+from smart_tire.host_load import other_problems
 from smart_tire.messages import TOPICS
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import NODE_PARAMS
@@ -39,6 +38,23 @@ from smart_tire.samples import NS_PER_S
 RECORDER = 'recorder'  # node of smart_tire record
 NEEDED_FOR = {'imu/data': 'odom and wheel_slip', 'wheel_states': 'all estimates',
               'tire_samples': 'tire_friction'}
+
+
+def check_host(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield that the host was late; what this explains is not reported by the other checks."""
+    stalls, reported = recording.stalls, recording.stalls.reported
+    if reported is not None and reported.late:
+        if recording.host is None:
+            yield finding('host_late', 'host', host=reported)
+    elif stalls.shared:
+        begin, duration = stalls.spans().T
+        waited = reported is None or 2.0 * reported.longest > duration.max()
+        devices = dict.fromkeys(name for pair in stalls.shared for name in pair)
+        yield finding('host_stalled', 'host', devices=', '.join(devices),
+                      count=counted(len(begin), 'time'), longest=duration.max(),
+                      first=begin[0] - (recording.origin_ns - stalls.start_ns) / NS_PER_S,
+                      action='end other programs' if waited else 'no node waited for a core: '
+                      'check the disk of the recorder, and the network to it')
 
 
 def check_topics(recording: CheckedRecording) -> Iterator[Finding]:
@@ -107,7 +123,7 @@ def check_columns(recording: CheckedRecording) -> Iterator[Finding]:
 
 def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield rates below what the estimators need, and rates that differ from the nominal one."""
-    for stream in _regular(recording):
+    for stream in recording.regular:
         rate, films = 1.0 / stream.period, stream.topic == 'tire_samples'
         nominal = recording.robot.film.sample_rate if films else TOPICS[stream.topic].rate
         least = limits.MIN_RATE.get(stream.topic, 0.0)
@@ -120,23 +136,30 @@ def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield gaps between timestamps; in film samples these are lost radio batches."""
-    for stream in _regular(recording):
-        stamps = stream.ordered.stamp_ns
-        if stream.topic == 'tire_samples':
-            found = stream_stats(stamps)
-            share, limit = found.missing / (found.missing + len(stream)), limits.MAX_MISSED_SHARE
-            if found.gaps:
-                yield finding('many_lost_batches' if share > limit else 'lost_batches',
-                              stream.name, share=share, count=counted(found.gaps, 'gap'),
-                              limit=limit)
+    """
+    Yield gaps between timestamps; in film samples these are lost radio batches.
+
+    Those in stalls of the host are left out, also from the share of the lost batches.
+    """
+    for stream in recording.regular:
+        ordered, due = stream.ordered, due_ns(stream.ordered)
+        films = stream.topic == 'tire_samples'
+        limit = 0.0 if films else 2.0 / limits.MIN_RATE[stream.topic]
+        steps = np.diff(ordered.stamp_ns) / NS_PER_S
+        gap = steps > max(limit, MIN_GAP_PERIODS * stream.period)
+        gap &= ~recording.stalls.explain(due[:-1], due[1:])
+        if not gap.any():
             continue
-        limit, steps = 2.0 / limits.MIN_RATE[stream.topic], np.diff(stamps) / NS_PER_S
-        long = steps > max(limit, MIN_GAP_PERIODS * stream.period)
-        if long.any():
-            yield finding('gap', stream.name, count=counted(int(long.sum()), 'gap'), limit=limit,
-                          longest=steps.max(),
-                          first=(stamps[:-1][long][0] - recording.origin_ns) / NS_PER_S)
+        if films:
+            missing = np.sum(np.rint(steps[gap] / stream.period) - 1.0)
+            share = missing / (missing + np.sum(~recording.stalls.explain(due, due)))
+            limit = limits.MAX_MISSED_SHARE
+            yield finding('many_lost_batches' if share > limit else 'lost_batches', stream.name,
+                          share=share, count=counted(int(gap.sum()), 'gap'), limit=limit)
+        else:
+            yield finding('gap', stream.name, count=counted(int(gap.sum()), 'gap'), limit=limit,
+                          longest=steps[gap].max(), first=(
+                              ordered.stamp_ns[:-1][gap][0] - recording.origin_ns) / NS_PER_S)
 
 
 def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
@@ -155,8 +178,8 @@ def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield irregular timestamps: those of arrival instead of measurement."""
-    for stream in _regular(recording):
+    """Yield irregular timestamps: those of arrival, of a host that was not late."""
+    for stream in () if recording.stalls.late else recording.regular:
         steps = np.diff(stream.ordered.stamp_ns) / NS_PER_S
         jitter = MAD_TO_SIGMA * float(np.median(np.abs(steps - stream.period))) / stream.period
         if jitter > limits.MAX_JITTER:
@@ -164,10 +187,16 @@ def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield timestamps far from reception, and inputs whose clocks differ."""
+    """
+    Yield timestamps far from reception, and inputs whose clocks differ.
+
+    A recorder that is late on a late host delays all devices, each at least as the promptest.
+    """
     medians = _median_delays(recording)
-    for stream in _stamped(recording):
-        delay = medians[stream.name]
+    common = min(medians.values()) if recording.stalls.late and len(
+        {stream.topic for stream in recording.stamped}) > 1 else 0.0
+    for stream in recording.stamped:
+        delay = medians[stream.name] - max(common, 0.0)
         if not -limits.MAX_LEAD <= delay <= limits.MAX_DELAY:
             yield finding('stamp_ahead' if delay < 0.0 else 'stamp_behind', stream.name,
                           lead=-delay, delay=delay, limit=limits.MAX_DELAY)
@@ -178,7 +207,7 @@ def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def _median_delays(recording: CheckedRecording) -> dict[str, float]:
-    return {stream.name: float(np.median(_delays(stream))) for stream in _stamped(recording)}
+    return {stream.name: float(np.median(delays(stream))) for stream in recording.stamped}
 
 
 def clock_differences(recording: CheckedRecording) -> dict[str, float]:
@@ -191,25 +220,22 @@ def clock_differences(recording: CheckedRecording) -> dict[str, float]:
 
 def check_late(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield messages that arrived late, compared with the promptest ones around them."""
-    for stream in _stamped(recording):
-        _, block, lowest = _least_delays(stream)
-        lateness = _delays(stream) - lowest[block]
+    for stream in recording.stamped:
+        due = due_ns(stream)
+        lateness = (stream.receive_ns - due) / NS_PER_S
         late = lateness > limits.MAX_LATENESS
+        late &= ~recording.stalls.explain(due, stream.receive_ns)
         if late.any():
             yield finding('late', stream.name, count=int(late.sum()), total=len(stream),
-                          limit=limits.MAX_LATENESS, longest=lateness.max(),
+                          limit=limits.MAX_LATENESS, longest=lateness[late].max(),
                           first=(stream.stamp_ns[late][0] - recording.origin_ns) / NS_PER_S)
 
 
 def check_diagnostics(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield that the host was late, and warnings and errors that nodes have published."""
-    host = worst_of(status.values for _, status in recording.statuses)
-    if host is not None and host.late:
-        yield finding('host_late', 'host', host=host)
+    """Yield warnings and errors that nodes have published."""
     found: dict[tuple[str, int, str], list[tuple[int, str]]] = {}
     for stamp_ns, status in recording.statuses:
-        text = '; '.join(part for part in status.message.split('; ')
-                         if not part.startswith(PREFIX))  # which is that of the host
+        text = other_problems(status.message, status.values, late=recording.stalls.late)
         if status.level and text and status.name.rpartition('/')[2] in (*NODE_PARAMS, RECORDER):
             kind = status.name, status.level, re.sub(r'[0-9.]+', '', text)
             found.setdefault(kind, []).append((stamp_ns, text))
@@ -222,8 +248,8 @@ def check_diagnostics(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_drift(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield clocks of timestamps that drift against the clock of the recorder."""
-    for stream in _stamped(recording):
+    """Yield clocks of timestamps that drift against the receptions, unless these are late."""
+    for stream in () if recording.stalls.late else recording.stamped:
         span = float(np.ptp(stream.receive_ns)) / NS_PER_S
         if (found := _drift(stream)) is None:
             continue
@@ -246,7 +272,7 @@ def check_held(recording: CheckedRecording) -> Iterator[Finding]:
 
 def _drift(stream: Stream) -> tuple[float, float] | None:
     """Return drift of the timestamps [s/s] and its standard error; None if not observable."""
-    used, _, lowest = _least_delays(stream)
+    used, _, lowest = least_delays(stream)
     if len(used) < 3:
         return None
     span = float(stream.receive_ns[-1] - stream.receive_ns[0]) / NS_PER_S
@@ -257,27 +283,3 @@ def _drift(stream: Stream) -> tuple[float, float] | None:
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(residual)))
     spread = float(np.sqrt(np.sum((center - center.mean()) ** 2)))
     return -slope, sigma / spread
-
-
-def _least_delays(stream: Stream) -> tuple[Any, Any, Array]:
-    """Return the blocks of time with messages, that of each message, and the least delays [s]."""
-    time = (stream.receive_ns - stream.receive_ns[0]) / NS_PER_S
-    blocks = np.minimum(time / max(float(time[-1]), 1e-9) * limits.DRIFT_BLOCKS,
-                        limits.DRIFT_BLOCKS - 1)
-    used, block = np.unique(blocks.astype(int), return_inverse=True)
-    lowest = np.full(len(used), np.inf)
-    np.minimum.at(lowest, block, _delays(stream))
-    return used, block, lowest
-
-
-def _regular(recording: CheckedRecording) -> list[Stream]:
-    return [stream for topic in INPUTS for stream in recording.of(topic)
-            if len(stream.ordered) >= limits.MIN_READINGS]
-
-
-def _stamped(recording: CheckedRecording) -> list[Stream]:
-    return [stream for stream in _regular(recording) if (stream.stamp_ns > 0).all()]
-
-
-def _delays(stream: Stream) -> Array:
-    return np.asarray((stream.receive_ns - stream.stamp_ns) / NS_PER_S)

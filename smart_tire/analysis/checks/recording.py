@@ -21,11 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.analysis.checks import limits
+from smart_tire.analysis.checks.stalls import Stalls
 from smart_tire.bags import Bag
 from smart_tire.calibration.latency import fit_yaw_rate, YawRateFit
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
+from smart_tire.host_load import HostLoad
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, Recording as Samples, Stream
@@ -55,6 +58,7 @@ class CheckedRecording:
     problems: tuple[str, ...] = ()  # damage of the bag, other message types
     statuses: tuple[tuple[int, NodeStatus], ...] = ()  # timestamps [ns], diagnostics of nodes
     live: bool = False              # a few seconds of a running robot
+    host: HostLoad | None = None    # of a running robot; reported elsewhere if it is late
     mended: Recording | None = None  # IMU and wheels without the errors that were found
 
     def of(self, topic: str) -> list[Stream]:
@@ -71,6 +75,22 @@ class CheckedRecording:
     def wheels(self) -> Stream:
         """Return the stream of the wheels."""
         return self.samples.stream(WheelSample)
+
+    @cached_property
+    def regular(self) -> list[Stream]:
+        """Return the inputs with enough samples for a statistic."""
+        return [stream for topic in INPUTS for stream in self.of(topic)
+                if len(stream.ordered) >= limits.MIN_READINGS]
+
+    @cached_property
+    def stamped(self) -> list[Stream]:
+        """Return those of ``regular`` whose timestamps are set."""
+        return [stream for stream in self.regular if (stream.stamp_ns > 0).all()]
+
+    @cached_property
+    def stalls(self) -> Stalls:
+        """Return the stalls of the devices and of the host."""
+        return Stalls(self.stamped, self.statuses, self.host)
 
     @cached_property
     def origin_ns(self) -> int:

@@ -35,7 +35,7 @@ from smart_tire.analysis.summary import Tree, WHOLE
 from smart_tire.analysis.tables import (
     consistency_table, friction_error_table, friction_table, ground_table, inputs_table,
     motion_table, pose_table, slip_error_table, slip_table, Table, text, topics_table)
-from smart_tire.messages import find_topic
+from smart_tire.bags import match_by_name
 from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import value_text
 from smart_tire.recording import SlipSeries
@@ -80,14 +80,13 @@ def report_of(analysis: Analysis, used: BagParams, name: str,
 
 def _notes(analysis: Analysis, summary: Tree) -> list[str]:
     inputs = summary['inputs'].values()
+    host = analysis.contents.host
     counts = {'warnings of the bag reader': len(analysis.contents.warnings),
               'rejected messages': sum(one['rejected'] for one in inputs),
-              'late messages': sum(one['late'] for one in inputs)}
+              'late messages': 0 if host else sum(one['late'] for one in inputs)}
     found = [f'{what}: {count}' for what, count in counts.items() if count]
-    host = analysis.contents.host
-    return [*(f'{text.capitalize()}.' for text in [summary['diverged']] if text),
-            *(f'Error in the recording: {text}.' for text in summary['errors']),
-            *([f'{host.capitalize()}.'] if host else []), *(
+    return [*(f'{text.capitalize()}.' for text in [host, summary['diverged']] if text),
+            *(f'Error in the recording: {text}.' for text in summary['errors']), *(
         [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else [])]
 
 
@@ -114,8 +113,8 @@ def _recording(analysis: Analysis, summary: Tree) -> Section:
     roles = {**dict.fromkeys(INPUTS, 'input'), **dict.fromkeys(TRUTHS, 'ground truth'),
              **dict.fromkeys(ESTIMATES, 'recorded estimate, not read'),
              PATH: 'drawn in the path'}
-    used = {name: roles[topic.name] for name in topics
-            if (topic := find_topic(name)) is not None and topic.name in roles}
+    types = {name: topic.channel.type for name, topic in topics.items()}
+    used = {name: roles[standard] for standard, name in match_by_name(roles, types).items()}
     return Section('recording', 'Recording', 'Recording', _known(
         inputs_table(summary['inputs']), wheel_speed_figure(analysis.result),
         Folded(f'All {len(topics)} topics in the bag', topics_table(topics, used))))

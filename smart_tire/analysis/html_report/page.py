@@ -15,6 +15,7 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from html import escape
 from importlib.resources import files
 import json
@@ -88,7 +89,9 @@ def html_page(report: Report) -> str:
     links = [(section.anchor, section.short) for section in report.sections]
     interactive = any(isinstance(block, Figure) for section in report.sections
                       for block in section.blocks)
+    scripts = {'plotly': get_plotlyjs(), 'page': _resource('page.js')} if interactive else {}
     return Template(_resource('page.html')).substitute(
+        hashes=' '.join(map(_script_hash, scripts.values())) or "'none'",
         name=escape(report.name), css=_resource('page.css'),
         range=escape(json.dumps(report.time_range)),
         facts=_all('<div><dt>{}</dt><dd>{}</dd></div>', report.facts),
@@ -98,8 +101,13 @@ def html_page(report: Report) -> str:
         tiles=_all('<div><dt>{}</dt><dd class="value">{}</dd><dd>{}</dd></div>', report.tiles),
         about=_all('<p>{}</p>', [[text] for text in report.about]),
         noscript=NO_SCRIPT if interactive else '',
-        scripts=f'<script id="plotly">{get_plotlyjs()}</script>\n'
-                f'<script>\n{_resource("page.js")}</script>' if interactive else '')
+        scripts='\n'.join(f'<script id="{name}">{text}</script>'
+                          for name, text in scripts.items()))
+
+
+def _script_hash(text: str) -> str:
+    """Return the source of a content security policy that allows the script ``text`` only."""
+    return f"'sha256-{b64encode(sha256(text.encode()).digest()).decode('ascii')}'"
 
 
 def _all(form: str, items: Sequence[Sequence[str]]) -> str:

@@ -26,14 +26,15 @@ from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.hysteresis import DuhemParams, series
+from smart_tire.paths import read_file
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA
-from smart_tire.yaml_text import parse_yaml
-import yaml
+from smart_tire.yaml_text import MAX_SIZE, parse_yaml
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')  # alpha K, a K, b K with the input gain K
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
 MIN_SAMPLES = 20  # of a recording
+MAX_TABLE_SIZE = 1 << 28  # bytes of a CSV file, which is read into memory: 6 million samples
 # of the calibrated range, up to which the covariance of undetermined products describes the error;
 # assumed
 EXTRAPOLATION_FACTOR = 1.5
@@ -76,7 +77,8 @@ def _csv_rows(path: Path) -> Iterator[Any]:
     """Yield the reader of a CSV file; raise ParameterError if the file is no text."""
     try:
         # decoded as a whole: the error has the position in the file
-        yield csv.reader(StringIO(path.read_bytes().decode('utf-8-sig'), newline=''))
+        yield csv.reader(StringIO(
+            read_file(path, MAX_TABLE_SIZE).decode('utf-8-sig'), newline=''))
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
     except (UnicodeDecodeError, csv.Error) as error:
@@ -172,10 +174,10 @@ class FilmParams:
 def read_params(path: Path) -> FilmParams:
     """Return the parameters in a file of ``smart_tire identify film``, or raise ParameterError."""
     try:
-        tree = parse_yaml(path.read_text(encoding='utf-8'))
+        tree = parse_yaml(read_file(path, MAX_SIZE))
     except OSError as error:
         raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ParameterError(f'{path}: not valid YAML: {error}') from error
     try:
         return _params(tree)

@@ -43,7 +43,7 @@ except ImportError:
 if cython.compiled:
     from cython.cimports.libc.math import fabs, sqrt
 else:
-    from numpy import absolute as fabs, maximum as max, minimum as min, sqrt  # noqa: A004
+    from numpy import absolute as fabs, maximum as max, minimum as min, sqrt  # noqa: A001, A004
 
 COMPILED: bool = cython.compiled
 

@@ -28,9 +28,10 @@ from smart_tire.estimation.slip.inputs import (
     ImuInput, StationaryInterval, WheelOdometry, WheelSpeeds, ZeroVelocityDetector)
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
+from smart_tire.estimation.slip.odometry import ContinuousPose
 from smart_tire.estimation.slip.state import (
-    ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE, PLANAR_VARIANCE, State,
-    TRUSTED_STANDSTILL, UNWINDING_TIME)
+    ACCEL_ERROR_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE,
+    PLANAR_VARIANCE, SLIP_CORRELATION_TIME, State, TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
@@ -49,6 +50,7 @@ class OutputContext(NamedTuple):
     instant_ns: int       # of the output grid
     extrapolation: float  # s, from the time of the state to the instant
     imu: ImuReading       # last yaw rate, and forces without vibration
+    rate_variance: float  # (rad/s)^2, of that yaw rate beyond the bias
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
 
 
@@ -84,6 +86,8 @@ class SlipEstimator:
         self.dropped: Counter[str] = Counter()  # topic -> duplicates and rejected samples
         self._past: Counter[str] = Counter()    # counters of the segments before a reset
         self._handled_resets = 0
+        self.restarts = 0                       # from the priors, at the same pose
+        self._latest: Odometry | None = None
         self._begin()
 
     def reset(self) -> None:
@@ -100,7 +104,7 @@ class SlipEstimator:
 
     def reset_odometry(self) -> None:
         """Set the pose to the origin of ``odom``; biases and slips stay."""
-        self._segment.filter.reset_pose()
+        self._segment.reset_pose()
 
     @property
     def late(self) -> Counter[str]:
@@ -130,6 +134,7 @@ class SlipEstimator:
             'clock_jumps': self._reorder_buffer.resets,
             'position_jumps': counters['position_jumps'],
             'imu_spikes': counters['imu_spikes'],
+            'restarts': self.restarts,
             **{f'dropped.{topic}': count for topic, count in self.dropped.items()},
         }
 
@@ -144,7 +149,30 @@ class SlipEstimator:
         if self._reorder_buffer.resets != self._handled_resets:
             self.reset()
         return [record for instant_ns, samples in closed
-                for record in self._segment.step(instant_ns, samples)]
+                for record in self._step(instant_ns, samples)]
+
+    def _step(self, instant_ns: int, samples: list[Any]) -> list[EstimateRecord]:
+        """Return the estimates of an instant; none, and a restart, if there is no valid state."""
+        try:
+            records = self._segment.step(instant_ns, samples)
+        except (ArithmeticError, ValueError):  # of numpy's linear algebra, too
+            self._restart()
+            return []
+        if not self._segment.filter.is_sound:
+            self._restart()
+            return []
+        for record in records:
+            if isinstance(record, Odometry):
+                self._latest = record
+        return records
+
+    def _restart(self) -> None:
+        """Start again from the priors, at the latest pose and with its variances."""
+        self.restarts += 1
+        self._past.update(self._segment.counters())
+        self._begin()
+        if self._latest is not None:
+            self._segment.filter.set_pose(self._latest)
 
 
 class SlipSegment:
@@ -156,7 +184,9 @@ class SlipSegment:
         self._dropped = dropped
         self._recorder = recorder
         self._output = SlipOutputBuilder(params)
+        self._pose = ContinuousPose()
         self.filter = slip_filter
+        self._gyro_variance = params.robot.imu.gyro_noise ** 2  # (rad/s)^2, of a sample
         self._imu = ImuInput(params.robot)
         self._odometry = WheelOdometry(params.robot)
         self._standstill = ZeroVelocityDetector(
@@ -178,6 +208,11 @@ class SlipSegment:
         """Return counts of rejected samples and of changes of the ground."""
         return Counter(imu_spikes=self._imu.spikes, position_jumps=self._odometry.position_jumps,
                        ground_changes=self.filter.forces.changes)
+
+    def reset_pose(self) -> None:
+        """Set the pose to the origin of ``odom``."""
+        self.filter.reset_pose()
+        self._pose.reset()
 
     def step(self, instant_ns: int, samples: list[Any]) -> list[EstimateRecord]:
         """Process the samples up to a grid instant; return its estimates, if there are any."""
@@ -226,9 +261,15 @@ class SlipSegment:
         if imu.time is None or imu.reading is None or (
                 now - imu.time <= max(IMU_DROPOUT, 3.0 * imu.period.value)):
             return
-        step = self.filter.blind_step(now - self._time, self._odometry.side_speeds)
-        imu.reading, imu.force, self._time = step.mean, None, now
-        self.filter.predict(now, step)
+        dt, (age, variance) = now - self._time, self._odometry.staleness(now)
+        reading = self.filter.blind_reading(dt, self._odometry.side_speeds, imu.turn_rate)
+        step = imu.bridge(
+            reading, dt,
+            # by the yaw angle of a random walk of both speeds
+            2.0 * age * variance / self._robot.track_width ** 2,
+            2.0 * SLIP_CORRELATION_TIME * ACCEL_ERROR_SIGMA ** 2)
+        self._time = now
+        self.filter.predict(now, step, blind=True)
 
     def _correct_wheels(self, time: float, sample: WheelSample) -> None:
         """Use a wheel sample of ``time`` [s], latency removed."""
@@ -286,12 +327,16 @@ class SlipSegment:
         x, P = self.filter.kalman.x, self.filter.kalman.P
         reading = imu.reading if imu.force is None else ImuReading(
             imu.reading.yaw_rate, *imu.force)
-        context = OutputContext(instant_ns, self._seconds(instant_ns) - self._time, reading,
+        now = self._seconds(instant_ns)
+        variance = self.filter.blind_rate_variance(
+            self._odometry.staleness(now)[1]) if self.filter.blind else self._gyro_variance
+        context = OutputContext(instant_ns, now - self._time, reading, variance,
                                 self._odometry.wheel_residual)
         if self._recorder is not None:
             self._recorder.record_output(
                 context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED].copy())
-        return self._output.build(context, x, P)
+        return [self._pose.follow(record) if isinstance(record, Odometry) else record
+                for record in self._output.build(context, x, P)]
 
 
 class SlipOutputBuilder:
@@ -299,7 +344,6 @@ class SlipOutputBuilder:
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._standstill_speed = params.robot.slip.standstill_speed
-        self._gyro_variance = params.robot.imu.gyro_noise ** 2
         self._hidden = _four([0.0 if one else math.nan for one in params.robot.joints.measured])
         self._motion = MotionModel(params.robot)
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
@@ -327,7 +371,7 @@ class SlipOutputBuilder:
         v_x, v_y, W = twist
         pose, rates = self._covariances
         fill_covariances(P, W, self._x_imu, self._y_imu, pose, rates)
-        rates[35] += self._gyro_variance  # of the sample that is published
+        rates[35] += context.rate_variance
         return Odometry(
             context.instant_ns, (x[State.X], x[State.Y], 0.0),
             quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),

@@ -36,12 +36,13 @@ from smart_tire.estimation.slip.kalman import (
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
-    ACCEL_ERROR_SIGMA, BALANCE_SIGMA, ICR_WALK_SHARE, ICRS, ImuReading, ImuStep, initial_state,
+    ACCEL_ERROR_SIGMA, BALANCE_SIGMA, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
     LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE, SLIP_CHANGE_SHARE,
     SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, State, STEADY_SIGMAS,
     TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.samples import Four, GRAVITY
+from smart_tire.rotation import euler
+from smart_tire.samples import Four, GRAVITY, Odometry
 
 SLOPES = State.ROLL, State.PITCH
 # where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
@@ -76,6 +77,12 @@ class SlipFilter:
         self._step = 0.0          # m/s, of a side at the last wheel sample, beyond its noise
         self._balanced = False    # the forces were used at the last step
         self._started = False     # there has been a wheel sample
+        self.blind = False        # the IMU was missing at the last step
+        # errors of the gyro bias that have the effect of those of the states on that yaw rate
+        self._blind_row = np.zeros(N)
+        self._blind_row[[State.GYRO_BIAS_Z, *SLIP_VELS]] = (
+            -1.0, -1.0 / robot.track_width, 1.0 / robot.track_width)
+        self._blind_slip = 0.0    # m/s, slip difference beyond the ICR kinematics in a dropout
         self.nis = LearnedVariance(1.0, MIN_SIGMA, LEARNING_TIME)  # of the wheel speeds
 
     def status(self) -> dict[str, str | int | float]:
@@ -110,15 +117,36 @@ class SlipFilter:
         """Set the pose to the origin of ``odom``."""
         self.kalman.set_states([State.X, State.Y, State.YAW], 0.0, MIN_SIGMA)
 
-    def predict(self, time: float, step: ImuStep) -> None:
-        """Predict to ``time`` [s] through a step of the IMU."""
-        kalman, motion = self.kalman, self.motion
+    @property
+    def is_sound(self) -> bool:
+        """Return whether the state is finite and no variance is negative."""
+        variances = np.diagonal(self.kalman.P)
+        return bool(math.isfinite(sum(self.kalman.x)) and variances.min() >= 0.0
+                    and math.isfinite(variances.sum()))
+
+    def set_pose(self, odometry: Odometry) -> None:
+        """Set the pose, and its variances, to those in ``odometry``."""
+        pose = (*odometry.position[:2], euler(odometry.orientation)[2])
+        for row, value, i in zip((State.X, State.Y, State.YAW), pose, (0, 1, 5)):
+            self.kalman.set_states([row], value, math.sqrt(odometry.pose_covariance[7 * i]))
+
+    def predict(self, time: float, step: ImuStep, *, blind: bool = False) -> None:
+        """
+        Predict to ``time`` [s] through a step of the IMU.
+
+        In a ``blind`` one its yaw rate is by the wheels, so that its error is that of the slip,
+        which lasts, and not that of the gyro bias.
+        """
+        kalman, motion, self.blind = self.kalman, self.motion, blind
         self.forces.age(step.dt)
         noise = Noise(self._slope_sigmas(), math.sqrt(self._common_variance),
                       math.sqrt(self._difference.variance), self._icr_walk)
         x = kalman.x
         left, right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
         after, F, Q = motion.predict(x, step, noise)
+        if blind:
+            F = self._by_slip(F)
+            F[State.GYRO_BIAS_Z] = np.eye(N)[State.GYRO_BIAS_Z]
         kalman.predict(after, F, Q)
         self._gyro_z = step.mean.yaw_rate
         new_left, new_right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
@@ -151,21 +179,35 @@ class SlipFilter:
         """Look for a change of the ground, with the motor torques [N m] if they are measured."""
         self.forces.find_change(imu, torques, wheels, self._step)
 
-    def blind_step(self, dt: float, sides: tuple[float, float]) -> ImuStep:
+    def blind_reading(self, dt: float, sides: tuple[float, float], turn_rate: float
+                      ) -> ImuReading:
         """
-        Return the step of an IMU dropout: yaw rate by the wheels' ``sides`` [m/s] and ICRs.
+        Return what the IMU would measure in the next ``dt`` [s] of a dropout.
 
-        Its error is the slip difference about the ICRs, and theirs.
+        The yaw rate is that of the wheels' ``sides`` [m/s] about the ICRs, with the slip beyond
+        their kinematics, which the last ``turn_rate`` [rad/s] of the gyroscope has shown.
         """
-        x, P = self.kalman.x, self.kalman.P
-        track = self._robot.track_width + x[State.ICR_L] + x[State.ICR_R]
-        W = (sides[1] - sides[0]) / track
-        variance = (4.0 * self._difference.variance * slip_speed(*sides) ** 2
-                    + W ** 2 * float(P[np.ix_(ICRS, ICRS)].sum())) / track ** 2
-        mean = ImuReading(W + x[State.GYRO_BIAS_Z], *self.motion.steady_force(x, W))
-        density = 2.0 * SLIP_CORRELATION_TIME
-        return ImuStep(dt, mean, density * variance, density * ACCEL_ERROR_SIGMA ** 2,
-                       mean.yaw_rate, mean.yaw_rate)
+        x = self.kalman.x
+        icrs = x[State.ICR_L] + x[State.ICR_R]
+        if not self.blind:
+            self._blind_slip = (x[State.SLIP_VEL_R] - x[State.SLIP_VEL_L]
+                                - icrs * (turn_rate - x[State.GYRO_BIAS_Z]))
+        self._blind_slip *= math.exp(-dt / SLIP_CORRELATION_TIME)
+        W = (sides[1] - sides[0] - self._blind_slip) / (self._robot.track_width + icrs)
+        return ImuReading(W + x[State.GYRO_BIAS_Z], *self.motion.steady_force(x, W))
+
+    def blind_rate_variance(self, side_variance: float) -> float:
+        """Return the variance [(rad/s)^2] of that yaw rate; (m/s)^2 of the speed of a side."""
+        P = self.kalman.P
+        a, b = SLIP_VELS
+        slip = float(P[a, a] + P[b, b] - 2.0 * P[a, b])
+        return (slip + 2.0 * side_variance) / self._robot.track_width ** 2
+
+    def _by_slip(self, jacobian: Array) -> Array:
+        """Return a Jacobian (..., N) with the yaw rate by the wheels in a dropout of the IMU."""
+        if not self.blind:
+            return jacobian
+        return jacobian + np.multiply.outer(jacobian[..., State.GYRO_BIAS_Z], self._blind_row)
 
     def correct_wheels(self, time: float, wheels: WheelSpeeds, gyro_z: float,
                        independent: bool) -> None:
@@ -190,7 +232,9 @@ class SlipFilter:
             y[i] = dt * sides[i] - (x[travel] - after[i])
             H[i, travel], H[i, State.V_X], H[i, slip] = 1.0, -lag, -lag
             H[i, State.GYRO_BIAS_Z], H[i, State.RADIUS] = lag * arm, -dt * wheels.side_speeds[i]
-        R = self._wheel_covariance(wheels, sides, independent)
+        H = self._by_slip(H)
+        # the yaw rate by the wheels is no measurement of their difference
+        R = self._wheel_covariance(wheels, sides, independent and not self.blind)
         self._add_slip_change(sides, R, dt, lag)
         moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
         if not moving:
@@ -200,7 +244,8 @@ class SlipFilter:
         if moving:
             self.nis.add_square(nis, dt)  # stationary wheels have no noise
             self._wheel_noise.add_square(self._wheel_noise.variance * min(nis, MAX_NIS), dt)
-            self._learn_slip(W, dt, independent)
+            if not self.blind:
+                self._learn_slip(W, dt, independent)
         self._restart_travel(wheels, sides, lag, change, W)
 
     def _start(self, wheels: WheelSpeeds, sides: list[float], W: float) -> None:
@@ -314,6 +359,7 @@ class SlipFilter:
         h[[State.V_Y, State.ICR_X, State.IMU_X, State.GYRO_BIAS_Z]] = 1.0, W, -W, arm
         y = arm * W - x[State.V_Y]
         # slip that varies moves the ICRs forward and backward by a share of the wheelbase
+        h = self._by_slip(h)
         sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
                            * W * self._robot.wheelbase)
         variance = sigma ** 2 * 2.0 * SLIP_CORRELATION_TIME / max(duration, 1e-3)

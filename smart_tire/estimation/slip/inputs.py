@@ -81,6 +81,18 @@ class ImuInput:
         self.time, self.reading = time, reading
         return reading
 
+    def bridge(self, reading: ImuReading, dt: float, rate_density: float, accel_density: float
+               ) -> ImuStep:
+        """
+        Return the step over ``dt`` [s] of a dropout, with a substitute for the reading.
+
+        Densities of its errors are in (rad/s)^2 s and (m/s2)^2 s.
+        """
+        begin_rate, self.reading, self.force = self._begin_rate, reading, None
+        self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
+        self._begin_rate = self.turn_rate
+        return ImuStep(dt, reading, rate_density, accel_density, begin_rate, self.turn_rate)
+
     def step(self, begin: float, readings: Sequence[tuple[float, ImuReading]]) -> ImuStep:
         """
         Return the mean over linearly interpolated ``readings`` with their times [s].
@@ -190,6 +202,11 @@ class WheelOdometry:
     def started(self) -> bool:
         """Return whether there has been a sample."""
         return self._last is not None
+
+    def staleness(self, now: float) -> tuple[float, float]:
+        """Return age [s] of the side speeds, and variance [(m/s)^2] if held until ``now`` [s]."""
+        age = 0.0 if self._last is None else max(now - self._last[0], 0.0)
+        return age, self._speed_walk.variance * age
 
     def add_sample(self, time: float, sample: WheelSample) -> WheelSpeeds | None:
         """Add a sample of ``time`` [s]; return the mean speeds, None if it is not newer."""

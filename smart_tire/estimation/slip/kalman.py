@@ -48,22 +48,24 @@ LOOPS = COMPILED  # over the covariance, otherwise numpy: loops in Python would 
 
 # constants and rows of the state that are numbers of C
 cython.declare(
-    OUTLIER_SIGMAS=cython.double, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int,
+    OUTLIER_SIGMAS=cython.double, MIN_SHARE=cython.double, X=cython.int, Y=cython.int,
+    YAW=cython.int, GYRO_BIAS_Z=cython.int, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int,
     LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int)
 OUTLIER_SIGMAS = state.OUTLIER_SIGMAS
-SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
-    State.SLIP_VEL_L, State.SLIP_VEL_R, State.LN_STIFFNESS, State.LN_FRICTION, State.RESISTANCE))
+MIN_SHARE = 1e-9  # of a variance that is left given other states; numerical
+X, Y, YAW, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
+    State.X, State.Y, State.YAW, State.GYRO_BIAS_Z, State.SLIP_VEL_L, State.SLIP_VEL_R,
+    State.LN_STIFFNESS, State.LN_FRICTION, State.RESISTANCE))
 
 IDENTITY = np.eye(N)
 CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states never corrected
-# values of ``held``: lasting errors of the force balance and of the ICR kinematics must not be
-# taken for sensor errors
-SENSORS_HELD = CONSIDERED.copy()
-SENSORS_HELD[[State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0
-# lasting slip and unequal radii of the sides would be taken for a gyro bias, which is observed at
-# standstill
+# values of ``held``: lasting slip and unequal radii of the sides would be taken for a gyro bias,
+# which is observed at standstill
 GYRO_HELD = CONSIDERED.copy()
 GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z]] = 1.0
+# lasting errors of the force balance and of the ICR kinematics must not be taken for sensor errors
+SENSORS_HELD = GYRO_HELD.copy()
+SENSORS_HELD[[State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0
 
 
 class LearnedVariance:
@@ -255,6 +257,8 @@ class KalmanFilter:
             d[i] = held[i] * g[i]
         if slip_held:
             d[SLIP_VEL_L] = d[SLIP_VEL_R] = 0.5 * (g[SLIP_VEL_L] + g[SLIP_VEL_R])
+        if held[YAW] and self._recorder is None:  # the smoother needs the gains of all states
+            self._hold_position(d)
         for i in range(g.shape[0]):
             x[i] += (g[i] - d[i]) * (y * scale)
         if not LOOPS:
@@ -263,6 +267,25 @@ class KalmanFilter:
         for i in range(g.shape[0]):
             for j in range(g.shape[0]):
                 P[i, j] -= g[i] * g[j] - d[i] * d[j]
+
+    @cython.cfunc
+    def _hold_position(self, d: cython.double[::1]) -> cython.void:
+        """
+        Hold the part of the position that it shares with the held heading and gyro bias.
+
+        Otherwise an error that must not be taken for one of the gyroscope moves the robot as if it
+        were one: by decimeters at rest after a drive of 10 m. ``d`` are the parts not applied; the
+        regression of the position on heading and bias is by their covariance.
+        """
+        P: cython.double[:, ::1] = self._P
+        yaw, bias = P[YAW, YAW], P[GYRO_BIAS_Z, GYRO_BIAS_Z]
+        share = P[YAW, GYRO_BIAS_Z] / bias if bias > 0.0 else 0.0
+        rest = yaw - share * P[YAW, GYRO_BIAS_Z]
+        # unless the bias determines the heading
+        by_yaw = (d[YAW] - share * d[GYRO_BIAS_Z]) / rest if rest > MIN_SHARE * yaw else 0.0
+        by_bias = d[GYRO_BIAS_Z] / bias - share * by_yaw if bias > 0.0 else 0.0
+        for row in (X, Y):
+            d[row] = P[row, YAW] * by_yaw + P[row, GYRO_BIAS_Z] * by_bias
 
 
 @cython.cfunc

@@ -77,7 +77,7 @@ def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
         msg = topic.to_msg(empty(topic.type), replace(
             sample, rate=(0.0, 0.0, 1e4 if index < invalid else 0.0)))
         msg.header.frame_id = 'base_imu'
-        if (received := read(encode(msg))) is not None:
+        for received in read(encode(msg)):
             samples.add_sample(received, index)
     checked = CheckedRecording(RobotParams(), samples, faults)
     text = texts(messages.check_rejected(checked))
@@ -162,7 +162,7 @@ def test_what_nodes_have_reported_is_grouped_by_its_text():
 @pytest.mark.parametrize('typical, level', [(0.019, ''), (0.031, 'WARNING')])
 def test_a_late_host_is_named_with_its_load(typical, level):
     values = {key: str(value) for key, value in HostLoad(typical, 0.4, 36.0, 2).values.items()}
-    text = texts(messages.check_diagnostics(diagnosed((1, 'motor_driver', 0, 'ok', values))))
+    text = texts(messages.check_host(diagnosed((1, 'motor_driver', 0, 'ok', values))))
     assert text == (level and f'{level} host: timers late by 31 ms (99%), load 36.0 on 2 cores: '
                               'end other programs')
 

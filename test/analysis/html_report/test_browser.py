@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
+from hashlib import sha256
 import html
 import json
 import re
@@ -32,7 +34,6 @@ OPTIONS = (
 RANGE = [1.0, 2.0]  # s, to which the probe zooms the slip
 # Zooms one plot, prints the page, and records what happened in the document.
 PROBE = """
-<script>
 addEventListener('securitypolicyviolation', (event) => {
   document.body.dataset.violation = event.blockedURI || 'inline';
 });
@@ -53,9 +54,14 @@ const probe = setInterval(async () => {
   fonts.push(font());
   const width = Math.max(...[...document.querySelectorAll('.main-svg')].map(
     (drawing) => drawing.getBoundingClientRect().width));
-  document.body.dataset.probed = JSON.stringify({before, zoomed, fonts, width});
+  const violation = document.body.dataset.violation || '';
+  const foreign = document.createElement('script');
+  foreign.textContent = 'document.body.dataset.foreign = 1';
+  document.body.append(foreign);
+  await new Promise((done) => setTimeout(done, 500));
+  document.body.dataset.probed = JSON.stringify({before, zoomed, fonts, width, violation});
 }, 20);
-</script></body>"""
+"""
 
 
 @pytest.fixture(scope='module')
@@ -66,7 +72,10 @@ def opened(page, tmp_path_factory):
         pytest.skip(f'needs a browser: one of {", ".join(BROWSERS)}')
     folder = tmp_path_factory.mktemp('browser')
     file = folder / 'report.html'
-    file.write_text(page.replace('</body>', PROBE.replace('RANGE', json.dumps(RANGE))))
+    probe = PROBE.replace('RANGE', json.dumps(RANGE))
+    allowed = b64encode(sha256(probe.encode()).digest()).decode('ascii')
+    file.write_text(page.replace('</body>', f'<script>{probe}</script></body>').replace(
+        'script-src ', f"script-src 'sha256-{allowed}' "))
     done = subprocess.run([browser, *OPTIONS, f'--user-data-dir={folder / "profile"}',
                            file.as_uri()], capture_output=True, text=True, timeout=PATIENCE,
                           check=True)
@@ -87,11 +96,17 @@ def test_every_plot_is_drawn(opened, page):
     assert len(re.findall(r'<svg class="main-svg"[^>]*>', document)) >= count
 
 
-def test_there_is_no_error_and_no_attempt_to_load_anything(opened):
+def test_there_is_no_error_and_no_attempt_to_load_anything(opened, probed):
     document, log = opened
-    assert [line for line in log.splitlines() if 'CONSOLE' in line] == []
+    assert [line for line in log.splitlines()
+            if 'CONSOLE' in line and 'Content Security Policy' not in line] == []
     assert '<p class="error">The plots cannot' not in document
-    assert 'data-violation' not in document
+    assert probed['violation'] == ''
+
+
+def test_a_script_that_is_not_of_the_page_does_not_run(opened):
+    assert 'data-violation="inline"' in opened[0]
+    assert 'data-foreign' not in opened[0]
 
 
 def test_time_axes_are_linked_and_others_are_not(probed):

@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
+from hashlib import sha256
 from html.parser import HTMLParser
 import json
 import math
@@ -130,7 +132,14 @@ def test_nothing_is_loaded_from_elsewhere(outline):
     assert not tags & {'link', 'img', 'iframe', 'object', 'embed', 'base'}
     [policy] = [text for text in outline.values('content') if 'default-src' in text]
     assert policy.startswith("default-src 'none'") and 'http' not in policy
-    assert [values for values, text in outline.scripts if len(text) > 1e6] == [{'id': 'plotly'}]
+    scripts = {values['id']: text for values, text in outline.scripts if 'type' not in values}
+    assert list(scripts) == ['plotly', 'page'] and len(scripts['plotly']) > 1e6
+    hashes = [b64encode(sha256(text.encode()).digest()).decode() for text in scripts.values()]
+    assert policy.endswith('script-src ' + ' '.join(f"'sha256-{one}'" for one in hashes))
+
+
+def test_a_page_without_plots_runs_no_scripts():
+    assert "script-src 'none'" in html_page(Report('a', (), (), ()))
 
 
 def test_each_figure_has_a_plot_a_text_for_screen_readers_and_a_caption(outline):

@@ -15,14 +15,16 @@ from __future__ import annotations
 from dataclasses import replace
 import json
 
+from benchmarks.events import has_efforts, without_efforts
 from benchmarks.robots import run
-from benchmarks.robots.draws import DISTRIBUTIONS, Draw, draw, ROWS, TUNING_SEED
+from benchmarks.robots.draws import (
+    DISTRIBUTIONS, Draw, draw, FILMS, ROWS, TORQUES, TUNING_SEED)
 from benchmarks.robots.plant import Lift, MIN_LOAD, plant_with, Push, Traits
 from benchmarks.robots.scoring import QUANTITIES
 import pytest
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams
-from smart_tire.samples import GRAVITY, Odometry
+from smart_tire.samples import GRAVITY, Odometry, TireSample
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 
 CONCRETE = GroundParams(base='concrete', patches=())
@@ -111,3 +113,14 @@ def test_the_start_of_a_drive_is_cut():
     speeds = [sample.linear[0] for sample in one.truth() if isinstance(sample, Odometry)]
     assert len(speeds) == pytest.approx(200, abs=2)
     assert abs(speeds[0]) > 0.1
+
+
+def test_inputs_that_other_robots_do_not_have_are_left_out():
+    one = replace(draw('concrete', 1), duration=1.0)
+    whole = one.inputs()
+    plain = replace(one, without=[FILMS, TORQUES]).inputs()
+    assert has_efforts(whole) and any(isinstance(sample, TireSample) for sample in whole)
+    assert plain == [sample for sample in without_efforts(whole)
+                     if not isinstance(sample, TireSample)]
+    assert replace(one, without=[FILMS]).inputs() == [
+        sample for sample in whole if not isinstance(sample, TireSample)]

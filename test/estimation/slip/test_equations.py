@@ -107,6 +107,52 @@ def test_numpy_computes_the_same_as_loops(kind):
                                run(MODULES, kind, True), rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.parametrize('loops', [True, False])
+def test_a_correction_does_not_move_the_position_by_what_it_shares_with_held_states(
+        loops, monkeypatch):
+    monkeypatch.setattr(kalman, 'LOOPS', loops)
+    x, P = state()
+    # errors of the position that those of heading and gyro bias have caused, and no others
+    effect = np.eye(N)
+    effect[State.X] = effect[State.Y] = 0.0
+    effect[State.X, State.YAW], effect[State.Y, State.GYRO_BIAS_Z] = 2.0, -30.0
+    P = effect @ P @ effect.T
+    correction = kalman.KalmanFilter(x, P.copy())
+    H = np.zeros((2, N))
+    H[0, [State.TRAVEL_L, State.GYRO_BIAS_Z]] = 1.0, 0.2
+    H[1, [State.TRAVEL_R, State.GYRO_BIAS_Z]] = 1.0, -0.2
+    correction.correct_jointly(np.array([0.1, -0.3]), H, 1e-4 * np.eye(2), GYRO_HELD, False)
+    assert np.array(correction.x)[:2] == pytest.approx(x[:2], abs=1e-9)
+    assert abs(correction.x[State.V_X] - x[State.V_X]) > 1e-3
+    assert correction.P[0, 0] == pytest.approx(P[0, 0])
+
+
+@pytest.mark.parametrize('row', [State.GYRO_BIAS_Z, State.YAW])
+def test_a_position_that_shares_nothing_with_held_states_that_are_known_is_corrected(row):
+    x, P = state()
+    P[row] = P[:, row] = 0.0
+    correction = kalman.KalmanFilter(x, P)
+    h = np.zeros(N)
+    h[State.X] = 1.0
+    correction.correct(0.1, h, 1e-12, GYRO_HELD)
+    assert np.isfinite(correction.x).all() and np.isfinite(correction.P).all()
+    assert correction.x[0] > x[0]
+
+
+@pytest.mark.parametrize('held', [GYRO_HELD, SENSORS_HELD])
+def test_the_part_of_the_position_beyond_held_states_is_corrected_optimally(held):
+    x, P = state()
+    given = [State.YAW, State.GYRO_BIAS_Z]
+    h = np.zeros(N)
+    h[[State.V_X, State.SLIP_VEL_L]] = 1.0, 0.5
+    gain = P @ h / (h @ P @ h + 0.01)
+    share = np.linalg.solve(P[np.ix_(given, given)], P[np.ix_(given, [0, 1])])
+    correction = kalman.KalmanFilter(x, P.copy())
+    correction.correct(0.2, h, 0.01, held)
+    assert np.subtract(correction.x, x)[:2] == pytest.approx(
+        0.2 * (gain[:2] - gain[given] @ share))
+
+
 def test_the_jacobian_of_the_motion_is_its_derivative():
     x, _ = state()
     step = ImuStep(1e-4, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.5, 0.5)

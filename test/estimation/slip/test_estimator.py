@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.state import State
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Icr, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip
 from support.driving import drive, ramp, START_NS, STEP
@@ -310,3 +311,49 @@ def test_one_encoder_per_side_is_enough():
     last = of(WheelSlip, out)[-1]
     assert np.isfinite(last.ratio[:2]).all() and np.isnan(last.ratio[2:]).all()
     assert last.ratio[0] == pytest.approx(0.11, abs=0.08)
+
+
+def spoil_state(filter_):
+    filter_.kalman.x[State.SLIP_VEL_L] = math.nan
+
+
+def spoil_large(filter_):
+    filter_.kalman.x[State.V_X] = math.inf
+
+
+def spoil_variance(filter_):
+    filter_.kalman.P[State.ICR_X, State.ICR_X] = -1.0
+
+
+def spoil_covariance(filter_):
+    filter_.kalman.P[State.YAW, State.YAW] = math.inf
+
+
+def spoil_equations(filter_):
+    filter_.predict = failing
+
+
+def failing(*_):
+    raise OverflowError('math range error')
+
+
+@pytest.mark.parametrize('spoil', [
+    spoil_state, spoil_large, spoil_variance, spoil_covariance, spoil_equations])
+def test_a_state_that_is_none_restarts_from_the_priors_at_the_same_pose(spoil):
+    run = turning(4)
+    estimator, before, after = SlipEstimator(SlipEstimatorParams()), [], []
+    middle_ns = START_NS + 7 * NS_PER_S
+    for sample in run.samples:
+        if estimator.restarts == 0 and sample.stamp_ns > middle_ns and not after:
+            spoil(estimator._segment.filter)
+        (after if sample.stamp_ns > middle_ns else before).extend(estimator.update(sample))
+    assert estimator.restarts == 1 and estimator.status()['restarts'] == 1
+    last, *_ = reversed(of(Odometry, before))
+    first, *rest = of(Odometry, after)
+    assert 0 < first.stamp_ns - last.stamp_ns < NS_PER_S
+    assert math.dist(first.position, last.position) < FAST * 0.5
+    assert first.pose_covariance[0] >= 0.5 * last.pose_covariance[0]
+    assert all(math.isfinite(number) for one in (first, *rest) for number in (
+        *one.position, *one.linear, *one.pose_covariance, *one.twist_covariance))
+    assert np.hypot(*rest[-1].linear[:2]) == pytest.approx(0.5 * (FAST + SLOW), rel=0.2)
+    assert len(rest) > 400

@@ -21,7 +21,7 @@ from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.samples import Icr, WheelSlip
 
 PARAMS = SlipEstimatorParams()
-CONTEXT = OutputContext(0, 0.008, ImuReading(0.8, 1.4, 0.9), (0.0,) * 4)
+CONTEXT = OutputContext(0, 0.008, ImuReading(0.8, 1.4, 0.9), 1e-4, (0.0,) * 4)
 
 
 def moving():

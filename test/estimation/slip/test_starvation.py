@@ -13,11 +13,14 @@
 from functools import cache
 
 from benchmarks.faults import interrupted, stalled
-from benchmarks.scenarios import sequence
+from benchmarks.scenarios import CONCRETE, sequence
 import numpy as np
 import pytest
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.parameters import build, SimulatorParams, SlipEstimatorParams
+from smart_tire.estimation.slip.state import SLIP_VELS
+from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
+from smart_tire.parameters.robot import FilmParams
+from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S, Odometry
 from smart_tire.simulation.offline import simulate
 
@@ -25,14 +28,19 @@ pytestmark = pytest.mark.slow
 
 LEGS, END = sequence((5.0, 90.0, 90.0), (8.0, 120.0, 60.0), (6.0, 60.0, 120.0))
 BEGIN, BACK = 10.0, 13.0  # s, of a gap, in a turn
+DRIVES = {  # on a ground with the slip that the prior expects
+    'straight': sequence((24.0, 90.0, 90.0)),
+    'turn': sequence((5.0, 90.0, 90.0), (19.0, 120.0, 60.0))}
+ONSET = 9.0     # s, of gaps, 1 s after the turn began
+MAX_SIGMAS = 4.0
 INPUTS = 'imu/data', 'wheel_states'
 
 
-def without(*topics):
-    """Return a function that removes topics from events, in the gap."""
+def without(*topics, begin=BEGIN, end=BACK):
+    """Return a function that removes topics from events, in a gap."""
     def change(events, _):
         for topic in topics:
-            events = interrupted(events, topic, [(BEGIN, BACK)])
+            events = interrupted(events, topic, [(begin, end)])
         return events
     return change
 
@@ -51,8 +59,8 @@ def late(events, _):
 class Run:
     """Times [s], errors and standard deviations of the estimates of a changed simulation."""
 
-    def __init__(self, change, seed):
-        events = simulated(seed)
+    def __init__(self, change, seed, events=None):
+        events = events or simulated(seed)
         estimator = SlipEstimator(build(SlipEstimatorParams, {}))
         found = [one for _, topic, sample in change(events, seed) if topic in INPUTS
                  for one in estimator.update(sample) if isinstance(one, Odometry)]
@@ -68,13 +76,24 @@ class Run:
         self.speed = np.array([one.linear[0] - other.linear[0]
                                for one, other in zip(found, true)])
         self.speed_sigma = np.sqrt([one.twist_covariance[0] for one in found])
+        self.rate = np.array([one.angular[2] - other.angular[2]
+                              for one, other in zip(found, true)])
+        self.rate_sigma = np.sqrt([one.twist_covariance[35] for one in found])
+        turned = [euler(one.orientation)[2] - euler(other.orientation)[2]
+                  for one, other in zip(found, true)]
+        self.heading = (np.array(turned) + np.pi) % (2.0 * np.pi) - np.pi
+        self.heading_sigma = np.sqrt([one.pose_covariance[35] for one in found])
+
+    def squares(self, begin):
+        """Return the normalized squared errors of the position from ``begin`` [s] on."""
+        later = self.time > begin
+        return np.array([error @ np.linalg.solve(covariance, error) for error, covariance in
+                         zip(self.place[later], self.place_covariance[later])])
 
     @property
     def nees(self):
-        """Return the normalized squared error of the position per dimension, while moving."""
-        moved = self.time > 6.0
-        return float(np.mean([error @ np.linalg.solve(covariance, error) for error, covariance in
-                              zip(self.place[moved], self.place_covariance[moved])])) / 2.0
+        """Return the mean of the normalized squared errors per dimension, while moving."""
+        return float(np.mean(self.squares(6.0))) / 2.0
 
     def sigma(self, begin, end):
         """Return the mean standard deviation of the speed in a time."""
@@ -105,3 +124,53 @@ def test_estimates_are_bounded_and_their_sigmas_grow_while_inputs_are_missing(
     assert found.sigma(BEGIN, BACK) > growth * whole.sigma(BEGIN, BACK)
     if change is not lossy:  # which lasts
         assert found.sigma(BACK + 1.0, BACK + 2.0) < 1.3 * whole.sigma(BACK + 1.0, BACK + 2.0)
+
+
+@cache
+def driven(drive, seed):
+    """Return the events of a drive on concrete."""
+    return simulate(SimulatorParams(seed=seed, ground=CONCRETE, robot=RobotParams(
+        film=FilmParams(wheels=()))), *DRIVES[drive])
+
+
+@pytest.mark.parametrize('seed', [1, *(pytest.param(seed, marks=pytest.mark.long)
+                                       for seed in (2, 3))])
+@pytest.mark.parametrize('drive', DRIVES)
+@pytest.mark.parametrize('topics', [INPUTS[:1], INPUTS[1:], INPUTS])
+def test_errors_stay_within_their_sigmas_in_gaps_of_any_length(topics, drive, seed):
+    growth = []
+    for length in (1.0, 3.0, 10.0):
+        found = Run(without(*topics, begin=ONSET, end=ONSET + length), seed, driven(drive, seed))
+        later = found.time > ONSET
+        assert np.sqrt(found.squares(ONSET).max()) < MAX_SIGMAS
+        for error, sigma in ((found.speed, found.speed_sigma), (found.rate, found.rate_sigma),
+                             (found.heading, found.heading_sigma)):
+            assert np.abs(error / sigma)[later].max() < MAX_SIGMAS + (error is found.rate)
+        end = np.searchsorted(found.time, ONSET + length - 0.1)
+        growth.append(np.linalg.eigvalsh(found.place_covariance[end]).max()
+                      + found.heading_sigma[end] ** 2)
+    assert growth[0] < growth[1] < growth[2]
+
+
+@pytest.mark.parametrize('seed', [1, *(pytest.param(seed, marks=pytest.mark.long)
+                                       for seed in (2, 3, 4))])
+def test_a_turn_is_estimated_consistently_without_the_imu_that_has_seen_its_begin(seed):
+    found = Run(without('imu/data', begin=ONSET, end=ONSET + 3.0), seed)
+    assert found.nees < 2.0
+    assert np.linalg.norm(found.place, axis=1).max() < 2.5
+    blind = (found.time > ONSET + 0.2) & (found.time < ONSET + 3.0)
+    assert np.mean(np.square(found.rate / found.rate_sigma)[blind]) < 2.0
+
+
+def test_the_wheels_do_not_confirm_the_yaw_rate_that_they_give():
+    events = without('imu/data', begin=ONSET, end=ONSET + 10.0)(driven('turn', 1), 1)
+    estimator, variances = SlipEstimator(build(SlipEstimatorParams, {})), []
+    left, right = SLIP_VELS
+    for received, topic, sample in events:
+        if topic in INPUTS:
+            estimator.update(sample)
+            if ONSET < (received - events[0][0]) / NS_PER_S < ONSET + 9.9:
+                P = estimator._segment.filter.kalman.P
+                variances.append(P[left, left] + P[right, right] - 2.0 * P[left, right])
+    assert variances[-1] > 4.0 * variances[0]
+    assert np.diff(variances[10::10]).min() > -0.02 * variances[-1]

@@ -1,0 +1,173 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Odometry as it is published: a continuous pose (REP-105), and increments at a lower rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.reorder_buffer import GRID_NS
+from smart_tire.estimation.slip.state import SLIP_CORRELATION_TIME
+from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.parameters.tuning import INCREMENTS
+from smart_tire.rotation import euler, quaternion
+from smart_tire.samples import NS_PER_S, Odometry
+
+PLANAR = 0, 1, 5              # rows of x, y and yaw in the covariances of ROS
+AGREEMENT_SIGMAS = 2.0        # of the twist, by which the velocity of the pose differs from it
+CORRECTION_TIME = 0.3         # s, a few wheel samples: their corrections often alternate; demo
+MAX_CORRECTION_SPEED = 0.24   # m/s; 1.9 mm in 8 ms, half the speed of a small robot; demo
+
+Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
+
+
+class ContinuousPose:
+    """
+    Pose that follows the estimated one without steps (REP-105).
+
+    A correction of the distance driven so far moves the estimated pose at once. This pose moves by
+    the twist, and towards the estimated one within ``CORRECTION_TIME``, but so slowly that both
+    agree: along each axis of the robot at most ``AGREEMENT_SIGMAS`` standard deviations of the
+    twist, and not more than ``MAX_CORRECTION_SPEED``. At rest the twist is known to millimeters
+    per second. The offset that is left adds to the error of the pose.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[int, Pose, Pose] | None = None  # time [ns], pose, twist
+
+    def reset(self) -> None:
+        """Continue with the next estimated pose, as at the start."""
+        self._last = None
+
+    def follow(self, estimate: Odometry) -> Odometry:
+        """Return ``estimate`` with the continuous pose, and its covariance."""
+        roll, pitch, yaw = euler(estimate.orientation)
+        wanted, twist = (*estimate.position[:2], yaw), planar_twist(estimate)
+        if self._last is None:
+            self._last = estimate.stamp_ns, wanted, twist
+            return estimate
+        before_ns, pose, before = self._last
+        dt = (estimate.stamp_ns - before_ns) / NS_PER_S
+        v_x, v_y, W = (0.5 * (old + new) for old, new in zip(before, twist))
+        pose = moved(pose, (v_x * dt, v_y * dt, W * dt))
+        pose = moved(pose, self._correction(offset(pose, wanted), estimate, dt))
+        self._last = estimate.stamp_ns, pose, twist
+        left = (wanted[0] - pose[0], wanted[1] - pose[1], wrapped(wanted[2] - pose[2]))
+        covariance = list(estimate.pose_covariance)
+        for row, one in zip(PLANAR, left):
+            for column, other in zip(PLANAR, left):
+                covariance[6 * row + column] += one * other
+        return replace(estimate, position=(*pose[:2], 0.0), pose_covariance=tuple(covariance),
+                       orientation=quaternion(roll, pitch, pose[2]))
+
+    @staticmethod
+    def _correction(left: Pose, estimate: Odometry, dt: float) -> Pose:
+        """Return the part of the offset ``left``, in body axes, that is made up for in dt [s]."""
+        limits = (AGREEMENT_SIGMAS * dt * math.sqrt(estimate.twist_covariance[7 * row])
+                  for row in PLANAR)
+        share = -math.expm1(-dt / CORRECTION_TIME)
+        x, y, yaw = (min(max(share * one, -limit), limit) for one, limit in zip(left, limits))
+        slower = min(1.0, MAX_CORRECTION_SPEED * dt / max(math.hypot(x, y), 1e-9))
+        return slower * x, slower * y, yaw
+
+
+class OdometryOutput:
+    """
+    Messages of ``odom`` at the rate and with the twist that their consumers need.
+
+    Increments: the twist is the mean velocity of the pose since the last message. A filter that
+    takes the errors of consecutive messages as independent, such as ``ekf_node`` of
+    robot_localization, adds up their covariances, while errors of the estimated twist are
+    correlated over a second and more. So the covariance of an increment is what the covariance of
+    such a filter lacks to that of the pose; negative parts are zero, which it then makes up for.
+    """
+
+    def __init__(self, params: SlipEstimatorParams) -> None:
+        self._every = math.ceil(NS_PER_S / GRID_NS / params.odom_rate - 1e-6)  # instants
+        self._increments = params.odom_twist == INCREMENTS
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last message: the pose makes a step."""
+        self._last: Odometry | None = None
+        self._covariance = np.zeros((3, 3))  # of the pose in a filter that adds up increments
+
+    def message(self, odometry: Odometry) -> Odometry | None:
+        """Return what is published of an instant of the grid, None if nothing is."""
+        if odometry.stamp_ns // GRID_NS % self._every:
+            return None
+        last, self._last = self._last, odometry
+        if not self._increments:
+            return odometry
+        if last is None or odometry.stamp_ns - last.stamp_ns != self._every * GRID_NS:
+            self._covariance = planar(odometry.pose_covariance)
+            return odometry
+        return self._increment(last, odometry)
+
+    def _increment(self, last: Odometry, odometry: Odometry) -> Odometry:
+        dt = self._every * GRID_NS / NS_PER_S
+        old, new = (planar_pose(one) for one in (last, odometry))
+        dx, dy, turn = new[0] - old[0], new[1] - old[1], wrapped(new[2] - old[2])
+        c, s = math.cos(old[2] + 0.5 * turn), math.sin(old[2] + 0.5 * turn)
+        v_x, v_y = (c * dx + s * dy) / dt, (c * dy - s * dx) / dt
+        F = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+        G = dt * np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        carried = F @ self._covariance @ F.T
+        own = planar(odometry.twist_covariance)
+        inverse = G.T / dt ** 2
+        lacking = inverse @ (planar(odometry.pose_covariance) - carried) @ inverse.T - own
+        values, vectors = np.linalg.eigh(lacking)
+        share = 1.0 - math.exp(-dt / SLIP_CORRELATION_TIME)
+        covariance = own + share * vectors * np.maximum(values, 0.0) @ vectors.T
+        self._covariance = carried + G @ covariance @ G.T
+        whole = np.array(odometry.twist_covariance).reshape(6, 6)
+        whole[np.ix_(PLANAR, PLANAR)] = 0.5 * (covariance + covariance.T)
+        return replace(odometry, linear=(v_x, v_y, 0.0), angular=(0.0, 0.0, turn / dt),
+                       twist_covariance=tuple(whole.ravel().tolist()))
+
+
+def planar(covariance: Sequence[float]) -> Array:
+    """Return the covariance (3, 3) of x, y and yaw in one of ROS, 36 numbers."""
+    return np.array([[covariance[6 * row + column] for column in PLANAR] for row in PLANAR])
+
+
+def planar_pose(odometry: Odometry) -> Pose:
+    """Return x, y [m] and yaw [rad]."""
+    return *odometry.position[:2], euler(odometry.orientation)[2]
+
+
+def planar_twist(odometry: Odometry) -> Pose:
+    """Return v_x, v_y [m/s] and yaw rate [rad/s]."""
+    return *odometry.linear[:2], odometry.angular[2]
+
+
+def moved(pose: Pose, motion: Pose) -> Pose:
+    """Return ``pose`` after a ``motion`` in body axes, at the mean heading."""
+    yaw = pose[2] + 0.5 * motion[2]
+    c, s = math.cos(yaw), math.sin(yaw)
+    return (pose[0] + c * motion[0] - s * motion[1], pose[1] + s * motion[0] + c * motion[1],
+            pose[2] + motion[2])
+
+
+def offset(pose: Pose, wanted: Pose) -> Pose:
+    """Return the difference of two poses in the body axes of the first one."""
+    dx, dy, c, s = wanted[0] - pose[0], wanted[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
+    return c * dx + s * dy, c * dy - s * dx, wrapped(wanted[2] - pose[2])
+
+
+def wrapped(angle: float) -> float:
+    """Return ``angle`` [rad] in [-pi, pi)."""
+    return (angle + math.pi) % math.tau - math.pi
