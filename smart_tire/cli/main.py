@@ -39,7 +39,7 @@ VERBS: dict[str, Any] = load_own(
     Path(__file__).with_name('verbs.yaml').read_text(encoding='utf-8'))['verbs']
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
          'not_negative': not_negative, 'step': step_and_bag}
-COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'report', 'reproduce'}  # without output
+COMPUTING = {'analyze', 'identify', 'measure', 'overhead', 'recover', 'report', 'reproduce'}  # without output
 FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on

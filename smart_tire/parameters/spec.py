@@ -57,6 +57,8 @@ class Spec:
     length: int | None = None     # of a list, if fixed
     live: bool = False            # may be changed while the node runs
     instances: bool = False       # lists the names of a ``named`` field
+    nan: bool = False             # NaN is allowed: not given
+    scalar: bool = False          # of a list: a number is a list of one
 
     def __post_init__(self) -> None:
         if self.is_number and not (math.isfinite(self.low) and math.isfinite(self.high)):
@@ -77,6 +79,8 @@ class Spec:
         if not self.kind.endswith('[]'):
             return self._check_one(value, self.kind)
         value = () if value is None else value
+        if self.scalar and isinstance(value, (int, float)):
+            value = (value,)
         if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
             raise self._error(value, f'a list of {self.kind[:-2]}')
         items = tuple(self._check_one(item, self.kind[:-2]) for item in value)
@@ -98,7 +102,7 @@ class Spec:
         return value
 
     def _in_range(self, value: float) -> bool:
-        return self.low <= value <= self.high  # false for NaN, too
+        return self.low <= value <= self.high or self.nan and value != value
 
     def range_text(self) -> str:
         """Return the range as text, with the unit."""
