@@ -46,6 +46,7 @@ OFFSET_STEP = 0.02        # s
 OFFSET_PRIOR = 0.05       # s, one sigma where nothing shows it: latency of USB cameras, assumed
 WHEEL_LAG = 0.01          # s, one sigma: the body lags behind the wheels (calibration/latency.py)
 GYRO_SCALE = 0.02         # -, one sigma of the scale of a gyroscope
+ICR_SHARES = (0.05, 0.2)  # of the wheelbase: v_x and v_y over the yaw rate, B(8); as icr_x_sigma
 MIN_ANGLE_SIGMA = 1e-5    # rad, of a wheel
 MIN_NOISE = 0.01          # pixels, of a corner
 PLANAR_VARIANCE = 1e-6    # m^2, rad^2 and per s: what the plane excludes, as in odom
@@ -128,18 +129,21 @@ def _without_jumps(fixes: list[Fix], refused: Counter[str]) -> list[Fix]:
     return fixes
 
 
-def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain) -> Motion:
+def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, wheelbase: float
+              ) -> Motion:
     """
     Return the smoothed motion from consecutive fixes without gaps.
 
     ``noise`` [pixels] is that of the corners; ``offset`` [s] is by how much the stamps are late.
+    ``wheelbase`` [m] is the scale of the lateral velocity that a turn causes, B(8).
     """
     stamps = [fix.stamp_ns - round(offset.value * NS_PER_S) for fix in fixes]
     time = np.array([stamp - stamps[0] for stamp in stamps]) / NS_PER_S
     poses = np.array([fix.pose for fix in fixes])
     spread = np.array([fix.variance(noise) * fix.shape for fix in fixes])
     yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:])
-    place = smooth(time, poses[:, :2], spread[:, :2, :2], _turns(yaw))
+    place = smooth(time, poses[:, :2], spread[:, :2, :2], _turns(yaw),
+                   yaw.density * (np.array(ICR_SHARES) * wheelbase) ** 2)
     twist = np.column_stack([place.rates, yaw.rates])
     pose = np.column_stack([place.values, yaw.values])
     covariances = np.zeros((2, len(fixes), 3, 3))

@@ -28,9 +28,12 @@ from smart_tire.arrays import Array
 
 ROUNDS = 10           # of the intensities; more change velocities by a small part of their sigma
 PRIOR_WEIGHT = 0.5    # degrees of freedom of the prior of an intensity
+# of the variance of a rate: three quarters of it are for changes that never come in steady motion
+# (of white noise a smoother sees one quarter); that of simulated drives
+RATE_SHARE = 0.45
 MIN_FREEDOM = 1e-3    # of a step, against rounding errors
-START_TIME = 0.1      # s in which velocity changes reach the noise of a value, in the first round
-LONGEST_TIME = 5.0    # s, likewise at least in the steadiest motion
+START_TIME = 0.3      # s in which velocity changes reach the noise of a value, in the first round
+LONGEST_TIME = 10.0    # s, likewise at least in the steadiest motion
 START_FACTOR = 10.0   # of the largest rate and the first noise: their sigmas before the first value
 
 
@@ -42,6 +45,7 @@ class Track:
     states: Array       # (n, 2 m): the values, then their rates [1/s]
     covariances: Array  # (n, 2 m, 2 m)
     noise: float        # factor of the standard deviations of the measurements
+    density: Array      # (n - 1, m) intensity of the velocity changes in each step
 
     @property
     def values(self) -> Array:
@@ -67,7 +71,8 @@ class Track:
         return rates, np.maximum(spread[after - 1], spread[after])
 
 
-def smooth(times: Array, values: Array, variances: Array, turns: Array | None = None) -> Track:
+def smooth(times: Array, values: Array, variances: Array, turns: Array | None = None,
+           least: Array | float = 0.0) -> Track:
     """
     Return the smoothed track of m ``values`` (n, m) at ascending ``times`` [s] (n,), n > 1.
 
@@ -86,11 +91,17 @@ def smooth(times: Array, values: Array, variances: Array, turns: Array | None = 
         noise = float(squares / max(error.size - used, 1.0))
         steady = 1.0 / np.mean(1.0 / own, axis=0)
         own = np.maximum(model.intensities(x, P, gains, density, steady),
-                         scale / LONGEST_TIME ** 3)
+                         np.maximum(scale / LONGEST_TIME ** 3, least))
         # the largest of the neighboring steps: a start does not wait for a frame
-        padded = np.pad(own, ((1, 1), (0, 0)), 'edge')
-        density = np.maximum(np.maximum(padded[:-2], own), padded[2:])
-    return Track(times, x, P, math.sqrt(noise))
+        density = _widened(own)
+    P[:, values.shape[1]:, values.shape[1]:] *= RATE_SHARE
+    return Track(times, x, P, math.sqrt(noise), density)
+
+
+def _widened(own: Array) -> Array:
+    """Return for each step the largest intensity of its neighbors: a start waits for no frame."""
+    padded = np.pad(own, ((1, 1), (0, 0)), 'edge')
+    return np.asarray(np.maximum(np.maximum(padded[:-2], own), padded[2:]))
 
 
 class _Model:
