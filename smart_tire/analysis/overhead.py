@@ -25,7 +25,7 @@ from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, OverheadLocalizerParams)
 from smart_tire.parameters.files import blocks_in, snapshot_text, values_for
 from smart_tire.parameters.spec import values_of
-from smart_tire.samples import NS_PER_S
+from smart_tire.samples import NS_PER_S, Sample
 from smart_tire.vision.overhead import OverheadLocalizer, Result
 
 NODE = 'overhead_localizer'
@@ -58,7 +58,7 @@ def overhead_params(bag: Bag, files: Sequence[Path], **given: Any) -> OverheadLo
     values = values_for(NODE, blocks_in(bag.parameters, f'{bag.path}: parameters in the bag'),
                         own) if bag.parameters else {}
     values |= load_files(files, NODE, known_names(NODE_PARAMS.values()), own)
-    return cast(OverheadLocalizerParams, build(OverheadLocalizerParams, values | given))
+    return build(OverheadLocalizerParams, values | given)
 
 
 def camera_topics(types: Mapping[str, str]) -> CameraTopics:
@@ -121,7 +121,7 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
           notes: Sequence[str] = ()) -> Tree:
     """Write estimates and summary into the folder ``out``; return the summary."""
     values = values_of(params)
-    samples = [('overhead/odom', sample) for motion in result.motions
+    samples: list[tuple[str, Sample]] = [('overhead/odom', sample) for motion in result.motions
                for sample in motion.odometry(params.robot.wheel_radius)]
     samples += [('overhead/wheel_slip', slip) for slip in result.slips]
     try:

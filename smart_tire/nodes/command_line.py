@@ -27,8 +27,9 @@ from smart_tire.parameters.spec import NAMES
 HELP, VERSION = ('-h', '--help'), ('--version',)
 INDENT = '  '
 COMPOSED = 'composed'  # executable of several nodes in one process
-# All but the simulator and those that are processes of their own, for safety:
-COMPOSED_NODES = tuple(name for name in NODE_TABLE if name not in (*SEPARATE, 'robot_simulator'))
+# All but those of a test stand, and those that are processes of their own, for safety:
+TEST_STAND = 'robot_simulator', 'overhead_localizer'
+COMPOSED_NODES = tuple(name for name in NODE_TABLE if name not in (*SEPARATE, *TEST_STAND))
 EXIT_STATUSES = (
     ('0', 'ended by SIGINT or SIGTERM'),
     ('1', 'ended by an uncaught exception, which is printed'),

@@ -57,8 +57,8 @@ def load_node(files: Iterable[str | Path], node: str,
 
 
 __all__ = [
-    'build', 'FILES', 'FrictionEstimatorParams', 'ImageParams', 'ImuDriverParams', 'JointParams', 'known_names',
-    'load_files', 'load_node', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS',
-    'OverheadLocalizerParams', 'RobotParams',
-    'SimulatorParams', 'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS',
-    'TireReceiverParams', 'TrajectoryControllerParams', 'WheelControllerParams']
+    'build', 'FILES', 'FrictionEstimatorParams', 'ImageParams', 'ImuDriverParams', 'JointParams',
+    'known_names', 'load_files', 'load_node', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS',
+    'OverheadLocalizerParams', 'RobotParams', 'SimulatorParams', 'SlipEstimatorParams', 'Spec',
+    'specs', 'STANDARD_JOINTS', 'TireReceiverParams', 'TrajectoryControllerParams',
+    'WheelControllerParams']

@@ -36,7 +36,8 @@ class OverheadParams:
         (0.0, 0.0, 0.0), 'm', 'standard deviations of camera_position', (0.0, 10.0), length=3)
     camera_rotation_sigma: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'rad', 'standard deviations of camera_rotation', (0.0, 1.0), length=3)
-    tag_family: str = param('36h11', '-', 'AprilTag family, or ArUco dictionary as opencv names it')
+    tag_family: str = param(
+        '36h11', '-', 'AprilTag family, or ArUco dictionary as opencv names it')
     tag_ids: tuple[int, ...] = param((0,), '-', 'tags on the robot', (0, 100000))
     tag_size: float = param(0.16, 'm', 'edge of the black square', (1e-3, 10.0))
     tag_position: tuple[float, ...] = param(
@@ -48,8 +49,8 @@ class OverheadParams:
         0.0, 'm', 'standard deviation of x and y of tag_position', (0.0, 1.0))
     tag_yaw_sigma: float = param(0.0, 'rad', 'standard deviation of tag_yaw', (0.0, 1.0))
     time_offset: float = param(
-        math.nan, 's', 'by which the timestamps of images are late; .nan: estimated', (-10.0, 10.0),
-        nan=True)
+        math.nan, 's', 'by which the timestamps of images are late; .nan: estimated',
+        (-10.0, 10.0), nan=True)
     lag: float = param(
         0.5, 's', 'of the live estimates behind the images: later frames that are used',
         (0.0, 5.0))
@@ -86,7 +87,8 @@ class OverheadLocalizerParams:
 class ImageParams:
     """Simulated images: sensor, light and lens."""
 
-    size: tuple[int, ...] = param((1280, 720), '-', 'pixels, width and height', (16, 8192), length=2)
+    size: tuple[int, ...] = param(
+        (1280, 720), '-', 'pixels, width and height', (16, 8192), length=2)
     focal_length: float = param(1000.0, '-', 'focal length in pixels', (10.0, 1e5))
     distortion: tuple[float, ...] = param(
         (0.0, 0.0, 0.0, 0.0, 0.0), '-', 'coefficients k1, k2, p1, p2, k3 (plumb_bob)',
@@ -102,7 +104,8 @@ class ImageParams:
         0.0, 's', 'from the first to the last row of a rolling shutter; 0: global', (0.0, 0.1))
     lens_blur: float = param(
         0.6, '-', 'standard deviation of the point spread in pixels', (0.0, 10.0))
-    brightness: float = param(0.7, '-', 'of white over the full scale; above 1: clipped', (0.01, 10.0))
+    brightness: float = param(
+        0.7, '-', 'of white over the full scale; above 1: clipped', (0.01, 10.0))
     vignette: float = param(0.3, '-', 'loss of light in the corners', (0.0, 1.0))
     shadow: float = param(0.5, '-', 'loss of light in the shadow of an edge', (0.0, 1.0))
     noise: float = param(

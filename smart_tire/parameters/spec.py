@@ -97,12 +97,14 @@ class Spec:
             raise self._error(value, f'{"an" if kind == "int" else "a"} {kind}')
         if self.choices and value not in self.choices:
             raise self._error(value, 'one of ' + ', '.join(self.choices))
+        if self.nan and kind == 'float' and math.isnan(value):
+            return math.nan  # one object: instances with it are equal
         if kind in ('int', 'float') and not self._in_range(value):
             raise self._error(value, self.range_text())
         return value
 
     def _in_range(self, value: float) -> bool:
-        return self.low <= value <= self.high or self.nan and value != value
+        return self.low <= value <= self.high  # false for NaN, too
 
     def range_text(self) -> str:
         """Return the range as text, with the unit."""

@@ -89,8 +89,8 @@ class TagDetector:
     Finds tags of one family.
 
     Edges are fitted to the contours: in rendered images with noise and blur, the centers of tags
-    have errors of 0.03 to 0.05 pixels, a third of those of corners found by gradients (SUBPIX); the
-    detector of AprilTag is ten times slower and places the center of a pixel at (0.5, 0.5).
+    have errors of 0.03 to 0.05 pixels and their directions half of those of corners found by
+    gradients (SUBPIX); the detector of AprilTag is ten times slower, and its pixels begin at 0.
     """
 
     def __init__(self, family: str) -> None:

@@ -31,7 +31,7 @@ from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.vision.camera import Camera
 
 ITERATIONS = 4         # of Gauss-Newton, from a start that is correct to a pixel
-STEP = 1e-5            # m, rad and pixels, of the derivatives
+DERIVATIVE_STEP = 1e-5  # m, rad and pixels, of the derivatives
 NOMINAL_INSET = 0.5    # pixels, from the geometry of contours
 MAX_INSET_ERROR = 1.0  # pixels; blur and exposure of rendered images caused up to 0.4
 UNKNOWNS = 4
@@ -119,11 +119,11 @@ class PoseFit:
         return camera.pixels(np.column_stack([flat, own[:, 2]])) + values[3] * inward
 
     def _jacobian(self, own: Array, values: Array, inward: Array) -> Array:
-        steps = STEP * np.eye(UNKNOWNS)
+        steps = DERIVATIVE_STEP * np.eye(UNKNOWNS)
         return np.column_stack([(
             self._predicted(self._camera, own, values + step, inward)
-            - self._predicted(self._camera, own, values - step, inward)).ravel() / (2.0 * STEP)
-            for step in steps])
+            - self._predicted(self._camera, own, values - step, inward)).ravel()
+            for step in steps]) / (2.0 * DERIVATIVE_STEP)
 
     def _calibration(self, own: Array, pixels: Array, values: Array) -> Array:
         """Return the covariance of the pose that the errors of the calibration cause."""
@@ -144,7 +144,7 @@ class PoseFit:
         return np.sum([np.outer(part, part) for part in parts], axis=0)
 
     def _reason(self, pixels: Array, squares: float) -> str:
-        """Return why residuals are large: a general pose (IPPE) of each tag explains them or not."""
+        """Return why residuals are large, from those of a general pose (IPPE) of the tags."""
         general = 0.0
         for quad in pixels.reshape(-1, 4, 2):
             _, _, _, errors = cv2.solvePnPGeneric(

@@ -11,9 +11,9 @@
 Motion and wheel slip of the robot from its poses in images.
 
 Yaw is smoothed first; position and velocity in ``base_link`` are then linear in each other. The
-wheel angles are smoothed in the same way, and slip is B(3) with the velocities of both. The time by
-which the stamps of images are late is that which fits the yaw of the images to the gyroscope, or to
-the wheels. It and the calibration have errors that all images share: they are added to the
+wheel angles are smoothed in the same way, and slip is B(3) with the velocities of both. The time
+by which the stamps of images are late is that which fits the yaw of the images to the gyroscope,
+or to the wheels. It and the calibration have errors that all images share: they are added to the
 covariance of what they change.
 """
 
@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from smart_tire.arrays import Array
+from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS, slip_ratio, wheel_velocities
 from smart_tire.parameters import RobotParams
@@ -36,16 +36,17 @@ from smart_tire.samples import (
     four, ImuSample, LEFT, NS_PER_S, Odometry, RIGHT, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.localization import Fix
-from smart_tire.vision.smoothing import smooth, Track
+from smart_tire.vision.smoothing import ROUNDS, smooth, Track
 
 MAX_GAP = 0.5             # s between two images, over which a turn would be ambiguous
 MIN_IMAGES = 5            # between two gaps; fewer do not determine a velocity
 MAX_ACCELERATION = 50.0   # m/s2, of a robot between three images; beyond, one of them is wrong
 MAX_OFFSET = 0.4          # s, of the search
 OFFSET_STEP = 0.02        # s
-OFFSET_PRIOR = 0.05       # s, one sigma where nothing shows it: latency of USB cameras, assumed
-WHEEL_LAG = 0.01          # s, one sigma: the body lags behind the wheels (calibration/latency.py)
-GYRO_SCALE = 0.02         # -, one sigma of the scale of a gyroscope
+OFFSET_PRIOR = 0.05       # s, standard deviation where nothing shows it: latency of USB cameras
+WHEEL_LAG = 0.01          # s, standard deviation: the body lags behind the wheels
+WHEEL_SCALE = (0.7, 0.5)  # -, prior of the yaw rate over that of wheels without slip
+GYRO_SCALE = 0.02         # -, standard deviation of the scale of a gyroscope
 ICR_SHARES = (0.05, 0.2)  # of the wheelbase: v_x and v_y over the yaw rate, B(8); as icr_x_sigma
 MIN_ANGLE_SIGMA = 1e-5    # rad, of a wheel
 MIN_NOISE = 0.01          # pixels, of a corner
@@ -129,8 +130,8 @@ def _without_jumps(fixes: list[Fix], refused: Counter[str]) -> list[Fix]:
     return fixes
 
 
-def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, wheelbase: float
-              ) -> Motion:
+def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, wheelbase: float,
+              rounds: int = ROUNDS) -> Motion:
     """
     Return the smoothed motion from consecutive fixes without gaps.
 
@@ -141,28 +142,30 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, wheelbase: 
     time = np.array([stamp - stamps[0] for stamp in stamps]) / NS_PER_S
     poses = np.array([fix.pose for fix in fixes])
     spread = np.array([fix.variance(noise) * fix.shape for fix in fixes])
-    yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:])
+    yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:], rounds=rounds)
     place = smooth(time, poses[:, :2], spread[:, :2, :2], _turns(yaw),
-                   yaw.density * (np.array(ICR_SHARES) * wheelbase) ** 2)
+                   yaw.density * (np.array(ICR_SHARES) * wheelbase) ** 2, rounds)
     twist = np.column_stack([place.rates, yaw.rates])
     pose = np.column_stack([place.values, yaw.values])
     covariances = np.zeros((2, len(fixes), 3, 3))
     for one, part in enumerate((slice(0, 2), slice(2, 4))):
         covariances[one, :, :2, :2] = place.covariances[:, part, part]
     covariances[:, :, 2, 2] = yaw.covariances[:, 0, 0], yaw.covariances[:, 1, 1]
-    # an error of the yaw turns the velocity in base_link
+    # An error of the yaw turns the velocity in base_link; that of a tag in steady motion, in the
+    # edge of a shadow for example, is common to many images.
     across = np.column_stack([twist[:, 1], -twist[:, 0], np.zeros(len(fixes))])
-    covariances[1] += yaw.covariances[:, 0, 0, None, None] * _outer(across)
+    covariances[1] += (spread[:, 2:, 2:] + yaw.covariances[:, :1, :1]) * _outer(across)
     moved = np.column_stack([_turned(pose[:, 2], twist[:, :2]), twist[:, 2]])
     # the errors of a tag at rest are the same in all images: they have no mean that vanishes
     covariances[0] += spread + np.array([fix.calibration for fix in fixes]) + (
         offset.sigma ** 2 * _outer(moved))
     covariances[1] += offset.sigma ** 2 * _outer(np.gradient(twist, time, axis=0))
-    return Motion(tuple(stamps), pose, twist, *covariances,
+    return Motion(tuple(stamps), pose, twist, covariances[0], covariances[1],
                   math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
 
 
-def wheel_tracks(wheels: Recording, robot: RobotParams) -> list[tuple[int, Track | None]]:
+def wheel_tracks(wheels: Recording, robot: RobotParams, rounds: int = ROUNDS
+                 ) -> list[tuple[int, Track | None]]:
     """
     Return the smoothed angles [rad] of the wheels: first stamp [ns] and a track per wheel.
 
@@ -186,7 +189,8 @@ def wheel_tracks(wheels: Recording, robot: RobotParams) -> list[tuple[int, Track
             continue
         variance = (step ** 2 / 6.0 + (speed * encoder.stamp_jitter) ** 2 + MIN_ANGLE_SIGMA ** 2)
         found.append((int(stamps[0]), smooth(
-            time[known], angle[known][:, None], variance[known][:, None, None])))
+            time[known], angle[known][:, None], variance[known][:, None, None],
+            rounds=rounds)))
     return found
 
 
@@ -206,7 +210,8 @@ def slips_of(motion: Motion, tracks: Sequence[tuple[int, Track | None]],
             rates, spread = track.rates_at(time)
             speed[:, i] = np.where(near, radius * rates[:, 0], np.nan)
             variance[:, i] = radius ** 2 * spread[:, 0]
-    v_x, _ = wheel_velocities(*motion.twist.T, robot.wheelbase, robot.track_width)
+    v_x, _ = wheel_velocities(motion.twist[:, 0], motion.twist[:, 1], motion.twist[:, 2],
+                              robot.wheelbase, robot.track_width)
     lever = np.stack([np.ones(4), np.zeros(4), -0.5 * robot.track_width * SIDE_SIGNS], -1)
     ground = np.einsum('wi,kij,wj->kw', lever, motion.twist_covariance, lever)
     ratio = slip_ratio(speed, v_x, robot.slip.standstill_speed)
@@ -227,26 +232,27 @@ def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotP
     """
     from smart_tire.numerics.delay import fit_delay
     from smart_tire.numerics.least_squares import Prior, Rows
-    source, prior, lag = _turning(inputs, robot)
-    if source is None:
-        return Uncertain(0.0, OFFSET_PRIOR), f'not estimated ({prior}), 0 assumed'
-    stamps, angle = source
+    reference = _turning(inputs, robot)
+    if reference is None:
+        return (Uncertain(0.0, OFFSET_PRIOR),
+                'not estimated (neither imu/data nor wheel_states), 0 assumed')
+    stamps, angle, scale, lag = reference
     origin = int(stamps[0])
-    reference = (stamps - origin) / NS_PER_S
+    known_at = (stamps - origin) / NS_PER_S
     pairs = [(one, other) for part in parts for one, other in zip(part, part[1:])]
     begin, end = (np.array([pair[i].stamp_ns - origin for pair in pairs]) / NS_PER_S
                   for i in range(2))
     turned = np.array([math.remainder(b.pose[2] - a.pose[2], math.tau) for a, b in pairs])
-    inside = (begin - MAX_OFFSET > reference[0]) & (end + MAX_OFFSET < reference[-1])
+    inside = (begin - MAX_OFFSET > known_at[0]) & (end + MAX_OFFSET < known_at[-1])
     begin, end, turned = begin[inside], end[inside], turned[inside]
 
     def rows(delay: float) -> Rows:
-        known = np.interp(end - delay, reference, angle) - np.interp(
-            begin - delay, reference, angle)
+        known = np.interp(end - delay, known_at, angle) - np.interp(
+            begin - delay, known_at, angle)
         return Rows(0.5 * (begin + end), np.column_stack([known, end - begin]), turned,
                     np.zeros(len(turned)))
     try:
-        fit = fit_delay(rows, Prior(*prior), np.arange(
+        fit = fit_delay(rows, Prior.of(scale, (0.0, 1.0)), np.arange(
             -MAX_OFFSET, MAX_OFFSET + 0.5 * OFFSET_STEP, OFFSET_STEP), overlapping=True)
     except EstimatorError as error:
         return Uncertain(0.0, OFFSET_PRIOR), f'not estimated ({error}), 0 assumed'
@@ -258,14 +264,13 @@ def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotP
 
 
 def _turning(inputs: Recording, robot: RobotParams
-             ) -> tuple[tuple[Array, Array] | None, object, float]:
-    """Return stamps [ns] and yaw [rad] of a reference, priors of scale and bias, and its lag."""
+             ) -> tuple[Instants, Array, tuple[float, float], float] | None:
+    """Return stamps [ns], yaw [rad], prior of its scale, and lag [s] of gyroscope or wheels."""
     imu = inputs.stream(ImuSample).ordered
     if len(imu) > 2:
-        step = np.diff(imu.stamp_ns) / NS_PER_S
-        rate = imu['rate'][:, 2]
+        step, rate = np.diff(imu.stamp_ns) / NS_PER_S, imu['rate'][:, 2]
         yaw = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step))
-        return (imu.stamp_ns, yaw), (np.array([1.0, 0.0]), np.array([GYRO_SCALE, 1.0])), 0.0
+        return imu.stamp_ns, yaw, (1.0, GYRO_SCALE), 0.0
     wheels = inputs.stream(WheelSample).ordered
     if len(wheels) > 2:
         speed = robot.wheel_radius * wheels['velocity']
@@ -273,8 +278,8 @@ def _turning(inputs: Recording, robot: RobotParams
                 ) / robot.track_width
         yaw = np.append(0.0, np.cumsum(turn[1:] * np.diff(wheels.stamp_ns) / NS_PER_S))
         stamps = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
-        return (stamps, yaw), (np.array([0.7, 0.0]), np.array([0.5, 1.0])), WHEEL_LAG
-    return None, 'neither imu/data nor wheel_states', 0.0
+        return stamps, yaw, WHEEL_SCALE, WHEEL_LAG
+    return None
 
 
 def _turns(yaw: Track) -> Array:

@@ -27,16 +27,15 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.parameters.overhead import ImageParams, OverheadParams
 from smart_tire.vision.camera import Camera, Intrinsics
-from smart_tire.vision.detection import dictionary_of
+from smart_tire.vision.detection import dictionary_of, Image
 
-Image = NDArray[np.uint8]
 Motion = Callable[[Array], Array]  # times (n,) [s] -> x, y, yaw (n, 3) of base_link in map
 
 SAMPLES = 3               # rays per pixel and axis
 EXPOSURES = 6             # instants of an exposure
 MARGIN_MODULES = 1        # of white around a tag, as AprilTag and ArUco require
 MODULE_PIXELS = 12        # of the texture of a tag
-PLATE = (0.34, 0.30)      # m, length and width of the top of the robot; assumed, as that of paper B
+PLATE = (0.34, 0.30)      # m, length and width of the top of the robot; assumed
 FLOOR, TOP, BLACK, WHITE = 0.55, 0.30, 0.06, 1.0  # reflectances; assumed: concrete, painted, ink
 GRAIN = 0.15              # relative standard deviation of the floor
 TILE = 0.5                # m, distance of the joints in the floor
@@ -73,8 +72,8 @@ class Renderer:
         """Return the image stamped ``time`` [s], the middle of the exposure of the first row."""
         params, shares = self._params, (np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5
         line = params.readout / params.size[1]
-        left, top, right, bottom = self._window(
-            motion(time + np.array([-0.5 * params.exposure, 0.5 * params.exposure + params.readout])))
+        left, top, right, bottom = self._window(motion(time + np.array(
+            [-0.5 * params.exposure, 0.5 * params.exposure + params.readout])))
         image = self._floor.copy()
         if right > left and bottom > top:
             plane = self._fine_plane(left, top, right, bottom)

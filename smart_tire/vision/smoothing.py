@@ -10,10 +10,10 @@
 """
 Smoothed motion from poses of a camera: Kalman filter and RTS smoother of filterpy.
 
-Between two measurements, velocities change by white noise, whose intensity changes along the drive:
-a robot that moves steadily accelerates within some frames. The intensity of each step is fitted to
-the smoothed states (MacKay's fixed point: squares over the degrees of freedom that the data
-determine), with an inverse gamma prior about that of steady motion, so that the process noise has
+Between two measurements, velocities change by white noise, whose intensity changes along the
+drive: a robot that moves steadily accelerates within some frames. The intensity of each step is
+fitted to the smoothed states (MacKay's fixed point: squares over the degrees of freedom that the
+data determine), with an inverse gamma prior about that of steady motion, so that the process noise has
 the heavy tails of a Student t distribution. One factor scales the noise of all measurements.
 """
 
@@ -30,11 +30,11 @@ ROUNDS = 10           # of the intensities; more change velocities by a small pa
 PRIOR_WEIGHT = 0.5    # degrees of freedom of the prior of an intensity
 # of the variance of a rate: three quarters of it are for changes that never come in steady motion
 # (of white noise a smoother sees one quarter); that of simulated drives
-RATE_SHARE = 0.45
+RATE_SHARE = 0.5
 MIN_FREEDOM = 1e-3    # of a step, against rounding errors
 START_TIME = 0.3      # s in which velocity changes reach the noise of a value, in the first round
-LONGEST_TIME = 10.0    # s, likewise at least in the steadiest motion
-START_FACTOR = 10.0   # of the largest rate and the first noise: their sigmas before the first value
+LONGEST_TIME = 10.0    # s in which they do so in the steadiest motion
+START_FACTOR = 10.0   # of the largest rate and the first noise: sigmas before the first value
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Track:
 
 
 def smooth(times: Array, values: Array, variances: Array, turns: Array | None = None,
-           least: Array | float = 0.0) -> Track:
+           least: Array | float = 0.0, rounds: int = ROUNDS) -> Track:
     """
     Return the smoothed track of m ``values`` (n, m) at ascending ``times`` [s] (n,), n > 1.
 
@@ -83,7 +83,7 @@ def smooth(times: Array, values: Array, variances: Array, turns: Array | None = 
     scale, inverses = np.diagonal(variances.mean(0)), np.linalg.inv(variances)
     own = np.tile(scale / START_TIME ** 3, (len(times) - 1, 1))  # (n - 1, m)
     density, noise = own, 1.0
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         x, P, gains = model.smoothed(values, noise * variances, density)
         error = values - x[:, :values.shape[1]]
         used = np.einsum('kij,kji->', inverses, P[:, :values.shape[1], :values.shape[1]]) / noise
@@ -99,8 +99,12 @@ def smooth(times: Array, values: Array, variances: Array, turns: Array | None = 
 
 
 def _widened(own: Array) -> Array:
-    """Return for each step the largest intensity of its neighbors: a start waits for no frame."""
-    padded = np.pad(own, ((1, 1), (0, 0)), 'edge')
+    """
+    Return for each step the largest intensity of its neighbors: a start waits for no frame.
+
+    Beyond the ends anything may come: they have the mean intensity.
+    """
+    padded = np.concatenate([own.mean(0)[None], own, own.mean(0)[None]])
     return np.asarray(np.maximum(np.maximum(padded[:-2], own), padded[2:]))
 
 
