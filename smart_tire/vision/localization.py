@@ -96,9 +96,10 @@ class PoseFit:
             values = values + step
         residual = pixels - self._predicted(self._camera, own, values, inward)
         shape = np.linalg.inv(jacobian.T @ jacobian)
-        if abs(values[3] - NOMINAL_INSET) > MAX_INSET_ERROR:
-            return WRONG_SIZE
         squares, freedom = float(np.sum(residual ** 2)), pixels.size - UNKNOWNS
+        if abs(values[3] - NOMINAL_INSET) > MAX_INSET_ERROR:
+            plane = squares <= freedom * (MAX_NOISE_RATIO * START_NOISE) ** 2
+            return WRONG_SIZE if plane else self._reason(pixels, squares)
         values[2] = math.remainder(values[2], math.tau)
         return Fix(stamp_ns, values[:3], shape[:3, :3], squares, freedom, float(values[3]),
                    self._calibration(own, pixels, values), self._reason(pixels, squares))
