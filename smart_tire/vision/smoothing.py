@@ -31,6 +31,7 @@ PRIOR_WEIGHT = 0.5    # degrees of freedom of the prior of an intensity
 # of the variance of a rate: three quarters of it are for changes that never come in steady motion
 # (of white noise a smoother sees one quarter); that of simulated drives
 RATE_SHARE = 0.5
+MIN_NOISE = 0.1       # of the measurements, over the given one, where they scatter less
 MIN_FREEDOM = 1e-3    # of a step, against rounding errors
 START_TIME = 0.3      # s in which velocity changes reach the noise of a value, in the first round
 LONGEST_TIME = 10.0    # s in which they do so in the steadiest motion
@@ -88,7 +89,7 @@ def smooth(times: Array, values: Array, variances: Array, turns: Array | None = 
         error = values - x[:, :values.shape[1]]
         used = np.einsum('kij,kji->', inverses, P[:, :values.shape[1], :values.shape[1]]) / noise
         squares = np.einsum('ki,kij,kj->', error, inverses, error)
-        noise = float(squares / max(error.size - used, 1.0))
+        noise = max(float(squares / max(error.size - used, 1.0)), MIN_NOISE ** 2)
         steady = 1.0 / np.mean(1.0 / own, axis=0)
         own = np.maximum(model.intensities(x, P, gains, density, steady),
                          np.maximum(scale / LONGEST_TIME ** 3, least))
