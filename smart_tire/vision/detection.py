@@ -96,6 +96,9 @@ class TagDetector:
     def __init__(self, family: str) -> None:
         settings = cv2.aruco.DetectorParameters()
         settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
+        # the middles of the cells, of small tags too: edges of shadows and blur confuse the others
+        settings.perspectiveRemovePixelPerCell = 8
+        settings.perspectiveRemoveIgnoredMarginPerCell = 0.3
         self._detector = cv2.aruco.ArucoDetector(dictionary_of(family), settings)
 
     def tags(self, image: Image) -> tuple[dict[int, Array], list[int]]:
@@ -112,9 +115,8 @@ class TagDetector:
 
 
 def other_families(family: str, images: Sequence[Image]) -> list[str]:
-    """Return a text for each other family of which there are tags in ``images``."""
-    found: list[str] = []
+    """Return a text with the first other family of which there are tags in all ``images``."""
     for name in OTHER_FAMILIES:
-        if name != family and any(TagDetector(name).tags(image)[0] for image in images):
-            found.append(f'there are tags of {name}, overhead.tag_family is {family}')
-    return found
+        if images and name != family and all(TagDetector(name).tags(one)[0] for one in images):
+            return [f'there are tags of {name}, overhead.tag_family is {family}']
+    return []

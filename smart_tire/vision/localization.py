@@ -98,8 +98,9 @@ class PoseFit:
         shape = np.linalg.inv(jacobian.T @ jacobian)
         squares, freedom = float(np.sum(residual ** 2)), pixels.size - UNKNOWNS
         if abs(values[3] - NOMINAL_INSET) > MAX_INSET_ERROR:
-            plane = squares <= freedom * (MAX_NOISE_RATIO * START_NOISE) ** 2
-            return WRONG_SIZE if plane else self._reason(pixels, squares)
+            tilted = squares > freedom * (MAX_NOISE_RATIO * START_NOISE) ** 2 and (
+                self._reason(pixels, squares) == TILTED)
+            return TILTED if tilted else WRONG_SIZE
         values[2] = math.remainder(values[2], math.tau)
         return Fix(stamp_ns, values[:3], shape[:3, :3], squares, freedom, float(values[3]),
                    self._calibration(own, pixels, values), self._reason(pixels, squares))

@@ -147,9 +147,11 @@ class OverheadLocalizer:
             return self._fit.fix(stamp_ns, own)
         if twice := sorted(set(repeated) & set(wanted)):
             return f'tag {twice[0]} more than once'
+        if tags:
+            return f'other tags only ({min(tags)})'
         if len(self._without_tag) < KEPT_IMAGES:
             self._without_tag.append(image)
-        return f'other tags only ({min(tags)})' if tags else NO_TAG
+        return NO_TAG
 
     def result(self, inputs: Recording) -> Result:
         """Return motion and slip; ``inputs`` are ``imu/data`` and ``wheel_states``."""

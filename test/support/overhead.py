@@ -121,7 +121,7 @@ def write_bag(folder, renderer, motion, times, samples=(), *, compressed=True, i
                 msg = SimpleNamespace(header=msg.header, format='png',
                                       data=cv2.imencode('.png', image)[1].ravel())
             else:
-                msg.is_bigendian = 0
+                msg.is_bigendian, msg.data = 0, np.frombuffer(msg.data, np.uint8)
             if info:
                 sent = info_msg(renderer.camera.intrinsics)
                 set_header(sent, stamp_ns, 'overhead_camera_optical_frame')
