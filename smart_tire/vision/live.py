@@ -92,7 +92,7 @@ class LiveLocalizer(OverheadLocalizer):
                            and one.stamp_ns > begin - shift - MAX_GAP * NS_PER_S)
         tracks = wheel_tracks(wheels, robot, ROUNDS)
         for part in used(recent, noise, Counter()):
-            motion = motion_of(part, noise, self.offset, robot.wheelbase, ROUNDS)
+            motion = motion_of(part, noise, self.offset, robot, ROUNDS)
             found += motion.odometry(robot.wheel_radius)
             found += slips_of(motion, tracks, robot)
         due = [one for one in found

@@ -48,6 +48,7 @@ WHEEL_LAG = 0.01          # s, standard deviation: the body lags behind the whee
 WHEEL_SCALE = (0.7, 0.5)  # -, prior of the yaw rate over that of wheels without slip
 GYRO_SCALE = 0.02         # -, standard deviation of the scale of a gyroscope
 ICR_SHARES = (0.05, 0.2)  # of the wheelbase: v_x and v_y over the yaw rate, B(8); as icr_x_sigma
+SIDE_SLIP = 0.1           # -, difference of the slips of the sides in a start; of simulated drives
 MIN_ANGLE_SIGMA = 1e-5    # rad, of a wheel
 MIN_NOISE = 0.01          # pixels, of a corner
 PLANAR_VARIANCE = 1e-6    # m^2, rad^2 and per s: what the plane excludes, as in odom
@@ -130,13 +131,13 @@ def _without_jumps(fixes: list[Fix], refused: Counter[str]) -> list[Fix]:
     return fixes
 
 
-def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, wheelbase: float,
+def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: RobotParams,
               rounds: int = ROUNDS) -> Motion:
     """
     Return the smoothed motion from consecutive fixes without gaps.
 
     ``noise`` [pixels] is that of the corners; ``offset`` [s] is by how much the stamps are late.
-    ``wheelbase`` [m] is the scale of the lateral velocity that a turn causes, B(8).
+    A turn changes the lateral velocity, B(8), and a start that of the yaw, as the sides slip.
     """
     stamps = [fix.stamp_ns - round(offset.value * NS_PER_S) for fix in fixes]
     time = np.array([stamp - stamps[0] for stamp in stamps]) / NS_PER_S
@@ -144,7 +145,10 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, wheelbase: 
     spread = np.array([fix.variance(noise) * fix.shape for fix in fixes])
     yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:], rounds=rounds)
     place = smooth(time, poses[:, :2], spread[:, :2, :2], _turns(yaw),
-                   yaw.density * (np.array(ICR_SHARES) * wheelbase) ** 2, rounds)
+                   yaw.density * (np.array(ICR_SHARES) * robot.wheelbase) ** 2, rounds)
+    yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:],
+                 least=place.density[:, :1] * (2.0 * SIDE_SLIP / robot.track_width) ** 2,
+                 rounds=rounds)
     twist = np.column_stack([place.rates, yaw.rates])
     pose = np.column_stack([place.values, yaw.values])
     covariances = np.zeros((2, len(fixes), 3, 3))

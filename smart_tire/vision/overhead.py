@@ -170,8 +170,7 @@ class OverheadLocalizer:
         found.offset, found.offset_source = (
             time_offset(parts, inputs, robot) if math.isnan(given)
             else (Uncertain(given, 0.0), 'given'))
-        found.motions = [motion_of(part, found.noise, found.offset, robot.wheelbase)
-                         for part in parts]
+        found.motions = [motion_of(part, found.noise, found.offset, robot) for part in parts]
         tracks = wheel_tracks(inputs, robot)
         found.slips = [slip for motion in found.motions for slip in slips_of(
             motion, tracks, robot)]

@@ -30,7 +30,7 @@ ROUNDS = 10           # of the intensities; more change velocities by a small pa
 PRIOR_WEIGHT = 0.5    # degrees of freedom of the prior of an intensity
 # of the variance of a rate: three quarters of it are for changes that never come in steady motion
 # (of white noise a smoother sees one quarter); that of simulated drives
-RATE_SHARE = 0.5
+RATE_SHARE = 0.42
 MIN_NOISE = 0.1       # of the measurements, over the given one, where they scatter less
 MIN_FREEDOM = 1e-3    # of a step, against rounding errors
 START_TIME = 0.3      # s in which velocity changes reach the noise of a value, in the first round

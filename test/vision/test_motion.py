@@ -46,7 +46,7 @@ def swinging(time):
 
 def motion(fixes, offset=SURE):
     """Return the motion of fixes without gaps."""
-    return motion_of(fixes, 0.1, offset, ROBOT.wheelbase)
+    return motion_of(fixes, 0.1, offset, ROBOT)
 
 
 def test_velocities_are_those_of_base_link():
