@@ -154,6 +154,7 @@ def summary_of(result: Result, bag: Path, values: Mapping[str, Any], notes: Sequ
         'gaps': [{'begin_s': begin, 'duration_s': duration} for begin, duration in result.gaps],
         'time_offset': {'value_s': result.offset.value, 'sigma_s': result.offset.sigma,
                         'source': result.offset_source} if result.motions else None,
+        'row_time': {'value_s': result.row_time.value, 'sigma_s': result.row_time.sigma},
         'pixel_noise': result.noise, 'inset': result.inset,
         'pose_noise_factor': math.nan if not result.motions else max(
             motion.noise for motion in result.motions),

@@ -17,7 +17,7 @@ from pathlib import Path
 import sys
 
 import smart_tire
-from smart_tire.launching import SEPARATE
+from smart_tire.launching import SEPARATE, TEST_STAND
 from smart_tire.messages.describe import (
     columns, describe, DIAGNOSTICS, NODE_TABLE, NodeEntry, paragraph, plain, topic_lines)
 from smart_tire.parameters import FILES, NODE_PARAMS, RobotParams, Spec, specs
@@ -28,7 +28,6 @@ HELP, VERSION = ('-h', '--help'), ('--version',)
 INDENT = '  '
 COMPOSED = 'composed'  # executable of several nodes in one process
 # All but those of a test stand, and those that are processes of their own, for safety:
-TEST_STAND = 'robot_simulator', 'overhead_localizer'
 COMPOSED_NODES = tuple(name for name in NODE_TABLE if name not in (*SEPARATE, *TEST_STAND))
 EXIT_STATUSES = (
     ('0', 'ended by SIGINT or SIGTERM'),

@@ -15,16 +15,17 @@ from collections.abc import Callable
 import sys
 from typing import Any
 
-from smart_tire.messages import topic_of
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import OverheadLocalizerParams
+from smart_tire.samples import Odometry, WheelSlip
 from smart_tire.vision.live import LiveLocalizer
 
-CAMERA = 'overhead_camera'
+IMAGES = {'overhead_camera/image_raw': 'sensor_msgs/msg/Image',
+          'overhead_camera/image_raw/compressed': 'sensor_msgs/msg/CompressedImage'}
 
 
 class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
@@ -41,15 +42,15 @@ class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
     def __init__(self) -> None:
         super().__init__('overhead_localizer', OverheadLocalizerParams)
         self.localizer = LiveLocalizer(self.params)
-        self._publish = {name: self.make_publisher(f'overhead/{name}')
-                         for name in ('odom', 'wheel_slip')}
+        self._publish: dict[type, Callable[[Any], None]] = {
+            Odometry: self.make_publisher('overhead/odom'),
+            WheelSlip: self.make_publisher('overhead/wheel_slip')}
         for name in ('imu/data', 'wheel_states'):
             self.subscribe(name, self.localizer.add_sample, reliability=self.params.reliability)
-        self._subscribe_camera('sensor_msgs/msg/CameraInfo', f'{CAMERA}/camera_info',
+        self._subscribe_camera('sensor_msgs/msg/CameraInfo', 'overhead_camera/camera_info',
                                self.localizer.add_camera_info)
-        for kind, suffix in ('Image', ''), ('CompressedImage', '/compressed'):
-            self._subscribe_camera(f'sensor_msgs/msg/{kind}', f'{CAMERA}/image_raw{suffix}',
-                                   self._on_image)
+        for name, kind in IMAGES.items():
+            self._subscribe_camera(kind, name, self._on_image)
 
     def _subscribe_camera(self, kind: str, name: str, handle: Callable[[Any], None]) -> None:
         counter = self.inputs[name] = InputCounter()
@@ -60,7 +61,7 @@ class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
 
     def _on_image(self, msg: Any) -> None:
         for estimate in self.localizer.estimates(msg):
-            self._publish[topic_of(estimate)](estimate)
+            self._publish[type(estimate)](estimate)
 
     def fill_status(self, status: Status) -> None:
         """Add the counts of the images, and why images were not used."""

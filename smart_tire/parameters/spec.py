@@ -93,12 +93,12 @@ class Spec:
             value = float(value)
         if kind == 'int' and isinstance(value, float) and value.is_integer():
             value = int(value)
+        if self.nan and str(value).lower() == 'nan':  # YAML takes nan without a dot for a string
+            return math.nan  # one object: instances with it are equal
         if type(value).__name__ != kind:
             raise self._error(value, f'{"an" if kind == "int" else "a"} {kind}')
         if self.choices and value not in self.choices:
             raise self._error(value, 'one of ' + ', '.join(self.choices))
-        if self.nan and kind == 'float' and math.isnan(value):
-            return math.nan  # one object: instances with it are equal
         if kind in ('int', 'float') and not self._in_range(value):
             raise self._error(value, self.range_text())
         return value

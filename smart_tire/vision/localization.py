@@ -20,7 +20,7 @@ pose: an inset that no blur explains is a wrong size or height.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
 
 import cv2
@@ -57,6 +57,22 @@ class Fix:
     inset: float       # pixels
     calibration: Array  # (3, 3) covariance of the error that all images share
     reason: str = ''   # why the image is not used, if its residuals prove large
+    # of the k coordinates of corners: residuals (k,) [pixels], derivatives by pose and inset (k, 4),
+    # rows of the image below its middle (k,)
+    residual: Array = field(default_factory=lambda: np.zeros(0))
+    jacobian: Array = field(default_factory=lambda: np.zeros((0, UNKNOWNS)))
+    rows: Array = field(default_factory=lambda: np.zeros(0))
+
+    def row_shift(self, rates: Array) -> tuple[Array, Array]:
+        """
+        Return what a second per row of a rolling shutter changes, at ``rates`` (3,) of the pose.
+
+        These are the changes of the residuals (k,) [pixels], and of the pose (3,), by which rows
+        below the middle of the image are seen later.
+        """
+        moved = self.rows * (self.jacobian[:, :3] @ rates)
+        pose = np.linalg.lstsq(self.jacobian, moved, rcond=None)[0]
+        return moved - self.jacobian @ pose, pose[:3]
 
     def variance(self, noise: float) -> float:
         """Return the variance [pixels^2] of a coordinate, if that of all images is noise^2."""
@@ -103,7 +119,9 @@ class PoseFit:
             return TILTED if tilted else WRONG_SIZE
         values[2] = math.remainder(values[2], math.tau)
         return Fix(stamp_ns, values[:3], shape[:3, :3], squares, freedom, float(values[3]),
-                   self._calibration(own, pixels, values), self._reason(pixels, squares))
+                   self._calibration(own, pixels, values), self._reason(pixels, squares),
+                   residual.ravel(), jacobian, np.repeat(
+                       pixels[:, 1] - 0.5 * (self._camera.intrinsics.size[1] - 1), 2))
 
     @staticmethod
     def _start(camera: Camera, own: Array, pixels: Array) -> Array | None:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -67,6 +67,11 @@ class Motion:
     pose_covariance: Array   # (n, 3, 3)
     twist_covariance: Array  # (n, 3, 3)
     noise: float       # factor of the pixel noise that the scatter of the poses shows
+
+    @property
+    def map_rates(self) -> Array:
+        """Return the rates of the pose (n, 3) in map."""
+        return np.column_stack([_turned(self.pose[:, 2], self.twist[:, :2]), self.twist[:, 2]])
 
     def odometry(self, height: float) -> list[Odometry]:
         """Return the samples; ``height`` [m] is that of ``base_link`` above the floor."""
@@ -166,6 +171,35 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     covariances[1] += offset.sigma ** 2 * _outer(np.gradient(twist, time, axis=0))
     return Motion(tuple(stamps), pose, twist, covariances[0], covariances[1],
                   math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
+
+
+def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[Motion], noise: float
+             ) -> Uncertain:
+    """
+    Return the time [s] between two rows of a rolling shutter, from the shear of moving tags.
+
+    ``noise`` [pixels] is that of the corners.
+    """
+    products = squares = 0.0
+    for part, motion in zip(parts, motions):
+        for fix, rates in zip(part, motion.map_rates):
+            shear, _ = fix.row_shift(rates)
+            products += float(shear @ fix.residual)
+            squares += float(shear @ shear)
+    if not squares:
+        return Uncertain(0.0, math.inf)
+    return Uncertain(products / squares, noise / math.sqrt(squares))
+
+
+def unrolled(part: Sequence[Fix], motion: Motion, line: float) -> list[Fix]:
+    """Return the fixes as if all rows were seen with the middle one; ``line`` [s] is per row."""
+    found = []
+    for fix, rates in zip(part, motion.map_rates):
+        shear, pose = fix.row_shift(rates)
+        residual = fix.residual - line * shear
+        found.append(replace(fix, pose=fix.pose - line * pose, residual=residual,
+                             squares=float(residual @ residual)))
+    return found
 
 
 def wheel_tracks(wheels: Recording, robot: RobotParams, rounds: int = ROUNDS

@@ -27,15 +27,17 @@ from smart_tire.messages import stamp_of
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S, WheelSlip
-from smart_tire.uncertain import Uncertain
+from smart_tire.uncertain import Uncertain, UNKNOWN
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import gray_image, Image, other_families, TagDetector
 from smart_tire.vision.localization import Fix, PoseFit
 from smart_tire.vision.motion import (
-    Motion, motion_of, pixel_noise, slips_of, time_offset, used, wheel_tracks)
+    Motion, motion_of, pixel_noise, row_time, slips_of, time_offset, unrolled, used,
+    wheel_tracks)
 
 NO_TAG = 'no tag'
 KEPT_IMAGES = 3     # without a tag, in which other families are looked for
+SIGNIFICANT_SIGMAS = 5.0  # of the time between rows, from which on a shutter is a rolling one
 LOST_PERIODS = 1.5  # between two images, beyond which one is missing
 
 
@@ -52,6 +54,7 @@ class Result:
     slips: list[WheelSlip] = field(default_factory=list)
     offset: Uncertain = Uncertain(0.0, 0.0)  # s, by which the stamps of images are late
     offset_source: str = ''
+    row_time: Uncertain = UNKNOWN  # s, between two rows of a rolling shutter
     noise: float = math.nan       # pixels, standard deviation of the coordinate of a corner
     inset: float = math.nan       # pixels, of the detected edges in the tag
     hints: list[str] = field(default_factory=list)
@@ -155,7 +158,7 @@ class OverheadLocalizer:
 
     def result(self, inputs: Recording) -> Result:
         """Return motion and slip; ``inputs`` are ``imu/data`` and ``wheel_states``."""
-        params, robot = self._params, self._params.robot
+        robot = self._params.robot
         found = Result(self.images, len(self.fixes), Counter(self.refused))
         if not self.fixes:
             found.hints += other_families(self.family, self._without_tag)
@@ -166,15 +169,27 @@ class OverheadLocalizer:
         if not parts:
             return found
         self._count_lost(found, parts)
-        given = params.overhead.time_offset
-        found.offset, found.offset_source = (
-            time_offset(parts, inputs, robot) if math.isnan(given)
-            else (Uncertain(given, 0.0), 'given'))
-        found.motions = [motion_of(part, found.noise, found.offset, robot) for part in parts]
+        self._smooth(found, parts, inputs)
+        found.row_time = row_time(parts, found.motions, found.noise)
+        if abs(found.row_time.value) > SIGNIFICANT_SIGMAS * found.row_time.sigma:
+            found.hints.append(f'rolling shutter of {1e6 * found.row_time.value:.1f} us per row: '
+                               'corrected')
+            parts = [unrolled(part, motion, found.row_time.value)
+                     for part, motion in zip(parts, found.motions)]
+            found.noise = pixel_noise([fix for part in parts for fix in part])
+            self._smooth(found, parts, inputs)
         tracks = wheel_tracks(inputs, robot)
         found.slips = [slip for motion in found.motions for slip in slips_of(
             motion, tracks, robot)]
         return found
+
+    def _smooth(self, found: Result, parts: list[list[Fix]], inputs: Recording) -> None:
+        """Estimate time offset and motions from ``parts``."""
+        given, robot = self._params.overhead.time_offset, self._params.robot
+        found.offset, found.offset_source = (
+            time_offset(parts, inputs, robot) if math.isnan(given)
+            else (Uncertain(given, 0.0), 'given'))
+        found.motions = [motion_of(part, found.noise, found.offset, robot) for part in parts]
 
     def _count_lost(self, found: Result, parts: list[list[Fix]]) -> None:
         """Count images that are missing between the others, and note the gaps."""

@@ -7,6 +7,9 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
+
+"""``smart_tire overhead``: bags with rendered images to estimates and a summary."""
+
 from __future__ import annotations
 
 import json

@@ -7,6 +7,9 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
+
+"""Points of the floor to pixels and back, and the CameraInfo that they come from."""
+
 from __future__ import annotations
 
 import math

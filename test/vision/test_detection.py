@@ -7,6 +7,9 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
+
+"""Images of messages, and tags in them."""
+
 from __future__ import annotations
 
 from array import array
@@ -112,7 +115,7 @@ def test_corners_begin_at_the_upper_left_of_the_upright_tag_clockwise():
     assert np.abs(tags[3] - expected).max() < 0.2
 
 
-def test_a_tag_that_is_there_twice_is_not_found_but_told():
+def test_a_tag_that_is_there_twice_is_not_found_but_reported():
     tags, repeated = TagDetector('36h11').tags(sheet((3, 40, 50), (3, 200, 90), (4, 300, 20)))
     assert list(tags) == [4] and repeated == [3]
 

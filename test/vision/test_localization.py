@@ -7,6 +7,9 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
+
+"""Pose of the robot from exact, noisy and wrong corners."""
+
 from __future__ import annotations
 
 from dataclasses import replace

@@ -7,6 +7,9 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
+
+"""Smoothed motion, slip, time offset and rolling shutter from given poses."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -19,12 +22,13 @@ from smart_tire.parameters import RobotParams
 from smart_tire.recording import Recording
 from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
-from smart_tire.vision.localization import NOT_SQUARE
+from smart_tire.vision.localization import NOT_SQUARE, PoseFit
 from smart_tire.vision.motion import (
-    ISOLATED, JUMP, MIN_IMAGES, motion_of, OFFSET_PRIOR, pixel_noise, slips_of, time_offset, used,
-    wheel_tracks)
+    ISOLATED, JUMP, MIN_IMAGES, motion_of, OFFSET_PRIOR, pixel_noise, row_time, slips_of,
+    time_offset, unrolled, used, wheel_tracks)
 from smart_tire.vision.smoothing import smooth
-from support.overhead import fixes_of, imu_samples, START_NS, wheel_samples
+from support.overhead import (
+    camera, corners, fixes_of, imu_samples, PARAMS, START_NS, wheel_samples)
 
 ROBOT = RobotParams()
 SURE = Uncertain(0.0, 0.0)
@@ -240,3 +244,27 @@ def test_speeds_serve_where_the_angles_are_missing():
     wheels = [replace(one, position=None) for one in wheel_samples(lambda t: speed)]
     ratios = [slip.ratio for slip in slips(wheels)][60:-8]
     assert np.abs(np.array(ratios) - 0.2).max() < 0.01
+
+
+@pytest.mark.parametrize('line', [0.0, 3e-5, -2e-5])
+def test_a_rolling_shutter_is_found_and_its_effect_removed(line):
+    rng, one = np.random.default_rng(5), camera()
+    fit, found = PoseFit(one, PARAMS, 0.087), []
+    for k in range(40):
+        time = 1.0 + k / 15
+        quads = [corners(one, PARAMS, turning(time))[0]]
+        for _ in range(3):  # each corner at the time of its row
+            quads.append(np.array([
+                corners(one, PARAMS, turning(time + line * (corner[1] - 359.5)))[0][i]
+                for i, corner in enumerate(quads[-1])]))
+        found.append(fit.fix(START_NS + round(time * NS_PER_S), {
+            0: quads[-1] + 0.02 * rng.standard_normal((4, 2))}))
+    moved = motion_of(found, 0.02, SURE, ROBOT)
+    estimate = row_time([found], [moved], 0.02)
+    assert estimate.value == pytest.approx(line, abs=4.0 * estimate.sigma)
+    assert estimate.sigma < 2e-6
+    poses = np.array([fix.pose[:2] for fix in unrolled(found, moved, line)])
+    truth = np.array([turning(1.0 + k / 15)[:2] for k in range(40)])
+    assert np.abs(poses - truth).max() < 5e-4
+    if line:
+        assert np.abs([fix.pose[:2] for fix in found] - truth).max() > 1.5e-3

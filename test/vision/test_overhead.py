@@ -7,6 +7,9 @@
 # is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
+
+"""Good and bad images of the camera, offline and live."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -152,7 +155,7 @@ def test_two_tags_of_one_id_are_no_pose(renderer, images):
     ({'tag_ids': (5,)}, 'other tags only (0)', ''),
     ({'tag_size': 0.20}, 'size of the tag contradicts overhead.tag_size and the height of the '
                          'camera', '')])
-def test_a_wrong_tag_is_told_and_never_used(renderer, images, changes, reason, hint):
+def test_a_wrong_tag_is_named_and_never_used(renderer, images, changes, reason, hint):
     params = replace(PARAMS, overhead=replace(PARAMS.overhead, **changes))
     found = fed(localizer(renderer, params), messages(images[:6]))
     assert found.published == 0 and found.refused == {reason: 6}
