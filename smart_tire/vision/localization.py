@@ -57,8 +57,8 @@ class Fix:
     inset: float       # pixels
     calibration: Array  # (3, 3) covariance of the error that all images share
     reason: str = ''   # why the image is not used, if its residuals prove large
-    # of the k coordinates of corners: residuals (k,) [pixels], derivatives by pose and inset (k, 4),
-    # rows of the image below its middle (k,)
+    # of the k coordinates of corners: residuals (k,) [pixels], derivatives by pose and inset
+    # (k, 4), rows of the image below its middle (k,)
     residual: Array = field(default_factory=lambda: np.zeros(0))
     jacobian: Array = field(default_factory=lambda: np.zeros((0, UNKNOWNS)))
     rows: Array = field(default_factory=lambda: np.zeros(0))
@@ -72,7 +72,7 @@ class Fix:
         """
         moved = self.rows * (self.jacobian[:, :3] @ rates)
         pose = np.linalg.lstsq(self.jacobian, moved, rcond=None)[0]
-        return moved - self.jacobian @ pose, pose[:3]
+        return moved - self.jacobian @ pose, np.asarray(pose[:3], dtype=float)
 
     def variance(self, noise: float) -> float:
         """Return the variance [pixels^2] of a coordinate, if that of all images is noise^2."""

@@ -13,8 +13,8 @@ Smoothed motion from poses of a camera: Kalman filter and RTS smoother of filter
 Between two measurements, velocities change by white noise, whose intensity changes along the
 drive: a robot that moves steadily accelerates within some frames. The intensity of each step is
 fitted to the smoothed states (MacKay's fixed point: squares over the degrees of freedom that the
-data determine), with an inverse gamma prior about that of steady motion, so that the process noise has
-the heavy tails of a Student t distribution. One factor scales the noise of all measurements.
+data determine), with an inverse gamma prior about that of steady motion, so that the process noise
+has the heavy tails of a Student t distribution. One factor scales the noise of all measurements.
 """
 
 from __future__ import annotations

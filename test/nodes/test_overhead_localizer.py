@@ -23,6 +23,8 @@ from smart_tire.vision.renderer import Renderer
 from support.overhead import RADIUS, SMALL, SMALL_PLACE, START_NS, wheel_samples
 from support.virtual_node import virtual
 
+pytestmark = pytest.mark.processes
+
 PARAMETERS = {'overhead__camera_position': list(SMALL.position),
               'overhead__camera_rotation': list(SMALL.rotation), 'overhead__time_offset': 0.0}
 
