@@ -44,7 +44,7 @@ MAX_ACCELERATION = 50.0   # m/s2, of a robot between three images; beyond, one o
 MAX_OFFSET = 0.4          # s, of the search
 OFFSET_STEP = 0.02        # s
 OFFSET_PRIOR = 0.05       # s, standard deviation where nothing shows it: latency of USB cameras
-WHEEL_LAG = 0.01          # s, standard deviation: the body lags behind the wheels
+LAG_SHARE = 0.5           # of the lag of the body behind the wheels, its standard deviation: C_x
 WHEEL_SCALE = (0.7, 0.5)  # -, prior of the yaw rate over that of wheels without slip
 GYRO_SCALE = 0.02         # -, standard deviation of the scale of a gyroscope
 ICR_SHARES = (0.05, 0.2)  # of the wheelbase: v_x and v_y over the yaw rate, B(8); as icr_x_sigma
@@ -295,7 +295,7 @@ def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotP
     except EstimatorError as error:
         return Uncertain(0.0, OFFSET_PRIOR), f'not estimated ({error}), 0 assumed'
     value, sigma = fit.estimate(-1)
-    sigma = math.hypot(sigma, lag)
+    value, sigma = value - lag, math.hypot(sigma, LAG_SHARE * lag)
     if not sigma < OFFSET_PRIOR:
         return Uncertain(0.0, OFFSET_PRIOR), 'not estimated (the robot hardly turns), 0 assumed'
     return Uncertain(value, sigma), 'from ' + ('wheel_states' if lag else 'imu/data')
@@ -316,7 +316,12 @@ def _turning(inputs: Recording, robot: RobotParams
                 ) / robot.track_width
         yaw = np.append(0.0, np.cumsum(turn[1:] * np.diff(wheels.stamp_ns) / NS_PER_S))
         stamps = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
-        return stamps, yaw, WHEEL_SCALE, WHEEL_LAG
+        # forces that turn the body require slip, so that it lags (calibration/latency.py)
+        turning = np.nan_to_num(turn) ** 2
+        mean = np.sum(turning * np.nanmean(np.abs(speed), 1)) / max(np.sum(turning), 1e-9)
+        lag = mean * robot.yaw_inertia / (robot.tire.longitudinal_stiffness * (
+            robot.track_width ** 2 + robot.wheelbase ** 2))
+        return stamps, yaw, WHEEL_SCALE, float(lag)
     return None
 
 

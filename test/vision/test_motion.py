@@ -173,8 +173,10 @@ def test_the_time_offset_is_found_with_wheels_that_slip():
         return np.array([-turn, turn, -turn, turn]) / ROBOT.wheel_radius
     offset, source = time_offset(
         [fixes_of(swinging, late=0.08)], Recording(wheel_samples(speeds)), ROBOT)
-    assert offset.value == pytest.approx(0.08, abs=0.02)
-    assert 0.005 < offset.sigma < 0.03
+    # the body of the test does not lag behind the wheels as it would with mass
+    lag = 0.08 - offset.value
+    assert 0.0 < lag < 0.02
+    assert offset.sigma == pytest.approx(0.5 * lag, rel=0.3)
     assert source == 'from wheel_states'
 
 
