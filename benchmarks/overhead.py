@@ -14,12 +14,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
+from functools import partial
 import math
 import sys
 from typing import Any
 
 from benchmarks.harness import markdown, new_table, number, positive
 import numpy as np
+from smart_tire.arrays import Array
 from smart_tire.parameters.overhead import ImageParams, OverheadParams
 from smart_tire.vision.detection import TagDetector
 from smart_tire.vision.localization import PoseFit, START_NOISE
@@ -28,6 +30,7 @@ from smart_tire.vision.renderer import Renderer
 DESCRIPTION = 'measure the error of the pose in rendered images'
 RADIUS = 0.087             # m, wheel of paper B
 VELOCITY = 0.4, 0.1, 0.5   # m/s, m/s, rad/s: standard deviations of the motion
+ROTATION = math.pi - 0.08, 0.05, 0.3  # rad, of the camera
 COLUMNS = 'condition', 'used', 'wrong', 'position rms [mm]', 'yaw rms [deg]', 'tag [pixels]'
 WRONG_SIGMAS = 5.0         # of its standard deviation, error from which a pose counts as wrong
 CONDITIONS: dict[str, dict[str, Any]] = {
@@ -57,12 +60,16 @@ def rows(images: int, seed: int = 7) -> Iterator[list[str]]:
     """Yield the cells of each condition, from ``images`` at random poses."""
     for name, changes in CONDITIONS.items():
         own = {key: changes[key] for key in changes if key == 'tag_size'}
-        camera = ImageParams(**{key: changes[key] for key in changes.keys() - own.keys()},
-                             **({} if 'rotation' in changes else {
-                                 'rotation': (math.pi - 0.08, 0.05, 0.3)}))
+        camera = ImageParams(rotation=ROTATION, **{
+            key: value for key, value in changes.items() if key not in own})
         yield [name, *cells(camera, OverheadParams(
             camera_position=camera.position, camera_rotation=camera.rotation, **own), images,
             np.random.default_rng(seed))]
+
+
+def moving(pose: Array, velocity: Array, times: Array) -> Array:
+    """Return poses (n, 3) at ``times`` (n,) [s]."""
+    return pose + np.outer(times, velocity)
 
 
 def cells(params: ImageParams, overhead: OverheadParams, images: int, rng: Any) -> list[str]:
@@ -76,8 +83,7 @@ def cells(params: ImageParams, overhead: OverheadParams, images: int, rng: Any) 
     errors, wrong = [], 0
     for _ in range(images):
         pose, velocity = rng.uniform(-reach, reach), rng.normal(0.0, VELOCITY)
-        image = renderer.image(0.0, lambda times, p=pose, v=velocity: p + np.outer(times, v))
-        found, _ = detector.tags(image)
+        found, _ = detector.tags(renderer.image(0.0, partial(moving, pose, velocity)))
         fix = fit.fix(0, found) if found else ''
         if isinstance(fix, str) or not fix.fits(START_NOISE):
             continue
