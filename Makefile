@@ -4,13 +4,13 @@
 ifdef ROS_DISTRO
 PYTHON ?= python3
 VENV := .venv-$(ROS_DISTRO)
-EXTRAS := [test,view]
+EXTRAS := [test,view,camera]
 else
 SUPPORTED := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
 PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
 	do "$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
 VENV := .venv
-EXTRAS := [ros,test,lint,view]
+EXTRAS := [ros,test,lint,view,camera]
 endif
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off

@@ -41,7 +41,8 @@ ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
 PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ
 WITHOUT_KEY = {'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
 # module -> extra and distribution with it
-EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas')}
+EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas'),
+          'cv2': ('camera', 'opencv-python-headless'), 'filterpy': ('camera', 'filterpy')}
 BUILD = {'cython': 'cython3'}  # module -> its key; used to build, and not needed to run
 OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
