@@ -145,7 +145,7 @@ class Renderer:
         for tag, position, yaw in self._overhead.tags:
             code = cv2.aruco.generateImageMarker(dictionary, tag, side)
             margin = MARGIN_MODULES * MODULE_PIXELS
-            code = cv2.copyMakeBorder(code, *[margin] * 4, cv2.BORDER_CONSTANT, value=255)
+            code = np.pad(code, margin, constant_values=255)
             cos, sin = math.cos(yaw), math.sin(yaw)
             middle = 0.5 * (len(code) - 1)
             # columns of the code are x of the tag, its rows -y; rows of the texture are y

@@ -79,7 +79,7 @@ def test_pose_velocity_and_slip_are_as_accurate_as_stated(seed, tmp_path):
     assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 0.002
     assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < 0.2
     normalized = (pose.twist - at(times, poses.twist)) / np.sqrt(pose.twist_variance)
-    assert 0.5 < np.mean(normalized ** 2) < 1.3  # of one scene; the mean of ten is above 0.7
+    assert 0.5 < np.mean(normalized ** 2) < 1.3  # of one scene
     assert np.mean(np.abs(normalized) < 2.0) >= 0.93
     assert np.abs(normalized).max() < 5.0
     spread = np.diagonal(pose.pose_covariance, axis1=1, axis2=2)
