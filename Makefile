@@ -4,18 +4,18 @@
 ifdef ROS_DISTRO
 PYTHON ?= python3
 VENV := .venv-$(ROS_DISTRO)
-EXTRAS := [test,view]
+EXTRAS := [test,view,camera]
 else
 SUPPORTED := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
 PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
 	do "$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
 VENV := .venv
-EXTRAS := [ros,test,lint,view]
+EXTRAS := [ros,test,lint,view,camera]
 endif
-BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off
+BIN = $(VENV)/bin
+PIP = $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off
 READY := $(VENV)/ready
-LOG := $(VENV)/install.log
+LOG = $(VENV)/install.log
 
 # $(call step,TEXT,COMMAND) prints what is done, every five seconds the last line of its log, and
 # how long it took; the end of the log if it failed.
@@ -33,13 +33,14 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Tests start some hundreds of processes: none shall compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo demo-loaded test pytest lint check current mutants fuzz soak stop-times bench \
-	bench-slip bench-friction bench-control config docs screenshots site clean
+.PHONY: help setup demo demo-loaded test pytest test-jazzy lint check current mutants fuzz soak \
+	stop-times bench bench-slip bench-friction bench-control config docs screenshots site clean
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make demo VIEW=1     the same, live in the viewer'
 	@echo 'make demo-loaded     the same, ten times on a busy machine; RUNS=N for N times'
 	@echo 'make test            check style and types, run the tests'
+	@echo 'make test-jazzy      run the tests of the nodes, and the linters of ROS, with ROS 2 Jazzy'
 	@echo 'make lint            check style and types only'
 	@echo 'make check           make test with coverage, generated files, documentation site, stop'
 	@echo '                     times, quick benchmarks: under half an hour on two cores'
@@ -125,6 +126,28 @@ test: $(READY)
 
 pytest: $(READY)
 	$(BIN)/python -m pytest -n 3 --durations=25 $(SELECTION)
+
+# What depends on rclpy, and the linters, with the wheels of ROS 2 Jazzy: in an environment of their
+# own, because constraints.txt pins those of Kilted.
+TESTS_ON_JAZZY := test/nodes test/safety/test_nodes.py test/cli/test_record.py test/test_ament_lint.py
+ifdef ROS_DISTRO
+test-jazzy:
+	@echo 'make test-jazzy needs a shell without a sourced ROS distribution' >&2; exit 1
+else
+JAZZY := .venv-jazzy-wheels
+test-jazzy $(JAZZY)/ready: VENV := $(JAZZY)
+$(JAZZY)/ready: requirements-jazzy.txt constraints.txt
+	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
+	@$(PYTHON) -m venv $(VENV)
+	@grep -v '^ros-\|^setuptools' constraints.txt > $(VENV)/constraints.txt
+	$(call step,1/1 rclpy of ROS 2 Jazzy with libraries and linters,{ $(PIP) \
+		--requirement requirements-jazzy.txt --constraint $(VENV)/constraints.txt || \
+		{ echo 'cannot install ROS 2 Jazzy: is the registry of packages reachable?'; false; }; })
+	@touch $@
+
+test-jazzy: $(JAZZY)/ready
+	$(BIN)/python -m pytest -n 3 --durations=10 $(TESTS_ON_JAZZY)
+endif
 
 # Those "long" tests that drive in real time run alone. The results of the benchmarks are in
 # bench_output/check/.

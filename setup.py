@@ -66,9 +66,11 @@ setup(
                             'py.typed']},
     ext_modules=[
         # without fused multiply-add, results are those of Python on every processor; with symbols
-        # for debuggers the files are five times as large
+        # for debuggers the files are five times as large; what Cython writes leaves a tuple
+        # uninitialized where it returns an error
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
-                  extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable'])
+                  extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable',
+                                      '-Wno-maybe-uninitialized'])
         for path in COMPILED],
     cmdclass={'build_ext': BuildFromPython},
     data_files=[
@@ -95,16 +97,12 @@ setup(
         ],
         'view': ['rerun-sdk>=0.24'],  # smart_tire view
         'pandas': ['pandas'],         # results as data frames
+        # smart_tire overhead; opencv from 4.12 on needs a newer numpy than ROS Jazzy has
+        'camera': ['filterpy>=2.0', 'opencv-python-headless>=4.7,<4.12'],
         'docs': ['furo', 'ipykernel', 'latex2mathml', 'myst-nb', 'pandas', 'sphinx'],
         'test': [
             'hypothesis', 'pandas', 'pytest', 'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
-        # linters of ROS with their plugins for machines without a ROS distribution
-        'ament': [
-            'flake8-blind-except', 'flake8-builtins', 'flake8-class-newline',
-            'flake8-comprehensions', 'flake8-deprecated', 'flake8-docstrings',
-            'flake8-import-order', 'flake8-quotes', 'ros-ament-flake8', 'ros-ament-lint',
-            'ros-ament-pep257'],
     },
     zip_safe=False,
     entry_points={

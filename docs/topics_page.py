@@ -40,6 +40,8 @@ GROUPS = {  # marker in the document -> topics of its table
                   'tire_friction'],
     'commands': ['path', 'goal_pose', 'path_progress', 'cmd_vel', 'wheel_commands',
                  'motor_commands', 'emergency_stop_active', 'motors_enabled', '/diagnostics'],
+    'camera': ['overhead_camera/image_raw', 'overhead_camera/image_raw/compressed',
+               'overhead_camera/camera_info'],
     'reference': [name for name, topic in TOPICS.items() if topic.quality == 'truth'],
     'typed': [topic.name for topic in TYPED.values()]}
 HEADER = '| topic | type | publisher | rate | content |\n| --- | --- | --- | --- | --- |'

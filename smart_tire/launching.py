@@ -48,6 +48,7 @@ MAX_RESPAWN_DELAY = 60.0  # s, of a node that dies again and again
 ENDED = (0, 2)  # exit status: interrupted, wrong arguments or parameters; not started again
 STOP = {'start_stopped': True}  # parameter with which motor_driver starts again
 SEPARATE = ('motor_driver', 'wheel_controller')  # processes of their own, for safety
+TEST_STAND = ('robot_simulator', 'overhead_localizer')  # no nodes of a robot
 
 Converter = Callable[[str], Any]  # of a launch argument; raises ValueError if it is invalid
 

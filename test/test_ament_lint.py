@@ -16,13 +16,16 @@ Without ROS, ruff and ``test_style.py`` check most of their rules.
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 
-pytestmark = [pytest.mark.linter, pytest.mark.slow]
+pytestmark = [pytest.mark.linter, pytest.mark.processes]
 
-ORIGIN = 'in a ROS distribution; flake8 and pep257 also in the extra ament of setup.py'
+ORIGIN = 'in a ROS distribution; flake8 and pep257 also with make test-jazzy'
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -30,9 +33,10 @@ ROOT = Path(__file__).resolve().parents[1]
     pytest.param('ament_copyright', marks=pytest.mark.copyright),
     pytest.param('ament_flake8', marks=pytest.mark.flake8),
     pytest.param('ament_pep257', marks=pytest.mark.pep257)])
-def test_the_linter_of_ros_finds_nothing(name, monkeypatch, capsys):
-    linter = pytest.importorskip(f'{name}.main', reason=f'needs {name}: {ORIGIN}')
-    monkeypatch.chdir(ROOT)
-    status = linter.main(argv=[])
-    captured = capsys.readouterr()
-    assert status == 0, captured.out + captured.err
+def test_the_linter_of_ros_finds_nothing(name):
+    if find_spec(name) is None:
+        pytest.skip(f'needs {name}: {ORIGIN}')
+    # flake8 forks: copies of a process with threads of DDS crash, and are replaced without end
+    run = subprocess.run([sys.executable, '-m', f'{name}.main'], cwd=ROOT, text=True,
+                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    assert run.returncode == 0, run.stdout

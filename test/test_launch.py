@@ -37,7 +37,7 @@ import pytest
 from smart_tire.cli._stack import PORTS
 from smart_tire.cli.policy import policy
 from smart_tire.errors import ParameterError
-from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE, view_of
+from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE, TEST_STAND, view_of
 from smart_tire.nodes.command_line import COMPOSED_NODES
 from smart_tire.parameters import build, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
@@ -179,7 +179,7 @@ def test_each_node_gets_the_robot_file_and_its_own(path, described):
 
 def test_the_robot_consists_of_all_nodes_except_the_simulator(described):
     found = described(LAUNCH / 'robot.launch.py')
-    assert sorted(executables(found)) == sorted(NODE_PARAMS.keys() - {'robot_simulator'})
+    assert sorted(executables(found)) == sorted(NODE_PARAMS.keys() - {*TEST_STAND})
 
 
 def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
@@ -208,7 +208,7 @@ def test_a_composed_robot_has_two_nodes_in_processes_of_their_own(simulated, des
     installed('robot_state_publisher')
     found = described(LAUNCH / 'robot.launch.py', composed='true', simulated=simulated)
     assert sorted(executables(found)) == ['composed', 'motor_driver', 'wheel_controller']
-    assert {*SEPARATE, *COMPOSED_NODES} == NODE_PARAMS.keys() - {'robot_simulator'}
+    assert {*SEPARATE, *COMPOSED_NODES} == NODE_PARAMS.keys() - {*TEST_STAND}
     port = [{'port': 'simulated'}] if simulated == 'true' else []
     own = {node.options['executable']: [part for part in node.options['parameters']
                                         if isinstance(part, dict)]
@@ -227,7 +227,7 @@ def test_drivers_and_controllers_are_left_out_if_they_are_not_wanted(
     nodes = list(started(LAUNCH / 'robot.launch.py', f'composed:={composed}', *words))
     running = [name for node in nodes
                for name in node.options['arguments'] or [node.options['executable']]]
-    assert sorted(running) == sorted(NODE_PARAMS.keys() - {'robot_simulator'} - missing)
+    assert sorted(running) == sorted(NODE_PARAMS.keys() - {*TEST_STAND} - missing)
     assert all((node.options['executable'] == 'composed') == bool(node.options['arguments'])
                for node in nodes)
 
@@ -297,7 +297,7 @@ def test_the_enclave_of_a_program_is_that_of_the_policy(
     installed('robot_state_publisher', 'rviz2')
     nodes = list(started(LAUNCH / 'simulation.launch.py', f'namespace:={namespace}',
                          f'composed:={composed}', 'rviz:=true'))
-    assert len(nodes) == (6 if composed == 'true' else len(NODE_PARAMS) + 2)
+    assert len(nodes) == (6 if composed == 'true' else len(NODE_PARAMS) + 1)
     for node in nodes:
         option, enclave = node.options['ros_arguments']
         assert option == '--enclave'
@@ -537,7 +537,7 @@ def test_an_invalid_argument_ends_the_launch_in_one_line(
 
 
 @pytest.mark.parametrize(('name', 'words', 'count'), [
-    ('robot', [], len(NODE_PARAMS) - 1), ('simulation', [], len(NODE_PARAMS)),
+    ('robot', [], len(NODE_PARAMS) - 2), ('simulation', [], len(NODE_PARAMS) - 1),
     ('simulation', ['composed:=true'], 4), ('replay', ['bag:=/tmp'], 3),
     ('estimators', [HUSKY], 2)])
 def test_a_launch_with_defaults_starts_its_processes(name, words, count, stand_ins):
@@ -578,7 +578,7 @@ def test_ctrl_c_of_a_simulation_prints_no_errors(moment, simulation, isolated_ro
         assert launch.end() == 0
     log = ''.join(launch.lines)
     assert not re.search(r'ERROR|FATAL|Traceback|KeyboardInterrupt|has died', log), log
-    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS), log
+    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS) - 1, log
 
 
 PUBLISHER = """#!/usr/bin/env python3
@@ -608,4 +608,4 @@ def test_robot_state_publisher_gets_the_wheels_and_ends_with_ctrl_c(
         assert launch.end() == 0
     log = ''.join(launch.lines)
     assert 'is not installed' not in log and 'has died' not in log, log
-    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS) + 1, log
+    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS), log

@@ -15,6 +15,7 @@ from __future__ import annotations
 import ast
 import configparser
 from functools import cache
+import itertools
 from pathlib import Path
 import re
 import runpy
@@ -40,7 +41,8 @@ ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
 PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distribution differ
 WITHOUT_KEY = {'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
 # module -> extra and distribution with it
-EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas')}
+EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas'),
+          'cv2': ('camera', 'opencv-python-headless'), 'filterpy': ('camera', 'filterpy')}
 BUILD = {'cython': 'cython3'}  # module -> its key; used to build, and not needed to run
 OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
@@ -218,8 +220,12 @@ def test_every_library_is_declared_with_its_rosdep_key_or_as_having_none(setup_a
 
 
 def test_every_requirement_has_its_exact_version(setup_arguments):
-    wanted = [*setup_arguments['install_requires'],
-              *(item for extra in setup_arguments['extras_require'].values() for item in extra)]
+    lines = (ROOT / 'requirements-jazzy.txt').read_text(encoding='utf-8').splitlines()
+    jazzy = [line for line in lines if not line.startswith('#')]
+    extras = setup_arguments['extras_require']
+    assert {*map(distribution, extras['ros'])} <= {*map(distribution, jazzy)}
+    wanted = [*setup_arguments['install_requires'], *itertools.chain(*extras.values()),
+              *(line for line in jazzy if '==' not in line)]
     assert {distribution(item) for item in wanted} <= pins('constraints.txt').keys()
 
 

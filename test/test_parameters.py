@@ -108,7 +108,7 @@ def test_every_number_has_a_finite_range_that_holds_its_default(cls):
         assert spec.unit and spec.meaning
         if spec.kind.startswith(('int', 'float')):
             assert -math.inf < spec.low < spec.high < math.inf, spec.name
-            assert spec.check(spec.default) == spec.default
+            assert spec.check(spec.default) in (spec.default,)  # NaN, too
 
 
 @pytest.mark.parametrize('limits', [
@@ -396,3 +396,30 @@ def test_numbers_may_be_written_without_a_point(tmp_path):
     path.write_text('/**: {ros__parameters: {mass: 1e1, film.noise: 5E-3, film.bits: 10}}')
     words = ['node', '--ros-args', '--params-file', str(path)]
     assert from_arguments(words, '/x') == {'mass': 10.0, 'film.noise': 0.005, 'film.bits': 10}
+
+
+@pytest.mark.parametrize('given', [math.nan, 'nan', 'NaN'])
+def test_nan_is_accepted_where_it_means_not_given_only(given):
+    spec = specs(NODE_PARAMS['overhead_localizer'])['overhead.time_offset']
+    assert spec.check(given) is math.nan
+    with pytest.raises(ParameterError):
+        specs(NODE_PARAMS['overhead_localizer'])['overhead.lag'].check(given)
+    with pytest.raises(ParameterError):
+        spec.check(11)
+
+
+def test_one_tag_may_have_its_yaw_as_a_number():
+    spec = specs(NODE_PARAMS['overhead_localizer'])['overhead.tag_yaw']
+    assert spec.check(1) == spec.check([1.0]) == (1.0,)
+    with pytest.raises(ParameterError):
+        specs(NODE_PARAMS['overhead_localizer'])['overhead.tag_position'].check(1.0)
+
+
+@pytest.mark.parametrize(('values', 'said'), [
+    ({'overhead.camera_position': [1.0, 2.0]}, 'camera_position has 2 numbers'),
+    ({'overhead.tag_ids': [1, 1]}, 'expected different ids'),
+    ({'overhead.tag_ids': []}, 'expected different ids'),
+    ({'overhead.tag_ids': [1, 2]}, '3 and 1 for each of 2 tags')])
+def test_parameters_of_tags_must_fit_together(values, said):
+    with pytest.raises(ParameterError, match=said):
+        build(NODE_PARAMS['overhead_localizer'], values)

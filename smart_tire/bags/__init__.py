@@ -10,7 +10,7 @@
 
 """Reading, crash-safe writing and recovery of rosbag2 bags, without ROS."""
 
-from smart_tire.bags.cdr import SampleDecoder
+from smart_tire.bags.cdr import Decoder, SampleDecoder
 from smart_tire.bags.metadata import Channel, Qos
 from smart_tire.bags.reader import Bag, BagTopic, PARAMETERS_KEY, report_losses
 from smart_tire.bags.topic_names import (
@@ -18,6 +18,7 @@ from smart_tire.bags.topic_names import (
 from smart_tire.bags.writer import BagWriter, channel_of, recover, Recovery
 
 __all__ = [
-    'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs', 'match_by_name',
+    'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs', 'Decoder',
+    'match_by_name',
     'PARAMETERS_KEY', 'Qos', 'recover', 'Recovery', 'report_losses', 'SampleDecoder',
     'STANDARD_NAMES', 'TopicNames']

@@ -49,6 +49,8 @@ def run(args: argparse.Namespace) -> int:
         from smart_tire.cli._calibrate_live import record_steps
         from smart_tire.parameters import load_robot
         bags = record_steps(args, load_robot(args.params), steps_of(args))
+        if not bags:
+            raise ParameterError('all steps were skipped: there is nothing to calibrate from')
     return identify(args, bags) if args.only is None else identify_only(args, bags)
 
 

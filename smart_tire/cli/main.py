@@ -39,7 +39,8 @@ VERBS: dict[str, Any] = load_own(
     Path(__file__).with_name('verbs.yaml').read_text(encoding='utf-8'))['verbs']
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
          'not_negative': not_negative, 'step': step_and_bag}
-COMPUTING = {'analyze', 'identify', 'measure', 'recover', 'report', 'reproduce'}  # without output
+COMPUTING = {  # without output
+    'analyze', 'identify', 'measure', 'overhead', 'recover', 'report', 'reproduce'}
 FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
@@ -176,6 +177,8 @@ def install_hint(module: str) -> str:
         return 'source a ROS 2 distribution, or pip install smart_tire[ros]'
     if module.split('.')[0] in ('rerun', 'rerun_cli'):
         return 'pip install smart_tire[view]'
+    if module.split('.')[0] in ('cv2', 'filterpy'):
+        return 'pip install smart_tire[camera]'
     return 'pip install smart_tire installs all dependencies'
 
 

@@ -18,7 +18,7 @@ import math
 from typing import Any
 
 from smart_tire.control import constants as c
-from smart_tire.control.publishers import PublisherCheck
+from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
@@ -144,19 +144,18 @@ class CommandCheck:
             self.conflict = ''
             self._on_conflict('')
 
-    def receive(self, command: Any, info: Mapping[str, Any], now_ns: int, *, wall_ns: int,
+    def receive(self, command: Any, info: MessageInfo, now_ns: int, *, wall_ns: int,
                 stamp_ns: int) -> None:
         """
         Check a command handled at the steady time ``now_ns``; raise CommandError if refused.
 
-        ``info`` is what rclpy gives with the message, ``wall_ns`` the present time of its clock
+        ``info`` came with the message, ``wall_ns`` is the present time of its clock
         and ``stamp_ns`` that of the clock of timestamps, which may be simulated.
         """
         self._stalls.tick(now_ns)
-        received_ns = info['received_timestamp']
-        waited_ns = max(wall_ns - received_ns, 0)
+        waited_ns = max(wall_ns - info.received_ns, 0)
         sender = self._publishers.sender(info)
-        excess_ns = self._transit.excess(sender, received_ns - info['source_timestamp'])
+        excess_ns = self._transit.excess(sender, info.received_ns - info.source_ns)
         if text := self._publishers.record(sender, now_ns):
             self.conflict = text
             self._on_conflict(text)

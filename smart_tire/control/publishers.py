@@ -13,12 +13,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from typing import Any
+from dataclasses import dataclass
 
 from smart_tire.control import constants as c
 from smart_tire.samples import NS_PER_S
 
 UNDISCOVERED = 'a node whose name is not discovered yet'
+
+
+@dataclass(frozen=True)
+class MessageInfo:
+    """What the middleware reports of a message; times [ns] since 1970."""
+
+    source_ns: int                 # when it was published
+    received_ns: int
+    number: int | None = None      # counted by its publisher; unknown with some middleware
+    publisher: bytes | None = None  # identifier of its endpoint; unknown before Kilted
 
 
 class PublisherMonitor:
@@ -48,21 +58,27 @@ class SequenceTracker:
     """
     Distinguishes publishers by the sequence numbers of their messages.
 
-    A number that does not continue a known sequence belongs to another publisher. For ROS 2 before
-    Kilted, whose rclpy provides these numbers but not the identifier of the publisher.
+    A number belongs to the sequence that it continues with the smallest gap, among equal ones to
+    that which was continued last: the others may be of publishers that have ended. One that
+    continues no sequence belongs to another publisher. Of two publishers that send alternately,
+    the third message at the latest continues none. For ROS 2 before Kilted, whose rclpy provides
+    these numbers but not the identifier of the publisher.
     """
 
     def __init__(self) -> None:
-        self._latest: list[int] = []
+        self._latest: dict[int, int] = {}  # publisher -> latest number; the last to send is last
+        self._count = 0
 
     def publisher(self, number: int) -> int:
         """Return the index of the publisher that sent message ``number``, counted from 0."""
-        gaps = [(number - latest, index) for index, latest in enumerate(self._latest)
-                if 0 < number - latest <= c.MAX_SEQUENCE_GAP]
-        if not gaps:
-            self._latest.append(number)
-            return len(self._latest) - 1
-        _, index = min(gaps)
+        index = min((index for index, latest in reversed(self._latest.items())
+                     if 0 < number - latest <= c.MAX_SEQUENCE_GAP),
+                    key=lambda index: number - self._latest[index], default=self._count)
+        if index == self._count:
+            self._count += 1
+            if len(self._latest) >= c.MAX_PUBLISHERS:
+                del self._latest[next(iter(self._latest))]  # the one that is silent for longest
+        self._latest.pop(index, None)
         self._latest[index] = number
         return index
 
@@ -71,7 +87,8 @@ class PublisherCheck:
     """
     Names the publishers that send on the topic ``name`` within ``window`` [s], if several.
 
-    ``existing`` returns the nodes of those in the graph.
+    ``existing`` returns the nodes of those in the graph. All of them count as senders of a message
+    of which nothing is known.
     """
 
     def __init__(self, name: str, window: float,
@@ -87,11 +104,12 @@ class PublisherCheck:
         With ``by_node``, publishers of one node count once, and those that have ended do not. The
         sender of this message has not ended, even if it is not discovered yet.
         """
-        self._monitor.record(sender, now_ns)
+        for publisher in self._existing() if sender is None else (sender,):
+            self._monitor.record(publisher, now_ns)
         if not (publishers := self._monitor.conflicting(now_ns)):
             return ''
         existing = self._existing()
-        if by_node and isinstance(sender, bytes):
+        if by_node and not isinstance(sender, int):
             publishers = [item for item in publishers if item in existing or item == sender]
         names, count = self._names(publishers, existing), len(publishers)
         if by_node:
@@ -103,12 +121,11 @@ class PublisherCheck:
         """Return whether several publishers are active."""
         return len(self._monitor.conflicting(now_ns)) > 1
 
-    def sender(self, info: Mapping[str, Any]) -> Hashable:
-        """Return the publisher of a message, once; rclpy of Jazzy gives sequence numbers only."""
-        identifier = info.get('publisher_gid')
-        if identifier is not None:
-            return bytes(identifier['data'])
-        return self._sequences.publisher(info['publication_sequence_number'])
+    def sender(self, info: MessageInfo) -> Hashable:
+        """Return the publisher of a message, once per message; None if that is not known."""
+        if info.publisher is not None or info.number is None:
+            return info.publisher
+        return self._sequences.publisher(info.number)
 
     @staticmethod
     def _names(publishers: Iterable[Hashable], existing: Mapping[Hashable, str]) -> list[str]:

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 import inspect
@@ -33,11 +33,12 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import HostLoad, TimerLateness
 from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS, TYPED
 from smart_tire.nodes.compat import (
-    full_name, installed_class, message_class, plain_message, RCLError, RMWError,
+    full_name, installed_class, message_class, message_info, plain_message, RCLError, RMWError,
     wrong_type_message)
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
@@ -166,7 +167,7 @@ class SmartTireNode(Node, Generic[Params]):
 
         Invalid messages are counted and logged, those of other joints ignored. ``name`` replaces
         the topic's name, ``from_msg`` its conversion, ``type_name`` its type. With ``info``,
-        ``on_sample`` also gets rclpy's message info. No message for ``MAX_INPUT_AGE`` on a
+        ``on_sample`` also gets its MessageInfo. No message for ``MAX_INPUT_AGE`` on a
         ``required`` topic is a warning. The first message on a required or ``announced`` topic
         is logged. ``profile`` replaces that of ``subscriber_qos``. With ``kept``, messages of all
         publishers are received, with info, also those from before the subscription that a
@@ -188,8 +189,8 @@ class SmartTireNode(Node, Generic[Params]):
         def on_message(msg: Any) -> None:
             handle(msg)
 
-        def on_message_with_info(msg: Any, message_info: Any) -> None:  # rclpy counts arguments
-            handle(msg, message_info)
+        def on_message_with_info(msg: Any, info: MessageInfo) -> None:  # rclpy counts arguments
+            handle(msg, info)
 
         profile = profile or subscriber_qos(topic_name, wheels=wheels, reliability=reliability)
         if kept:
@@ -483,15 +484,16 @@ def _call_all(callbacks: Iterable[Callable[[], None]]) -> None:
         callback()
 
 
-def with_info(callback: Callable[[Any, Mapping[str, Any]], None]) -> Callable[..., None]:
+def with_info(callback: Callable[[Any, MessageInfo], None]) -> Callable[..., None]:
     """
-    Return a subscription callback that calls ``callback`` with the message and its DDS info.
+    Return a subscription callback that calls ``callback`` with the message and its info.
 
     The events executor passes both as one tuple, other executors as two arguments. rclpy decides
     by the signature whether a callback takes both.
     """
     def adapter(*given: Any) -> None:
-        callback(*(given if len(given) == 2 else given[0]))
+        msg, info = given if len(given) == 2 else given[0]
+        callback(msg, message_info(info))
 
     adapter.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return adapter

@@ -12,14 +12,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 import time
 from typing import Any
 
 from smart_tire.control import constants as c
 from smart_tire.control.command_check import CommandCheck
-from smart_tire.control.publishers import UNDISCOVERED
+from smart_tire.control.publishers import MessageInfo, UNDISCOVERED
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import publisher_names
 from smart_tire.nodes.diagnostics import Status
@@ -62,7 +62,7 @@ class CommandInput:
                        type_name=unstamped_type)
         node.call_every(c.TICK_PERIOD, lambda: self._check.tick(node.steady_ns()))
 
-    def _on_message(self, command: Any, info: Mapping[str, Any]) -> None:
+    def _on_message(self, command: Any, info: MessageInfo) -> None:
         self._check.receive(command, info, self._node.steady_ns(), wall_ns=time.time_ns(),
                             stamp_ns=self._node.now_ns())
 

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from importlib import import_module
 import re
 import sys
@@ -22,7 +22,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-from smart_tire.control.publishers import UNDISCOVERED
+from smart_tire.control.publishers import MessageInfo, UNDISCOVERED
 from smart_tire.parameters.files import from_arguments
 
 # not exported by rclpy:
@@ -50,6 +50,18 @@ def message_class(type_name: str) -> type[Any]:
     """Return the class of a message, service or action type such as ``sensor_msgs/msg/Imu``."""
     package, kind, name = type_name.split('/')
     return cast('type[Any]', getattr(import_module(f'{package}.{kind}'), name))
+
+
+def message_info(given: Mapping[str, Any]) -> MessageInfo:
+    """
+    Return the record of what rclpy gives with a message.
+
+    rclpy of Jazzy does not identify the publisher; Cyclone DDS does not number messages.
+    """
+    publisher = given.get('publisher_gid')
+    return MessageInfo(given['source_timestamp'], given['received_timestamp'],
+                       given.get('publication_sequence_number'),
+                       None if publisher is None else bytes(publisher['data']))
 
 
 def has_matched(node: Node, topic: str) -> bool:

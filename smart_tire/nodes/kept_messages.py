@@ -12,10 +12,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable
 from typing import Any
 
 from rclpy.node import Node
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.nodes.qos import keeping_publishers
 from smart_tire.samples import NS_PER_S
 
@@ -23,7 +24,6 @@ CHECK_PERIOD = 0.25  # s, in which a new publisher is noticed
 # in which a kept message is received: two periods of the heartbeats of Fast DDS, with which it
 # repeats a lost discovery and a lost message, and some reserve
 WINDOW_NS = 10 * NS_PER_S
-Info = Mapping[str, Any]  # as rclpy gives it with a message
 
 
 class KeptMessages:
@@ -33,12 +33,12 @@ class KeptMessages:
     A transient-local subscription lets every volatile publisher log that it is incompatible. So
     there is one, made by ``subscribe`` with its callback, only after a transient-local publisher
     has appeared, until a message is received, for at most ``WINDOW_NS``. All messages come with
-    their DDS info; each is handed to ``handle`` once, and a kept one only if it was published
+    their info; each is handed to ``handle`` once, and a kept one only if it was published
     after all others: the newest order counts.
     """
 
-    def __init__(self, node: Node, name: str, handle: Callable[[Any, Info], None],
-                 subscribe: Callable[[Callable[[Any, Info], None]], Any]) -> None:
+    def __init__(self, node: Node, name: str, handle: Callable[[Any, MessageInfo], None],
+                 subscribe: Callable[[Callable[[Any, MessageInfo], None]], Any]) -> None:
         self._node, self._name, self._handle, self._subscribe = node, name, handle, subscribe
         self._publishers: set[Hashable] = set()  # that keep messages, at the latest check
         self._subscription: Any = None
@@ -57,22 +57,22 @@ class KeptMessages:
             self._subscription = None
         self._publishers = publishers
 
-    def on_message(self, msg: Any, info: Info) -> None:
+    def on_message(self, msg: Any, info: MessageInfo) -> None:
         """Handle a message of the volatile subscription."""
         if identifier(info) != self._kept:
             self._hand_over(msg, info)
 
-    def _on_kept(self, msg: Any, info: Info) -> None:
+    def _on_kept(self, msg: Any, info: MessageInfo) -> None:
         self._end_ns = 0
-        if info['source_timestamp'] > self._newest_ns:
+        if info.source_ns > self._newest_ns:
             self._kept = identifier(info)
             self._hand_over(msg, info)
 
-    def _hand_over(self, msg: Any, info: Info) -> None:
-        self._newest_ns = max(self._newest_ns, info['source_timestamp'])
+    def _hand_over(self, msg: Any, info: MessageInfo) -> None:
+        self._newest_ns = max(self._newest_ns, info.source_ns)
         self._handle(msg, info)
 
 
-def identifier(info: Info) -> Hashable:
+def identifier(info: MessageInfo) -> Hashable:
     """Return what identifies a message; repeated content is not a repeated message."""
-    return info['source_timestamp'], info.get('publication_sequence_number')
+    return info.source_ns, info.number

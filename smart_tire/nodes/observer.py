@@ -155,12 +155,14 @@ def discovery_finding(elapsed: float | None, *, late: bool) -> Finding:
     A host that is ``late`` is the reason for a long time.
     """
     if elapsed is None:
-        return Finding(Level.ERROR, 'ROS', 'two participants on this host do not find each other '
-                      f'within {DISCOVERY_TIMEOUT:g} s', 'discovery over loopback',
-                      'enable multicast (ip link set lo multicast on), check the firewall')
+        return Finding(
+            Level.ERROR, 'ROS', 'two participants on this host do not find each other within '
+            f'{DISCOVERY_TIMEOUT:g} s', 'discovery over loopback',
+            'enable multicast (ip link set lo multicast on), check the firewall')
     if elapsed > SLOW_DISCOVERY and not late:
-        return Finding(Level.WARNING, 'ROS', f'discovery took {elapsed:.1f} s',
-                      f'at most {SLOW_DISCOVERY:g} s', 'check multicast and the load of the host')
+        return Finding(
+            Level.WARNING, 'ROS', f'discovery took {elapsed:.1f} s',
+            f'at most {SLOW_DISCOVERY:g} s', 'check multicast and the load of the host')
     return Finding(Level.OK, 'ROS', f'discovery over loopback works ({elapsed:.2f} s)')
 
 

@@ -85,9 +85,11 @@ def with_number(node: Node, change: Parameter[Any]) -> Parameter[Any]:
 
 def is_unchanged(node: Node, change: Parameter[Any]) -> bool:
     """Return whether ``change`` sets a parameter that cannot be changed to the value it has."""
-    return (node.has_parameter(change.name)
-            and node.describe_parameter(change.name).read_only
-            and _plain(node.get_parameter(change.name).value) == _plain(change.value))
+    if not (node.has_parameter(change.name)
+            and node.describe_parameter(change.name).read_only):
+        return False
+    old, new = _plain(node.get_parameter(change.name).value), _plain(change.value)
+    return bool(old == new or str(old) == str(new) == 'nan')  # ros2 param load gives a string
 
 
 def descriptor(spec: Spec) -> ParameterDescriptor:
@@ -97,7 +99,7 @@ def descriptor(spec: Spec) -> ParameterDescriptor:
         name=spec.name, description=spec.meaning + unit, read_only=not spec.live,
         dynamic_typing=True,  # integers are accepted for floats; ``Spec.check`` decides
         additional_constraints=_constraints(spec))
-    if spec.kind == 'float':
+    if spec.kind == 'float' and not spec.nan:  # the range of ROS excludes NaN
         described.floating_point_range = [FloatingPointRange(
             from_value=float(spec.low), to_value=float(spec.high))]
     elif spec.kind == 'int':

@@ -30,6 +30,7 @@ SENSOR_SPAN = 2.0     # s of a sensor stream in the queue of a publisher
 RATE_RESERVE = 5      # own subscriptions queue SENSOR_SPAN at this multiple of the nominal rate
 ESTIMATE_DEPTH = 250  # messages, 2 s at 125 Hz
 COMMAND_DEPTH = 1     # messages: only the latest command is used
+IMAGE_DEPTH = 5       # images, of megabytes each: the camera of the overhead localizer
 OTHER_DEPTH = 100     # messages: ground truth, overhead camera, diagnostics
 MIN_RECORDED_DEPTH = 100  # messages of any topic: all commands count, not only the latest
 FOREIGN_DEPTH = 1000  # messages of a topic that is not in TOPICS, or of a burst in a bag
@@ -57,6 +58,8 @@ def publisher_qos(name: str, *, rate: float = 0.0, wheels: int = 1) -> QoSProfil
     """
     if name.strip('/') in LATCHED:
         return latched()
+    if '/image_raw' in name:
+        return _reliable(IMAGE_DEPTH)
     topic = ALL_TOPICS.get(name)
     if topic is None or topic.quality == 'truth':
         return _reliable(OTHER_DEPTH)

@@ -25,6 +25,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.bags import BagWriter, Channel, channel_of, PARAMETERS_KEY, Qos
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import BagError
 from smart_tire.nodes.base import NoParams, SmartTireNode, with_info
 from smart_tire.nodes.compat import installed_class
@@ -39,6 +40,7 @@ FLUSH_PERIOD = 0.1          # s between chunks, half of what a crash may cost
 PROGRESS_PERIOD = 1.0       # s between reports of the progress, and looks at the disk
 MIN_FREE = 200_000_000      # bytes on the disk with which a recording ends: the bag is completed
 MAX_DURATION = 300.0        # s of a file: its index is in memory, up to 10 MB with 30 topics
+DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start, until publishers that existed are discovered
 
 Progress = Callable[[Mapping[str, int], int], None]  # topic -> messages, number of lost ones
 
@@ -50,20 +52,24 @@ class SequenceGaps:
     The DDS event ``message_lost`` does not occur when a queue of the subscriber overflows. A
     publisher is counted from its first message that is received on: what it sent before it matched
     the subscription was never on its way. Losses after the last received message are not detected.
+    Messages that do not identify their publisher (before Kilted) are of the ``only_publisher``;
+    their losses are not counted while it is None or other publishers are not ``discovered``.
     """
 
     def __init__(self) -> None:
         self.lost = 0
+        self.only_publisher: bytes | None = None
+        self.discovered = False  # whether there is no other that has existed for long
         self._last: dict[bytes, int] = {}  # publisher -> latest sequence number
 
-    def count(self, info: Mapping[str, Any]) -> bool:
+    def count(self, info: MessageInfo) -> bool:
         """Add a received message; return whether the losses have reached 1, 2, 4, 8 ... now."""
-        number, identifier = info.get('publication_sequence_number'), info.get('publisher_gid')
-        if number is None or identifier is None:  # rclpy of Jazzy does not identify publishers
+        number, publisher = info.number, info.publisher or self.only_publisher
+        if number is None or publisher is None:
             return False
-        publisher, before = bytes(identifier['data']), self.lost
-        last = self._last.get(publisher, number)
-        self.lost += max(0, number - last - 1)
+        before, last = self.lost, self._last.get(publisher, number)
+        if info.publisher is not None or self.discovered:
+            self.lost += max(0, number - last - 1)
         self._last[publisher] = max(last, number)
         return before.bit_length() < self.lost.bit_length()
 
@@ -91,6 +97,7 @@ class Recorder(SmartTireNode[NoParams]):
         self._stored: Mapping[str, Mapping[str, Any]] = {}  # parameters in the bag
         self._names = {self.resolve_topic_name(topic) for topic in topics}
         self._recorded: dict[str, tuple[str, QoSProfile, Any]] = {}  # type, profile, subscription
+        self._discovered_ns = self.steady_ns() + DISCOVERY_GRACE_NS
         self._published: dict[str, list[str]] = {}  # of the publishers, in the order of discovery
         self.problem = ''  # that ended the recording
         self._gaps: dict[str, SequenceGaps] = {}
@@ -158,6 +165,9 @@ class Recorder(SmartTireNode[NoParams]):
             return
         offers = [info.qos_profile for info in publishers]
         requested = matching_qos(name, offers)
+        gaps = self._gaps.setdefault(name, SequenceGaps())
+        gaps.only_publisher = bytes(publishers[0].endpoint_gid) if len(publishers) == 1 else None
+        gaps.discovered = self.steady_ns() > self._discovered_ns
         if name in self._recorded:
             present, profile, subscription = self._recorded[name]
             if present == type_name and not requests_less(requested, profile):
@@ -169,7 +179,7 @@ class Recorder(SmartTireNode[NoParams]):
         else:
             self.get_logger().info(f'recording {name}')
         channel = channel_of(name, type_name, tuple(map(recorded_qos, offers)))
-        callback = with_info(self._write_callback(channel))
+        callback = with_info(self._write_callback(channel, gaps))
         self._recorded[name] = type_name, requested, self.create_subscription(
             cls, name, callback, requested, raw=True)
 
@@ -187,13 +197,12 @@ class Recorder(SmartTireNode[NoParams]):
                                       f'only {type_name} is recorded')
         return type_name
 
-    def _write_callback(self,
-                        channel: Channel) -> Callable[[Any, Mapping[str, Any]], None]:
+    def _write_callback(self, channel: Channel,
+                        gaps: SequenceGaps) -> Callable[[Any, MessageInfo], None]:
         name = channel.topic
-        gaps = self._gaps.setdefault(name, SequenceGaps())
         add_topic, write, now_ns = self._writer.add_topic, self._writer.write, time.time_ns
 
-        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
+        def on_message(data: bytes, info: MessageInfo) -> None:
             add_topic(channel)
             write(name, now_ns(), data)
             if gaps.count(info):

@@ -12,15 +12,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 import math
 import sys
 import time
-from typing import Any
 
 from smart_tire.control.command_check import check_age
-from smart_tire.control.publishers import PublisherCheck
+from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.control.trajectory_control import Cause, State, TrajectoryControl
 from smart_tire.errors import CommandError
 from smart_tire.messages import (
@@ -127,13 +125,13 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
         self.guarded(ACTION, self.inputs[ACTION], follow)
 
-    def _on_message(self, name: str, order: Order, info: Mapping[str, Any]) -> None:
+    def _on_message(self, name: str, order: Order, info: MessageInfo) -> None:
         """Follow a new path or goal, unless another node has sent one a short time ago, too."""
         senders = self._senders[name]
         if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
             raise CommandError(conflict)
         # from its publication on, since a latched one is received when this node starts
-        self._on_order(name, order, max(time.time_ns() - info['source_timestamp'], 0))
+        self._on_order(name, order, max(time.time_ns() - info.source_ns, 0))
 
     def _on_order(self, name: str, order: Order, waited_ns: int, goal: Goal | None = None) -> None:
         """Follow a new path or goal, unless it is of the past: it has waited [ns] at most."""
@@ -160,6 +158,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             super().reject_input(name, counter, error)
             return
         counter.reject(str(error))
+        self._reported = self._reported[0], ''  # report each, as often as the log permits
         self._control.refuse(error)
         self._step()
 

@@ -57,6 +57,8 @@ class Spec:
     length: int | None = None     # of a list, if fixed
     live: bool = False            # may be changed while the node runs
     instances: bool = False       # lists the names of a ``named`` field
+    nan: bool = False             # NaN is allowed: not given
+    scalar: bool = False          # of a list: a number is a list of one
 
     def __post_init__(self) -> None:
         if self.is_number and not (math.isfinite(self.low) and math.isfinite(self.high)):
@@ -77,6 +79,8 @@ class Spec:
         if not self.kind.endswith('[]'):
             return self._check_one(value, self.kind)
         value = () if value is None else value
+        if self.scalar and isinstance(value, (int, float)):
+            value = (value,)
         if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
             raise self._error(value, f'a list of {self.kind[:-2]}')
         items = tuple(self._check_one(item, self.kind[:-2]) for item in value)
@@ -89,6 +93,8 @@ class Spec:
             value = float(value)
         if kind == 'int' and isinstance(value, float) and value.is_integer():
             value = int(value)
+        if self.nan and str(value).lower() == 'nan':  # YAML takes nan without a dot for a string
+            return math.nan  # one object: instances with it are equal
         if type(value).__name__ != kind:
             raise self._error(value, f'{"an" if kind == "int" else "a"} {kind}')
         if self.choices and value not in self.choices:

@@ -79,6 +79,12 @@ def test_wrong_arguments_are_usage_errors(words, message, tmp_path, capsys):
     assert status == 2 and message in capsys.readouterr().err
 
 
+def test_a_sequence_without_a_recording_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(live, 'record_steps', lambda *_: {})
+    assert main(['calibrate', '--out', str(tmp_path / 'out')]) == 2
+    assert 'all steps were skipped' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('typed', ['', 'yes\n', 'Drive \n'])
 def test_nothing_is_driven_without_the_confirmation(typed, monkeypatch, capsys):
     monkeypatch.setattr('sys.stdin', io.StringIO(typed))

@@ -131,6 +131,8 @@ def everything(tmp_path_factory, isolated_ros):
             idle.publish(TwistStamped())
             robot.until_stored(bag, 'cmd_vel', lambda: twists.publish(Twist()))
             robot.until_stored(bag, 'flood', lambda: robot.send(flood))
+            wait_for(lambda: count(bag, 'diagnostics') >= 4)  # one per second: on Jazzy, losses
+            # are counted from 2 s after the start on
 
             def overrun() -> None:
                 with stopped(recorder):

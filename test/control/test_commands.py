@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 from hypothesis import example, given
@@ -134,10 +135,26 @@ def test_publishers_conflict_while_several_have_sent_within_the_window(messages)
 @pytest.mark.parametrize(('numbers', 'publishers'), [
     ((7, 8, 9, 20, 21, 21 + MAX_SEQUENCE_GAP), [0] * 6),  # with or without losses
     ((500, 1, 501, 2, 502, 3), [0, 1, 0, 1, 0, 1]), ((100, 50, 101, 51, 103), [0, 1, 0, 1, 0]),
-    ((5, 5, 6 + MAX_SEQUENCE_GAP), [0, 1, 2])])
+    ((5, 5, 6 + MAX_SEQUENCE_GAP), [0, 1, 2]),
+    ((1, 2, 3, 1, 2, 3, 4, 5, 4), [0, 0, 0, 1, 1, 1, 1, 1, 0])])  # restarted
 def test_a_number_that_continues_no_sequence_is_another_publisher(numbers, publishers):
     tracker = SequenceTracker()
     assert [tracker.publisher(number) for number in numbers] == publishers
+
+
+@given(st.integers(1, 5000), st.integers(1, 5000), st.lists(st.sampled_from('ab')))
+def test_a_publisher_that_sends_again_after_another_one_is_distinguished(first, second, before):
+    tracker = SequenceTracker()
+    numbers = {'a': itertools.count(first), 'b': itertools.count(second)}
+    indices = [tracker.publisher(next(numbers[one])) for one in (*before, 'a', 'b', 'a')]
+    assert len({*indices[-3:]}) > 1
+
+
+def test_of_many_publishers_the_sequence_of_the_one_that_is_silent_for_longest_is_forgotten():
+    tracker = SequenceTracker()
+    assert [tracker.publisher(-number) for number in range(MAX_PUBLISHERS + 1)] == [
+        *range(MAX_PUBLISHERS + 1)]
+    assert tracker.publisher(1) == 1  # 0 would have been followed more closely by 1
 
 
 @given(st.lists(st.tuples(

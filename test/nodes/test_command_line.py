@@ -79,7 +79,7 @@ def test_the_help_of_several_nodes_in_one_process_names_them():
     text = answer(['composed', '--help'])
     assert text.startswith('composed (smart_tire ')
     assert set(re.findall(r'\w+_\w+', text)) >= NODE_TABLE.keys() - {
-        'robot_simulator', 'motor_driver', 'wheel_controller'}
+        'robot_simulator', 'overhead_localizer', 'motor_driver', 'wheel_controller'}
     assert 'wheel_controller' not in text
 
 

@@ -118,7 +118,8 @@ def test_a_batch_is_published_as_one_typed_message_while_someone_subscribes(
         for number, subscribers in enumerate((0, 1, 0)):
             node.subscribers[typed.name] = subscribers
             port.write(packet(number, 0x0013A20040A1B2C3))
-            node.until(lambda: len(node.received['tire_samples']) == 16 * number + 16)  # noqa: B023
+            wanted = 16 * number + 16
+            node.until(lambda: len(node.received['tire_samples']) == wanted)  # noqa: B023
     (batch,) = map(typed.from_msg, node.received[typed.name])
     assert batch.samples == node.samples('tire_samples')[16:32]
     assert (batch.wheel, batch.saturated) == ('front_right', False)

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 from rclpy.qos import QoSProfile
+from smart_tire.control.publishers import MessageInfo
 from smart_tire.nodes.kept_messages import KeptMessages, WINDOW_NS
 from smart_tire.nodes.qos import latched
 
@@ -60,9 +61,9 @@ def rig() -> Rig:
     return Rig()
 
 
-def info(published_ns: int, number: int = 1) -> dict[str, int]:
-    """Return what rclpy gives with a message."""
-    return {'source_timestamp': published_ns, 'publication_sequence_number': number}
+def info(published_ns: int, number: int | None = 1) -> MessageInfo:
+    """Return the info of a message."""
+    return MessageInfo(published_ns, published_ns, number)
 
 
 def test_volatile_publishers_never_meet_a_transient_local_subscription(rig):
@@ -147,9 +148,9 @@ def test_what_was_kept_from_before_the_newest_message_is_outdated(rig):
     assert rig.handled == ['newest']
 
 
-def test_rclpy_without_sequence_numbers_is_served(rig):
+def test_middleware_without_sequence_numbers_is_served(rig):
     rig.publishers[b'1'] = latched()
     rig.kept.check(START_NS)
     for callback in (rig.on_kept, rig.on_message):
-        callback('path', {'source_timestamp': 0})
+        callback('path', info(0, number=None))
     assert rig.handled == ['path']

@@ -274,10 +274,12 @@ def test_a_driver_with_start_stopped_starts_with_the_stop_latched(robot):
     yield from driven(robot)
 
 
+@pytest.mark.parametrize('known', ['publisher', 'number', 'nothing'])
 @pytest.mark.parametrize('topic', ['motor_commands', 'wheel_states', 'cmd_vel'])
-@robots
-def test_a_second_publisher_stops_the_wheels_until_it_is_silent(robot, topic):
+@played(lambda known: VirtualRobot(known=known))
+def test_a_second_publisher_stops_the_wheels_until_it_is_silent(robot, topic, known):
     yield from driven(robot)
+    robot.sent[topic][STRANGER] = max(robot.sent[topic].values())  # the same numbers
     samples = {'motor_commands': lambda: MotorCommand(robot.clock.time_ns(), (1.0,) * 4),
                'wheel_states': lambda: robot.samples[-1], 'cmd_vel': robot.velocity}
     sending = [True]
@@ -287,6 +289,7 @@ def test_a_second_publisher_stops_the_wheels_until_it_is_silent(robot, topic):
     yield from stay_stopped(robot, 1.0)
     assert any(f'2 publishers on {topic}' in reason for reason in robot.rejected)
     sending[0] = False
+    del robot.sent[topic][STRANGER]  # ended
     yield 1.3
     yield from robot.until(lambda: robot.output.gate.enabled)
     yield from driven(robot)

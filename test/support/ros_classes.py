@@ -68,17 +68,21 @@ from rosidl_generator_c.cli import GenerateC
 from rosidl_generator_py.cli import GeneratePython
 from rosidl_typesupport_c.cli import GenerateCTypesupport
 from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
-source, package, share, output, *names = sys.argv[1:]
+from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
+source, package, share, output, other, *names = sys.argv[1:]
 files = [pathlib.Path(name) for name in names]
 for file in files:
     convert = convert_action_to_idl if file.suffix == '.action' else convert_msg_to_idl
     convert(pathlib.Path(source), package, file, pathlib.Path(source) / file.parent)
+introspection = GenerateIntrospectionCTypesupport('')  # writes a file that C has, too
 for generator in (
-        GenerateC(''), GenerateFastRTPSCTypesupport(''),
-        GenerateCTypesupport('', typesupport_implementations=['rosidl_typesupport_fastrtps_c']),
+        GenerateC(''), GenerateFastRTPSCTypesupport(''), introspection,
+        GenerateCTypesupport('', typesupport_implementations=[
+            'rosidl_typesupport_fastrtps_c', 'rosidl_typesupport_introspection_c']),
         GeneratePython('', typesupport_implementations=['rosidl_typesupport_c'])):
     generator.generate(package, [f'{source}:{file.with_suffix(".idl")}' for file in files],
-                       [share, f'{package}:{source}'], pathlib.Path(output))
+                       [share, f'{package}:{source}'],
+                       pathlib.Path(other if generator is introspection else output))
 """
 
 
@@ -126,22 +130,34 @@ def folder_of_classes() -> Path:
 
 
 def _build(folder: Path, package: str) -> None:
-    source, classes = folder / 'source' / package, folder / 'classes'
+    source, classes, other = (
+        folder / 'source' / package, folder / 'classes', folder / 'introspection')
     files = {interface.partition('/')[2]: fields for interface, fields in INTERFACES.items()
              if interface.startswith(f'{package}/')}
     for file, fields in files.items():
         (source / file).parent.mkdir(parents=True, exist_ok=True)
         (source / file).write_text(fields, encoding='utf-8')
     _run([sys.executable, '-c', GENERATE, str(source), package, str(PREFIX / 'share'),
-          str(classes / package), *files])
+          str(classes / package), str(other / package), *files])
     (classes / package / '__init__.py').touch()
-    headers = [PREFIX / 'include', *(PREFIX / 'include').iterdir(), classes,
+    headers = [PREFIX / 'include', *(PREFIX / 'include').iterdir(), classes, other,
                Path(sysconfig.get_path('include')), Path(np.get_include())]
-    code = [path for end in ('*.c', '*.cpp') for path in (classes / package).rglob(end)]
+    code = [path for end in ('*.c', '*.cpp') for made in (classes, other)
+            for path in (made / package).rglob(end)]
+    module = {path for path in code if path.parent == classes / package}
     libraries = [path for end in LIBRARIES for path in sorted((PREFIX / 'lib').glob(end))]
-    _run(['gcc', '-O0', '-w', '-shared', '-fPIC', *(f'-I{path}' for path in headers),
-          *map(str, code), '-o', str(classes / package / f'{package}_s__rosidl_typesupport_c.so'),
-          *map(str, libraries), '-lstdc++', '-Wl,--as-needed', f'-Wl,-rpath,{PREFIX / "lib"}'])
+    # rosidl_typesupport_c opens a library for each kind: the module has loaded both by then
+    first, second = (f'lib{package}__rosidl_typesupport_{kind}_c.so'
+                     for kind in ('fastrtps', 'introspection'))
+    for name, given in (
+            (first, [*map(str, {*code} - module), *map(str, libraries), '-lstdc++',
+                     '-Wl,--as-needed', f'-Wl,-rpath,{PREFIX / "lib"}']),
+            (second, ['-Wl,--no-as-needed', f'-l:{first}']),
+            (f'{package}_s__rosidl_typesupport_c.so', [
+                *map(str, module), '-Wl,--no-as-needed', f'-l:{second}'])):
+        _run(['gcc', '-O0', '-w', '-shared', '-fPIC', *(f'-I{path}' for path in headers),
+              f'-L{classes / package}', *given, '-Wl,-rpath,$ORIGIN',
+              '-o', str(classes / package / name)])
 
 
 def _run(command: list[str]) -> None:

@@ -18,6 +18,7 @@ in real time, so a second takes some milliseconds, and a busy machine changes no
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -32,7 +33,7 @@ from typing import Any
 from smart_tire.bags.cdr import empty
 from smart_tire.control.command_check import CommandCheck
 from smart_tire.control.constants import TICK_PERIOD
-from smart_tire.control.publishers import PublisherCheck
+from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.control.trajectory_control import TrajectoryControl
 from smart_tire.control.wheel_loop import WheelLoop
 from smart_tire.drivers.clock import Clock
@@ -200,6 +201,7 @@ class Conditions:
     late: tuple[tuple[str, int, float], ...] = ()  # topic, number after the fault, extra transit
     lost: tuple[tuple[str, int], ...] = ()         # topic, number after the fault
     doubled: tuple[tuple[str, int], ...] = ()      # the same
+    known: str = 'publisher'  # by the info of a message, or its 'number' (Jazzy), or 'nothing'
     driver: dict[str, Any] = field(default_factory=dict)      # parameters of motor_driver
     controller: dict[str, Any] = field(default_factory=dict)  # and of wheel_controller
     follower: dict[str, Any] = field(default_factory=dict)    # and of trajectory_controller
@@ -325,6 +327,7 @@ class VirtualRobot(VirtualDriver):
         super().__init__(conditions, **settings)
         conditions, clock, driver = self.conditions, self.clock, self.params
         self.rejected: list[str] = []
+        self.sent: defaultdict[str, Counter[str]] = defaultdict(Counter)  # topic -> messages of
         self.warnings: list[str] = []
         self.processes = {name: Process(clock) for name in (DRIVER, CONTROLLER, COMMANDER)}
         controller = build(WheelControllerParams, {
@@ -334,14 +337,14 @@ class VirtualRobot(VirtualDriver):
                 'motor_commands', command, CONTROLLER), clock.now_ns, clock.time_ns)
         self._checks = {
             'motor_commands': (DRIVER, CommandCheck(
-                'motor_commands', dict, self.output.set_command, self.output.set_conflict,
-                START_NS, timeout=driver.command_timeout, max_age=driver.command_max_age,
-                same_host=True)),
+                'motor_commands', self._existing('motor_commands'), self.output.set_command,
+                self.output.set_conflict, START_NS, timeout=driver.command_timeout,
+                max_age=driver.command_max_age, same_host=True)),
             'wheel_states': (CONTROLLER, CommandCheck(
-                'wheel_states', dict, self.loop.add_wheels, self.loop.set_wheel_conflict,
-                START_NS, timeout=controller.wheel_states_timeout)),
+                'wheel_states', self._existing('wheel_states'), self.loop.add_wheels,
+                self.loop.set_wheel_conflict, START_NS, timeout=controller.wheel_states_timeout)),
             **{name: (CONTROLLER, CommandCheck(
-                name, dict, partial(self.loop.set_velocity, name),
+                name, self._existing(name), partial(self.loop.set_velocity, name),
                 partial(self.loop.set_velocity_conflict, name), START_NS, timeout=timeout,
                 max_age=controller.cmd_vel_max_age, warn=self.warnings.append))
                for name, _, timeout in controller.inputs()}}
@@ -414,6 +417,9 @@ class VirtualRobot(VirtualDriver):
         arrival_ns = self.clock.now_ns() + round((self.conditions.transit + extra) * NS_PER_S)
         self.clock.at(arrival_ns, lambda: self.processes[name].call(do))
 
+    def _existing(self, topic: str) -> Callable[[], dict[bytes, str]]:
+        return lambda: {sender.encode(): sender for sender in self.sent[topic]}
+
     def publish(self, topic: str, sample: Any, sender: str) -> None:
         """Publish a message, which may be lost, late or doubled."""
         number, conditions = self._numbers.get(topic, 0), self.conditions
@@ -424,11 +430,14 @@ class VirtualRobot(VirtualDriver):
         extra = sum(seconds for name, index, seconds in conditions.late
                     if (name, index) == (topic, number) and self._fault_ns is not None)
         sent_ns, (reader, check) = self.clock.time_ns(), self._checks[topic]
+        self.sent[topic][sender] += 1
+        reported: dict[str, Any] = {
+            'publisher': {'publisher': sender.encode()},
+            'number': {'number': self.sent[topic][sender]}, 'nothing': {}}[conditions.known]
 
         def receive() -> None:
             now_ns, wall_ns = self.clock.now_ns(), self.clock.time_ns()
-            info = {'received_timestamp': wall_ns, 'source_timestamp': sent_ns,
-                    'publisher_gid': {'data': sender.encode()}}
+            info = MessageInfo(sent_ns, wall_ns, **reported)
             try:
                 check.receive(valid(sample), info, now_ns, wall_ns=wall_ns,
                               stamp_ns=wall_ns)

@@ -1,0 +1,162 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+"""Estimates from the overhead camera in a bag: ``smart_tire overhead``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+import json
+import math
+from pathlib import Path
+from typing import Any, cast
+
+from smart_tire.analysis.summary import plain, Tree
+from smart_tire.bags import Bag, BagWriter, Decoder, PARAMETERS_KEY
+from smart_tire.errors import BagError, MessageError, ParameterError
+from smart_tire.parameters import (
+    build, known_names, load_files, NODE_PARAMS, OverheadLocalizerParams)
+from smart_tire.parameters.files import blocks_in, snapshot_text, values_for
+from smart_tire.parameters.spec import values_of
+from smart_tire.samples import NS_PER_S, Sample
+from smart_tire.vision.overhead import OverheadLocalizer, Result
+
+NODE = 'overhead_localizer'
+INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
+IMAGE_TYPES = {  # type -> topic; the first that a bag has is read
+    'sensor_msgs/msg/Image': 'overhead_camera/image_raw',
+    'sensor_msgs/msg/CompressedImage': 'overhead_camera/image_raw/compressed'}
+INFO_TOPIC = 'overhead_camera/camera_info'
+INPUTS = ('imu/data', 'wheel_states')
+
+Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
+
+
+@dataclass(frozen=True)
+class CameraTopics:
+    """Topics of a camera by their names in a bag; '' if it has none."""
+
+    images: str
+    info: str
+    notes: tuple[str, ...] = ()
+
+
+def overhead_params(bag: Bag, files: Sequence[Path], **given: Any) -> OverheadLocalizerParams:
+    """
+    Return the parameters in the bag, in ``files`` and ``given``; later ones override.
+
+    Raises ParameterError if one is invalid.
+    """
+    own = known_names([OverheadLocalizerParams])
+    values = values_for(NODE, blocks_in(bag.parameters, f'{bag.path}: parameters in the bag'),
+                        own) if bag.parameters else {}
+    values |= load_files(files, NODE, known_names(NODE_PARAMS.values()), own)
+    return build(OverheadLocalizerParams, values | given)
+
+
+def camera_topics(types: Mapping[str, str]) -> CameraTopics:
+    """
+    Return the topics of the overhead camera in a bag with the topics ``types``.
+
+    They are recognized by their type if there is only one of it. Raises BagError if several may be
+    meant.
+    """
+    notes: list[str] = []
+
+    def choose(kind: str, standard: str) -> str:
+        found = [name for name, one in types.items() if one == kind]
+        named = [name for name in found if f'/{name}'.endswith(f'/{standard}')]
+        if len(named or found) > 1:
+            raise BagError(f'{len(named or found)} topics may be {standard}: '
+                           + ', '.join(named or found))
+        if found and not named:
+            notes.append(f'{standard}: using {found[0]}, the only topic of type {kind}')
+        return (named or found or [''])[0]
+    images = ''
+    for kind, standard in IMAGE_TYPES.items():
+        images = images or choose(kind, standard)
+    return CameraTopics(images, choose(INFO_TYPE, INFO_TOPIC), tuple(notes))
+
+
+def locate(bag: Bag, params: OverheadLocalizerParams,
+           progress: Progress = lambda share: None) -> Result:
+    """Return the estimates from the images of an open bag."""
+    topics = camera_topics(bag.types)
+    localizer = OverheadLocalizer(params)
+    if not topics.images:
+        return localizer.result(bag.recording(()))
+    info = Decoder(INFO_TYPE)
+    first = next((data for _, _, data in bag.raw({topics.info})), None) if topics.info else None
+    if first is not None:  # it may come after the first images
+        _add_info(localizer, info, first)
+    image, (start, end) = Decoder(bag.types[topics.images]), bag.span_ns
+    for receive_ns, channel, data in bag.raw({topics.images, topics.info} - {''}):
+        if channel.topic == topics.info:
+            _add_info(localizer, info, data)
+            continue
+        try:
+            localizer.add_image(image(data))
+        except MessageError:
+            localizer.images += 1
+            localizer.refused['message cannot be decoded'] += 1
+        progress((receive_ns - start) / max(1, end - start))
+    return localizer.result(bag.recording(INPUTS))
+
+
+def _add_info(localizer: OverheadLocalizer, read: Decoder, data: bytes) -> None:
+    try:
+        localizer.add_camera_info(read(data))
+    except MessageError as error:
+        localizer.refuse_camera_info(error)
+
+
+def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
+          notes: Sequence[str] = ()) -> Tree:
+    """Write estimates and summary into the folder ``out``; return the summary."""
+    values = values_of(params)
+    samples: list[tuple[str, Sample]] = [('overhead/odom', sample) for motion in result.motions
+               for sample in motion.odometry(params.robot.wheel_radius)]
+    samples += [('overhead/wheel_slip', slip) for slip in result.slips]
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError(f'{out}: cannot be made ({error.strerror})') from error
+    if samples:
+        with BagWriter(out / 'estimates', custom_data={
+                PARAMETERS_KEY: snapshot_text({NODE: values})}) as writer:
+            for topic, sample in sorted(samples, key=lambda one: one[1].stamp_ns):
+                writer.write_sample(topic, sample.stamp_ns, sample)
+    summary = summary_of(result, bag, values, notes)
+    (out / 'summary.json').write_text(
+        json.dumps(summary, indent=2, allow_nan=False) + '\n', encoding='utf-8')
+    return summary
+
+
+def summary_of(result: Result, bag: Path, values: Mapping[str, Any], notes: Sequence[str]) -> Tree:
+    """Return what ``summary.json`` contains."""
+    stamps = [stamp for motion in result.motions for stamp in motion.stamp_ns]
+    return cast(Tree, plain({
+        'bag': str(bag),
+        'parameters': {name: value for name, value in values.items()
+                       if name.startswith('overhead.')},
+        'notes': [*notes, *result.hints],
+        'duration_s': (max(stamps) - min(stamps)) / NS_PER_S if stamps else 0.0,
+        'frames': result.images, 'detections': result.detections, 'used': result.published,
+        'missing': result.lost,
+        'refused': dict(result.refused.most_common()),
+        'gaps': [{'begin_s': begin, 'duration_s': duration} for begin, duration in result.gaps],
+        'time_offset': {'value_s': result.offset.value, 'sigma_s': result.offset.sigma,
+                        'source': result.offset_source} if result.motions else None,
+        'row_time': {'value_s': result.row_time.value, 'sigma_s': result.row_time.sigma},
+        'pixel_noise': result.noise, 'inset': result.inset,
+        'pose_noise_factor': math.nan if not result.motions else max(
+            motion.noise for motion in result.motions),
+        'estimates': {'overhead/odom': result.published, 'overhead/wheel_slip': len(result.slips)},
+    }))

@@ -1,0 +1,29 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""The benchmark of the overhead camera, with few small images."""
+
+from __future__ import annotations
+
+from benchmarks import overhead
+
+SMALL = {'size': (320, 240), 'focal_length': 300.0, 'position': (0.0, 0.0, 2.0)}
+
+
+def test_each_condition_has_a_row_with_errors_in_mm_and_degrees(monkeypatch, capsys):
+    monkeypatch.setattr(overhead, 'CONDITIONS', {
+        'plain': SMALL, 'hidden': {**SMALL, 'occlusion': 0.9}})
+    assert overhead.main(['--images', '2']) == 0
+    plain, hidden = (line for line in capsys.readouterr().out.splitlines()
+                     if line.startswith(('| plain', '| hidden')))
+    name, used, wrong, position, yaw, pixels = (cell.strip() for cell in plain.split('|')[1:-1])
+    assert (name, used, wrong, pixels) == ('plain', '2 of 2', '0', '27')
+    assert 0.01 < float(position) < 5.0 and 0.001 < float(yaw) < 1.0
+    assert [cell.strip() for cell in hidden.split('|')[1:5]] == ['hidden', '0 of 2', '0', '-']
