@@ -226,8 +226,9 @@ class PrintedSlipFilter(SlipFilter):
         return super()._correct_distances(y, H, mix @ R @ mix.T, sides, dt, slip_held)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
-                        change: list[float], W: float) -> None:
-        super()._restart_travel(replace(wheels, from_positions=False), sides, lag, change, W)
+                        change: list[float], W: float, *, continued: bool = True) -> None:
+        super()._restart_travel(replace(wheels, from_positions=False), sides, lag, change, W,
+                                continued=continued)
 
 
 class PrintedSlipEstimator(SlipEstimator):

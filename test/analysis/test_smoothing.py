@@ -62,11 +62,11 @@ def errors(run, ground, series):
 
 
 @cache
-def both_errors(seeds, latency=0.0, **options):
+def both_errors(seeds, latency=0.0, first=0, **options):
     """Return plain errors, and those over their sigmas, of filter and smoother, by name."""
     params = build(SlipEstimatorParams, {'encoder.latency': latency})
     found = []
-    for seed in range(seeds):
+    for seed in range(first, first + seeds):
         run, ground = driven(seed, wheel_latency=latency, **options)
         found.append([errors(run, ground, series) for series in smooth(params, run.samples)])
     return [{name: (rms(np.concatenate([run[way][name][0] for run in found])),
@@ -85,8 +85,17 @@ seeds = pytest.mark.parametrize('seeds', [2, pytest.param(8, marks=pytest.mark.l
 @pytest.mark.parametrize('name', ['slip', 'speed', 'position'])
 def test_the_smoother_is_consistent_and_more_accurate_than_the_filter(seeds, name):
     filtered, smoothed = both_errors(seeds)
-    assert smoothed[name][0] < filtered[name][0]
+    assert smoothed[name][0] < filtered[name][0] or name == 'position'  # below
     assert smoothed[name][1] < 1.2
+
+
+@pytest.mark.long
+def test_the_smoothed_position_drifts_as_that_of_the_filter():
+    """Nothing shows the position: over 16 drives both errors are .058 and .059 m, before too."""
+    filtered, smoothed = (np.array([runs['position'][0] for runs in both]) for both in zip(
+        *(both_errors(1, first=seed) for seed in range(8))))
+    difference = smoothed - filtered
+    assert abs(np.mean(difference)) < 2.0 * np.std(difference, ddof=1) / np.sqrt(8)
 
 
 @seeds
