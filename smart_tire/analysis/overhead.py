@@ -121,8 +121,9 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
           notes: Sequence[str] = ()) -> Tree:
     """Write estimates and summary into the folder ``out``; return the summary."""
     values = values_of(params)
-    samples: list[tuple[str, Sample]] = [('overhead/odom', sample) for motion in result.motions
-               for sample in motion.odometry(params.robot.wheel_radius)]
+    samples: list[tuple[str, Sample]] = [
+        ('overhead/odom', sample) for motion in result.motions
+        for sample in motion.odometry(params.robot.wheel_radius)]
     samples += [('overhead/wheel_slip', slip) for slip in result.slips]
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -87,7 +87,7 @@ class Camera:
         self.rotation = matrix(*angles)  # of vectors from the optical frame to map
 
     def pixels(self, points: Array) -> Array:
-        """Return the pixels (..., 2) of points (..., 3) [m] in ``map``."""
+        """Return where points (..., 3) [m] in ``map`` are in the image [pixels], (..., 2)."""
         own = ((points - self.position) @ self.rotation).reshape(-1, 1, 3)
         inner, zero = self.intrinsics, np.zeros(3)
         if inner.model == 'equidistant':

@@ -50,12 +50,12 @@ class Track:
 
     @property
     def values(self) -> Array:
-        """Return the values (n, m)."""
+        """Return the smoothed series, (n, m)."""
         return self.states[:, :self.states.shape[1] // 2]
 
     @property
     def rates(self) -> Array:
-        """Return the rates (n, m) [1/s]."""
+        """Return the derivatives of the series [1/s], (n, m)."""
         return self.states[:, self.states.shape[1] // 2:]
 
     def rates_at(self, times: Array) -> tuple[Array, Array]:
@@ -153,7 +153,7 @@ class _Model:
 
     def intensities(self, x: Array, P: Array, gains: Array, density: Array,
                     steady: Array) -> Array:
-        """Return the next intensities (n - 1, m) from the states smoothed with ``density``."""
+        """Return intensities, (n - 1, m), for the next pass, from states of this one."""
         F, G, size = self._F, self._G, self._size
         w = np.einsum('kji,kj->ki', G, x[1:] - np.einsum('kij,kj->ki', F, x[:-1]))
         cross = F @ gains[:-1] @ P[1:]  # covariance of the propagated state and the next one

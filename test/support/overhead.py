@@ -41,7 +41,7 @@ def camera(distortion=(), model='plumb_bob', place=PLACE, angles=ANGLES):
 
 
 def corners(one, params, pose, inset=NOMINAL_INSET):
-    """Return the corners (4, 2) [pixels] by id of the tags of a robot at ``pose``."""
+    """Return by id where the corners of the tags of a robot at ``pose`` are [pixels], (4, 2)."""
     fit = PoseFit(one, params, RADIUS)
     found = {}
     for tag, own in fit._corners.items():
