@@ -66,7 +66,8 @@ class ContinuousPose:
         pose = moved(pose, (v_x * dt, v_y * dt, W * dt))
         pose = moved(pose, self._correction(offset(pose, wanted), estimate, dt))
         self._last = estimate.stamp_ns, pose, twist
-        x, y, turn = wanted[0] - pose[0], wanted[1] - pose[1], wrapped(wanted[2] - pose[2])
+        x, y = wanted[0] - pose[0], wanted[1] - pose[1]
+        turn = math.remainder(wanted[2] - pose[2], math.tau)
         covariance = list(estimate.pose_covariance)
         for entry, product in zip(PLANAR_ENTRIES, (
                 x * x, x * y, x * turn, x * y, y * y, y * turn, x * turn, y * turn, turn * turn)):
@@ -125,7 +126,7 @@ class OdometryOutput:
     def _increment(self, last: Odometry, odometry: Odometry) -> Odometry:
         dt = self._every * GRID_NS / NS_PER_S
         old, new = (planar_pose(one) for one in (last, odometry))
-        dx, dy, turn = new[0] - old[0], new[1] - old[1], wrapped(new[2] - old[2])
+        dx, dy, turn = new[0] - old[0], new[1] - old[1], math.remainder(new[2] - old[2], math.tau)
         c, s = math.cos(old[2] + 0.5 * turn), math.sin(old[2] + 0.5 * turn)
         v_x, v_y = (c * dx + s * dy) / dt, (c * dy - s * dx) / dt
         F = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
@@ -174,9 +175,4 @@ def moved(pose: Pose, motion: Pose) -> Pose:
 def offset(pose: Pose, wanted: Pose) -> Pose:
     """Return the difference of two poses in the body axes of the first one."""
     dx, dy, c, s = wanted[0] - pose[0], wanted[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
-    return c * dx + s * dy, c * dy - s * dx, wrapped(wanted[2] - pose[2])
-
-
-def wrapped(angle: float) -> float:
-    """Return ``angle`` [rad] in [-pi, pi)."""
-    return (angle + math.pi) % math.tau - math.pi
+    return c * dx + s * dy, c * dy - s * dx, math.remainder(wanted[2] - pose[2], math.tau)

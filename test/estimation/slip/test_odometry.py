@@ -25,7 +25,7 @@ from smart_tire.estimation.slip import estimator as slip_estimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.odometry import (
     AGREEMENT_SIGMAS, ContinuousPose, CORRECTION_TIME, OdometryOutput, offset, planar,
-    planar_pose, planar_twist, wrapped)
+    planar_pose, planar_twist)
 from smart_tire.parameters import build, SimulatorParams, SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, Odometry
@@ -62,10 +62,10 @@ def beyond_twist(found):
     for one, two in zip(found, found[1:]):
         dt = (two.stamp_ns - one.stamp_ns) / NS_PER_S
         before, after = planar_pose(one), planar_pose(two)
-        middle = (*before[:2], before[2] + 0.5 * wrapped(after[2] - before[2]))
+        middle = (*before[:2], before[2] + 0.5 * math.remainder(after[2] - before[2], math.tau))
         motions.append(np.subtract(offset(middle, after), np.multiply(
             0.5 * dt, np.add(planar_twist(one), planar_twist(two)))))
-        motions[-1][2] = wrapped(after[2] - before[2]) - 0.5 * dt * (
+        motions[-1][2] = math.remainder(after[2] - before[2], math.tau) - 0.5 * dt * (
             one.angular[2] + two.angular[2])
     return np.array(motions)
 
