@@ -20,7 +20,8 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.reorder_buffer import GRID_NS
-from smart_tire.estimation.slip.state import SLIP_CORRELATION_TIME
+from smart_tire.estimation.slip.state import (
+    AGREEMENT_SIGMAS, CORRECTION_TIME, MAX_CORRECTION_SPEED, SLIP_CORRELATION_TIME)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.parameters.tuning import INCREMENTS
 from smart_tire.rotation import euler, quaternion
@@ -28,9 +29,6 @@ from smart_tire.samples import NS_PER_S, Odometry
 
 PLANAR = 0, 1, 5              # rows of x, y and yaw in the covariances of ROS
 PLANAR_ENTRIES = [6 * row + column for row in PLANAR for column in PLANAR]
-AGREEMENT_SIGMAS = 2.0        # of the twist, by which the velocity of the pose differs from it
-CORRECTION_TIME = 0.3         # s, a few wheel samples: their corrections often alternate; demo
-MAX_CORRECTION_SPEED = 0.24   # m/s; 1.9 mm in 8 ms, half the speed of a small robot; demo
 
 Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
 

@@ -123,9 +123,14 @@ MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differen
 RESIDUAL_GAIN = 0.5           # of a new sample in the smoothed difference of a wheel and its side:
 # the counts of single samples differ by one; without, single wheels are 7 % worse; demo
 
+# continuous pose of the output
+AGREEMENT_SIGMAS = 2.0        # of the twist, by which the velocity of the pose differs from it
+CORRECTION_TIME = 0.3         # s, a few wheel samples: their corrections often alternate; demo
+MAX_CORRECTION_SPEED = 0.24   # m/s; 1.9 mm in 8 ms, half the speed of a small robot; demo
+
 # delay of the wheels behind the gyroscope, beyond the known latency
 LAG_SIGMA = 0.1               # s, prior: buses and drivers between wheels and message; field
-MAX_LAG = 0.3                 # s, three of them
+MAX_LAG = 3.0 * LAG_SIGMA     # s
 MIN_LAG = 0.04                # s, of slip that follows the wheels late; below, none is used;
 # simulated slip with a lag of 0.1 s
 LAG_WINDOW = 0.1              # s, of compared turns: below the delays, above the noise of counts

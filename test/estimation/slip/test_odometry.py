@@ -24,8 +24,8 @@ from smart_tire.bags import Bag
 from smart_tire.estimation.slip import estimator as slip_estimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.odometry import (
-    AGREEMENT_SIGMAS, ContinuousPose, CORRECTION_TIME, OdometryOutput, offset, planar,
-    planar_pose, planar_twist)
+    ContinuousPose, OdometryOutput, offset, planar, planar_pose, planar_twist)
+from smart_tire.estimation.slip.state import AGREEMENT_SIGMAS, CORRECTION_TIME
 from smart_tire.parameters import build, SimulatorParams, SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, Odometry
