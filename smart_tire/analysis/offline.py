@@ -169,8 +169,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, slip.late, source,
-                                    params.robot.wheel_radius)
+        analysis.summary = _summary(path, analysis, slip, source, params.robot.wheel_radius)
         if out is not None:
             _write(out / 'summary.json', analysis.summary)
     return analysis
@@ -278,16 +277,18 @@ def _remove_old_bag(folder: Path) -> None:
         raise BagError(f'{folder}: cannot be replaced ({error.strerror})') from error
 
 
-def _summary(path: Path, analysis: Analysis, late: Counter[str], source: Tree | None,
-             wheel_radius: float) -> Tree:
+def _summary(path: Path, analysis: Analysis, slip: SlipEstimator | SmoothedSlip,
+             source: Tree | None, wheel_radius: float) -> Tree:
     contents = analysis.contents
     fastest = wheel_radius * float(np.nanmax(np.abs(contents.inputs.speeds()[1]), initial=0.0))
-    late = contents.late | late  # the larger count if both stages use a topic
+    late = contents.late | slip.late  # the larger count if both stages use a topic
     rejected = contents.faults.rejected
     inputs = {topic: {**asdict(stats), 'late': late[topic], 'rejected': rejected[topic]}
               for topic, stats in input_stats(contents.inputs).items()}
     diverged = [text for one in (analysis.estimates, analysis.smoothed)
                 if one is not None and (text := divergence(one, fastest))]
+    if slip.restarts:
+        diverged.append(f'the slip filter restarted from its priors {slip.restarts} times')
     filtered, *smoothed = map(evaluation, analysis.result.comparisons.values())
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s), 'host': contents.host,
             'parameters': source, 'notes': contents.notes,

@@ -181,6 +181,7 @@ class SmoothedSlip:
         self._ahead_ns = round((0.5 * LENGTH + params.ground_delay) * NS_PER_S)
         self._waiting: deque[ImuSample | WheelSample] = deque()
         self._output = SlipOutputBuilder(params)
+        self._stamps: list[int] = []  # of the filter's odometry
 
     def update(self, sample: ImuSample | WheelSample | GroundState) -> Sequence[EstimateRecord]:
         """Process a sample; return the filter estimates that it completes."""
@@ -190,19 +191,38 @@ class SmoothedSlip:
             self._waiting.append(sample)
             while self._waiting[0].stamp_ns < sample.stamp_ns - HOLD_NS:
                 self._recorded.update(self._waiting.popleft())
-        return self._estimator.update(sample)
+        found = self._estimator.update(sample)
+        self._stamps += [one.stamp_ns for one in found if isinstance(one, Odometry)]
+        return found
 
     @property
     def late(self) -> Counter[str]:
         """Return topic -> number of late samples."""
         return self._estimator.late
 
+    @property
+    def restarts(self) -> int:
+        """Return how often both filters started again from their priors."""
+        return self._estimator.restarts + self._recorded.restarts
+
     def smoothed(self) -> Iterator[Sequence[EstimateRecord]]:
-        """Yield the smoothed estimates for the instants of ``update``, in the same order."""
+        """
+        Yield the smoothed estimates for each odometry of ``update``, in the same order.
+
+        There are none for instants at which the smoother's filter has restarted.
+        """
         while self._waiting:
             self._recorded.update(self._waiting.popleft())
-        for state in self._smoother.states():
+        wanted = set(self._stamps)
+        states = (state for state in self._smoother.states()
+                  if state.context.instant_ns in wanted)
+        state = next(states, None)
+        for stamp_ns in self._stamps:
+            if state is None or state.context.instant_ns != stamp_ns:
+                yield []
+                continue
             yield self._output.build(state.context, state.x, state.P)
+            state = next(states, None)
 
     def close(self) -> None:
         """Release the recorded filter states."""

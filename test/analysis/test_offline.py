@@ -26,6 +26,7 @@ from smart_tire.analysis.pipeline import (
 from smart_tire.analysis.summary import WHOLE
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError
+from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.messages import topic_of
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
 from support.recordings import standard, typed, write_bag
@@ -278,6 +279,22 @@ def test_smoothed_estimates_have_the_same_timestamps_in_a_separate_bag(analyzed)
                              if topic in ('odom', 'wheel_slip')])
             assert set(bag.topics) == {f'/{name}' for name in ESTIMATES}
     assert received[0] == received[1] and len(received[0]) > 2000
+
+
+@pytest.mark.parametrize('number', [500, 501])
+def test_a_restart_of_a_filter_is_named_and_both_estimates_go_on(
+        drive_bag, params, tmp_path, monkeypatch, number):
+    checks = iter(range(10_000))
+    monkeypatch.setattr(SlipFilter, 'is_sound', property(lambda _: next(checks) != number))
+    run = analyze(drive_bag, tmp_path, params, smooth=True)
+    assert run.summary['diverged'] == 'the slip filter restarted from its priors 1 times'
+    events = []
+    for name in ('estimates', 'smoothed'):
+        with Bag(tmp_path / name) as bag:
+            events.append([(ns, one.stamp_ns) for ns, _, one in bag.samples(['odom'])])
+    filtered, smoothed = events
+    assert smoothed[-1] == filtered[-1] and set(smoothed) <= set(filtered)
+    assert len(smoothed) > len(filtered) - 20 > 600
 
 
 def test_smoothed_slip_is_more_accurate(analyzed):

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.errors import EstimatorError
 from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.slip.filter import SlipFilter
@@ -163,9 +164,6 @@ class SlipEstimator:
         except (ArithmeticError, ValueError):  # of numpy's linear algebra, too
             self._restart()
             return []
-        if not self._segment.filter.is_sound:
-            self._restart()
-            return []
         for record in records:
             if isinstance(record, Odometry):
                 self._latest = record
@@ -230,7 +228,11 @@ class SlipSegment:
         self._pose.reset()
 
     def step(self, instant_ns: int, samples: list[Any]) -> list[EstimateRecord]:
-        """Process the samples up to a grid instant; return its estimates, if there are any."""
+        """
+        Process the samples up to a grid instant; return its estimates, if there are any.
+
+        Raises EstimatorError if the state is not valid any more.
+        """
         if self._origin_ns is None:
             self._origin_ns = instant_ns
         for sample in samples:
@@ -247,6 +249,8 @@ class SlipSegment:
             if isinstance(sample, WheelSample):
                 self._correct_wheels(
                     self._seconds(sample.stamp_ns) - self._robot.encoder.latency, sample)
+        if not self.filter.is_sound:
+            raise EstimatorError('the state is not finite, or a variance is negative')
         return self._estimates(instant_ns)
 
     def _seconds(self, stamp_ns: int) -> float:
