@@ -168,7 +168,9 @@ def make_load(factor: float, seconds: float) -> Load:
                 writes.append((due, 'radio', frame(batch, counts[sample.wheel], begin, factor)))
                 counts[sample.wheel] += 1
                 batch.clear()
-    return Load(sorted(writes), wheels, counts['films'], counts['imu'])
+    writes.sort()
+    end = writes[-1][0]  # after it, feed() publishes nothing
+    return Load(writes, [one for one in wheels if one[0] <= end], counts['films'], counts['imu'])
 
 
 def frame(batch: Sequence[TireSample], sequence: int, begin_ns: int, factor: float) -> bytes:
