@@ -291,7 +291,8 @@ def draw(name: str, seed: int, nominal: Collection[str] = ()) -> Draw:
     value['gears'] = tuple((1.0 + row.gears * own.uniform(-1.0, 1.0, 2)).tolist())
     value['imu_arm'] = tuple((row.imu_arm * own.standard_normal(2)).tolist())
     value |= {one: (DISTRIBUTIONS[one].nominal,) * len(value[one]) for one in nominal}
-    robot = replace(row.platform, film=FILM, tire=row.tire)
+    robot = replace(row.platform, film=FILM, tire=row.tire, imu=replace(
+        row.platform.imu, position_sigma=row.imu_arm))
     legs, duration = sequence(*((float(a), float(b), float(c)) for a, b, c in row.manoeuvre(rng)))
     simulator = SimulatorParams(
         seed=seed, ground=_ground(row, value), drive=row.drive,

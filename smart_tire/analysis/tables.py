@@ -42,7 +42,11 @@ GROUND: Columns = (
     ('lateral share of the rolling resistance [-]', 'lateral_share', '.2f'),
     ('lateral stiffness C_y / C_x [-]', 'lateral_stiffness_ratio', '.2f'),
     ('center of mass x [m]', 'center_of_mass_x', '.4f'),
-    ('center of mass y [m]', 'center_of_mass_y', '.4f'))
+    ('center of mass y [m]', 'center_of_mass_y', '.4f'),
+    ('position of the IMU x [m]', 'imu_x', '.4f'),
+    ('position of the IMU y [m]', 'imu_y', '.4f'),
+    ('friction of gears and axles over the nominal one [-]', 'motor_friction', '.2f'),
+    ('true over measured motor torque [-]', 'torque_scale', '.3f'))
 POSE: Columns = (
     ('position error, rms [m]', 'position_rms_m', '.3f'),
     ('position error, rms / σ [-]', 'position_normalized_rms', '.2f'),

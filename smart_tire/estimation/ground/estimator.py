@@ -196,6 +196,7 @@ class GroundEstimator:
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
         known = friction_sigma < MAX_LN_SIGMA
         both = float(covariance[Unknown.STIFFNESS] @ row)
+        imu_x, imu_y, _ = self._robot.imu.position
         return GroundState(
             self.end_ns, stiffness=scaled(Unknown.STIFFNESS),
             friction_coefficient=Uncertain(
@@ -206,6 +207,10 @@ class GroundEstimator:
             lateral_stiffness_ratio=scaled(Unknown.LATERAL_RATIO),
             center_of_mass_x=Uncertain(float(x[Unknown.COM_X]), float(sigma[Unknown.COM_X])),
             center_of_mass_y=Uncertain(float(x[Unknown.COM_Y]), float(sigma[Unknown.COM_Y])),
+            imu_x=Uncertain(imu_x + float(x[Unknown.IMU_X]), float(sigma[Unknown.IMU_X])),
+            imu_y=Uncertain(imu_y + float(x[Unknown.IMU_Y]), float(sigma[Unknown.IMU_Y])),
+            motor_friction=scaled(Unknown.MOTOR_FRICTION),
+            torque_scale=scaled(Unknown.TORQUE_SCALE),
             stiffness_friction_correlation=both / float(
                 sigma[Unknown.STIFFNESS] * friction_sigma))
 

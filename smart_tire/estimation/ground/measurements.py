@@ -187,10 +187,12 @@ class Measurements:
     def predict(self, x: Array, motion: Motion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
         states, robot = motion.states, self._robot
-        arm_x, arm_y = (robot.imu.position[axis] - x[:, Unknown.COM_X + axis, np.newaxis]
-                        for axis in (0, 1))
+        arm_x, arm_y = (
+            robot.imu.position[axis] + (x[:, Unknown.IMU_X + axis]
+                                        - x[:, Unknown.COM_X + axis])[:, np.newaxis]
+            for axis in (0, 1))
         means = block_means(states).transpose(2, 0, 1)  # (OUTPUTS, runs, blocks)
-        square = block_means(states[:, :, model.W, np.newaxis] ** 2)[:, :, 0]
+        square = _mean_square(states)
         found = np.empty((len(x), STREAMS, len(self.centers)))
         a_x, a_y, w_dot = means[model.A_X:model.FORCE]
         found[:, YAW_RATE] = means[model.W]
@@ -221,9 +223,13 @@ class Measurements:
             found[TORQUE + i, :, Unknown.TORQUE_SCALE - DYNAMIC] = motor
             found[TORQUE + i, :, Unknown.MOTOR_SCALE - DYNAMIC + i] = motor
             found[TORQUE + i, :, Unknown.TORQUE_OFFSET - DYNAMIC + i] = 1.0
+        states = motion.states[:1]
+        a_x, a_y, w_dot = block_means(states[:, :, model.A_X:model.FORCE]).transpose(2, 0, 1)
+        by_arm = found[FORCE_X:TORQUE, :, Unknown.IMU_X - DYNAMIC:]
+        by_arm[0, :, 0], by_arm[0, :, 1] = -_mean_square(states)[0], -w_dot[0]
+        by_arm[1, :, 0], by_arm[1, :, 1] = w_dot[0], -_mean_square(states)[0]
         scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
-        means = block_means(motion.states[:1, :, model.A_X:model.A_Y + 1])
-        loads = self._loads(x[np.newaxis], *means.transpose(2, 0, 1))[0].T
+        loads = self._loads(x[np.newaxis], a_x, a_y)[0].T
         friction = friction_torque(
             self._moving, loads, self._robot.motor, self._robot.wheel_radius)
         for row, torque in ((Unknown.MOTOR_FRICTION, friction),
@@ -341,6 +347,11 @@ class Measurements:
             self._parameters(x, change), self.robot_constants, found)
         found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(PASSAGE_STEPS)
         return found
+
+
+def _mean_square(states: Array) -> Array:
+    """Return block means (runs, blocks) of the squared yaw rate [(rad/s)^2]."""
+    return block_means(states[:, :, model.W, np.newaxis] ** 2)[:, :, 0]
 
 
 def disturbed(times: Array, disturbances: Sequence[Interval]) -> NDArray[np.bool_]:

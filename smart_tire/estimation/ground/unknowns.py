@@ -64,10 +64,12 @@ class Unknown(IntEnum):
     TORQUE_SCALE = 26     # ln of the true over the nominal torque constant, of all motors
     MOTOR_FRICTION = 27   # ln of the true over the nominal friction of gears and axles
     MOTOR_INERTIA = 28    # ln of the true over the nominal inertia of wheel, gear and rotor
-    MOTOR_SCALE = 29      # four rows: the same of each motor
-    TORQUE_OFFSET = 33    # four rows: N m, of the measured torque, with the friction of the motor
-    FILM_GAIN = 37        # four rows, by wheel: ln of the true over the nominal stretch gain
-    FILM_ERROR = 41       # four rows, by wheel: lasting error of slip times normalized slip
+    IMU_X = 29            # m, error of the position of the IMU
+    IMU_Y = 30
+    MOTOR_SCALE = 31      # four rows: the same of each motor
+    TORQUE_OFFSET = 35    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 39        # four rows, by wheel: ln of the true over the nominal stretch gain
+    FILM_ERROR = 43       # four rows, by wheel: lasting error of slip times normalized slip
 
 
 SIZE = Unknown.FILM_ERROR + len(WHEELS)
@@ -178,6 +180,7 @@ def priors(robot: RobotParams) -> list[Row]:
     gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
                1e-4)
     offset = Row(0.0, torque_errors(motor)[1], 0.003, 0.0, 1e-4)
+    arm = Row(0.0, max(imu.position_sigma, 1e-6), 0.0, 0.0, 1e-4)
     rows = {
         **_COMMON,
         Unknown.STIFFNESS: stiffness, Unknown.OLD_STIFFNESS: stiffness,
@@ -190,7 +193,8 @@ def priors(robot: RobotParams) -> list[Row]:
         Unknown.ACCEL_BIAS_X: bias, Unknown.ACCEL_BIAS_Y: bias,
         Unknown.TORQUE_SCALE: Row(0.0, motor.torque_constant_sigma, 0.0015, 0.0, 1e-4),
         Unknown.MOTOR_FRICTION: Row(0.0, MOTOR_SIGMA, 0.003, 0.0, 1e-4),
-        Unknown.MOTOR_INERTIA: Row(0.0, MOTOR_SIGMA, 0.0, 0.0, 1e-4)}
+        Unknown.MOTOR_INERTIA: Row(0.0, MOTOR_SIGMA, 0.0, 0.0, 1e-4),
+        Unknown.IMU_X: arm, Unknown.IMU_Y: arm}
     found = [rows[one] for one in list(Unknown)[:Unknown.MOTOR_SCALE]]
     return [*found, *[Row(0.0, 0.015, 0.0015, 0.0, 1e-4)] * 4, *[offset] * 4, *[gain] * 4,
             *[Row(0.0, _product_error(robot), 0.0, 0.0, 1e-4)] * 4]

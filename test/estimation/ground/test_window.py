@@ -356,6 +356,18 @@ def test_the_friction_of_gears_is_found_that_the_data_sheet_has_twice_too_small(
     assert abs(stiffness.value - STIFFNESS) < 3.0 * stiffness.sigma < 0.5 * STIFFNESS
 
 
+def test_the_position_of_the_imu_is_found_where_it_was_not_measured(samples):
+    true_x, true_y, height = ROBOT.imu.position
+    imu = replace(ROBOT.imu, position=(true_x - 0.12, true_y + 0.08, height), position_sigma=0.1)
+    estimator, found = run(samples, replace(ROBOT, imu=imu))
+    state = estimator.state(found[-1])
+    for one, true in ((state.imu_x, true_x), (state.imu_y, true_y)):
+        assert abs(one.value - true) < 3.0 * one.sigma < 0.09
+    estimator, found = run(samples)
+    measured = estimator.state(found[-1])
+    assert measured.imu_x == (pytest.approx(true_x, abs=1e-6), pytest.approx(1e-6, rel=0.1))
+
+
 def test_friction_is_less_certain_to_larger_values_and_unknown_sooner(films):
     estimator, found = films
     solution, row = found[-1], Unknown.FRICTION
