@@ -16,7 +16,7 @@ Figures as data: curves, marks, panels and captions, without the library that dr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import Literal
@@ -41,6 +41,12 @@ CRITERIA = 4              # rows that are kept of each interval, see ``decimated
 COLORS = {'blue': '#0072b2', 'vermillion': '#d55e00', 'orange': '#e69f00', 'sky': '#56b4e9',
           'green': '#009e73', 'purple': '#cc79a7', 'ink': '#222222', 'shade': '#8c8c8c'}
 PAIR = 'blue', 'orange'   # of two films, or of filtered and smoothed estimates
+TRUTH, CAMERA = 'truth', 'camera'  # references, by their names in legends and summaries
+SOURCES = {TRUTH: 'ground truth', CAMERA: 'the overhead camera'}
+REPORTED = {  # where the standard deviations of errors are from
+    TRUTH: 'that the estimator reports',
+    CAMERA: 'by the covariances that estimator and camera report, added'}
+REFERENCE_COLORS = {TRUTH: 'ink', CAMERA: 'green'}
 TIME_LABEL = 'time [s]'
 TWO_SIGMA = '± 2σ, where σ is the standard deviation that the estimator reports.'
 
@@ -93,6 +99,7 @@ class Panel:
     x_limits: Limits | None = None
     y_limits: Limits | None = None
     equal: bool = False  # both axes have the same scale
+    image: NDArray[np.uint8] | None = None  # gray, behind the marks, whose unit is its pixels
 
     @property
     def over_time(self) -> bool:
@@ -124,8 +131,20 @@ class Figure:
 
 def truth_marks(curve: Curve, steps: Literal['', 'mid', 'post'] = '') -> list[Mark]:
     """Return the dashed line of the ground truth, without errors; none if it is not known."""
-    return [Mark(Curve(curve.x, curve.y), 'truth', 'ink', width=1.1, dashed=True, steps=steps)
-            ] if len(curve.x) else []
+    return reference_marks({TRUTH: Curve(curve.x, curve.y)}, steps)
+
+
+def reference_marks(curves: Mapping[str, Curve],
+                    steps: Literal['', 'mid', 'post'] = '') -> list[Mark]:
+    """Return the dashed lines of references by name, with bands where sigmas are given."""
+    return [Mark(curve, name if curve.sigma is None else f'{name} ± 2σ', REFERENCE_COLORS[name],
+                 width=1.1, dashed=True, steps=steps)
+            for name, curve in reversed(list(curves.items())) if len(curve.x)]
+
+
+def dashed(names: Collection[str]) -> str:
+    """Return the sentence of a caption that says which references are drawn."""
+    return f' Dashed: {" and ".join(map(SOURCES.__getitem__, names))}.' if names else ''
 
 
 def dots(x: Array, y: Array, label: str = '', color: str = 'sky', sigma: Array | None = None,

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from smart_tire.analysis.figure import Curve, dots, Mark, Panel, straight, TIME_LABEL, truth_marks
+from smart_tire.analysis.figure import (
+    Curve, dots, Mark, Panel, straight, TIME_LABEL, TRUTH, truth_marks)
 from smart_tire.analysis.figures import crossing_figure
 from smart_tire.analysis.metrics import SlipScore
 from smart_tire.analysis.motion_figures import side_marks, slip_curves
@@ -78,7 +79,7 @@ def slip_section(runs: Mapping[str, Run], slips: Mapping[str, Mapping[str, SlipS
 
     Of ``slips``, by ground and side, ``printed`` are those with B(7) as printed.
     """
-    panels = [Panel(side_marks(slip_curves(run.estimates, run.truth, run.origin_ns)), TIME_LABEL,
+    panels = [Panel(side_marks(slip_curves(run.estimates, {TRUTH: run.truth}, run.origin_ns)), TIME_LABEL,
                     SLIP, ground, (0.0, (run.end_ns - run.origin_ns) / NS_PER_S), (-0.3, 0.5))
               for ground, run in runs.items()]
     sand, right = slips['sand'], slips['concrete']['right'].estimated_mean
