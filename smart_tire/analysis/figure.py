@@ -16,7 +16,7 @@ Figures as data: curves, marks, panels and captions, without the library that dr
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import Literal
@@ -46,7 +46,11 @@ SOURCES = {TRUTH: 'ground truth', CAMERA: 'the overhead camera'}
 REPORTED = {  # where the standard deviations of errors are from
     TRUTH: 'that the estimator reports',
     CAMERA: 'by the covariances that estimator and camera report, added'}
-REFERENCE_COLORS = {TRUTH: 'ink', CAMERA: 'green'}
+# What captions say, color, width in points, and whether the line is dashed.
+REFERENCE_STYLES = {TRUTH: (' Dashed: ground truth.', 'ink', 1.1, True),
+                    CAMERA: (' Green: the overhead camera.', 'green', 2.4, False)}
+PICTURE = 'camera.png'  # of smart_tire overhead
+GAP = np.full((1, 2), math.nan)  # a row of x and y that interrupts a line
 TIME_LABEL = 'time [s]'
 TWO_SIGMA = '± 2σ, where σ is the standard deviation that the estimator reports.'
 
@@ -136,15 +140,19 @@ def truth_marks(curve: Curve, steps: Literal['', 'mid', 'post'] = '') -> list[Ma
 
 def reference_marks(curves: Mapping[str, Curve],
                     steps: Literal['', 'mid', 'post'] = '') -> list[Mark]:
-    """Return the dashed lines of references by name, with bands where sigmas are given."""
-    return [Mark(curve, name if curve.sigma is None else f'{name} ± 2σ', REFERENCE_COLORS[name],
-                 width=1.1, dashed=True, steps=steps)
-            for name, curve in reversed(list(curves.items())) if len(curve.x)]
+    """Return the lines of references by name, with bands where sigmas are given."""
+    marks = []
+    for name, curve in reversed(list(curves.items())):
+        _, color, width, dashed = REFERENCE_STYLES[name]
+        if len(curve.x):
+            label = name if curve.sigma is None else f'{name} ± 2σ'
+            marks.append(Mark(curve, label, color, width=width, dashed=dashed, steps=steps))
+    return marks
 
 
-def dashed(names: Collection[str]) -> str:
-    """Return the sentence of a caption that says which references are drawn."""
-    return f' Dashed: {" and ".join(map(SOURCES.__getitem__, names))}.' if names else ''
+def reference_caption(names: Iterable[str]) -> str:
+    """Return the sentences of a caption that say how references are drawn."""
+    return ''.join(REFERENCE_STYLES[name][0] for name in names)
 
 
 def dots(x: Array, y: Array, label: str = '', color: str = 'sky', sigma: Array | None = None,

@@ -15,16 +15,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
-import math
 
 import numpy as np
 
 from smart_tire.analysis.driven_paths import DrivenPath, Grounds, track
 from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
 from smart_tire.analysis.figure import (
-    Curve, dashed, ellipse, Figure, interrupted, Limits, limits, Mark, MAX_GAP, MAX_POINTS,
-    MAX_SLIP_SIGMA, observable, PAIR, Panel, reference_marks, REPORTED, share_outside, SOURCES,
-    TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
+    Curve, ellipse, Figure, GAP, interrupted, Limits, limits, Mark, MAX_GAP, MAX_POINTS,
+    MAX_SLIP_SIGMA, observable, PAIR, Panel, reference_caption, reference_marks, REPORTED,
+    share_outside, SOURCES, TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.metrics import compared_poses, ComparedPoses, measured, SIDES
 from smart_tire.analysis.result import Result
 from smart_tire.arrays import Array
@@ -39,7 +38,6 @@ WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
 AREA_COLORS = 'sky', 'orange', 'vermillion', 'blue'
 ESTIMATE = 'estimate ± 2σ'
 NONE = Curve(np.empty(0), np.empty(0))
-GAP = np.full((1, 2), math.nan)
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,8 @@ def _shown_slip(curves: Sequence[SlipCurve], spans: Sequence[tuple[float, float]
     low, high = limits([*own, *others], MIN_SLIP_MARGIN)
     low, high = max(-MAX_SHOWN_SLIP, low), min(MAX_SHOWN_SLIP, high)
     hidden = float(np.mean([one.hidden_share for one in curves]))
-    drawn = dashed([name for name, curve in curves[0].references.items() if len(curve.x)])
+    drawn = reference_caption(
+        name for name, curve in curves[0].references.items() if len(curve.x))
     return low, high, (
         f'Bands: {TWO_SIGMA}{drawn} No line at standstill, where slip is undefined, and where σ '
         f'exceeds {MAX_SLIP_SIGMA}, where it is not observable ({100.0 * hidden:.1f} % of the '
@@ -166,8 +165,8 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
     marks += [_dot(first.pose[:1], 'start'), _dot(first.pose[-1:], 'end', 'shade')]
     panel = Panel(marks, 'x [m]', 'y [m]', equal=True)
     caption = ('Path in the frame odom, which starts at (0, 0)'
-               + (f'; {" and ".join(SOURCES[name] for name in references)} (dashed), aligned at '
-                  'the start' if references else '') + '. '
+               + (', references aligned at the start' if references else '')
+               + f'.{reference_caption(references)} '
                'Ellipses: two standard deviations of the position; they contain 86 % of Gaussian '
                'errors.')
     rows: list[list[Panel | None]] = [[panel]]
@@ -222,7 +221,7 @@ def _ellipses(position: Array, covariance: Array, color: str) -> Mark:
     """Return ellipses of two standard deviations at about equal distances along a path."""
     parts = []
     for row in equidistant(position, ELLIPSES + 1):
-        parts += [position[row] + ellipse(covariance[row, :2, :2]), np.full((1, 2), math.nan)]
+        parts += [position[row] + ellipse(covariance[row, :2, :2]), GAP]
     return Mark(Curve(*np.concatenate(parts).T), '2σ of the position', color, 'area', opacity=0.2)
 
 
@@ -246,7 +245,7 @@ def velocity_figure(result: Result) -> Figure | None:
                             y_limits=limits([mark.curve.y for mark in marks], 0.05)))
     return Figure('velocity', 'Forward velocity, lateral velocity and yaw rate over time',
                   'Velocity of base_link (x forward, y left, yaw counter-clockwise). Bands: '
-                  f'{TWO_SIGMA}{dashed(known)}', [[panel] for panel in panels])
+                  f'{TWO_SIGMA}{reference_caption(known)}', [[panel] for panel in panels])
 
 
 def wheel_speed_figure(result: Result) -> Figure | None:

@@ -31,6 +31,7 @@ from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.messages import check_host
 from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
+from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
     EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, SmoothedSlip,
     OVERHEAD, TRUTHS)
@@ -53,7 +54,6 @@ LOST_WITHOUT = {  # input -> estimates that require it
     'wheel_states': 'odom, wheel_slip, icr, tire_friction and ground_state'}
 COMPARED_VALUES = dict(zip((*TRUTHS, *OVERHEAD), (
     'poses', 'slips', 'friction values', 'poses', 'slips')))
-PICTURE = 'camera.png'  # beside the estimates of "smart_tire overhead"
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 Received = tuple[int, Sample]       # receive time [ns], sample

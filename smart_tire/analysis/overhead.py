@@ -18,9 +18,14 @@ import math
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+
+from smart_tire.analysis.drawing import save
+from smart_tire.analysis.figure import CAMERA, Curve, Figure, GAP, Mark, Panel, PICTURE
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.bags import Bag, BagWriter, Decoder, PARAMETERS_KEY
-from smart_tire.errors import BagError, MessageError, ParameterError
+from smart_tire.errors import BagError, EstimatorError, MessageError, ParameterError
+from smart_tire.messages import topic_of
 from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, OverheadLocalizerParams)
 from smart_tire.parameters.files import blocks_in, snapshot_text, values_for
@@ -121,10 +126,7 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
           notes: Sequence[str] = ()) -> Tree:
     """Write estimates and summary into the folder ``out``; return the summary."""
     values = values_of(params)
-    samples: list[tuple[str, Sample]] = [
-        ('overhead/odom', sample) for motion in result.motions
-        for sample in motion.odometry(params.robot.wheel_radius)]
-    samples += [('overhead/wheel_slip', slip) for slip in result.slips]
+    samples = estimates_of(result, params.robot.wheel_radius)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -132,12 +134,41 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
     if samples:
         with BagWriter(out / 'estimates', custom_data={
                 PARAMETERS_KEY: snapshot_text({NODE: values})}) as writer:
-            for topic, sample in sorted(samples, key=lambda one: one[1].stamp_ns):
-                writer.write_sample(topic, sample.stamp_ns, sample)
+            for sample in samples:
+                writer.write_sample(f'overhead/{topic_of(sample)}', sample.stamp_ns, sample)
+        save(frame_figure(result, params), out / PICTURE)
     summary = summary_of(result, bag, values, notes)
     (out / 'summary.json').write_text(
         json.dumps(summary, indent=2, allow_nan=False) + '\n', encoding='utf-8')
     return summary
+
+
+def estimates_of(result: Result, wheel_radius: float) -> list[Sample]:
+    """Return poses and slips in the order of their timestamps."""
+    return sorted((*(sample for motion in result.motions
+                     for sample in motion.odometry(wheel_radius)), *result.slips),
+                  key=lambda sample: sample.stamp_ns)
+
+
+def frame_figure(result: Result, params: OverheadLocalizerParams) -> Figure:
+    """Return the first image with a pose, and the path in it, as in paper B, Fig. 9."""
+    caption = ('First image of the overhead camera in which the robot was found. Line: path of '
+               'base_link by the camera, at the height of the tag; interrupted in gaps.')
+    return Figure('camera', 'Image of the overhead camera, with the path of the robot', caption,
+                  [[frame_panel(result, params)]], (9.0, 5.2))
+
+
+def frame_panel(result: Result, params: OverheadLocalizerParams) -> Panel:
+    """Return the panel of ``frame_figure``; raise EstimatorError without a pose."""
+    if result.frame is None:
+        raise EstimatorError('the robot is in no image')
+    camera, image = result.frame
+    height = params.robot.wheel_radius + params.overhead.tag_position[2]
+    path = np.concatenate([rows for motion in result.motions for rows in (camera.pixels(
+        np.column_stack([motion.pose[:, :2], np.full(len(motion.pose), height)])), GAP)])
+    return Panel([Mark(Curve(*path.T), f'path, {CAMERA}', 'orange', width=2.4),
+                  Mark(Curve(*path[:1].T), 'start', 'vermillion', 'points', 7.0)],
+                 'column [pixels]', 'row [pixels]', image=image)
 
 
 def summary_of(result: Result, bag: Path, values: Mapping[str, Any], notes: Sequence[str]) -> Tree:
