@@ -16,28 +16,26 @@ from dataclasses import dataclass
 import json
 import math
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, TYPE_CHECKING
 
 import numpy as np
 
-from smart_tire.analysis.drawing import save
 from smart_tire.analysis.figure import CAMERA, Curve, Figure, GAP, Mark, Panel, PICTURE
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.bags import Bag, BagWriter, Decoder, PARAMETERS_KEY
 from smart_tire.errors import BagError, EstimatorError, MessageError, ParameterError
-from smart_tire.messages import topic_of
+from smart_tire.messages import IMAGES, topic_of
 from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, OverheadLocalizerParams)
 from smart_tire.parameters.files import blocks_in, snapshot_text, values_for
 from smart_tire.parameters.spec import values_of
 from smart_tire.samples import NS_PER_S, Sample
-from smart_tire.vision.overhead import OverheadLocalizer, Result
+
+if TYPE_CHECKING:
+    from smart_tire.vision.overhead import Result
 
 NODE = 'overhead_localizer'
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
-IMAGE_TYPES = {  # type -> topic; the first that a bag has is read
-    'sensor_msgs/msg/Image': 'overhead_camera/image_raw',
-    'sensor_msgs/msg/CompressedImage': 'overhead_camera/image_raw/compressed'}
 INFO_TOPIC = 'overhead_camera/camera_info'
 INPUTS = ('imu/data', 'wheel_states')
 
@@ -85,7 +83,7 @@ def camera_topics(types: Mapping[str, str]) -> CameraTopics:
             notes.append(f'{standard}: using {found[0]}, the only topic of type {kind}')
         return (named or found or [''])[0]
     images = ''
-    for kind, standard in IMAGE_TYPES.items():
+    for standard, kind in IMAGES.items():
         images = images or choose(kind, standard)
     return CameraTopics(images, choose(INFO_TYPE, INFO_TOPIC), tuple(notes))
 
@@ -93,6 +91,7 @@ def camera_topics(types: Mapping[str, str]) -> CameraTopics:
 def locate(bag: Bag, params: OverheadLocalizerParams,
            progress: Progress = lambda share: None) -> Result:
     """Return the estimates from the images of an open bag."""
+    from smart_tire.vision.overhead import OverheadLocalizer
     topics = camera_topics(bag.types)
     localizer = OverheadLocalizer(params)
     if not topics.images:
@@ -115,7 +114,7 @@ def locate(bag: Bag, params: OverheadLocalizerParams,
     return localizer.result(bag.recording(INPUTS))
 
 
-def _add_info(localizer: OverheadLocalizer, read: Decoder, data: bytes) -> None:
+def _add_info(localizer: Any, read: Decoder, data: bytes) -> None:
     try:
         localizer.add_camera_info(read(data))
     except MessageError as error:
@@ -136,6 +135,7 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
                 PARAMETERS_KEY: snapshot_text({NODE: values})}) as writer:
             for sample in samples:
                 writer.write_sample(f'overhead/{topic_of(sample)}', sample.stamp_ns, sample)
+        from smart_tire.analysis.drawing import save
         save(frame_figure(result, params), out / PICTURE)
     summary = summary_of(result, bag, values, notes)
     (out / 'summary.json').write_text(

@@ -15,6 +15,7 @@ from collections.abc import Callable
 import sys
 from typing import Any
 
+from smart_tire.messages import IMAGES
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.diagnostics import InputCounter, Status
@@ -23,9 +24,6 @@ from smart_tire.nodes.runner import run
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.samples import Odometry, WheelSlip
 from smart_tire.vision.live import LiveLocalizer
-
-IMAGES = {'overhead_camera/image_raw': 'sensor_msgs/msg/Image',
-          'overhead_camera/image_raw/compressed': 'sensor_msgs/msg/CompressedImage'}
 
 
 class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
