@@ -33,8 +33,8 @@ from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
-    EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, SmoothedSlip,
-    OVERHEAD, TRUTHS)
+    EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, OVERHEAD,
+    SmoothedSlip, TRUTHS)
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import divergence, evaluation, input_stats, plain, Tree
 from smart_tire.bags import (

@@ -47,8 +47,8 @@ class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
             self.subscribe(name, self.localizer.add_sample, reliability=self.params.reliability)
         self._subscribe_camera('sensor_msgs/msg/CameraInfo', 'overhead_camera/camera_info',
                                self.localizer.add_camera_info)
-        for name, kind in IMAGES.items():
-            self._subscribe_camera(kind, name, self._on_image)
+        for name in ('overhead_camera/image_raw', 'overhead_camera/image_raw/compressed'):
+            self._subscribe_camera(IMAGES[name], name, self._on_image)
 
     def _subscribe_camera(self, kind: str, name: str, handle: Callable[[Any], None]) -> None:
         counter = self.inputs[name] = InputCounter()

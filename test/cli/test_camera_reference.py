@@ -86,20 +86,20 @@ def real(events, tmp_path_factory):
 def test_the_camera_is_the_same_reference_in_the_bag_and_in_a_folder(
         events, real, tmp_path, capsys):
     bag, camera = real
-    beside = analyzed(bag, tmp_path / 'a', '--overhead', camera)
+    separate = analyzed(bag, tmp_path / 'a', '--overhead', camera)
     said = capsys.readouterr().out
     inside = analyzed(bag_of(tmp_path / 'both', without_truth(events) + seen(events)),
                       tmp_path / 'b')
-    assert beside['against_truth'] is None
-    assert beside['against_camera'] == inside['against_camera']
-    assert set(beside['against_camera']) == {'pose', 'slip'}
+    assert separate['against_truth'] is None
+    assert separate['against_camera'] == inside['against_camera']
+    assert set(separate['against_camera']) == {'pose', 'slip'}
     assert 'ground truth is not in the bag: errors are against the overhead camera' in '\n'.join(
-        beside['left_out'])
+        separate['left_out'])
     assert 'Errors of the path; camera aligned at the start' in said and 'mean camera' in said
     nothing = analyzed(bag, tmp_path / 'c')
     assert nothing['against_camera'] is nothing['against_truth'] is None
     assert 'ground truth is not in the bag: no errors are computed' in nothing['left_out']
-    assert nothing['estimates'] == beside['estimates'] == inside['estimates']
+    assert nothing['estimates'] == separate['estimates'] == inside['estimates']
 
 
 def test_a_folder_replaces_the_camera_in_the_bag(events, real, tmp_path):
