@@ -25,6 +25,7 @@ import sys
 import tempfile
 import time
 
+import numpy as np
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
@@ -44,9 +45,21 @@ TABS = {'view_bag': None, 'view_contact': 170, 'view_camera': 680}
 PICTURES = 'view_bag', 'view_contact'  # of a demo
 LOADING_TIME, DRAWING_TIME = 40.0, 20.0  # s; without a GPU the viewer is slow
 MAX_FRAME_TIME = 300_000.0  # ms
-COLORS = 64
+COLORS, GRAYS = 64, 32
+MIN_CHROMA = 24  # of 255, difference of the components of a color that is not a gray
 FLAGS = ('--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader',
          '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist')
+
+
+def reduced(picture: Image.Image) -> Image.Image:
+    """Return ``picture`` in ``COLORS``: grays, and those of the pixels that are not gray."""
+    pixels = np.asarray(picture.convert('RGB'))
+    colored = pixels[np.ptp(pixels, axis=2) > MIN_CHROMA][None]
+    palette = Image.new('P', (1, 1))
+    palette.putpalette([
+        *np.repeat(np.linspace(0, 255, GRAYS).astype(int), 3).tolist(),
+        *(Image.fromarray(colored).quantize(COLORS - GRAYS).getpalette() or [])])
+    return picture.convert('RGB').quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def take(folder: Path, pictures: Sequence[str] = PICTURES) -> None:
@@ -73,9 +86,7 @@ def take(folder: Path, pictures: Sequence[str] = PICTURES) -> None:
                 time.sleep(DRAWING_TIME)
             page.screenshot(path=f'{scratch}/{name}.png', timeout=MAX_FRAME_TIME)
             with Image.open(f'{scratch}/{name}.png') as picture:
-                picture.convert('RGB').quantize(
-                    COLORS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
-                    IMAGES / f'{name}.png', optimize=True)
+                reduced(picture).save(IMAGES / f'{name}.png', optimize=True)
         browser.close()
         stream.disconnect()
 
