@@ -45,7 +45,7 @@ TABS = {'view_bag': None, 'view_contact': 170, 'view_camera': 680}
 PICTURES = 'view_bag', 'view_contact'  # of a demo
 LOADING_TIME, DRAWING_TIME = 40.0, 20.0  # s; without a GPU the viewer is slow
 MAX_FRAME_TIME = 300_000.0  # ms
-COLORS, GRAYS = 64, 32
+COLORS, GRAYS = 96, 32
 MIN_CHROMA = 24  # of 255, difference of the components of a color that is not a gray
 FLAGS = ('--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader',
          '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist')
@@ -80,7 +80,9 @@ def take(folder: Path, pictures: Sequence[str] = PICTURES) -> None:
         page.set_viewport_size(SIZE)
         time.sleep(DRAWING_TIME)
         for name in pictures:
-            page.set_viewport_size(CAMERA_SIZE if name == 'view_camera' else SIZE)
+            if name == 'view_camera':
+                page.set_viewport_size(CAMERA_SIZE)
+                time.sleep(DRAWING_TIME)
             if (tab := TABS[name]) is not None:
                 page.mouse.click(tab, 50)
                 time.sleep(DRAWING_TIME)
