@@ -91,6 +91,8 @@ MEASURED = {'memory [MB]': re.compile(r'^RssAnon:\s+(\d+) kB', re.MULTILINE),
 BUSY = [sys.executable, '-c', 'while True: pass']
 FAULT_TEXT = re.compile(r'Traceback|Segmentation|terminate called')
 SIMULATOR = 'robot_simulator'
+LATCHED = 'latched until commands pause'  # in the message of motor_driver
+TRIP_PAUSE = 1.5          # s, more than that which resets a trip
 THIS = 'soak'  # name of this process
 STOPPING = ('motor_driver', 'wheel_controller')  # nodes that stop the motors
 ROOT = Path(__file__).resolve().parents[1]
@@ -142,10 +144,12 @@ class Watcher(Pilot):
     def __init__(self) -> None:
         super().__init__('soak_driver')
         self.warnings: list[tuple[float, str]] = []  # s
+        self.latest: dict[str, str] = {}  # by node
 
     def _on_diagnostics(self, msg: Any) -> None:
         super()._on_diagnostics(msg)
         for status in statuses_from_msg(msg):
+            self.latest[status.name] = status.message
             if int.from_bytes(DiagnosticStatus.OK, 'big') != status.level and (
                     text := other_problems(status.message, status.values,
                                            late=PREFIX in status.message)):
@@ -193,6 +197,7 @@ class Soak:
         self.stops: defaultdict[str, list[float]] = defaultdict(list)  # hazard -> s
         self.losses: list[float] = []  # s, of killed recorders
         self.unclear = Counter[str]()
+        self.trips = 0    # that ended only after a pause of the commands
         self.quiet = 0.0  # s in which alarms would have been false
         self.problems: list[str] = []
 
@@ -274,11 +279,16 @@ class Soak:
                 self.emergency_stop(False)
             self.steer()
             self.spin(SPIN_TIME)
+            if LATCHED in self._pilot.latest.get('motor_driver', ''):
+                self.trips += 1
+                self._pilot.halt()
+                self.spin(TRIP_PAUSE)
             if time.monotonic() - begin > seconds:
                 silent = [name for name in NODES
                           if time.monotonic() - self._heard.get(name, 0.0) > MAX_SILENCE]
-                raise SoakError(f'the robot does not drive {seconds:.0f} s after "{after}"; silent: '
-                                f'{", ".join(silent) or "none"}; {self._pilot.warnings[-20:]}')
+                raise SoakError(
+                    f'the robot does not drive {seconds:.0f} s after "{after}"; silent: '
+                    f'{", ".join(silent) or "none"}; {self._pilot.latest}')
         return time.monotonic() - begin
 
     def steer(self) -> None:
@@ -441,8 +451,8 @@ class Soak:
         self.set_clocks([self._rng.choice((*DRIVERS, 'wheel_controller'))])
 
     def set_clock_of_host(self) -> None:
-        """Set the clock of all processes."""
-        self.set_clocks([*self._stack.processes, THIS])
+        """Set the clock of all processes; the motors of a robot do not follow it."""
+        self.set_clocks([*(set(self._stack.processes) - {SIMULATOR}), THIS])
 
     def end_commands(self) -> None:
         """Stop commanding."""
@@ -480,6 +490,7 @@ class Soak:
     def stay_quiet(self, after: str) -> None:
         """Drive without a fault; alarms and stops are false but after a stall of the host."""
         self.spin(CALM)
+        self.await_drive(MAX_RECOVERY, after)
         self._pilot.warnings.clear()
         begin = now = time.monotonic()
         end, stalls = begin + self._rng.uniform(*PAUSE), [-math.inf]
@@ -556,7 +567,8 @@ def report(soak: Soak) -> bool:
     print(f'\n{len(soak.bags)} bags, {len(files)} files, '
           f'{sum(file.stat().st_size for file in files) / 1e6:.0f} MB; lost by killed recorders, '
           f'longest: {max(soak.losses, default=0.0):.3f} s')
-    print(f'{soak.quiet / 60.0:.1f} min in which alarms would have been false')
+    print(f'{soak.trips} trips reset by a pause of the commands\n'
+          f'{soak.quiet / 60.0:.1f} min in which alarms would have been false')
     for problem in soak.problems:
         print(f'problem: {problem}')
     return passed
