@@ -72,6 +72,30 @@ def test_the_source_of_the_timestamps_is_reported():
     assert 'arrival' in sources['vectornav_ascii']
 
 
+@every_protocol
+def test_before_the_first_frame_there_is_no_source_of_timestamps(protocol):
+    assert imu_stream(protocol).timestamp_source == 'none yet'
+
+
+def test_the_first_sentence_of_an_undamaged_stream_follows_no_missed_one():
+    stream = imu_stream('vectornav_ascii')
+    missed, timestamp = [], stream._arrival_clock.timestamp
+    stream._arrival_clock.timestamp = lambda receive_ns, count: missed.append(count) or timestamp(
+        receive_ns, count)
+    data = frame('vectornav_ascii', 0)
+    for chunk in (data, data, data[:8] + b'x' + data[9:], data):
+        list(stream.receive(chunk, HOST_NS))
+    assert missed == [0, 0, 1]
+
+
+def test_the_time_of_a_device_that_wraps_twice_goes_on():
+    stream, period = imu_stream('xsens'), xsens.SAMPLE_TIME_WRAP_NS // 4
+    stamps = [sample.stamp_ns for index in range(12) for sample in stream.receive(
+        xsens.encode_message(xsens.encode_imu(index * period % xsens.SAMPLE_TIME_WRAP_NS, SAMPLE)),
+        HOST_NS + index * period)]
+    assert np.abs(np.diff(stamps) - period).max() < 1e-3 * period
+
+
 def test_a_binary_frame_without_device_time_gets_its_arrival_time():
     stream = imu_stream('vectornav_binary')
     fields = vectornav.Field.ANGULAR_RATE | vectornav.Field.ACCEL
