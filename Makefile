@@ -46,7 +46,7 @@ help:
 	@echo '                     test, stop times, quick benchmarks: half an hour on two cores'
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard; RUNS=N'
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
-	@echo '                     for others'
+	@echo '                     for others, ROOM=bags for those of a folder of smart_tire'
 	@echo 'make fuzz            give damaged bytes to all readers of bytes, and damaged messages'
 	@echo '                     to the nodes; SECONDS=N, SEED=S'
 	@echo 'make soak            drive for an hour with random faults; MINUTES=N, SEED=S'
@@ -176,9 +176,10 @@ current: $(READY)
 stop-times: $(READY)
 	$(BIN)/python test/safety/stop_times.py $(if $(RUNS),--runs $(RUNS))
 
-# 100 mutants of the safety path; see test/mutation.py.
+# 100 mutants of the safety path, or of a folder; see test/mutation.py.
 mutants: $(READY)
-	$(BIN)/python test/mutation.py $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
+	$(BIN)/python test/mutation.py $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED)) \
+		$(if $(ROOM),--room $(ROOM))
 
 # Damaged bytes for each reader of bytes from outside, messages for nodes; see test/fuzz.py.
 fuzz: $(READY)
