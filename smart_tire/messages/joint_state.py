@@ -28,8 +28,8 @@ from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE, wheel_layout, Whe
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
     Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_FILM_VOLTAGE,
-    MAX_WHEEL_ANGLE, MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN, TireSample, WheelCommand, WHEELS,
-    WheelSample, WheelSlip)
+    MAX_WHEEL_ANGLE, MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN, TireSample,
+    WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
