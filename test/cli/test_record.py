@@ -297,6 +297,15 @@ def test_at_any_time_the_file_ends_less_than_a_fifth_of_a_second_ago(late, timer
         assert timers.now - integers(contents(killed)['/time'])[-1] < 200
 
 
+def test_the_bag_names_the_distribution_of_ros(tmp_path, monkeypatch):
+    from smart_tire.nodes import recorder
+    monkeypatch.setattr(recorder, 'run', lambda make, own_arguments: 0)
+    monkeypatch.setenv('ROS_DISTRO', 'jazzy')
+    assert recorder.record(tmp_path / 'bag').status == 0
+    with Bag(tmp_path / 'bag') as bag:
+        assert bag.ros_distro == 'jazzy'
+
+
 @pytest.mark.parametrize('phase', range(10, 1000, 90))
 def test_a_recording_ends_within_a_second_after_the_disk_is_almost_full(phase, timers):
     timers.free = 200e6
