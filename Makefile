@@ -42,12 +42,13 @@ help:
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make test-jazzy      run the tests of the nodes, and the linters of ROS, with ROS 2 Jazzy'
 	@echo 'make lint            check style and types only'
-	@echo 'make check           make test with coverage, generated files, documentation site, stop'
-	@echo '                     times, quick benchmarks: under half an hour on two cores'
+	@echo 'make check           make test with coverage, generated files, documentation site, fuzz'
+	@echo '                     test, stop times, quick benchmarks: half an hour on two cores'
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard; RUNS=N'
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
-	@echo '                     for others'
-	@echo 'make fuzz            give damaged bytes to all readers of bytes; SECONDS=N, SEED=S'
+	@echo '                     for others, ROOM=bags for those of a folder of smart_tire'
+	@echo 'make fuzz            give damaged bytes to all readers of bytes, and damaged messages'
+	@echo '                     to the nodes; SECONDS=N, SEED=S'
 	@echo 'make soak            drive for an hour with random faults; MINUTES=N, SEED=S'
 	@echo 'make bench           measure CPU load, latency, largest load, start, calibration'
 	@echo 'make bench-slip      measure slip and localization; results in bench_output/slip/'
@@ -155,6 +156,7 @@ ALONE := long and (processes or safety)
 check: export SELECTION := -m 'not ($(ALONE))' --cov --cov-report=term --cov-fail-under=92
 check: test current site
 	$(BIN)/python -m pytest -m '$(ALONE)'
+	$(BIN)/python test/fuzz.py --seconds 60
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
@@ -174,11 +176,12 @@ current: $(READY)
 stop-times: $(READY)
 	$(BIN)/python test/safety/stop_times.py $(if $(RUNS),--runs $(RUNS))
 
-# 100 mutants of the safety path; see test/mutation.py.
+# 100 mutants of the safety path, or of a folder; see test/mutation.py.
 mutants: $(READY)
-	$(BIN)/python test/mutation.py $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
+	$(BIN)/python test/mutation.py $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED)) \
+		$(if $(ROOM),--room $(ROOM))
 
-# Damaged bytes for each reader of bytes from outside; see test/fuzz.py.
+# Damaged bytes for each reader of bytes from outside, messages for nodes; see test/fuzz.py.
 fuzz: $(READY)
 	$(BIN)/python test/fuzz.py $(if $(SECONDS),--seconds $(SECONDS)) $(if $(SEED),--seed $(SEED))
 

@@ -38,6 +38,7 @@ MAX_SPEED = 1e2           # m/s, of a ground vehicle
 MAX_POSITION = 1e7        # m, of a pose; northings of UTM are below
 MAX_WHEEL_ANGLE = 1e9     # rad; a wheel of paper B after a way of 87 000 km
 MAX_WHEEL_TORQUE = 1e5    # N m
+MAX_FILM_VOLTAGE = 1e3    # V, of an amplifier; squares of a fit are finite
 MAX_ANGULAR_RATE = 1e2    # rad/s; gyroscopes of robots measure up to 35 rad/s (2000 deg/s)
 
 Vector3 = tuple[float, float, float]

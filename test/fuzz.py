@@ -15,12 +15,16 @@ Fuzz test: readers of bytes from outside get random changes of valid bytes.
 reader must end within ``MAX_CPU`` and ``MAX_MEMORY`` and raise nothing but its documented errors.
 Inputs for which it does not are written to ``test/data/fuzz``; ``make test`` reads all of these,
 and a few new ones of each target. Input ``i`` of a target depends on ``--seed`` and ``i`` only.
+The second table has the share of the lines of functions that every ``MEASURED``-th input ran.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 import gc
@@ -38,11 +42,17 @@ import tempfile
 import time
 from typing import Literal
 
+from coverage import Coverage, CoverageData
+import smart_tire
+from smart_tire.cli._stack import isolated_environment
 from support.fuzz_targets import Target, TARGETS
 
 CORPUS = Path(__file__).parent / 'data' / 'fuzz'
 MAX_CPU = 5.0             # s of CPU time for one input
 MAX_MEMORY = 2 << 30      # bytes beyond those at the start
+MEASURED = 10             # of these inputs, the lines run by one are noted
+TRACING = 4.0             # CPU time of such an input over that of others, at most
+MIN_SHARE = 0.1           # of the lines of a room that is shown
 MAX_FAILURES = 5          # of a target: then it ends
 MAX_CHANGES = 6           # of one input
 MAX_BLOCK = 64            # bytes that are copied, inserted or removed at once
@@ -128,18 +138,19 @@ class Result:
 
 
 def run(read: Callable[[bytes], bool], make: Callable[[int], Inputs], seconds: float,
-        limit: int | None = None) -> Result:
+        limit: int | None = None, lines: Path | None = None) -> Result:
     """
     Give the inputs of ``make(first)`` to ``read`` in a child process, after a failure in another.
 
-    Ends after ``seconds``, ``limit`` inputs, the last input, or ``MAX_FAILURES``.
+    Ends after ``seconds``, ``limit`` inputs, the last input, or ``MAX_FAILURES``. The folder
+    ``lines`` gets the lines run by one of ``MEASURED`` inputs.
     """
     result, end = Result(), time.monotonic() + seconds
     with tempfile.TemporaryDirectory() as folder:
         while len(result.failures) < MAX_FAILURES:
             child = multiprocessing.get_context('fork').Process(
                 target=_feed, args=(Path(folder), read, make(result.inputs), end,
-                                    None if limit is None else limit - result.inputs))
+                                    None if limit is None else limit - result.inputs, lines))
             child.start()
             child.join()
             fed, accepted = (int(word) for word in (Path(folder) / 'count').read_text().split())
@@ -153,7 +164,7 @@ def run(read: Callable[[bytes], bool], make: Callable[[int], Inputs], seconds: f
 
 
 def _feed(folder: Path, read: Callable[[bytes], bool], given: Inputs, end: float,
-          limit: int | None) -> None:
+          limit: int | None, lines: Path | None) -> None:
     """Read inputs; on failure leave the last one, and how many there were, in ``folder``."""
     gc.freeze()  # objects of ROS from the parent, whose threads are not in this process
     (folder / 'count').write_text('0 0')
@@ -163,6 +174,9 @@ def _feed(folder: Path, read: Callable[[bytes], bool], given: Inputs, end: float
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MAX_MEMORY, used + MAX_MEMORY))
+    coverage = Coverage(data_file=str(lines and lines / str(os.getpid())), config_file=False,
+                        source_pkgs=['smart_tire'])
+    coverage.set_option('run:disable_warnings', ['module-not-measured', 'no-data-collected'])
     fed = accepted = 0
     with (folder / 'input').open('wb', buffering=0) as current, \
             (folder / 'count').open('r+b', buffering=0) as counts:
@@ -174,10 +188,45 @@ def _feed(folder: Path, read: Callable[[bytes], bool], given: Inputs, end: float
             current.truncate()
             current.write(data)
             os.pwrite(counts.fileno(), b'%9d %9d' % (fed, accepted), 0)
-            signal.setitimer(signal.ITIMER_PROF, MAX_CPU)
-            accepted += bool(read(data))
+            measured = lines is not None and fed % MEASURED == 1
+            signal.setitimer(signal.ITIMER_PROF, MAX_CPU * (TRACING if measured else 1.0))
+            with _run_lines(coverage) if measured else nullcontext():
+                accepted += bool(read(data))
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             os.pwrite(counts.fileno(), b'%9d %9d' % (fed, accepted), 0)
+
+
+@contextmanager
+def _run_lines(coverage: Coverage) -> Iterator[None]:
+    """Note the lines of the package run in this context."""
+    coverage.start()
+    try:
+        yield
+    finally:
+        coverage.stop()
+        coverage.save()
+
+
+def shares(folder: Path) -> dict[str, tuple[int, int]]:
+    """Return room -> number of lines of its functions that were run, and of all of them."""
+    run_in = defaultdict[str, set[int]](set)
+    found = defaultdict[str, tuple[int, int]](lambda: (0, 0))
+    for path in folder.iterdir():
+        data = CoverageData(str(path))
+        data.read()
+        for file in data.measured_files():
+            run_in[file] |= set(data.lines(file) or ())
+    package = Path(smart_tire.__file__).parent
+    for file in package.rglob('*.py'):
+        whole = {line for node in ast.walk(ast.parse(file.read_text(encoding='utf-8')))
+                 if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
+                 for inner in node.body for child in ast.walk(inner) if isinstance(child, ast.stmt)
+                 and not (isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant))
+                 for line in [child.lineno]}
+        room = file.relative_to(package).parts[0].removesuffix('.py')
+        done, total = found[room]
+        found[room] = done + len(whole & run_in[str(file)]), total + len(whole)
+    return found
 
 
 def _from(known: Sequence[bytes], first: int) -> Inputs:
@@ -215,18 +264,30 @@ def main(words: Sequence[str] | None = None) -> int:
                         help='where inputs are kept for which a reader failed')
     options = parser.parse_args(words)
     names, failed = options.target or list(TARGETS), False
+    os.environ.update(isolated_environment())  # of the nodes
     print(f'seed {options.seed}\n{"target":20}{"inputs":>9}{"accepted":>10}{"failures":>10}')
-    for name in names:
-        old = run(TARGETS[name].read, partial(_from, kept(name)), options.seconds)
-        new = run(TARGETS[name].read, partial(inputs, TARGETS[name], name, options.seed),
-                  options.seconds / len(names))
-        failures = old.failures + new.failures
-        print(f'{name:20}{new.inputs:9}{new.accepted / max(new.inputs, 1):10.0%}'
-              f'{len(failures):10}', flush=True)
-        for data, cause in failures:
-            failed = True
-            print(f'  {keep(name, data, options.corpus)}: {len(data)} bytes\n{cause}', flush=True)
+    with tempfile.TemporaryDirectory() as lines:
+        for name in names:
+            failed |= _report(name, options, Path(lines), options.seconds / len(names))
+        print(f'\n{"room":20}{"lines":>9}{"run":>10}')
+        for room, (done, total) in sorted(shares(Path(lines)).items()):
+            if done > MIN_SHARE * total:
+                print(f'{room:20}{total:9}{done / total:10.0%}')
     return int(failed)
+
+
+def _report(name: str, options: argparse.Namespace, lines: Path, seconds: float) -> bool:
+    """Feed a target for ``seconds`` and print the result; return whether it failed."""
+    TARGETS[name].seeds()  # what they keep is made once, for all child processes
+    old = run(TARGETS[name].read, partial(_from, kept(name)), options.seconds)
+    new = run(TARGETS[name].read, partial(inputs, TARGETS[name], name, options.seed), seconds,
+              lines=lines)
+    failures = old.failures + new.failures
+    print(f'{name:20}{new.inputs:9}{new.accepted / max(new.inputs, 1):10.0%}'
+          f'{len(failures):10}', flush=True)
+    for data, cause in failures:
+        print(f'  {keep(name, data, options.corpus)}: {len(data)} bytes\n{cause}', flush=True)
+    return bool(failures)
 
 
 if __name__ == '__main__':

@@ -20,7 +20,7 @@ from types import SimpleNamespace
 
 import fuzz
 import pytest
-from support.fuzz_targets import TARGETS
+from support.fuzz_targets import NODE_TARGETS, TARGETS
 
 pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
@@ -32,7 +32,7 @@ def source(inputs):
     return lambda first: islice(inputs, first, None)
 
 
-@pytest.mark.parametrize('name', TARGETS)
+@pytest.mark.parametrize('name', [name for name in TARGETS if name not in NODE_TARGETS])
 @pytest.mark.parametrize('new', [20, pytest.param(200, marks=pytest.mark.long)])
 def test_inputs_that_once_failed_and_changed_ones_are_read_unchanged_ones_accepted(name, new):
     seeds, target = list(TARGETS[name].seeds()), TARGETS[name]
@@ -41,6 +41,24 @@ def test_inputs_that_once_failed_and_changed_ones_are_read_unchanged_ones_accept
     assert not result.failures
     assert result.inputs == len(given)
     assert fuzz.run(target.read, source(seeds), SECONDS).accepted > 0
+
+
+@pytest.mark.parametrize('name', NODE_TARGETS)
+@pytest.mark.parametrize('new', [1, pytest.param(20, marks=pytest.mark.long)])
+def test_nodes_read_inputs_that_once_failed_and_changed_ones(name, new, isolated_ros):
+    """In this process: a fork of one that has used DDS hangs."""
+    target = TARGETS[name]
+    for data in [*fuzz.kept(name), *islice(fuzz.inputs(target, name, 1), new)]:
+        assert target.read(data)
+
+
+def test_the_lines_of_functions_that_inputs_run_are_counted_by_room(tmp_path):
+    target = TARGETS['xsens']
+    fuzz.run(target.read, source(list(target.seeds()) * 20), SECONDS, lines=tmp_path)
+    shares = fuzz.shares(tmp_path)
+    done, total = shares['protocol']
+    assert 0.1 * total < done < 0.5 * total
+    assert shares['bags'][0] == 0 < shares['bags'][1]
 
 
 def fails(data):

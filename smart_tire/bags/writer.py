@@ -11,9 +11,10 @@
 """
 Crash-safe writer of rosbag2 directories, and recovery of damaged bags.
 
-A crash loses the messages since the latest chunk: 0.2 s at most if ``flush`` is called every
-0.1 s. The index of a file is in memory until the file is complete (3 kB per chunk with 30 topics):
-a long recording is divided into several files.
+A crash loses the messages since the latest chunk: less than 0.2 s of them, however late ``flush``
+is called, which is for the case that messages stop arriving. The index of a file is in memory
+until the file is complete (3 kB per chunk with 30 topics): a long recording is divided into
+several files.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ from smart_tire.errors import BagError
 from smart_tire.messages import ALL_TOPICS
 from smart_tire.samples import NS_PER_S, Sample
 
-FLUSH_PERIOD_NS = 250_000_000       # of message time between chunks: half of the loss allowed
+# Of message time between chunks; of the 0.2 s allowed the rest is for the next message to arrive.
+FLUSH_PERIOD_NS = 150_000_000
 METADATA_PERIOD_NS = 5_000_000_000  # of message time between updates of metadata.yaml
 
 

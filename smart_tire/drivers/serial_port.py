@@ -16,6 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 import errno
 import os
+import re
 import termios
 import threading
 from typing import Any
@@ -32,6 +33,7 @@ RETRY_DELAY = 0.25      # s between attempts to open a port; a failed one costs 
 CLOSE_TIMEOUT = 5.0     # s for the thread to end
 PSEUDO_TERMINALS = '/dev/pts/'
 PORT_ERRORS = (OSError, termios.error)  # raised by pyserial when a port is lost
+URL_ERRORS = (ValueError, KeyError, TypeError, re.error)  # by pyserial for an invalid URL
 
 REASONS = {
     errno.ENOENT: 'there is no such port; is it plugged in?',
@@ -59,7 +61,7 @@ def open_port(url: str, baud_rate: int, timeout: float = READ_TIMEOUT) -> Any:
         port = serial.serial_for_url(path, baudrate=baud_rate, timeout=timeout,
                                      write_timeout=WRITE_TIMEOUT, exclusive=True)
         port.reset_input_buffer()
-    except (*PORT_ERRORS, ValueError) as error:
+    except (*PORT_ERRORS, *URL_ERRORS) as error:
         raise LinkError(f'cannot open {url} at {baud_rate} baud: {_reason(error)}') from error
     return port
 

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.samples import (
-    GroundState, ImuSample, MAX_ANGULAR_RATE, MAX_SPECIFIC_FORCE, MAX_WHEEL_SPEED, Odometry,
-    TireSample, WheelSample, WheelSlip)
+    GroundState, ImuSample, MAX_ANGULAR_RATE, MAX_FILM_VOLTAGE, MAX_SPECIFIC_FORCE,
+    MAX_WHEEL_SPEED, Odometry, TireSample, WheelSample, WheelSlip)
 
 MAX_RATE_CHANGE = 5.0          # rad/s between two IMU samples; no robot yaws so abruptly
 MAX_FORCE_CHANGE = 20.0        # m/s2 between two IMU samples, in addition to vibration ...
@@ -39,7 +39,7 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
     """Return whether a robot and its sensors can have produced ``sample``; False for NaN."""
     match sample:
         case TireSample():  # by far the most frequent
-            return all(map(isfinite, sample.volts))
+            return all(abs(volts) <= MAX_FILM_VOLTAGE for volts in sample.volts)
         case ImuSample():
             return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
                     and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))

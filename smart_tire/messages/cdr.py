@@ -251,7 +251,10 @@ class Decoder:
                 shape.append(count)
             else:
                 reader.numbers(f'{kind if isinstance(kind, int) else len(kind)}d', 8)
-        return Layout(self._type, tuple(shape), reader.order)
+        layout = Layout(self._type, tuple(shape), reader.order)
+        if layout.size > len(data):
+            raise struct.error('a string has no zero byte at its end')
+        return layout
 
 
 class Encoder:

@@ -27,9 +27,9 @@ from smart_tire.messages.header import (
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE, wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
-    Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_WHEEL_ANGLE,
-    MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN, TireSample, WheelCommand, WHEELS,
-    WheelSample, WheelSlip)
+    Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_FILM_VOLTAGE,
+    MAX_WHEEL_ANGLE, MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN, TireSample,
+    WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
@@ -149,7 +149,9 @@ def tire_from_msg(msg: Any) -> TireSample:
     indices = film_indices(names_of(msg, 'tire_samples'), wheel)
     values = _values(msg, 'position', 'tire_samples')
     volts = tuple([values[index] for index in indices])
-    return TireSample(stamp_of(msg), wheel, finite('tire_samples', 'position', volts))
+    return TireSample(stamp_of(msg), wheel, bounded(
+        'tire_samples', 'position', finite('tire_samples', 'position', volts),
+        MAX_FILM_VOLTAGE, 'V'))
 
 
 def tire_to_msg(msg: Any, sample: TireSample) -> Any:

@@ -25,12 +25,13 @@ from types import SimpleNamespace
 from typing import Any
 
 from smart_tire.errors import MessageError
-from smart_tire.messages.header import finite, names_of, set_header, stamp_of, wheel_of
+from smart_tire.messages.header import (
+    bounded, finite, names_of, set_header, stamp_of, wheel_of)
 from smart_tire.messages.joint_state import film_indices, film_names, GROUND_CORRELATION
 from smart_tire.messages.path import PROGRESS_NAMES
 from smart_tire.samples import (
-    Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, NS_PER_S, PathProgress,
-    TireSamples, WHEELS, WheelSlip)
+    Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_FILM_VOLTAGE, NS_PER_S,
+    PathProgress, TireSamples, WHEELS, WheelSlip)
 
 PACKAGE = 'smart_tire_msgs'
 SUFFIX = '/typed'  # of the topics
@@ -122,7 +123,8 @@ def samples_from_msg(msg: Any) -> TireSamples:
     topic = 'tire_samples' + SUFFIX
     wheel, stamp_ns, films = wheel_of(msg, topic), stamp_of(msg), len(msg.name)
     order = film_indices(names_of(msg, topic), wheel)
-    numbers = finite(topic, 'volts', [float(number) for number in msg.volts])
+    numbers = bounded(topic, 'volts', finite(topic, 'volts', [
+        float(number) for number in msg.volts]), MAX_FILM_VOLTAGE, 'V')
     count, rest = divmod(len(numbers), films)
     if rest or not count:
         raise MessageError(f'{topic}: volts has {len(numbers)} numbers, expected as many for each '

@@ -36,7 +36,7 @@ from smart_tire.nodes.runner import run
 from smart_tire.parameters.files import snapshot_text
 
 DISCOVERY_PERIOD = 0.2      # s between queries of the published topics
-FLUSH_PERIOD = 0.1          # s between chunks, half of what a crash may cost
+FLUSH_PERIOD = 0.1          # s between chunks; while timers are late, the writer ends them
 PROGRESS_PERIOD = 1.0       # s between reports of the progress, and looks at the disk
 MIN_FREE = 200_000_000      # bytes on the disk with which a recording ends: the bag is completed
 MAX_DURATION = 300.0        # s of a file: its index is in memory, up to 10 MB with 30 topics

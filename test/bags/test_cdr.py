@@ -122,8 +122,10 @@ def test_a_truncated_message_is_rejected_at_any_length(type_name):
 @pytest.mark.parametrize('raw', [
     b'', b'\x00', b'\x00\x02\x00\x00' + bytes(60), b'\x00\x07\x00\x00' + bytes(60),
     b'\x00\x01\x00\x00' + bytes(8) + b'\xff\xff\xff\xff' + bytes(60),
-    b'\x00\x01\x00\x00' + bytes(8) + b'\x01\x00\x00\x00\x00\x00\x00\x00\xff\xff\xff\x7f'],
-    ids=['empty', 'short', 'parameter list', 'second version', 'long string', 'many names'])
+    b'\x00\x01\x00\x00' + bytes(8) + b'\x01\x00\x00\x00\x00\x00\x00\x00\xff\xff\xff\x7f',
+    b'\x00\x01\x00\x00' + bytes(8) + b'\x04\x00\x00\x00base'],
+    ids=['empty', 'short', 'parameter list', 'second version', 'long string', 'many names',
+         'string without end'])
 def test_data_that_is_not_plain_cdr_is_rejected(raw):
     with pytest.raises(MessageError, match=JOINTS):
         Decoder(JOINTS)(raw)

@@ -288,6 +288,23 @@ def test_the_messages_of_a_lost_chunk_are_counted_by_the_index(tmp_path):
     assert (warnings, lost) == ([], 10)
 
 
+def test_a_file_whose_index_lacks_a_chunk_is_read_without_it(tmp_path):
+    data, starts = indexed(tmp_path / 'a.mcap', enable_crcs=False)
+    entry = data.rindex(struct.pack('<Q', starts[6])) - 16 - 9  # after the times of the chunk
+    assert data[entry] == Opcode.CHUNK_INDEX
+    length, = struct.unpack_from('<Q', data, entry + 1)
+    del data[entry:entry + 9 + length]
+    times, losses, _, lost, _ = opened(tmp_path / 'a.mcap', data)
+    assert (times, losses, lost) == (ALL, [], 0)
+
+
+def test_messages_of_one_topic_in_chunks_that_overlap_are_in_order(read):
+    two = topic() + topic(2, '/b')
+    assert read(chunk(two + message(5) + message(20, channel=2), start=5, end=20),
+                chunk(two + message(10, channel=2) + message(30), start=10, end=30),
+                chunk(two + message(12), start=12, end=12), topics={'/b'}) == ([10, 20], [])
+
+
 def statistics(data):
     """Return where the content of the statistics begins."""
     at = data.rindex(struct.pack('<BQ', Opcode.STATISTICS, 42 + 4 + 3 * 10)) + 9

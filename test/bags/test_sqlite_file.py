@@ -82,6 +82,16 @@ def test_a_file_without_profiles_and_definitions_is_read(tmp_path):
         assert list(bag.samples(['odom'])) == [event]
 
 
+def test_a_name_that_is_no_utf_8_is_no_damage(tmp_path):
+    path = written(tmp_path / 'foxy.db3', FOXY + """
+        INSERT INTO topics VALUES (2, CAST(x'2fff62' AS TEXT), 'a_msgs/msg/A', 'cdr');""",
+                   (1, 2, 7, b'data'))
+    with closing(SqliteFile(path)) as file:
+        assert [(ns, channel.topic, data) for ns, channel, data in file.messages()] == [
+            (7, '/\ufffdb', b'data')]
+        assert not file.losses.reasons and not file.warnings
+
+
 def test_messages_in_the_write_ahead_log_of_a_killed_recorder_are_read(tmp_path):
     events = stream(0.5)
     file, = write_with_rosbags(tmp_path / 'bag', events[:-100]).glob('*.db3')

@@ -268,15 +268,15 @@ class Timers:
         assert number == signal.SIGTERM and self.ended is None
         self.ended = self.now
 
-    def run(self, milliseconds: int) -> None:
-        """Let time pass, and write a message with the time every 10 ms."""
+    def run(self, milliseconds: int, *, late: bool = False) -> None:
+        """Let time pass, and write a message with the time every 10 ms; timers may be late."""
         for _ in range(milliseconds):
             self.now += 1
             if self.now % 10 == 0:
                 self.writer.write('/time', self.now * 1_000_000, bytes(4) + self.now.to_bytes(
                     8, 'little'))
             for period, callback in self._timers:
-                if self.now % period == 0:
+                if self.now % period == 0 and not late:
                     callback()
 
 
@@ -288,12 +288,22 @@ def timers(tmp_path, monkeypatch, isolated_ros):
     made.close()
 
 
-def test_at_any_time_the_file_ends_less_than_a_fifth_of_a_second_ago(timers, tmp_path):
+@pytest.mark.parametrize('late', [False, True])
+def test_at_any_time_the_file_ends_less_than_a_fifth_of_a_second_ago(late, timers, tmp_path):
     timers.run(100)
     for number in range(50):
-        timers.run(17)
+        timers.run(17, late=late)
         killed = shutil.copytree(tmp_path / 'bag', tmp_path / f'killed{number}')
         assert timers.now - integers(contents(killed)['/time'])[-1] < 200
+
+
+def test_the_bag_names_the_distribution_of_ros(tmp_path, monkeypatch):
+    from smart_tire.nodes import recorder
+    monkeypatch.setattr(recorder, 'run', lambda make, own_arguments: 0)
+    monkeypatch.setenv('ROS_DISTRO', 'jazzy')
+    assert recorder.record(tmp_path / 'bag').status == 0
+    with Bag(tmp_path / 'bag') as bag:
+        assert bag.ros_distro == 'jazzy'
 
 
 @pytest.mark.parametrize('phase', range(10, 1000, 90))

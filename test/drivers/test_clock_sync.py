@@ -108,6 +108,17 @@ def test_the_fit_restarts_at_once_with_the_device():
     assert clock.add_arrival(0, arrival + 1_000_000_000) == arrival + 1_000_000_000
 
 
+def test_timestamps_of_messages_that_arrive_at_once_advance_by_a_tenth_of_their_period():
+    clock, period_ns = ClockSync(), 40_000_000
+    stamps = [clock.add_arrival(index * period_ns, HOST_NS) for index in range(50)]
+    steps = np.diff(stamps)
+    assert steps.min() == period_ns // 10 and steps.max() < 1.1 * period_ns
+
+
+def test_before_the_first_message_the_times_are_those_of_the_device():
+    assert ClockSync().host_ns(7) == 7
+
+
 @pytest.mark.parametrize('jump', [-30_000_000_000, -1_000_000_000, 30_000_000_000])
 def test_the_fit_restarts_at_once_after_a_large_step_of_the_host_clock(jump):
     clock = ClockSync()

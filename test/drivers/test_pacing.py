@@ -64,6 +64,13 @@ def flat(taken):
     return [(now_ns, sample) for now_ns, samples in taken for sample in samples]
 
 
+def test_the_two_samples_of_a_batch_are_spread_over_their_period():
+    queue, period_ns = PacingQueue(wheels=1), SAMPLE_SPACING_NS
+    queue.put([TireSample(index * period_ns, 'front_left', (1.65,)) for index in range(2)], 0)
+    first, second = (slot[0] for slot in sorted(queue._slots))
+    assert second - first == int(pacing.MAX_SPACING_SHARE * period_ns)
+
+
 def together(number):
     """Return a batch of each of four wheels, with the same time of arrival."""
     return [(arrival(number), batch(number, wheel)) for wheel in WHEELS]

@@ -30,6 +30,18 @@ from smart_tire.simulation.device_emulators import (
     ImuEmulator, RadioEmulator, RoboclawEmulator, SensorNodeEmulator)
 
 NODE = 0x13A20040A1B2C3
+
+
+class ListPortInfo(SimpleNamespace):
+    """What pyserial lists of a port."""
+
+    description = ''
+    vid = pid = None
+
+    def __lt__(self, other):
+        return self.device < other.device
+
+
 VERSION = 'USB Roboclaw 2x15a v4.1.34'
 
 
@@ -147,7 +159,8 @@ def test_motor_boards_are_asked_for_their_version_only(scanned, delay):
     assert found.details == f'128 {VERSION}, 130 {VERSION}'
     assert device.written == bytes(
         byte for address in range(0x80, 0x88) for byte in (address, 21))
-    assert device.now < 0.3 + 8 * 0.07  # not all listening time
+    # all listening time, six time-outs, and no more than the replies of two boards need
+    assert device.now < 0.3 + 6 * 0.041 + 2 * (delay + 0.001)
 
 
 def test_a_silent_port_that_is_not_configured_for_boards_is_not_written_to(scanned):
@@ -162,6 +175,28 @@ def test_bytes_without_frames_are_counted_and_not_answered(scanned):
     found = scanned(device, ask=True)
     assert (found.protocol, found.received) == ('', 2 * 7 * 50)
     assert device.written == b''
+
+
+def test_only_the_ports_named_are_asked_for_boards(monkeypatch):
+    monkeypatch.setattr(port_scan, 'scan_port', lambda path, rates, ask: (path, rates, ask))
+    assert port_scan.scan({'a': [9600], 'b': [1, 2]}, ['b', 'c']) == [
+        ('a', (9600,), False), ('b', (1, 2), True)]
+
+
+def test_ports_with_a_device_are_listed_and_roboclaws_known_by_their_usb_numbers(
+        monkeypatch, tmp_path):
+    (tmp_path / 'usb-imu').symlink_to('/dev/ttyUSB3')
+    monkeypatch.setattr(port_scan, 'BY_ID', tmp_path)
+    monkeypatch.setattr(port_scan.list_ports, 'comports', lambda: [
+        ListPortInfo(device='/dev/ttyS0', hwid='n/a'),
+        ListPortInfo(device='/dev/ttyUSB3', hwid='USB', description='FT232R', vid=0x0403,
+                     pid=0x6001),
+        ListPortInfo(device='/dev/ttyACM0', hwid='USB', description=None, vid=0x03EB, pid=0x2404),
+        ListPortInfo(device='/dev/ttyACM1', hwid='USB', vid=0x03EB, pid=0x2405),
+        ListPortInfo(device='/dev/ttyACM2', hwid='USB', vid=0x03EC, pid=0x2404)])
+    assert port_scan.serial_devices() == [
+        Device('/dev/ttyACM0', '', '', True), Device('/dev/ttyACM1'), Device('/dev/ttyACM2'),
+        Device('/dev/ttyUSB3', 'FT232R', str(tmp_path / 'usb-imu'))]
 
 
 def test_a_missing_and_a_forbidden_port_are_reported(port, monkeypatch):
@@ -267,6 +302,8 @@ def test_other_devices_are_listed_and_stable_names_proposed():
                     devices=devices)[3]
     assert finding.level is Level.INFO
     assert 'Xsens answers at 9600 baud' in finding.text and 'FT232R' in finding.text
+    finding = found(ScannedPort('/dev/ttyUSB9', holder='process 7 (x)'), devices=devices)[3]
+    assert 'in use by process 7 (x)' in finding.text
     devices = [Device(IMU, by_id='/dev/serial/by-id/usb-imu')]
     assert 'use /dev/serial/by-id/usb-imu' in found(devices=devices)[3].text
 

@@ -72,6 +72,38 @@ def test_the_source_of_the_timestamps_is_reported():
     assert 'arrival' in sources['vectornav_ascii']
 
 
+def test_the_axes_of_the_devices_are_those_of_their_manuals():
+    axes = {name: protocol.axes.partition(' on the device')[0]
+            for name, protocol in IMU_PROTOCOLS.items()}
+    assert axes == {'vectornav_binary': 'x forward, y right, z down',
+                    'vectornav_ascii': 'x forward, y right, z down',
+                    'xsens': 'x forward, y left, z up'}
+
+
+@every_protocol
+def test_before_the_first_frame_there_is_no_source_of_timestamps(protocol):
+    assert imu_stream(protocol).timestamp_source == 'none yet'
+
+
+def test_the_first_sentence_of_an_undamaged_stream_follows_no_missed_one():
+    stream = imu_stream('vectornav_ascii')
+    missed, timestamp = [], stream._arrival_clock.timestamp
+    stream._arrival_clock.timestamp = lambda receive_ns, count: missed.append(count) or timestamp(
+        receive_ns, count)
+    data = frame('vectornav_ascii', 0)
+    for chunk in (data, data, data[:8] + b'x' + data[9:], data):
+        list(stream.receive(chunk, HOST_NS))
+    assert missed == [0, 0, 1]
+
+
+def test_a_late_frame_after_the_device_time_has_wrapped_has_the_time_of_its_measurement():
+    stream, wrap = imu_stream('xsens'), 100  # 1 s after ``DEVICE_NS``
+    errors = [sample.stamp_ns - HOST_NS - index * PERIOD_NS for index in range(2 * wrap)
+              for sample in stream.receive(frame('xsens', index), HOST_NS + index * PERIOD_NS + (
+                  8_000_000 if index == wrap else 0))]
+    assert np.abs(errors).max() < 100_000
+
+
 def test_a_binary_frame_without_device_time_gets_its_arrival_time():
     stream = imu_stream('vectornav_binary')
     fields = vectornav.Field.ANGULAR_RATE | vectornav.Field.ACCEL

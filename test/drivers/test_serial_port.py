@@ -82,10 +82,19 @@ def test_a_chunk_has_the_time_after_its_last_byte():
     ('/no/such/port', 'there is no such port'),
     ('bogus://port', "protocol 'bogus' not known"),
     ('/dev/null', 'it is not a serial port'),
+    ('loop://?loggint=debug', 'debug'),
+    ('hwgrep://[', 'unterminated character set'),
+    ('hwgrep://0403&n=', 'int()'),
+    ('hwgrep://0403&n', 'NoneType'),
+    ('socket://host', ''),
+    ('rfc2217://', ''),
+    ('spy://', ''),
 ])
 def test_a_port_that_cannot_be_opened_is_refused_with_the_reason(url, reason):
-    with pytest.raises(LinkError, match=f'cannot open {url} at 9600 baud: .*{reason}'):
+    with pytest.raises(LinkError) as caught:
         open_port(url, 9600)
+    assert str(caught.value).startswith(f'cannot open {url} at 9600 baud: ')
+    assert reason in str(caught.value)
 
 
 def test_a_simulated_port_is_never_a_real_device(port, tmp_path):

@@ -135,6 +135,7 @@ def test_films_are_found_by_number_in_any_order_among_other_joints():
     ('wheel_states', {'name': [*WHEELS[:3], 'rear_left']}, 'name '),
     ('wheel_states', {'name': []}, 'name '),
     ('tire_samples', {'position': [1.0, math.nan]}, 'position '),
+    ('tire_samples', {'position': [1.0, -1001.0]}, 'position '),
     ('tire_samples', {'position': [1.0]}, 'position '),
     ('tire_samples', {'name': ['rear_left_pvdf_2', 'rear_left_pvdf_3']}, 'name '),
     ('tire_samples', {'name': ['rear_left_pvdf_1', 'rear_left_pvdf_1']}, 'name '),

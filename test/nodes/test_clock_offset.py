@@ -18,6 +18,7 @@ import json
 import os
 from pathlib import Path
 import shutil
+import struct
 import subprocess
 import sys
 import time
@@ -32,7 +33,7 @@ from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
 
-SKEW = Path(__file__).with_name('clock_skew.c')  # LD_PRELOAD of a process
+SKEW = Path(__file__).parents[1] / 'support' / 'clock_skew.c'  # LD_PRELOAD of a process
 SKEW_NS = 50_000_000
 MS = 1_000_000  # ns
 
@@ -161,10 +162,12 @@ def test_a_host_with_another_clock_is_found(hosts, tmp_path, isolated_ros):
     if compiler is None:
         pytest.skip('needs a C compiler')
     subprocess.run([compiler, '-shared', '-fPIC', '-o', library, SKEW], check=True)
+    skew = tmp_path / 'skew'
+    skew.write_bytes(struct.pack('q', SKEW_NS))
     environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
     with (tmp_path / 'log').open('wb') as log, subprocess.Popen(
             [*hosts.words(1), sys.executable, *node_arguments('wheel_controller')],
-            env={**environment, 'LD_PRELOAD': str(library), 'CLOCK_SKEW_NS': str(SKEW_NS)},
+            env={**environment, 'LD_PRELOAD': str(library), 'CLOCK_SKEW_FILE': str(skew)},
             stdout=log, stderr=log) as node:
         try:
             found = []

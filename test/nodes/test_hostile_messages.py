@@ -12,8 +12,7 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
-from functools import lru_cache, partial
+from functools import partial
 from itertools import cycle
 import math
 
@@ -22,83 +21,16 @@ from nav_msgs.msg import Path
 import pytest
 from sensor_msgs.msg import JointState
 from smart_tire.errors import MAX_REASON
-from smart_tire.messages import TOPICS
-from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.nodes.wheel_controller import WheelController
-from smart_tire.parameters import SimulatorParams
-from smart_tire.samples import (
-    Friction, GoalPose, GroundState, NS_PER_S, PlannedPath, VelocityCommand)
-from smart_tire.simulation.offline import simulate
-from smart_tire.uncertain import Uncertain
-from support.virtual_node import EPOCH_NS, virtual
+from smart_tire.samples import NS_PER_S
+from support.hostile_messages import (
+    drive, EPOCH_NS, HOSTILE, part_of, places, SECONDS, with_number)
+from support.virtual_node import virtual
 
 pytestmark = [pytest.mark.processes, pytest.mark.slow]
-
-HOSTILE = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e30, -1e9, 5e-324, 0.0)
-SPEEDS = [(1.0, 0.0, 0.0), (1.5, 60.0, 60.0), (3.5, 80.0, 40.0), (5.0, 0.0, 0.0),
-          (6.0, 40.0, 60.0)]  # s, rpm
-SECONDS = 8.0
-
-
-def ground(stamp_ns):
-    return GroundState(stamp_ns, Uncertain(50.0, 5.0), *(
-        Uncertain(value, sigma) for value, sigma in (
-            (0.4, 0.1), (0.02, 0.01), (0.5, 0.2), (0.8, 0.2), (0.0, 0.005), (0.0, 0.005),
-            (0.05, 0.01), (0.02, 0.01), (1.0, 0.3), (1.0, 0.05))))
-
-
-OTHERS = {  # sample of a stamp, and the period of its topic [s]
-    'ground_state': (ground, 0.05),
-    'path': (lambda ns: PlannedPath(ns, 'odom', ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0))), 0.05),
-    'goal_pose': (lambda ns: GoalPose(ns, 'odom', (4.0, 0.0, 0.0)), 0.05),
-    'cmd_vel': (lambda ns: VelocityCommand(ns, 0.4, 0.1), 0.05),
-    'tire_friction': (lambda ns: Friction(
-        ns, 'front_right', Uncertain(0.4, 0.1), normal_load=Uncertain(26.0, 1.0),
-        stiffness=Uncertain(50.0, 5.0)), 0.05),
-}
-
-
-@lru_cache
-def drive():
-    """Return stamp, topic and message of a drive, with those of ``OTHERS``."""
-    found = [(ns, topic.removeprefix('ground_truth/'), sample) for ns, topic, sample in
-             simulate(SimulatorParams(seed=1), SPEEDS, SECONDS)]
-    for topic, (sample_at, period) in OTHERS.items():
-        stamps = (EPOCH_NS + round(i * period * NS_PER_S) for i in range(round(SECONDS / period)))
-        found += [(ns, topic, sample_at(ns)) for ns in stamps]
-    return [(ns, topic, TOPICS[topic].to_msg(message_class(TOPICS[topic].type)(), sample))
-            for ns, topic, sample in sorted(found, key=lambda event: event[0])]
-
-
-def places(msg, path=()):
-    """Yield the path of each number in a message: attributes and indices."""
-    if hasattr(msg, 'get_fields_and_field_types'):
-        for name in msg.get_fields_and_field_types():
-            yield from places(getattr(msg, name), (*path, name))
-    elif isinstance(msg, float):
-        yield path
-    elif not isinstance(msg, (str, int)):
-        for i, item in enumerate(msg):
-            yield from places(item, (*path, i))
-
-
-def part_of(msg, path):
-    for part in path:
-        msg = msg[part] if isinstance(part, int) else getattr(msg, part)
-    return msg
-
-
-def with_number(msg, path, number):
-    """Return a copy of a message with another number at a place."""
-    owner = part_of(msg := deepcopy(msg), path[:-1])
-    if isinstance(path[-1], int):
-        owner[path[-1]] = number
-    else:
-        setattr(owner, path[-1], number)
-    return msg
 
 
 def attack(node, *topics):

@@ -17,7 +17,8 @@ from hypothesis import given, settings, strategies as st
 import pytest
 from smart_tire.errors import FrameError
 from smart_tire.protocol import vectornav
-from smart_tire.protocol.vectornav import BinaryDeframer, decode_binary, encode_binary, Field
+from smart_tire.protocol.vectornav import (
+    BinaryDeframer, decode_binary, encode_binary, Field, FIELD_SIZES)
 from smart_tire.samples import ImuSample
 from support.frames import each_frame, frames
 
@@ -32,6 +33,12 @@ SAMPLE = ImuSample(5, (0.5, -1.5, 9.75), (0.25, -0.125, 2.0), (0.5, -0.5, 0.5, 0
 def body_of(frame):
     """Return the bytes between sync byte and CRC."""
     return frame.data[1:-2]
+
+
+def test_the_sizes_of_all_fields_have_the_sums_of_the_table_in_the_manual():
+    assert [sum(group) for group in FIELD_SIZES] == [198, 60, 152, 156, 190, 262, 156]
+    assert [sum(bit) for bit in zip(*FIELD_SIZES)] == [
+        38, 80, 72, 76, 54, 96, 120, 76, 76, 77, 73, 130, 110, 60, 12, 24]
 
 
 @each_frame('vectornav_binary', 'yaw_pitch_roll')

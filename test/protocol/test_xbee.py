@@ -101,3 +101,9 @@ def test_a_body_that_is_too_short_is_refused():
 def test_a_body_of_a_length_that_the_deframer_refuses_is_not_encoded(size):
     with pytest.raises(FrameError, match=f'{size} bytes'):
         xbee.encode_frame(bytes(size))
+
+
+def test_bytes_without_a_start_byte_are_discarded_at_once():
+    deframer = XBeeDeframer()
+    assert list(deframer.extract(bytes(1000))) == []
+    assert (deframer.skipped_bytes, deframer.bad_frames) == (1000, 0)

@@ -163,3 +163,9 @@ def test_a_packet_with_invalid_content_is_refused_by_name(identifier, content, m
 def test_numbers_out_of_range_are_not_encoded(precision, number):
     with pytest.raises(FrameError, match=precision.name):
         xsens.encode_numbers((number,), precision)
+
+
+def test_the_counter_of_an_encoded_sample_begins_at_zero_and_wraps():
+    sample = ImuSample(0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0))
+    assert xsens.packet_counter(xsens.encode_imu(0, sample)) == 0
+    assert xsens.packet_counter(xsens.encode_imu(0, sample, 65537)) == 1

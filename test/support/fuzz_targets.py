@@ -16,7 +16,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 import logging
+import math
 from pathlib import Path
+from random import Random
 import shutil
 import tempfile
 from unittest.mock import patch
@@ -24,26 +26,41 @@ from unittest.mock import patch
 from mcap.writer import CompressionType, Writer as McapWriter
 from smart_tire.bags import Bag, recover
 from smart_tire.bags.cdr import Decoder, SampleDecoder, SampleEncoder
+from smart_tire.cli._path_file import read_path
 from smart_tire.drivers.roboclaw_line import RoboclawLine
 from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
+from smart_tire.drivers.serial_port import open_port
 from smart_tire.drivers.tire_receiver import TireStream
-from smart_tire.errors import BagError, FrameError, MessageError, ParameterError
+from smart_tire.errors import BagError, FrameError, LinkError, MessageError, ParameterError
 from smart_tire.estimation.film.files import COLUMNS, read_params, read_recording
 from smart_tire.messages import TOPICS
+from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
+from smart_tire.nodes.slip_estimator import SlipEstimatorNode
+from smart_tire.nodes.trajectory_controller import TrajectoryController
+from smart_tire.nodes.wheel_controller import WheelController
 from smart_tire.parameters import load_node, NODE_PARAMS
-from smart_tire.paths import BAG_METADATA
+from smart_tire.paths import BAG_METADATA, port_url
 from smart_tire.protocol import roboclaw, vectornav, vectornav_ascii, xbee, xsens
 from smart_tire.recording import Faults
+from smart_tire.samples import NS_PER_S
 from support.frames import frames
+from support.hostile_messages import (
+    changed_message, drive, EPOCH_NS, part_of, places, SECONDS as DRIVE_TIME)
 from support.recordings import stream, write_bag, write_with_rosbags
+from support.virtual_node import virtual
 
 ROOT = Path(__file__).resolve().parents[2]
 ADDRESS = 0x0013A20040A1B2C3  # of a sensor node
 ARRIVAL_NS = 1_700_000_000_000_000_000
 CHUNK = 7  # bytes; no frame is that short
 SECONDS = 0.1  # of the bags
+ATTACKED = 1.0  # s, of a node
+CHANGED = 0.2   # share of the messages with a changed one before them
 YAML_TOKENS = (b'&a ', b'*a', b'<<: ', b'? ', b'!!binary ', b'!!timestamp ', b'!!python/tuple ',
                b'2001-99-99', b'1e999', b'.nan', b'[' * 50, b'{a: ' * 50, b'\xef\xbb\xbf', b'\t')
+URL_TOKENS = (b'simulated:', b'socket://', b'rfc2217://', b'spy://', b'loop://', b'alt://',
+              b'hwgrep://', b'/dev/', b'../', b'?', b'&', b'=', b':', b'%00', b'\0', b'//', b'@',
+              b'[::1]', b'99999999', b'-1')
 CSV_TOKENS = (b'nan', b'inf', b'1e999', b'"', b';', b',,', b'\r', b'\0', b'\xef\xbb\xbf')
 
 
@@ -256,6 +273,7 @@ noise: 1.0e-10
 model_error: 2.0e-10
 notes: []
 """
+PATH = b'x,y,yaw\n' + b''.join(b'%.2f,%.2f,0.1\n' % (0.1 * k, 0.01 * k * k) for k in range(9))
 CSV = (','.join(COLUMNS) + '\n' + ''.join(
     f'{0.002 * k},{1e-4 * k},{2e-9 * k}\n' for k in range(40))).encode()
 
@@ -274,6 +292,59 @@ def _radio_frames() -> list[bytes]:
         xbee.encode_frame(xbee.encode_receive_packet(xbee.ReceivePacket(ADDRESS, 0, 0, payload)))
         for payload in _frames('tire_payload')]
 
+
+def _read_url(data: bytes) -> bool:
+    """Open the port of a URL, on a machine that has no port, network or other file."""
+    url = data.decode(errors='surrogateescape')
+    absent = FileNotFoundError(2, 'no such file')
+    with patch('os.open', side_effect=absent), patch('builtins.open', side_effect=absent), \
+            patch('socket.create_connection', side_effect=absent), suppress(LinkError):
+        open_port(port_url(url, '/robot'), 115200).close()
+        return True
+    return False
+
+
+OUTPUTS: Mapping[type, tuple[str, ...]] = {  # node -> topics whose numbers must be finite
+    SlipEstimatorNode: ('odom',), FrictionEstimatorNode: (), TrajectoryController: ('cmd_vel',),
+    WheelController: ('motor_commands', 'wheel_commands')}
+
+
+def _node_target(node_class: type) -> Target:
+    """
+    Return the target of a node that gets messages with changed fields among those of a drive.
+
+    The bytes seed the changes.
+    """
+    def seeds() -> list[bytes]:
+        drive()  # for all child processes
+        return [bytes(range(32))]
+
+    def read(data: bytes) -> bool:
+        rng = Random(data)
+        begin = rng.uniform(0.0, DRIVE_TIME - ATTACKED)
+        with virtual(node_class) as node:
+            for stamp_ns, topic, msg in drive():
+                at = (stamp_ns - EPOCH_NS) / NS_PER_S
+                if node.receives(topic) and begin <= at <= begin + ATTACKED:
+                    node.run(max(at - node.elapsed_ns / NS_PER_S, 0.0))
+                    if rng.random() < CHANGED:
+                        node.publish(topic, changed_message(rng, msg))
+                    node.publish(topic, msg)
+            lines = '\n'.join(node.log.lines)
+            assert 'please report' not in lines, lines
+            for name in OUTPUTS[node_class]:
+                for msg in node.received[name]:
+                    assert all(math.isfinite(part_of(msg, place)) for place in places(msg)), msg
+            return any(counter.ok for counter in node.inputs.values())
+    return Target(seeds, read)
+
+
+NODE_TARGETS: Mapping[str, Target] = {
+    'node_slip': _node_target(SlipEstimatorNode),
+    'node_friction': _node_target(FrictionEstimatorNode),
+    'node_trajectory': _node_target(TrajectoryController),
+    'node_wheels': _node_target(WheelController),
+}
 
 TARGETS: Mapping[str, Target] = {
     'tire_radio': _receiver_target(
@@ -297,4 +368,10 @@ TARGETS: Mapping[str, Target] = {
     'parameters': _file_target(_read_parameters, _parameter_files, YAML_TOKENS),
     'film_params': _file_target(read_params, lambda: [FILM], YAML_TOKENS),
     'film_csv': _file_target(read_recording, lambda: [CSV], CSV_TOKENS),
+    'path_csv': _file_target(read_path, lambda: [PATH], CSV_TOKENS),
+    'urls': Target(lambda: [b'simulated:imu', b'/dev/ttyUSB0', b'loop://?logging=error',
+                            b'socket://10.0.0.1:4000', b'rfc2217://10.0.0.1:2217?ign_set_control',
+                            b'spy:///dev/ttyUSB0?file=log.txt&raw', b'hwgrep://0403:6001&n=1',
+                            b'alt://loop://?class=PosixPollSerial'], _read_url, URL_TOKENS),
+    **NODE_TARGETS,
 }

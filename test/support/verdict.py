@@ -67,9 +67,16 @@ class RunQueues:
 
     def seconds(self) -> float:
         """Return the sum over all threads [s]."""
+        return sum(self._waited())
+
+    def longest(self) -> float:
+        """Return the time of the thread that has waited longest [s]."""
+        return max(self._waited(), default=0.0)
+
+    def _waited(self) -> list[float]:
         for process in self._processes:
             self._latest.update(self._read(process))
-        return sum(now - self._begin.get(thread, 0) for thread, now in self._latest.items()) * 1e-9
+        return [1e-9 * (now - self._begin.get(thread, 0)) for thread, now in self._latest.items()]
 
     def _read(self, process: int) -> dict[Path, int]:
         waited = {}

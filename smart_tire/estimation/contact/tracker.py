@@ -217,8 +217,8 @@ class CrossingAssembler:
         for film, center in sorted(zip(films, centers), key=lambda both: both[0].segment.film):
             segment = film.segment
             distance = direction * trajectory.distance_at(segment.instants)
-            near = np.abs(distance - center) < (
-                self._group.half_crossing + c.OUTER_LENGTH * self._group.film_length)
+            near = np.isfinite(segment.volts) & (np.abs(distance - center) < (  # NaN: no film
+                self._group.half_crossing + c.OUTER_LENGTH * self._group.film_length))
             volts = segment.volts[near]
             rail = (volts > high).astype(np.int8) - (volts < low)
             samples.append(FilmSamples(self._group.films[segment.film], distance[near],

@@ -69,6 +69,19 @@ def test_a_crossing_at_the_end_of_the_samples_is_complete_and_counted_once():
     assert estimator.finish() == []
 
 
+def test_samples_without_the_second_film_are_left_out_of_its_waveform():
+    trajectory, count = steady(60.0), 0
+    samples = rolled(trajectory, 5.0)
+    for index, sample in enumerate(samples):
+        if isinstance(sample, TireSample):
+            count += 1
+            if count % 9 == 0:
+                samples[index] = replace(sample, volts=sample.volts[:1])
+    found, _ = estimate(samples)
+    assert len(found) >= len(passes(trajectory, 4.5))
+    assert all(abs(one.film_slip.value - 0.1) < 4.0 * one.film_slip.sigma for one in found[1:])
+
+
 OPTIONS = ({}, {'wheel_rate': 200.0}, {'slip': -0.1}, {'slip': 0.3, 'total': 0.31},
            {'noise': 0.02}, {'slip': -0.3, 'total': 0.31}, {'slip': 0.0, 'total': 0.02},
            {'wheel_rate': 4.0}, {'positions': False}, {'release': 'state'})
