@@ -10,9 +10,9 @@
 """
 Renders what a camera above the floor sees of a robot with tags.
 
-Each pixel of the robot is the mean over ``SAMPLES`` x ``SAMPLES`` rays and ``EXPOSURES`` instants
-of the exposure; each row has its own instants if the shutter is a rolling one. The floor stands
-still: it is rendered once.
+Each pixel of the robot is the mean over ``SAMPLES`` x ``SAMPLES`` rays and several instants of the
+exposure; each row has its own instants if the shutter is a rolling one. The floor stands still: it
+is rendered once.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ from smart_tire.parameters.overhead import ImageParams, OverheadParams
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import dictionary_of, Image
 
+Fine = NDArray[np.float32]
 Motion = Callable[[Array], Array]  # times (n,) [s] -> x, y, yaw (n, 3) of base_link in map
 
 SAMPLES = 3               # rays per pixel and axis
-EXPOSURES = 6             # instants of an exposure
+INSTANTS = 2              # of an exposure, per pixel that the robot moves in it
 MARGIN_MODULES = 1        # of white around a tag, as AprilTag and ArUco require
-MODULE_PIXELS = 12        # of the texture of a tag
+MODULE_PIXELS = 24        # of the texture of a tag: its pixels are smaller than the rays are apart
 PLATE = (0.34, 0.30)      # m, length and width of the top of the robot; assumed
 FLOOR, TOP, BLACK, WHITE = 0.55, 0.30, 0.06, 1.0  # reflectances; assumed: concrete, painted, ink
 GRAIN = 0.15              # relative standard deviation of the floor
@@ -61,81 +62,74 @@ class Renderer:
         self._height = wheel_radius + overhead.tag_position[2]  # m, of the plate
         width, height = params.size
         columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-        self._plane = self.camera.floor(np.stack([columns, rows], -1), 0.0)  # (h, w, 2) m
+        self._plane = self.camera.floor(np.stack([columns, rows], -1), 0.0).astype(np.float32)
         self._texture, self._scale = self._plate()
         radius = np.hypot(columns - 0.5 * width, rows - 0.5 * height) / math.hypot(
             0.5 * width, 0.5 * height)
-        self._light = params.brightness * (1.0 - params.vignette * radius ** 2)
-        self._floor = self._floor_image()
+        self._light = (params.brightness * (1.0 - params.vignette * radius ** 2)).astype(
+            np.float32)
+        self._floor = self._light * self._floor_image()
 
     def image(self, time: float, motion: Motion) -> Image:
         """Return the image stamped ``time`` [s], the middle of the exposure of the first row."""
-        params, shares = self._params, (np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5
+        params, image = self._params, self._floor.copy()
         line = params.readout / params.size[1]
-        left, top, right, bottom = self._window(motion(time + np.array(
+        corners = self._corners(motion(time + np.array(
             [-0.5 * params.exposure, 0.5 * params.exposure + params.readout])))
-        image = self._floor.copy()
+        left, top = np.maximum(np.floor(corners.min((0, 1))) - 2, 0).astype(int).tolist()
+        right, bottom = np.minimum(
+            np.ceil(corners.max((0, 1))) + 3, params.size).astype(int).tolist()
         if right > left and bottom > top:
-            plane = self._fine_plane(left, top, right, bottom)
-            row = top - 0.5 + (np.arange(plane.shape[0]) + 0.5) / SAMPLES
-            parts = [self._robot(plane, motion(time + line * row + share * params.exposure))
-                     for share in shares]
-            weight, light = (np.mean(part, axis=0).reshape(
-                bottom - top, SAMPLES, right - left, SAMPLES).mean((1, 3))
-                for part in zip(*parts))
-            window = image[top:bottom, left:right]
-            window[:] = (1.0 - weight) * window + light
-        return self._exposed(image * self._light)
+            window = np.s_[top:bottom, left:right]
+            plane = self._fine_plane(window)
+            row = top - 0.5 + (np.arange(len(plane)) + 0.5) / SAMPLES
+            fine, (x, y) = np.zeros_like(plane), cv2.split(plane)
+            count = 1 + int(INSTANTS * np.abs(corners[1] - corners[0]).max())
+            for share in (np.arange(count) + 0.5) / count - 0.5:
+                fine += self._robot(x, y, motion(time + line * row + share * params.exposure))
+            fine /= count
+            fine[..., 0] *= self._shadow(plane)
+            light, cover = cv2.split(cv2.resize(
+                fine, (right - left, bottom - top), interpolation=cv2.INTER_AREA))
+            image[window] += light * self._light[window] - cover * image[window]
+        return self._exposed(image)
 
-    def _exposed(self, image: Array) -> Image:
+    def _exposed(self, image: Fine) -> Image:
         """Return ``image`` through lens and sensor: blurred, noisy, clipped and quantized."""
-        params = self._params
+        params, noise = self._params, np.empty_like(image)
         if params.lens_blur:
             image = cv2.GaussianBlur(image, (0, 0), params.lens_blur)
-        noise = params.noise * np.sqrt(image + 0.5) * self._rng.standard_normal(image.shape)
-        found = np.clip(255.0 * image + noise, 0.0, 255.0)
-        return np.asarray(np.rint(found), dtype=np.uint8)
+        cv2.setRNGSeed(int(self._rng.integers(2 ** 31)))
+        cv2.randn(noise, 0.0, params.noise)
+        noise *= cv2.sqrt(image + np.float32(0.5))
+        return np.asarray(cv2.add(255.0 * image, noise, dtype=cv2.CV_8U))
 
-    def _window(self, poses: Array) -> tuple[int, int, int, int]:
-        """Return left, top, right, bottom of the pixels that may show the robot."""
+    def _corners(self, poses: Array) -> Array:
+        """Return the pixels (n, 4, 2) of the corners of a square around the robot."""
         reach = 0.5 * math.hypot(*PLATE)
         corners = np.array([[a, b] for a in (-reach, reach) for b in (-reach, reach)])
-        points = (poses[:, None, :2] + corners).reshape(-1, 2)
-        pixels = self.camera.pixels(np.column_stack([points, np.full(len(points), self._height)]))
-        low = np.maximum(np.floor(pixels.min(0)) - 2, 0).astype(int)
-        high = np.minimum(np.ceil(pixels.max(0)) + 3, self._params.size).astype(int)
-        return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+        points = poses[:, None, :2] + corners
+        return self.camera.pixels(np.dstack([points, np.full(points.shape[:2], self._height)]))
 
-    def _fine_plane(self, left: int, top: int, right: int, bottom: int) -> Array:
+    def _fine_plane(self, window: tuple[slice, slice]) -> Fine:
         """Return x, y [m] at the height of the plate for all rays of a window."""
-        center, z = self.camera.position[:2], self.camera.position[2]
-        step = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
-        columns = (np.arange(left, right)[:, None] + step).ravel().astype(np.float32)
-        rows = (np.arange(top, bottom)[:, None] + step).ravel().astype(np.float32)
-        grid = np.meshgrid(columns, rows)
-        floor = np.stack([_linear(self._plane[..., axis], *grid) for axis in range(2)], -1)
-        return np.asarray(center + (floor - center) * (z - self._height) / z)
+        share = np.float32(1.0 - self._height / self.camera.position[2])
+        floor = cv2.resize(self._plane[window], None, fx=SAMPLES, fy=SAMPLES)  # linear
+        return np.asarray(share * floor + (1.0 - share) * self.camera.position[:2].astype(
+            np.float32))
 
-    def _robot(self, plane: Array, poses: Array) -> tuple[Array, Array]:
-        """Return share of the robot in each ray (0 or 1), and its light."""
-        cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
-        x, y = plane[..., 0] - poses[:, 0, None], plane[..., 1] - poses[:, 1, None]
-        own = np.stack([cos * x + sin * y, cos * y - sin * x], -1)
-        inside = (np.abs(own[..., 0]) < 0.5 * PLATE[0]) & (np.abs(own[..., 1]) < 0.5 * PLATE[1])
-        place = ((own + 0.5 * np.array(PLATE)) * self._scale - 0.5).astype(np.float32)
-        light = cv2.remap(self._texture, place[..., 0], place[..., 1], cv2.INTER_LINEAR,
-                          borderMode=cv2.BORDER_REPLICATE)
-        if self._params.occlusion:
-            size = self._overhead.tag_size
-            tag = self._overhead.tag_position
-            edge = tag[0] + (self._params.occlusion - 0.5) * size
-            hidden = (own[..., 0] < edge) & (own[..., 0] > tag[0] - 0.6 * size)
-            light = np.where(hidden, FLOOR, light)
-        light = light * self._shadow(plane)
-        return inside.astype(float), np.where(inside, light, 0.0)
+    def _robot(self, x: Fine, y: Fine, poses: Array) -> Fine:
+        """Return light and share (0 or 1) of the robot in rays to x, y, for a pose per row."""
+        a, b, yaw = poses.T
+        cos, sin = self._scale * np.cos(yaw), self._scale * np.sin(yaw)
+        shift = 0.5 * self._scale * np.array(PLATE) - 0.5
+        rows = np.array([cos, sin, shift[0] - cos * a - sin * b, shift[1] + sin * a - cos * b])
+        cos, sin, column, row = rows[:, :, None].astype(np.float32)
+        return np.asarray(cv2.remap(self._texture, cos * x + (sin * y + column),
+                                    cos * y - (sin * x - row), cv2.INTER_NEAREST))
 
-    def _plate(self) -> tuple[Array, float]:
-        """Return the reflectance of the top of the robot, x along the columns, and its scale."""
+    def _plate(self) -> tuple[Fine, float]:
+        """Return reflectance and share (1) of the robot's top, x along columns; pixels per m."""
         dictionary = dictionary_of(self._overhead.tag_family)
         modules = dictionary.markerSize + 2  # with the black border
         scale = MODULE_PIXELS * modules / self._overhead.tag_size  # pixels per m
@@ -158,27 +152,27 @@ class Renderer:
                     cover = placed > 127
                 else:
                     texture[cover] = BLACK + (WHITE - BLACK) * placed[cover] / 255.0
-        return texture, scale
+        if self._params.occlusion:
+            begin, end = (round(scale * (
+                self._overhead.tag_position[0] + 0.5 * PLATE[0] + share * self._overhead.tag_size))
+                for share in (-0.6, self._params.occlusion - 0.5))
+            texture[:, max(begin, 0):end] = FLOOR
+        return np.dstack([texture, np.ones_like(texture)]), scale
 
-    def _floor_image(self) -> Array:
+    def _floor_image(self) -> Fine:
         """Return the light of the floor: grain of two sizes, joints of tiles, a shadow."""
         rng = np.random.default_rng(1)
-        light = np.full(self._plane.shape[:2], FLOOR)
+        light = np.full(self._plane.shape[:2], FLOOR, np.float32)
         for cell in (0.01, 0.15):  # m
             pattern = rng.standard_normal((256, 256)).astype(np.float32)
-            place = np.mod(self._plane / cell, 254.0).astype(np.float32)
+            place = np.mod(self._plane / cell, 254.0)
             light += FLOOR * GRAIN * 0.5 * cv2.remap(
                 pattern, place[..., 0], place[..., 1], cv2.INTER_LINEAR)
         joint = np.abs(np.mod(self._plane / TILE + 0.5, 1.0) - 0.5).min(-1) * TILE < 0.003
         light[joint] *= 0.5
         return np.asarray(np.clip(light * self._shadow(self._plane), 0.0, 1.0))
 
-    def _shadow(self, points: Array) -> Array:
+    def _shadow(self, points: Fine) -> Fine:
         """Return the share of light at points [m]: a half plane with a soft edge is shaded."""
         distance = 0.8 * points[..., 0] + 0.6 * points[..., 1] - 0.25
-        return np.asarray(1.0 - self._params.shadow / (1.0 + np.exp(-distance / 0.005)))
-
-
-def _linear(values: Array, columns: NDArray[np.float32], rows: NDArray[np.float32]) -> Array:
-    return np.asarray(cv2.remap(values, columns, rows, cv2.INTER_LINEAR,
-                                borderMode=cv2.BORDER_REPLICATE), dtype=float)
+        return np.asarray(1.0 - 0.5 * self._params.shadow * (1.0 + np.tanh(distance / 0.01)))
