@@ -69,6 +69,11 @@ def gray_image(msg: Any) -> Image:
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
 
 
+def packed(image: Image, quality: int) -> bytes:
+    """Return gray values as a JPEG file of ``quality`` 1 to 100."""
+    return bytes(cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+
+
 def dictionary_of(family: str) -> Any:
     """
     Return the tags of an AprilTag family, such as 36h11, or of a dictionary of opencv.

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.parameters.overhead import ImageParams, OverheadParams
+from smart_tire.parameters.overhead import ImageParams, TagParams
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import dictionary_of, Image
 
@@ -54,7 +54,7 @@ def camera_of(params: ImageParams) -> Camera:
 class Renderer:
     """Renders gray images of a robot with the tags of ``overhead`` (their top at ``height``)."""
 
-    def __init__(self, params: ImageParams, overhead: OverheadParams, wheel_radius: float,
+    def __init__(self, params: ImageParams, overhead: TagParams, wheel_radius: float,
                  seed: int = 0) -> None:
         self._params, self._overhead, self._radius = params, overhead, wheel_radius
         self.camera = camera_of(params)
