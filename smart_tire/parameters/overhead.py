@@ -22,7 +22,7 @@ from smart_tire.parameters.tuning import reliability
 
 @dataclass(frozen=True, kw_only=True)
 class TagParams:
-    """Tags on the robot, flat on its top."""
+    """Tags on the robot, flat on its top, and markers on the floor."""
 
     tag_family: str = param(
         '36h11', '-', 'AprilTag family, or ArUco dictionary as opencv names it')
@@ -33,6 +33,11 @@ class TagParams:
     tag_yaw: tuple[float, ...] = param(
         (0.0,), 'rad', 'of the upright x axis of each tag against the x axis of the robot',
         (-math.tau, math.tau), scalar=True)
+    floor_ids: tuple[int, ...] = param(
+        (), '-', 'markers on the floor, for "smart_tire calibrate camera"', (0, 100000))
+    floor_position: tuple[float, ...] = param(
+        (), 'm', 'centers of these markers in map: x, y of each', (-1e3, 1e3))
+    floor_size: float = param(0.16, 'm', 'edge of the black square of these markers', (1e-3, 10.0))
 
     def __post_init__(self) -> None:
         count = len(self.tag_ids)
@@ -42,6 +47,11 @@ class TagParams:
             raise ValueError(
                 f'overhead.tag_position has {len(self.tag_position)} and overhead.tag_yaw '
                 f'{len(self.tag_yaw)} numbers, expected 3 and 1 for each of {count} tags')
+        if len(self.floor_position) != 2 * len(self.floor_ids):
+            raise ValueError(f'overhead.floor_position has {len(self.floor_position)} numbers, '
+                             f'expected 2 for each of {len(self.floor_ids)} markers')
+        if both := {*self.floor_ids} & {*self.tag_ids}:
+            raise ValueError(f'overhead.floor_ids: {min(both)} is one of overhead.tag_ids')
 
     @property
     def tags(self) -> Iterable[tuple[int, tuple[float, ...], float]]:
@@ -65,6 +75,10 @@ class OverheadParams(TagParams):
         (0.0, 0.0, 0.0), 'm', 'standard deviations of camera_position', (0.0, 10.0), length=3)
     camera_rotation_sigma: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'rad', 'standard deviations of camera_rotation', (0.0, 1.0), length=3)
+    camera_info_file: str = param(
+        '', '-', 'YAML file by camera_calibration, in place of overhead_camera/camera_info')
+    floor_position_sigma: float = param(
+        0.002, 'm', 'standard deviation of x and y of floor_position', (1e-5, 1.0))
     tag_position_sigma: float = param(
         0.0, 'm', 'standard deviation of x and y of tag_position', (0.0, 1.0))
     tag_yaw_sigma: float = param(0.0, 'rad', 'standard deviation of tag_yaw', (0.0, 1.0))

@@ -95,6 +95,8 @@ class OverheadLocalizer:
         self.images = 0
         self.refused: Counter[str] = Counter()
         self.fixes: list[Fix] = []
+        if overhead.camera_info_file:
+            self._use(Intrinsics.from_file(overhead.camera_info_file))
 
     @property
     def family(self) -> str:
@@ -102,12 +104,14 @@ class OverheadLocalizer:
         return self._params.overhead.tag_family
 
     def add_camera_info(self, msg: Any) -> None:
-        """Use a CameraInfo for the images that follow."""
+        """Use a CameraInfo for the images that follow, unless a file is given."""
         try:
-            found = Intrinsics.from_msg(msg)
+            if not self._params.overhead.camera_info_file:
+                self._use(Intrinsics.from_msg(msg))
         except MessageError as error:
             self.refuse_camera_info(error)
-            return
+
+    def _use(self, found: Intrinsics) -> None:
         if self._intrinsics is None or found.differs(self._intrinsics):
             overhead = self._params.overhead
             self._intrinsics = found
@@ -117,7 +121,8 @@ class OverheadLocalizer:
 
     def refuse_camera_info(self, error: MessageError) -> None:
         """Refuse the images that follow, because the CameraInfo before them is invalid."""
-        self._fit, self._intrinsics, self._problem = None, None, str(error)
+        if not self._params.overhead.camera_info_file:
+            self._fit, self._intrinsics, self._problem = None, None, str(error)
 
     def add_image(self, msg: Any) -> Fix | None:
         """Return the pose in an Image or CompressedImage; None, counted, if there is none."""

@@ -17,8 +17,9 @@ is rendered once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -63,35 +64,35 @@ class Renderer:
         width, height = params.size
         columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
         self._plane = self.camera.floor(np.stack([columns, rows], -1), 0.0).astype(np.float32)
-        self._texture, self._scale = self._plate()
+        self._robot = _Plate(PLATE, overhead.tags, overhead.tag_size, overhead, params.occlusion)
         radius = np.hypot(columns - 0.5 * width, rows - 0.5 * height) / math.hypot(
             0.5 * width, 0.5 * height)
         self._light = (params.brightness * (1.0 - params.vignette * radius ** 2)).astype(
             np.float32)
         self._floor = self._light * self._floor_image()
+        side = overhead.floor_size * (1.0 + 2.0 * MARGIN_MODULES / _modules(overhead))
+        for one, place in zip(overhead.floor_ids, np.reshape(overhead.floor_position, (-1, 2))):
+            pose = np.array([[*place, 0.0]])
+            left, top, right, bottom = self._window(self._corners(pose, side, 0.0))
+            if right > left and bottom > top:
+                self._paste(self._floor, _Plate(
+                    (side, side), [(one, (0.0, 0.0), 0.0)], overhead.floor_size, overhead), 0.0,
+                    np.s_[top:bottom, left:right], [pose])
 
     def image(self, time: float, motion: Motion) -> Image:
         """Return the image stamped ``time`` [s], the middle of the exposure of the first row."""
         params, image = self._params, self._floor.copy()
         line = params.readout / params.size[1]
         corners = self._corners(motion(time + np.array(
-            [-0.5 * params.exposure, 0.5 * params.exposure + params.readout])))
-        left, top = np.maximum(np.floor(corners.min((0, 1))) - 2, 0).astype(int).tolist()
-        right, bottom = np.minimum(
-            np.ceil(corners.max((0, 1))) + 3, params.size).astype(int).tolist()
+            [-0.5 * params.exposure, 0.5 * params.exposure + params.readout])),
+            0.5 * math.hypot(*PLATE), self._height)
+        left, top, right, bottom = self._window(corners)
         if right > left and bottom > top:
-            window = np.s_[top:bottom, left:right]
-            plane = self._fine_plane(window)
-            row = top - 0.5 + (np.arange(len(plane)) + 0.5) / SAMPLES
-            fine, (x, y) = np.zeros_like(plane), cv2.split(plane)
             count = 1 + int(INSTANTS * np.abs(corners[1] - corners[0]).max())
-            for share in (np.arange(count) + 0.5) / count - 0.5:
-                fine += self._robot(x, y, motion(time + line * row + share * params.exposure))
-            fine /= count
-            fine[..., 0] *= self._shadow(plane)
-            light, cover = cv2.split(cv2.resize(
-                fine, (right - left, bottom - top), interpolation=cv2.INTER_AREA))
-            image[window] += light * self._light[window] - cover * image[window]
+            row = top - 0.5 + (np.arange(SAMPLES * (bottom - top)) + 0.5) / SAMPLES
+            self._paste(image, self._robot, self._height, np.s_[top:bottom, left:right], [
+                motion(time + line * row + share * params.exposure)
+                for share in (np.arange(count) + 0.5) / count - 0.5])
         return self._exposed(image)
 
     def _exposed(self, image: Fine) -> Image:
@@ -104,60 +105,32 @@ class Renderer:
         noise *= cv2.sqrt(image + np.float32(0.5))
         return np.asarray(cv2.add(255.0 * image, noise, dtype=cv2.CV_8U))
 
-    def _corners(self, poses: Array) -> Array:
-        """Return the pixels (n, 4, 2) of the corners of a square around the robot."""
-        reach = 0.5 * math.hypot(*PLATE)
+    def _corners(self, poses: Array, reach: float, height: float) -> Array:
+        """Return the pixels (n, 4, 2) of the corners of squares around plates at n poses."""
         corners = np.array([[a, b] for a in (-reach, reach) for b in (-reach, reach)])
         points = poses[:, None, :2] + corners
-        return self.camera.pixels(np.dstack([points, np.full(points.shape[:2], self._height)]))
+        return self.camera.pixels(np.dstack([points, np.full(points.shape[:2], height)]))
 
-    def _fine_plane(self, window: tuple[slice, slice]) -> Fine:
-        """Return x, y [m] at the height of the plate for all rays of a window."""
-        share = np.float32(1.0 - self._height / self.camera.position[2])
+    def _window(self, corners: Array) -> tuple[int, int, int, int]:
+        """Return left, top, right, bottom of the pixels around ``corners``."""
+        low = np.maximum(np.floor(corners.min((0, 1))) - 2, 0).astype(int).tolist()
+        high = np.minimum(np.ceil(corners.max((0, 1))) + 3, self._params.size).astype(int).tolist()
+        return low[0], low[1], high[0], high[1]
+
+    def _paste(self, image: Fine, plate: _Plate, height: float, window: tuple[slice, slice],
+               poses: Sequence[Array]) -> None:
+        """Draw a plate into a window of ``image``: the mean over ``poses``, of each row or one."""
+        share = np.float32(1.0 - height / self.camera.position[2])
         floor = cv2.resize(self._plane[window], None, fx=SAMPLES, fy=SAMPLES)  # linear
-        return np.asarray(share * floor + (1.0 - share) * self.camera.position[:2].astype(
-            np.float32))
-
-    def _robot(self, x: Fine, y: Fine, poses: Array) -> Fine:
-        """Return light and share (0 or 1) of the robot in rays to x, y, for a pose per row."""
-        a, b, yaw = poses.T
-        cos, sin = self._scale * np.cos(yaw), self._scale * np.sin(yaw)
-        shift = 0.5 * self._scale * np.array(PLATE) - 0.5
-        rows = np.array([cos, sin, shift[0] - cos * a - sin * b, shift[1] + sin * a - cos * b])
-        cos, sin, column, row = rows[:, :, None].astype(np.float32)
-        return np.asarray(cv2.remap(self._texture, cos * x + (sin * y + column),
-                                    cos * y - (sin * x - row), cv2.INTER_NEAREST))
-
-    def _plate(self) -> tuple[Fine, float]:
-        """Return reflectance and share (1) of the robot's top, x along columns; pixels per m."""
-        dictionary = dictionary_of(self._overhead.tag_family)
-        modules = dictionary.markerSize + 2  # with the black border
-        scale = MODULE_PIXELS * modules / self._overhead.tag_size  # pixels per m
-        size = (round(PLATE[0] * scale), round(PLATE[1] * scale))
-        texture = np.full(size[::-1], TOP, np.float32)
-        side = modules * MODULE_PIXELS
-        for tag, position, yaw in self._overhead.tags:
-            code = cv2.aruco.generateImageMarker(dictionary, tag, side)
-            margin = MARGIN_MODULES * MODULE_PIXELS
-            code = np.pad(code, margin, constant_values=255)
-            cos, sin = math.cos(yaw), math.sin(yaw)
-            middle = 0.5 * (len(code) - 1)
-            # columns of the code are x of the tag, its rows -y; rows of the texture are y
-            turn = np.array([[cos, sin], [sin, -cos]])
-            shift = (np.array(position[:2]) + 0.5 * np.array(PLATE)) * scale - 0.5
-            affine = np.column_stack([turn, shift - turn @ (middle, middle)])
-            for source, ink in ((np.full_like(code, 255), None), (code, code)):
-                placed = cv2.warpAffine(source, affine, size, flags=cv2.INTER_LINEAR)
-                if ink is None:
-                    cover = placed > 127
-                else:
-                    texture[cover] = BLACK + (WHITE - BLACK) * placed[cover] / 255.0
-        if self._params.occlusion:
-            begin, end = (round(scale * (
-                self._overhead.tag_position[0] + 0.5 * PLATE[0] + share * self._overhead.tag_size))
-                for share in (-0.6, self._params.occlusion - 0.5))
-            texture[:, max(begin, 0):end] = FLOOR
-        return np.dstack([texture, np.ones_like(texture)]), scale
+        plane = share * floor + (1.0 - share) * self.camera.position[:2].astype(np.float32)
+        fine, (x, y) = np.zeros_like(plane), cv2.split(plane)
+        for one in poses:
+            fine += plate.rays(x, y, one)
+        fine /= len(poses)
+        fine[..., 0] *= self._shadow(plane)
+        light, cover = cv2.split(cv2.resize(
+            fine, image[window].shape[::-1], interpolation=cv2.INTER_AREA))
+        image[window] += light * self._light[window] - cover * image[window]
 
     def _floor_image(self) -> Fine:
         """Return the light of the floor: grain of two sizes, joints of tiles, a shadow."""
@@ -176,3 +149,45 @@ class Renderer:
         """Return the share of light at points [m]: a half plane with a soft edge is shaded."""
         distance = 0.8 * points[..., 0] + 0.6 * points[..., 1] - 0.25
         return np.asarray(1.0 - 0.5 * self._params.shadow * (1.0 + np.tanh(distance / 0.01)))
+
+
+class _Plate:
+    """A flat plate with tags: its reflectance as a texture, x along the columns."""
+
+    def __init__(self, size: tuple[float, float], tags: Iterable[tuple[int, Any, float]],
+                 edge: float, params: TagParams, occlusion: float = 0.0) -> None:
+        side = _modules(params) * MODULE_PIXELS
+        self._size, self._scale = np.array(size), side / edge  # m; pixels per m
+        columns, rows = (round(one * self._scale) for one in size)
+        texture = np.full((rows, columns), TOP, np.float32)
+        for tag, (x, y, *_), yaw in tags:
+            code = np.pad(cv2.aruco.generateImageMarker(
+                dictionary_of(params.tag_family), tag, side),
+                MARGIN_MODULES * MODULE_PIXELS, constant_values=255)
+            cos, sin, middle = math.cos(yaw), math.sin(yaw), 0.5 * (len(code) - 1)
+            # columns of the code are x of the tag, its rows -y; rows of the texture are y
+            turn = np.array([[cos, sin], [sin, -cos]])
+            shift = ((x, y) + 0.5 * self._size) * self._scale - 0.5
+            affine = np.column_stack([turn, shift - turn @ (middle, middle)])
+            cover, placed = (cv2.warpAffine(one, affine, (columns, rows)) for one in (
+                np.full_like(code, 255), code))
+            texture[cover > 127] = BLACK + (WHITE - BLACK) * placed[cover > 127] / 255.0
+            if occlusion:
+                begin, end = (round(self._scale * (x + 0.5 * size[0] + share * edge))
+                              for share in (-0.6, occlusion - 0.5))
+                texture[:, max(begin, 0):end] = FLOOR
+        self._texture = np.dstack([texture, np.ones_like(texture)])
+
+    def rays(self, x: Fine, y: Fine, poses: Array) -> Fine:
+        """Return light and share (0 or 1) of the plate in rays to x, y; a pose per row or one."""
+        a, b, yaw = poses.T
+        cos, sin = self._scale * np.cos(yaw), self._scale * np.sin(yaw)
+        shift = 0.5 * self._scale * self._size - 0.5
+        rows = np.array([cos, sin, shift[0] - cos * a - sin * b, shift[1] + sin * a - cos * b])
+        cos, sin, column, row = rows[:, :, None].astype(np.float32)
+        return np.asarray(cv2.remap(self._texture, cos * x + (sin * y + column),
+                                    cos * y - (sin * x - row), cv2.INTER_NEAREST))
+
+
+def _modules(params: TagParams) -> int:
+    return int(dictionary_of(params.tag_family).markerSize) + 2  # with the black border
