@@ -28,7 +28,7 @@ from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import Recording
 from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
 from smart_tire.vision.live import LiveLocalizer
-from smart_tire.vision.overhead import NO_TAG, OverheadLocalizer, Scale, SCALE
+from smart_tire.vision.overhead import NO_TAG, OverheadLocalizer, SCALE, Scale
 from smart_tire.vision.renderer import Renderer
 from support.overhead import (
     fixes_of, image_msg, info_msg, RADIUS, SMALL, SMALL_PLACE, START_NS, wheel_samples)
