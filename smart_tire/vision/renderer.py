@@ -123,6 +123,12 @@ class Renderer:
         share = np.float32(1.0 - height / self.camera.position[2])
         floor = cv2.resize(self._plane[window], None, fx=SAMPLES, fy=SAMPLES)  # linear
         plane = share * floor + (1.0 - share) * self.camera.position[:2].astype(np.float32)
+        along = (plane[0, -1] - plane[0, 0]) / plane.shape[1]
+        down = (plane[-1, 0] - plane[0, 0]) / len(plane)
+        for k in range(SAMPLES):  # a sheared grid: edges along it meet the rays at 9 places, not 3
+            share = np.float32((k - 0.5 * (SAMPLES - 1)) / SAMPLES)
+            plane[k::SAMPLES] += share * along
+            plane[:, k::SAMPLES] += share * down
         fine, (x, y) = np.zeros_like(plane), cv2.split(plane)
         for one in poses:
             fine += plate.rays(x, y, one)

@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -49,7 +48,7 @@ def recorded(tmp_path_factory) -> tuple[Path, Path]:
     rolling = np.full(4, SPEED / 0.9 / RADIUS)
     samples = [*(('imu/data', one) for one in imu_samples(lambda t: 0.0, 3.0)),
                *(('wheel_states', one) for one in wheel_samples(lambda t: rolling, 3.0))]
-    renderer = Renderer(replace(SMALL, shadow=0.0), OverheadParams(**SMALL_PLACE), RADIUS)
+    renderer = Renderer(SMALL, OverheadParams(**SMALL_PLACE), RADIUS)
     bag = write_bag(folder / 'bag', renderer, motion, TIMES, samples)
     params = folder / 'overhead.yaml'
     params.write_text(PARAMETERS, encoding='utf-8')
