@@ -240,6 +240,10 @@ class Recording:
         for sample in samples:
             self.add_sample(sample)
 
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self._order) + len(self.crossings)
+
     def add_sample(self, sample: Sample, receive_ns: int | None = None) -> None:
         """Add a sample, by default received at its timestamp."""
         kind = type(sample)

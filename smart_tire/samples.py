@@ -205,7 +205,7 @@ class Icr:
 @dataclass(frozen=True, slots=True)
 class GroundState:
     """
-    Tire on the present ground and mass distribution of the robot.
+    Tire on the present ground, and properties of the robot that show with it.
 
     A quantity that is not observable is ``UNKNOWN``: mu without films.
     """
@@ -219,6 +219,10 @@ class GroundState:
     lateral_stiffness_ratio: Uncertain = UNKNOWN  # -, C_y / C_x
     center_of_mass_x: Uncertain = UNKNOWN         # m, in base_link
     center_of_mass_y: Uncertain = UNKNOWN         # m
+    imu_x: Uncertain = UNKNOWN                    # m, position of the IMU in base_link
+    imu_y: Uncertain = UNKNOWN                    # m
+    motor_friction: Uncertain = UNKNOWN           # -, of gears and axles, over the nominal one
+    torque_scale: Uncertain = UNKNOWN             # -, true over measured motor torque
     stiffness_friction_correlation: float = 0.0  # -, of the errors of ln C_x and ln mu
 
 

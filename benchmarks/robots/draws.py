@@ -36,7 +36,8 @@ from benchmarks.grounds import (
     CONCRETE, GRAVEL, ground, HEAVY_SURFACES, SAND, SURFACES, Surfaces, WET_TILES)
 from benchmarks.robots import manoeuvres, plant
 from benchmarks.robots.manoeuvres import Manoeuvre, MIXED
-from benchmarks.robots.plant import Lift, plant_with, Push, Traits
+from benchmarks.robots.plant import (
+    FALL_BEGIN, FALL_WIDTH, Lift, plant_with, Push, Traits)
 from benchmarks.scenarios import Leg, sequence, STANDSTILL
 from benchmarks.terrain import on_slopes
 import numpy as np
@@ -153,6 +154,9 @@ class Row:
     slope: float | None = None            # rad; None: drawn
     center_of_mass: float = 0.010         # m, half range
     wheel_rate: float = 16.0              # Hz
+    gears: float = 0.0                    # -, half range of gear friction and inertia, relative
+    imu_arm: float = 0.0                  # m, standard deviation of the position of the IMU
+    early_fall: bool = False              # friction falls before the peak of the force
     disturbance: str = ''                 # push, lift, stuck, cut
     platform: RobotParams = RobotParams()
     tire: TireParams = TireParams()
@@ -196,6 +200,11 @@ ROWS: Mapping[str, Row] = {
     'pushes': Row(title='pushes of 10 N', disturbance='push', mu=(0.05, 0.12)),
     'lifted': Row(title='a wheel lifted', disturbance='lift', mu=(0.05, 0.12)),
     'stuck': Row(title='a current stuck', disturbance='stuck', mu=(0.05, 0.12)),
+    'straight': Row(title='concrete, straight at 0.2 to 0.8 m/s, starts and stops',
+                    manoeuvre=manoeuvres.walking_pace),
+    'gears': Row(title='gear friction and inertia +-50 %', gears=0.5),
+    'imu_arm': Row(title='IMU 0.1 m from its nominal position', imu_arm=0.1),
+    'early_fall': Row(title='friction falls before the peak of the force', early_fall=True),
     'start_in_motion': Row(title='starts in motion', disturbance='cut', mu=(0.04, 0.08))}
 
 
@@ -278,18 +287,25 @@ def draw(name: str, seed: int, nominal: Collection[str] = ()) -> Draw:
     value = {one: distribution.draw(rng) for one, distribution in DISTRIBUTIONS.items()}
     if row.slope is not None:
         value['slope'] = (row.slope,)
+    own = np.random.default_rng([seed, zlib.crc32(name.encode()), 1])
+    value['gears'] = tuple((1.0 + row.gears * own.uniform(-1.0, 1.0, 2)).tolist())
+    value['imu_arm'] = tuple((row.imu_arm * own.standard_normal(2)).tolist())
     value |= {one: (DISTRIBUTIONS[one].nominal,) * len(value[one]) for one in nominal}
-    robot = replace(row.platform, film=FILM, tire=row.tire)
+    robot = replace(row.platform, film=FILM, tire=row.tire, imu=replace(
+        row.platform.imu, position_sigma=row.imu_arm))
     legs, duration = sequence(*((float(a), float(b), float(c)) for a, b, c in row.manoeuvre(rng)))
     simulator = SimulatorParams(
         seed=seed, ground=_ground(row, value), drive=row.drive,
         errors=_errors(value), robot=_true_robot(robot, row, value))
     pushes, lifts, stuck = _disturbances(row, duration, rng)
     value['fall'] = (value['fall'][0] * bool(rng.random() > PURE_BRUSH_SHARE),)
+    onset = (0.4, 0.5) if row.early_fall else (FALL_BEGIN, FALL_WIDTH)
+    if row.early_fall:
+        value['fall'] = (own.uniform(0.2, 0.45),)
     traits = Traits(
         resistance_share=value['resistance_share'][0],
         stiffness_ratio=value['stiffness_ratio'][0],
-        fall=value['fall'][0], relaxation_length=value['relaxation_length'][0],
+        fall=value['fall'][0], fall_onset=onset, relaxation_length=value['relaxation_length'][0],
         load_transfer_time=value['load_transfer_time'][0],
         stiffness_scale=_four(value['stiffness_scale']), slope=value['slope'][0],
         terrain_seed=int(rng.integers(2**31)), sides=row.sides, pushes=pushes, lifts=lifts)
@@ -300,6 +316,12 @@ def _true_robot(robot: RobotParams, row: Row, value: Values) -> RobotParams:
     """Return the true robot behind the nominal ``robot``."""
     off_x, off_y = (row.center_of_mass * part for part in value['center_of_mass'])
     x, y, z = robot.center_of_mass
+    motor, imu, (gears, inertia), arm = (
+        robot.motor, robot.imu, value['gears'], value['imu_arm'])
+    motor = replace(motor, coulomb_friction=motor.coulomb_friction * gears,
+                    axle_friction=motor.axle_friction * gears, inertia=motor.inertia * inertia)
+    imu = replace(imu, position=(
+        imu.position[0] + arm[0], imu.position[1] + arm[1], imu.position[2]))
     gains = [gain for wheel in robot.film.wheels for gain in robot.film.gains(wheel)]
     film = replace(robot.film, stretch_gain=tuple(
         gain * factor for gain, factor in zip(gains, value['gain'])))
@@ -307,7 +329,7 @@ def _true_robot(robot: RobotParams, row: Row, value: Values) -> RobotParams:
         robot, wheel_radius=robot.wheel_radius * value['wheel_radius'][0],
         mass=robot.mass * value['mass'][0],
         yaw_inertia=robot.yaw_inertia * value['yaw_inertia'][0],
-        center_of_mass=(x + off_x, y + off_y, z), film=film,
+        center_of_mass=(x + off_x, y + off_y, z), film=film, motor=motor, imu=imu,
         encoder=replace(robot.encoder, stamp_jitter=value['stamp_jitter'][0],
                         latency=value['latency'][0]))
 

@@ -109,4 +109,11 @@ def sand_straight(rng: np.random.Generator) -> Parts:
     return starts(rng, 11)
 
 
+def walking_pace(rng: np.random.Generator) -> Parts:
+    """Return straight runs of 2 to 6 s at 22 to 88 rpm (0.2 to 0.8 m/s), with stops between."""
+    speed = rng.uniform(22.0, 88.0)
+    return [part for seconds in rng.uniform(2.0, 6.0, 8)
+            for part in ((seconds, speed, speed), STOP)]
+
+
 MIXED: Manoeuvre = partial(mixed, seconds=42.0)

@@ -14,9 +14,9 @@ A plant that differs from the models of the estimators in its tires, its terrain
 Its equations are those of ``Plant``, with ``Traits`` that are drawn for every robot:
 
 - C_y differs from C_x: force and adhesion follow the slip (s_x, ratio s_y).
-- The friction falls with the normalized slip t = C_x |s| / (3 mu F_z) from ``FALL_BEGIN`` on, so
-  that the force falls after its peak: mu (1 - fall x^2 / (1 + x^2)), x = (t - FALL_BEGIN) /
-  FALL_WIDTH. This sliding friction is that of the films and of the ground truth.
+- The friction falls with the normalized slip t = C_x |s| / (3 mu F_z) from an onset on, so
+  that the force falls after its peak: mu (1 - fall x^2 / (1 + x^2)), x = (t - onset) / width.
+  This sliding friction is that of the films and of the ground truth.
 - The force follows the slip after a relaxation length: ds'/dt = (s - s') |r w| / length. The films
   feel the slip without delay, as those of the simulator do.
 - The rolling resistance acts along the velocity of a wheel with the lateral share, and along its
@@ -75,6 +75,7 @@ class Traits:
     resistance_share: float = 1.0    # -, lateral share: 0 along the heading, 1 along the velocity
     stiffness_ratio: float = 1.0     # -, C_y / C_x
     fall: float = 0.0                # -, relative loss of friction at large slip
+    fall_onset: tuple[float, float] = (FALL_BEGIN, FALL_WIDTH)  # -, normalized slip, and width
     relaxation_length: float = 0.0   # m
     load_transfer_time: float = LOAD_TRANSFER_TIME  # s
     stiffness_scale: Four = NOMINAL  # -, C_x of each tire over that on the surface
@@ -205,7 +206,8 @@ class DrawnPlant(Plant):
     def _sliding(self, surface: Surface, i: int) -> Surface:
         """Return ``surface`` with the friction at the slip of tire ``i``."""
         limit = 3.0 * surface.friction * self.load[i]
-        x = (surface.stiffness * math.hypot(*self._slip[i]) / limit - FALL_BEGIN) / FALL_WIDTH
+        onset, width = self.traits.fall_onset
+        x = (surface.stiffness * math.hypot(*self._slip[i]) / limit - onset) / width
         if x <= 0.0 or self.traits.fall <= 0.0:
             return surface
         loss = self.traits.fall * x * x / (1.0 + x * x)

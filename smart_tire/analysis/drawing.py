@@ -83,6 +83,10 @@ def render(figure: Figure) -> Canvas:
 
 def draw_panel(ax: Axes, panel: Panel, *, brief: bool = False) -> None:
     """Draw a panel, in an overview without bars."""
+    if panel.image is not None:
+        ax.imshow(panel.image, cmap='gray', vmin=0, vmax=255)
+        ax.autoscale(False)
+        ax.grid(False)
     draw_marks(ax, panel.marks, brief=brief)
     ax.set(xlabel=panel.x_label, ylabel=panel.y_label, title=panel.title)
     if panel.x_limits is not None:

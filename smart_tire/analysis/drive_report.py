@@ -26,9 +26,9 @@ from smart_tire.analysis.driven_paths import (
 from smart_tire.analysis.figures import write_figures
 from smart_tire.analysis.metrics import Intervals, score as score_of, stamp_score
 from smart_tire.analysis.motion_figures import path_figure, tracking_figure
-from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, TRUTHS
+from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, OVERHEAD, TRUTHS
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.summary import evaluation, plain, Tree
+from smart_tire.analysis.summary import errors_in, evaluation, plain, Tree
 from smart_tire.analysis.tables import error_tables, estimate_tables
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
@@ -72,18 +72,20 @@ class Run:
 
 def read_run(path: Path, intervals: Intervals | None = None) -> Run:
     """Return the run in the bag at ``path``; raise BagError."""
-    inputs, estimates, truth, log = Recording(), Recording(), Recording(), PathLog()
+    log, groups = PathLog(), (INPUTS, ESTIMATES, TRUTHS, OVERHEAD)
+    inputs, estimates, truth, camera = parts = [Recording() for _ in groups]
+    part_of = {topic: part for topics, part in zip(groups, parts) for topic in topics}
     ages: list[tuple[int, int]] = []
     with Bag(path) as bag:
-        for receive_ns, topic, sample in bag.samples(
-                (*INPUTS, *ESTIMATES, *TRUTHS, *PATH_TOPICS)):
+        for receive_ns, topic, sample in bag.samples((*part_of, *PATH_TOPICS)):
             log.add_message(receive_ns, sample)
             if topic == 'odom':
                 ages.append((receive_ns, receive_ns - sample.stamp_ns))
-            part = truth if topic in TRUTHS else estimates if topic in ESTIMATES else inputs
-            part.add_sample(sample)
+            if topic in part_of:
+                part_of[topic].add_sample(sample)
         counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
-        result = Result(estimates, inputs, truth, wanted=log.wanted(), intervals=intervals or {})
+        result = Result(estimates, inputs, truth, camera, wanted=log.wanted(),
+                        intervals=intervals or {})
         host = worst_of(status.values for _, status in bag.statuses())
         return Run(path, result, log, bag.span_ns, counts, np.array(ages).reshape(-1, 2), host)
 
@@ -112,7 +114,7 @@ def drive_lines(tree: Tree) -> Iterator[str]:
         yield from driven_lines(tree['drive'], tree['tracking'])
     for table in estimate_tables(tree['estimates']):
         yield from table.lines()
-    if pose := (tree['against_truth'] or {}).get('pose'):
+    if pose := errors_in(tree)[1].get('pose'):
         yield (f'odom error at the end: {pose["position_end_m"]:.2f} m, '
                f'{pose["yaw_end_rad"]:+.3f} rad')
 
@@ -258,5 +260,5 @@ def demo_lines(tree: Tree) -> Iterator[str]:
         if camera.get(name, {}).get('count'):
             yield (f'{name} error of the overhead camera: {factor * camera[name]["rms"]:.4f} '
                    f'{unit}, {camera[name]["normalized_rms"]:.2f} of its standard deviation')
-    for table in error_tables(tree['against_truth']):
+    for table in error_tables(tree):
         yield from table.lines()

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Errors of estimates against ground truth, with the reported standard deviations."""
+"""Errors of estimates against a reference, with their standard deviations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smart_tire.analysis.figure import (
-    Curve, Figure, interrupted, limits, Mark, observable, Panel, TIME_LABEL)
+    Curve, Figure, interrupted, limits, Mark, observable, Panel, REPORTED, SOURCES, TIME_LABEL,
+    TRUTH)
 from smart_tire.analysis.friction_metrics import column, is_informative, Matches, stamps_of
 from smart_tire.analysis.metrics import Compared, Score, score
 from smart_tire.analysis.result import Comparison
@@ -34,7 +35,7 @@ GROUP_COLORS = 'blue', 'vermillion', 'orange', 'sky', 'green'
 
 @dataclass(frozen=True)
 class ErrorCurve:
-    """Error of one quantity over time, with the standard deviation of the estimate."""
+    """Error of one quantity over time, with its standard deviation."""
 
     name: str
     unit: str  # '' if dimensionless
@@ -58,7 +59,7 @@ class ErrorCurve:
 
 
 def position_error(found: Comparison, origin_ns: int) -> ErrorCurve:
-    """Return the distance from the true position; its sigma is along the longest axis."""
+    """Return the distance from the reference position; its sigma is along the longest axis."""
     poses = found.poses
     longest = np.sqrt(np.linalg.eigvalsh(poses.covariance[:, :2, :2])[:, -1])
     return ErrorCurve('position', 'm', Curve(
@@ -66,7 +67,7 @@ def position_error(found: Comparison, origin_ns: int) -> ErrorCurve:
 
 
 def pose_errors(found: Comparison, origin_ns: int) -> list[ErrorCurve]:
-    """Return the errors of x, y and heading, with the truth aligned at the start."""
+    """Return the errors of x, y and heading, with the reference aligned at the start."""
     return _columns(POSE_NAMES, found.poses, origin_ns)
 
 
@@ -119,18 +120,20 @@ def error_panel(errors: Sequence[ErrorCurve], colors: Mapping[str, str], title: 
                  y_limits=(low if bottom is None else bottom, high))
 
 
-def error_figure(name: str, title: str, errors: Sequence[ErrorCurve]) -> Figure | None:
+def error_figure(name: str, title: str, errors: Sequence[ErrorCurve],
+                 reference: str = TRUTH) -> Figure | None:
     """Return errors over time, one panel per quantity; None without errors."""
     return Figure(
         name, f'{title} over time',
-        f'{title}: estimate minus ground truth. Bands: ± 2σ around zero. If the reported σ is '
-        'right, 95 % of the errors are inside; errors of one recording are correlated, so the '
-        'share varies.',
+        f'{title}: estimate minus {SOURCES[reference]}. Bands: ± 2σ around zero, where σ is the '
+        f'standard deviation {REPORTED[reference]}. If it is right, 95 % of the '
+        'errors are inside; errors of one recording are correlated, so the share varies.',
         [[error_panel([error], {'error': 'blue'}, error.name)] for error in errors],
         (9.0, 2.0)) if errors else None
 
 
-def histogram_figure(groups: Mapping[str, Sequence[ErrorCurve]]) -> Figure | None:
+def histogram_figure(groups: Mapping[str, Sequence[ErrorCurve]],
+                     reference: str = TRUTH) -> Figure | None:
     """Return the distribution of the normalized errors by group; None without errors."""
     edges = np.arange(-HISTOGRAM_RANGE, HISTOGRAM_RANGE + 0.5 * BIN_WIDTH, BIN_WIDTH)
     centers = 0.5 * (edges[:-1] + edges[1:])
@@ -144,9 +147,9 @@ def histogram_figure(groups: Mapping[str, Sequence[ErrorCurve]]) -> Figure | Non
     normal = np.exp(-0.5 * centers ** 2) / np.sqrt(2.0 * np.pi)
     return Figure(
         'normalized', 'Distribution of the normalized errors compared with a standard normal',
-        'Errors divided by their reported standard deviations. A consistent estimator follows the '
-        'standard normal distribution (dashed); a wider curve means that σ is too small. Errors '
-        'beyond ± 5σ are counted in the outer bins.',
+        f'Errors divided by their standard deviations, {REPORTED[reference]}. A '
+        'consistent estimator follows the standard normal distribution (dashed); a wider curve '
+        'means that σ is too small. Errors beyond ± 5σ are counted in the outer bins.',
         [[Panel([*marks, Mark(Curve(centers, normal), 'standard normal', 'ink', dashed=True)],
                 'error / σ [-]', 'density [-]', 'Normalized errors')]],
         (9.0, 4.0)) if marks else None

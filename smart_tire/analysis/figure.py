@@ -16,7 +16,7 @@ Figures as data: curves, marks, panels and captions, without the library that dr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import Literal
@@ -41,6 +41,16 @@ CRITERIA = 4              # rows that are kept of each interval, see ``decimated
 COLORS = {'blue': '#0072b2', 'vermillion': '#d55e00', 'orange': '#e69f00', 'sky': '#56b4e9',
           'green': '#009e73', 'purple': '#cc79a7', 'ink': '#222222', 'shade': '#8c8c8c'}
 PAIR = 'blue', 'orange'   # of two films, or of filtered and smoothed estimates
+TRUTH, CAMERA = 'truth', 'camera'  # references, by their names in legends and summaries
+SOURCES = {TRUTH: 'ground truth', CAMERA: 'the overhead camera'}
+REPORTED = {  # where the standard deviations of errors are from
+    TRUTH: 'that the estimator reports',
+    CAMERA: 'by the covariances that estimator and camera report, added'}
+# What captions say, color, width in points, and whether the line is dashed.
+REFERENCE_STYLES = {TRUTH: (' Dashed: ground truth.', 'ink', 1.1, True),
+                    CAMERA: (' Green: the overhead camera.', 'green', 2.4, False)}
+PICTURE = 'camera.png'  # of smart_tire overhead
+GAP = np.full((1, 2), math.nan)  # a row of x and y that interrupts a line
 TIME_LABEL = 'time [s]'
 TWO_SIGMA = '± 2σ, where σ is the standard deviation that the estimator reports.'
 
@@ -93,6 +103,7 @@ class Panel:
     x_limits: Limits | None = None
     y_limits: Limits | None = None
     equal: bool = False  # both axes have the same scale
+    image: NDArray[np.uint8] | None = None  # gray, behind the marks, whose unit is its pixels
 
     @property
     def over_time(self) -> bool:
@@ -124,8 +135,24 @@ class Figure:
 
 def truth_marks(curve: Curve, steps: Literal['', 'mid', 'post'] = '') -> list[Mark]:
     """Return the dashed line of the ground truth, without errors; none if it is not known."""
-    return [Mark(Curve(curve.x, curve.y), 'truth', 'ink', width=1.1, dashed=True, steps=steps)
-            ] if len(curve.x) else []
+    return reference_marks({TRUTH: Curve(curve.x, curve.y)}, steps)
+
+
+def reference_marks(curves: Mapping[str, Curve],
+                    steps: Literal['', 'mid', 'post'] = '') -> list[Mark]:
+    """Return the lines of references by name, with bands where sigmas are given."""
+    marks = []
+    for name, curve in reversed(list(curves.items())):
+        _, color, width, dashed = REFERENCE_STYLES[name]
+        if len(curve.x):
+            label = name if curve.sigma is None else f'{name} ± 2σ'
+            marks.append(Mark(curve, label, color, width=width, dashed=dashed, steps=steps))
+    return marks
+
+
+def reference_caption(names: Iterable[str]) -> str:
+    """Return the sentences of a caption that say how references are drawn."""
+    return ''.join(REFERENCE_STYLES[name][0] for name in names)
 
 
 def dots(x: Array, y: Array, label: str = '', color: str = 'sky', sigma: Array | None = None,

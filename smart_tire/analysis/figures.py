@@ -21,11 +21,11 @@ import numpy as np
 from smart_tire.analysis.crossing import crossing_waveform, CrossingWaveform
 from smart_tire.analysis.drawing import save_all
 from smart_tire.analysis.figure import (
-    Curve, Figure, interrupted, limits, Mark, PAIR, Panel, share_outside, TIME_LABEL, truth_marks,
-    TWO_SIGMA)
+    Curve, Figure, interrupted, limits, Mark, PAIR, Panel, reference_caption, share_outside,
+    TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.friction_metrics import (
     column, is_informative, kind_of, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
-from smart_tire.analysis.motion_figures import DASHED, ESTIMATE, path_figure, slip_figure
+from smart_tire.analysis.motion_figures import ESTIMATE, path_figure, slip_figure
 from smart_tire.analysis.result import Result
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import at, Recording, seconds
@@ -33,6 +33,7 @@ from smart_tire.samples import Friction, WHEELS
 
 MAX_FRICTION = 1.2      # upper end of the friction axis
 MAX_CROSSING_GAP = 5.0  # s between two crossings, over which no line is drawn
+DASHED = reference_caption([TRUTH])
 SINGLE = 'single crossing ± 2σ'
 
 

@@ -8,7 +8,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Accuracy and consistency of slip and pose estimates against ground truth."""
+"""
+Accuracy and consistency of slip and pose estimates against a reference.
+
+The reference is ground truth or a measurement: its covariances are added to those of the
+estimates. Those of ground truth are zero.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +24,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smart_tire.analysis.figure import MAX_SLIP_SIGMA
 from smart_tire.arrays import Array, Instants
 from smart_tire.recording import at, PoseSeries, SlipSeries
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WHEELS
@@ -34,16 +40,16 @@ Intervals = Mapping[str, Sequence[tuple[int, int]]]  # name -> time intervals [n
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """Estimates and truth at the true timestamps, one column per quantity; NaN if unknown."""
+    """Estimates and a reference at its timestamps, one column per quantity; NaN if unknown."""
 
     stamp_ns: Instants  # (n,)
     estimated: Array    # (n, k)
     true: Array         # (n, k)
-    sigma: Array        # (n, k), standard deviation of the estimate
+    sigma: Array        # (n, k), standard deviation of the error: of estimate and reference
 
     @property
     def error(self) -> Array:
-        """Return estimate minus truth."""
+        """Return estimate minus reference."""
         return self.estimated - self.true
 
 
@@ -51,12 +57,12 @@ class Compared:
 class ComparedPoses(Compared):
     """Compared x, y [m] and yaw [rad]."""
 
-    covariance: Array  # (n, 3, 3)
+    covariance: Array  # (n, 3, 3) of the errors
 
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of an estimate and their ratio to the reported sigma; NaN if ``count`` is 0."""
+    """Errors and their ratio to their standard deviations; NaN if ``count`` is 0."""
 
     count: int
     mean: float            # error, in the unit of the estimate
@@ -77,10 +83,10 @@ class SlipScore:
 
 @dataclass(frozen=True)
 class PoseScore:
-    """Errors of pose, aligned with ground truth at the start, and of twist."""
+    """Errors of pose, aligned with the reference at the start, and of twist."""
 
     duration_s: float
-    distance_m: float              # of the true path
+    distance_m: float              # of the path of the reference
     position_rms_m: float
     position_end_m: float
     position_max_m: float
@@ -123,9 +129,11 @@ def median(values: Array) -> float:
 
 
 def compared_slips(estimate: SlipSeries, truth: SlipSeries) -> Compared:
-    """Return the slips of the four wheels."""
-    return Compared(truth.stamp_ns, at(truth.stamp_ns, estimate.stamp_ns, estimate.ratio),
-                    truth.ratio, at(truth.stamp_ns, estimate.stamp_ns, estimate.sigma))
+    """Return the slips of the four wheels; NaN where the reference does not observe them."""
+    stamps, known = truth.stamp_ns, truth.sigma <= MAX_SLIP_SIGMA
+    return Compared(stamps, at(stamps, estimate.stamp_ns, estimate.ratio),
+                    np.where(known, truth.ratio, math.nan),
+                    np.hypot(at(stamps, estimate.stamp_ns, estimate.sigma), truth.sigma))
 
 
 def measured(ratio: Array, wheels: Sequence[int]) -> list[int]:
@@ -172,19 +180,36 @@ def compared_poses(estimate: PoseSeries, truth: PoseSeries) -> ComparedPoses:
     """
     Return x, y and yaw where the estimate is known.
 
-    The true path is transformed so that both start at the same pose, because its frame is
-    unrelated to ``odom``.
+    The path of the reference is transformed so that both start at the same pose, because its frame
+    is unrelated to ``odom``.
     """
     estimated = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
     known = np.isfinite(estimated[:, 0])
     stamps, estimated, true = truth.stamp_ns[known], estimated[known], truth.pose[known]
-    if len(stamps):
-        turn = estimated[0, 2] - true[0, 2]
-        moved = rotated(true[:, :2] - true[0, :2], turn) + estimated[0, :2]
-        true = np.column_stack([moved, true[:, 2] + turn])
     covariance = at(stamps, estimate.stamp_ns, estimate.pose_covariance)
+    if len(stamps):
+        true, spread = _aligned(true, truth.pose_covariance[known], estimated[0])
+        covariance = covariance + spread
     return ComparedPoses(stamps, estimated, true,
                          np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), covariance)
+
+
+def _aligned(poses: Array, covariance: Array, start: Array) -> tuple[Array, Array]:
+    """
+    Return poses (n, 3) transformed so that they begin at ``start``, and their covariances.
+
+    An error of the first pose moves and turns all of them. A covariance that is not given, which
+    begins with -1 in ROS, counts as zero.
+    """
+    given = np.where(covariance[:, :1, :1] >= 0.0, covariance, 0.0)
+    turn = start[2] - poses[0, 2]
+    moved = rotated(poses[:, :2] - poses[0, :2], turn)
+    own = np.eye(3)
+    own[:2, :2] = rotated(np.eye(2), turn).T
+    first = np.repeat(own[None], len(poses), axis=0)  # minus the derivative by the first pose
+    first[:, 0, 2], first[:, 1, 2] = -moved[:, 1], moved[:, 0]
+    spread = own @ given @ own.T + first @ given[0] @ first.transpose(0, 2, 1)
+    return np.column_stack([moved + start[:2], poses[:, 2] + turn]), spread
 
 
 def rotated(points: Array, angle: float | Array) -> Array:
@@ -205,7 +230,7 @@ def distance(position: Array) -> float:
 
 
 def pose_score(poses: ComparedPoses, twist: Compared) -> PoseScore | None:
-    """Return the errors of pose and twist; None if estimate and truth do not overlap."""
+    """Return the errors of pose and twist; None if estimate and reference do not overlap."""
     if len(poses.stamp_ns) < 2:
         return None
     error = poses.error
@@ -245,11 +270,12 @@ def _relative_errors(poses: ComparedPoses) -> tuple[float, float]:
 
 
 def compared_twist(estimate: PoseSeries, truth: PoseSeries) -> Compared:
-    """Return v_x, v_y and yaw rate where the truth is known."""
+    """Return v_x, v_y and yaw rate where the reference knows them."""
     known = np.isfinite(truth.twist[:, 0])
     stamps = truth.stamp_ns[known]
     return Compared(stamps, at(stamps, estimate.stamp_ns, estimate.twist), truth.twist[known],
-                    np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_variance)))
+                    np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_variance)
+                            + truth.twist_variance[known]))
 
 
 def stamp_score(stamp_ns: Instants, true_ns: Instants, sigma: float) -> Score:

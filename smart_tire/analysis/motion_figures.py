@@ -13,21 +13,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import cycle
-import math
 
 import numpy as np
 
 from smart_tire.analysis.driven_paths import DrivenPath, Grounds, track
 from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
 from smart_tire.analysis.figure import (
-    Curve, ellipse, Figure, interrupted, Limits, limits, Mark, MAX_POINTS, MAX_SLIP_SIGMA,
-    observable, PAIR, Panel, share_outside, TIME_LABEL, truth_marks, TWO_SIGMA)
-from smart_tire.analysis.metrics import measured, SIDES
+    Curve, ellipse, Figure, GAP, interrupted, Limits, limits, Mark, MAX_GAP, MAX_POINTS,
+    MAX_SLIP_SIGMA, observable, PAIR, Panel, reference_caption, reference_marks, REPORTED,
+    share_outside, SOURCES, TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
+from smart_tire.analysis.metrics import compared_poses, ComparedPoses, measured, SIDES
 from smart_tire.analysis.result import Result
 from smart_tire.arrays import Array
-from smart_tire.recording import Recording, seconds
+from smart_tire.recording import PoseSeries, Recording, seconds
 from smart_tire.samples import NS_PER_S, WHEELS
 
 MIN_SLIP_MARGIN, MAX_SHOWN_SLIP = 0.1, 1.05  # -, of the slip axis
@@ -36,7 +36,6 @@ SIDE_COLORS = {'left': 'blue', 'right': 'vermillion'}
 WHEEL_COLORS = dict(zip(WHEELS, ('blue', 'vermillion', 'sky', 'orange')))
 WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
 AREA_COLORS = 'sky', 'orange', 'vermillion', 'blue'
-DASHED = ' Dashed: ground truth.'
 ESTIMATE = 'estimate ± 2σ'
 NONE = Curve(np.empty(0), np.empty(0))
 
@@ -47,38 +46,46 @@ class SlipCurve:
 
     name: str
     estimate: Curve
-    truth: Curve         # empty without ground truth
+    references: Mapping[str, Curve]  # by name
     hidden_share: float  # of the estimates, which are not drawn
 
 
-def slip_curves(estimates: Recording, truth: Recording, origin_ns: int,
+def slip_curves(estimates: Recording, references: Mapping[str, Recording], origin_ns: int,
                 groups: Mapping[str, Sequence[int]] = SIDES) -> list[SlipCurve]:
     """Return the slip of each group of wheels, the mean of the measured ones; NaN if unknown."""
-    own, true = estimates.slips(), truth.slips()
+    def curve_of(recording: Recording, wheels: Sequence[int]) -> tuple[Curve, float]:
+        slips = recording.slips()
+        return observable(interrupted(Curve(
+            seconds(slips.stamp_ns, origin_ns), slips.ratio[:, wheels].mean(axis=1),
+            slips.sigma[:, wheels].mean(axis=1))))
+
     found = []
     for name, members in groups.items():
-        wheels = measured(own.ratio, members)
-        curve, hidden = observable(interrupted(Curve(
-            seconds(own.stamp_ns, origin_ns), own.ratio[:, wheels].mean(axis=1),
-            own.sigma[:, wheels].mean(axis=1))))
-        reference = interrupted(Curve(seconds(true.stamp_ns, origin_ns),
-                                      true.ratio[:, wheels].mean(axis=1)))
-        found.append(SlipCurve(name, curve, reference, hidden))
+        wheels = measured(estimates.slips().ratio, members)
+        curve, hidden = curve_of(estimates, wheels)
+        others = {source: curve_of(one, wheels)[0] for source, one in references.items()}
+        found.append(SlipCurve(name, curve, _exact(others), hidden))
     return found
+
+
+def _exact(curves: Mapping[str, Curve]) -> dict[str, Curve]:
+    """Return the curves of references, that of ground truth without sigma."""
+    return {name: replace(curve, sigma=None) if name == TRUTH else curve
+            for name, curve in curves.items()}
 
 
 def side_marks(curves: Sequence[SlipCurve]) -> list[Mark]:
     """Return the slip of both sides, as in paper B, Fig. 10."""
     return [*(Mark(one.estimate, f'{one.name} side ± 2σ', SIDE_COLORS[one.name])
               for one in curves),
-            *(mark for one in curves for mark in truth_marks(one.truth))]
+            *(mark for one in curves for mark in reference_marks(one.references))]
 
 
 def slip_figure(result: Result) -> Figure | None:
     """Return the slip of both sides, one panel per interval and label; None without slip."""
     if not len(result.estimates.slips().stamp_ns):
         return None
-    curves = {label: slip_curves(one.estimates, one.truth, result.origin_ns)
+    curves = {label: slip_curves(one.estimates, result.references, result.origin_ns)
               for label, one in result.comparisons.items()}
     every = [one for several in curves.values() for one in several]
     spans = {name: [((begin - result.origin_ns) / NS_PER_S, (end - result.origin_ns) / NS_PER_S)
@@ -100,12 +107,12 @@ def wheel_slip_figure(result: Result) -> Figure | None:
     """Return the slip of each wheel; None without."""
     if not len(result.estimates.slips().stamp_ns):
         return None
-    curves = slip_curves(result.estimates, result.truth, result.origin_ns, WHEEL_GROUPS)
+    curves = slip_curves(result.estimates, result.references, result.origin_ns, WHEEL_GROUPS)
     low, high, caption = _shown_slip(curves)
     return Figure(
         'slip', 'Longitudinal slip ratio of each wheel over time',
         f'Longitudinal slip ratio, positive in traction. {caption} Double-click to show all.',
-        [[_slip_panel([Mark(one.estimate, ESTIMATE), *truth_marks(one.truth)],
+        [[_slip_panel([Mark(one.estimate, ESTIMATE), *reference_marks(one.references)],
                       one.name.replace('_', ' '), (low, high))] for one in curves])
 
 
@@ -124,12 +131,14 @@ def _shown_slip(curves: Sequence[SlipCurve], spans: Sequence[tuple[float, float]
                               axis=0)] if spans else curve.y
 
     own = [values(one.estimate) for one in curves]
-    low, high = limits([*own, *(values(one.truth) for one in curves)], MIN_SLIP_MARGIN)
+    others = [values(other) for one in curves for other in one.references.values()]
+    low, high = limits([*own, *others], MIN_SLIP_MARGIN)
     low, high = max(-MAX_SHOWN_SLIP, low), min(MAX_SHOWN_SLIP, high)
     hidden = float(np.mean([one.hidden_share for one in curves]))
-    truth = DASHED if any(len(one.truth.x) for one in curves) else ''
+    drawn = reference_caption(
+        name for name, curve in curves[0].references.items() if len(curve.x))
     return low, high, (
-        f'Bands: {TWO_SIGMA}{truth} No line at standstill, where slip is undefined, and where σ '
+        f'Bands: {TWO_SIGMA}{drawn} No line at standstill, where slip is undefined, and where σ '
         f'exceeds {MAX_SLIP_SIGMA}, where it is not observable ({100.0 * hidden:.1f} % of the '
         f'values). {100.0 * share_outside(own, low, high):.1f} % of the others are outside of '
         'the axes.')
@@ -137,7 +146,7 @@ def _shown_slip(curves: Sequence[SlipCurve], spans: Sequence[tuple[float, float]
 
 def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
     """
-    Return the path and, with ground truth, position and heading ``errors``; None without poses.
+    Return the path and, with a reference, position and heading ``errors``; None without poses.
 
     Ellipses show two standard deviations of the position at about equal distances.
     """
@@ -146,29 +155,32 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
     if not len(first.stamp_ns):
         return None
     colors = dict(zip(poses, PAIR[::-1] if len(poses) > 1 else PAIR))
-    true = result.filtered.poses.true
+    found = {name: compared_poses(first, one.poses()) for name, one in result.references.items()}
+    references = {name: _reference_path(one) for name, one in found.items() if len(one.stamp_ns)}
     marks = [*wanted_marks(result.wanted)]
     for label, one in poses.items():
         marks += [_ellipses(one.pose[:, :2], one.pose_covariance, colors[label]),
                   _path(one.pose, label, colors[label])]
-    marks += truth_marks(_path(true, '').curve)
+    marks += reference_marks(references)
     marks += [_dot(first.pose[:1], 'start'), _dot(first.pose[-1:], 'end', 'shade')]
     panel = Panel(marks, 'x [m]', 'y [m]', equal=True)
     caption = ('Path in the frame odom, which starts at (0, 0)'
-               + (', ground truth (dashed) aligned at the start' if len(true) else '') + '. '
+               + (', references aligned at the start' if references else '')
+               + f'.{reference_caption(references)} '
                'Ellipses: two standard deviations of the position; they contain 86 % of Gaussian '
                'errors.')
     rows: list[list[Panel | None]] = [[panel]]
-    if errors and len(true):
-        found = [(position_error(one, result.origin_ns), pose_errors(one, result.origin_ns)[2])
+    if errors and result.filtered.name in references:
+        curves = [(position_error(one, result.origin_ns), pose_errors(one, result.origin_ns)[2])
                  for one in result.comparisons.values()]
         rows = [[panel, error_panel(several, colors, bottom=bottom)]
-                for several, bottom in zip(zip(*found), (0.0, None))]
+                for several, bottom in zip(zip(*curves), (0.0, None))]
         caption += (
-            ' Right: errors against ground truth; shaded: 2σ, where σ is the standard deviation '
-            'that the estimator reports (of the position: along the longest axis of its ellipse). '
-            'If it is right, about 95 % of the heading errors are inside.')
-    return Figure('path', 'Path of the robot in the plane, estimate and ground truth', caption,
+            f' Right: errors against {SOURCES[result.filtered.name]}; shaded: 2σ, where σ is the '
+            f'standard deviation {REPORTED[result.filtered.name]} (of the position: along the '
+            'longest axis of its ellipse). If it is right, about 95 % of the heading errors are '
+            'inside.')
+    return Figure('path', 'Path of the robot in the plane, estimate and reference', caption,
                   rows, (5.0, 2.5) if len(rows) > 1 else (6.0, 4.6 if errors else 7.6))
 
 
@@ -180,6 +192,14 @@ def wanted_marks(paths: Sequence[Array]) -> list[Mark]:
 def _path(position: Array, label: str, color: str = 'blue') -> Mark:
     position = position[equidistant(position[:, :2])]
     return Mark(Curve(position[:, 0], position[:, 1]), label, color, width=1.6)
+
+
+def _reference_path(found: ComparedPoses) -> Curve:
+    """Return the path of a reference, interrupted in the gaps of its timestamps."""
+    parts = np.split(found.true[:, :2], np.flatnonzero(
+        np.diff(found.stamp_ns) > MAX_GAP * NS_PER_S) + 1)
+    return Curve(*np.concatenate([
+        rows for part in parts for rows in (part[equidistant(part)], GAP)])[:-1].T)
 
 
 def _dot(position: Array, label: str, color: str = 'ink') -> Mark:
@@ -201,27 +221,31 @@ def _ellipses(position: Array, covariance: Array, color: str) -> Mark:
     """Return ellipses of two standard deviations at about equal distances along a path."""
     parts = []
     for row in equidistant(position, ELLIPSES + 1):
-        parts += [position[row] + ellipse(covariance[row, :2, :2]), np.full((1, 2), math.nan)]
+        parts += [position[row] + ellipse(covariance[row, :2, :2]), GAP]
     return Mark(Curve(*np.concatenate(parts).T), '2σ of the position', color, 'area', opacity=0.2)
 
 
 def velocity_figure(result: Result) -> Figure | None:
     """Return the velocities of the body; None without poses."""
-    poses, true = result.estimates.poses(), result.truth.poses()
+    poses = result.estimates.poses()
     if not len(poses.stamp_ns):
         return None
-    time, true_time = (seconds(one.stamp_ns, result.origin_ns) for one in (poses, true))
-    sigma, known = np.sqrt(poses.twist_variance), np.isfinite(true.twist).any()
+    known = {name: other for name, one in result.references.items()
+             if np.isfinite((other := one.poses()).twist).any()}
+
+    def curve_of(series: PoseSeries, i: int) -> Curve:
+        return interrupted(Curve(seconds(series.stamp_ns, result.origin_ns), series.twist[:, i],
+                                 np.sqrt(series.twist_variance[:, i])))
     panels = []
     for i, ((name, unit), title) in enumerate(zip(
             TWIST_NAMES, ('forward velocity v_x', 'lateral velocity v_y', 'yaw rate'))):
-        marks = [Mark(interrupted(Curve(time, poses.twist[:, i], sigma[:, i])), ESTIMATE),
-                 *truth_marks(interrupted(Curve(true_time, true.twist[:, i])) if known else NONE)]
+        marks = [Mark(curve_of(poses, i), ESTIMATE), *reference_marks(_exact({
+            source: curve_of(one, i) for source, one in known.items()}))]
         panels.append(Panel(marks, TIME_LABEL, f'{name} [{unit}]', title,
-                            y_limits=limits([poses.twist[:, i], true.twist[:, i]], 0.05)))
+                            y_limits=limits([mark.curve.y for mark in marks], 0.05)))
     return Figure('velocity', 'Forward velocity, lateral velocity and yaw rate over time',
                   'Velocity of base_link (x forward, y left, yaw counter-clockwise). Bands: '
-                  f'{TWO_SIGMA}{DASHED if known else ""}', [[panel] for panel in panels])
+                  f'{TWO_SIGMA}{reference_caption(known)}', [[panel] for panel in panels])
 
 
 def wheel_speed_figure(result: Result) -> Figure | None:

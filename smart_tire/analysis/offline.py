@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
@@ -31,9 +31,10 @@ from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.messages import check_host
 from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
+from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
-    EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, SmoothedSlip,
-    TRUTHS)
+    EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, OVERHEAD,
+    SmoothedSlip, TRUTHS)
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import divergence, evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
@@ -45,13 +46,14 @@ from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.recording import Faults, Recording
 from smart_tire.samples import (
-    Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample)
+    Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
 BATCH_SIZE = 500  # messages that are sent together from one process to the other
 LOST_WITHOUT = {  # input -> estimates that require it
     'imu/data': 'odom, wheel_slip, icr and ground_state', 'tire_samples': 'tire_friction',
     'wheel_states': 'odom, wheel_slip, icr, tire_friction and ground_state'}
-COMPARED_VALUES = dict(zip(TRUTHS, ('poses', 'slips', 'friction values')))
+COMPARED_VALUES = dict(zip((*TRUTHS, *OVERHEAD), (
+    'poses', 'slips', 'friction values', 'poses', 'slips')))
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 Received = tuple[int, Sample]       # receive time [ns], sample
@@ -60,10 +62,11 @@ Item = TypeVar('Item')
 
 @dataclass
 class BagContents:
-    """Inputs, ground truth and wanted paths of a bag."""
+    """Inputs, references and wanted paths of a bag."""
 
     inputs: Recording = field(default_factory=Recording)
     truth: Recording = field(default_factory=Recording)
+    camera: Recording = field(default_factory=Recording)  # of the overhead camera
     paths: PathLog = field(default_factory=PathLog)  # that were to be followed
     late: Counter[str] = field(default_factory=Counter)
     faults: Faults = field(default_factory=Faults)
@@ -94,12 +97,14 @@ class Analysis:
     estimates: Recording = field(default_factory=Recording)
     smoothed: Recording | None = None  # None if not requested
     summary: Tree | None = None     # None if nothing was estimated
+    picture: Path | None = None     # a camera frame with the path, if one was drawn
 
     @cached_property
     def result(self) -> Result:
         """Return the estimates and what they are compared with, for figures and tables."""
-        return Result(self.estimates, self.contents.inputs, self.contents.truth, self.smoothed,
-                      self.contents.paths.wanted())
+        contents = self.contents
+        return Result(self.estimates, contents.inputs, contents.truth, contents.camera,
+                      self.smoothed, contents.paths.wanted())
 
 
 class EstimateWriter:
@@ -128,25 +133,28 @@ class EstimateWriter:
 def analyze(path: Path, out: Path | None, params: EstimatorParams,
             progress: Progress = lambda share: None, *, smooth: bool = False,
             names: TopicNames = STANDARD_NAMES, source: Tree | None = None,
-            checks: bool = False) -> Analysis:
+            checks: bool = False, overhead: Path | None = None) -> Analysis:
     """
     Analyze the bag at ``path``; write the bag ``out``/estimates and ``out``/summary.json.
 
     With ``smooth`` also write the estimates of the RTS smoother to ``out``/smoothed. ``names``
     are the topics with other names in the bag; ``source``, where ``params`` are from, is written
-    to the summary. With ``checks`` the contents have the errors that ``doctor`` finds. The bags of
-    estimates carry ``params``. Nothing is written without ``out`` or if nothing can be estimated;
-    existing estimates are replaced. Raises BagError if the bag cannot be read or ``out`` cannot be
-    written.
+    to the summary. With ``checks`` the contents have the errors that ``doctor`` finds.
+    ``overhead`` is a bag with the estimates of the overhead camera, instead of those in the first
+    bag. The bags of estimates carry ``params``. Nothing is written without ``out`` or if nothing
+    can be estimated; existing estimates are replaced. Raises BagError if a bag cannot be read or
+    ``out`` cannot be written.
     """
     names_out = ('estimates', 'smoothed') if smooth else ('estimates',)
     folders = [None if out is None else out / name for name in names_out]
     _check_folders(path, (out, *folders))
     analysis = Analysis()
+    if overhead is not None and (picture := overhead.parent / PICTURE).is_file():
+        analysis.picture = picture
     with ExitStack() as stack:
         writers = [EstimateWriter(folder, stack, params) for folder in folders]
         slip = (SmoothedSlip if smooth else SlipEstimator)(params.slip)
-        read = partial(_read, path, params, names, checks)
+        read = partial(_read, path, params, names, checks, overhead)
         held: list[tuple[int, EstimateRecord | None]] = []  # None: the next smoothed motion
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
@@ -183,18 +191,32 @@ def _check_folders(path: Path, folders: Iterable[Path | None]) -> None:
             raise BagError(f'{folder} is the folder of the input bag: choose another')
 
 
-def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool
-          ) -> Iterator[StageBatch | BagContents]:
+def read_overhead(path: Path) -> Recording:
+    """Return what "smart_tire overhead" has estimated; raise BagError if the bag has none."""
+    with Bag(path) as bag:
+        if not bag.match(OVERHEAD):
+            raise BagError(f'{path}: neither {" nor ".join(OVERHEAD)} in the bag: expected the '
+                           'output folder of "smart_tire overhead"')
+        return bag.recording(OVERHEAD)
+
+
+def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
+          overhead: Path | None) -> Iterator[StageBatch | BagContents]:
     """Yield the output of the friction stage in batches, and finally the contents of the bag."""
     contents, friction = BagContents(), FrictionEstimator(params.friction)
+    cameras: tuple[str, ...] = OVERHEAD
+    if overhead is not None:
+        contents.camera, cameras = read_overhead(overhead), ()
     with Bag(path, names, params.robot.joints) as bag:
         start, end = bag.span_ns
         batch: list[Received] = []
         receive_ns = end
         for count, (receive_ns, topic, sample) in enumerate(
-                bag.samples((*INPUTS, *TRUTHS, PATH))):
+                bag.samples((*INPUTS, *TRUTHS, *cameras, PATH))):
             if topic in TRUTHS:
                 contents.truth.add_sample(sample, receive_ns)
+            elif topic in OVERHEAD:
+                contents.camera.add_sample(sample, receive_ns)
             elif topic == PATH:
                 contents.paths.add_message(receive_ns, sample)
             else:
@@ -303,7 +325,7 @@ def _summary(path: Path, analysis: Analysis, slip: SlipEstimator | SmoothedSlip,
 
 def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> list[str]:
     """Return what was not read, used or estimated, with the reasons."""
-    available = bag.match((*INPUTS, *TRUTHS))
+    available = bag.match((*INPUTS, *TRUTHS, *OVERHEAD))
     lines = [f'{name} is not in the bag: no {LOST_WITHOUT[name]}' for name in INPUTS
              if name not in available]
     missing = int(np.isnan(contents.inputs.stream(WheelSample)['position']).all(axis=1).sum())
@@ -312,14 +334,27 @@ def _skipped(bag: Bag, contents: BagContents, film_wheels: Sequence[str]) -> lis
                      'messages, whose velocities are used instead')
     lines += [f'tire_samples of {wheel}: not in film.wheels'
               for wheel in contents.inputs.film_wheels() if wheel not in film_wheels]
-    if not available.keys() & set(TRUTHS):
-        lines.append('ground truth is not in the bag: no errors are computed')
-    else:
-        lines += [f'{name} is not in the bag: no errors of {values}'
-                  for name, values in COMPARED_VALUES.items() if name not in available]
+    lines += _missing_references(available, contents)
     if np.isnan(contents.truth.poses().twist).any():
         lines.append('ground_truth/odom has no twist: no errors of speeds')
     return lines + _unread_topics(bag, available)
+
+
+def _missing_references(available: Collection[str], contents: BagContents) -> Iterator[str]:
+    """Yield which errors are not computed, and why."""
+    known, wheels = set(available) & set(TRUTHS), contents.inputs.stream(WheelSample).stamp_ns
+    seen = {name: stamps for name, kind in zip(OVERHEAD, (Odometry, WheelSlip))
+            if len(stamps := contents.camera.stream(kind).stamp_ns)}
+    topics: Sequence[str] = TRUTHS
+    if not known:
+        yield 'ground truth is not in the bag: ' + (
+            'errors are against the overhead camera' if seen else 'no errors are computed')
+        known, topics = set(seen), OVERHEAD if seen else ()
+    yield from (f'{name} is missing: no errors of {COMPARED_VALUES[name]}'
+                for name in topics if name not in known)
+    for name, stamps in seen.items():
+        if len(wheels) and not wheels.min() <= stamps.max() >= stamps.min() <= wheels.max():
+            yield f'{name}: its timestamps do not overlap those of wheel_states'
 
 
 def _unread_topics(bag: Bag, available: dict[str, str]) -> list[str]:

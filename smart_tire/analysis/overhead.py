@@ -16,23 +16,26 @@ from dataclasses import dataclass
 import json
 import math
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, TYPE_CHECKING
 
+import numpy as np
+
+from smart_tire.analysis.figure import CAMERA, Curve, Figure, GAP, Mark, Panel, PICTURE
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.bags import Bag, BagWriter, Decoder, PARAMETERS_KEY
-from smart_tire.errors import BagError, MessageError, ParameterError
+from smart_tire.errors import BagError, EstimatorError, MessageError, ParameterError
+from smart_tire.messages import IMAGES, topic_of
 from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, OverheadLocalizerParams)
 from smart_tire.parameters.files import blocks_in, snapshot_text, values_for
 from smart_tire.parameters.spec import values_of
 from smart_tire.samples import NS_PER_S, Sample
-from smart_tire.vision.overhead import OverheadLocalizer, Result
+
+if TYPE_CHECKING:
+    from smart_tire.vision.overhead import Result
 
 NODE = 'overhead_localizer'
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
-IMAGE_TYPES = {  # type -> topic; the first that a bag has is read
-    'sensor_msgs/msg/Image': 'overhead_camera/image_raw',
-    'sensor_msgs/msg/CompressedImage': 'overhead_camera/image_raw/compressed'}
 INFO_TOPIC = 'overhead_camera/camera_info'
 INPUTS = ('imu/data', 'wheel_states')
 
@@ -80,7 +83,7 @@ def camera_topics(types: Mapping[str, str]) -> CameraTopics:
             notes.append(f'{standard}: using {found[0]}, the only topic of type {kind}')
         return (named or found or [''])[0]
     images = ''
-    for kind, standard in IMAGE_TYPES.items():
+    for standard, kind in IMAGES.items():
         images = images or choose(kind, standard)
     return CameraTopics(images, choose(INFO_TYPE, INFO_TOPIC), tuple(notes))
 
@@ -88,6 +91,7 @@ def camera_topics(types: Mapping[str, str]) -> CameraTopics:
 def locate(bag: Bag, params: OverheadLocalizerParams,
            progress: Progress = lambda share: None) -> Result:
     """Return the estimates from the images of an open bag."""
+    from smart_tire.vision.overhead import OverheadLocalizer
     topics = camera_topics(bag.types)
     localizer = OverheadLocalizer(params)
     if not topics.images:
@@ -110,7 +114,7 @@ def locate(bag: Bag, params: OverheadLocalizerParams,
     return localizer.result(bag.recording(INPUTS))
 
 
-def _add_info(localizer: OverheadLocalizer, read: Decoder, data: bytes) -> None:
+def _add_info(localizer: Any, read: Decoder, data: bytes) -> None:
     try:
         localizer.add_camera_info(read(data))
     except MessageError as error:
@@ -121,10 +125,7 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
           notes: Sequence[str] = ()) -> Tree:
     """Write estimates and summary into the folder ``out``; return the summary."""
     values = values_of(params)
-    samples: list[tuple[str, Sample]] = [
-        ('overhead/odom', sample) for motion in result.motions
-        for sample in motion.odometry(params.robot.wheel_radius)]
-    samples += [('overhead/wheel_slip', slip) for slip in result.slips]
+    samples = estimates_of(result, params.robot.wheel_radius)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -132,12 +133,42 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
     if samples:
         with BagWriter(out / 'estimates', custom_data={
                 PARAMETERS_KEY: snapshot_text({NODE: values})}) as writer:
-            for topic, sample in sorted(samples, key=lambda one: one[1].stamp_ns):
-                writer.write_sample(topic, sample.stamp_ns, sample)
+            for sample in samples:
+                writer.write_sample(f'overhead/{topic_of(sample)}', sample.stamp_ns, sample)
+        from smart_tire.analysis.drawing import save
+        save(frame_figure(result, params), out / PICTURE)
     summary = summary_of(result, bag, values, notes)
     (out / 'summary.json').write_text(
         json.dumps(summary, indent=2, allow_nan=False) + '\n', encoding='utf-8')
     return summary
+
+
+def estimates_of(result: Result, wheel_radius: float) -> list[Sample]:
+    """Return poses and slips in the order of their timestamps."""
+    return sorted((*(sample for motion in result.motions
+                     for sample in motion.odometry(wheel_radius)), *result.slips),
+                  key=lambda sample: sample.stamp_ns)
+
+
+def frame_figure(result: Result, params: OverheadLocalizerParams) -> Figure:
+    """Return the first image with a pose, and the path in it, as in paper B, Fig. 9."""
+    caption = ('First image of the overhead camera in which the robot was found. Line: path of '
+               'base_link by the camera, at the height of the tag; interrupted in gaps.')
+    return Figure('camera', 'Image of the overhead camera, with the path of the robot', caption,
+                  [[frame_panel(result, params)]], (9.0, 5.2))
+
+
+def frame_panel(result: Result, params: OverheadLocalizerParams) -> Panel:
+    """Return the panel of ``frame_figure``; raise EstimatorError without a pose."""
+    if result.frame is None:
+        raise EstimatorError('the robot is in no image')
+    camera, image = result.frame
+    height = params.robot.wheel_radius + params.overhead.tag_position[2]
+    path = np.concatenate([rows for motion in result.motions for rows in (camera.pixels(
+        np.column_stack([motion.pose[:, :2], np.full(len(motion.pose), height)])), GAP)])
+    return Panel([Mark(Curve(*path.T), f'path, {CAMERA}', 'orange', width=2.4),
+                  Mark(Curve(*path[:1].T), 'start', 'vermillion', 'points', 7.0)],
+                 'column [pixels]', 'row [pixels]', image=image)
 
 
 def summary_of(result: Result, bag: Path, values: Mapping[str, Any], notes: Sequence[str]) -> Tree:

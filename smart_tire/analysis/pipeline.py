@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 INPUTS, ESTIMATES = streams.INPUTS, streams.ESTIMATES
 TRUTHS = tuple(f'ground_truth/{name}' for name in ('odom', 'wheel_slip', 'tire_friction'))
+OVERHEAD = tuple(f'overhead/{name}' for name in ('odom', 'wheel_slip'))
 
 FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'
 NODES = 'slip_estimator', 'friction_estimator'

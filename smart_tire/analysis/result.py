@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from smart_tire.analysis.figure import Curve, Segments, segments
+from smart_tire.analysis.figure import CAMERA, Curve, Segments, segments, TRUTH
 from smart_tire.analysis.friction_metrics import match, Matches, stamps_of
 from smart_tire.analysis.metrics import (
     Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals)
@@ -30,39 +30,41 @@ FILTERED, SMOOTHED = 'filtered', 'smoothed'
 
 @dataclass(frozen=True)
 class Comparison:
-    """Estimates of a recording compared with its ground truth, which may be empty."""
+    """Estimates of a recording compared with a reference, which may be empty."""
 
     estimates: Recording
-    truth: Recording
+    reference: Recording
+    name: str = TRUTH  # of the reference: TRUTH or CAMERA
 
     @cached_property
     def poses(self) -> ComparedPoses:
-        """Return x, y and yaw, with the truth aligned at the start."""
-        return compared_poses(self.estimates.poses(), self.truth.poses())
+        """Return x, y and yaw, with the reference aligned at the start."""
+        return compared_poses(self.estimates.poses(), self.reference.poses())
 
     @cached_property
     def twist(self) -> Compared:
         """Return v_x, v_y and yaw rate."""
-        return compared_twist(self.estimates.poses(), self.truth.poses())
+        return compared_twist(self.estimates.poses(), self.reference.poses())
 
     @cached_property
     def slips(self) -> Compared:
         """Return the slips of the four wheels."""
-        return compared_slips(self.estimates.slips(), self.truth.slips())
+        return compared_slips(self.estimates.slips(), self.reference.slips())
 
     @cached_property
     def matches(self) -> Matches:
         """Return the true crossings with their estimates."""
-        return match(self.estimates.crossings, self.truth.crossings)
+        return match(self.estimates.crossings, self.reference.crossings)
 
 
 @dataclass(frozen=True)
 class Result:
-    """Estimates of a recording and what they are compared with; ``truth`` may be empty."""
+    """Estimates of a recording and what they are compared with, which may be empty."""
 
     estimates: Recording
     inputs: Recording = field(default_factory=Recording)
     truth: Recording = field(default_factory=Recording)
+    camera: Recording = field(default_factory=Recording)  # of the overhead camera
     smoothed: Recording | None = None
     wanted: Sequence[Array] = ()  # paths (n, 2) m that were to be followed
     intervals: Intervals = field(default_factory=dict)  # evaluated separately
@@ -88,13 +90,20 @@ class Result:
         return segments([Curve(time, speed) for speed in speeds.T])
 
     @cached_property
+    def references(self) -> Mapping[str, Recording]:
+        """Return ground truth and overhead camera by name, if known; errors are by the first."""
+        return {name: one for name, one in ((TRUTH, self.truth), (CAMERA, self.camera))
+                if len(one)}
+
+    @cached_property
     def comparisons(self) -> Mapping[str, Comparison]:
-        """Return the estimates and their truth by label, those of the filter first."""
+        """Return the estimates and their reference by label, those of the filter first."""
         labeled = {'estimate': self.estimates} if self.smoothed is None else {
             FILTERED: self.estimates, SMOOTHED: self.smoothed}
-        return {label: Comparison(one, self.truth) for label, one in labeled.items()}
+        name, reference = next(iter(self.references.items()), (TRUTH, self.truth))
+        return {label: Comparison(one, reference, name) for label, one in labeled.items()}
 
     @property
     def filtered(self) -> Comparison:
-        """Return the estimates of the filter and their truth."""
+        """Return the estimates of the filter and their reference."""
         return next(iter(self.comparisons.values()))

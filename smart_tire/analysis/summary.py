@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from smart_tire.analysis.figure import SOURCES, TRUTH
 from smart_tire.analysis.friction_metrics import (
     column, friction_scores, is_informative, Matches)
 from smart_tire.analysis.metrics import (
@@ -115,18 +116,25 @@ def divergence(estimates: Recording, wheel_speed: float) -> str:
 
 
 def evaluation(found: Comparison, intervals: Intervals | None = None) -> Tree:
-    """Return the summary of the estimates and their errors, None without ground truth."""
-    return {'estimates': estimates_tree(found.estimates),
-            'against_truth': truth_tree(found, intervals)}
+    """Return the summary of the estimates and their errors; None against other references."""
+    return {'estimates': estimates_tree(found.estimates), **{
+        f'against_{name}': error_tree(found, intervals) if name == found.name else None
+        for name in SOURCES}}
 
 
-def truth_tree(found: Comparison, intervals: Intervals | None = None) -> Tree | None:
+def errors_in(summary: Tree) -> tuple[str, Tree]:
+    """Return the name of the reference and the errors in a summary, empty without."""
+    return next(((name, tree) for name in SOURCES if (tree := summary.get(f'against_{name}'))),
+                (TRUTH, {}))
+
+
+def error_tree(found: Comparison, intervals: Intervals | None = None) -> Tree | None:
     """
-    Return the errors against ground truth; None without ground truth.
+    Return the errors against the reference; None without one.
 
     The errors are also given for each of ``intervals``, by default for each surface.
     """
-    intervals = intervals or surfaces(found.truth.crossings)
+    intervals = intervals or surfaces(found.reference.crossings)
     tree: Tree = {}
     if (pose := pose_score(found.poses, found.twist)) is not None:
         tree['pose'] = pose
@@ -134,7 +142,7 @@ def truth_tree(found: Comparison, intervals: Intervals | None = None) -> Tree | 
         tree['slip'] = {WHOLE: slip_scores(found.slips),
                         **{name: slip_scores(found.slips, interval)
                            for name, interval in intervals.items()}}
-    if found.truth.crossings:
+    if found.reference.crossings:
         tree['friction'] = _friction_tree(found.matches, intervals)
     return plain(tree) or None
 

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from smart_tire.analysis.errors import ErrorCurve
+from smart_tire.analysis.figure import TRUTH
 from smart_tire.analysis.metrics import SIDES
-from smart_tire.analysis.summary import plain, Tree
+from smart_tire.analysis.summary import errors_in, plain, Tree
 from smart_tire.bags import BagTopic
 
 UNKNOWN = '-'
@@ -42,14 +43,19 @@ GROUND: Columns = (
     ('lateral share of the rolling resistance [-]', 'lateral_share', '.2f'),
     ('lateral stiffness C_y / C_x [-]', 'lateral_stiffness_ratio', '.2f'),
     ('center of mass x [m]', 'center_of_mass_x', '.4f'),
-    ('center of mass y [m]', 'center_of_mass_y', '.4f'))
+    ('center of mass y [m]', 'center_of_mass_y', '.4f'),
+    ('position of the IMU x [m]', 'imu_x', '.4f'),
+    ('position of the IMU y [m]', 'imu_y', '.4f'),
+    ('friction of gears and axles over the nominal one [-]', 'motor_friction', '.2f'),
+    ('true over measured motor torque [-]', 'torque_scale', '.3f'))
 POSE: Columns = (
     ('position error, rms [m]', 'position_rms_m', '.3f'),
     ('position error, rms / σ [-]', 'position_normalized_rms', '.2f'),
     ('position error, largest [m]', 'position_max_m', '.3f'),
     ('position error at the end [m]', 'position_end_m', '.3f'),
     ('position error at the end [% of distance]', 'end_percent_of_distance', '.2f'),
-    ('true distance [m]', 'distance_m', '.2f'), ('heading error, rms [rad]', 'yaw.rms', '.4f'),
+    ('distance of the reference [m]', 'distance_m', '.2f'),
+    ('heading error, rms [rad]', 'yaw.rms', '.4f'),
     ('heading error at the end [rad]', 'yaw_end_rad', '.4f'),
     ('displacement in one second, rms error [m]', 'relative_position_rms_m', '.4f'),
     ('heading change in one second, rms error [rad]', 'relative_yaw_rms_rad', '.5f'))
@@ -127,8 +133,8 @@ def lines(summary: Tree) -> Iterator[str]:
 
 
 def result_tables(tree: Tree) -> list[Table]:
-    """Return the tables of estimates and of errors against ground truth."""
-    return [*estimate_tables(tree['estimates']), *error_tables(tree['against_truth'])]
+    """Return the tables of estimates and of errors against the reference."""
+    return [*estimate_tables(tree['estimates']), *error_tables(tree)]
 
 
 def estimate_tables(estimates: Tree) -> list[Table]:
@@ -137,14 +143,14 @@ def estimate_tables(estimates: Tree) -> list[Table]:
                                 friction_table(estimates), ground_table(estimates)) if table.rows]
 
 
-def error_tables(against: Tree | None) -> list[Table]:
-    """Return the tables of the errors against the known ground truth."""
-    tree = against or {}
+def error_tables(summary: Tree) -> list[Table]:
+    """Return the tables of the errors against the reference of a summary."""
+    reference, tree = errors_in(summary)
     found = []
     if 'pose' in tree:
-        found += [pose_table(tree['pose']), twist_table(tree['pose']['twist'] or {})]
+        found += [pose_table(tree['pose'], reference), twist_table(tree['pose']['twist'] or {})]
     if 'slip' in tree:
-        found.append(slip_error_table(tree['slip'], tuple(SIDES)))
+        found.append(slip_error_table(tree['slip'], tuple(SIDES), reference))
     if 'friction' in tree:
         found.append(friction_error_table(tree['friction']))
     return found
@@ -199,9 +205,9 @@ def ground_table(estimates: Tree) -> Table:
         for label, name, form in GROUND] if ground else [])
 
 
-def pose_table(pose: Tree) -> Table:
+def pose_table(pose: Tree, reference: str = TRUTH) -> Table:
     """Return the errors of the path."""
-    return Table('Errors of the path; truth aligned at the start', ['error', 'value'],
+    return Table(f'Errors of the path; {reference} aligned at the start', ['error', 'value'],
                  [[heading, *_cells(pose, [(heading, key, form)])]
                   for heading, key, form in POSE])
 
@@ -213,10 +219,11 @@ def twist_table(twist: Tree) -> Table:
                   for name, label in TWIST.items() if name in twist])
 
 
-def slip_error_table(slips: Tree, members: Sequence[str] | None = None) -> Table:
+def slip_error_table(slips: Tree, members: Sequence[str] | None = None,
+                     reference: str = TRUTH) -> Table:
     """Return the slip errors of sides and wheels, or of ``members`` only, by surface."""
     columns: Columns = (('mean estimate', 'estimated_mean', '.4f'),
-                        ('mean truth', 'true_mean', '.4f'))
+                        (f'mean {reference}', 'true_mean', '.4f'))
     return Table('Errors of the slip ratio, by surface',
                  _head(['surface', 'wheel or side'], (*columns, *SCORE)),
                  [[surface, _words(name), *_cells(one, columns), *_cells(one['error'], SCORE)]

@@ -130,7 +130,7 @@ class Quantity:
 @dataclass(frozen=True, eq=False)
 class GroundEstimate(Tabular):
     """
-    Tire on the present ground, and center of mass.
+    Tire on the present ground, and properties of the robot that show with it.
 
     Empty if neither films nor motor torques show the ground.
     """
@@ -143,6 +143,10 @@ class GroundEstimate(Tabular):
     lateral_stiffness_ratio: Quantity  #: -, C_y / C_x
     center_of_mass_x: Quantity         #: m, in ``base_link``
     center_of_mass_y: Quantity         #: m, in ``base_link``
+    imu_x: Quantity                    #: m, position of the IMU in ``base_link``
+    imu_y: Quantity                    #: m, position of the IMU in ``base_link``
+    motor_friction: Quantity           #: -, of gears and axles, over that of the parameters
+    torque_scale: Quantity             #: -, true over measured motor torque
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""

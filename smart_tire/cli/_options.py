@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from smart_tire.parameters import RobotParams
 
 REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
-BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted'), ('params', 'data'), ('out', 'save')
+BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted', 'overhead'), ('params', 'data'), ('out', 'save')
 # of analysis/figures.py and, for followed paths, analysis/drive_report.py
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
 CONFIRMATION = 'drive'

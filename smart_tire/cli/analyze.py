@@ -42,7 +42,17 @@ def run(args: argparse.Namespace) -> int:
     for out in outs:
         check_out(out, args)
     check_options(args)
+    check_overhead(args)
     return each_bag(args, outs, analyze_one)
+
+
+def check_overhead(args: argparse.Namespace) -> None:
+    """Raise ParameterError or BagError if ``--overhead`` cannot be used with these bags."""
+    if args.overhead is not None:
+        from smart_tire.analysis.offline import read_overhead
+        if len(args.bags) > 1:
+            raise ParameterError(f'--overhead is for one bag, {len(args.bags)} are given')
+        read_overhead(args.overhead)
 
 
 def each_bag(args: argparse.Namespace, outs: Sequence[Path],
@@ -90,7 +100,8 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             return NOTHING_ESTIMATED
     with Progress(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
-                           names=opened.names, source=source.tree, checks=args.checks)
+                           names=opened.names, source=source.tree, checks=args.checks,
+                           overhead=args.overhead)
     print_errors(analysis.contents.errors)
     if analysis.summary is None:
         print(f'{bag}: nothing can be estimated')

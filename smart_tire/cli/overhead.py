@@ -15,7 +15,7 @@ import argparse
 import math
 
 from smart_tire.cli._options import (
-    print_warnings, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
+    print_warnings, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
 from smart_tire.cli._progress import Progress
 from smart_tire.paths import bag_name
 
@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.bags import Bag, TopicNames
     refuse_folder_of_bag(args.out, [args.bag])
     refuse_existing_bag(args.out / 'estimates', force=args.force)
-    refuse_existing([args.out / 'summary.json'], force=args.force)
+    refuse_existing([args.out / name for name in ('summary.json', 'camera.png')], force=args.force)
     given = {} if math.isnan(args.time_offset) else {'overhead.time_offset': args.time_offset}
     with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
         params = overhead_params(bag, args.params, **given)
@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     for note in notes:
         print(f'  {note}')
     remove_bag(args.out / 'estimates')
+    remove(args.out, ['camera.png'])
     write(result, args.bag, args.out, params, notes)
     if not result.motions:
         print(f'{args.bag}: nothing can be estimated: {result.line()}')

@@ -22,7 +22,7 @@ import smart_tire
 from smart_tire.cli._options import (
     check_options, open_bag, print_errors, refuse_existing, refuse_folder_of_bag)
 from smart_tire.cli._progress import Progress
-from smart_tire.cli.analyze import diverged, each_bag, NOTHING_ESTIMATED
+from smart_tire.cli.analyze import check_overhead, diverged, each_bag, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name, write_text
 
@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
         refuse_folder_of_bag(out, args.bags)
     refuse_existing(outs, force=args.force, inputs=[*args.bags, *args.params])
     check_options(args)
+    check_overhead(args)
     return each_bag(args, outs, report_one)
 
 
@@ -71,7 +72,7 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         pass
     with Progress(report_name(bag)) as progress:
         result = analyze(bag, None, source.params, progress.share, names=opened.names,
-                         source=source.tree, checks=args.checks)
+                         source=source.tree, checks=args.checks, overhead=args.overhead)
     print_errors(result.contents.errors)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated, no report is written')

@@ -58,17 +58,23 @@ def run(args: argparse.Namespace) -> int:
         print('smart_tire view: --no-fit has no effect: nothing is fitted', file=sys.stderr)
     if args.save is not None:
         refuse_existing([args.save], force=args.force, inputs=[*args.params])
+    from smart_tire.analysis.overhead import overhead_params
     from smart_tire.analysis.pipeline import EstimatorParams
-    from smart_tire.view.bag import find_bags
+    from smart_tire.parameters import load_node
+    from smart_tire.view.bag import find_bags, image_topic
     if args.live:
         # Importing rclpy may restart Python, so it must come before the viewer is started.
         import_module('smart_tire.nodes.observer')
-        return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), _show_live)
+        tags = load_node(args.params, 'overhead_localizer').overhead
+        return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), tags.tag_family,
+                            _show_live)
     bag, estimates = find_bags(args.bag)
     with open_bag(bag, args, required=()) as (opened, source):
         if args.checks:
             print_checks(opened, source.params.robot)
-    return _with_viewer(args, bag.resolve().name, source.params,
+        camera = bool(image_topic(opened))
+        family = overhead_params(opened, args.params).overhead.tag_family if camera else None
+    return _with_viewer(args, bag.resolve().name, source.params, family,
                         partial(_show_bag, args, bag, estimates, source.params, opened.names))
 
 
@@ -78,8 +84,12 @@ def has_display(environment: Mapping[str, str]) -> bool:
 
 
 def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
-                 show: Show) -> int:
-    """Start the viewer, call ``show(scene, viewer)`` and stop a viewer for browsers."""
+                 tag_family: str | None, show: Show) -> int:
+    """
+    Start the viewer, call ``show(scene, viewer)`` and stop a viewer for browsers.
+
+    With a ``tag_family`` there is a page of the images of the overhead camera.
+    """
     from smart_tire.view.layout import Layout
     from smart_tire.view.scene import Scene
     from smart_tire.view.viewer import open_stream, Viewer
@@ -95,10 +105,10 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
                   else f'{ANNOUNCED}a window of its own', flush=True)
             if web and display:
                 webbrowser.open(viewer.address.page)
-        layout = Layout(params.robot.film.wheels, live=args.live)
+        layout = Layout(params.robot.film.wheels, live=args.live, camera=tag_family is not None)
         stream = open_stream(name, layout.blueprint(), file=args.save,
                              address=viewer.address.stream if viewer else None)
-        status = show(Scene(stream, params.robot), viewer)
+        status = show(Scene(stream, params.robot, *filter(None, [tag_family])), viewer)
         stream.disconnect()
         if args.save is not None:
             print(f'written to {args.save}')
@@ -147,6 +157,10 @@ class LiveFeed:
         """Show the status of a node that was just received."""
         self._scene.add_status(time.time_ns(), status)
 
+    def on_image(self, kind: str, data: bytes) -> None:
+        """Show an image that was just received."""
+        self._scene.add_image(time.time_ns(), kind, data)
+
     def flush(self) -> None:
         """Send what was received."""
         self._scene.flush()
@@ -174,7 +188,7 @@ def _show_live(scene: Scene, viewer: Viewer | None) -> int:
         signal.signal(number, lambda which, _: stopped.append(which))
     feed = LiveFeed(scene)
     with NodeRunner(partial(Listener, feed.on_sample, feed.on_status, topics=scene.topics,
-                            name=NODE)) as runner:
+                            on_image=feed.on_image, name=NODE)) as runner:
         try:
             while not stopped and (viewer is None or viewer.running):
                 runner.spin(FLUSH_PERIOD)

@@ -27,12 +27,12 @@ from smart_tire.messages.odometry_imu import (
 from smart_tire.messages.path import (
     check_pose_count, path_from_bytes, path_from_msg, transform_from_msg)
 from smart_tire.messages.topics import (
-    ALL_TOPICS, find_topic, forms_of, Topic, topic_of, TOPICS, TYPED)
+    ALL_TOPICS, find_topic, forms_of, IMAGES, Topic, topic_of, TOPICS, TYPED)
 from smart_tire.messages.typed import definitions
 
 __all__ = [
     'ALL_TOPICS', 'check_pose_count', 'Decoder', 'definitions', 'Encoder', 'FIELDS', 'find_topic',
-    'forms_of', 'imu_mounting_to_msg', 'imu_to_msg', 'NodeStatus', 'OtherJointsError',
+    'forms_of', 'IMAGES', 'imu_mounting_to_msg', 'imu_to_msg', 'NodeStatus', 'OtherJointsError',
     'path_from_bytes', 'path_from_msg', 'resolved_joints', 'stamp_in', 'stamp_of',
     'statuses_from_msg', 'Topic', 'topic_of', 'TOPICS', 'transform_from_msg', 'transform_to_msg',
     'TYPED', 'velocity_from_twist', 'wheels_from_msg']

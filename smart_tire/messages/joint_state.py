@@ -40,6 +40,8 @@ GROUND_RANGES = {
     'rolling_resistance': (-1.0, 1.0), 'lateral_share': (-10.0, 10.0),
     'lateral_stiffness_ratio': (1e-3, 1e3),
     'center_of_mass_x': (-100.0, 100.0), 'center_of_mass_y': (-100.0, 100.0),  # m
+    'imu_x': (-100.0, 100.0), 'imu_y': (-100.0, 100.0),
+    'motor_friction': (1e-3, 1e3), 'torque_scale': (1e-3, 1e3),
     GROUND_CORRELATION: (-1.0, 1.0)}
 GROUND_QUANTITIES = tuple(GROUND_RANGES)
 

@@ -56,6 +56,9 @@ class Topic:
         return self.name.removesuffix(SUFFIX)
 
 
+IMAGES = {  # topic -> type of images, which are no samples; the first that there is counts
+    'overhead_camera/image_raw': 'sensor_msgs/msg/Image',
+    'overhead_camera/image_raw/compressed': 'sensor_msgs/msg/CompressedImage'}
 JOINTS = 'sensor_msgs/msg/JointState'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 # Nominal rates as in docs/topics.md; tire_friction at 120 rpm, two revolutions per second.

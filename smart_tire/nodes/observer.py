@@ -28,10 +28,11 @@ from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 
 from smart_tire.findings import Finding, Level
-from smart_tire.messages import find_topic, NodeStatus, statuses_from_msg, TOPICS
+from smart_tire.messages import find_topic, IMAGES, NodeStatus, statuses_from_msg, TOPICS
 from smart_tire.nodes.base import NoParams, SmartTireNode
 from smart_tire.nodes.command_input import without_idle
 from smart_tire.nodes.compat import full_name, message_class
+from smart_tire.nodes.diagnostics import InputCounter
 from smart_tire.nodes.qos import latched, matches, matching_qos, requests_less, subscriber_qos
 from smart_tire.samples import Sample, WHEELS
 from std_msgs.msg import Bool
@@ -43,6 +44,7 @@ WITH_MANY_WHEELS = 'tire_samples', 'tire_friction'  # topics that several wheels
 
 OnSample = Callable[[str, Sample], None]
 OnStatus = Callable[[NodeStatus], None]
+OnImage = Callable[[str, bytes], None]
 OnMessage = Callable[[str, bytes], None]  # fully qualified topic, message in CDR
 ORDERS = ('path', 'goal_pose')  # the latest one counts, whoever publishes it
 OWNERS = {'motor_commands': 'wheel_controller', 'wheel_commands': 'wheel_controller'}
@@ -56,19 +58,32 @@ class Listener(SmartTireNode[NoParams]):
     """
     Calls ``on_sample`` with the standard topic name and each sample, ``on_status`` per status.
 
-    Subscribes to ``topics``, by default all of ``TOPICS``, and to ``/diagnostics``; publishes
-    ``/diagnostics``. ``inputs`` counts the messages of each topic. No parameters.
+    Subscribes to ``topics``, by default all of ``TOPICS``, and to ``/diagnostics``; with
+    ``on_image``, which is called with type and content (CDR), also to the images of the overhead
+    camera. Publishes ``/diagnostics``. ``inputs`` counts the messages of each topic. No
+    parameters.
     """
 
     def __init__(self, on_sample: OnSample, on_status: OnStatus, *,
-                 topics: Iterable[str] = tuple(TOPICS), name: str = 'listener') -> None:
+                 topics: Iterable[str] = tuple(TOPICS), on_image: OnImage | None = None,
+                 name: str = 'listener') -> None:
         super().__init__(name, NoParams)
         self._on_status = on_status
         for topic in topics:
             self.subscribe(topic, partial(on_sample, topic),
                            wheels=len(WHEELS) if topic in WITH_MANY_WHEELS else 1)
+        if on_image is not None:
+            for topic, kind in IMAGES.items():
+                self._subscribe_images(topic, partial(on_image, kind), message_class(kind))
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
                                  subscriber_qos('/diagnostics'))
+
+    def _subscribe_images(self, topic: str, on_data: Callable[[bytes], None], cls: Any) -> None:
+        """Subscribe to serialized images of any publisher: most are to be shown by nobody."""
+        counter = self.inputs[topic] = InputCounter()
+        self.create_subscription(
+            cls, topic, lambda data: self.guarded(topic, counter, partial(on_data, data)),
+            subscriber_qos(topic, reliability='best_effort'), raw=True)
 
     def _on_diagnostics(self, msg: Any) -> None:
         for status in statuses_from_msg(msg):

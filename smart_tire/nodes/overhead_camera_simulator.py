@@ -29,7 +29,7 @@ from smart_tire.nodes.runner import run
 from smart_tire.parameters.overhead import OverheadCameraSimulatorParams
 from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S, Odometry
-from smart_tire.vision.detection import packed
+from smart_tire.vision.detection import jpeg
 from smart_tire.vision.renderer import Renderer
 
 FRAME = 'overhead_camera_optical_frame'
@@ -109,7 +109,7 @@ class OverheadCameraSimulator(SmartTireNode[OverheadCameraSimulatorParams]):
         pixels, image = self._renderer.image(0.0, motion), self.params.image
         if image.jpeg_quality:
             msg = message_class('sensor_msgs/msg/CompressedImage')(
-                format='jpeg', data=array('B', packed(pixels, image.jpeg_quality)))
+                format='jpeg', data=array('B', jpeg(pixels, image.jpeg_quality)))
         else:
             msg = message_class('sensor_msgs/msg/Image')(
                 height=pixels.shape[0], width=pixels.shape[1], encoding='mono8',

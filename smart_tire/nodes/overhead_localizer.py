@@ -15,6 +15,7 @@ from collections.abc import Callable
 import sys
 from typing import Any
 
+from smart_tire.messages import IMAGES
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.diagnostics import InputCounter, Status
@@ -23,9 +24,6 @@ from smart_tire.nodes.runner import run
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.samples import Odometry, WheelSlip
 from smart_tire.vision.live import LiveLocalizer
-
-IMAGES = {'overhead_camera/image_raw': 'sensor_msgs/msg/Image',
-          'overhead_camera/image_raw/compressed': 'sensor_msgs/msg/CompressedImage'}
 
 
 class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
@@ -49,8 +47,8 @@ class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
             self.subscribe(name, self.localizer.add_sample, reliability=self.params.reliability)
         self._subscribe_camera('sensor_msgs/msg/CameraInfo', 'overhead_camera/camera_info',
                                self.localizer.add_camera_info)
-        for name, kind in IMAGES.items():
-            self._subscribe_camera(kind, name, self._on_image)
+        for name in ('overhead_camera/image_raw', 'overhead_camera/image_raw/compressed'):
+            self._subscribe_camera(IMAGES[name], name, self._on_image)
 
     def _subscribe_camera(self, kind: str, name: str, handle: Callable[[Any], None]) -> None:
         counter = self.inputs[name] = InputCounter()

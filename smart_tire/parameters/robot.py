@@ -30,7 +30,7 @@ class ImuParams:
     position: tuple[float, ...] = param(
         (0.05, 0.02, 0.10), 'm', 'position of imu_link in base_link', (-10.0, 10.0), length=3)
     position_sigma: float = param(
-        0.0, 'm', 'standard deviation of its x position, where that was not measured', (0.0, 10.0))
+        0.0, 'm', 'standard deviation of x and y, where they were not measured', (0.0, 10.0))
     rotation: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'rad', 'roll, pitch, yaw of imu_link in base_link', (-math.tau, math.tau),
         length=3)

@@ -13,25 +13,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import math
 
 import numpy as np
 
-from smart_tire.analysis.figure import Curve, dots, Mark, Panel, straight, TIME_LABEL, truth_marks
+from smart_tire.analysis.figure import (
+    CAMERA, Curve, dots, Mark, Panel, straight, TIME_LABEL, TRUTH, truth_marks)
 from smart_tire.analysis.figures import crossing_figure
-from smart_tire.analysis.metrics import SlipScore
+from smart_tire.analysis.metrics import rms, SlipScore
 from smart_tire.analysis.motion_figures import side_marks, slip_curves
-from smart_tire.analysis.result import Result
+from smart_tire.analysis.overhead import frame_panel
+from smart_tire.analysis.result import Comparison, Result
 from smart_tire.arrays import Array
 from smart_tire.reproduction import tire_maps
+from smart_tire.reproduction.camera_runs import View
 from smart_tire.reproduction.report import Section, section
 from smart_tire.reproduction.tire_maps import (
     CRITICAL, METHODS, MIN_SLIP, MU, Outline, OUTLINE_SLIP, OUTLINE_SPEED, Signals, SLIPS,
     STIFFNESS, Sweep)
-from smart_tire.reproduction.tire_runs import ROBOT, Run, StiffnessFit
+from smart_tire.reproduction.tire_runs import ROBOT, Run, side_slips, StiffnessFit
 from smart_tire.samples import NS_PER_S
 
 MAX_ZERO_SLIP = 0.05  # slip that counts as close to zero
 MAX_SLIP_RMS = 0.03   # rms error of an estimate that agrees with the truth
+MAX_PATH_RMS = 5.0    # mm, rms error of a path by the camera that agrees with the truth
+WITHIN_TWO = 0.95     # share of Gaussian errors below two standard deviations
 MIN_LINE_R2 = 0.95    # R^2 of points that appear as a straight line in a graph
 RELATIVE_TOLERANCE = 0.1
 PAPER_FRICTION = 0.47  # Table I
@@ -71,23 +77,45 @@ def outline_section(found: Outline) -> Section:
         low=1.0 - found.printed_height / found.height, state_ratio=state / found.height)
 
 
-def slip_section(runs: Mapping[str, Run], slips: Mapping[str, Mapping[str, SlipScore]],
+def view_section(view: View, run: Run) -> Section:
+    """Return Fig. 9: the first image of the overhead camera, and the path in it."""
+    found, errors = view.found, Comparison(view.estimates, run.truth).poses.error
+    position = MILLI * rms(np.linalg.norm(errors[:, :2], axis=1))
+    return section('paper_b_fig_9', [[frame_panel(found, view.params)]], (9.0, 5.2), {
+        'all_used': found.published == found.images, 'path': position < MAX_PATH_RMS},
+        used=found.published, images=found.images, position=position,
+        yaw=math.degrees(rms(errors[:, 2])))
+
+
+def slip_section(runs: Mapping[str, Run], views: Mapping[str, View],
+                 slips: Mapping[str, Mapping[str, SlipScore]],
                  printed: Mapping[str, Mapping[str, SlipScore]]) -> Section:
     """
-    Return Fig. 10: slips of both sides on two grounds, with the truth.
+    Return Fig. 10: slips of both sides on two grounds, with those of the camera and the truth.
 
     Of ``slips``, by ground and side, ``printed`` are those with B(7) as printed.
     """
-    panels = [Panel(side_marks(slip_curves(run.estimates, run.truth, run.origin_ns)), TIME_LABEL,
-                    SLIP, ground, (0.0, (run.end_ns - run.origin_ns) / NS_PER_S), (-0.3, 0.5))
-              for ground, run in runs.items()]
+    panels = [Panel(side_marks(slip_curves(
+        run.estimates, {TRUTH: run.truth, CAMERA: views[ground].estimates}, run.origin_ns)),
+        TIME_LABEL, SLIP, ground, (0.0, (run.end_ns - run.origin_ns) / NS_PER_S), (-0.3, 0.5))
+        for ground, run in runs.items()]
+    seen = {ground: side_slips(run, views[ground].estimates) for ground, run in runs.items()}
+    by_camera = {ground: side_slips(run, run.estimates, views[ground].estimates)
+                 for ground, run in runs.items()}
+    camera, apart = (max(score.error.rms for sides in several.values()
+                         for score in sides.values()) for several in (seen, by_camera))
+    inside = min(score.error.within_two for sides in by_camera.values()
+                 for score in sides.values())
     sand, right = slips['sand'], slips['concrete']['right'].estimated_mean
     worst = max(score.error.rms for sides in slips.values() for score in sides.values())
     return section(
         'paper_b_fig_10', [panels], (5.5, 3.6), {
             'both_positive': min(side.estimated_mean for side in sand.values()) > 0.0,
             'negative': right < 0.0, 'agree': worst < MAX_SLIP_RMS,
-            'near_zero': abs(right) < MAX_ZERO_SLIP}, **slips, printed=printed, worst=worst)
+            'near_zero': abs(right) < MAX_ZERO_SLIP,
+            'camera': camera < 0.5 * worst, 'both_sigmas': inside >= WITHIN_TWO},
+        **slips, printed=printed, worst=worst, seen=seen, camera=camera, apart=apart,
+        inside=100.0 * inside)
 
 
 def signal_section(result: Signals, run: Run) -> Section:

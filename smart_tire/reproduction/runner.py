@@ -20,6 +20,7 @@ from smart_tire.analysis.html_report import page
 from smart_tire.analysis.tables import Table
 from smart_tire.reproduction import (
     film_experiments, paper_a, paper_b, tire_maps, tire_runs)
+from smart_tire.reproduction.camera_runs import camera_view, DURATIONS
 from smart_tire.reproduction.report import Section
 from smart_tire.reproduction.tire_runs import Crossings, crossings, drive, steady
 
@@ -30,7 +31,7 @@ OTHER_SIDE_SPEEDS = tuple(float(rpm) for rpm in range(20, 141, 20))  # rpm
 SWEEP_DURATION = 15.0                                                # s of each drive
 SLIP_DURATION = SIGNAL_DURATION = 18.0                               # s, Fig. 10 and 11
 STIFFNESS_DURATION = 20.0                                            # s
-FILM_SECTIONS, TIRE_SECTIONS = 6, 6
+FILM_SECTIONS, TIRE_SECTIONS = 6, 7
 TITLE = 'Reproduced figures and tables'
 ABOUT = (
     'All figures and tables with data of the two papers, from the models of this package and '
@@ -103,10 +104,13 @@ def tire_sections(steps: _Steps) -> Iterator[Section]:
     """Yield the sections of paper B."""
     steps.start('paper B, Fig. 8')
     yield paper_b.outline_section(tire_maps.outline())
-    steps.start('paper B, Fig. 10')
+    steps.start('paper B, Fig. 9')
     runs = {ground: drive(ground, steady(120.0, 60.0), SLIP_DURATION)
             for ground in ('concrete', 'sand')}
-    yield paper_b.slip_section(runs, *(
+    views = {ground: camera_view(run, DURATIONS[ground]) for ground, run in runs.items()}
+    yield paper_b.view_section(views['concrete'], runs['concrete'])
+    steps.start('paper B, Fig. 10')
+    yield paper_b.slip_section(runs, views, *(
         {ground: tire_runs.side_slips(run, getattr(run, kind)) for ground, run in runs.items()}
         for kind in ('estimates', 'printed')))
     steps.start('paper B, Fig. 11')

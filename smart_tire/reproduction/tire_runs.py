@@ -85,9 +85,10 @@ def steady(left: float, right: float) -> Schedule:
     return [(STANDSTILL_TIME, left, right)]
 
 
-def side_slips(run: Run, estimates: Recording) -> dict[str, SlipScore]:
-    """Return the slips of both sides in ``estimates`` after settling, against the truth."""
-    scores = slip_scores(compared_slips(estimates.slips(), run.truth.slips()),
+def side_slips(run: Run, estimates: Recording,
+               reference: Recording | None = None) -> dict[str, SlipScore]:
+    """Return the slips of both sides after settling, against a reference or the truth."""
+    scores = slip_scores(compared_slips(estimates.slips(), (reference or run.truth).slips()),
                          [(run.begin_ns, run.end_ns)])
     return {side: scores[side] for side in SIDES}
 

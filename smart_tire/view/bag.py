@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 import heapq
 import json
@@ -20,10 +20,10 @@ from operator import itemgetter
 import os
 from pathlib import Path
 
-from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, Pipeline
+from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, OVERHEAD, Pipeline
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.errors import BagError
-from smart_tire.messages import NodeStatus, topic_of
+from smart_tire.messages import IMAGES, NodeStatus, topic_of
 from smart_tire.paths import read_file
 from smart_tire.samples import Friction, Sample
 from smart_tire.view.scene import Scene
@@ -40,7 +40,8 @@ def find_bags(path: Path) -> tuple[Path, Path | None]:
     """
     Return the bag at ``path``, or the input bag of an analysis and the bag of its estimates.
 
-    The estimates of an analysis without its input bag are shown on their own.
+    ``smart_tire overhead`` is an analysis, too. The estimates of an analysis without its input bag
+    are shown on their own.
     """
     source = _analyzed_bag(path.parent / 'summary.json') if path.name in ANALYZED else None
     return (path, None) if source is None else (source, path)
@@ -72,20 +73,32 @@ def show(path: Path, estimates: Path | None, scene: Scene, params: EstimatorPara
         bag = stack.enter_context(Bag(path, names, params.robot.joints))
         for stamp_ns, status in bag.statuses():
             scene.add_status(stamp_ns, status)
-        if estimate or (estimates is None and not set(REQUIRED) <= bag.match(
-                REQUIRED).keys()):
+        if images := image_topic(bag):
+            for receive_ns, _, data in bag.raw({images}):
+                scene.add_image(receive_ns, bag.types[images], data)
+        other = None if estimates is None else stack.enter_context(Bag(estimates))
+        topics = scene.topics
+        seen: Iterator[tuple[int, str, Sample]] = iter(())
+        if other is not None and other.match(OVERHEAD):  # of "smart_tire overhead"
+            topics, seen, other = without(topics, OVERHEAD), other.samples(OVERHEAD), None
+        if estimate or (other is None and not set(REQUIRED) <= bag.match(REQUIRED).keys()):
             describe(f'{path}: estimates computed now with these parameters'
                      + ('' if estimate else ' (the bag has none)'))
-            samples = _estimated(bag, scene, params)
-        elif estimates is not None:
+            samples = _estimated(bag, without(topics, ESTIMATES), scene, params)
+        elif other is not None:
             describe(f'{path}: estimates of {estimates}')
-            other = stack.enter_context(Bag(estimates))
-            samples = heapq.merge(bag.samples(_without_estimates(scene)),
-                                  other.samples(ESTIMATES), key=itemgetter(0))
+            samples, seen = bag.samples(without(topics, ESTIMATES)), other.samples(ESTIMATES)
         else:
             describe(f'{path}: recorded estimates')
-            samples = bag.samples(scene.topics)
+            samples = bag.samples(topics)
+        samples = heapq.merge(samples, seen, key=itemgetter(0))
         _feed(samples, scene, bag.span_ns, progress)
+
+
+def image_topic(bag: Bag) -> str:
+    """Return the topic of the images of the overhead camera; '' if the bag has none."""
+    return next((name for standard, kind in IMAGES.items() for name, one in bag.types.items()
+                 if one == kind and f'/{name}'.endswith(f'/{standard}')), '')
 
 
 def _feed(samples: Iterator[tuple[int, str, Sample]], scene: Scene, span_ns: tuple[int, int],
@@ -100,11 +113,11 @@ def _feed(samples: Iterator[tuple[int, str, Sample]], scene: Scene, span_ns: tup
     progress(1.0)
 
 
-def _estimated(bag: Bag, scene: Scene,
+def _estimated(bag: Bag, topics: Iterable[str], scene: Scene,
                params: EstimatorParams) -> Iterator[tuple[int, str, Sample]]:
-    """Yield the samples of ``bag`` other than estimates, and estimates computed from them."""
+    """Yield the samples of ``topics`` in ``bag``, and the estimates computed from them."""
     pipeline, receive_ns = Pipeline(params), 0
-    for receive_ns, topic, sample in bag.samples(_without_estimates(scene)):
+    for receive_ns, topic, sample in bag.samples(topics):
         yield receive_ns, topic, sample
         if topic in INPUTS:
             for found in pipeline.update(sample):
@@ -116,5 +129,6 @@ def _estimated(bag: Bag, scene: Scene,
         yield receive_ns, topic_of(found), found
 
 
-def _without_estimates(scene: Scene) -> list[str]:
-    return [topic for topic in scene.topics if topic not in ESTIMATES]
+def without(topics: Iterable[str], others: Collection[str]) -> tuple[str, ...]:
+    """Return those of ``topics`` that are not in ``others``."""
+    return tuple(topic for topic in topics if topic not in others)

@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 
 from smart_tire.analysis.figure import SIGMAS
 from smart_tire.samples import WHEELS
-from smart_tire.view.recorder import TIMELINE
+from smart_tire.view.recorder import REFERENCES, TIMELINE
 
 LIVE_SPAN = 30.0  # s, shown by the plots of live data
 BOUNDS = f'± {SIGMAS:g} σ'
@@ -32,18 +32,19 @@ class Layout:
     """
     Views of a recording or, with ``live``, of the latest ``LIVE_SPAN`` seconds.
 
-    ``films`` are the wheels with films. Titles contain the units, which rerun does not show at its
-    axes.
+    ``films`` are the wheels with films; with ``camera`` there is a page of its images. Titles
+    contain the units, which rerun does not show at its axes.
     """
 
-    def __init__(self, films: Sequence[str], *, live: bool) -> None:
-        self._films, self._live = films, live
+    def __init__(self, films: Sequence[str], *, live: bool, camera: bool = False) -> None:
+        self._films, self._live, self._camera = films, live, camera
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the whole arrangement."""
         return rrb.Blueprint(
             rrb.Tabs(self._overview(), self._contact(), self._motion(), self._ground(),
-                     self._links(), self._sensors(), active_tab=0),
+                     self._links(), self._sensors(), *[self._images()] * self._camera,
+                     active_tab=0),
             rrb.BlueprintPanel(state='collapsed'), rrb.SelectionPanel(state='collapsed'),
             rrb.TimePanel(state='collapsed', timeline=TIMELINE, play_state='following'),
             auto_layout=False, auto_views=False)
@@ -107,9 +108,16 @@ class Layout:
             self._plot('Angular rate of the IMU [rad/s]', 'imu/rate'),
             self._plot('Batteries of the sensor nodes [V]', 'battery'), name='Sensors')
 
+    def _images(self) -> rrb.Container:
+        return rrb.Vertical(
+            rrb.Horizontal(
+                rrb.Spatial2DView(origin='camera', name='Image of the overhead camera, tags'),
+                self._path()),
+            rrb.Horizontal(*map(self._slip, WHEELS[:2])), row_shares=[2, 1], name='Camera')
+
     def _slip(self, wheel: str) -> rrb.View:
-        return self._plot(f'Slip, {wheel} [-], {BOUNDS}; truth (gray)', f'slip/{wheel}',
-                          bounds=SLIP_RANGE, legend=False)
+        return self._plot(f'Slip, {wheel} [-], {BOUNDS}; truth (gray), camera (yellow)',
+                          f'slip/{wheel}', bounds=SLIP_RANGE, legend=False)
 
     def _friction(self, *, legend: bool = True) -> rrb.View:
         return self._plot(f'Friction mu [-]: fused {BOUNDS} (lines), single (points)', 'friction',
@@ -126,8 +134,10 @@ class Layout:
             TIMELINE, start=rrb.TimeRangeBoundary.infinite(),
             end=rrb.TimeRangeBoundary.cursor_relative())])
         return rrb.Spatial2DView(
-            origin='path', name='Path [m]: estimate (blue), truth (gray), wanted (red)',
-            overrides=dict.fromkeys(('path/estimate', 'path/truth'), history))
+            origin='path',
+            name='Path [m]: estimate (blue), truth (gray), camera (yellow), wanted (red)',
+            overrides=dict.fromkeys(
+                ('path/estimate', *(f'path/{name}' for name in REFERENCES)), history))
 
     def _forces(self) -> rrb.View:
         return rrb.Spatial2DView(

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Path of the robot from above: wanted, estimate, truth, pose with its bounds."""
+"""Path of the robot from above: wanted, estimate, references, pose with its bounds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from smart_tire.analysis.figure import ellipse, SIGMAS
 from smart_tire.arrays import Array
 from smart_tire.rotation import euler
 from smart_tire.samples import GoalPose, NS_PER_S, Odometry, PlannedPath
-from smart_tire.view.recorder import AXIS, Color, COMMAND, ESTIMATE, Recorder, TRUTH
+from smart_tire.view.recorder import AXIS, Color, COMMAND, ESTIMATE, Recorder, REFERENCES
 
 SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
 MIN_STEP = 0.005            # m between two points of the path
@@ -65,22 +65,30 @@ class _Strip:
         self._begin_ns = self._newest_ns
 
 
+class _Reference:
+    """A path in a frame of its own, shown as a strip in the frame of ``odom``."""
+
+    def __init__(self, strip: _Strip) -> None:
+        self.strip = strip
+        self.frame: tuple[complex, complex] | None = None  # origin and rotation in odom
+        self.waiting: list[Odometry] = []
+
+
 class PathLayer:
     """
     Paths in the frame of ``odom``.
 
-    The true path is transformed so that both start with the same pose, because its frame is
-    unrelated to ``odom``; without an estimate it is shown as it is, by ``finish``.
+    The path of a reference is transformed so that both start with the same pose, because its frame
+    is unrelated to ``odom``; without an estimate it is shown as it is, by ``finish``.
     """
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
         self._estimate = _Strip(recorder, 'path/estimate', 'estimate', ESTIMATE)
-        self._truth = _Strip(recorder, 'path/truth', 'truth', TRUTH)
+        self._references = {name: _Reference(_Strip(recorder, f'path/{name}', name, color))
+                            for name, color in REFERENCES.items()}
         self._wanted: PlannedPath | GoalPose | None = None  # not shown yet
         self._pose: tuple[complex, float] | None = None  # latest estimate
-        self._frame: tuple[complex, complex] | None = None  # of the truth in odom
-        self._waiting: list[Odometry] = []
         self._shown_ns: int | None = None
         self._extent = np.zeros((2, 2))  # m, lowest and highest x, y of the grid
 
@@ -100,23 +108,25 @@ class PathLayer:
         """Show a path to follow, or a goal, from the next estimate on: it may have no stamp."""
         self._wanted = order
 
-    def add_truth(self, sample: Odometry) -> None:
-        """Add a true pose."""
-        self._waiting.append(sample)
-        if self._frame is None and self._pose is not None:
+    def add_reference(self, name: str, sample: Odometry) -> None:
+        """Add a pose of the reference ``name``."""
+        one = self._references[name]
+        one.waiting.append(sample)
+        if one.frame is None and self._pose is not None:
             (place, yaw), (true_place, true_yaw) = self._pose, _pose(sample)
             turn = cmath.rect(1.0, yaw - true_yaw)
-            self._frame = place - turn * true_place, turn
-        if self._frame is not None:
-            self._release(*self._frame)
+            one.frame = place - turn * true_place, turn
+        if one.frame is not None:
+            self._release(one, *one.frame)
 
     def finish(self) -> None:
         """Send what is left, at the end of the recording."""
-        self._release(0.0, 1.0)
+        for one in self._references.values():
+            self._release(one, 0.0, 1.0)
+            one.strip.finish()
         if self._wanted is not None and self._wanted.stamp_ns:
             self._show_wanted(self._wanted, self._wanted.stamp_ns)
         self._estimate.finish()
-        self._truth.finish()
 
     def _show_wanted(self, order: PlannedPath | GoalPose, stamp_ns: int) -> None:
         poses = [order.pose] if isinstance(order, GoalPose) else order.poses
@@ -131,13 +141,13 @@ class PathLayer:
             self._cover(*corner.tolist())
         self._wanted = None
 
-    def _release(self, origin: complex, turn: complex) -> None:
-        """Show the true poses that wait, in a frame with ``origin`` and rotation in odom."""
-        for sample in self._waiting:
+    def _release(self, one: _Reference, origin: complex, turn: complex) -> None:
+        """Show the poses that wait, in a frame with ``origin`` and rotation in odom."""
+        for sample in one.waiting:
             moved = origin + turn * _pose(sample)[0]
-            self._truth.add_point(sample.stamp_ns, moved.real, moved.imag)
+            one.strip.add_point(sample.stamp_ns, moved.real, moved.imag)
             self._cover(moved.real, moved.imag)
-        self._waiting.clear()
+        one.waiting.clear()
 
     def _show_pose(self, sample: Odometry, x: float, y: float, yaw: float) -> None:
         position = np.array([x, y])

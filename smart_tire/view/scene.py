@@ -13,14 +13,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 import math
 from typing import Any
 
 import rerun as rr
 
+from smart_tire.errors import MessageError
 from smart_tire.messages import NodeStatus
+from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Sample
+from smart_tire.view.camera import CameraLayer
 from smart_tire.view.contact import CrossingLayer, FilmLayer, ForceLayer
 from smart_tire.view.path import PathLayer
 from smart_tire.view.recorder import (
@@ -47,11 +51,14 @@ class Scene:
     then.
     """
 
-    def __init__(self, stream: rr.RecordingStream, robot: RobotParams) -> None:
+    def __init__(self, stream: rr.RecordingStream, robot: RobotParams,
+                 tag_family: str = OverheadParams().tag_family) -> None:
+        self._camera: CameraLayer | None  # None: cannot be shown
+        self._reason = ''  # why the latest of the images that were not shown was not
         self._recorder = recorder = Recorder(stream)
         self._films = FilmLayer(recorder, round(NS_PER_S / robot.film.sample_rate))
         self._path, self._links = PathLayer(recorder), LinkLayer(recorder)
-        self._series = SeriesLayer(recorder)
+        self._series, self._camera = SeriesLayer(recorder), CameraLayer(recorder, tag_family)
         crossings, forces, path = (
             CrossingLayer(recorder, robot), ForceLayer(recorder, robot), self._path)
         self._handlers: dict[str, tuple[Handler, ...]] = {
@@ -62,7 +69,8 @@ class Scene:
             'tire_friction': (crossings.add_friction, forces.add_friction,
                               self._links.add_friction),
             'path': (path.add_wanted,), 'goal_pose': (path.add_wanted,),
-            'ground_truth/odom': (path.add_truth,), 'overhead/odom': (path.add_truth,)}
+            'ground_truth/odom': (partial(path.add_reference, 'truth'),),
+            'overhead/odom': (partial(path.add_reference, 'camera'),)}
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -76,6 +84,28 @@ class Scene:
         self._series.add_sample(topic, sample)
         for handler in self._handlers.get(topic, ()):
             handler(sample)
+
+    def add_image(self, stamp_ns: int, kind: str, data: bytes) -> None:
+        """
+        Show an image of the overhead camera, a message of the type ``kind`` (CDR).
+
+        At most two in a second are shown. ``stamp_ns`` is when it was received; why it is not
+        shown is an event at this time.
+        """
+        if self._camera is None:
+            return
+        try:
+            self._camera.add_image(kind, data)
+            return
+        except MessageError as error:
+            reason = str(error)
+        except ModuleNotFoundError as error:
+            self._camera = None
+            reason = f'{error.name} is missing: pip install smart_tire[camera]'
+        if reason != self._reason:
+            self._recorder.begin(stamp_ns)
+            self._links.event(stamp_ns, f'image not shown: {reason}', 'WARN')
+        self._reason = reason
 
     def add_status(self, stamp_ns: int, status: NodeStatus) -> None:
         """Show the diagnostic status of a node at a time [ns]."""

@@ -23,11 +23,9 @@ from smart_tire.analysis.figure import MAX_SLIP_SIGMA, SIGMAS
 from smart_tire.samples import Friction, Odometry, Sample, WHEELS, WheelSlip
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.recorder import (
-    Color, COMMAND, ESTIMATE, Recorder, Track, TRUTH, WHEEL_COLORS, XYZ_COLORS)
+    CAMERA, Color, COMMAND, ESTIMATE, Recorder, Track, TRUTH, WHEEL_COLORS, XYZ_COLORS)
 
 UNKNOWN_TWIST = -1.0  # first covariance of a twist that is not given (ROS)
-TRUE_ODOM = 'ground_truth/odom', 'overhead/odom'
-TRUE_SLIP = 'ground_truth/wheel_slip', 'overhead/wheel_slip'
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,9 @@ STEPS, THIN, SMALL = (partial(LINE, steps=True), partial(LINE, width=1.0),
 
 PLOTS = (
     Plot(['wheel_slip'], 'slip/{}/estimate', '{} [-]', _slips, draw=ESTIMATED),
-    Plot(TRUE_SLIP, 'slip/{}/truth', '{}, truth [-]', attrgetter('ratio'), TRUTH, THIN),
+    Plot(['ground_truth/wheel_slip'], 'slip/{}/truth', '{}, truth [-]', attrgetter('ratio'),
+         TRUTH, THIN),
+    Plot(['overhead/wheel_slip'], 'slip/{}/camera', '{}, camera [-]', _slips, CAMERA, ESTIMATED),
     *(Plot([topic], f'wheels/{kind}/{{}}', f'{{}}, {name}', attrgetter(field), draw=draw)
       for topic, kind, name, field, draw in (
           ('wheel_states', 'speed', 'measured [rad/s]', 'velocity', LINE),
@@ -132,7 +132,8 @@ PLOTS = (
           ('yaw_rate', 'rad/s', _twist('angular', 2), attrgetter('yaw_rate')))
       for topics, kind, values, color, draw in (
           (['odom'], 'estimate', twist, ESTIMATE, ESTIMATED),
-          (TRUE_ODOM, 'truth', twist, TRUTH, LINE),
+          (['ground_truth/odom'], 'truth', twist, TRUTH, LINE),
+          (['overhead/odom'], 'camera', twist, CAMERA, ESTIMATED),
           (['cmd_vel'], 'command', command, COMMAND, STEPS))),
     *(Plot(['icr'], f'body/icr/{axis}', f'{axis} [m]', attrgetter(axis), color)
       for axis, color in zip('xy', XYZ_COLORS)),

@@ -37,6 +37,7 @@ ENCODINGS: dict[str, tuple[int, int | None]] = {
 # in the order of their prevalence; large dictionaries last, as they contain small ones
 OTHER_FAMILIES = ('36h11', '25h9', '16h5', '36h10', '4X4_1000', '5X5_1000', '6X6_1000',
                   '7X7_1000', 'ARUCO_ORIGINAL')
+PREVIEW_QUALITY = 70  # of 100, of images for viewers
 
 
 def gray_image(msg: Any) -> Image:
@@ -69,8 +70,8 @@ def gray_image(msg: Any) -> Image:
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
 
 
-def packed(image: Image, quality: int) -> bytes:
-    """Return gray values as a JPEG file of ``quality`` 1 to 100."""
+def jpeg(image: Image, quality: int = PREVIEW_QUALITY) -> bytes:
+    """Return a gray image as a JPEG file of ``quality`` 1 to 100."""
     return bytes(cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
 
 

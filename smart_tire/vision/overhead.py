@@ -64,6 +64,7 @@ class Result:
     noise: float = math.nan       # pixels, standard deviation of the coordinate of a corner
     inset: float = math.nan       # pixels, of the detected edges in the tag
     hints: list[str] = field(default_factory=list)
+    frame: tuple[Camera, Image] | None = None  # the first image with a pose
 
     @property
     def published(self) -> int:
@@ -144,6 +145,7 @@ class OverheadLocalizer:
         self.images = 0
         self.refused: Counter[str] = Counter()
         self.fixes: list[Fix] = []
+        self._frame: tuple[Camera, Image] | None = None
         self.scale = Scale(params)
         if overhead.camera_info_file:
             self._use(Intrinsics.from_file(overhead.camera_info_file))
@@ -165,9 +167,8 @@ class OverheadLocalizer:
         if self._intrinsics is None or found.differs(self._intrinsics):
             overhead = self._params.overhead
             self._intrinsics = found
-            self._fit = PoseFit(
-                Camera(found, overhead.camera_position, overhead.camera_rotation), overhead,
-                self._params.robot.wheel_radius)
+            self._camera = Camera(found, overhead.camera_position, overhead.camera_rotation)
+            self._fit = PoseFit(self._camera, overhead, self._params.robot.wheel_radius)
 
     def refuse_camera_info(self, error: MessageError) -> None:
         """Refuse the images that follow, because the CameraInfo before them is invalid."""
@@ -202,7 +203,10 @@ class OverheadLocalizer:
         wanted = self._params.overhead.tag_ids
         own = {tag: tags[tag] for tag in wanted if tag in tags}
         if own:
-            return self._fit.fix(stamp_ns, own)
+            fix = self._fit.fix(stamp_ns, own)
+            if self._frame is None and isinstance(fix, Fix):
+                self._frame = self._camera, image
+            return fix
         if twice := sorted(set(repeated) & set(wanted)):
             return f'tag {twice[0]} more than once'
         if tags:
@@ -214,7 +218,7 @@ class OverheadLocalizer:
     def result(self, inputs: Recording) -> Result:
         """Return motion and slip; ``inputs`` are ``imu/data`` and ``wheel_states``."""
         robot = self._params.robot
-        found = Result(self.images, len(self.fixes), Counter(self.refused))
+        found = Result(self.images, len(self.fixes), Counter(self.refused), frame=self._frame)
         if not self.fixes:
             found.hints += other_families(self.family, self._without_tag)
             return found

@@ -19,12 +19,15 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.drive_report import (
-    camera_errors, demo_lines, host_lines, late_host, radio_counts, read_conversions, stamp_errors)
+    camera_errors, demo_lines, host_lines, late_host, radio_counts, read_conversions, read_run,
+    stamp_errors)
 from smart_tire.bags import BagWriter
 from smart_tire.host_load import HostLoad
 from smart_tire.recording import Recording
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, Odometry, TireSample, WheelSlip
+from support.ideal_robot import odometry
+from support.recordings import write_bag
 
 PERIOD = 2_500_000  # ns
 START = 1_700_000_000_000_000_000
@@ -156,3 +159,17 @@ def test_without_poses_of_a_camera_there_are_no_errors_of_it(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         writer.write_sample('odom', START, motion(START)[0])
     assert camera_errors(tmp_path / 'bag', Recording()) is None
+
+
+def test_the_camera_of_a_recorded_drive_is_the_reference(tmp_path):
+    events = []
+    for i in range(20):
+        stamp_ns = NS_PER_S + i * NS_PER_S // 20
+        slip = WheelSlip(stamp_ns, (0.1,) * 4, (0.0,) * 4, (0.02,) * 4)
+        events += [(stamp_ns, 'odom', odometry(stamp_ns, 0.02 * i, v_x=0.4, variance=0.01)),
+                   (stamp_ns, 'wheel_slip', slip), (stamp_ns, 'overhead/wheel_slip', slip),
+                   (stamp_ns, 'overhead/odom', odometry(stamp_ns, 5.0, v_x=0.5))]
+    run = read_run(write_bag(tmp_path / 'drive', events))
+    assert run.tree['against_truth'] is None
+    assert run.tree['against_camera']['pose']['twist']['v_x']['mean'] == pytest.approx(-0.1)
+    assert len(run.result.estimates.poses().stamp_ns) == 20

@@ -26,7 +26,7 @@ from support.driving import driven
 
 def drive(speed, **options):
     """Return two seconds of straight driving at ``speed`` [m/s]."""
-    return driven(20, 10.0, speed=speed, variance=0.04, **options)
+    return driven(20, 10.0, speed=speed, **{'variance': 0.04, **options})
 
 
 def errors(own, truth):
@@ -34,7 +34,7 @@ def errors(own, truth):
 
 
 def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
-    x, y, heading = errors(drive(1.1), drive(1.0))['pose']
+    x, y, heading = errors(drive(1.1), drive(1.0, variance=0.0))['pose']
     assert (x.name, x.unit, heading.unit) == ('x', 'm', 'rad')
     assert x.curve.y == pytest.approx(0.1 * x.curve.x)
     assert y.curve.y == pytest.approx(0.0) and heading.curve.y == pytest.approx(0.0)

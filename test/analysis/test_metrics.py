@@ -10,6 +10,7 @@
 
 """Scores of constructed errors."""
 
+from dataclasses import replace
 import math
 
 from hypothesis import given, settings, strategies as st
@@ -36,7 +37,14 @@ def poses(pose, twist=None, sigma=0.1, rate=100.0):
         np.broadcast_to(np.eye(3) * sigma ** 2, (count, 3, 3)), np.full((count, 3), sigma ** 2))
 
 
+def exact(truth):
+    """Return the poses with covariances of zero, as those of ground truth."""
+    return replace(truth, pose_covariance=0.0 * truth.pose_covariance,
+                   twist_variance=0.0 * truth.twist_variance)
+
+
 def posed(estimate, truth):
+    truth = exact(truth)
     return pose_score(compared_poses(estimate, truth), compared_twist(estimate, truth))
 
 
@@ -147,6 +155,7 @@ def slips(ratio, sigma=0.1):
 
 
 def slid(estimate, truth, *intervals):
+    truth = replace(truth, sigma=0.0 * truth.sigma)
     return slip_scores(compared_slips(estimate, truth), *intervals)
 
 

@@ -83,7 +83,7 @@ def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     assert summary == run.summary
     assert list(summary) == [
         'bag', 'duration_s', 'host', 'parameters', 'notes', 'errors', 'diverged', 'inputs',
-        'left_out', 'estimates', 'against_truth', 'smoothed']
+        'left_out', 'estimates', 'against_truth', 'against_camera', 'smoothed']
     assert summary['bag'] == str(drive_bag)
     assert summary['duration_s'] == pytest.approx(12.0, abs=0.1)
     counts = Counter(topic for _, topic, _ in drive)
@@ -191,7 +191,7 @@ def test_ground_truth_without_twist_gives_no_errors_of_speeds(bag_of, drive, par
     assert run.summary['against_truth']['pose']['twist'] is None
     assert list(run.summary['against_truth']) == ['pose']
     assert 'ground_truth/odom has no twist' in skipped(run)
-    assert 'ground_truth/wheel_slip is not in the bag: no errors of slips' in skipped(run)
+    assert 'ground_truth/wheel_slip is missing: no errors of slips' in skipped(run)
 
 
 def test_recorded_estimates_are_ignored_and_smoothing_does_not_change_the_filter_estimates(
@@ -207,7 +207,8 @@ def test_recorded_estimates_are_ignored_and_smoothing_does_not_change_the_filter
     without = {**spoiled.summary, 'bag': smooth.summary['bag'],
                'left_out': smooth.summary['left_out'], 'smoothed': smooth.summary['smoothed']}
     assert without == smooth.summary
-    assert list(smooth.summary['smoothed']) == ['estimates', 'against_truth']
+    assert list(smooth.summary['smoothed']) == [
+        'estimates', 'against_truth', 'against_camera']
     assert not (tmp_path / 'spoiled_out' / 'smoothed').exists()
 
 

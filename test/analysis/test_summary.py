@@ -20,7 +20,7 @@ import pytest
 from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.result import Comparison
 from smart_tire.analysis.summary import (
-    divergence, estimates_tree, plain, surfaces, truth_tree, WHOLE)
+    divergence, error_tree, estimates_tree, plain, surfaces, WHOLE)
 from smart_tire.recording import Recording
 from smart_tire.samples import Friction, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -82,7 +82,7 @@ def test_the_ground_is_summarized_by_medians():
 
 def test_without_estimates_the_tree_is_empty_and_without_truth_there_are_no_errors():
     assert estimates_tree(Recording()) == {'tire_friction': {}}
-    assert truth_tree(Comparison(run(), Recording())) is None
+    assert error_tree(Comparison(run(), Recording())) is None
 
 
 def test_errors_are_computed_for_the_available_ground_truth():
@@ -92,7 +92,7 @@ def test_errors_are_computed_for_the_available_ground_truth():
     truth.add_sample(Odometry(
         EPOCH + SECOND, (0.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
         (0.0,) * 36, (-1.0,) * 36))
-    tree = truth_tree(Comparison(run(), truth))
+    tree = error_tree(Comparison(run(), truth))
     assert list(tree) == ['pose']
     assert tree['pose']['twist'] is None
     assert tree['pose']['position_end_m'] == pytest.approx(0.0, abs=1e-9)
@@ -112,7 +112,7 @@ def test_a_repeated_surface_has_two_intervals_and_a_single_one_no_name():
 
 
 def test_errors_are_given_for_every_surface():
-    tree = truth_tree(Comparison(run(slip_error=0.02, mu_factor=1.1), run()))
+    tree = error_tree(Comparison(run(slip_error=0.02, mu_factor=1.1), run()))
     for name in (WHOLE, 'mu 0.47', 'mu 0.30'):
         assert tree['slip'][name]['left']['error']['mean'] == pytest.approx(0.02)
         assert tree['friction'][name]['traction']['median_relative_error'] == pytest.approx(0.1)
@@ -123,7 +123,7 @@ def test_errors_are_given_for_every_surface():
 
 
 def test_given_intervals_replace_the_surfaces():
-    tree = truth_tree(Comparison(run(), run()), {'first': [(EPOCH, EPOCH + SECOND)]})
+    tree = error_tree(Comparison(run(), run()), {'first': [(EPOCH, EPOCH + SECOND)]})
     assert list(tree['slip']) == [WHOLE, 'first']
     assert tree['friction']['first']['traction']['crossings'] == 3
 

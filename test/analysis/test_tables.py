@@ -81,8 +81,8 @@ def test_of_smoothed_estimates_only_what_differs_is_repeated():
 
 
 def test_nothing_known_gives_no_tables():
-    assert estimate_tables({'tire_friction': {}}) == error_tables(None) == []
-    assert error_tables({'pose': {**POSE, 'twist': None}})[1].rows == []
+    assert estimate_tables({'tire_friction': {}}) == error_tables({}) == []
+    assert error_tables({'against_truth': {'pose': {**POSE, 'twist': None}}})[1].rows == []
 
 
 def test_slip_and_friction_errors_have_a_row_for_each_interval():

@@ -15,12 +15,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from matplotlib.image import imread as plt_image
 import numpy as np
 import pytest
+from smart_tire.analysis.drawing import save
+from smart_tire.analysis.overhead import frame_figure, frame_panel, locate, overhead_params
 from smart_tire.bags import Bag
 from smart_tire.cli.main import main
+from smart_tire.errors import EstimatorError
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.samples import NS_PER_S
+from smart_tire.vision.detection import TagDetector
+from smart_tire.vision.overhead import OverheadLocalizer
 from smart_tire.vision.renderer import Renderer
 from support.overhead import (
     imu_samples, RADIUS, SMALL, SMALL_PLACE, START_NS, wheel_samples, write_bag)
@@ -82,6 +88,37 @@ def test_pose_and_slip_are_written_with_a_summary(recorded, tmp_path, capsys):
     assert summary['estimates'] == {'overhead/odom': 24, 'overhead/wheel_slip': 24}
 
 
+def test_the_path_is_drawn_into_the_first_image_with_the_robot(recorded, tmp_path):
+    bag, files = recorded
+    with Bag(bag) as opened:
+        params = overhead_params(opened, [files])
+        result = locate(opened, params)
+    panel = frame_panel(result, params)
+    path, start = panel.marks
+    assert panel.image.shape == SMALL.size[::-1]
+    middle = np.mean(TagDetector('36h11').tags(panel.image)[0][0], axis=0)
+    assert [start.curve.x[0], start.curve.y[0]] == pytest.approx(middle, abs=0.5)
+    assert len(path.curve.x) == 25 and np.isnan(path.curve.x[-1])  # 24 images, then a gap
+    height = SMALL.position[2] - RADIUS - 0.15
+    assert np.ptp(path.curve.x[:-1]) == pytest.approx(
+        SMALL.focal_length * SPEED * np.ptp(TIMES) / height, abs=1.0)
+    assert np.ptp(path.curve.y[:-1]) < 1.0
+    picture = tmp_path / 'camera.png'
+    save(frame_figure(result, params), picture)
+    drawn = plt_image(picture)
+    orange = (drawn[..., 0] > 0.8) & (drawn[..., 2] < 0.3)
+    assert orange.sum() > 500
+
+
+def test_without_any_pose_there_is_no_picture(recorded):
+    bag, files = recorded
+    with Bag(bag) as opened:
+        params = overhead_params(opened, [files])
+        result = OverheadLocalizer(params).result(opened.recording(()))
+    with pytest.raises(EstimatorError, match='in no image'):
+        frame_panel(result, params)
+
+
 def test_a_given_time_offset_is_removed_from_the_stamps(recorded, tmp_path):
     bag, params = recorded
     out = tmp_path / 'out'
@@ -100,7 +137,9 @@ def test_results_are_replaced_with_force_only(recorded, tmp_path, capsys):
     (tmp_path / 'summary.json').write_text('{}', encoding='utf-8')
     assert main(arguments) == 2
     assert 'summary.json exists' in capsys.readouterr().err
+    (tmp_path / 'camera.png').write_bytes(b'old')
     assert main([*arguments, '--force']) == 0
+    assert (tmp_path / 'camera.png').read_bytes().startswith(b'\x89PNG')
     assert json.loads((tmp_path / 'summary.json').read_text(encoding='utf-8'))['frames'] == 24
 
 
@@ -121,4 +160,4 @@ def test_a_bag_without_camera_info_gives_one_line_and_exit_status_1(recorded, tm
         f'{bag}: nothing can be estimated: 0 of 3 images used: 3 no camera_info')
     summary = json.loads((out / 'summary.json').read_text(encoding='utf-8'))
     assert summary['refused'] == {'no camera_info': 3} and summary['time_offset'] is None
-    assert not (out / 'estimates').exists()
+    assert not (out / 'estimates').exists() and not (out / 'camera.png').exists()

@@ -20,13 +20,14 @@ import re
 import pytest
 
 from smart_tire.cli.main import main
-from smart_tire.reproduction import runner
+from smart_tire.reproduction import camera_runs, runner
 
 pytestmark = pytest.mark.slow
 
 PAGES = (
     *(f'paper_a_{name}' for name in ('fig_4', 'fig_6', 'fig_7', 'fig_8', 'fig_9', 'table_1')),
-    *(f'paper_b_{name}' for name in ('fig_8', 'fig_10', 'fig_11', 'fig_12', 'fig_13', 'table_1')))
+    *(f'paper_b_{name}' for name in (
+        'fig_8', 'fig_9', 'fig_10', 'fig_11', 'fig_12', 'fig_13', 'table_1')))
 
 
 @pytest.fixture(scope='module')
@@ -37,6 +38,7 @@ def written(tmp_path_factory):
         patch.setattr(runner, 'OTHER_SIDE_SPEEDS', (20.0, 100.0))
         for name in ('SWEEP', 'SLIP', 'SIGNAL', 'STIFFNESS'):
             patch.setattr(runner, f'{name}_DURATION', 4.0)
+        patch.setattr(camera_runs, 'RATE', 5.0)
         with redirect_stdout(io.StringIO()) as output:
             assert main(['reproduce', '--out', str(out)]) == 0
     out.with_suffix('.txt').write_text(output.getvalue(), encoding='utf-8')

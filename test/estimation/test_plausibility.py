@@ -30,7 +30,7 @@ ODOMETRY = Odometry(0, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 
                     (0.0,) * 36, (0.0,) * 36)
 SLIP = WheelSlip(0, (math.nan, 0.1, -1.0, 1.0), (0.0,) * 4, (math.inf, 0.01, 1.0, 1.0))
 
-GROUND = GroundState(0, Uncertain(25.0, 1.5), *(UNKNOWN,) * 6, -1.0)
+GROUND = GroundState(0, Uncertain(25.0, 1.5), *(UNKNOWN,) * 10, -1.0)
 
 
 NAN = math.nan

@@ -100,5 +100,5 @@ def test_live_estimates_with_late_messages_are_consistent_with_the_offline_analy
     assert min(map(len, errors.values())) >= 10
     for topic, values in errors.items():
         # a stall of 0.5 s drops other samples live: during it the estimates differ by their errors
-        assert np.quantile(values, 0.98) < 1.0, (topic, np.quantile(values, 0.98))
+        assert np.quantile(values, 0.98) < 0.7, (topic, np.quantile(values, 0.98))
         assert max(values) < 2.0, (topic, max(values))

@@ -46,7 +46,8 @@ SECONDS = 8.0
 def ground(stamp_ns):
     return GroundState(stamp_ns, Uncertain(50.0, 5.0), *(
         Uncertain(value, sigma) for value, sigma in (
-            (0.4, 0.1), (0.02, 0.01), (0.5, 0.2), (0.8, 0.2), (0.0, 0.005), (0.0, 0.005))))
+            (0.4, 0.1), (0.02, 0.01), (0.5, 0.2), (0.8, 0.2), (0.0, 0.005), (0.0, 0.005),
+            (0.05, 0.01), (0.02, 0.01), (1.0, 0.3), (1.0, 0.05))))
 
 
 OTHERS = {  # sample of a stamp, and the period of its topic [s]

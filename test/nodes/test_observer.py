@@ -18,6 +18,7 @@ from types import SimpleNamespace
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from sensor_msgs.msg import Image
 from smart_tire.bags.cdr import Decoder
 from smart_tire.findings import Level
 from smart_tire.host_load import other_problems
@@ -178,6 +179,25 @@ def test_a_listener_passes_samples_and_diagnostics(graph):
     problems = other_problems(statuses['ear'].message, statuses['ear'].values, late=True)
     assert problems in ('', 'ok')  # than of the host
     assert int(statuses['ear'].values['frames_ok']) <= len(samples)
+
+
+def test_a_listener_passes_serialized_images_also_of_best_effort_publishers(graph):
+    images = []
+
+    def new_listener() -> Listener:
+        return Listener(lambda *_: None, lambda _: None, topics=(),
+                        on_image=lambda *given: images.append(given), name='eye')
+
+    sent = Image(encoding='mono8', width=2, height=1, step=2, data=b'\x01\x02')
+    profile = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    publisher = graph.node.create_publisher(Image, 'overhead_camera/image_raw', profile)
+    with NodeRunner(new_listener, []) as runner:
+        graph.until(lambda: images, lambda: (publisher.publish(sent), runner.spin(0.05)))
+        counter = runner.node.inputs['overhead_camera/image_raw']
+        assert counter.ok >= 1 and counter.bad == 0
+    kind, data = images[0]
+    assert kind == 'sensor_msgs/msg/Image'
+    assert bytes(Decoder(kind)(data).data) == b'\x01\x02'
 
 
 @pytest.mark.parametrize('elapsed, late, level', [

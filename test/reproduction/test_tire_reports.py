@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smart_tire.reproduction import paper_b, tire_maps, tire_runs
+from smart_tire.reproduction import camera_runs, paper_b, tire_maps, tire_runs
 from smart_tire.reproduction.tire_maps import MU, STIFFNESS
 from smart_tire.simulation.offline import simulate
 from smart_tire.uncertain import Uncertain
@@ -97,6 +97,22 @@ def test_slips_have_the_signs_of_the_paper_and_agree_with_the_truth(slips):
     for sides in slips.values():
         for score in sides.values():
             assert score.error.rms < 0.03
+
+
+def test_the_rendered_camera_sees_the_path_and_the_slip_of_the_truth(slip_runs, slips, printed):
+    views = {ground: camera_runs.camera_view(run, 5.0) for ground, run in slip_runs.items()}
+    for ground, view in views.items():
+        assert view.found.published == view.found.images == 50
+        for score in tire_runs.side_slips(slip_runs[ground], view.estimates).values():
+            assert score.error.count > 100 and score.error.rms < 0.006
+            assert score.error.within_two > 0.9
+    found = paper_b.view_section(views['concrete'], slip_runs['concrete'])
+    assert len(found.agrees) == 2 and found.figure.panels[0].image is not None
+    figure = paper_b.slip_section(slip_runs, views, slips, printed).figure
+    for panel in figure.panels:
+        labels = [mark.label for mark in panel.marks]
+        assert labels[:2] == ['left side ± 2σ', 'right side ± 2σ']
+        assert labels.count('camera ± 2σ') == labels.count('truth') == 2
 
 
 def test_the_delay_between_films_agrees_with_their_distance(turning):

@@ -216,22 +216,32 @@ def same_crossing(found: dict[Any, Any], friction: Any) -> Any:
 
 
 def normalized_errors(found: dict[Any, Any], expected: dict[Any, Any]) -> dict[str, list[float]]:
-    """Return topic -> differences of its main quantities over their standard deviations."""
+    """
+    Return topic -> differences of its main quantities over their standard deviations.
+
+    After other samples were lost, the estimates have errors of their own: the variance of their
+    difference is at most the sum of theirs.
+    """
     errors: dict[str, list[float]] = {'odom': [], 'wheel_slip': [], 'tire_friction': []}
     for name, other in expected.items():
         live = found.get(name) or same_crossing(found, other)
         if live is None:
             continue
-        pairs: list[tuple[float, float, float]] = []
-        if isinstance(other, Odometry):
-            pairs = [(live.linear[0], other.linear[0], math.sqrt(other.twist_covariance[0])),
-                     (live.position[0], other.position[0], math.sqrt(other.pose_covariance[0])),
-                     (live.position[1], other.position[1], math.sqrt(other.pose_covariance[7]))]
-        elif isinstance(other, WheelSlip):
-            pairs = list(zip(live.ratio, other.ratio, other.sigma))
-        elif isinstance(other, Friction):
-            pairs = [(live.friction_coefficient.value, *other.friction_coefficient)]
+        pairs = [(a, b, math.hypot(sigma, other_sigma)) for (a, sigma), (b, other_sigma) in zip(
+            uncertain(live), uncertain(other))]
         errors.get(name[0], []).extend(
             abs(a - b) / sigma for a, b, sigma in pairs
             if math.isfinite(a) and math.isfinite(b) and sigma > 0.0)
     return errors
+
+
+def uncertain(estimate: Any) -> list[tuple[float, float]]:
+    """Return the main quantities of an estimate, each with its standard deviation."""
+    if isinstance(estimate, Odometry):
+        pose, twist = estimate.pose_covariance, estimate.twist_covariance
+        return [(estimate.linear[0], math.sqrt(twist[0])),
+                (estimate.position[0], math.sqrt(pose[0])),
+                (estimate.position[1], math.sqrt(pose[7]))]
+    if isinstance(estimate, WheelSlip):
+        return list(zip(estimate.ratio, estimate.sigma))
+    return [estimate.friction_coefficient] if isinstance(estimate, Friction) else []

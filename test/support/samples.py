@@ -39,7 +39,7 @@ SAMPLES = [
     WheelSlip(STAMP, (0.1, -1.0, 0.0, 1.0), FOUR, (0.01, 0.02, 1.0, math.inf)),
     Icr(STAMP, 0.02, -1.5),
     GroundState(STAMP, Uncertain(25.0, 1.5), Uncertain(0.05, math.inf),
-                *(Uncertain(0.1 * k, 0.01) for k in range(5)), -0.9),
+                *(Uncertain(0.1 * k, 0.01) for k in range(9)), -0.9),
     Friction(STAMP, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, math.inf))),
     PlannedPath(STAMP, 'odom', ((1.0, -2.5, 0.0), (1.5, 0.25, NAN))),
     GoalPose(STAMP, 'odom', (1.0, -2.5, 0.0)),

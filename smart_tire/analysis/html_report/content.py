@@ -20,18 +20,19 @@ import numpy as np
 
 from smart_tire.analysis.driven_paths import PATH
 from smart_tire.analysis.errors import error_figure, error_groups, histogram_figure
-from smart_tire.analysis.figure import bucket_count, MAX_POINTS, MAX_SLIP_SIGMA
+from smart_tire.analysis.figure import (
+    bucket_count, MAX_POINTS, MAX_SLIP_SIGMA, SOURCES, TRUTH)
 from smart_tire.analysis.figures import adhesion_figure, friction_figure, ground_figure
 from smart_tire.analysis.friction_metrics import (
     column, is_informative, MAX_RELATIVE_SIGMA)
-from smart_tire.analysis.html_report.page import Block, Folded, Report, Section
+from smart_tire.analysis.html_report.page import Block, Folded, Picture, Report, Section
 from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.motion_figures import (
     path_figure, velocity_figure, wheel_slip_figure, wheel_speed_figure)
 from smart_tire.analysis.offline import Analysis, BagContents
-from smart_tire.analysis.pipeline import BAG, BagParams, ESTIMATES, FILES, INPUTS, TRUTHS
+from smart_tire.analysis.pipeline import BAG, BagParams, ESTIMATES, FILES, INPUTS, OVERHEAD, TRUTHS
 from smart_tire.analysis.result import Result
-from smart_tire.analysis.summary import Tree, WHOLE
+from smart_tire.analysis.summary import errors_in, Tree, WHOLE
 from smart_tire.analysis.tables import (
     consistency_table, friction_error_table, friction_table, ground_table, inputs_table,
     motion_table, pose_table, slip_error_table, slip_table, Table, text, topics_table)
@@ -68,9 +69,9 @@ def report_of(analysis: Analysis, used: BagParams, name: str,
     summary, result = analysis.summary, analysis.result
     if summary is None:
         raise ValueError('nothing was estimated: there is nothing to report')
-    sections = [_recording(analysis, summary), _motion(result, summary), _slip(result, summary),
-                _friction(result, summary), _errors(result, summary), _left_out(analysis, summary),
-                _parameters(used)]
+    sections = [_recording(analysis, summary), _motion(result, summary, analysis.picture),
+                _slip(result, summary), _friction(result, summary), _errors(result, summary),
+                _left_out(analysis, summary), _parameters(used)]
     first_ns, last_ns = result.span_ns
     start, end = 0.0, round(max((last_ns - first_ns) / NS_PER_S, 1.0), 3)
     about = [text.format(interval=(end - start) / bucket_count()) for text in ABOUT]
@@ -91,13 +92,14 @@ def _notes(analysis: Analysis, summary: Tree) -> list[str]:
 
 
 def _tiles(summary: Tree) -> list[tuple[str, str, str]]:
-    estimates, against = summary['estimates'], summary['against_truth'] or {}
+    estimates, (reference, against) = summary['estimates'], errors_in(summary)
     tiles = [('duration', f'{text(summary["duration_s"], ".1f")} s', '')]
     if odom := estimates.get('odom'):
         tiles.append(('distance', f'{text(odom["distance_m"], ".1f")} m', 'estimated'))
     if pose := against.get('pose'):
         tiles.append(('position error at the end', f'{text(pose["position_end_m"], ".2f")} m',
-                      f'{text(pose["end_percent_of_distance"], ".2f")} % of the distance'))
+                      f'{text(pose["end_percent_of_distance"], ".2f")} % of the distance, by '
+                      f'{SOURCES[reference]}'))
         tiles.append(('heading error at the end', f'{text(pose["yaw_end_rad"], ".3f")} rad', ''))
     if slip := against.get('slip'):
         tiles += [(f'slip error, {side} side', text(slip[WHOLE][side]['error']['rms'], '.3f'),
@@ -110,7 +112,8 @@ def _tiles(summary: Tree) -> list[tuple[str, str, str]]:
 
 def _recording(analysis: Analysis, summary: Tree) -> Section:
     topics = analysis.contents.topics
-    roles = {**dict.fromkeys(INPUTS, 'input'), **dict.fromkeys(TRUTHS, 'ground truth'),
+    roles = {**dict.fromkeys(INPUTS, 'input'), **dict.fromkeys(TRUTHS, SOURCES[TRUTH]),
+             **dict.fromkeys(OVERHEAD, 'overhead camera'),
              **dict.fromkeys(ESTIMATES, 'recorded estimate, not read'),
              PATH: 'drawn in the path'}
     types = {name: topic.channel.type for name, topic in topics.items()}
@@ -120,9 +123,11 @@ def _recording(analysis: Analysis, summary: Tree) -> Section:
         Folded(f'All {len(topics)} topics in the bag', topics_table(topics, used))))
 
 
-def _motion(result: Result, summary: Tree) -> Section:
+def _motion(result: Result, summary: Tree, picture: Path | None) -> Section:
+    frame = None if picture is None else Picture(
+        'Image of the overhead camera, with the path of the robot', picture)
     return Section('motion', 'Motion', 'Path and velocity', _known(
-        motion_table(summary['estimates']), path_figure(result, errors=False),
+        motion_table(summary['estimates']), path_figure(result, errors=False), frame,
         velocity_figure(result)) or ['No odometry was estimated.'])
 
 
@@ -140,18 +145,18 @@ def _friction(result: Result, summary: Tree) -> Section:
 
 
 def _errors(result: Result, summary: Tree) -> Section:
-    against = summary['against_truth']
+    reference, against = errors_in(summary)
     if not against:
-        return Section('errors', 'Errors', 'Errors against ground truth',
-                       ['The bag contains no ground truth that overlaps the estimates.'])
+        return Section('errors', 'Errors', 'Errors', [
+            'Neither ground truth nor an overhead camera overlaps the estimates.'])
     groups = error_groups(result.filtered, result.origin_ns)
-    return Section('errors', 'Errors', 'Errors against ground truth', _known(
-        pose_table(against['pose']) if 'pose' in against else None,
+    return Section('errors', 'Errors', f'Errors against {SOURCES[reference]}', _known(
+        pose_table(against['pose'], reference) if 'pose' in against else None,
         consistency_table([one for errors in groups.values() for one in errors]),
-        histogram_figure(groups),
-        slip_error_table(against['slip']) if 'slip' in against else None,
+        histogram_figure(groups, reference),
+        slip_error_table(against['slip'], None, reference) if 'slip' in against else None,
         friction_error_table(against['friction']) if 'friction' in against else None,
-        *(error_figure(f'error_{name}', f'Errors of {name}', groups[name])
+        *(error_figure(f'error_{name}', f'Errors of {name}', groups[name], reference)
           for name in ('pose', 'velocity', 'slip'))))
 
 

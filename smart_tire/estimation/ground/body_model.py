@@ -17,9 +17,11 @@ Motion of the robot on brush tires for given wheel speeds.
 The robot is a planar rigid body. The state is the velocity (u, v) [m/s] of its center of mass in
 body axes and the yaw rate w [rad/s]. With the slip ``s = (r w_i - v_x, -k v_y) / |r w_i|`` of a
 wheel, ``k = C_y / C_x`` and ``t = C_x |s| / (3 mu F_z)``, its force is
-``C_x (1 - t + t^2 / 3) s`` below full sliding (t < 1) and ``mu F_z s / |s|`` above. Its rolling
-resistance ``f F_z`` acts along the velocity of its center by the lateral share and along its
-heading by the rest (PHYSICS.md D). Loads follow the acceleration of the step before.
+``C_x (1 - t + t^2 / 3) s`` below full sliding (t < 1) and ``mu F_z s / |s|`` above. The slip of
+a tire follows over its relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``, without
+a singularity at rest; a sliding tire deflects no further. The rolling resistance ``f F_z`` acts
+along the velocity of its center by the lateral share and along its heading by the rest
+(PHYSICS.md D). Loads follow the acceleration of the step before.
 
 Steps are implicit, by the second backward differentiation formula, with the secant slope
 ``|F| / |s|`` at the extrapolated velocity: stable at any speed, where explicit steps of a
@@ -48,8 +50,8 @@ COMPILED: bool = cython.compiled
 # parameters of a run; those of the ground before and after its change at CHANGE_STEP
 (OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE, CHANGE_STEP,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
- SIDE_FRICTION, SIDE_RESISTANCE, FALL, BEND_X, BEND_Y, START_U, START_V, START_W,
- PARAMETERS) = range(24)
+ SIDE_FRICTION, SIDE_RESISTANCE, FALL, RELAXATION, BEND_X, BEND_Y, START_U, START_V, START_W,
+ PARAMETERS) = range(25)
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
 TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
@@ -131,8 +133,10 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     ratio: cython.double = p[LATERAL_RATIO]
     radius: cython.double = p[RADIUS]
     fall: cython.double = p[FALL]
+    relaxation: cython.double = p[RELAXATION]
     # of the wheels: position [m], load at rest [N] and by acceleration [kg], ground before its
-    # change and (4-7) the change, r w [m/s] and |F| / (|s| r |w|) [N s/m] in a step
+    # change and (4-7) the change, r w [m/s], slip, |F| / |s| [N], change of the slip by the new
+    # velocity [s/m], and of the force [N s/m], share of the slip that is stored, in a step
     x: cython.double[4] = [0.0] * 4
     y: cython.double[4] = [0.0] * 4
     level: cython.double[4] = [0.0] * 4
@@ -142,7 +146,12 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     friction: cython.double[8] = [0.0] * 8
     resistance: cython.double[8] = [0.0] * 8
     roll: cython.double[4] = [0.0] * 4
+    slip_x: cython.double[4] = [0.0] * 4
+    slip_y: cython.double[4] = [0.0] * 4
+    slope: cython.double[4] = [0.0] * 4
+    gain: cython.double[4] = [0.0] * 4
     grip: cython.double[4] = [0.0] * 4
+    kept: cython.double[4] = [0.0] * 4
     i: cython.int
     for i in range(4):
         left: cython.bint = i % 2 == 0
@@ -202,12 +211,21 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             roll[i] = radius * rolling[n, i] + offset[n, i % 2]
             v_x: cython.double = new_u - y[i] * new_w
             v_y: cython.double = new_v + x[i] * new_w
-            scale: cython.double = 1.0 / max(fabs(roll[i]), min_rolling)
-            s_x: cython.double = (roll[i] - v_x) * scale
-            s_y: cython.double = ratio * v_y * scale
-            grip[i] = scale * _secant(
-                sqrt(s_x * s_x + s_y * s_y), stiffness[i] + after * stiffness[4 + i],
-                load * (friction[i] + after * friction[4 + i]), fall)
+            speed: cython.double = max(fabs(roll[i]), min_rolling)
+            # the first step begins with the slip of its end
+            lag: cython.double = relaxation * frequency if n else 0.0  # m/s
+            gain[i] = 1.0 / (speed + lag)
+            slip_x[i] = slip_x[i] * lag * gain[i]
+            slip_y[i] = slip_y[i] * lag * gain[i]
+            s_x: cython.double = slip_x[i] + gain[i] * (roll[i] - v_x)
+            s_y: cython.double = slip_y[i] + gain[i] * ratio * v_y
+            stiff: cython.double = stiffness[i] + after * stiffness[4 + i]
+            limit: cython.double = load * (friction[i] + after * friction[4 + i])
+            total: cython.double = sqrt(s_x * s_x + s_y * s_y)
+            slope[i] = _secant(total, stiff, limit, fall)
+            # a tire that slides deflects no further
+            kept[i] = min(1.0, 3.0 * limit / (stiff * max(total, 1e-9)))
+            grip[i] = gain[i] * slope[i]
             drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
             along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
                 fabs(v_x), min_speed)
@@ -217,8 +235,10 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             vv += across
             vw += across * x[i]
             ww += across * x[i] * x[i] + along * y[i] * y[i]
-            bu += grip[i] * roll[i]
-            bw -= y[i] * grip[i] * roll[i]
+            force: cython.double = grip[i] * roll[i] + slope[i] * slip_x[i]
+            bu += force
+            bv -= slope[i] * slip_y[i]
+            bw -= y[i] * force + x[i] * slope[i] * slip_y[i]
         new_w = (bw - uw * bu / uu - vw * bv / vv) / (ww - uw * uw / uu - vw * vw / vv)
         new_u = (bu - uw * new_w) / uu
         new_v = (bv - vw * new_w) / vv
@@ -228,7 +248,11 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         out[n, 0], out[n, 1], out[n, 2] = new_u, new_v, new_w
         out[n, 3], out[n, 4], out[n, 5] = a_x, a_y, rate * new_w - old_w
         for i in range(4):
-            out[n, 6 + i] = grip[i] * (roll[i] - new_u + y[i] * new_w)
+            s_x = slip_x[i] + gain[i] * (roll[i] - new_u + y[i] * new_w)
+            s_y = slip_y[i] + gain[i] * ratio * (new_v + x[i] * new_w)
+            out[n, 6 + i] = slope[i] * s_x
+            slip_x[i] = kept[i] * s_x
+            slip_y[i] = kept[i] * s_y
         last_u, last_v, last_w = u, v, w
         u, v, w = new_u, new_v, new_w
 

@@ -92,7 +92,8 @@ class GroundEstimator:
                     'unknown: no imu/data'}
         shown: dict[str, str | int | float] = {
             'ground': 'known' if self.known else 'unknown: no films and no motor torques',
-            'ground_changes': self._window.changes, 'ground_failures': self.failures}
+            'ground_changes': self._window.changes, 'ground_failures': self.failures,
+            'ground_tension': f'{solution.tension.size:.1f} sigma: {solution.tension.name}'}
         x, sigma = solution.fit.x, np.sqrt(np.diag(solution.fit.covariance))
         for name, row in (('torque_scale', Unknown.TORQUE_SCALE), ('wheel_radius', Unknown.RADIUS),
                           ('wheel_delay', Unknown.DELAY), ('slope_x', Unknown.SLOPE_X),
@@ -191,10 +192,11 @@ class GroundEstimator:
         row[:DYNAMIC] = slopes[:, LOSS].mean(axis=0)
         row[Unknown.FRICTION] += 1.0
         friction = math.exp(x[Unknown.FRICTION] + loss)
-        friction_sigma = math.hypot(math.sqrt(row @ covariance @ row), CURVE_ERROR)
+        friction_sigma = math.hypot(_upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
         known = friction_sigma < MAX_LN_SIGMA
         both = float(covariance[Unknown.STIFFNESS] @ row)
+        imu_x, imu_y, _ = self._robot.imu.position
         return GroundState(
             self.end_ns, stiffness=scaled(Unknown.STIFFNESS),
             friction_coefficient=Uncertain(
@@ -205,6 +207,10 @@ class GroundEstimator:
             lateral_stiffness_ratio=scaled(Unknown.LATERAL_RATIO),
             center_of_mass_x=Uncertain(float(x[Unknown.COM_X]), float(sigma[Unknown.COM_X])),
             center_of_mass_y=Uncertain(float(x[Unknown.COM_Y]), float(sigma[Unknown.COM_Y])),
+            imu_x=Uncertain(imu_x + float(x[Unknown.IMU_X]), float(sigma[Unknown.IMU_X])),
+            imu_y=Uncertain(imu_y + float(x[Unknown.IMU_Y]), float(sigma[Unknown.IMU_Y])),
+            motor_friction=scaled(Unknown.MOTOR_FRICTION),
+            torque_scale=scaled(Unknown.TORQUE_SCALE),
             stiffness_friction_correlation=both / float(
                 sigma[Unknown.STIFFNESS] * friction_sigma))
 
@@ -226,10 +232,11 @@ class GroundEstimator:
         row[1:, :DYNAMIC] += slopes[LOSS]
         errors = np.sqrt(np.einsum('ij,jk,ik->i', row, covariance, row))
         load_sigma = math.hypot(float(spread[2]), self._load_sigma * load)
-        mu_sigma = math.hypot(float(errors[1]), CURVE_ERROR)
+        friction_sigma = _upper(float(errors[1]))
+        mu_sigma = math.hypot(friction_sigma, CURVE_ERROR)
         mu, c_x = math.exp(logs[1]), math.exp(logs[0])
         critical = 3.0 * load * math.exp(logs[2])
-        known = errors[1] < MAX_LN_SIGMA
+        known = friction_sigma < MAX_LN_SIGMA
         return WheelState(
             Uncertain(slip, float(spread[0])), Uncertain(ratio, float(spread[1])),
             Uncertain(load, load_sigma),
@@ -284,6 +291,15 @@ class GroundEstimator:
         for rows in (self._imu, self._wheels, self._passages):
             count = next((i for i, row in enumerate(rows) if row[0] >= time), len(rows))
             del rows[:count]
+
+
+def _upper(sigma: float) -> float:
+    """
+    Return how far a friction may be larger, relative, for the ``sigma`` of its logarithm.
+
+    Adhering tires show 1 / mu with a Gaussian error: mu is less certain to larger values.
+    """
+    return sigma / (1.0 - sigma) if sigma < 1.0 else math.inf
 
 
 def _of_sides(values: Sequence[float]) -> Array:

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK, BLOCK_TIME, DYNAMIC, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND, Interval,
-    LEAST_FORCE, LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS, OFFSETS,
-    OLD_GROUND, SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown,
-    UNMEASURED)
+    BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND,
+    Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS,
+    OFFSETS, OLD_GROUND, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR,
+    TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
@@ -54,6 +54,15 @@ class Passage(NamedTuple):
     ratio: float       # -, t = |s| / lambda_cr
     covariance: Array  # (2, 2)
     sliding: bool      # the whole patch slides: only slip / t is determined
+
+    @property
+    def measured(self) -> tuple[float, float]:
+        """Return the slip, and its product with the normalized slip if that is determined."""
+        return self.slip, self.ratio if self.sliding else self.slip * self.ratio
+
+    def by_slips(self, slip: float, ratio: float) -> Array:
+        """Return the derivatives (2, 2) of the measured quantities by slip and ratio."""
+        return np.array([[1.0, 0.0], [0.0, 1.0] if self.sliding else [ratio, slip]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +118,8 @@ class Measurements:
         self.values = np.vstack([mean_imu.T, mean_wheels[:, 4:].T])  # (STREAMS, blocks)
         self.passages = [one for one in data.passages if first < one.time <= end]
         self.passage_measured = np.array(
-            [value for one in self.passages for value in (one.slip, one.ratio)])
+            [value for one in self.passages for value in one.measured])
+        self._products = np.array([not one.sliding for one in self.passages], dtype=bool)
         self._heading_data = data.imu
         self._inertia_torque = motor.inertia * block_means(self.acceleration).T
         self._moving = block_means(self.rates).T
@@ -140,14 +150,16 @@ class Measurements:
         heading: Array = reference[1] + at[1:] - at[0]
         return heading
 
-    def simulate(self, x: Array, start: Array, heading: Array, change: Array) -> Motion:
+    def simulate(self, x: Array, start: Array, heading: Array, change: Array,
+                 relaxation: float = 0.0) -> Motion:
         """
         Return the motion for each row of ``x`` (runs, SIZE).
 
         ``start`` (3,): velocity of the center of mass at ``begin``; ``heading`` (n,) [rad];
-        ``change`` (runs,) [s]: when the ground changes.
+        ``change`` (runs,) [s]: when the ground changes; ``relaxation`` length of the tires [m].
         """
         runs = self._parameters(x, change)
+        runs[:, model.RELAXATION] = relaxation
         runs[:, model.START_U:] = start + x[:, START]
         offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
@@ -168,16 +180,19 @@ class Measurements:
         runs[:, model.SLOPE_X:model.SLOPE_Y + 1] = x[:, Unknown.SLOPE_X:Unknown.SLOPE_Y + 1]
         runs[:, model.SIDE_STIFFNESS:model.SIDE_RESISTANCE + 1] = np.exp(
             x[:, Unknown.SIDE_STIFFNESS:Unknown.SIDE_RESISTANCE + 1])
-        runs[:, model.FALL:model.BEND_Y + 1] = x[:, Unknown.FALL:Unknown.BEND_Y + 1]
+        runs[:, model.FALL] = x[:, Unknown.FALL]
+        runs[:, model.BEND_X:model.BEND_Y + 1] = x[:, Unknown.BEND_X:Unknown.BEND_Y + 1]
         return runs
 
     def predict(self, x: Array, motion: Motion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
         states, robot = motion.states, self._robot
-        arm_x, arm_y = (robot.imu.position[axis] - x[:, Unknown.COM_X + axis, np.newaxis]
-                        for axis in (0, 1))
+        arm_x, arm_y = (
+            robot.imu.position[axis] + (x[:, Unknown.IMU_X + axis]
+                                        - x[:, Unknown.COM_X + axis])[:, np.newaxis]
+            for axis in (0, 1))
         means = block_means(states).transpose(2, 0, 1)  # (OUTPUTS, runs, blocks)
-        square = block_means(states[:, :, model.W, np.newaxis] ** 2)[:, :, 0]
+        square = _mean_square(states)
         found = np.empty((len(x), STREAMS, len(self.centers)))
         a_x, a_y, w_dot = means[model.A_X:model.FORCE]
         found[:, YAW_RATE] = means[model.W]
@@ -186,15 +201,20 @@ class Measurements:
         found[:, :TORQUE] += x[:, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
         loads = self._loads(x, a_x, a_y).transpose(0, 2, 1)
         radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
-        torque = (radius * means[model.FORCE:].transpose(1, 0, 2)
-                  + friction_torque(self._moving, loads, robot.motor, robot.wheel_radius)
-                  + self._inertia_torque)
+        torque = radius * means[model.FORCE:].transpose(1, 0, 2) + (
+            np.exp(x[:, Unknown.MOTOR_FRICTION, np.newaxis, np.newaxis]) * friction_torque(
+                self._moving, loads, robot.motor, robot.wheel_radius)
+            + np.exp(x[:, Unknown.MOTOR_INERTIA, np.newaxis, np.newaxis]) * self._inertia_torque)
         scale = np.exp(-x[:, Unknown.TORQUE_SCALE, np.newaxis] - x[:, MOTORS])
         found[:, TORQUE:] = scale[:, :, np.newaxis] * torque + x[:, OFFSETS, np.newaxis]
         return found
 
-    def linear(self, x: Array, predicted: Array) -> Array:
-        """Return the derivatives (STREAMS, blocks, SIZE - DYNAMIC) by the other unknowns."""
+    def linear(self, x: Array, predicted: Array, motion: Motion) -> Array:
+        """
+        Return the derivatives (STREAMS, blocks, SIZE - DYNAMIC) by the other unknowns.
+
+        ``motion`` is that of ``x`` (SIZE,), its first run.
+        """
         found = np.zeros((*predicted.shape, SIZE - DYNAMIC))
         for stream in range(TORQUE):
             found[stream, :, stream] = 1.0
@@ -203,21 +223,36 @@ class Measurements:
             found[TORQUE + i, :, Unknown.TORQUE_SCALE - DYNAMIC] = motor
             found[TORQUE + i, :, Unknown.MOTOR_SCALE - DYNAMIC + i] = motor
             found[TORQUE + i, :, Unknown.TORQUE_OFFSET - DYNAMIC + i] = 1.0
+        states = motion.states[:1]
+        a_x, a_y, w_dot = block_means(states[:, :, model.A_X:model.FORCE]).transpose(2, 0, 1)
+        by_arm = found[FORCE_X:TORQUE, :, Unknown.IMU_X - DYNAMIC:]
+        by_arm[0, :, 0], by_arm[0, :, 1] = -_mean_square(states)[0], -w_dot[0]
+        by_arm[1, :, 0], by_arm[1, :, 1] = w_dot[0], -_mean_square(states)[0]
+        scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
+        loads = self._loads(x[np.newaxis], a_x, a_y)[0].T
+        friction = friction_torque(
+            self._moving, loads, self._robot.motor, self._robot.wheel_radius)
+        for row, torque in ((Unknown.MOTOR_FRICTION, friction),
+                            (Unknown.MOTOR_INERTIA, self._inertia_torque)):
+            found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
         return found
 
     def passage_values(self, x: Array, motion: Motion) -> Array:
         """Return the measured quantities of the passages (runs, 2 * passages) for ``x``."""
         found = motion.passages[:, :, :2].copy()
-        found[:, :, 0] *= np.exp(x[:, GAINS])[:, [one.wheel for one in self.passages]]
+        wheels = [one.wheel for one in self.passages]
+        found[:, :, 0] *= np.exp(x[:, GAINS])[:, wheels]
+        found[:, self._products, 1] *= found[:, self._products, 0]
+        found[:, :, 1] += self._products * x[:, FILM_ERRORS][:, wheels]
         return found.reshape(len(x), -1)
 
-    def noise(self, predicted: Array, biases: Array, disturbances: Sequence[Interval] = ()
-              ) -> Array:
+    def noise(self, predicted: Array, transient: Array, biases: Array,
+              disturbances: Sequence[Interval] = ()) -> Array:
         """
         Return the covariances (STREAMS, blocks, blocks) of the block means.
 
-        ``predicted`` (STREAMS, blocks), ``biases`` (3,) those of the IMU. What lies in
-        ``disturbances`` is not used.
+        ``predicted`` (STREAMS, blocks), ``transient`` (STREAMS, blocks) its change by a relaxation
+        length, ``biases`` (3,) those of the IMU. What lies in ``disturbances`` is not used.
         """
         robot, count = self._robot, len(self.centers)
         imu = np.maximum(self.imu_count, 1)
@@ -231,7 +266,8 @@ class Measurements:
         common, difference = self._speed_errors
         difference = mean @ difference @ mean.T
         effective = robot.motor.inertia + 0.25 * robot.mass * robot.wheel_radius ** 2
-        white = TIMING_ERROR * np.gradient(predicted, BLOCK_TIME, axis=1)
+        white = np.hypot(TIMING_ERROR * np.gradient(predicted, BLOCK_TIME, axis=1),
+                         RELAXATION_ERROR * transient)
         white[YAW_RATE] = np.hypot(white[YAW_RATE], np.hypot(
             robot.imu.gyro_noise / np.sqrt(imu), 1e-3))
         white[FORCE_X:TORQUE] = np.hypot(
@@ -258,14 +294,20 @@ class Measurements:
         wheels = np.array([one.wheel for one in self.passages])
         lasting = np.exp(-np.abs(times[:, np.newaxis] - times) / MODEL_TIME) * (
             wheels[:, np.newaxis] == wheels)
-        slip, ratio = predicted[::2], np.maximum(predicted[1::2], LEAST_RATIO)
+        slip = predicted[::2]
+        ratio = np.maximum(np.divide(predicted[1::2], slip, out=predicted[1::2].copy(),
+                                     where=self._products & (slip != 0.0)), LEAST_RATIO)
         found = np.zeros((len(predicted), len(predicted)))
         found[::2, ::2] = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
                                      + FILM_SLIP_ERROR[1] ** 2)
         found[1::2, 1::2] = lasting * FILM_RATIO_ERROR ** 2 * np.outer(ratio, ratio)
         for i, one in enumerate(self.passages):
+            own, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], ratio[i])
+            found[own] = by_slips @ found[own]
+            found[:, own] = found[:, own] @ by_slips.T
+            at = one.by_slips(one.slip, one.ratio)
             measured = np.array([one.slip, one.ratio])
-            found[2 * i:2 * i + 2, 2 * i:2 * i + 2] += one.covariance + (
+            found[own, own] += at @ one.covariance @ at.T + (
                 one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured))
         found[np.diag(np.repeat(disturbed(times, disturbances), 2))] += UNMEASURED ** 2
         return found
@@ -305,6 +347,11 @@ class Measurements:
             self._parameters(x, change), self.robot_constants, found)
         found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(PASSAGE_STEPS)
         return found
+
+
+def _mean_square(states: Array) -> Array:
+    """Return block means (runs, blocks) of the squared yaw rate [(rad/s)^2]."""
+    return block_means(states[:, :, model.W, np.newaxis] ** 2)[:, :, 0]
 
 
 def disturbed(times: Array, disturbances: Sequence[Interval]) -> NDArray[np.bool_]:

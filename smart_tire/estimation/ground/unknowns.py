@@ -62,12 +62,17 @@ class Unknown(IntEnum):
     ACCEL_BIAS_X = 24     # m/s2, including the tilt of the mounting
     ACCEL_BIAS_Y = 25
     TORQUE_SCALE = 26     # ln of the true over the nominal torque constant, of all motors
-    MOTOR_SCALE = 27      # four rows: the same of each motor
-    TORQUE_OFFSET = 31    # four rows: N m, of the measured torque, with the friction of the motor
-    FILM_GAIN = 35        # four rows, by wheel: ln of the true over the nominal stretch gain
+    MOTOR_FRICTION = 27   # ln of the true over the nominal friction of gears and axles
+    MOTOR_INERTIA = 28    # ln of the true over the nominal inertia of wheel, gear and rotor
+    IMU_X = 29            # m, error of the position of the IMU
+    IMU_Y = 30
+    MOTOR_SCALE = 31      # four rows: the same of each motor
+    TORQUE_OFFSET = 35    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 39        # four rows, by wheel: ln of the true over the nominal stretch gain
+    FILM_ERROR = 43       # four rows, by wheel: lasting error of slip times normalized slip
 
 
-SIZE = Unknown.FILM_GAIN + len(WHEELS)
+SIZE = Unknown.FILM_ERROR + len(WHEELS)
 DYNAMIC = int(Unknown.GYRO_BIAS)
 GROUND = slice(Unknown.STIFFNESS, Unknown.OLD_STIFFNESS)
 OLD_GROUND = slice(Unknown.OLD_STIFFNESS, Unknown.LATERAL_SHARE)
@@ -76,7 +81,8 @@ START = slice(Unknown.START_U, Unknown.GYRO_BIAS)
 OWN = slice(Unknown.BEND_X, Unknown.GYRO_BIAS)  # of each window: not known from the one before
 MOTORS = slice(Unknown.MOTOR_SCALE, Unknown.TORQUE_OFFSET)
 OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.FILM_GAIN)
-GAINS = slice(Unknown.FILM_GAIN, SIZE)
+GAINS = slice(Unknown.FILM_GAIN, Unknown.FILM_ERROR)
+FILM_ERRORS = slice(Unknown.FILM_ERROR, SIZE)
 
 # window
 LENGTH = 3.0            # s, of the window, assumed; concrete
@@ -109,12 +115,19 @@ SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond whi
 MODEL_ERROR = 0.05      # of forces, yaw rates and torques: tire curve, uneven tires, assumed
 MODEL_TIME = 1.0        # s, correlation time of the errors of the model, assumed; NEES
 LEAST_FORCE = 0.3       # m/s2, on which that share is taken at least; torques: the same force
-TIMING_ERROR = 0.006    # s, of the model: relaxation length, latencies that differ; slow_turn
+TIMING_ERROR = 0.006    # s, of the model: latencies that differ; slow_turn
+RELAXATION_ERROR = 2.0  # of the effect of a relaxation length of half the contact, that of a
+# brush: the carcass adds to it, and close to standstill no such law holds; straight
+MOTOR_SIGMA = 0.5       # of ln of friction and inertia of a drive: data sheet, not measured; gears
 TRANSIENT_SHARE = 0.3   # of the change of acceleration within a wheel period: error of torques
 FILM_SLIP_ERROR = 0.02, 0.002  # relative and absolute error of a film's slip; NEES
 FILM_RATIO_ERROR = 0.04  # relative error of a normalized slip; NEES
+FILM_SHAPE_ERROR = 0.0026  # of the bending peak, over the stretch at full slip: systematic part of
+# the covariance of waveform fits at small slip, and spread of their means; straight
 LEAST_RATIO = 0.1       # -, on which that share is taken at least
 SLIDING_WEIGHT = 10.0   # of a passage in full sliding: sigma over its slip along slip / t
+TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
+# the model cannot: the covariance grows by the square of their ratio; gears, straight
 CURVE_ERROR = 0.03      # of mu: it varies with the slip where the tire is not a brush; NEES
 MAX_LN_SIGMA = 0.35     # of ln mu; above, mu is unknown
 
@@ -167,6 +180,7 @@ def priors(robot: RobotParams) -> list[Row]:
     gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
                1e-4)
     offset = Row(0.0, torque_errors(motor)[1], 0.003, 0.0, 1e-4)
+    arm = Row(0.0, max(imu.position_sigma, 1e-6), 0.0, 0.0, 1e-4)
     rows = {
         **_COMMON,
         Unknown.STIFFNESS: stiffness, Unknown.OLD_STIFFNESS: stiffness,
@@ -177,9 +191,21 @@ def priors(robot: RobotParams) -> list[Row]:
         Unknown.RADIUS: Row(0.0, max(robot.wheel_radius_sigma, 0.006), 0.0015, 0.0, 1e-4),
         Unknown.GYRO_BIAS: Row(0.0, imu.gyro_bias, 0.0003, 0.0, 1e-4),
         Unknown.ACCEL_BIAS_X: bias, Unknown.ACCEL_BIAS_Y: bias,
-        Unknown.TORQUE_SCALE: Row(0.0, motor.torque_constant_sigma, 0.0015, 0.0, 1e-4)}
+        Unknown.TORQUE_SCALE: Row(0.0, motor.torque_constant_sigma, 0.0015, 0.0, 1e-4),
+        Unknown.MOTOR_FRICTION: Row(0.0, MOTOR_SIGMA, 0.003, 0.0, 1e-4),
+        Unknown.MOTOR_INERTIA: Row(0.0, MOTOR_SIGMA, 0.0, 0.0, 1e-4),
+        Unknown.IMU_X: arm, Unknown.IMU_Y: arm}
     found = [rows[one] for one in list(Unknown)[:Unknown.MOTOR_SCALE]]
-    return [*found, *[Row(0.0, 0.015, 0.0015, 0.0, 1e-4)] * 4, *[offset] * 4, *[gain] * 4]
+    return [*found, *[Row(0.0, 0.015, 0.0015, 0.0, 1e-4)] * 4, *[offset] * 4, *[gain] * 4,
+            *[Row(0.0, _product_error(robot), 0.0, 0.0, 1e-4)] * 4]
+
+
+def _product_error(robot: RobotParams) -> float:
+    """Return the lasting error of slip times normalized slip: of the shape of a waveform."""
+    film = robot.film
+    return FILM_SHAPE_ERROR / robot.tire.contact_length * max((
+        peak / gain for wheel in film.wheels
+        for peak, gain in zip(film.bending(wheel), film.gains(wheel))), default=1.0)
 
 
 class Prior(NamedTuple):

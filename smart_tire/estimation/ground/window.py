@@ -39,7 +39,7 @@ from smart_tire.estimation.ground.measurements import (
 from smart_tire.estimation.ground.unknowns import (
     CANDIDATES, CHANGE_EVIDENCE, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, FREEDOM,
     GROUND, Hypothesis, initial, ITERATIONS, LENGTH, MAX_STEP, OLD_GROUND, OWN, Prior, priors,
-    SIDES, SIDES_DIFFER, SIZE, START, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
+    SIDES, SIDES_DIFFER, SIZE, START, TENSION, TRANSITION_TIME, TRIED_EVIDENCE, Unknown)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
@@ -66,14 +66,21 @@ class Fit(NamedTuple):
     leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
 
 
+class Tension(NamedTuple):
+    """The error of a sensor or of the robot that is largest over the sigma of its prior."""
+
+    name: str
+    size: float        # sigmas
+
+
 class Solution(NamedTuple):
     """Estimate at the end of a window."""
 
     end: float         # s
     measurements: Measurements
     hypothesis: Hypothesis
-    fit: Fit
-    steps: Array       # (DYNAMIC,), of the derivatives
+    fit: Fit           # its covariance is widened by the tension
+    tension: Tension
 
     def values_at(self, time: float, wheels: Iterable[int]) -> tuple[Array, Array]:
         """
@@ -86,7 +93,8 @@ class Solution(NamedTuple):
         values = self.measurements.at(
             [Passage(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
             np.full(len(runs), change), np.concatenate([fit.motion.states, fit.varied.states]))
-        slopes = (values[2:] - values[1]) / self.steps[:, np.newaxis, np.newaxis]
+        steps = np.diagonal(fit.varied_x[1:] - fit.varied_x[0])
+        slopes = (values[2:] - values[1]) / steps[:, np.newaxis, np.newaxis]
         return values[0], slopes.transpose(1, 2, 0)
 
 
@@ -166,7 +174,20 @@ class GroundWindow:
                 best = likely[0], _mixed(likely[1], other[1])
         self._main = self._advanced(main, fit, measurements, hop)
         self._rival = None if found is None else self._advanced(*found, measurements, hop)
-        return Solution(end, measurements, *best, self._steps)
+        hypothesis, fit = best
+        tension = self._tension(fit.x)
+        excess = max(1.0, (tension.size / TENSION) ** 2)
+        return Solution(end, measurements, hypothesis, fit._replace(
+            covariance=excess * fit.covariance), tension)
+
+    def _tension(self, x: Array) -> Tension:
+        """Return the nuisance that contradicts its prior most."""
+        sizes = [abs(value - row.mean) / row.sigma for value, row in zip(x, self._rows)]
+        most = max((*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
+                    *range(Unknown.GYRO_BIAS, SIZE)), key=sizes.__getitem__)
+        first = max(one for one in Unknown if one <= most)
+        return Tension(f'{first.name.lower()}_{most - first}' if most > first else
+                       first.name.lower(), sizes[most])
 
     def _fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float
                 ) -> tuple[Hypothesis, Fit]:
@@ -192,22 +213,27 @@ class GroundWindow:
         change = hypothesis.change
         known = hypothesis.times is not None and change < measurements.begin  # near the solution
         blocks = films = None
+        steps, covariance = self._steps.copy(), prior.covariance
         for iteration in range(ITERATIONS if known else 2 * ITERATIONS):
+            steps[Unknown.FRICTION] = self._friction_step(x, covariance)
             runs = np.tile(x, (DYNAMIC + 1, 1))
-            runs[range(1, DYNAMIC + 1), range(DYNAMIC)] += self._steps
+            runs[range(1, DYNAMIC + 1), range(DYNAMIC)] += steps
             varied = measurements.simulate(runs, start, heading, np.full(len(runs), change))
             predicted, passages = (measurements.predict(runs, varied),
                                    measurements.passage_values(runs, varied))
             if blocks is None or films is None:
+                relaxed = measurements.simulate(
+                    runs[:1], start, heading, np.array([change]),
+                    0.5 * self._robot.tire.contact_length)
                 blocks = measurements.noise(
-                    predicted[0], x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1],
-                    hypothesis.disturbances)
+                    predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
+                    x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], hypothesis.disturbances)
                 films = measurements.passage_noise(passages[0], hypothesis.disturbances)
             residual = measurements.values - predicted[0]
             film_residual = measurements.passage_measured - passages[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0)
-            columns = self._columns(x, predicted, residual, measurements)
-            film_columns = self._film_columns(x, passages, film_residual, measurements)
+            columns = self._columns(x, predicted, residual, measurements, varied, steps)
+            film_columns = self._film_columns(x, passages, film_residual, measurements, steps)
             white = whiten(columns, film_columns)
             rows = Rows(white[:, -1], white[:, :-1])
             hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
@@ -230,21 +256,34 @@ class GroundWindow:
         return Fit(x, covariance, cost, motion, runs, varied, heading, final, whiten,
                    (left[:-1, :-1], left[:-1, -1]))
 
-    def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements
-                 ) -> Array:
+    def _friction_step(self, x: Array, covariance: Array) -> float:
+        """
+        Return the step of ln mu for its derivative: up to the mean of its prior, 1 to 2 sigmas.
+
+        A tire that adheres shows less of its friction, the larger it is. The local derivative at a
+        friction that is too low would claim to exclude a larger one, for all windows that follow.
+        """
+        sigma = math.sqrt(covariance[Unknown.FRICTION, Unknown.FRICTION])
+        likely = float(self._rows[Unknown.FRICTION].mean - x[Unknown.FRICTION])
+        return min(max(likely, sigma), 2.0 * sigma)
+
+    def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements,
+                 motion: Motion, steps: Array) -> Array:
         """Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 1)."""
-        dynamic = (predicted[1:] - predicted[0]) / self._steps[:, np.newaxis, np.newaxis]
+        dynamic = (predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]
         return np.concatenate([
-            dynamic.transpose(1, 2, 0), measurements.linear(x, predicted[0]),
+            dynamic.transpose(1, 2, 0), measurements.linear(x, predicted[0], motion),
             residual[:, :, np.newaxis]], axis=2)
 
     def _film_columns(self, x: Array, passages: Array, residual: Array,
-                      measurements: Measurements) -> Array:
+                      measurements: Measurements, steps: Array) -> Array:
         """Return derivatives of the passages and their residual (2 * passages, SIZE + 1)."""
         found = np.zeros((len(residual), SIZE + 1))
-        found[:, :DYNAMIC] = ((passages[1:] - passages[0]) / self._steps[:, np.newaxis]).T
+        found[:, :DYNAMIC] = ((passages[1:] - passages[0]) / steps[:, np.newaxis]).T
         for i, one in enumerate(measurements.passages):
-            found[2 * i, Unknown.FILM_GAIN + one.wheel] = passages[0, 2 * i]
+            rows = slice(2 * i, 2 * i + 2 - one.sliding)
+            found[rows, Unknown.FILM_GAIN + one.wheel] = passages[0, rows]
+            found[2 * i + 1, Unknown.FILM_ERROR + one.wheel] = not one.sliding
         found[:, -1] = residual
         return found
 
@@ -318,12 +357,16 @@ def _gain(fit: Fit, other: Fit, measurements: Measurements, change: float) -> fl
 
 
 def _mixed(fit: Fit, other: Fit) -> Fit:
-    """Return the likelier ``fit`` with the covariance of the mixture of both."""
-    covariance, difference = fit.covariance.copy(), other.x[GROUND] - fit.x[GROUND]
-    covariance[GROUND, GROUND] += other.covariance[GROUND, GROUND] + np.outer(
-        difference, difference)
-    covariance[GROUND, GROUND] *= 0.5
-    return fit._replace(covariance=covariance)
+    """
+    Return the likelier ``fit`` with the covariance of the mixture of both.
+
+    The old ground is that of ``fit``: the other one may have none.
+    """
+    difference, own = other.x - fit.x, other.covariance.copy()
+    difference[OLD_GROUND], own[OLD_GROUND], own[:, OLD_GROUND] = 0.0, 0.0, 0.0
+    own[OLD_GROUND, OLD_GROUND] = fit.covariance[OLD_GROUND, OLD_GROUND]
+    return fit._replace(covariance=0.5 * (
+        fit.covariance + own + np.outer(difference, difference)))
 
 
 def _start(hypothesis: Hypothesis, measurements: Measurements) -> tuple[Array, Array]:

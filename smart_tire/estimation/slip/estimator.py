@@ -237,7 +237,7 @@ class SlipSegment:
             self._origin_ns = instant_ns
         for sample in samples:
             if isinstance(sample, GroundState):
-                self.filter.forces.set_ground(sample)
+                self.filter.set_ground(sample)
         for sample in samples:
             if isinstance(sample, ImuSample):
                 self._hold(self._seconds(sample.stamp_ns), sample)
@@ -404,8 +404,8 @@ class SlipOutputBuilder:
         x = self._motion.extrapolate(array('d', x), context.mean or context.imu,
                                      context.extrapolation, context.share)
         W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
-        twist = (x[State.V_X] + self._y_imu * W,
-                 x[State.V_Y] - (self._x_imu + x[State.IMU_X]) * W, W)
+        x_imu, y_imu = self._x_imu + x[State.IMU_X], self._y_imu + x[State.IMU_Y]
+        twist = x[State.V_X] + y_imu * W, x[State.V_Y] - x_imu * W, W
         slips = self._motion.wheel_slips(
             x, P, W, context.wheel_residual, self._hidden, self._standstill_speed)
         records: list[EstimateRecord] = [
@@ -419,7 +419,8 @@ class SlipOutputBuilder:
                   ) -> Odometry:
         v_x, v_y, W = twist
         pose, rates = self._covariances
-        fill_covariances(P, W, self._x_imu, self._y_imu, pose, rates)
+        fill_covariances(P, W, self._x_imu + x[State.IMU_X], self._y_imu + x[State.IMU_Y], pose,
+                         rates)
         rates[35] += context.rate_variance
         rates[0] += context.speed_variance[0]
         rates[7] += context.speed_variance[1]

@@ -43,7 +43,8 @@ from smart_tire.estimation.slip.state import (
     STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
-from smart_tire.samples import Four, GRAVITY, Odometry
+from smart_tire.samples import Four, GRAVITY, GroundState, Odometry
+from smart_tire.uncertain import Uncertain
 
 SLOPES = State.ROLL, State.PITCH
 # where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
@@ -120,6 +121,27 @@ class SlipFilter:
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
         self.kalman.set_states([State.X, State.Y, State.YAW], 0.0, MIN_SIGMA)
+
+    def set_ground(self, ground: GroundState) -> None:
+        """Take the ground and the position of the IMU as given, with their errors."""
+        given = ground.imu_x, ground.imu_y
+        if all(math.isfinite(one.value) and math.isfinite(one.sigma) for one in given):
+            self._set_imu(given)
+        self.forces.set_ground(ground)
+
+    def _set_imu(self, position: tuple[Uncertain, Uncertain]) -> None:
+        """Set the position [m] of the IMU in base_link, whose velocity stays."""
+        x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
+        W = self._gyro_z - x[State.GYRO_BIAS_Z]
+        for one, nominal, row, velocity, by_arm in zip(
+                position, self._robot.imu.position, (State.IMU_X, State.IMU_Y),
+                (State.V_Y, State.V_X), (W, -W)):
+            F[velocity, row], F[row, row] = -by_arm, 0.0
+            x[velocity] += by_arm * (one.value - nominal - x[row])
+            x[row] = one.value - nominal
+            effect = np.eye(N)[row] + by_arm * np.eye(N)[velocity]
+            Q += one.sigma ** 2 * np.outer(effect, effect)
+        self.kalman.predict(x, F, Q)
 
     @property
     def is_sound(self) -> bool:
@@ -257,17 +279,18 @@ class SlipFilter:
         after = [lag * rate + more
                  for rate, more in zip(self.motion.rolling_rates(x, W), change)]
         y, H = np.zeros(2), np.zeros((2, N))
-        for i, (travel, slip, arm) in enumerate(zip(TRAVELS, SLIP_VELS, self.motion.arms)):
+        for i, (travel, slip, arm) in enumerate(zip(TRAVELS, SLIP_VELS, self.motion.arms(x))):
             y[i] = dt * sides[i] - (x[travel] - after[i])
             H[i, travel], H[i, State.V_X], H[i, slip] = 1.0, -lag, -lag
             H[i, State.GYRO_BIAS_Z], H[i, State.RADIUS] = lag * arm, -dt * wheels.side_speeds[i]
+            H[i, State.IMU_Y] = -lag * W
         H = self._by_slip(H)
         # the yaw rate by the wheels is no measurement of their difference
         R = self._wheel_covariance(wheels, sides, independent and not self.blind)
         self._add_slip_change(sides, R, dt, lag)
         moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
         for model, speed in zip(self._accelerometer, (
-                0.5 * sum(sides), (self._x_imu - x[State.ICR_X]) * W)):
+                0.5 * sum(sides), (self._x_imu + x[State.IMU_X] - x[State.ICR_X]) * W)):
             model.add_speed(speed, dt, learn=moving and not self.blind)
         if not moving:
             left, both, right = kalman.covariance(H, R)  # of y
@@ -290,9 +313,9 @@ class SlipFilter:
         self._sides, self._started = sides, True
         x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
         x[State.V_X] = 0.5 * sum(side - x[slip] - arm * W for side, slip, arm in zip(
-            sides, SLIP_VELS, self.motion.arms))
+            sides, SLIP_VELS, self.motion.arms(x)))
         F[State.V_X, State.V_X] = 0.0
-        F[State.V_X, SLIP_VELS] = -0.5
+        F[State.V_X, SLIP_VELS], F[State.V_X, State.IMU_Y] = -0.5, -W
         F[State.V_X, State.RADIUS] = 0.5 * sum(wheels.side_speeds)
         Q[State.V_X, State.V_X] = wheels.variance + self._wheel_noise.variance
         self.kalman.predict(x, F, Q)
@@ -384,7 +407,8 @@ class SlipFilter:
                 x[travel] = lag * rates[i] + change[i]
                 F[travel, travel] = 0.0
                 F[travel, State.V_X] = F[travel, slip] = lag
-                F[travel, State.GYRO_BIAS_Z] = -lag * self.motion.arms[i]
+                F[travel, State.GYRO_BIAS_Z] = -lag * self.motion.arms(x)[i]
+                F[travel, State.IMU_Y] = lag * W
         self.kalman.predict(x, F, Q)
 
     def correct_lateral(self, gyro_z: float, duration: float) -> None:

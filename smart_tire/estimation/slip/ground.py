@@ -21,13 +21,14 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from dataclasses import replace
 import math
 
 import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
-from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance, SENSORS_HELD
+from smart_tire.estimation.slip.kalman import FORCES_HELD, KalmanFilter, LearnedVariance
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
     LEARNING_TIME, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME,
@@ -50,7 +51,7 @@ GROUND_SIGMAS = (LN_STIFFNESS_SIGMA, LN_FRICTION.sigma,
                  UNKNOWN_GROUND[1] * math.expm1(LN_RESISTANCE.sigma), 0.25 * LATERAL_SHARE.sigma,
                  LN_LATERAL_RATIO.sigma, 0.0, 0.0)
 SPREAD = np.diag(np.square(GROUND_SIGMAS[:3]))
-FOLLOWED = SENSORS_HELD.copy()  # after a change the ground is estimated
+FOLLOWED = FORCES_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0
 
 
@@ -58,13 +59,28 @@ class MotorTorques:
     """Traction forces of the wheels by the motor torques, with their errors."""
 
     def __init__(self, robot: RobotParams) -> None:
-        self._motor, self._radius = robot.motor, robot.wheel_radius
-        noise, offset = torque_errors(robot.motor)
-        self._offset, least = offset, math.sqrt(2.0) * noise / self._radius
+        self._nominal, self._radius = robot.motor, robot.wheel_radius
+        self._set_motor(Uncertain(1.0, 0.0), 1.0)
+        least = math.sqrt(2.0) * torque_errors(robot.motor)[0] / self._radius
         self._noise = [LearnedVariance(least, least, LEARNING_TIME) for _ in SLIP_VELS]
         self._last: Four = (math.nan,) * 4
         self._repeats = [0] * 4
         self._innovations = [0.0, 0.0]      # N, the last ones
+
+    def set_ground(self, ground: GroundState) -> None:
+        """Take the friction of gears and axles and the scale of the torques, where given."""
+        friction, scale = ground.motor_friction, ground.torque_scale.value
+        if math.isfinite(friction.value) and math.isfinite(friction.sigma) and math.isfinite(
+                scale):
+            self._set_motor(friction, scale)
+
+    def _set_motor(self, friction: Uncertain, scale: float) -> None:
+        motor, factor = self._nominal, friction.value
+        self._motor, self._scale = replace(
+            motor, coulomb_friction=factor * motor.coulomb_friction,
+            axle_friction=factor * motor.axle_friction), scale
+        self._offset = math.hypot(torque_errors(self._motor)[1],
+                                  friction.sigma * motor.coulomb_friction)  # N m
 
     def forces(self, torques: Four, speeds: Four, loads: Sequence[float]) -> list[float] | None:
         """
@@ -79,7 +95,8 @@ class MotorTorques:
             return None
         rates = np.array(speeds) / self._radius
         found: list[float] = traction_force(
-            torques, rates, 0.0, loads, self._motor, self._radius).tolist()
+            self._scale * np.array(torques), rates, 0.0, loads, self._motor,
+            self._radius).tolist()
         return found
 
     def variance(self, side: int, y: float, size: float, step: float, dt: float) -> float:
@@ -206,6 +223,7 @@ class ForceBalance:
         is not that of the new ground yet.
         """
         self._silent = 0.0
+        self._torques.set_ground(ground)
         reported = (ground.friction_coefficient, ground.rolling_resistance, ground.lateral_share,
                     ground.lateral_stiffness_ratio, ground.center_of_mass_x,
                     ground.center_of_mass_y)
@@ -278,7 +296,7 @@ class ForceBalance:
                  ) -> None:
         """Correct with an innovation of the forces; the ground too while it is followed."""
         kalman = self._kalman
-        total = kalman.correct(y, h, variance, FOLLOWED if self.follows else SENSORS_HELD, shared)
+        total = kalman.correct(y, h, variance, FOLLOWED if self.follows else FORCES_HELD, shared)
         self._change.add_innovation(kalman.ground, y, total)
         if self.follows:
             self._add_to_ground(kalman.x[SUDDEN])
@@ -302,8 +320,11 @@ class ForceBalance:
         shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
         # the error of the model lasts: as white noise it has the same mean over its time
         variance = 2.0 * MODEL_TIME / dt * BALANCE_SIGMA ** 2 + imu.force_variance
-        for error, h, velocity in zip(expected, self._forces.H, (State.V_X, State.V_Y)):
-            self._correct(-error, h, variance, (velocity, shared))
+        arm_x, arm_y = self._forces.center_arm(x)
+        for error, h, velocity, arm in zip(
+                expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x)):
+            self._correct(-error, h, variance + arm * arm * imu.yaw_accel_variance,
+                          (velocity, shared))
         return True
 
     def _correct_torques(self, reading: ImuReading, torques: Four, wheels: WheelSpeeds,

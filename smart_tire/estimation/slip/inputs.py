@@ -161,6 +161,11 @@ class ImuInput:
         """Return the variance [(m/s2)^2] of a horizontal force: noise and vibration."""
         return self._imu.accel_noise ** 2 + self.vibration ** 2
 
+    @property
+    def yaw_accel_variance(self) -> float:
+        """Return the variance [(rad/s2)^2] of the yaw acceleration: noise of two samples."""
+        return 2.0 * (self._imu.gyro_noise / self.period.value) ** 2
+
     def _measure_vibration(self, force: float, dt: float) -> None:
         if self._vertical is None:
             self._vertical = [force, 0.0]

@@ -67,6 +67,8 @@ GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z]] = 1.0
 # lasting errors of the force balance and of the ICR kinematics must not be taken for sensor errors
 SENSORS_HELD = GYRO_HELD.copy()
 SENSORS_HELD[[State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0
+FORCES_HELD = SENSORS_HELD.copy()  # the window knows the position of the IMU
+FORCES_HELD[[State.IMU_X, State.IMU_Y]] = 1.0
 
 
 class LearnedVariance:

@@ -55,12 +55,13 @@ cython.declare(
     PITCH=cython.int, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
     ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
     SLIP_VEL_R=cython.int, TRAVEL_L=cython.int, ICR_X=cython.int, ICR_L=cython.int,
-    ICR_R=cython.int, IMU_X=cython.int)
+    ICR_R=cython.int, IMU_X=cython.int, IMU_Y=cython.int)
 GRAVITY, MIN_SLIP_SPEED = G, state.MIN_SLIP_SPEED
 SLIP_CORRELATION_TIME, SLOPE_LENGTH = state.SLIP_CORRELATION_TIME, state.SLOPE_LENGTH
 
 (X, Y, YAW, ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L,
- SLIP_VEL_R, TRAVEL_L, _, ICR_X, ICR_L, ICR_R, _, IMU_X) = map(int, list(State)[:State.IMU_X + 1])
+ SLIP_VEL_R, TRAVEL_L, _, ICR_X, ICR_L, ICR_R, _, IMU_X, IMU_Y) = map(
+     int, list(State)[:State.IMU_Y + 1])
 
 
 class Noise(NamedTuple):
@@ -101,8 +102,7 @@ def wheel_slip_ratio(rolling: cython.double, ground: cython.double,
 class MotionModel:
     """Motion of the state ``x`` (N numbers) over ``dt`` [s]."""
 
-    arms = cython.declare(list, visibility='readonly')  # m, v_x of the sides by the yaw rate
-    _arms: cython.double[2]
+    _arms: cython.double[2]     # m, v_x of the sides by the yaw rate, nominal
     _x_imu: cython.double
     _y_imu: cython.double
     _gyro_walk: cython.double   # (rad/s)^2 per s, of the gyro bias
@@ -116,16 +116,19 @@ class MotionModel:
         self._x_imu, self._y_imu = robot.imu.position[:2]
         self._gyro_walk = (state.BIAS_WALK_SHARE * robot.imu.gyro_bias) ** 2
         self._accel_walk = (state.BIAS_WALK_SHARE * robot.imu.accel_bias) ** 2
-        self.arms = [self._y_imu + sign * 0.5 * robot.track_width for sign in (-1.0, 1.0)]
-        self._arms = self.arms
+        self._arms = [self._y_imu + sign * 0.5 * robot.track_width for sign in (-1.0, 1.0)]
         self._jacobian, self._noise = np.eye(N), np.zeros((N, N))
         self._F, self._Q = self._jacobian, self._noise
+
+    def arms(self, x: cython.double[::1]) -> list[float]:
+        """Return the derivatives [m] of v_x of both sides by the yaw rate."""
+        return [self._arms[0] + x[IMU_Y], self._arms[1] + x[IMU_Y]]
 
     @cython.cfunc
     def _rolling_rate(self, x: cython.double[::1], W: cython.double, side: cython.int
                       ) -> cython.double:
         """Return r w [m/s] of the left (0) or right (1) side."""
-        return x[V_X] + self._arms[side] * W + x[SLIP_VEL_L + side]
+        return x[V_X] + (self._arms[side] + x[IMU_Y]) * W + x[SLIP_VEL_L + side]
 
     def rolling_rates(self, x: cython.double[::1], W: cython.double) -> list[float]:
         """Return r w [m/s] of both sides."""
@@ -180,9 +183,11 @@ class MotionModel:
         """
         slip, u = SLIP_VEL_L + side, self._rolling_rate(x, W, side)
         v, by_v = u - x[slip], -x[slip]
-        speed_variance = P[V_X, V_X] - 2.0 * self._arms[side] * P[V_X, GYRO_BIAS_Z]
+        arm = self._arms[side] + x[IMU_Y]
+        speed_variance = (P[V_X, V_X] - 2.0 * arm * P[V_X, GYRO_BIAS_Z]
+                          + W * (2.0 * P[V_X, IMU_Y] + W * P[IMU_Y, IMU_Y]))
         variance = (v * v * P[slip, slip] + by_v * by_v * speed_variance
-                    + 2.0 * v * by_v * P[slip, V_X])
+                    + 2.0 * v * by_v * (P[slip, V_X] + W * P[slip, IMU_Y]))
         return min(1.0, sqrt(max(0.0, variance)) / max(u * u, 1e-9))
 
     def predict(self, x: array[float], step: ImuStep, noise: Noise
@@ -226,7 +231,7 @@ class MotionModel:
         steady_x, steady_y = self.steady_force(x, W)
         a_x, a_y = share_x * (force_x - steady_x), share_y * (force_y - steady_y)
         by_x, by_y = share_x * dt, share_y * dt
-        x_imu, y_imu = self._x_imu + x[IMU_X], self._y_imu
+        x_imu, y_imu = self._x_imu + x[IMU_X], self._y_imu + x[IMU_Y]
         b_x = x[V_X] + 0.5 * a_x * dt + y_imu * W  # m/s, of base_link
         b_y = x[V_Y] + 0.5 * a_y * dt - x_imu * W
         c, s = cos(x[YAW] + 0.5 * W * dt), sin(x[YAW] + 0.5 * W * dt)
@@ -241,6 +246,7 @@ class MotionModel:
         F[X, GYRO_BIAS_Z] = (-c * y_imu - s * x_imu) * dt
         F[Y, GYRO_BIAS_Z] = (-s * y_imu + c * x_imu) * dt
         F[X, IMU_X], F[Y, IMU_X] = s * W * dt, -c * W * dt
+        F[X, IMU_Y], F[Y, IMU_Y] = c * W * dt, s * W * dt
         F[YAW, GYRO_BIAS_Z], F[V_X, ACCEL_BIAS_X], F[V_Y, ACCEL_BIAS_Y] = -dt, -by_x, -by_y
         F[V_X, V_Y], F[V_Y, V_X] = W * by_x, -W * by_y
         F[V_X, GYRO_BIAS_Z], F[V_Y, GYRO_BIAS_Z] = -x[V_Y] * by_x, x[V_X] * by_y
@@ -282,7 +288,8 @@ class MotionModel:
             F[slip, slip], F[slip, icr] = decay, sign * gain
             F[slip, GYRO_BIAS_Z] = -sign * (1.0 - decay) * x[icr] * (gain != 0.0)
             F[travel, slip] = F[travel, V_X] = dt
-            F[travel, GYRO_BIAS_Z] = -self._arms[side] * dt
+            F[travel, GYRO_BIAS_Z] = -(self._arms[side] + x[IMU_Y]) * dt
+            F[travel, IMU_Y] = W * dt
             Q[slip, slip] = common + difference
         Q[SLIP_VEL_L, SLIP_VEL_R] = Q[SLIP_VEL_R, SLIP_VEL_L] = common - difference
 
@@ -298,9 +305,10 @@ def fill_covariances(P: cython.double[:, :], W: cython.double, x_imu: cython.dou
     """
     poses: cython.int[5] = [X, Y, ROLL, PITCH, YAW]
     pose_rows: cython.int[5] = [0, 1, 3, 4, 5]
-    # the twist is linear in four states: T (3, 4)
-    states: cython.int[4] = [V_X, V_Y, GYRO_BIAS_Z, IMU_X]
-    T: cython.double[12] = [1.0, 0.0, -y_imu, 0.0, 0.0, 1.0, x_imu, -W, 0.0, 0.0, -1.0, 0.0]
+    # the twist is linear in five states: T (3, 5)
+    states: cython.int[5] = [V_X, V_Y, GYRO_BIAS_Z, IMU_X, IMU_Y]
+    T: cython.double[15] = [
+        1.0, 0.0, -y_imu, 0.0, W, 0.0, 1.0, x_imu, -W, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0]
     twist_rows: cython.int[3] = [0, 1, 5]
     for i in range(5):
         for j in range(5):
@@ -308,8 +316,8 @@ def fill_covariances(P: cython.double[:, :], W: cython.double, x_imu: cython.dou
     for i in range(3):
         for j in range(i + 1):
             total = 0.0
-            for k in range(4):
-                for m in range(4):
-                    total += T[4 * i + k] * P[states[k], states[m]] * T[4 * j + m]
+            for k in range(5):
+                for m in range(5):
+                    total += T[5 * i + k] * P[states[k], states[m]] * T[5 * j + m]
             twist[6 * twist_rows[i] + twist_rows[j]] = total
             twist[6 * twist_rows[j] + twist_rows[i]] = total

@@ -50,14 +50,15 @@ class State(IntEnum):
     ICR_L = 15             # m, y of the ICR of the left side, beyond its wheels
     ICR_R = 16             # m, of the right side, to the right
     RADIUS = 17            # -, relative error of the wheel radius
-    IMU_X = 18             # m, error of the x position of the IMU
-    LN_STIFFNESS = 19      # -, ln of C_x over the value that is given
-    LN_FRICTION = 20       # -, ln of mu over the value that is given
-    RESISTANCE = 21        # -, error of the rolling resistance coefficient
-    LATERAL_SHARE = 22     # -, error of the lateral share of the rolling resistance
-    LN_LATERAL = 23        # -, ln of C_y / C_x over the value that is given
-    COM_X = 24             # m, error of the center of mass
-    COM_Y = 25             # m
+    IMU_X = 18             # m, error of the position of the IMU
+    IMU_Y = 19             # m
+    LN_STIFFNESS = 20      # -, ln of C_x over the value that is given
+    LN_FRICTION = 21       # -, ln of mu over the value that is given
+    RESISTANCE = 22        # -, error of the rolling resistance coefficient
+    LATERAL_SHARE = 23     # -, error of the lateral share of the rolling resistance
+    LN_LATERAL = 24        # -, ln of C_y / C_x over the value that is given
+    COM_X = 25             # m, error of the center of mass
+    COM_Y = 26             # m
 
 
 N = len(State)
@@ -179,7 +180,7 @@ def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
         robot.imu.accel_bias, GRAVITY * MOUNTING_TILT)
     x[State.ICR_X], sigma[State.ICR_X] = params.icr_x, params.icr_x_sigma * robot.wheelbase
     sigma[State.RADIUS] = max(robot.wheel_radius_sigma, 1e-9)
-    sigma[State.IMU_X] = max(robot.imu.position_sigma, 1e-9)
+    sigma[[State.IMU_X, State.IMU_Y]] = max(robot.imu.position_sigma, 1e-9)
     sigma[GROUND] = 0.0
     mean, spread = (share * robot.track_width for share in ICR_SHARES)
     for row in ICRS:

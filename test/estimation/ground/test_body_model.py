@@ -66,7 +66,7 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
             ('START_W', -1.0, 1.0), ('OLD_STIFFNESS', 300.0, 3000.0), ('STIFFNESS', 300.0, 3000.0),
             ('OLD_FRICTION', 0.3, 1.0), ('FRICTION', 0.3, 1.0), ('OLD_RESISTANCE', 0.0, 0.15),
             ('RESISTANCE', 0.0, 0.15), ('FALL', 0.0, 0.5), ('BEND_X', -0.05, 0.05),
-            ('BEND_Y', -0.05, 0.05)):
+            ('BEND_Y', -0.05, 0.05), ('RELAXATION', 0.0, 0.05)):
         runs[:, getattr(model, name)] = random.uniform(low, high, count)
     if kind == 'sliding':
         runs[:, [model.OLD_FRICTION, model.FRICTION]] = 0.05
@@ -282,3 +282,26 @@ def test_errors_decrease_with_the_square_of_the_step():
     assert errors[0] < 1e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.4)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.4)
+
+
+def test_forces_follow_the_slip_over_the_relaxation_length():
+    length, speed, steps = 0.1, 0.5, 60
+    rolling = np.full((steps, 4), speed)
+    rolling[20:] *= 1.001  # a small step of the slip, and a body that does not follow it
+    robot = ROBOT.copy()
+    robot[model.MASS] = 1e9
+    runs = ground(RELAXATION=length, STIFFNESS=1.0, OLD_STIFFNESS=1.0, OLD_FRICTION=0.6)
+    runs[:, model.START_U] = speed
+    force = simulate(rolling, runs, robot=robot)[0, :, model.FORCE]
+    after = STEP * np.arange(1, steps - 19)
+    expected = 1.0 - (1.0 + STEP * speed / length) ** (-after / STEP)  # implicit Euler
+    np.testing.assert_allclose(force[20:] / force[-1] * expected[-1], expected, rtol=0.02)
+    assert abs(after[np.searchsorted(expected, 1.0 - np.exp(-1.0))] * speed - length) < 0.02
+
+
+def test_a_relaxing_tire_takes_energy_only_and_comes_to_rest():
+    runs = ground(RELAXATION=0.03, OLD_STIFFNESS=1200.0, OLD_FRICTION=0.6)
+    runs[:, VELOCITY] = 0.3, 0.1, 0.5
+    states = simulate(np.zeros((400, 4)), runs)[0]
+    speed = np.hypot(states[:, model.U], states[:, model.V])
+    assert speed.max() < 0.32 and speed[-50:].max() < 0.01

@@ -20,7 +20,7 @@ from smart_tire.estimation.ground.measurements import (
     FORCE_X, Measurements, Passage, TORQUE, WindowData)
 from smart_tire.estimation.ground.unknowns import (
     DYNAMIC, GROUND, initial, OLD_GROUND, priors, SIZE, Unknown)
-from smart_tire.estimation.ground.window import GroundWindow
+from smart_tire.estimation.ground.window import _mixed, GroundWindow
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
@@ -260,12 +260,14 @@ def test_derivatives_by_the_linear_unknowns_are_those_of_the_prediction(measurem
     heading = measurements.heading(0.0, (6.0, 0.0))
     start = np.array([0.7, 0.0, 0.3])
 
-    def predicted(x):
-        motion = measurements.simulate(x[np.newaxis], start, heading, np.array([-math.inf]))
-        return measurements.predict(x[np.newaxis], motion)[0]
+    def motion(x):
+        return measurements.simulate(x[np.newaxis], start, heading, np.array([-math.inf]))
 
-    linear, base = measurements.linear(x, predicted(x)), predicted(x)
-    for row in range(DYNAMIC, SIZE - 4):
+    def predicted(x):
+        return measurements.predict(x[np.newaxis], motion(x))[0]
+
+    linear, base = measurements.linear(x, predicted(x), motion(x)), predicted(x)
+    for row in range(DYNAMIC, Unknown.FILM_GAIN):
         changed = x.copy()
         changed[row] += 1e-5
         assert linear[:, :, row - DYNAMIC] == pytest.approx(
@@ -274,7 +276,7 @@ def test_derivatives_by_the_linear_unknowns_are_those_of_the_prediction(measurem
 
 def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_weight(measurements):
     predicted = measurements.values
-    noise = measurements.noise(predicted, np.zeros(3))
+    noise = measurements.noise(predicted, np.zeros_like(predicted), np.zeros(3))
     assert np.linalg.eigvalsh(noise).min() > 0.0
     assert (np.sqrt(np.diagonal(noise, axis1=1, axis2=2))[:, ~measurements.used] > 1e5).all()
     used = np.sqrt(np.diagonal(noise, axis1=1, axis2=2))[:, measurements.used]
@@ -288,6 +290,109 @@ def test_a_passage_in_full_sliding_determines_the_ratio_of_slips_only(measuremen
     along, across = np.array([0.1, 0.9]), np.array([0.9, -0.1])
     assert along @ noise @ along > 50.0 * (across @ noise @ across)
     measurements.passages[0] = sliding._replace(sliding=False)
+
+
+def test_films_show_the_product_of_both_slips_with_the_same_error_at_any_slip(measurements):
+    noise, measured = [], []
+    for slip, ratio in ((0.004, 0.4), (0.004, -0.3)):  # hardly any stretch
+        covariance = np.diag([1e-6, (4e-4 / slip) ** 2])
+        measurements.passages[0] = Passage(8.0, 1, slip, ratio, covariance, False)
+        measured.append(measurements.passages[0].measured)
+        noise.append(measurements.passage_noise(np.array([0.01, 0.01 * 0.02])))
+    measurements.passages[0] = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    assert measured == [(0.004, pytest.approx(0.0016)), (0.004, pytest.approx(-0.0012))]
+    for one, ratio in zip(noise, (0.4, -0.3)):  # 4e-4 / 0.01 of a ratio at the predicted slip
+        assert math.sqrt(one[1, 1]) == pytest.approx(math.hypot(4e-4, 1e-3 * ratio), rel=0.15)
+
+
+def test_the_lasting_error_of_the_films_bounds_what_many_passages_show(samples):
+    weak = [(stamp, wheel, slip, ratio, np.diag([1e-6, (1e-4 / abs(slip)) ** 2]), sliding)
+            for stamp, wheel, slip, ratio, _, sliding in true_passages(samples, every=0.1)]
+    _, few = run(samples, passages=[*weak[::4]])
+    _, many = run(samples, passages=weak)
+    row = Unknown.FILM_ERROR + 1
+    sigma = [math.sqrt(found[-1].fit.covariance[row, row]) for found in (few, many)]
+    prior = priors(ROBOT)[row].sigma
+    assert min(sigma) > 1e-5 and max(sigma) < prior
+
+
+def test_a_start_from_standstill_weighs_little_and_a_steady_turn_fully(measurements):
+    predicted = measurements.values
+    transient = np.zeros_like(predicted)
+    transient[FORCE_X, -4] = 1.5
+    plain, lagging = (np.diagonal(measurements.noise(predicted, one, np.zeros(3)), 0, 1, 2)
+                      for one in (np.zeros_like(predicted), transient))
+    assert math.sqrt(lagging[FORCE_X, -4]) == pytest.approx(3.0, rel=0.05)
+    lagging = lagging.copy()
+    lagging[FORCE_X, -4] = plain[FORCE_X, -4]
+    np.testing.assert_array_equal(lagging, plain)
+
+
+def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_slope():
+    window = GroundWindow(ROBOT)
+    x = initial(priors(ROBOT)).mean.copy()
+    likely = x[Unknown.FRICTION]
+    covariance = np.eye(SIZE)
+
+    def step(below, sigma):
+        x[Unknown.FRICTION] = likely - below
+        covariance[Unknown.FRICTION, Unknown.FRICTION] = sigma ** 2
+        return window._friction_step(x, covariance)
+
+    assert step(0.7, 0.4) == pytest.approx(0.7)    # that of the prior, within two sigmas
+    assert step(0.7, 0.1) == pytest.approx(0.2)    # excluded: two sigmas
+    assert step(-0.5, 0.3) == step(0.0, 0.3) == pytest.approx(0.3)
+
+
+def test_the_friction_of_gears_is_found_that_the_data_sheet_has_twice_too_small(samples, torques):
+    motor = replace(ROBOT.motor, coulomb_friction=0.5 * ROBOT.motor.coulomb_friction,
+                    axle_friction=0.5 * ROBOT.motor.axle_friction)
+    estimator, found = run(samples, replace(ROBOT, motor=motor))
+    fit, row, (_, given) = found[-1].fit, Unknown.MOTOR_FRICTION, torques
+    sigma = math.sqrt(fit.covariance[row, row])
+    assert fit.x[row] > given[-1].fit.x[row] + 0.1  # not only the offsets take it
+    assert abs(fit.x[row] - math.log(2.0)) < 3.0 * sigma < 1.0
+    stiffness = estimator.state(found[-1]).stiffness
+    assert abs(stiffness.value - STIFFNESS) < 3.0 * stiffness.sigma < 0.5 * STIFFNESS
+
+
+def test_the_position_of_the_imu_is_found_where_it_was_not_measured(samples):
+    true_x, true_y, height = ROBOT.imu.position
+    imu = replace(ROBOT.imu, position=(true_x - 0.12, true_y + 0.08, height), position_sigma=0.1)
+    estimator, found = run(samples, replace(ROBOT, imu=imu))
+    state = estimator.state(found[-1])
+    for one, true in ((state.imu_x, true_x), (state.imu_y, true_y)):
+        assert abs(one.value - true) < 3.0 * one.sigma < 0.09
+    estimator, found = run(samples)
+    measured = estimator.state(found[-1])
+    assert measured.imu_x == (pytest.approx(true_x, abs=1e-6), pytest.approx(1e-6, rel=0.1))
+
+
+def test_friction_is_less_certain_to_larger_values_and_unknown_sooner(films):
+    estimator, found = films
+    solution, row = found[-1], Unknown.FRICTION
+
+    def sigma(log_sigma):
+        covariance = 1e-12 * np.eye(SIZE)
+        covariance[row, row] = log_sigma ** 2
+        changed = solution._replace(fit=solution.fit._replace(covariance=covariance))
+        stamp = round(estimator.end_ns - 0.5 * NS_PER_S)
+        both = (estimator.wheel_state(changed, stamp, 'front_left').friction,
+                estimator.state(changed).friction_coefficient)
+        return [one.sigma / one.value for one in both]
+
+    assert sigma(0.2) == pytest.approx([0.25, 0.25], rel=0.1)  # 1 / 0.8 - 1, and of the curve
+    assert not np.isfinite(sigma(0.27)).any() and not np.isfinite(sigma(1.2)).any()
+
+
+def test_derivatives_for_the_output_are_those_by_the_steps_of_the_fit(films):
+    _, found = films
+    solution = found[-1]
+    values, slopes = solution.values_at(solution.end - 0.5, [0])
+    runs = np.vstack([solution.fit.x, solution.fit.varied_x])
+    moved = runs[1 + 1 + Unknown.FRICTION] - runs[1]
+    assert np.count_nonzero(moved) == 1 and moved[Unknown.FRICTION] > 1e-3
+    assert abs(slopes[0, 1, Unknown.FRICTION] / values[0, 1] + 1.0) < 0.1  # t ~ 1 / mu
 
 
 def test_the_prior_of_a_changed_ground_keeps_the_old_one_aside():
@@ -383,8 +488,38 @@ def test_while_a_change_is_undecided_the_covariance_covers_both_grounds(changed)
             assert abs(one.fit.x[Unknown.RESISTANCE] - math.log(drag)) < 2.5 * sigma
 
 
+def test_an_error_of_a_sensor_beyond_its_prior_is_named_and_widens_sigma(samples, torques):
+    _, given = torques
+    biased = [replace(one, acceleration=(one.acceleration[0], one.acceleration[1] + 0.8,
+                                         one.acceleration[2]))
+              if isinstance(one, ImuSample) else one for one in samples]
+    estimator, found = run(biased)
+    tension = found[-1].tension
+    assert tension.name == 'accel_bias_y' and tension.size > 3.0 > 2.0 > given[-1].tension.size
+    assert estimator.status['ground_tension'] == f'{tension.size:.1f} sigma: accel_bias_y'
+    row = Unknown.STIFFNESS
+    ratio = found[-1].fit.covariance[row, row] / given[-1].fit.covariance[row, row]
+    assert ratio == pytest.approx((tension.size / 2.0) ** 2, rel=0.4)
+
+
+def test_the_covariance_of_a_mixture_is_positive_definite(films):
+    _, found = films
+    fit = found[-1].fit
+    random = np.random.default_rng(1).standard_normal((SIZE, SIZE))
+    vague = fit._replace(covariance=random @ random.T + 0.1 * np.eye(SIZE))
+    sure = fit._replace(covariance=1e-6 * np.eye(SIZE), x=fit.x + 1e-3)
+    for one, other in ((vague, sure), (sure, vague)):
+        mixed = _mixed(one, other).covariance
+        assert np.linalg.eigvalsh(mixed).min() > 0.0
+        np.testing.assert_allclose(
+            mixed[OLD_GROUND, OLD_GROUND], one.covariance[OLD_GROUND, OLD_GROUND])
+        assert mixed[0, 0] == pytest.approx(
+            0.5 * (one.covariance[0, 0] + other.covariance[0, 0] + 1e-6))
+
+
 def test_a_disturbance_is_not_used_for_one_second(measurements):
-    noise = measurements.noise(measurements.values, np.zeros(3), ((7.0, 8.0),))
+    values = measurements.values
+    noise = measurements.noise(values, np.zeros_like(values), np.zeros(3), ((7.0, 8.0),))
     sigma = np.sqrt(np.diagonal(noise, axis1=1, axis2=2))
     inside = (measurements.centers >= 7.0) & (measurements.centers <= 8.0)
     assert (sigma[:, inside] > 1e5).all()

@@ -34,7 +34,7 @@ NOISE = motion.Noise((0.01, 0.02), 0.02, 0.01, 0.002)
 RESIDUAL = (0.01, -0.01, 0.02, 0.0)
 MOVING = {State.YAW: 0.7, State.ROLL: 0.01, State.PITCH: -0.02, State.V_X: 0.6, State.V_Y: -0.05,
           State.GYRO_BIAS_Z: 0.01, State.ACCEL_BIAS_X: 0.05, State.SLIP_VEL_L: 0.04,
-          State.SLIP_VEL_R: 0.08, State.IMU_X: 0.01}
+          State.SLIP_VEL_R: 0.08, State.IMU_X: 0.01, State.IMU_Y: -0.03}
 
 
 def state(kind='driving'):
@@ -169,6 +169,36 @@ def test_the_jacobian_of_the_motion_is_its_derivative():
             F[:, row], derivative(partial(predicted, row), 0.0, 1e-6), atol=3e-6)
 
 
+def test_covariances_of_the_outputs_are_those_of_their_derivatives():
+    x, P = state()
+    model, W = MotionModel(ROBOT), 0.5 - x[State.GYRO_BIAS_Z]
+
+    def twist(row, delta):
+        moved = x[:]
+        moved[row] += delta
+        rate = 0.5 - moved[State.GYRO_BIAS_Z]
+        return np.array([moved[State.V_X] + (0.02 + moved[State.IMU_Y]) * rate,
+                         moved[State.V_Y] - (0.1 + moved[State.IMU_X]) * rate, rate])
+
+    def ratios(row, delta):
+        moved = x[:]
+        moved[row] += delta
+        return np.array([one[0] for one in model.wheel_slips(
+            moved, P, W, (0.0,) * 4, (0.0,) * 4, 0.05)])
+
+    pose, found = array('d', bytes(288)), array('d', bytes(288))
+    motion.fill_covariances(P, W, 0.1 + x[State.IMU_X], 0.02 + x[State.IMU_Y], pose, found)
+    T = np.column_stack([derivative(partial(twist, row), 0.0, 1e-6) for row in State])
+    np.testing.assert_allclose(np.reshape(found, (6, 6))[np.ix_((0, 1, 5), (0, 1, 5))],
+                               T @ P @ T.T, rtol=1e-6)
+    small = 1e-4 * P  # a standard deviation of a slip ratio is at most 1
+    small[State.GYRO_BIAS_Z] = small[:, State.GYRO_BIAS_Z] = 0.0
+    T = np.column_stack([derivative(partial(ratios, row), 0.0, 1e-6) for row in State])
+    sigmas = [sigma for *_, sigma in model.wheel_slips(
+        x, small, W, (0.0,) * 4, (0.0,) * 4, 0.05)]
+    np.testing.assert_allclose(sigmas, np.sqrt(np.diag(T @ small @ T.T)), rtol=1e-4)
+
+
 def balance(model, x, rolling):
     return model.balance(x, rolling, 0.5, 0.1, 0.3, -0.2)
 
@@ -177,7 +207,7 @@ def tractions(model, x, rolling):
     return model.tractions(x, rolling, 0.5, [25.0, 20.0, 30.0, 28.0])
 
 
-SPEEDS = State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R
+SPEEDS = State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R, State.IMU_X, State.IMU_Y
 RATIOS = State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL
 
 

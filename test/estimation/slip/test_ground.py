@@ -19,6 +19,11 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.filter import SlipFilter
+from smart_tire.estimation.slip.ground import MotorTorques
+from smart_tire.estimation.slip.inputs import ImuInput
+from smart_tire.estimation.slip.state import ImuReading, ImuStep, MODEL_TIME, N, State
+from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import (
     GroundState, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip)
@@ -27,6 +32,7 @@ from smart_tire.uncertain import Uncertain
 
 pytestmark = pytest.mark.slow
 
+PARAMS = SlipEstimatorParams()
 SEEDS = (11, 12)  # not used by a benchmark
 SHORT, WHOLE = 24.0, math.inf  # s, of a scenario
 PERIOD_NS = 500_000_000
@@ -54,6 +60,76 @@ def test_quantities_that_a_ground_state_does_not_have_are_unknown():
     assert estimator.status()['ground'] == 'given'
     assert math.isfinite(sum(map(sum, (
         [*one.linear, *one.twist_covariance] for one in found if isinstance(one, Odometry)))))
+
+
+def test_the_velocity_of_the_robot_stays_when_the_position_of_the_imu_is_given():
+    robot = replace(PARAMS.robot, imu=replace(PARAMS.robot.imu, position_sigma=0.1))
+    slip_filter = SlipFilter(replace(PARAMS, robot=robot))
+    x, P = slip_filter.kalman.x, slip_filter.kalman.P
+    step = ImuStep(0.01, ImuReading(0.8, 0.0, 0.0), 1e-6, 1e-4, 0.8, 0.8)
+    slip_filter.predict(0.01, step)
+    nominal_x, nominal_y, _ = robot.imu.position
+
+    def velocity():
+        return [x[State.V_X] + (nominal_y + x[State.IMU_Y]) * 0.8,
+                x[State.V_Y] - (nominal_x + x[State.IMU_X]) * 0.8]
+
+    x[State.V_X], x[State.V_Y], before = 0.7, 0.1, P.copy()
+    expected = velocity()
+    slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))  # without a position
+    assert (x[State.IMU_X], P[State.IMU_X, State.IMU_X]) == (0.0, pytest.approx(0.01))
+    slip_filter.set_ground(GroundState(
+        0, Uncertain(50.0, 2.0), imu_x=Uncertain(nominal_x + 0.12, 0.02),
+        imu_y=Uncertain(nominal_y - 0.07, 0.03)))
+    assert velocity() == pytest.approx(expected)
+    assert (x[State.IMU_X], x[State.IMU_Y]) == (pytest.approx(0.12), pytest.approx(-0.07))
+    by_arm = np.eye(N)
+    by_arm[State.V_X, State.IMU_Y], by_arm[State.V_Y, State.IMU_X] = 0.8, -0.8
+    old, new = by_arm @ before @ by_arm.T, by_arm @ P @ by_arm.T  # of the velocity of the robot
+    rows = np.ix_([State.V_X, State.V_Y], [State.V_X, State.V_Y])
+    np.testing.assert_allclose(new[rows], old[rows], rtol=1e-9)
+    assert np.diag(P)[[State.IMU_X, State.IMU_Y]] == pytest.approx([0.0004, 0.0009])
+    assert new[State.V_Y, State.IMU_X] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_balance_at_an_imu_far_from_the_center_of_mass_has_the_noise_of_the_yaw_acceleration(
+        monkeypatch):
+    def variances(x, y):
+        robot = PARAMS.robot
+        robot = replace(robot, imu=replace(robot.imu, position=(x, y, 0.1)))
+        slip_filter, imu, found = SlipFilter(replace(PARAMS, robot=robot)), ImuInput(robot), []
+        for tick in range(3):
+            imu.add_sample(0.01 * tick, ImuSample(0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)))
+        slip_filter.kalman.x[State.V_X] = 0.7
+        slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
+        monkeypatch.setattr(slip_filter.forces, '_correct',
+                            lambda y, h, variance, shared: found.append(variance))
+        assert slip_filter.forces.correct(imu, (0.0,) * 4, 0.01)
+        return np.array(found)
+
+    noise = 2.0 * (0.01 / 0.01) ** 2  # (rad/s2)^2: two samples of the gyroscope, 0.01 s apart
+    assert variances(0.3, 0.0) - variances(0.0, 0.0) == pytest.approx([0.0, 0.09 * noise])
+    assert variances(0.0, 0.2) - variances(0.0, 0.0) == pytest.approx([0.04 * noise, 0.0])
+
+
+def test_forces_by_the_torques_have_the_friction_and_the_scale_that_are_given():
+    motor, radius = PARAMS.robot.motor, PARAMS.robot.wheel_radius
+    torques, loads = MotorTorques(PARAMS.robot), [20.0] * 4
+    args = (0.5, -0.4, 0.6, -0.3), (0.8, -0.8, 0.8, -0.8), loads
+    plain = np.array(torques.forces(*args))
+    narrow = torques.variance(0, 1.0, 0.0, 1.0, 0.05)
+    torques.set_ground(GroundState(0, Uncertain(50.0, 2.0), motor_friction=Uncertain(1.5, 0.3),
+                                   torque_scale=Uncertain(1.1, 0.01)))
+    friction = friction_torque(np.array(args[1]) / radius, loads, replace(
+        motor, viscous_friction=0.0), radius)
+    assert np.array(torques.forces(*args)) == pytest.approx(
+        plain + (0.1 * np.array(args[0]) - 0.5 * friction) / radius)
+    wide = torques.variance(0, 1.0, 0.0, 1.0, 0.05)
+    own = (0.3 * motor.coulomb_friction) ** 2 + (0.1 * motor.coulomb_friction) ** 2 * (
+        1.5 ** 2 - 1.0)
+    assert wide - narrow == pytest.approx(2.0 * MODEL_TIME / 0.05 * 2.0 * own / radius ** 2)
+    torques.set_ground(GroundState(0, Uncertain(50.0, 2.0)))  # not observable: as before
+    assert torques.variance(0, 1.0, 0.0, 1.0, 0.05) == wide
 
 
 def ground_states(ground, truth, seed, until):
