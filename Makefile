@@ -38,6 +38,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo 'make demo            run the simulated robot and all nodes; results in demo_output/'
 	@echo 'make demo VIEW=1     the same, live in the viewer'
+	@echo 'make demo CAMERA=1   the same, with a simulated camera above the floor'
 	@echo 'make demo-loaded     the same, ten times on a busy machine; RUNS=N for N times'
 	@echo 'make test            check style and types, run the tests'
 	@echo 'make test-jazzy      run the tests of the nodes, and the linters of ROS, with ROS 2 Jazzy'
@@ -86,7 +87,7 @@ endif
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/smart_tire demo --force $(if $(VIEW),--view)
+	$(BIN)/smart_tire demo --force $(if $(VIEW),--view) $(if $(CAMERA),--camera)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.load

@@ -24,7 +24,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from smart_tire.parameters import FILES, NODE_PARAMS, RobotParams, Spec, specs
+from smart_tire.parameters import FILES, ImageParams, NODE_PARAMS, RobotParams, Spec, specs
 from smart_tire.parameters.files import value_text
 
 MAX_LINE_LENGTH = 90  # characters; the items of a list that exceeds it get lines of their own
@@ -61,6 +61,13 @@ def write_files(folder: Path) -> None:
 
 
 def _simulated_ports() -> Iterator[str]:
+    yield from ('', '# The place of the simulated camera, instead of overhead.yaml.',
+                '/**/overhead_localizer:', '  ros__parameters:', '    overhead:')
+    camera, place = specs(NODE_PARAMS['overhead_localizer']), specs(ImageParams)
+    for name in ('position', 'rotation'):
+        spec = replace(camera[f'overhead.camera_{name}'], name=f'camera_{name}',
+                       default=place[name].default)
+        yield from (f'      {line}'.replace('; must be given', '') for line in _entry(spec))
     yield from ('', '# Drivers, instead of hardware.yaml: the ports of the simulated devices.')
     links = specs(NODE_PARAMS['robot_simulator'])
     for node, name in SIMULATED_PORTS.items():

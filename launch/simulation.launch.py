@@ -17,16 +17,16 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from smart_tire.launching import (
-    boolean, check_arguments, enclave, file, hold_interrupts, parameters_of, text, viewer)
+    boolean, CAMERA, check_arguments, enclave, file, hold_interrupts, parameters_of, text, viewer)
 
 FILES = {  # parameter file -> its content
     'robot': 'geometry, tires, films and sensors',
-    'simulation': 'ground, drive, radio and ports',
+    'simulation': 'ground, drive, radio, ports and camera',
     'tuning': 'estimators and controllers',
 }
 PORTS = {f'ports.{name}': f'simulated:{name}' for name in ('tire_radio', 'imu', 'motors')}
 ARGUMENTS = {'namespace': text, 'respawn': boolean, 'description': boolean, 'rviz': viewer,
-             'composed': boolean, **dict.fromkeys(FILES, file),
+             'composed': boolean, 'camera': boolean, **dict.fromkeys(FILES, file),
              'simulation': parameters_of('robot_simulator')}
 
 
@@ -37,12 +37,14 @@ def simulation(context):
     As the result of a function, other arguments of ``robot.launch.py``, such as ``simulated``,
     are not listed by ``ros2 launch --show-args``.
     """
-    simulator = 'robot_simulator'
-    same = {name: LaunchConfiguration(name) for name in ARGUMENTS if name != 'simulation'}
+    own = 'simulation', 'camera'
+    same = {name: LaunchConfiguration(name) for name in ARGUMENTS if name not in own}
+    camera = CAMERA if boolean(context.launch_configurations['camera']) else ()
     return [
-        Node(package='smart_tire', executable=simulator, output='screen',
-             namespace=LaunchConfiguration('namespace'), ros_arguments=enclave(context, simulator),
-             parameters=[LaunchConfiguration('robot'), LaunchConfiguration('simulation'), PORTS]),
+        *(Node(package='smart_tire', executable=node, output='screen',
+               namespace=LaunchConfiguration('namespace'), ros_arguments=enclave(context, node),
+               parameters=[LaunchConfiguration('robot'), LaunchConfiguration('simulation'), *more])
+          for node, *more in (('robot_simulator', PORTS), *zip(camera))),
         IncludeLaunchDescription(
             PathJoinSubstitution([FindPackageShare('smart_tire'), 'launch', 'robot.launch.py']),
             launch_arguments={**same, 'hardware': LaunchConfiguration('simulation'),
@@ -62,6 +64,9 @@ def generate_launch_description():
         DeclareLaunchArgument('rviz', default_value='false', description='start RViz'),
         DeclareLaunchArgument('composed', default_value='false',
                               description='processes as in robot.launch.py'),
+        DeclareLaunchArgument('camera', default_value='false',
+                              description='start a simulated camera above the floor, and '
+                                          'overhead_localizer'),
         *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
                                 default_value=PathJoinSubstitution([config, f'{name}.yaml']))
           for name, content in FILES.items()),

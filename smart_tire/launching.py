@@ -48,7 +48,8 @@ MAX_RESPAWN_DELAY = 60.0  # s, of a node that dies again and again
 ENDED = (0, 2)  # exit status: interrupted, wrong arguments or parameters; not started again
 STOP = {'start_stopped': True}  # parameter with which motor_driver starts again
 SEPARATE = ('motor_driver', 'wheel_controller')  # processes of their own, for safety
-TEST_STAND = ('robot_simulator', 'overhead_localizer')  # no nodes of a robot
+CAMERA = ('overhead_camera_simulator', 'overhead_localizer')
+TEST_STAND = ('robot_simulator', *CAMERA)  # no nodes of a robot
 
 Converter = Callable[[str], Any]  # of a launch argument; raises ValueError if it is invalid
 

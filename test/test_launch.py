@@ -37,9 +37,10 @@ import pytest
 from smart_tire.cli._stack import PORTS
 from smart_tire.cli.policy import policy
 from smart_tire.errors import ParameterError
-from smart_tire.launching import check_arguments, hold_interrupts, SEPARATE, TEST_STAND, view_of
+from smart_tire.launching import (
+    CAMERA, check_arguments, hold_interrupts, SEPARATE, TEST_STAND, view_of)
 from smart_tire.nodes.command_line import COMPOSED_NODES
-from smart_tire.parameters import build, NODE_PARAMS, RobotParams, specs
+from smart_tire.parameters import build, load_node, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
 from support.launch_stand_in import Call, calls, CLASSES, of_kind, StandIn, started
 
@@ -49,8 +50,8 @@ ROOT = Path(__file__).resolve().parents[1]
 LAUNCH = ROOT / 'launch'
 IS_REAL = find_spec('launch_ros') is not None and find_spec('ros2launch') is not None
 DEFAULTS = {'namespace': '', 'description': 'true', 'rviz': 'false', 'simulated': 'false',
-            'composed': 'false', 'drivers': 'true', 'control': 'true', 'use_sim_time': 'false',
-            'imu': 'imu/data', 'wheel_states': 'wheel_states',
+            'composed': 'false', 'camera': 'false', 'drivers': 'true', 'control': 'true',
+            'use_sim_time': 'false', 'imu': 'imu/data', 'wheel_states': 'wheel_states',
             'robot': str(ROOT / 'config' / 'robot.yaml'),
             'tuning': str(ROOT / 'config' / 'tuning.yaml')}
 TUNING = DEFAULTS['tuning']
@@ -128,7 +129,8 @@ def test_arguments_that_are_used_are_declared_and_described(path, described):
     found = described(path)
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
     assert all(options['description'] for options in declared.values())
-    by_function = {'simulated', 'respawn', 'composed', 'drivers', 'control', 'use_sim_time'}
+    by_function = {'simulated', 'respawn', 'composed', 'camera', 'drivers', 'control',
+                   'use_sim_time'}
     assert used(found) >= declared.keys() - by_function or path == INCLUDED
     assert used(found) <= declared.keys() or path == INCLUDED
 
@@ -169,7 +171,7 @@ def test_default_files_exist(path, described):
 def test_each_node_gets_the_robot_file_and_its_own(path, described):
     own = {'slip_estimator': 'tuning', 'friction_estimator': 'tuning',
            'wheel_controller': 'tuning', 'trajectory_controller': 'tuning',
-           'robot_simulator': 'simulation'}
+           **dict.fromkeys(TEST_STAND, 'simulation')}
     nodes = [node for node in of_kind(described(path), 'Node')
              if node.options['executable'] != 'smart_tire']
     for node in nodes:
@@ -201,6 +203,14 @@ def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
                if {'port': 'simulated'} in node.options['parameters']}
     assert drivers == {name for name, cls in NODE_PARAMS.items() if 'port' in specs(cls)}
     assert ports == {f'ports.{name}': f'simulated:{name}' for name in PORTS}
+
+
+def test_a_simulation_with_a_camera_has_it_and_its_localizer(described):
+    found = described(LAUNCH / 'simulation.launch.py', camera='true')
+    assert executables(found) == ['robot_simulator', *CAMERA]
+    place = load_node([ROOT / 'config' / 'simulation.yaml'], 'overhead_localizer').overhead
+    image = load_node([ROOT / 'config' / 'simulation.yaml'], 'overhead_camera_simulator').image
+    assert (place.camera_position, place.camera_rotation) == (image.position, image.rotation)
 
 
 @pytest.mark.parametrize('simulated', ['true', 'false'])
@@ -296,8 +306,8 @@ def test_the_enclave_of_a_program_is_that_of_the_policy(
         composed, namespace, stand_ins, installed):
     installed('robot_state_publisher', 'rviz2')
     nodes = list(started(LAUNCH / 'simulation.launch.py', f'namespace:={namespace}',
-                         f'composed:={composed}', 'rviz:=true'))
-    assert len(nodes) == (6 if composed == 'true' else len(NODE_PARAMS) + 1)
+                         f'composed:={composed}', 'rviz:=true', 'camera:=true'))
+    assert len(nodes) == (8 if composed == 'true' else len(NODE_PARAMS) + 2)
     for node in nodes:
         option, enclave = node.options['ros_arguments']
         assert option == '--enclave'
@@ -537,9 +547,9 @@ def test_an_invalid_argument_ends_the_launch_in_one_line(
 
 
 @pytest.mark.parametrize(('name', 'words', 'count'), [
-    ('robot', [], len(NODE_PARAMS) - 2), ('simulation', [], len(NODE_PARAMS) - 1),
-    ('simulation', ['composed:=true'], 4), ('replay', ['bag:=/tmp'], 3),
-    ('estimators', [HUSKY], 2)])
+    ('robot', [], len(NODE_PARAMS) - 3), ('simulation', [], len(NODE_PARAMS) - 2),
+    ('simulation', ['camera:=true'], len(NODE_PARAMS)), ('simulation', ['composed:=true'], 4),
+    ('replay', ['bag:=/tmp'], 3), ('estimators', [HUSKY], 2)])
 def test_a_launch_with_defaults_starts_its_processes(name, words, count, stand_ins):
     nodes = list(started(LAUNCH / f'{name}.launch.py', *words))
     assert len(set(executables(nodes))) == len(nodes) == count

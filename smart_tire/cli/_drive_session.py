@@ -74,7 +74,7 @@ class Session:
         """Wait until estimates are published and every node has sent diagnostics."""
         end = time.monotonic() + START_TIMEOUT
         with Progress(timer=False) as progress:
-            while missing := sorted(set(NODES) - self.pilot.health.keys()) or [
+            while missing := sorted(self.stack.processes.keys() - self.pilot.health.keys()) or [
                     name for name in ('slip', 'wheels') if getattr(self.pilot, name) is None]:
                 progress.show(f'waiting for messages from {", ".join(missing)}')
                 if time.monotonic() > end:
@@ -235,9 +235,10 @@ class Session:
 @contextmanager
 def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
             stopped: StopRequest | None = None, *, simulated: bool = True,
+            nodes: Sequence[str] = NODES,
             arguments: Mapping[str, Sequence[str]] = MappingProxyType({})) -> Iterator[Session]:
     """
-    Start the simulator and all nodes, unless the robot runs, and ``pilot``; stop all at the end.
+    Start the ``nodes``, unless the robot runs, and ``pilot``; stop all at the end.
 
     ``params`` are parameter files of all nodes, ``arguments`` more of single ones.
     """
@@ -245,7 +246,7 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
     environment = isolated_environment() if simulated else dict(os.environ)
     os.environ.update(environment)  # the pilot is in this process
     with Stack(out / 'logs', environment) as stack:
-        for node in NODES if simulated else ():
+        for node in nodes if simulated else ():
             stack.node(node, params, *arguments.get(node, ()))
         with NodeRunner(pilot, params_arguments(params) if simulated else None) as runner:
             session = Session(stack, runner, stopped)

@@ -26,6 +26,7 @@ from typing import Any
 
 from smart_tire.cli._options import remove
 from smart_tire.errors import SmartTireError
+from smart_tire.launching import CAMERA
 import yaml
 
 DRIVERS = ('tire_receiver', 'imu_driver', 'motor_driver')
@@ -160,7 +161,7 @@ class Stack:
         """Stop all processes in order; raise RobotError if one of them ends with an error."""
         self.check_alive()
         # Subscribers first, then the owner of the ports; the recorder last, to record all.
-        for names in (NODES[1:], NODES[:1], (RECORDER, VIEWER)):
+        for names in ((*CAMERA, *NODES[1:]), NODES[:1], (RECORDER, VIEWER)):
             if present := [name for name in names if name in self.processes]:
                 self.end(*present)
 
@@ -194,5 +195,5 @@ def write_parameters(out: Path, name: str, seed: int,
 
 def remove_traces(out: Path) -> None:
     """Delete the logs and links to ports of an earlier run."""
-    remove(out / 'logs', [f'{name}.log' for name in (*NODES, RECORDER, VIEWER)])
+    remove(out / 'logs', [f'{name}.log' for name in (*NODES, *CAMERA, RECORDER, VIEWER)])
     remove(out / 'ports', PORTS)

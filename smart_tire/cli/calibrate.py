@@ -19,15 +19,17 @@ from typing import TYPE_CHECKING
 
 from smart_tire.cli._options import (
     bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing, STEP_NAMES)
-from smart_tire.cli.identify import report
+from smart_tire.cli.identify import report, written
 from smart_tire.errors import ParameterError
+from smart_tire.parameters import load_node
 from smart_tire.paths import write_text
+from smart_tire.uncertain import Uncertain
 
 if TYPE_CHECKING:
     from smart_tire.analysis.calibrate import Bags
     from smart_tire.calibration.sequence import Calibration
 
-PARAMETER_FILE = 'robot.yaml'
+PARAMETER_FILE, CAMERA_FILE = 'robot.yaml', 'overhead.yaml'
 FIGURES = ('stiffness.png', 'motor.png', 'icr.png')
 STEPS_OF = {'geometry': ('rest', 'turns'), 'icr': ('turns',), 'gains': ('turns',),
             'stiffness': ('straight',), 'motor': ('straight', 'lifted')}  # of ``--only``
@@ -35,6 +37,8 @@ STEPS_OF = {'geometry': ('rest', 'turns'), 'icr': ('turns',), 'gains': ('turns',
 
 def run(args: argparse.Namespace) -> int:
     """Record the steps unless bags are given, identify, and write the parameter file."""
+    if args.kind:
+        return calibrate_camera(args)
     if args.bags and (args.drive or args.lifted):
         raise ParameterError('--drive and --lifted are for a live calibration, without --bags')
     inputs = [*args.params, *(path for _, path in args.bags)]
@@ -52,6 +56,25 @@ def run(args: argparse.Namespace) -> int:
         if not bags:
             raise ParameterError('all steps were skipped: there is nothing to calibrate from')
     return identify(args, bags) if args.only is None else identify_only(args, bags)
+
+
+def calibrate_camera(args: argparse.Namespace) -> int:
+    """Find the places of the overhead camera and of the tags; return the exit status."""
+    from smart_tire.analysis.calibrate_camera import calibrate
+    from smart_tire.analysis.overhead import overhead_params
+    from smart_tire.bags import Bag, TopicNames
+    if args.bag is None:
+        raise ParameterError('calibrate camera: a recording is needed')
+    out = args.out / CAMERA_FILE
+    refuse_existing([out], force=args.force, inputs=[args.bag, *args.params])
+    with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
+        params = overhead_params(bag, args.params)
+        bag.joints = params.robot.joints
+        slip = load_node(args.params, 'slip_estimator')
+        made = calibrate(bag, params, Uncertain(
+            slip.icr_x, slip.icr_x_sigma * params.robot.wheelbase))
+    args.out.mkdir(parents=True, exist_ok=True)
+    return written(made, [args.bag], out, out)
 
 
 def steps_of(args: argparse.Namespace) -> list[str]:

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -29,6 +29,7 @@ from smart_tire.cli._options import (
     FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._progress import Progress
 from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters
+from smart_tire.launching import CAMERA
 from smart_tire.samples import NS_PER_S
 
 if TYPE_CHECKING:
@@ -61,6 +62,16 @@ EXPECTED_TOPICS = (
     'ground_state', 'tire_friction', 'cmd_vel', 'wheel_commands', 'motor_commands',
     'path_progress', 'ground_truth/odom', 'ground_truth/wheel_slip', 'ground_truth/tire_friction',
     '/diagnostics')
+CAMERA_TOPICS = (
+    'overhead_camera/image_raw/compressed', 'overhead_camera/camera_info', 'overhead/odom',
+    'overhead/wheel_slip')
+PLACE = 1.5, -2.0, 4.5        # m, of the camera: above the circles on concrete and the border
+WITH_CAMERA: dict[str, dict[str, Any]] = {  # parameters; the tag is as large as the robot permits
+    '/**': {'overhead.tag_size': 0.22, 'overhead.camera_position': [*PLACE],
+            'overhead.camera_rotation': [math.pi, 0.0, 0.0]},
+    'overhead_camera_simulator': {
+        'image.position': [*PLACE], 'image.focal_length': 680.0, 'image.rate': 10.0,
+        'image.jpeg_quality': 60}}
 PATH_TOPICS = ('path',)  # expected only if a path is followed
 FILES = ('demo.yaml', 'conversions.csv', 'summary.json')
 
@@ -90,20 +101,22 @@ def run(args: argparse.Namespace) -> int:
         import_module('smart_tire.view.viewer')  # is it installed?
     # Importing rclpy may restart Python, so it must come before any child and any output.
     from smart_tire.nodes.pilot import Pilot
-    print(f'starting {len(NODES)} nodes and a recorder', flush=True)
+    nodes = (*NODES, *CAMERA) if args.camera else NODES
+    print(f'starting {len(nodes)} nodes and a recorder', flush=True)
     from smart_tire.analysis.drive_report import evaluate_demo
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    params = _prepare(out, args.seed)
-    intervals = _drive(out, params, partial(Pilot, 'demo_driver'), view=args.view)
+    params = _prepare(out, args.seed, camera=args.camera)
+    intervals = _drive(out, params, partial(Pilot, 'demo_driver'), nodes, view=args.view)
     print('evaluating the recording', flush=True)
     with Progress('smart_tire demo'):
         summary = evaluate_demo(
-            out / 'bag', params, intervals, (*EXPECTED_TOPICS, *PATH_TOPICS),
+            out / 'bag', params, intervals, (
+                *EXPECTED_TOPICS, *PATH_TOPICS, *(CAMERA_TOPICS if args.camera else ())),
             out / 'conversions.csv', out / 'figures', (TO_BORDER, EIGHT))
     return _report(out, summary)
 
 
-def _prepare(out: Path, seed: int) -> Path:
+def _prepare(out: Path, seed: int, *, camera: bool = False) -> Path:
     """Delete the results of an earlier demo and write the parameter file."""
     remove_bag(out / 'bag')
     remove(out / 'figures', FIGURES)
@@ -112,14 +125,15 @@ def _prepare(out: Path, seed: int) -> Path:
     return write_parameters(out, FILES[0], seed, {
         'robot_simulator': {'truth_log': str((out / 'conversions.csv').resolve())},
         'wheel_controller': {'traction.enabled': False},
-        'trajectory_controller': {'max_speed': PATH_SPEED}})
+        'trajectory_controller': {'max_speed': PATH_SPEED}, **(WITH_CAMERA if camera else {})})
 
 
-def _drive(out: Path, params: Path, pilot: Callable[[], Any], *, view: bool) -> Legs:
+def _drive(out: Path, params: Path, pilot: Callable[[], Any], nodes: Sequence[str], *,
+           view: bool) -> Legs:
     """Drive both acts and record them; return the time intervals of the legs."""
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._drive_session import started
-    with started(out, [params], pilot) as session:
+    with started(out, [params], pilot, nodes=nodes) as session:
         if view:
             session.stack.start_viewer('--params', str(params))
         session.record(out / 'bag')

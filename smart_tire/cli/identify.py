@@ -18,6 +18,7 @@ calibrate --only KIND`` calls them as well.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,7 +29,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name, write_text
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.identify import Source
+    from smart_tire.analysis.identify import Identification, Source
     from smart_tire.estimation.film.files import FilmRecording
     from smart_tire.models.film.buckling_film import BucklingFilm
 
@@ -57,10 +58,14 @@ def run_bags(args: argparse.Namespace) -> int:
 
 def report(kind: str, source: Source, out: Path, figure: Path) -> int:
     """Print what ``source`` shows, write parameter file and figure; return the exit status."""
-    from smart_tire.analysis.drawing import save
     from smart_tire.analysis.identify import identify
+    return written(identify(kind, source), (*source.bags, *source.lifted), out, figure)
+
+
+def written(made: Identification, bags: Iterable[Path], out: Path, figure: Path) -> int:
+    """Print what was identified, write file and figure; return the exit status."""
+    from smart_tire.analysis.drawing import save
     from smart_tire.parameters.calibration_file import identified_text
-    made = identify(kind, source)
     for item in made.found.quantities:
         value, sigma = item.estimate
         print(f'{item.name:{NAME_WIDTH}}{value:12.6g} ± {sigma:<8.2g} {item.unit:9}{item.note}')
@@ -73,8 +78,8 @@ def report(kind: str, source: Source, out: Path, figure: Path) -> int:
     if not made.parameters:
         print('nothing could be identified from these recordings')
         return NOT_IDENTIFIED
-    bags = ', '.join(map(str, (*source.bags, *source.lifted)))
-    write_text(out, identified_text([f'Identified from {bags}.'], made.parameters))
+    names = ', '.join(map(str, bags))
+    write_text(out, identified_text([f'Identified from {names}.'], made.parameters))
     if made.figure is not None:
         save(made.figure, figure)
     print(f'written to {out}' + ('' if made.figure is None else f' and {figure}'))

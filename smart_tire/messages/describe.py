@@ -114,8 +114,8 @@ def _described(name: str, kind: str = '', rate: str = '', frame: str = '') -> De
     text = _TEXT['topics'][name]
     return Described(
         name, text.get('type', kind), text.get('rate', rate), text.get('frame', frame),
-        _publishers(name), ', '.join(subscribers_of(name)), text['summary'],
-        _fields(text['fields']), _fields(text.get('quantities', {})))
+        text.get('publishers', _publishers(name)), ', '.join(subscribers_of(name)),
+        text['summary'], _fields(text['fields']), _fields(text.get('quantities', {})))
 
 
 def _fields(texts: dict[str, str]) -> tuple[Field, ...]:

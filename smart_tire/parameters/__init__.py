@@ -17,7 +17,8 @@ from typing import Any
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.files import load_files
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
-from smart_tire.parameters.overhead import ImageParams, OverheadLocalizerParams
+from smart_tire.parameters.overhead import (
+    ImageParams, OverheadCameraSimulatorParams, OverheadLocalizerParams)
 from smart_tire.parameters.robot import JointParams, RobotParams, STANDARD_JOINTS
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.parameters.spec import build, is_known, known_names, Spec, specs
@@ -32,7 +33,9 @@ FILES: dict[str, dict[str, type]] = {  # in config/ -> nodes with their paramete
         'wheel_controller': WheelControllerParams,
         'trajectory_controller': TrajectoryControllerParams},
     'overhead.yaml': {'overhead_localizer': OverheadLocalizerParams},
-    'simulation.yaml': {'robot_simulator': SimulatorParams},
+    'simulation.yaml': {
+        'robot_simulator': SimulatorParams,
+        'overhead_camera_simulator': OverheadCameraSimulatorParams},
 }
 NODE_PARAMS = {node: cls for nodes in FILES.values() for node, cls in nodes.items()}
 

@@ -21,7 +21,46 @@ from smart_tire.parameters.tuning import reliability
 
 
 @dataclass(frozen=True, kw_only=True)
-class OverheadParams:
+class TagParams:
+    """Tags on the robot, flat on its top, and markers on the floor."""
+
+    tag_family: str = param(
+        '36h11', '-', 'AprilTag family, or ArUco dictionary as opencv names it')
+    tag_ids: tuple[int, ...] = param((0,), '-', 'tags on the robot', (0, 100000))
+    tag_size: float = param(0.16, 'm', 'edge of the black square', (1e-3, 10.0))
+    tag_position: tuple[float, ...] = param(
+        (0.0, 0.0, 0.15), 'm', 'centers of the tags in base_link: x, y, z of each', (-10.0, 10.0))
+    tag_yaw: tuple[float, ...] = param(
+        (0.0,), 'rad', 'of the upright x axis of each tag against the x axis of the robot',
+        (-math.tau, math.tau), scalar=True)
+    floor_ids: tuple[int, ...] = param(
+        (), '-', 'markers on the floor, for "smart_tire calibrate camera"', (0, 100000))
+    floor_position: tuple[float, ...] = param(
+        (), 'm', 'centers of these markers in map: x, y of each', (-1e3, 1e3))
+    floor_size: float = param(0.16, 'm', 'edge of the black square of these markers', (1e-3, 10.0))
+
+    def __post_init__(self) -> None:
+        count = len(self.tag_ids)
+        if len(set(self.tag_ids)) != count or not count:
+            raise ValueError(f'overhead.tag_ids: {list(self.tag_ids)}, expected different ids')
+        if len(self.tag_position) != 3 * count or len(self.tag_yaw) != count:
+            raise ValueError(
+                f'overhead.tag_position has {len(self.tag_position)} and overhead.tag_yaw '
+                f'{len(self.tag_yaw)} numbers, expected 3 and 1 for each of {count} tags')
+        if len(self.floor_position) != 2 * len(self.floor_ids):
+            raise ValueError(f'overhead.floor_position has {len(self.floor_position)} numbers, '
+                             f'expected 2 for each of {len(self.floor_ids)} markers')
+        if both := {*self.floor_ids} & {*self.tag_ids}:
+            raise ValueError(f'overhead.floor_ids: {min(both)} is one of overhead.tag_ids')
+
+    @property
+    def tags(self) -> Iterable[tuple[int, tuple[float, ...], float]]:
+        """Return id, position [m] in ``base_link`` and yaw [rad] of each tag."""
+        return zip(self.tag_ids, zip(*[iter(self.tag_position)] * 3), self.tag_yaw)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OverheadParams(TagParams):
     """
     Camera above the floor and the tags on the robot.
 
@@ -36,15 +75,10 @@ class OverheadParams:
         (0.0, 0.0, 0.0), 'm', 'standard deviations of camera_position', (0.0, 10.0), length=3)
     camera_rotation_sigma: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'rad', 'standard deviations of camera_rotation', (0.0, 1.0), length=3)
-    tag_family: str = param(
-        '36h11', '-', 'AprilTag family, or ArUco dictionary as opencv names it')
-    tag_ids: tuple[int, ...] = param((0,), '-', 'tags on the robot', (0, 100000))
-    tag_size: float = param(0.16, 'm', 'edge of the black square', (1e-3, 10.0))
-    tag_position: tuple[float, ...] = param(
-        (0.0, 0.0, 0.15), 'm', 'centers of the tags in base_link: x, y, z of each', (-10.0, 10.0))
-    tag_yaw: tuple[float, ...] = param(
-        (0.0,), 'rad', 'of the upright x axis of each tag against the x axis of the robot',
-        (-math.tau, math.tau), scalar=True)
+    camera_info_file: str = param(
+        '', '-', 'YAML file by camera_calibration, in place of overhead_camera/camera_info')
+    floor_position_sigma: float = param(
+        0.002, 'm', 'standard deviation of x and y of floor_position', (1e-5, 1.0))
     tag_position_sigma: float = param(
         0.0, 'm', 'standard deviation of x and y of tag_position', (0.0, 1.0))
     tag_yaw_sigma: float = param(0.0, 'rad', 'standard deviation of tag_yaw', (0.0, 1.0))
@@ -56,22 +90,11 @@ class OverheadParams:
         (0.0, 5.0))
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ('camera_position', 'camera_rotation'):
             if len(getattr(self, name)) not in (0, 3):
                 raise ValueError(f'overhead.{name} has {len(getattr(self, name))} numbers, '
                                  'expected 3')
-        count = len(self.tag_ids)
-        if len(set(self.tag_ids)) != count or not count:
-            raise ValueError(f'overhead.tag_ids: {list(self.tag_ids)}, expected different ids')
-        if len(self.tag_position) != 3 * count or len(self.tag_yaw) != count:
-            raise ValueError(
-                f'overhead.tag_position has {len(self.tag_position)} and overhead.tag_yaw '
-                f'{len(self.tag_yaw)} numbers, expected 3 and 1 for each of {count} tags')
-
-    @property
-    def tags(self) -> Iterable[tuple[int, tuple[float, ...], float]]:
-        """Return id, position [m] in ``base_link`` and yaw [rad] of each tag."""
-        return zip(self.tag_ids, zip(*[iter(self.tag_position)] * 3), self.tag_yaw)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,4 +135,14 @@ class ImageParams:
         2.0, '-', 'standard deviation of one pixel at half scale, of 255', (0.0, 100.0))
     occlusion: float = param(
         0.0, '-', 'share of the tag that a bar in front of it hides', (0.0, 1.0))
-    jpeg_quality: int = param(90, '-', 'of compressed images; 0: not compressed', (0, 100))
+    jpeg_quality: int = param(0, '-', 'of compressed images; 0: not compressed', (0, 100))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OverheadCameraSimulatorParams:
+    """Simulated camera above the floor of the simulated robot."""
+
+    seed: int = param(1, '-', 'seed of the noise', (0, 2**32 - 1))
+    image: ImageParams = nested(ImageParams)
+    overhead: TagParams = nested(TagParams)
+    robot: RobotParams = inlined(RobotParams)

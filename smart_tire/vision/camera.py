@@ -13,14 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.errors import MessageError
+from smart_tire.errors import MessageError, ParameterError
 from smart_tire.rotation import matrix
+from smart_tire.yaml_text import parse_yaml
 
 # distortion_model of CameraInfo -> numbers of coefficients (sensor_msgs/distortion_models.hpp)
 DISTORTION = {'plumb_bob': (0, 4, 5), 'rational_polynomial': (8, 12, 14), 'equidistant': (0, 4)}
@@ -66,6 +69,20 @@ class Intrinsics:
             raise MessageError(f'camera_info: an image of {width} x {height} pixels')
         return cls((width, height), K, D, msg.distortion_model)
 
+    @classmethod
+    def from_file(cls, path: str) -> Intrinsics:
+        """Return those in a YAML file by ``camera_calibration``; raise ParameterError."""
+        try:
+            found = parse_yaml(Path(path).read_bytes())
+            return cls.from_msg(SimpleNamespace(
+                width=found['image_width'], height=found['image_height'],
+                k=found['camera_matrix']['data'], d=found['distortion_coefficients']['data'],
+                distortion_model=found['distortion_model'], binning_x=0, binning_y=0,
+                roi=SimpleNamespace(width=0, height=0)))
+        except (OSError, LookupError, TypeError, ValueError, MessageError) as error:
+            raise ParameterError(f'parameter overhead.camera_info_file: {path}: no calibration '
+                                 f'of a camera ({type(error).__name__}: {error})') from error
+
     def differs(self, other: Intrinsics) -> bool:
         """Return whether a number or the model differs from that of ``other``."""
         return (self.size, self.model) != (other.size, other.model) or not (
@@ -80,8 +97,8 @@ class Camera:
     ``position`` is in m; ``angles`` (roll, pitch, yaw) in rad, the rotation is Rz Ry Rx.
     """
 
-    def __init__(self, intrinsics: Intrinsics, position: Sequence[float],
-                 angles: Sequence[float]) -> None:
+    def __init__(self, intrinsics: Intrinsics, position: Sequence[float] | Array,
+                 angles: Sequence[float] | Array) -> None:
         self.intrinsics = intrinsics
         self.position = np.asarray(position, dtype=float)
         self.rotation = matrix(*angles)  # of vectors from the optical frame to map

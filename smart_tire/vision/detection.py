@@ -70,9 +70,9 @@ def gray_image(msg: Any) -> Image:
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
 
 
-def jpeg(image: Image) -> bytes:
-    """Return a gray image as a JPEG file."""
-    return bytes(cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, PREVIEW_QUALITY])[1])
+def jpeg(image: Image, quality: int = PREVIEW_QUALITY) -> bytes:
+    """Return a gray image as a JPEG file of ``quality`` 1 to 100."""
+    return bytes(cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
 
 
 def dictionary_of(family: str) -> Any:

@@ -28,7 +28,7 @@ from smart_tire.vision.localization import Fix
 from smart_tire.vision.motion import (
     MAX_GAP, motion_of, OFFSET_PRIOR, pixel_noise, slips_of, time_offset, used,
     wheel_tracks)
-from smart_tire.vision.overhead import OverheadLocalizer
+from smart_tire.vision.overhead import OverheadLocalizer, SCALE, SCALE_SIGMAS
 
 WINDOW = 2.0          # s before the estimates that the smoother uses
 BATCH = 0.25          # s of images between two runs of the smoother
@@ -98,4 +98,9 @@ class LiveLocalizer(OverheadLocalizer):
         due = [one for one in found
                if self._published_ns < one.stamp_ns + shift <= last]
         self._published_ns = max(self._published_ns, last)
-        return sorted(due, key=lambda one: one.stamp_ns)
+        due.sort(key=lambda one: one.stamp_ns)
+        self.scale.add(due)
+        if self.scale.deviation > SCALE_SIGMAS:
+            self.refused[SCALE] += len({one.stamp_ns for one in due})
+            return []
+        return due

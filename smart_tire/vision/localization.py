@@ -88,13 +88,12 @@ class PoseFit:
 
     def __init__(self, camera: Camera, params: OverheadParams, wheel_radius: float) -> None:
         self._camera, self._params, self._radius = camera, params, wheel_radius
-        half = 0.5 * params.tag_size
-        self._square = np.array([[-half, half], [half, half], [half, -half], [-half, -half]])
+        self._square = square(params.tag_size)
         self._corners = {tag: self._own_corners(np.array(position), yaw)
                          for tag, position, yaw in params.tags}  # (4, 3) m, above the floor
 
     def _own_corners(self, position: Array, yaw: float) -> Array:
-        flat = position[:2] + self._square @ _turn(yaw).T
+        flat = position[:2] + self._square @ turn(yaw).T
         return np.column_stack([flat, np.full(4, position[2] + self._radius)])
 
     def fix(self, stamp_ns: int, tags: Mapping[int, Array]) -> Fix | str:
@@ -104,13 +103,13 @@ class PoseFit:
         values = self._start(self._camera, own, pixels)
         if values is None:
             return 'tag outside of the floor that the camera sees'
-        inward = _inward(pixels)
+        inset = inward(pixels)
         for _ in range(ITERATIONS):
-            residual = pixels - self._predicted(self._camera, own, values, inward)
-            jacobian = self._jacobian(own, values, inward)
+            residual = pixels - self._predicted(self._camera, own, values, inset)
+            jacobian = self._jacobian(own, values, inset)
             step = np.linalg.lstsq(jacobian, residual.ravel(), rcond=None)[0]
             values = values + step
-        residual = pixels - self._predicted(self._camera, own, values, inward)
+        residual = pixels - self._predicted(self._camera, own, values, inset)
         shape = np.linalg.inv(jacobian.T @ jacobian)
         squares, freedom = float(np.sum(residual ** 2)), pixels.size - UNKNOWNS
         if abs(values[3] - NOMINAL_INSET) > MAX_INSET_ERROR:
@@ -129,13 +128,12 @@ class PoseFit:
         flat = np.array([camera.floor(pixel, height) for pixel, height in zip(pixels, own[:, 2])])
         if not np.isfinite(flat).all():
             return None
-        a, b = (points - points.mean(0) for points in (own[:, :2], flat))
-        yaw = math.atan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
-        return np.array([*(flat.mean(0) - _turn(yaw) @ own[:, :2].mean(0)), yaw, NOMINAL_INSET])
+        yaw, shift = aligned(own[:, :2], flat)
+        return np.array([*shift, yaw, NOMINAL_INSET])
 
     @staticmethod
     def _predicted(camera: Camera, own: Array, values: Array, inward: Array) -> Array:
-        flat = values[:2] + own[:, :2] @ _turn(values[2]).T
+        flat = values[:2] + own[:, :2] @ turn(values[2]).T
         return camera.pixels(np.column_stack([flat, own[:, 2]])) + values[3] * inward
 
     def _jacobian(self, own: Array, values: Array, inward: Array) -> Array:
@@ -150,7 +148,7 @@ class PoseFit:
         params, camera = self._params, self._camera
         x, y = own[:, :2].mean(0)
         lever = np.eye(3)
-        lever[:2] = _turn(values[2]) @ [[1.0, 0.0, y], [0.0, 1.0, -x]]
+        lever[:2] = turn(values[2]) @ [[1.0, 0.0, y], [0.0, 1.0, -x]]
         sigma = params.tag_position_sigma, params.tag_position_sigma, params.tag_yaw_sigma
         parts = [*(lever * sigma).T]
         places = np.array([*params.camera_position, *params.camera_rotation])
@@ -175,12 +173,25 @@ class PoseFit:
         return TILTED if general < EXPLAINED * squares else NOT_SQUARE
 
 
-def _turn(yaw: float) -> Array:
+def square(size: float) -> Array:
+    """Return the corners (4, 2) of an upright tag, clockwise from the upper left."""
+    return 0.5 * size * np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
+
+
+def aligned(points: Array, others: Array) -> tuple[float, Array]:
+    """Return rotation [rad] and shift (2,) that move ``points`` (n, 2) to ``others``."""
+    a, b = points - points.mean(0), others - others.mean(0)
+    yaw = math.atan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
+    return yaw, others.mean(0) - turn(yaw) @ points.mean(0)
+
+
+def turn(yaw: float) -> Array:
+    """Return the rotation (2, 2) by an angle [rad]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     return np.array([[cos, -sin], [sin, cos]])
 
 
-def _inward(pixels: Array) -> Array:
+def inward(pixels: Array) -> Array:
     """Return for corners (4 n, 2) where a corner moves if both edges move inward by a pixel."""
     quads = pixels.reshape(-1, 4, 2)
     edges = np.roll(quads, -1, 1) - quads

@@ -16,6 +16,7 @@ Each image is judged by itself, so that no image is refused for one before it.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 import math
 from typing import Any
@@ -26,19 +27,24 @@ from smart_tire.errors import MessageError, ParameterError
 from smart_tire.messages import stamp_of
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.recording import Recording
-from smart_tire.samples import NS_PER_S, WheelSlip
+from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import gray_image, Image, other_families, TagDetector
 from smart_tire.vision.localization import Fix, PoseFit
 from smart_tire.vision.motion import (
-    Motion, motion_of, pixel_noise, row_time, slips_of, time_offset, unrolled, used,
+    MAX_GAP, Motion, motion_of, pixel_noise, row_time, slips_of, time_offset, unrolled, used,
     wheel_tracks)
 
 NO_TAG = 'no tag'
 KEPT_IMAGES = 3     # without a tag, in which other families are looked for
 SIGNIFICANT_SIGMAS = 5.0  # of the time between rows, from which on a shutter is a rolling one
 LOST_PERIODS = 1.5  # between two images, beyond which one is missing
+SCALE = 'the camera shows a longer way than the wheels: overhead.camera_position is too high'
+MIN_WAY = 0.5             # m of straight and steady motion, from which on scales are compared
+STRAIGHT, STEADY = 0.1, 0.2  # rad/s, m/s2 at most
+SLOPE_SIGMA = 0.02        # of the floor: downhill, wheels brake and roll less than the way
+SCALE_SIGMAS = 3.0        # of a way that contradicts the wheels
 
 
 @dataclass
@@ -74,6 +80,49 @@ class Result:
         return '; '.join((text + (f': {reasons}' if reasons else ''), *self.hints))
 
 
+class Scale:
+    """
+    The way by the camera over that by the wheels, in straight and steady motion.
+
+    Wheels that drive slip, so that they show a longer way: only a longer one by the camera, beyond
+    the standard deviations of both and what a slope explains, contradicts them.
+    """
+
+    def __init__(self, params: OverheadLocalizerParams) -> None:
+        robot, overhead = params.robot, params.overhead
+        height = overhead.camera_position[2] - robot.wheel_radius - overhead.tag_position[2]
+        slope = SLOPE_SIGMA * robot.mass * GRAVITY / (4.0 * robot.tire.longitudinal_stiffness)
+        self._sigma = math.hypot(robot.wheel_radius_sigma, slope,
+                                 overhead.camera_position_sigma[2] / height)
+        self.ways = np.zeros(2)  # m, by the camera and by the wheels
+        self._error = 0.0        # m, standard deviation of that by the camera
+        self._before: Odometry | None = None
+
+    def add(self, samples: Iterable[Odometry | WheelSlip]) -> None:
+        """Add estimates in the order of their stamps."""
+        slips = {one.stamp_ns: one for one in samples if isinstance(one, WheelSlip)}
+        for one in (one for one in samples if isinstance(one, Odometry)):
+            before, self._before = self._before, one
+            if before is None or one.stamp_ns not in slips:
+                continue
+            step = (one.stamp_ns - before.stamp_ns) / NS_PER_S
+            if (abs(one.angular[2]) < STRAIGHT and 0.0 < step < MAX_GAP
+                    and abs(one.linear[0] - before.linear[0]) < STEADY * step):
+                speed = abs(one.linear[0])
+                slip = math.copysign(1.0, one.linear[0]) * np.nanmean(
+                    slips[one.stamp_ns].slip_velocity)
+                self.ways += step * speed, step * (speed + slip)
+                self._error = math.sqrt(2.0 * one.pose_covariance[0])
+
+    @property
+    def deviation(self) -> float:
+        """Return how many standard deviations the way by the camera is longer."""
+        camera, wheels = self.ways
+        if not wheels > MIN_WAY:
+            return 0.0
+        return float((camera - wheels) / math.hypot(self._sigma * wheels, self._error))
+
+
 class OverheadLocalizer:
     """
     Collects the poses in the images of one camera.
@@ -97,6 +146,9 @@ class OverheadLocalizer:
         self.refused: Counter[str] = Counter()
         self.fixes: list[Fix] = []
         self._frame: tuple[Camera, Image] | None = None
+        self.scale = Scale(params)
+        if overhead.camera_info_file:
+            self._use(Intrinsics.from_file(overhead.camera_info_file))
 
     @property
     def family(self) -> str:
@@ -104,12 +156,14 @@ class OverheadLocalizer:
         return self._params.overhead.tag_family
 
     def add_camera_info(self, msg: Any) -> None:
-        """Use a CameraInfo for the images that follow."""
+        """Use a CameraInfo for the images that follow, unless a file is given."""
         try:
-            found = Intrinsics.from_msg(msg)
+            if not self._params.overhead.camera_info_file:
+                self._use(Intrinsics.from_msg(msg))
         except MessageError as error:
             self.refuse_camera_info(error)
-            return
+
+    def _use(self, found: Intrinsics) -> None:
         if self._intrinsics is None or found.differs(self._intrinsics):
             overhead = self._params.overhead
             self._intrinsics = found
@@ -118,7 +172,8 @@ class OverheadLocalizer:
 
     def refuse_camera_info(self, error: MessageError) -> None:
         """Refuse the images that follow, because the CameraInfo before them is invalid."""
-        self._fit, self._intrinsics, self._problem = None, None, str(error)
+        if not self._params.overhead.camera_info_file:
+            self._fit, self._intrinsics, self._problem = None, None, str(error)
 
     def add_image(self, msg: Any) -> Fix | None:
         """Return the pose in an Image or CompressedImage; None, counted, if there is none."""
@@ -185,7 +240,22 @@ class OverheadLocalizer:
         tracks = wheel_tracks(inputs, robot)
         found.slips = [slip for motion in found.motions for slip in slips_of(
             motion, tracks, robot)]
+        self._check_scale(found)
         return found
+
+    def _check_scale(self, found: Result) -> None:
+        """Refuse all estimates if their scale contradicts the wheels."""
+        self.scale.add([*(one for motion in found.motions for one in motion.odometry(0.0)),
+                        *found.slips])
+        if abs(self.scale.deviation) > SCALE_SIGMAS:
+            camera, wheels = self.scale.ways
+            found.hints.append(f'{camera:.2f} m by the camera, {wheels:.2f} m by the wheels in '
+                               'straight and steady motion' + (
+                                   '' if camera > wheels else ': slip, or overhead.'
+                                   'camera_position is too low'))
+        if self.scale.deviation > SCALE_SIGMAS:
+            found.refused[SCALE] += found.published
+            found.motions, found.slips = [], []
 
     def _smooth(self, found: Result, parts: list[list[Fix]], inputs: Recording) -> None:
         """Estimate time offset and motions from ``parts``."""

@@ -10,31 +10,33 @@
 """
 Renders what a camera above the floor sees of a robot with tags.
 
-Each pixel of the robot is the mean over ``SAMPLES`` x ``SAMPLES`` rays and ``EXPOSURES`` instants
-of the exposure; each row has its own instants if the shutter is a rolling one. The floor stands
-still: it is rendered once.
+Each pixel of the robot is the mean over ``SAMPLES`` x ``SAMPLES`` rays and several instants of the
+exposure; each row has its own instants if the shutter is a rolling one. The floor stands still: it
+is rendered once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 import math
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.parameters.overhead import ImageParams, OverheadParams
+from smart_tire.parameters.overhead import ImageParams, TagParams
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import dictionary_of, Image
 
+Fine = NDArray[np.float32]
 Motion = Callable[[Array], Array]  # times (n,) [s] -> x, y, yaw (n, 3) of base_link in map
 
 SAMPLES = 3               # rays per pixel and axis
-EXPOSURES = 6             # instants of an exposure
+INSTANTS = 2              # of an exposure, per pixel that the robot moves in it
 MARGIN_MODULES = 1        # of white around a tag, as AprilTag and ArUco require
-MODULE_PIXELS = 12        # of the texture of a tag
+MODULE_PIXELS = 24        # of the texture of a tag: its pixels are smaller than the rays are apart
 PLATE = (0.34, 0.30)      # m, length and width of the top of the robot; assumed
 FLOOR, TOP, BLACK, WHITE = 0.55, 0.30, 0.06, 1.0  # reflectances; assumed: concrete, painted, ink
 GRAIN = 0.15              # relative standard deviation of the floor
@@ -53,7 +55,7 @@ def camera_of(params: ImageParams) -> Camera:
 class Renderer:
     """Renders gray images of a robot with the tags of ``overhead`` (their top at ``height``)."""
 
-    def __init__(self, params: ImageParams, overhead: OverheadParams, wheel_radius: float,
+    def __init__(self, params: ImageParams, overhead: TagParams, wheel_radius: float,
                  seed: int = 0) -> None:
         self._params, self._overhead, self._radius = params, overhead, wheel_radius
         self.camera = camera_of(params)
@@ -61,124 +63,137 @@ class Renderer:
         self._height = wheel_radius + overhead.tag_position[2]  # m, of the plate
         width, height = params.size
         columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-        self._plane = self.camera.floor(np.stack([columns, rows], -1), 0.0)  # (h, w, 2) m
-        self._texture, self._scale = self._plate()
+        self._plane = self.camera.floor(np.stack([columns, rows], -1), 0.0).astype(np.float32)
+        self._robot = _Plate(PLATE, overhead.tags, overhead.tag_size, overhead, params.occlusion)
         radius = np.hypot(columns - 0.5 * width, rows - 0.5 * height) / math.hypot(
             0.5 * width, 0.5 * height)
-        self._light = params.brightness * (1.0 - params.vignette * radius ** 2)
-        self._floor = self._floor_image()
+        self._light = (params.brightness * (1.0 - params.vignette * radius ** 2)).astype(
+            np.float32)
+        self._floor = self._light * self._floor_image()
+        side = overhead.floor_size * (1.0 + 2.0 * MARGIN_MODULES / _modules(overhead))
+        for one, place in zip(overhead.floor_ids, np.reshape(overhead.floor_position, (-1, 2))):
+            pose = np.array([[*place, 0.0]])
+            left, top, right, bottom = self._window(self._corners(pose, side, 0.0))
+            if right > left and bottom > top:
+                self._paste(self._floor, _Plate(
+                    (side, side), [(one, (0.0, 0.0), 0.0)], overhead.floor_size, overhead), 0.0,
+                    np.s_[top:bottom, left:right], [pose])
 
     def image(self, time: float, motion: Motion) -> Image:
         """Return the image stamped ``time`` [s], the middle of the exposure of the first row."""
-        params, shares = self._params, (np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5
+        params, image = self._params, self._floor.copy()
         line = params.readout / params.size[1]
-        left, top, right, bottom = self._window(motion(time + np.array(
-            [-0.5 * params.exposure, 0.5 * params.exposure + params.readout])))
-        image = self._floor.copy()
+        corners = self._corners(motion(time + np.array(
+            [-0.5 * params.exposure, 0.5 * params.exposure + params.readout])),
+            0.5 * math.hypot(*PLATE), self._height)
+        left, top, right, bottom = self._window(corners)
         if right > left and bottom > top:
-            plane = self._fine_plane(left, top, right, bottom)
-            row = top - 0.5 + (np.arange(plane.shape[0]) + 0.5) / SAMPLES
-            parts = [self._robot(plane, motion(time + line * row + share * params.exposure))
-                     for share in shares]
-            weight, light = (np.mean(part, axis=0).reshape(
-                bottom - top, SAMPLES, right - left, SAMPLES).mean((1, 3))
-                for part in zip(*parts))
-            window = image[top:bottom, left:right]
-            window[:] = (1.0 - weight) * window + light
-        return self._exposed(image * self._light)
+            count = 1 + int(INSTANTS * np.abs(corners[1] - corners[0]).max())
+            row = top - 0.5 + (np.arange(SAMPLES * (bottom - top)) + 0.5) / SAMPLES
+            self._paste(image, self._robot, self._height, np.s_[top:bottom, left:right], [
+                motion(time + line * row + share * params.exposure)
+                for share in (np.arange(count) + 0.5) / count - 0.5])
+        return self._exposed(image)
 
-    def _exposed(self, image: Array) -> Image:
+    def _exposed(self, image: Fine) -> Image:
         """Return ``image`` through lens and sensor: blurred, noisy, clipped and quantized."""
-        params = self._params
+        params, noise = self._params, np.empty_like(image)
         if params.lens_blur:
             image = cv2.GaussianBlur(image, (0, 0), params.lens_blur)
-        noise = params.noise * np.sqrt(image + 0.5) * self._rng.standard_normal(image.shape)
-        found = np.clip(255.0 * image + noise, 0.0, 255.0)
-        return np.asarray(np.rint(found), dtype=np.uint8)
+        cv2.setRNGSeed(int(self._rng.integers(2 ** 31)))
+        cv2.randn(noise, 0.0, params.noise)
+        noise *= cv2.sqrt(image + np.float32(0.5))
+        return np.asarray(cv2.add(255.0 * image, noise, dtype=cv2.CV_8U))
 
-    def _window(self, poses: Array) -> tuple[int, int, int, int]:
-        """Return left, top, right, bottom of the pixels that may show the robot."""
-        reach = 0.5 * math.hypot(*PLATE)
+    def _corners(self, poses: Array, reach: float, height: float) -> Array:
+        """Return the pixels (n, 4, 2) of the corners of squares around plates at n poses."""
         corners = np.array([[a, b] for a in (-reach, reach) for b in (-reach, reach)])
-        points = (poses[:, None, :2] + corners).reshape(-1, 2)
-        pixels = self.camera.pixels(np.column_stack([points, np.full(len(points), self._height)]))
-        low = np.maximum(np.floor(pixels.min(0)) - 2, 0).astype(int)
-        high = np.minimum(np.ceil(pixels.max(0)) + 3, self._params.size).astype(int)
-        return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+        points = poses[:, None, :2] + corners
+        return self.camera.pixels(np.dstack([points, np.full(points.shape[:2], height)]))
 
-    def _fine_plane(self, left: int, top: int, right: int, bottom: int) -> Array:
-        """Return x, y [m] at the height of the plate for all rays of a window."""
-        center, z = self.camera.position[:2], self.camera.position[2]
-        step = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
-        columns = (np.arange(left, right)[:, None] + step).ravel().astype(np.float32)
-        rows = (np.arange(top, bottom)[:, None] + step).ravel().astype(np.float32)
-        grid = np.meshgrid(columns, rows)
-        floor = np.stack([_linear(self._plane[..., axis], *grid) for axis in range(2)], -1)
-        return np.asarray(center + (floor - center) * (z - self._height) / z)
+    def _window(self, corners: Array) -> tuple[int, int, int, int]:
+        """Return left, top, right, bottom of the pixels around ``corners``."""
+        low = np.maximum(np.floor(corners.min((0, 1))) - 2, 0).astype(int).tolist()
+        high = np.minimum(np.ceil(corners.max((0, 1))) + 3, self._params.size).astype(int).tolist()
+        return low[0], low[1], high[0], high[1]
 
-    def _robot(self, plane: Array, poses: Array) -> tuple[Array, Array]:
-        """Return share of the robot in each ray (0 or 1), and its light."""
-        cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
-        x, y = plane[..., 0] - poses[:, 0, None], plane[..., 1] - poses[:, 1, None]
-        own = np.stack([cos * x + sin * y, cos * y - sin * x], -1)
-        inside = (np.abs(own[..., 0]) < 0.5 * PLATE[0]) & (np.abs(own[..., 1]) < 0.5 * PLATE[1])
-        place = ((own + 0.5 * np.array(PLATE)) * self._scale - 0.5).astype(np.float32)
-        light = cv2.remap(self._texture, place[..., 0], place[..., 1], cv2.INTER_LINEAR,
-                          borderMode=cv2.BORDER_REPLICATE)
-        if self._params.occlusion:
-            size = self._overhead.tag_size
-            tag = self._overhead.tag_position
-            edge = tag[0] + (self._params.occlusion - 0.5) * size
-            hidden = (own[..., 0] < edge) & (own[..., 0] > tag[0] - 0.6 * size)
-            light = np.where(hidden, FLOOR, light)
-        light = light * self._shadow(plane)
-        return inside.astype(float), np.where(inside, light, 0.0)
+    def _paste(self, image: Fine, plate: _Plate, height: float, window: tuple[slice, slice],
+               poses: Sequence[Array]) -> None:
+        """Draw a plate into a window of ``image``: the mean over ``poses``, of each row or one."""
+        share = np.float32(1.0 - height / self.camera.position[2])
+        floor = cv2.resize(self._plane[window], None, fx=SAMPLES, fy=SAMPLES)  # linear
+        plane = share * floor + (1.0 - share) * self.camera.position[:2].astype(np.float32)
+        along = (plane[0, -1] - plane[0, 0]) / plane.shape[1]
+        down = (plane[-1, 0] - plane[0, 0]) / len(plane)
+        for k in range(SAMPLES):  # a sheared grid: edges along it meet the rays at 9 places, not 3
+            share = np.float32((k - 0.5 * (SAMPLES - 1)) / SAMPLES)
+            plane[k::SAMPLES] += share * along
+            plane[:, k::SAMPLES] += share * down
+        fine, (x, y) = np.zeros_like(plane), cv2.split(plane)
+        for one in poses:
+            fine += plate.rays(x, y, one)
+        fine /= len(poses)
+        fine[..., 0] *= self._shadow(plane)
+        light, cover = cv2.split(cv2.resize(
+            fine, image[window].shape[::-1], interpolation=cv2.INTER_AREA))
+        image[window] += light * self._light[window] - cover * image[window]
 
-    def _plate(self) -> tuple[Array, float]:
-        """Return the reflectance of the top of the robot, x along the columns, and its scale."""
-        dictionary = dictionary_of(self._overhead.tag_family)
-        modules = dictionary.markerSize + 2  # with the black border
-        scale = MODULE_PIXELS * modules / self._overhead.tag_size  # pixels per m
-        size = (round(PLATE[0] * scale), round(PLATE[1] * scale))
-        texture = np.full(size[::-1], TOP, np.float32)
-        side = modules * MODULE_PIXELS
-        for tag, position, yaw in self._overhead.tags:
-            code = cv2.aruco.generateImageMarker(dictionary, tag, side)
-            margin = MARGIN_MODULES * MODULE_PIXELS
-            code = np.pad(code, margin, constant_values=255)
-            cos, sin = math.cos(yaw), math.sin(yaw)
-            middle = 0.5 * (len(code) - 1)
-            # columns of the code are x of the tag, its rows -y; rows of the texture are y
-            turn = np.array([[cos, sin], [sin, -cos]])
-            shift = (np.array(position[:2]) + 0.5 * np.array(PLATE)) * scale - 0.5
-            affine = np.column_stack([turn, shift - turn @ (middle, middle)])
-            for source, ink in ((np.full_like(code, 255), None), (code, code)):
-                placed = cv2.warpAffine(source, affine, size, flags=cv2.INTER_LINEAR)
-                if ink is None:
-                    cover = placed > 127
-                else:
-                    texture[cover] = BLACK + (WHITE - BLACK) * placed[cover] / 255.0
-        return texture, scale
-
-    def _floor_image(self) -> Array:
+    def _floor_image(self) -> Fine:
         """Return the light of the floor: grain of two sizes, joints of tiles, a shadow."""
         rng = np.random.default_rng(1)
-        light = np.full(self._plane.shape[:2], FLOOR)
+        light = np.full(self._plane.shape[:2], FLOOR, np.float32)
         for cell in (0.01, 0.15):  # m
             pattern = rng.standard_normal((256, 256)).astype(np.float32)
-            place = np.mod(self._plane / cell, 254.0).astype(np.float32)
+            place = np.mod(self._plane / cell, 254.0)
             light += FLOOR * GRAIN * 0.5 * cv2.remap(
                 pattern, place[..., 0], place[..., 1], cv2.INTER_LINEAR)
         joint = np.abs(np.mod(self._plane / TILE + 0.5, 1.0) - 0.5).min(-1) * TILE < 0.003
         light[joint] *= 0.5
         return np.asarray(np.clip(light * self._shadow(self._plane), 0.0, 1.0))
 
-    def _shadow(self, points: Array) -> Array:
+    def _shadow(self, points: Fine) -> Fine:
         """Return the share of light at points [m]: a half plane with a soft edge is shaded."""
         distance = 0.8 * points[..., 0] + 0.6 * points[..., 1] - 0.25
-        return np.asarray(1.0 - self._params.shadow / (1.0 + np.exp(-distance / 0.005)))
+        return np.asarray(1.0 - 0.5 * self._params.shadow * (1.0 + np.tanh(distance / 0.01)))
 
 
-def _linear(values: Array, columns: NDArray[np.float32], rows: NDArray[np.float32]) -> Array:
-    return np.asarray(cv2.remap(values, columns, rows, cv2.INTER_LINEAR,
-                                borderMode=cv2.BORDER_REPLICATE), dtype=float)
+class _Plate:
+    """A flat plate with tags: its reflectance as a texture, x along the columns."""
+
+    def __init__(self, size: tuple[float, float], tags: Iterable[tuple[int, Any, float]],
+                 edge: float, params: TagParams, occlusion: float = 0.0) -> None:
+        side = _modules(params) * MODULE_PIXELS
+        self._size, self._scale = np.array(size), side / edge  # m; pixels per m
+        columns, rows = (round(one * self._scale) for one in size)
+        texture = np.full((rows, columns), TOP, np.float32)
+        for tag, (x, y, *_), yaw in tags:
+            code = np.pad(cv2.aruco.generateImageMarker(
+                dictionary_of(params.tag_family), tag, side),
+                MARGIN_MODULES * MODULE_PIXELS, constant_values=255)
+            cos, sin, middle = math.cos(yaw), math.sin(yaw), 0.5 * (len(code) - 1)
+            # columns of the code are x of the tag, its rows -y; rows of the texture are y
+            turn = np.array([[cos, sin], [sin, -cos]])
+            shift = ((x, y) + 0.5 * self._size) * self._scale - 0.5
+            affine = np.column_stack([turn, shift - turn @ (middle, middle)])
+            cover, placed = (cv2.warpAffine(one, affine, (columns, rows)) for one in (
+                np.full_like(code, 255), code))
+            texture[cover > 127] = BLACK + (WHITE - BLACK) * placed[cover > 127] / 255.0
+            if occlusion:
+                begin, end = (round(self._scale * (x + 0.5 * size[0] + share * edge))
+                              for share in (-0.6, occlusion - 0.5))
+                texture[:, max(begin, 0):end] = FLOOR
+        self._texture = np.dstack([texture, np.ones_like(texture)])
+
+    def rays(self, x: Fine, y: Fine, poses: Array) -> Fine:
+        """Return light and share (0 or 1) of the plate in rays to x, y; a pose per row or one."""
+        a, b, yaw = poses.T
+        cos, sin = self._scale * np.cos(yaw), self._scale * np.sin(yaw)
+        shift = 0.5 * self._scale * self._size - 0.5
+        rows = np.array([cos, sin, shift[0] - cos * a - sin * b, shift[1] + sin * a - cos * b])
+        cos, sin, column, row = rows[:, :, None].astype(np.float32)
+        return np.asarray(cv2.remap(self._texture, cos * x + (sin * y + column),
+                                    cos * y - (sin * x - row), cv2.INTER_NEAREST))
+
+
+def _modules(params: TagParams) -> int:
+    return int(dictionary_of(params.tag_family).markerSize) + 2  # with the black border

@@ -115,13 +115,12 @@ class _Model:
     def __init__(self, times: Array, size: int, turns: Array | None) -> None:
         self._size, self._steps = size, np.diff(times)
         steps = self._steps
-        eye, zero = np.eye(size), np.zeros((size, size))
-        turns = np.broadcast_to(eye, (len(steps), size, size)) if turns is None else turns
-        self._F = np.array([np.block([[eye, turn * dt], [zero, eye]])
-                            for turn, dt in zip(turns, steps)])
-        self._G = np.array([np.block([[turn, zero], [zero, eye]]) for turn in turns])
-        self._shapes = np.array([[[dt ** 3 / 3.0, dt ** 2 / 2.0], [dt ** 2 / 2.0, dt]]
-                                 for dt in steps])  # of white noise with intensity 1
+        turns = np.eye(size) if turns is None else turns
+        self._F, self._G = (np.tile(np.eye(2 * size), (len(steps), 1, 1)) for _ in range(2))
+        self._F[:, :size, size:] = turns * steps[:, None, None]
+        self._G[:, :size, :size] = turns
+        self._shapes = np.array([[steps ** 3 / 3.0, steps ** 2 / 2.0], [
+            steps ** 2 / 2.0, steps]]).transpose(2, 0, 1)  # of white noise with intensity 1
 
     def smoothed(self, values: Array, variances: Array, density: Array
                  ) -> tuple[Array, Array, Array]:
@@ -135,9 +134,9 @@ class _Model:
             np.diag(variances[0]), self._fastest(values) ** 2 + 1e-6]))
         first = np.eye(2 * size)[None], np.zeros((1, 2 * size, 2 * size))
         F = np.concatenate([first[0], self._F])
-        Q = np.concatenate([first[1], [
-            turn @ np.kron(shape, np.diag(q)) @ turn.T
-            for turn, shape, q in zip(self._G, self._shapes, density)]])
+        white = np.einsum('kij,ka,ab->kiajb', self._shapes, density, np.eye(size))
+        Q = np.concatenate([first[1], self._G @ white.reshape(self._G.shape)
+                            @ self._G.transpose(0, 2, 1)])
         means, spreads = [], []
         for value, variance, f, q in zip(values, variances, F, Q):
             kalman.predict(F=f, Q=q)

@@ -19,10 +19,13 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.drive_report import (
-    demo_lines, host_lines, late_host, radio_counts, read_conversions, read_run, stamp_errors)
+    camera_errors, demo_lines, host_lines, late_host, radio_counts, read_conversions, read_run,
+    stamp_errors)
+from smart_tire.bags import BagWriter
 from smart_tire.host_load import HostLoad
 from smart_tire.recording import Recording
-from smart_tire.samples import NS_PER_S, TireSample, WheelSlip
+from smart_tire.rotation import quaternion
+from smart_tire.samples import NS_PER_S, Odometry, TireSample, WheelSlip
 from support.ideal_robot import odometry
 from support.recordings import write_bag
 
@@ -106,6 +109,56 @@ def test_the_late_host_comes_before_its_consequences():
             'host': {'late': True, **asdict(HostLoad(0.031, 0.4, 36.0, 2))},
             'late_host': {'times': 3, 'longest_s': 0.92, 'resumed': 1}}
     assert [line.partition(' ')[0] for line in demo_lines(tree)] == ['recorded', 'host', 'radio']
+
+
+def motion(stamp_ns, x=0.0, yaw=0.0, ratio=0.1, sigma=0.01):
+    """Return a pose with standard deviations of 2 mm and 0.02 rad, and a slip."""
+    covariance = np.diag([2e-3, 2e-3, 1.0, 1.0, 1.0, 0.02]).ravel() ** 2
+    time = (stamp_ns - START) / NS_PER_S
+    return (Odometry(stamp_ns, (time + x, 0.0, 0.0), quaternion(0.0, 0.0, 3.1 + time + yaw),
+                     (0.0,) * 3, (0.0,) * 3, tuple(covariance), tuple(covariance)),
+            WheelSlip(stamp_ns, (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
+
+
+def test_the_camera_of_a_demo_is_compared_at_its_own_stamps(tmp_path):
+    truth = Recording(one for k in range(101) for one in motion(START + k * 10_000_000))
+    with BagWriter(tmp_path / 'bag') as writer:
+        for k, sigma in ((3, 0.01), (55, 0.01), (80, 0.5), (900, 0.01)):  # the last without truth
+            stamp_ns = START + k * 10_000_000 + 3_000_000
+            for name, one in zip(('odom', 'wheel_slip'), motion(
+                    stamp_ns, 0.004, 0.01, 0.1 if sigma > 0.1 else 0.12, sigma)):
+                writer.write_sample(f'overhead/{name}', stamp_ns, one)
+    found = camera_errors(tmp_path / 'bag', truth)
+    assert (found['position']['count'], found['yaw']['count'], found['slip']['count']) == (6, 3, 8)
+    assert found['position']['rms'] == pytest.approx(0.004 / np.sqrt(2.0))  # of x and y
+    assert found['yaw']['rms'] == pytest.approx(0.01)
+    assert found['slip']['rms'] == pytest.approx(0.02)
+    assert found['slip']['normalized_rms'] == pytest.approx(2.0)
+    tree = {'against_truth': None, 'duration_s': 60.0, 'messages': {'odom': 10}, 'stamps': {},
+            'radio': {'sent': 1, 'dropped': 0, 'missing': 0}, 'tracking': {}, 'host': None,
+            'late_host': {'times': 0, 'longest_s': 0.0, 'resumed': 0}, 'camera': found}
+    assert list(demo_lines(tree))[-3:] == [
+        'position error of the overhead camera: 0.0028 m rms per axis, 1.41 of its '
+        'standard deviation',
+        'yaw error of the overhead camera: 0.5730 deg rms, 0.50 of its standard deviation',
+        'slip error of the overhead camera: 0.0200 rms where its sigma is below 0.02, 2.00 of its '
+        'standard deviation']
+    assert len(list(demo_lines({**tree, 'camera': None}))) == len(list(demo_lines(tree))) - 3
+
+
+def test_poses_without_slip_or_truth_are_no_error(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_sample('overhead/odom', START, motion(START)[0])
+    truth = Recording(one for k in range(-1, 2) for one in motion(START + k * 10_000_000))
+    found = camera_errors(tmp_path / 'bag', truth)
+    assert (found['yaw']['count'], found['slip']['count']) == (1, 0)
+    assert camera_errors(tmp_path / 'bag', Recording())['yaw']['count'] == 0
+
+
+def test_without_poses_of_a_camera_there_are_no_errors_of_it(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_sample('odom', START, motion(START)[0])
+    assert camera_errors(tmp_path / 'bag', Recording()) is None
 
 
 def test_the_camera_of_a_recorded_drive_is_the_reference(tmp_path):

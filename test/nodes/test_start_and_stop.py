@@ -24,6 +24,7 @@ from rclpy.parameter import get_parameter_value, parameter_value_to_python
 from sensor_msgs.msg import Imu
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import ParameterError
+from smart_tire.launching import CAMERA
 from smart_tire.nodes import composed, robot_simulator, tire_receiver, wheel_controller
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.imu_driver import ImuDriver
@@ -92,7 +93,7 @@ def test_every_node_publishes_diagnostics_imports_little_and_ends_cleanly_after_
         assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
         assert 'Traceback' not in node.output
         assert 'realtime_priority' not in node.output
-        needed = ['cv2'] if name == 'overhead_localizer' else []
+        needed = ['cv2'] if name in CAMERA else []
         assert node.output.splitlines()[-1] == f'imported: {needed}'
 
 

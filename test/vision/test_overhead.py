@@ -26,11 +26,12 @@ from smart_tire.messages.header import set_header
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import Recording
-from smart_tire.samples import NS_PER_S, Odometry
+from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
 from smart_tire.vision.live import LiveLocalizer
-from smart_tire.vision.overhead import NO_TAG, OverheadLocalizer
+from smart_tire.vision.overhead import NO_TAG, OverheadLocalizer, SCALE, Scale
 from smart_tire.vision.renderer import Renderer
-from support.overhead import image_msg, info_msg, RADIUS, SMALL, SMALL_PLACE, START_NS
+from support.overhead import (
+    fixes_of, image_msg, info_msg, RADIUS, SMALL, SMALL_PLACE, START_NS, wheel_samples)
 
 PARAMS = OverheadLocalizerParams(overhead=OverheadParams(**SMALL_PLACE, time_offset=0.0))
 VELOCITY = np.array([0.3, 0.0, 0.0])
@@ -207,3 +208,65 @@ def test_the_camera_is_no_input_of_an_estimator_or_controller():
     readers = {name for name, node in NODE_TABLE.items()
                if any(topic.startswith('overhead') for topic in node.subscribes)}
     assert readers == {'overhead_localizer'}
+
+
+def straight(scale, *, speed=0.4, rate=0.0, acceleration=0.0, step=0.1, count=30, slips=True):
+    """Return estimates whose speed is ``scale`` times that of the wheels."""
+    found = []
+    for k in range(count):
+        stamp_ns, wheels = START_NS + round(k * step * NS_PER_S), speed + acceleration * k * step
+        found.append(Odometry(
+            stamp_ns, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (scale * wheels, 0.0, 0.0),
+            (0.0, 0.0, rate), (1e-12,) * 36, (1e-12,) * 36))
+        if slips:
+            found.append(WheelSlip(stamp_ns, (0.0,) * 4, ((1.0 - scale) * wheels,) * 4,
+                                   (0.01,) * 4))
+    return found
+
+
+EXACT = replace(PARAMS, robot=replace(PARAMS.robot, wheel_radius_sigma=0.0))
+
+
+def deviation(samples, params=EXACT):
+    """Return the deviation of a scale by ``samples``."""
+    one = Scale(params)
+    one.add(samples)
+    return one.deviation
+
+
+SLOPE = 0.02 * 10.9 * GRAVITY / (4.0 * 52.7)  # slip of the wheels on a slope of 2 %
+
+
+@pytest.mark.parametrize('speed', [0.4, -0.4])
+def test_the_scale_deviates_by_slope_radius_and_height_together(speed):
+    assert deviation(straight(1.0 + 2.0 * SLOPE, speed=speed)) == pytest.approx(2.0, rel=1e-3)
+    assert deviation(straight(1.0 - 4.0 * SLOPE, speed=speed)) == pytest.approx(-4.0, rel=1e-3)
+    both = replace(EXACT, robot=replace(EXACT.robot, wheel_radius_sigma=SLOPE))
+    assert deviation(straight(1.0 + 2.0 * SLOPE), both) == pytest.approx(2.0 / 2 ** 0.5, rel=1e-3)
+    height = SMALL.position[2] - RADIUS - 0.15
+    high = replace(EXACT, overhead=replace(
+        PARAMS.overhead, camera_position_sigma=(0.0, 0.0, SLOPE * height)))
+    assert deviation(straight(1.0 + 2.0 * SLOPE), high) == pytest.approx(2.0 / 2 ** 0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize('changes', [
+    {'rate': 0.11}, {'acceleration': 0.25}, {'step': 0.6, 'count': 10}, {'count': 12},
+    {'slips': False}])
+def test_turns_starts_gaps_and_short_ways_do_not_count_for_the_scale(changes):
+    assert deviation(straight(1.2, **changes)) == 0.0
+    assert deviation(straight(1.2)) > 3.0
+
+
+@pytest.mark.parametrize(('share', 'published', 'said'), [
+    (1.0, 90, ''), (1.1, 0, '1.31 m by the camera, 1.19 m by the wheels'),
+    (0.8, 90, 'slip, or overhead')])
+def test_a_scale_that_contradicts_the_wheels_is_refused_and_slip_is_not(
+        renderer, share, published, said):
+    one, way = localizer(renderer), 0.2  # m/s, by the wheels
+    one.fixes = fixes_of(lambda time: np.array([share * way * time, 0.0, 0.0]))
+    one._stamps = {fix.stamp_ns for fix in one.fixes}
+    found = one.result(Recording(wheel_samples(lambda time: np.full(4, way / RADIUS))))
+    assert found.published == published
+    assert len(found.slips) == published
+    assert found.refused == ({} if published else {SCALE: 90})
+    assert said in found.line() and bool(found.hints) == bool(said)
