@@ -172,7 +172,7 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
     rows: list[list[Panel | None]] = [[panel]]
     if errors and result.filtered.name in references:
         curves = [(position_error(one, result.origin_ns), pose_errors(one, result.origin_ns)[2])
-                 for one in result.comparisons.values()]
+                  for one in result.comparisons.values()]
         rows = [[panel, error_panel(several, colors, bottom=bottom)]
                 for several, bottom in zip(zip(*curves), (0.0, None))]
         caption += (
