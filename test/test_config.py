@@ -57,7 +57,7 @@ def given_to(node, paths):
 
 def paths_for(node):
     """Return the parameter files of ``node``."""
-    return PATHS if node == 'robot_simulator' else ROBOT_PATHS
+    return PATHS if node.endswith('_simulator') else ROBOT_PATHS
 
 
 @every_node

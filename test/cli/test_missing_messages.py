@@ -58,7 +58,8 @@ def test_missing_messages_are_one_line_and_an_exit_status(verb, bags, tmp_path, 
     assert 'messages or more are missing: damaged_0.mcap: damaged at byte' in line
     if verb == 'analyze':
         left_out = json.loads((tmp_path / 'b' / 'summary.json').read_text())['left_out']
-        assert [one for one in left_out if 'missing' in one] == [line.split(f'{damaged}: ')[1]]
+        assert [one for one in left_out if 'are missing' in one] == [
+            line.split(f'{damaged}: ')[1]]
     if verb == 'doctor':
         found = [one['found'] for one in json.loads(output)['findings']]
         assert [one for one in found if 'missing' in one] == [line.split(f'{damaged}: ')[1]]

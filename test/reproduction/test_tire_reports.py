@@ -99,8 +99,13 @@ def test_slips_have_the_signs_of_the_paper_and_agree_with_the_truth(slips):
             assert score.error.rms < 0.03
 
 
-def test_the_rendered_camera_sees_the_path_and_the_slip_of_the_truth(slip_runs, slips, printed):
-    views = {ground: camera_runs.camera_view(run, 5.0) for ground, run in slip_runs.items()}
+@pytest.fixture(scope='module')
+def views(slip_runs):
+    return {ground: camera_runs.camera_view(run, 5.0) for ground, run in slip_runs.items()}
+
+
+def test_the_rendered_camera_sees_the_path_and_the_slip_of_the_truth(
+        slip_runs, views, slips, printed):
     for ground, view in views.items():
         assert view.found.published == view.found.images == 50
         for score in tire_runs.side_slips(slip_runs[ground], view.estimates).values():
@@ -187,12 +192,12 @@ def test_the_printed_constraint_shows_the_same_slip_difference(slips, printed):
             assert printed[ground][side].estimated_mean != score.estimated_mean
 
 
-def test_statements_depend_on_the_numbers(slip_runs, slips, printed, sweep):
-    section = paper_b.slip_section(slip_runs, slips, printed)
+def test_statements_depend_on_the_numbers(slip_runs, views, slips, printed, sweep):
+    section = paper_b.slip_section(slip_runs, views, slips, printed)
     assert any('both sides have positive slip' in text for text in section.agrees)
     concrete = slips['concrete']
     section = paper_b.slip_section(
-        slip_runs, {'sand': concrete, 'concrete': concrete}, printed)
+        slip_runs, views, {'sand': concrete, 'concrete': concrete}, printed)
     assert any('at least one side' in text for text in section.differs)
     steep = {**sweep.slopes, 'exact': replace(sweep.slopes['exact'], slope=-3.0)}
     section = paper_b.adhesion_section(replace(sweep, slopes=steep))
