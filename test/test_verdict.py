@@ -83,12 +83,12 @@ def run(*trials):
     return len(trials) - len(left)
 
 
-def test_an_inconclusive_scenario_is_repeated():
-    unclear, good = (0.7, 0.4), (0.3, 0.0)
+def test_a_scenario_is_repeated_until_it_is_within_the_bound():
+    unclear, good, bad = (0.7, 0.4), (0.3, 0.0), (0.7, 0.1)
     assert run(good, unclear) == 1
-    assert run(unclear, unclear, good, good) == 3
-    with pytest.raises(AssertionError, match=r'0.700 s with 0.100 s on run queues, .* 0.5 s'):
-        run(unclear, (0.7, 0.1), good)
+    assert run(unclear, bad, good, good) == 3
+    with pytest.raises(AssertionError, match=r'0.700 s with 0.100 s on run queues; .* 0.5 s'):
+        run(unclear, bad, *[unclear] * (MAX_TRIALS - 2))
 
 
 def test_a_scenario_that_remains_inconclusive_is_skipped_with_its_figures():

@@ -88,17 +88,20 @@ class RunQueues:
 
 def assert_within(bound: float, scenario: Callable[[], tuple[float, float]]) -> None:
     """
-    Assert that a scenario takes at most ``bound`` [s]; repeat it while it is inconclusive.
+    Assert that a scenario takes at most ``bound`` [s] in one of ``MAX_TRIALS``.
 
-    ``scenario`` returns the time measured and the time waited [s]. Skips the test after
-    ``MAX_TRIALS``, with a reason that begins with 'inconclusive'.
+    ``scenario`` returns the time measured and the time waited [s]. Not all that delays a process is
+    on a run queue: a host that stands still for a moment is not. The bounds themselves are proven in
+    virtual time. Skips the test if all trials are inconclusive, with a reason that begins so.
     """
-    figures = []
+    figures, failed = [], False
     for _ in range(MAX_TRIALS):
         measured, waited = scenario()
         figures.append(f'{measured:.3f} s with {waited:.3f} s on run queues')
         found = verdict(measured, waited, bound)
-        assert found is not Verdict.FAIL, f'{figures[-1]}, allowed are {bound} s'
         if found is Verdict.PASS:
             return
-    pytest.skip(f'inconclusive: {"; ".join(figures)}; allowed are {bound} s')
+        failed = failed or found is Verdict.FAIL
+    text = f'{"; ".join(figures)}; allowed are {bound} s'
+    assert not failed, text
+    pytest.skip(f'inconclusive: {text}')
