@@ -11,10 +11,9 @@
 Pose of the robot on the floor from the tags in one image.
 
 The heights of the tags are known: x, y and yaw in ``map`` are fitted to the corners by least
-squares. A fourth value, the inset, is how far the detected edges are inside the tag: half a pixel,
-as contours run through the outermost pixels of the black square, and what blur and light add. It
-moves all corners to the middle of their tag, so that it changes the size of the tag but not its
-pose: an inset that no blur explains is a wrong size or height.
+squares. A fourth value, the inset, is how far the detected edges are inside the tag, by blur,
+light and print. It moves all corners to the middle of their tag, so that it changes the size of
+the tag but not its pose: an inset that no blur explains is a wrong size or height.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from smart_tire.vision.camera import Camera
 
 ITERATIONS = 4         # of Gauss-Newton, from a start that is correct to a pixel
 DERIVATIVE_STEP = 1e-5  # m, rad and pixels, of the derivatives
-NOMINAL_INSET = 0.5    # pixels, from the geometry of contours
+NOMINAL_INSET = 0.0    # pixels
 MAX_INSET_ERROR = 1.0  # pixels; blur and exposure of rendered images caused up to 0.4
 UNKNOWNS = 4
 START_NOISE = 0.1      # pixels, of a corner; in rendered images 0.07 to 0.12
@@ -79,8 +78,8 @@ class Fix:
         return (START_WEIGHT * noise ** 2 + self.squares) / (START_WEIGHT + self.freedom)
 
     def fits(self, noise: float) -> bool:
-        """Return whether the residuals are possible with a ``noise`` [pixels]."""
-        return self.squares <= self.freedom * (MAX_NOISE_RATIO * noise) ** 2
+        """Return whether the residuals are possible with a ``noise`` [pixels], or a shadow."""
+        return self.squares <= self.freedom * (MAX_NOISE_RATIO * max(noise, START_NOISE)) ** 2
 
 
 class PoseFit:

@@ -90,9 +90,9 @@ def assert_within(bound: float, scenario: Callable[[], tuple[float, float]]) -> 
     """
     Assert that a scenario takes at most ``bound`` [s] in one of ``MAX_TRIALS``.
 
-    ``scenario`` returns the time measured and the time waited [s]. Not all that delays a process is
-    on a run queue: a host that stands still for a moment is not. The bounds themselves are proven in
-    virtual time. Skips the test if all trials are inconclusive, with a reason that begins so.
+    ``scenario`` returns the time measured and the time waited [s]. Not all that delays a process
+    is on a run queue: a host that stands still for a moment is not. The bounds themselves are
+    proven in virtual time. Skips the test if all trials are inconclusive; the reason begins so.
     """
     figures, failed = [], False
     for _ in range(MAX_TRIALS):

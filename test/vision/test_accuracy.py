@@ -45,13 +45,7 @@ def drive(seed):
     return simulate(params, [*phases, (DURATION - 1.0, 0.0, 0.0)], DURATION, start_ns=START_NS)
 
 
-MISSED = 403, 406, 408, 410  # single images with a wrong yaw of a tag whose corners fit a square
-
-
-@pytest.mark.parametrize('seed', [
-    pytest.param(seed, marks=[pytest.mark.xfail(
-        strict=True, reason='yaw of single images')] if seed in MISSED else [])
-    for seed in range(401, 411)])
+@pytest.mark.parametrize('seed', range(401, 411))
 def test_pose_velocity_and_slip_are_as_accurate_as_stated(seed, tmp_path):
     events, rng = drive(seed), np.random.default_rng([seed, 1])
     truth = Recording(one for _, name, one in events if name.startswith('ground_truth/'))

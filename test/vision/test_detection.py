@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from array import array
+import math
 from types import SimpleNamespace
 
 import cv2
@@ -20,7 +21,7 @@ import numpy as np
 import pytest
 from smart_tire.errors import MessageError, ParameterError
 from smart_tire.vision.detection import (
-    dictionary_of, ENCODINGS, gray_image, other_families, TagDetector)
+    dictionary_of, ENCODINGS, gray_image, other_families, refined, TagDetector)
 from support.overhead import image_msg
 
 RNG = np.random.default_rng(3)
@@ -110,9 +111,32 @@ def sheet(*tags, family='36h11'):
 def test_corners_begin_at_the_upper_left_of_the_upright_tag_clockwise():
     tags, repeated = TagDetector('36h11').tags(sheet((3, 40, 50), (9, 200, 90)))
     assert sorted(tags) == [3, 9] and repeated == []
-    # half a pixel inside of the edges at 39.5 and 99.5
-    expected = np.array([[40, 50], [99, 50], [99, 109], [40, 109]])
-    assert np.abs(tags[3] - expected).max() < 0.2
+    expected = np.array([[39.5, 49.5], [99.5, 49.5], [99.5, 109.5], [39.5, 109.5]])
+    assert np.abs(tags[3] - expected).max() < 0.02
+
+
+@pytest.mark.parametrize('angle', [0.02, 0.4, 0.785, 2.5])
+def test_corners_are_where_the_edges_meet_whatever_the_light(angle):
+    """Blurred, noisy, a part in the shadow, and a part of an edge hidden."""
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    exact = 100.3 + 30.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ turn.T
+    y, x = np.mgrid[0:1600, 0:1600] / 8.0 - 0.5 + 1.0 / 16.0  # eight samples to a pixel
+    inner = np.abs(np.stack([x - 100.3, y - 100.3], axis=-1) @ turn).max(axis=-1)
+    fine = np.where(inner < 30.0, 20.0, 220.0) * np.where(x > 108.0, 0.4, 1.0)
+    image = fine.reshape(200, 8, 200, 8).mean(axis=(1, 3))
+    image = cv2.GaussianBlur(image, (0, 0), 1.2) + RNG.normal(0.0, 2.0, image.shape)
+    middle = (0.7 * exact[0] + 0.3 * exact[1]).round().astype(int)
+    image[middle[1] - 2:middle[1] + 3, middle[0] - 2:middle[0] + 3] = 220.0
+    start = exact + np.array([[0.8, -0.6], [-0.7, 0.9], [0.5, 0.8], [-0.9, -0.4]])
+    found = refined(np.clip(image, 0, 255).astype(np.uint8), start)
+    assert np.abs(found - exact).max() < 0.15
+    assert abs(turned(found) - turned(exact)) < 0.002
+
+
+def turned(corners):
+    """Return the direction [rad] of the upper edge and, against it, the lower one."""
+    along = (corners[1] - corners[0]) + (corners[2] - corners[3])
+    return math.atan2(along[1], along[0])
 
 
 def test_a_tag_that_is_there_twice_is_not_found_but_reported():

@@ -34,7 +34,7 @@ def test_the_pose_of_exact_corners_is_exact(pose, params):
     assert fix.stamp_ns == 5
     assert fix.pose[:2] == pytest.approx(pose[:2], abs=1e-4)
     assert math.remainder(fix.pose[2] - pose[2], math.tau) == pytest.approx(0.0, abs=1e-4)
-    assert fix.inset == pytest.approx(0.5, abs=0.02)
+    assert fix.inset == pytest.approx(0.0, abs=0.02)
     assert fix.freedom == 8 * len(params.tag_ids) - 4
     assert fix.squares < 5e-3
 
@@ -67,7 +67,7 @@ def test_a_wrong_size_is_refused(size, used):
     assert (fix != WRONG_SIZE) == used
     if used:
         assert fix.pose == pytest.approx(POSES[0], abs=1e-3)
-        assert 0.05 < abs(fix.inset - 0.5) < MAX_INSET_ERROR
+        assert 0.05 < abs(fix.inset) < MAX_INSET_ERROR
 
 
 def test_residuals_of_a_tilted_tag_are_explained_by_its_tilt():
