@@ -43,7 +43,6 @@ class Robot:
         self.shown_x = 0.0
         self.log: Callable[[], str] = lambda: self.node.output
         self.sent_ns = 0  # stamp of the latest odom
-        self._counted = -1, 0.0  # commands, and the time [s] of the latest
         if isinstance(graph, Graph):
             graph.subscribe('cmd_vel', 'path_progress')
 
@@ -118,17 +117,10 @@ class Robot:
         self.follow(self.path())
         self.until(lambda: self.speed > 0.1)
 
-    def _is_silent_since(self, seconds: float) -> bool:
-        """Return whether no command has come for ``seconds``: one that is lost is not repeated."""
-        count, now = len(self.graph.received['cmd_vel']), time.monotonic()
-        if count != self._counted[0]:
-            self._counted = count, now
-        return now - self._counted[1] > seconds
-
     def assert_stopped(self, state: State, reason: str) -> None:
         """Assert that one command of zero is sent, that ``state`` remains and why is logged."""
         self.until_state(state)
-        self.until(lambda: self.speed == 0.0 or self._is_silent_since(2.0))
+        self.until(lambda: self.speed == 0.0)
         count = len(self.commands)
         self.until(lambda: f'{state.name.lower()}: ' in self.log())
         assert reason in self.log()
