@@ -40,6 +40,7 @@ from support.graph import Graph
 from support.moving_robot import Robot, SHORT
 from support.ros_classes import importable, missing
 from support.virtual_node import virtual
+from support.waiting import wait_for
 
 pytestmark = [pytest.mark.processes, pytest.mark.skipif(bool(missing()), reason=missing())]
 
@@ -81,23 +82,27 @@ class Client:
 
     def send(self, path: PlannedPath) -> Any:
         """Offer a goal, again if a server that has ended is still known; return its handle."""
-        while not (handle := self.offer(path)).accepted:
-            pass
-        return handle
+        handles: list[Any] = []
+        wait_for(lambda: handles.append(self.offer(path)) or handles[-1].accepted)
+        return handles[-1]
 
     def drive(self, **given: Any) -> Any:
         """Send a path, again if it is refused; return the handle when the robot moves."""
-        while True:
-            goal = self.send(self._robot.path(**given))
-            ended = goal.get_result_async()
-            self.until(lambda: self._robot.speed > 0.1 or ended.done())  # noqa: B023
-            if not ended.done():
-                return goal
+        goals: list[Any] = []
+
+        def moves() -> bool:
+            goals.append(self.send(self._robot.path(**given)))
+            ended = goals[-1].get_result_async()
+            self.until(lambda: self._robot.speed > 0.1 or ended.done())
+            return not ended.done()
+
+        wait_for(moves)
+        return goals[-1]
 
     def arrive(self) -> None:
         """Send a short path until one is followed: a client that has ended may still be known."""
-        while self.result(self.send(self._robot.path(SHORT)))[0] != GoalStatus.STATUS_SUCCEEDED:
-            pass
+        wait_for(lambda: self.result(
+            self.send(self._robot.path(SHORT)))[0] == GoalStatus.STATUS_SUCCEEDED)
 
     def result(self, goal: Any) -> tuple[int, str, str]:
         """Return status, name of the error and message of a goal that ends."""
@@ -202,6 +207,26 @@ def test_the_newest_of_goals_paths_and_poses_is_followed_and_ends_the_one_before
     assert rig.speed > 0.1
     refused = give(node, rig.path(frame='nowhere'))  # stops, whoever sent the one before
     assert (refused.status, rig.speed) == ('abort', 0.0)
+
+
+@pytest.mark.parametrize(('change', 'error', 'reason'), [
+    ({'length': -0.05}, 'INVALID_PATH', '0 poses'),
+    ({'length': 300.0}, 'INVALID_PATH', '6001 poses, expected at most 5000'),
+    ({'stamp_ns': 1}, 'TF_ERROR', 's old, expected at most 2 s'),
+    ({'frame': 'nowhere'}, 'TF_ERROR', "frame 'nowhere', expected odom: /tf does not connect"),
+    ({'frame': ''}, 'INVALID_PATH', "frame '', expected odom")],
+    ids=['empty', 'long', 'old', 'frame', 'no frame'])
+def test_an_invalid_goal_stops_the_robot_and_its_result_has_the_reason(
+        node, rig, change, error, reason):
+    first = give(node, rig.path())
+    rig.until(lambda: rig.speed > 0.1)
+    invalid = give(node, rig.path(**change))
+    for goal in (first, invalid):
+        assert goal.status == 'abort'
+        assert goal.result.error_code == getattr(type(goal.result), error)
+    assert reason in invalid.result.error_msg
+    assert rig.speed == 0.0
+    rig.assert_stopped(State.REFUSED, reason)
 
 
 @pytest.mark.parametrize(('stall', 'later', 'follows'), [
@@ -352,7 +377,7 @@ def test_an_emergency_stop_aborts_the_goal_and_refuses_the_next_one(robot, clien
                        'follow_path: the emergency stop is active')
     assert robot.speed == 0.0
     stop.publish(Bool(data=False))
-    robot.until(lambda: robot.graph.value(NODE, 'emergency_stop') == 'False')
+    client.drive()  # the release has arrived
     robot.graph.node.destroy_publisher(stop)
 
 
@@ -372,23 +397,6 @@ def test_what_stops_the_robot_aborts_the_goal_with_its_reason(robot, client, end
     status, name, text = client.result(goal)
     assert (status, name) == (GoalStatus.STATUS_ABORTED, error)
     assert text.startswith((reason, PREFIX))  # of a test host that is late
-
-
-@pytest.mark.parametrize(('change', 'error', 'reason'), [
-    ({'length': -0.05}, 'INVALID_PATH', '0 poses'),
-    ({'length': 300.0}, 'INVALID_PATH', '6001 poses, expected at most 5000'),
-    ({'stamp_ns': 1}, 'TF_ERROR', 's old, expected at most 2 s'),
-    ({'frame': 'nowhere'}, 'TF_ERROR', "frame 'nowhere', expected odom: /tf does not connect"),
-    ({'frame': ''}, 'INVALID_PATH', "frame '', expected odom")],
-    ids=['empty', 'long', 'old', 'frame', 'no frame'])
-def test_an_invalid_goal_stops_the_robot_and_its_result_has_the_reason(
-        robot, client, change, error, reason):
-    first = client.drive()
-    result = client.result(client.send(robot.path(**change)))
-    assert result[:2] == (GoalStatus.STATUS_ABORTED, error)
-    assert reason in result[2]
-    assert client.result(first)[:2] == (GoalStatus.STATUS_ABORTED, error)
-    robot.assert_stopped(State.REFUSED, reason)
 
 
 def test_a_goal_that_was_queued_while_the_node_was_stopped_is_not_followed(robot, client):
