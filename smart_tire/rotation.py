@@ -36,6 +36,17 @@ def angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
             math.atan2(rotation[1, 0], rotation[0, 0]))
 
 
+def wrapped(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return angles [rad] in [-pi, pi).
+
+    >>> wrapped(np.array([3.5, -3.5])).round(3).tolist()
+    [-2.783, 2.783]
+    """
+    found: NDArray[np.float64] = np.remainder(values + math.pi, math.tau) - math.pi
+    return found
+
+
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
     """Return the unit quaternion, ordered x, y, z, w."""
     cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)

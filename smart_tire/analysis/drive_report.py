@@ -34,10 +34,11 @@ from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
 from smart_tire.host_load import HostLoad, worst_of
 from smart_tire.recording import at, Recording
+from smart_tire.rotation import wrapped
 from smart_tire.samples import NS_PER_S
 
 MAX_AGE = 0.25  # s, of odom when it is recorded; as cmd_vel_timeout of wheel_controller
-MAX_SLIP_SIGMA = 0.02  # of the overhead camera, for its errors: starts and stops have larger ones
+CLEAR_SIGMA = 0.02  # of slip by the overhead camera; starts and stops have larger ones
 MIN_PUNCTUAL_TIME = 1.0  # s between two times that the host was late
 PUNCTUAL = {'times': 0, 'longest_s': 0.0, 'resumed': 0}  # late_host of data without lateness
 REFERENCE_STAMP_SIGMA = 0.5e-3  # s, standard deviation for normalized timestamp errors
@@ -136,7 +137,7 @@ def evaluate_demo(bag_path: Path, params: Path, intervals: Intervals, expected: 
              figures / 'tracking.png')
     driving_ns = min((first for spans in intervals.values() for first, _ in spans), default=0)
     return plain({
-        **run.tree, 'camera': camera_errors(bag_path, run.result.truth), 'messages': run.counts,
+        **run.tree, 'camera': camera_errors(run.result), 'messages': run.counts,
         'silent': [name for name in expected if not run.counts.get(name.lstrip('/'))],
         'radio': radio_counts(run.result.inputs, batches),
         'stamps': stamp_errors(run.result.inputs, batches),
@@ -144,22 +145,21 @@ def evaluate_demo(bag_path: Path, params: Path, intervals: Intervals, expected: 
         'tracking': {name: driven_tree(drive) for name, drive in drives.items()}})
 
 
-def camera_errors(bag_path: Path, truth: Recording) -> Tree | None:
+def camera_errors(result: Result) -> Tree | None:
     """
     Return the errors of the overhead camera, at its timestamps; None without its poses.
 
-    Those of the slip count where its standard deviation is at most ``MAX_SLIP_SIGMA``.
+    Those of the slip count where its standard deviation is at most ``CLEAR_SIGMA``.
     """
-    with Bag(bag_path) as bag:
-        camera = bag.recording(('overhead/odom', 'overhead/wheel_slip'))
-    poses, slips, true, true_slips = camera.poses(), camera.slips(), truth.poses(), truth.slips()
+    poses, true = result.camera.poses(), result.truth.poses()
+    slips, true_slips = result.camera.slips(), result.truth.slips()
     if not len(poses.stamp_ns):
         return None
     error = poses.pose - at(poses.stamp_ns, true.stamp_ns, true.pose)
-    error[:, 2] = np.remainder(error[:, 2] + math.pi, math.tau) - math.pi
+    error[:, 2] = wrapped(error[:, 2])
     sigma = np.sqrt(np.diagonal(poses.pose_covariance, axis1=1, axis2=2))
     slip = slips.ratio - at(slips.stamp_ns, true_slips.stamp_ns, true_slips.ratio)
-    sharp = slips.sigma <= MAX_SLIP_SIGMA
+    sharp = slips.sigma <= CLEAR_SIGMA
     return {'position': asdict(score_of(error[:, :2].ravel(), sigma[:, :2].ravel())),
             'yaw': asdict(score_of(error[:, 2], sigma[:, 2])),
             'slip': asdict(score_of(slip[sharp], slips.sigma[sharp]))}
@@ -256,7 +256,7 @@ def demo_lines(tree: Tree) -> Iterator[str]:
     camera = tree.get('camera') or {}
     for name, unit, factor in (('position', 'm rms per axis', 1.0),
                                ('yaw', 'deg rms', math.degrees(1.0)),
-                               ('slip', f'rms where its sigma is below {MAX_SLIP_SIGMA:g}', 1.0)):
+                               ('slip', f'rms where its sigma is below {CLEAR_SIGMA:g}', 1.0)):
         if camera.get(name, {}).get('count'):
             yield (f'{name} error of the overhead camera: {factor * camera[name]["rms"]:.4f} '
                    f'{unit}, {camera[name]["normalized_rms"]:.2f} of its standard deviation')

@@ -34,6 +34,7 @@ from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.path_geometry import FORWARD, Maneuver, REVERSE, Segment, Spin
 from smart_tire.errors import CommandError
 from smart_tire.parameters.path_following import PathCheckParams
+from smart_tire.rotation import wrapped
 from smart_tire.samples import GoalPose, PlannedPath, Vector3
 
 
@@ -148,7 +149,7 @@ def _corners(points: Array, arc: Array, corner_angle: float) -> list[int]:
     before, after = inner - c.CHORD_LENGTH, inner + c.CHORD_LENGTH
     into = np.arctan2(y[1:-1] - np.interp(before, arc, y), x[1:-1] - np.interp(before, arc, x))
     out = np.arctan2(np.interp(after, arc, y) - y[1:-1], np.interp(after, arc, x) - x[1:-1])
-    turn = np.abs((out - into + math.pi) % math.tau - math.pi)
+    turn = np.abs(wrapped(out - into))
     return _peaks(turn, inner, corner_angle)
 
 

@@ -58,7 +58,8 @@ class OverheadCameraSimulator(SmartTireNode[OverheadCameraSimulatorParams]):
         self._truth: deque[tuple[int, float, float, float]] = deque()  # stamp [ns], x, y, yaw
         self._image_ns = 0  # stamp of the latest image
         self.images = self.skipped = 0
-        self._info = self._camera_info()
+        self._info = self._renderer.camera.intrinsics.fill(
+            message_class('sensor_msgs/msg/CameraInfo')())
         self._publish_info = self._publisher('CameraInfo', 'camera_info')
         self._publish_image = (
             self._publisher('CompressedImage', 'image_raw/compressed') if image.jpeg_quality
@@ -69,14 +70,6 @@ class OverheadCameraSimulator(SmartTireNode[OverheadCameraSimulatorParams]):
         topic = f'overhead_camera/{name}'
         return self.make_guarded_publisher(
             message_class(f'sensor_msgs/msg/{kind}'), topic, publisher_qos(topic))
-
-    def _camera_info(self) -> Any:
-        inner = self._renderer.camera.intrinsics
-        width, height = inner.size
-        return message_class('sensor_msgs/msg/CameraInfo')(
-            width=width, height=height, distortion_model=inner.model, d=inner.distortion.tolist(),
-            k=inner.matrix.ravel(), r=np.eye(3).ravel(),
-            p=np.column_stack([inner.matrix, np.zeros(3)]).ravel())
 
     def _on_truth(self, odometry: Odometry) -> None:
         stamp_ns, truth = odometry.stamp_ns, self._truth

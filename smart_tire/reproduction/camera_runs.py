@@ -26,7 +26,6 @@ from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import Recording, seconds
 from smart_tire.reproduction.tire_runs import ROBOT, Run, STANDSTILL_TIME
 from smart_tire.samples import NS_PER_S
-from smart_tire.vision.camera import Intrinsics
 from smart_tire.vision.overhead import OverheadLocalizer, Result
 from smart_tire.vision.renderer import Renderer
 
@@ -60,7 +59,7 @@ def camera_view(run: Run, duration: float) -> View:
         camera_position=image.position, camera_rotation=image.rotation))
     renderer = Renderer(image, params.overhead, ROBOT.wheel_radius)
     localizer = OverheadLocalizer(params)
-    localizer.add_camera_info(_info(renderer.camera.intrinsics))
+    localizer.add_camera_info(renderer.camera.intrinsics.fill(empty(INFO_TYPE)))
 
     def motion(times: Array) -> Array:
         return np.column_stack([np.interp(times, time, column) for column in truth.pose.T])
@@ -73,11 +72,3 @@ def camera_view(run: Run, duration: float) -> View:
         msg.step, msg.encoding, msg.data = msg.width, 'mono8', rendered.tobytes()
         localizer.add_image(msg)
     return View(localizer.result(run.inputs), params)
-
-
-def _info(inner: Intrinsics) -> object:
-    """Return the CameraInfo with the intrinsics ``inner``."""
-    msg = empty(INFO_TYPE)
-    msg.width, msg.height = inner.size
-    msg.k, msg.d, msg.distortion_model = inner.matrix.ravel(), inner.distortion, inner.model
-    return msg

@@ -69,6 +69,14 @@ class Intrinsics:
             raise MessageError(f'camera_info: an image of {width} x {height} pixels')
         return cls((width, height), K, D, msg.distortion_model)
 
+    def fill(self, msg: Any) -> Any:
+        """Write the intrinsics into a CameraInfo and return it."""
+        msg.width, msg.height = self.size
+        msg.distortion_model, msg.d = self.model, self.distortion.tolist()
+        msg.k, msg.r = self.matrix.ravel(), np.eye(3).ravel()
+        msg.p = np.column_stack([self.matrix, np.zeros(3)]).ravel()
+        return msg
+
     @classmethod
     def from_file(cls, path: str) -> Intrinsics:
         """Return those in a YAML file by ``camera_calibration``; raise ParameterError."""

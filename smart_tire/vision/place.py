@@ -38,7 +38,7 @@ from smart_tire.numerics.least_squares import Errors, nonlinear_fit, Prior
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import Recording
-from smart_tire.rotation import angles, matrix
+from smart_tire.rotation import angles, matrix, wrapped
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.camera import Camera, Intrinsics
@@ -52,7 +52,6 @@ MIN_IMAGES = 5           # of a marker
 MAX_SPREAD = 0.5         # pixels, of a corner over the images: the camera or a marker has moved
 MAX_ROTATION_SIGMA = 0.02  # rad, of the camera: a share of its height as error of a position
 CONTRADICTION_SIGMAS = 4.0  # of a measured place
-AMBIGUITY_SIGMAS = 3.0   # of a second pose: its residuals are not larger by more
 INTERVAL = 0.4           # s, of displacements
 STRAIGHT, TURNED = 0.05, 0.1  # rad in an interval: at most, at least
 MIN_DISTANCE = 0.05      # m in an interval of straight motion
@@ -102,31 +101,22 @@ def camera_place(intrinsics: Intrinsics, corners: Mapping[int, Array], params: O
         measured = (places - free[:, :2]) / params.floor_position_sigma
         return np.concatenate([error.ravel() / noise, measured.ravel()])
 
-    def fits(starts: Sequence[Array], noise: float) -> list[Any]:
-        return sorted((least_squares(rows, start, args=(noise,), x_scale='jac')
-                       for start in starts), key=lambda one: one.cost)
+    def fitted(start: Array, noise: float) -> Any:
+        return least_squares(rows, start, args=(noise,), x_scale='jac')
 
     starts = sorted(_starts(intrinsics, pixels, places, flat), key=lambda start: float(
         np.sum(rows(start, START_NOISE) ** 2)))
-    found = fits(starts[:STARTS], START_NOISE)
-    squares = float(np.sum((START_NOISE * found[0].fun[:pixels.size]) ** 2))
+    best = min((fitted(start, START_NOISE) for start in starts[:STARTS]), key=lambda one: one.cost)
+    squares = float(np.sum((START_NOISE * best.fun[:pixels.size]) ** 2))
     freedom = 5 * len(ids) - 4  # 8 n less 3 n + 7 unknowns, of which 3 are a motion of the floor
     noise = math.sqrt((START_WEIGHT * START_NOISE ** 2 + squares) / (START_WEIGHT + freedom))
-    found = fits([one.x for one in found], noise)
-    best = found[0]
+    best = fitted(best.x, noise)
     covariance = np.linalg.inv(best.jac.T @ best.jac)[:6, :6]
     worst = int(np.argmax(np.abs(best.fun[pixels.size:])))
     if abs(best.fun[pixels.size + worst]) > CONTRADICTION_SIGMAS:
         error = math.dist(places[worst // 2], best.x[7:].reshape(-1, 3)[worst // 2, :2])
         raise EstimatorError(f'marker {ids[worst // 2]} is {error:.3f} m from its '
                              'overhead.floor_position, by the other markers')
-    for other in found[1:]:
-        apart = other.x[:6] - best.x[:6]
-        apart[3:] = np.remainder(apart[3:] + math.pi, math.tau) - math.pi
-        if (apart @ np.linalg.solve(covariance, apart) > AMBIGUITY_SIGMAS ** 2
-                and other.cost - best.cost < 0.5 * AMBIGUITY_SIGMAS ** 2):
-            raise EstimatorError('two poses of the camera explain the markers: place them further '
-                                 'apart, not on a line')
     if (sigma := math.sqrt(np.max(np.diag(covariance)[3:]))) > MAX_ROTATION_SIGMA:
         raise EstimatorError(
             f'standard error of the rotation of {sigma:.2g} rad, expected at most '
@@ -213,7 +203,7 @@ def _displacements(fixes: Sequence[Fix], inputs: Recording, robot: RobotParams
     if not pairs:
         raise EstimatorError('the tag is not seen long enough')
     begin, end = (np.array([pair[i].pose for pair in pairs]) for i in range(2))
-    turned = np.remainder(end[:, 2] - begin[:, 2] + math.pi, math.tau) - math.pi
+    turned = wrapped(end[:, 2] - begin[:, 2])
     yaw, (x, y) = begin[:, 2] + 0.5 * turned, (end - begin)[:, :2].T
     moved = np.column_stack([np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x])
     stamps = np.array([[fix.stamp_ns for fix in pair] for pair in pairs])

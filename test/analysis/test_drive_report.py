@@ -21,7 +21,7 @@ import pytest
 from smart_tire.analysis.drive_report import (
     camera_errors, demo_lines, host_lines, late_host, radio_counts, read_conversions, read_run,
     stamp_errors)
-from smart_tire.bags import BagWriter
+from smart_tire.analysis.result import Result
 from smart_tire.host_load import HostLoad
 from smart_tire.recording import Recording
 from smart_tire.rotation import quaternion
@@ -120,15 +120,13 @@ def motion(stamp_ns, x=0.0, yaw=0.0, ratio=0.1, sigma=0.01):
             WheelSlip(stamp_ns, (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
 
 
-def test_the_camera_of_a_demo_is_compared_at_its_own_stamps(tmp_path):
+def test_the_camera_of_a_demo_is_compared_at_its_own_stamps():
     truth = Recording(one for k in range(101) for one in motion(START + k * 10_000_000))
-    with BagWriter(tmp_path / 'bag') as writer:
-        for k, sigma in ((3, 0.01), (55, 0.01), (80, 0.5), (900, 0.01)):  # the last without truth
-            stamp_ns = START + k * 10_000_000 + 3_000_000
-            for name, one in zip(('odom', 'wheel_slip'), motion(
-                    stamp_ns, 0.004, 0.01, 0.1 if sigma > 0.1 else 0.12, sigma)):
-                writer.write_sample(f'overhead/{name}', stamp_ns, one)
-    found = camera_errors(tmp_path / 'bag', truth)
+    camera = Recording(one for k, sigma in (
+        (3, 0.01), (55, 0.01), (80, 0.5), (900, 0.01))  # the last without truth
+        for one in motion(START + k * 10_000_000 + 3_000_000, 0.004, 0.01,
+                          0.1 if sigma > 0.1 else 0.12, sigma))
+    found = camera_errors(Result(Recording(), truth=truth, camera=camera))
     assert (found['position']['count'], found['yaw']['count'], found['slip']['count']) == (6, 3, 8)
     assert found['position']['rms'] == pytest.approx(0.004 / np.sqrt(2.0))  # of x and y
     assert found['yaw']['rms'] == pytest.approx(0.01)
@@ -146,19 +144,16 @@ def test_the_camera_of_a_demo_is_compared_at_its_own_stamps(tmp_path):
     assert len(list(demo_lines({**tree, 'camera': None}))) == len(list(demo_lines(tree))) - 3
 
 
-def test_poses_without_slip_or_truth_are_no_error(tmp_path):
-    with BagWriter(tmp_path / 'bag') as writer:
-        writer.write_sample('overhead/odom', START, motion(START)[0])
+def test_poses_without_slip_or_truth_are_no_error():
+    camera = Recording(motion(START)[:1])
     truth = Recording(one for k in range(-1, 2) for one in motion(START + k * 10_000_000))
-    found = camera_errors(tmp_path / 'bag', truth)
+    found = camera_errors(Result(Recording(), truth=truth, camera=camera))
     assert (found['yaw']['count'], found['slip']['count']) == (1, 0)
-    assert camera_errors(tmp_path / 'bag', Recording())['yaw']['count'] == 0
+    assert camera_errors(Result(Recording(), camera=camera))['yaw']['count'] == 0
 
 
-def test_without_poses_of_a_camera_there_are_no_errors_of_it(tmp_path):
-    with BagWriter(tmp_path / 'bag') as writer:
-        writer.write_sample('odom', START, motion(START)[0])
-    assert camera_errors(tmp_path / 'bag', Recording()) is None
+def test_without_poses_of_a_camera_there_are_no_errors_of_it():
+    assert camera_errors(Result(Recording())) is None
 
 
 def test_the_camera_of_a_recorded_drive_is_the_reference(tmp_path):

@@ -96,9 +96,7 @@ def image_msg(image, stamp_ns, encoding='mono8'):
 
 def info_msg(inner, **changes):
     """Return a CameraInfo with the intrinsics ``inner``."""
-    msg = empty('sensor_msgs/msg/CameraInfo')
-    msg.width, msg.height = inner.size
-    msg.k, msg.d, msg.distortion_model = inner.matrix.ravel(), inner.distortion, inner.model
+    msg = inner.fill(empty('sensor_msgs/msg/CameraInfo'))
     for name, value in changes.items():
         setattr(msg, name, value)
     return msg
