@@ -24,6 +24,7 @@ from smart_tire.bags import Bag
 from smart_tire.bags.cdr import Decoder
 from smart_tire.cli._stack import Stack, UNITS
 from smart_tire.cli.demo import EXPECTED_TOPICS
+from smart_tire.drivers.clock_sync import MIN_TIMESTAMP_RATE
 from smart_tire.launching import SEPARATE
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.command_line import COMPOSED, COMPOSED_NODES
@@ -137,7 +138,8 @@ def test_tire_samples_arrive_at_400_hz_per_wheel_with_film_names(messages):
                if frame == wheel]
         steps = np.diff([stamp for stamp, _ in own])
         assert np.median(steps) == pytest.approx(2.5e6, rel=0.01)
-        assert np.all(steps > 1.0e6)
+        # the least rate: a receiver that starts late reads the first batches all at once
+        assert np.all(steps > 0.99 * MIN_TIMESTAMP_RATE * 2.5e6)
         assert all(names == FILMS[wheel] for _, names in own)
 
 
