@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.ground.body_model import LOSS
+from smart_tire.estimation.ground.body_model import LOAD, LOSS
 from smart_tire.estimation.ground.measurements import Passage, WindowData
 from smart_tire.estimation.ground.unknowns import (
     CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
@@ -188,8 +188,9 @@ class GroundEstimator:
             return Uncertain(value, value * float(sigma[row]))
 
         values, slopes = solution.values_at(solution.end, range(len(WHEELS)))
-        loss, row = float(values[:, LOSS].mean()), np.zeros(SIZE)
-        row[:DYNAMIC] = slopes[:, LOSS].mean(axis=0)
+        share, row = values[:, LOAD] / values[:, LOAD].sum(), np.zeros(SIZE)
+        loss = float(share @ values[:, LOSS])
+        row[:DYNAMIC] = share @ slopes[:, LOSS]
         row[Unknown.FRICTION] += 1.0
         friction = math.exp(x[Unknown.FRICTION] + loss)
         friction_sigma = math.hypot(_upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR)

@@ -13,14 +13,18 @@
 from dataclasses import replace
 import math
 
+from benchmarks.robots.plant import Lift as LiftedWheel, plant_with, Traits
 import numpy as np
 import pytest
+from smart_tire.estimation.ground import window
+from smart_tire.estimation.ground.body_model import LOAD as LOAD_COLUMN
 from smart_tire.estimation.ground.estimator import GroundEstimator, HOP_NS
 from smart_tire.estimation.ground.measurements import (
     FORCE_X, Measurements, Passage, TORQUE, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DYNAMIC, GROUND, initial, OLD_GROUND, priors, SIZE, Unknown)
-from smart_tire.estimation.ground.window import _mixed, GroundWindow
+    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, OLD_GROUND, Prior, priors, SIZE, Unknown)
+from smart_tire.estimation.ground.window import (
+    _gain, _mixed, _student, GroundWindow, Whitening)
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
@@ -28,6 +32,8 @@ from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
 from smart_tire.simulation.offline import simulate
 
 ROBOT = RobotParams(film=FilmParams(wheels=()))
+LOAD = np.array([0.25 * ROBOT.mass * 9.80665])  # N
+NOTHING = Hypothesis(Prior(np.zeros(SIZE), np.eye(SIZE)), np.zeros(SIZE)).events[np.newaxis]
 STIFFNESS, FRICTION, DRAG = 30.0, 0.4, 0.05
 LEGS = [(2.0, 90.0, 90.0), (4.0, 120.0, 70.0), (6.0, 70.0, 120.0), (8.0, 120.0, 60.0)]
 
@@ -261,7 +267,7 @@ def test_derivatives_by_the_linear_unknowns_are_those_of_the_prediction(measurem
     start = np.array([0.7, 0.0, 0.3])
 
     def motion(x):
-        return measurements.simulate(x[np.newaxis], start, heading, np.array([-math.inf]))
+        return measurements.simulate(x[np.newaxis], start, heading, NOTHING)
 
     def predicted(x):
         return measurements.predict(x[np.newaxis], motion(x))[0]
@@ -286,7 +292,7 @@ def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_we
 def test_a_passage_in_full_sliding_determines_the_ratio_of_slips_only(measurements):
     sliding = measurements.passages[0]._replace(slip=0.1, ratio=0.9, sliding=True)
     measurements.passages[0] = sliding
-    noise = measurements.passage_noise(np.array([0.5, 1.5]))
+    noise = measurements.passage_noise(np.array([0.5, 1.5]), LOAD)
     along, across = np.array([0.1, 0.9]), np.array([0.9, -0.1])
     assert along @ noise @ along > 50.0 * (across @ noise @ across)
     measurements.passages[0] = sliding._replace(sliding=False)
@@ -298,7 +304,7 @@ def test_films_show_the_product_of_both_slips_with_the_same_error_at_any_slip(me
         covariance = np.diag([1e-6, (4e-4 / slip) ** 2])
         measurements.passages[0] = Passage(8.0, 1, slip, ratio, covariance, False)
         measured.append(measurements.passages[0].measured)
-        noise.append(measurements.passage_noise(np.array([0.01, 0.01 * 0.02])))
+        noise.append(measurements.passage_noise(np.array([0.01, 0.01 * 0.02]), LOAD))
     measurements.passages[0] = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
     assert measured == [(0.004, pytest.approx(0.0016)), (0.004, pytest.approx(-0.0012))]
     for one, ratio in zip(noise, (0.4, -0.3)):  # 4e-4 / 0.01 of a ratio at the predicted slip
@@ -478,11 +484,13 @@ def test_a_strip_that_is_crossed_in_a_second_is_a_disturbance_and_no_change():
     assert not found[-1].hypothesis.disturbances  # forgotten, as they have left the window
 
 
-def test_while_a_change_is_undecided_the_covariance_covers_both_grounds(changed):
-    undecided = [one for one in changed[-1] if one.hypothesis.disturbances
-                 and one.hypothesis.change == -math.inf]
-    assert undecided
-    for one in undecided:
+def test_while_a_change_is_undecided_the_covariance_covers_both_grounds(changed, monkeypatch):
+    monkeypatch.setattr(window, 'EVENT_EVIDENCE', 1e6)  # never decided
+    estimator, found = run(changed[0])
+    assert estimator.changes == 0
+    first = next(i for i, one in enumerate(found) if one.hypothesis.disturbances)
+    assert abs(found[first].end - changed[-1][first].end) < 1e-9
+    for one in found[first:first + 2]:  # later the old ground is excluded
         sigma = math.sqrt(one.fit.covariance[Unknown.RESISTANCE, Unknown.RESISTANCE])
         for drag in (DRAG, 0.1):
             assert abs(one.fit.x[Unknown.RESISTANCE] - math.log(drag)) < 2.5 * sigma
@@ -517,13 +525,114 @@ def test_the_covariance_of_a_mixture_is_positive_definite(films):
             0.5 * (one.covariance[0, 0] + other.covariance[0, 0] + 1e-6))
 
 
-def test_a_disturbance_is_not_used_for_one_second(measurements):
-    values = measurements.values
-    noise = measurements.noise(values, np.zeros_like(values), np.zeros(3), ((7.0, 8.0),))
-    sigma = np.sqrt(np.diagonal(noise, axis1=1, axis2=2))
-    inside = (measurements.centers >= 7.0) & (measurements.centers <= 8.0)
-    assert (sigma[:, inside] > 1e5).all()
-    assert (sigma[:FORCE_X, measurements.used & ~inside] < 1.0).all()
-    passage = measurements.passage_noise(np.array([0.1, 0.2]), ((7.5, 8.5),))
-    assert (np.diag(passage) > 1e9).all()
-    assert (np.diag(measurements.passage_noise(np.array([0.1, 0.2]), ((6.5, 7.5),))) < 1.0).all()
+def test_a_disturbance_has_errors_of_the_size_that_is_seen(measurements):
+    shape, interval = measurements.values.shape, (7.0, 8.0)
+    inside = measurements.within(interval)
+    centers = (measurements.centers >= 7.0) & (measurements.centers <= 8.0)
+    assert inside[:measurements.values.size].reshape(shape)[:, centers].all()
+    assert inside.sum() == shape[0] * centers.sum() + 2  # and the passage at 8 s
+    blocks, residual = np.tile(np.eye(shape[1]), (shape[0], 1, 1)), np.full(shape, 0.5)
+    residual[TORQUE, centers] = 10.0
+    plain, aware = (Whitening(blocks, np.eye(2), residual, np.zeros(2), False, rows)
+                    for rows in ([], [inside]))
+    own = aware(residual[:, :, np.newaxis], np.zeros((2, 1)))[:, 0]
+    squares = own[:residual.size].reshape(shape)
+    assert abs(squares[:, centers]).max() < 1e-4  # a push is no noise: it is not used
+    assert squares[TORQUE, ~centers] == pytest.approx(0.5)
+    assert squares[FORCE_X, ~centers] == pytest.approx(0.5)
+    assert plain.penalty.sum() == 0.0
+    seen = aware.penalty[:residual.size].reshape(shape)  # likelihood with errors of that size
+    assert seen[TORQUE, centers] == pytest.approx(1.0 + math.log(100.0))
+    assert seen[FORCE_X, centers] == pytest.approx(0.25)  # not larger than expected
+
+
+def test_weighted_squares_with_their_penalty_are_the_student_likelihood():
+    residual = np.array([[0.0, 0.8, 1.0, 3.0, -20.0]]) * 0.1
+    blocks = 0.01 * np.eye(5)[np.newaxis]
+    whiten = Whitening(blocks, np.zeros((0, 0)), residual, np.zeros(0), True, [])
+    white = whiten(residual[:, :, np.newaxis], np.zeros((0, 1)))[:, 0]
+    cost = white ** 2 + whiten.penalty - math.log(0.01)
+    expected = [0.0, 0.64, 1.0, *(1.0 + 6.0 * math.log(square / 6.0) for square in (14.0, 405.0))]
+    assert cost == pytest.approx(expected)
+    assert _student((residual[0] / 0.1) ** 2) == pytest.approx(expected)
+
+
+def test_what_is_not_used_does_not_count_in_the_evidence(films):
+    fit = films[1][-1].fit
+    rows = fit.rows.residual.copy()
+    rows[3] += 2.0
+    other = fit._replace(rows=fit.rows._replace(residual=rows), cost=fit.cost + (
+        rows[3] ** 2 - fit.rows.residual[3] ** 2))
+    unused = np.arange(len(rows)) == 3
+    assert _gain(fit, other, ~unused & False) == pytest.approx(fit.cost - other.cost)
+    assert _gain(fit, other, unused) == pytest.approx(0.0, abs=1e-9)
+
+
+# lifted wheels
+
+
+WHEEL, LIFT_BEGIN, LIFT_END = 2, 5.2, 7.3
+
+
+@pytest.fixture(scope='module')
+def lifted():
+    """Return the estimator and its solutions in a drive with a lifted wheel."""
+    params = SimulatorParams(seed=4, ground=ground(), robot=ROBOT)
+    plant = plant_with(Traits(lifts=(LiftedWheel(LIFT_BEGIN, LIFT_END, WHEEL),)))
+    samples = [sample for _, _, sample in simulate(params, LEGS, 11.0, plant=plant)]
+    begin = next(s.stamp_ns for s in samples if isinstance(s, (ImuSample, WheelSample)))
+    shift = (begin - samples[0].stamp_ns) / NS_PER_S
+    return *run(samples), shift
+
+
+def test_a_lifted_wheel_is_found_with_its_begin_and_end_and_is_no_change_of_ground(lifted):
+    estimator, found, shift = lifted
+    assert estimator.changes == 0
+    lifts = [one.hypothesis.lifts[-1] for one in found if one.hypothesis.lifts]
+    assert lifts
+    assert lifts[-1].wheel in (WHEEL, 3 - WHEEL)  # both have lost their load
+    assert lifts[-1].begin + shift == pytest.approx(LIFT_BEGIN, abs=0.25)
+    assert lifts[-1].end + shift == pytest.approx(LIFT_END, abs=0.25)
+    for one in found:  # not before it begins, and not once it has left the window
+        if one.end + shift < LIFT_BEGIN or one.end + shift > LIFT_END + 4.1:
+            assert not one.hypothesis.lifts
+    during = [one for one in found if LIFT_BEGIN + 1.0 < one.end + shift < LIFT_END]
+    assert during and all(one.hypothesis.lifts[-1].end == math.inf for one in during)
+    assert during[-1].fit.x[Unknown.MOVED_LOAD] == pytest.approx(-1.0, abs=0.25)
+
+
+def test_the_ground_is_that_of_the_wheels_that_carry(lifted):
+    estimator, found, shift = lifted
+    one = next(one for one in found if one.end + shift > LIFT_BEGIN + 1.0)
+    values, _ = one.values_at(one.end, range(4))
+    assert values[[WHEEL, 3 - WHEEL], LOAD_COLUMN].max() < 0.2 * LOAD[0]
+    for solution in found[-4:]:
+        state = estimator.state(solution)
+        for value, true in ((state.stiffness, STIFFNESS), (state.rolling_resistance, DRAG)):
+            assert abs(math.log(value.value / true)) < 3.0 * value.sigma / value.value
+
+
+def test_a_passage_of_a_wheel_without_load_says_nothing_of_the_ground(measurements):
+    values = np.array([0.1, 0.1 * 0.5])
+    loaded, light, none = (measurements.passage_noise(values, load) for load in (
+        LOAD, 0.5 * LOAD, 0.004 * LOAD))
+    ratio = [math.sqrt(one[1, 1]) / 0.1 for one in (loaded, light, none)]
+    assert ratio[0] < 0.5 * 0.1 and ratio[2] > 5.0 * 0.5
+    assert ratio[0] < ratio[1] < ratio[2]
+    assert loaded[0, 0] == none[0, 0]
+
+
+def test_an_event_that_stays_undecided_is_dropped_and_its_disturbance_forgotten(monkeypatch):
+    monkeypatch.setattr(window, 'EVENT_EVIDENCE', 1e6)
+    samples, times = drive(11.0, CHANGING, surfaces=onto(2.9)), []
+    solve = GroundWindow.solve
+
+    def noted(self, *arguments):
+        solution = solve(self, *arguments)
+        times.append((solution.end, self._undecided))
+        return solution
+    monkeypatch.setattr(GroundWindow, 'solve', noted)
+    estimator, found = run(samples)
+    assert estimator.changes == 0 and any(at is not None for _, at in times)
+    assert all(end - at < DECISION_TIME for end, at in times if at is not None)
+    assert not found[-1].hypothesis.lifts and found[-1].hypothesis.change == -math.inf
