@@ -92,7 +92,8 @@ class GroundEstimator:
                     'unknown: no imu/data'}
         shown: dict[str, str | int | float] = {
             'ground': 'known' if self.known else 'unknown: no films and no motor torques',
-            'ground_changes': self._window.changes, 'ground_failures': self.failures,
+            'ground_changes': self._window.changes, 'wheel_lifts': self._window.lifts,
+            'ground_failures': self.failures,
             'ground_tension': f'{solution.tension.size:.1f} sigma: {solution.tension.name}'}
         x, sigma = solution.fit.x, np.sqrt(np.diag(solution.fit.covariance))
         for name, row in (('torque_scale', Unknown.TORQUE_SCALE), ('wheel_radius', Unknown.RADIUS),

@@ -593,6 +593,7 @@ def test_a_lifted_wheel_is_found_with_its_begin_and_end_and_is_no_change_of_grou
     assert lifts[-1].wheel in (WHEEL, 3 - WHEEL)  # both have lost their load
     assert lifts[-1].begin + shift == pytest.approx(LIFT_BEGIN, abs=0.25)
     assert lifts[-1].end + shift == pytest.approx(LIFT_END, abs=0.25)
+    assert (estimator.status['wheel_lifts'], estimator.status['ground_changes']) == (1, 0)
     for one in found:  # not before it begins, and not once it has left the window
         if one.end + shift < LIFT_BEGIN or one.end + shift > LIFT_END + 4.1:
             assert not one.hypothesis.lifts
