@@ -49,12 +49,14 @@ else:
 
 COMPILED: bool = cython.compiled
 
-# parameters of a run; those of the ground before and after its change at CHANGE_STEP
-(OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE, CHANGE_STEP,
+# parameters of a run; those of two grounds, the second from step NEW on
+(OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
  SIDE_FRICTION, SIDE_RESISTANCE, FALL, RELAXATION, MOVED_LOAD, BEND_X, BEND_Y, START_U, START_V,
- START_W, LIFT) = range(26)
-# then of each of two lifts: index of the wheel, steps of its begin and end
+ START_W, NEW) = range(25)
+# NEW: of the left and of the right side the steps from which, and until which, its ground is the
+# second one; then of each of two lifts: index of the wheel, steps of its begin and end
+LIFT = NEW + 4
 PARAMETERS = LIFT + 6
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
@@ -132,7 +134,6 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     min_speed: cython.double = robot[DRAG_FLOOR]
     gravity: cython.double = robot[GRAVITY]
     steps: cython.double = rolling.shape[0]
-    change: cython.double = p[CHANGE_STEP]
     share: cython.double = p[LATERAL_SHARE]
     ratio: cython.double = p[LATERAL_RATIO]
     radius: cython.double = p[RADIUS]
@@ -162,6 +163,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     gain: cython.double[4] = [0.0] * 4
     grip: cython.double[4] = [0.0] * 4
     kept: cython.double[4] = [0.0] * 4
+    after: cython.double[2] = [0.0] * 2  # of a side: 1 on the second ground, else 0
     i: cython.int
     k: cython.int
     for i in range(4):
@@ -190,6 +192,12 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         resistance[i] = side * p[OLD_RESISTANCE]
         resistance[4 + i] = side * (p[RESISTANCE] - p[OLD_RESISTANCE])
 
+    # runs in arrays are computed with lifts
+    lifts: cython.bint = not cython.compiled or p[LIFT] >= 0.0 or p[LIFT + 3] >= 0.0
+    first: cython.double = 0.0
+    second: cython.double = 0.0
+    one: cython.double = 0.0
+    two: cython.double = 0.0
     u: cython.double = p[START_U]
     v: cython.double = p[START_V]
     w: cython.double = p[START_W]
@@ -222,18 +230,20 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         bu: cython.double = mass * (old_u + new_w * new_v - slope_x)
         bv: cython.double = mass * (old_v - new_w * new_u - slope_y)
         bw: cython.double = inertia * old_w
-        after: cython.double = min(max(n + 1.0 - change, 0.0), 1.0)  # 1 after the change, else 0
-        # 1 during a lift, else 0
-        first: cython.double = (min(max(n + 1.0 - p[LIFT + 1], 0.0), 1.0)
-                                - min(max(n + 1.0 - p[LIFT + 2], 0.0), 1.0))
-        second: cython.double = (min(max(n + 1.0 - p[LIFT + 4], 0.0), 1.0)
-                                 - min(max(n + 1.0 - p[LIFT + 5], 0.0), 1.0))
-        one: cython.double = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)  # N
-        two: cython.double = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+        for k in range(2):
+            after[k] = (min(max(n + 1.0 - p[NEW + 2 * k], 0.0), 1.0)
+                        - min(max(n + 1.0 - p[NEW + 2 * k + 1], 0.0), 1.0))
+        if lifts:  # 1 during a lift, else 0
+            first = (min(max(n + 1.0 - p[LIFT + 1], 0.0), 1.0)
+                     - min(max(n + 1.0 - p[LIFT + 2], 0.0), 1.0))
+            second = (min(max(n + 1.0 - p[LIFT + 4], 0.0), 1.0)
+                      - min(max(n + 1.0 - p[LIFT + 5], 0.0), 1.0))
+            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)  # N
+            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
         for i in range(4):
             load: cython.double = max(_load(level[i], by_x[i], by_y[i], a_x, a_y)
                                       + one * gets[i] + two * gets[4 + i], 0.0)
-            drag: cython.double = load * (resistance[i] + after * resistance[4 + i])
+            drag: cython.double = load * (resistance[i] + after[i % 2] * resistance[4 + i])
             roll[i] = radius * rolling[n, i] + offset[n, i % 2]
             v_x: cython.double = new_u - y[i] * new_w
             v_y: cython.double = new_v + x[i] * new_w
@@ -245,8 +255,8 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             slip_y[i] = slip_y[i] * lag * gain[i]
             s_x: cython.double = slip_x[i] + gain[i] * (roll[i] - v_x)
             s_y: cython.double = slip_y[i] + gain[i] * ratio * v_y
-            stiff: cython.double = stiffness[i] + after * stiffness[4 + i]
-            limit: cython.double = load * (friction[i] + after * friction[4 + i])
+            stiff: cython.double = stiffness[i] + after[i % 2] * stiffness[4 + i]
+            limit: cython.double = load * (friction[i] + after[i % 2] * friction[4 + i])
             total: cython.double = sqrt(s_x * s_x + s_y * s_y)
             slope[i] = _secant(total, stiff, limit, fall)
             # a tire that slides deflects no further
@@ -270,8 +280,9 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         new_v = (bv - vw * new_w) / vv
         a_x = rate * new_u - old_u - new_w * new_v + slope_x
         a_y = rate * new_v - old_v + new_w * new_u + slope_y
-        one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
-        two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+        if lifts:
+            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
+            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
         # columns U to LOADS + 3 by their numbers: names of the module are slow here
         out[n, 0], out[n, 1], out[n, 2] = new_u, new_v, new_w
         out[n, 3], out[n, 4], out[n, 5] = a_x, a_y, rate * new_w - old_w
@@ -297,7 +308,7 @@ def average_passages(states: cython.double[:, :, ::1], rolling: cython.double[:,
 
     ``states`` (runs, n, OUTPUTS) are those of ``simulate``, ``rolling`` (runs, m, k) is r w [m/s]
     of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for passages
-    after the change of ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
+    on the second ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
     and least share of the friction. ``out`` (runs, m, VALUES) is filled. Raise ValueError where
     shapes disagree.
     """
@@ -331,7 +342,7 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
     fall: cython.double = p[FALL]
     com_x: cython.double = p[COM_X]
     com_y: cython.double = p[COM_Y]
-    # C_x / mu [N] before the change of ground and the change, and their ratio of the left side
+    # C_x / mu [N] of the first ground and what the second has more; the ratio of the left side
     old: cython.double = p[OLD_STIFFNESS] / p[OLD_FRICTION]
     change: cython.double = p[STIFFNESS] / p[FRICTION] - old
     left: cython.double = p[SIDE_STIFFNESS] / p[SIDE_FRICTION]

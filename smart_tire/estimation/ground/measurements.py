@@ -154,7 +154,7 @@ class Measurements:
         Return the motion for each row of ``x`` (runs, SIZE).
 
         ``start`` (3,): velocity of the center of mass at ``begin``; ``heading`` (n,) [rad];
-        ``events`` (runs, 7) as in ``Hypothesis``; ``relaxation`` length of the tires [m].
+        ``events`` (runs, 10) as in ``Hypothesis``; ``relaxation`` length of the tires [m].
         """
         runs = self._parameters(x, events)
         runs[:, model.RELAXATION] = relaxation
@@ -170,8 +170,8 @@ class Measurements:
         runs = np.zeros((len(x), model.PARAMETERS))
         runs[:, model.STIFFNESS:model.RESISTANCE + 1] = np.exp(x[:, GROUND])
         runs[:, :model.OLD_RESISTANCE + 1] = np.exp(x[:, OLD_GROUND])
-        runs[:, model.CHANGE_STEP] = np.searchsorted(self.times, events[:, 0])
-        lifts = events[:, 1:].reshape(len(x), 2, 3).copy()
+        runs[:, model.NEW:model.LIFT] = np.searchsorted(self.times, events[:, :4])
+        lifts = events[:, 4:].reshape(len(x), 2, 3).copy()
         lifts[:, :, 1:] = np.searchsorted(self.times, lifts[:, :, 1:])
         runs[:, model.LIFT:] = lifts.reshape(len(x), 6)
         runs[:, model.MOVED_LOAD] = x[:, Unknown.MOVED_LOAD]
@@ -345,9 +345,11 @@ class Measurements:
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
         limits = np.array([(np.inf if one.sliding else MAX_RATIO, MIN_LOAD, LEAST_FRICTION)
                            for one in passages])
+        begins, ends = (events[:, 2 * (wheel % 2) + one] for one in (0, 1))
+        on_new = np.ascontiguousarray((begins <= times) & (times < ends), dtype=float)
         found = np.empty((len(x), len(passages), model.VALUES))
         model.average_passages(
-            states, rolling, (times >= events[:, :1]).astype(float), near, wheel, limits,
+            states, rolling, on_new, near, wheel, limits,
             self._parameters(x, events), self.robot_constants, found)
         found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(PASSAGE_STEPS)
         return found

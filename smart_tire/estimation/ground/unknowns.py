@@ -17,7 +17,7 @@ Each constant has its unit, its origin and the runs that are worse without it: r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 import math
 from typing import NamedTuple
@@ -28,6 +28,7 @@ from smart_tire.arrays import Array
 from smart_tire.models.tire.brush_tire import (
     LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS_SIGMA)
 from smart_tire.models.vehicle.drive import torque_errors
+from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import MOUNTING_TILT, RobotParams
 from smart_tire.samples import GRAVITY, WHEELS
 
@@ -38,7 +39,7 @@ class Unknown(IntEnum):
     STIFFNESS = 0         # ln C_x [N]
     FRICTION = 1          # ln mu
     RESISTANCE = 2        # ln f, rolling resistance over the load
-    OLD_STIFFNESS = 3     # the same before the last change of ground, while that is in the window
+    OLD_STIFFNESS = 3     # of a second ground, while the window has one: the sides change
     OLD_FRICTION = 4
     OLD_RESISTANCE = 5
     LATERAL_SHARE = 6     # logit, of the rolling resistance along the velocity
@@ -253,6 +254,10 @@ def initial(rows: list[Row]) -> Prior:
                  np.diag([row.sigma ** 2 for row in rows]))
 
 
+ALWAYS, NEVER = (-math.inf, math.inf), (math.inf, math.inf)  # intervals
+ONE_GROUND = ALWAYS, ALWAYS  # of both sides
+
+
 class Lift(NamedTuple):
     """A wheel without load."""
 
@@ -267,7 +272,8 @@ class Hypothesis:
 
     prior: Prior
     x: Array                    # start of the fit
-    change: float = -math.inf   # s, time of the latest change of ground
+    new: tuple[Interval, Interval] = ONE_GROUND  # s, in which the left and the right side are on
+    # GROUND; else they are on OLD_GROUND
     lifts: tuple[Lift, ...] = ()  # in the window, two at most
     disturbances: tuple[Interval, ...] = ()  # with errors of unknown size
     times: Array | None = None  # s, of the velocities in the window before; None without one
@@ -276,6 +282,39 @@ class Hypothesis:
 
     @property
     def events(self) -> Array:
-        """Return the time of the change, and of both lifts wheel, begin and end (7,)."""
+        """Return begin and end of both sides' ``new``, and of lifts wheel, begin and end (10,)."""
         lifts = (*self.lifts, *[Lift()] * MAX_LIFTS)[:MAX_LIFTS]
-        return np.array([self.change, *(value for lift in lifts for value in lift)])
+        return np.array([value for one in (*self.new, *lifts) for value in one])
+
+    def ground(self, side: int, time: float) -> slice:
+        """Return the unknowns of the ground under a side, 0 left, 1 right, at ``time`` [s]."""
+        begin, end = self.new[side]
+        return GROUND if begin <= time < end else OLD_GROUND
+
+    def settled(self, begin: float, rows: list[Row]) -> Hypothesis:
+        """
+        Return this for a window from ``begin`` [s] on that has no change of ground any more.
+
+        Sides on two grounds are then one ground with a difference of the sides.
+        """
+        if self.new == ONE_GROUND or any(begin <= time < math.inf for one in self.new
+                                         for time in one):
+            return self
+        to_one = self.one_ground(begin)
+        mean, covariance = self.prior
+        prior = Prior(to_one @ mean, to_one @ covariance @ to_one.T).without(OLD_GROUND, rows)
+        return replace(self, new=ONE_GROUND, prior=prior, x=to_one @ self.x)
+
+    def one_ground(self, time: float) -> Array:
+        """
+        Return the matrix (SIZE, SIZE) to unknowns of which ``GROUND`` is that at ``time`` [s].
+
+        That of the sides is its mean and the difference of the sides.
+        """
+        found, rows = np.eye(SIZE), np.arange(SIZE)
+        found[GROUND] = 0.0
+        for side, sign in enumerate(SIDE_SIGNS[:2]):
+            own = rows[self.ground(side, time)]
+            found[rows[GROUND], own] += 0.5
+            found[rows[SIDES], own] += 0.5 * sign
+        return found

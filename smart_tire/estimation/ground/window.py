@@ -15,14 +15,15 @@ The unknowns (``unknowns``) are fitted to the measurements of the window (``meas
 Gauss-Newton steps with weights of a Student distribution. What leaves the window is marginalized
 into the prior, linearized at the estimate; the prior then walks.
 
-What may happen are events: the ground changes to one of which nothing is known, in the window or
-before; a wheel loses its load, or has it again; or something disturbs the robot for
-``DISTURBANCE_TIME``, of which only the size of the errors is known. An event is a hypothesis, the
-same window with it. All are compared by one likelihood, that of the fit. Where the residuals
-suggest one, each kind is tried at a grid of times by linearized equations, around the fit that
-knows nothing of that time; the likeliest one of each kind is fitted. A ground that changes is not
-known any more, so what a push could explain does not count for it. Until the evidence for one
-over all others suffices, the estimate is that of the mixture of the likeliest two.
+What may happen are events: the ground under both sides or under one of them changes to one of
+which nothing is known, in the window or before, and back again; a wheel loses its load, or has it
+again; or something disturbs the robot for ``DISTURBANCE_TIME``, of which only the size of the
+errors is known. An event is a hypothesis, the same window with it. All are compared by one
+likelihood, that of the fit. Where the residuals suggest one, each kind is tried at a grid of times
+by linearized equations, around the fit that knows nothing of that time; the likeliest one of each
+kind is fitted, and the times of a change are then moved to the likeliest ones. A ground that
+changes is not known any more, so what a push could explain does not count for it. Until the
+evidence for one over all others suffices, the estimate is the mixture of the likeliest two.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ from smart_tire.estimation.ground.measurements import (
 from smart_tire.estimation.ground.unknowns import (
     BLOCK_TIME, CANDIDATES, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, EVENT_EVIDENCE,
     FREEDOM, GROUND, Hypothesis, initial, Interval, ITERATIONS, LENGTH, Lift, MAX_LIFTS, MAX_STEP,
-    MOVED, NEAR, OLD_GROUND, OWN, Prior, priors, SIDES, SIDES_DIFFER, SIZE, START, TENSION,
-    TIME_ERROR, TRIED_EVIDENCE, Unknown, UNMEASURED)
+    MOVED, NEAR, NEVER, OLD_GROUND, ONE_GROUND, OWN, Prior, priors, SIDES, SIDES_DIFFER, SIZE,
+    TENSION, TIME_ERROR, TRIED_EVIDENCE, Unknown, UNMEASURED)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import WHEELS
@@ -82,9 +83,20 @@ class Tension(NamedTuple):
 class Event(NamedTuple):
     """Something that may have happened."""
 
-    time: float             # s
+    times: tuple[float | None, ...]  # s; None: to the other side only
     hypothesis: Hypothesis  # that it has
     unknown: slice          # of what nothing is known then
+
+    @property
+    def time(self) -> float:
+        """Return the first of the times [s]."""
+        return min(time for time in self.times if time is not None)
+
+    @property
+    def transitions(self) -> list[Interval]:
+        """Return when [s] measurements are not used."""
+        return [(time - TIME_ERROR, time + TIME_ERROR)
+                for time in sorted({time for time in self.times if time is not None})]
 
 
 class Rival(NamedTuple):
@@ -199,35 +211,45 @@ class GroundWindow:
         first = max(begin, end - LENGTH)
         measurements = Measurements(self._robot, data, begin, first, end)
         leaving = first + hop if begin < first else -math.inf
+        self._main = self._main.settled(measurements.begin, self._rows)
         time, self._undecided = self._undecided, None
         plain = self._main if time is None else replace(
             self._main, disturbances=self._main.disturbances[:-1])
         main, fit = plain, _ = self._fitted(plain, measurements, leaving)
         rivals: list[Rival] = []
+        disturbed = time is not None  # a disturbance, if it is no event
         if time is None and begin < first:
             time = self._when(plain, fit, measurements)
         if time is not None:
             base = self._disturbed(plain, time, measurements, leaving)
             rivals = self._rivals(plain, base[1], measurements, leaving, time)
-            if rivals and rivals[0].time != time:
-                base = self._disturbed(plain, rivals[0].time, measurements, leaving)
-            if rivals or base[1].cost < fit.cost:
+            if rivals:
+                base, time = min(
+                    (base, time), (self._disturbed(
+                        plain, rivals[0].time, measurements, leaving), rivals[0].time),
+                    key=lambda one: one[0][1].cost)
+            if rivals or disturbed or base[1].cost < fit.cost:
                 main, fit = base
-        best = main, fit
+        best, over = (main, fit), time is None or end > _disturbance(time)[1]
+        decided = time is None or main is plain or end - time >= DECISION_TIME
         if rivals:
-            time, rival, other = rivals[0]
-            changed = rival.change > main.change
-            gain = _gain(fit, other, measurements.within(main.disturbances[-1]) & changed)
+            _, rival, other = rivals[0]
+            to_unknown = main.new == ONE_GROUND != rival.new
+            gain = _gain(fit, other, measurements.within(main.disturbances[-1]) & to_unknown)
             margin, less = min([(gain, fit), *(
                 (one.fit.cost - other.cost, one.fit) for one in rivals[1:])],
                 key=lambda one: one[0])
-            if margin > EVENT_EVIDENCE:
-                self.changes += changed
+            if margin > EVENT_EVIDENCE or decided and gain > EVENT_EVIDENCE:
+                self.changes += rival.new != main.new
                 self.lifts += len(rival.lifts) > len(main.lifts)
                 best = main, fit = rival, other
-            elif fit.cost - other.cost > -EVENT_EVIDENCE and end - time < DECISION_TIME:
-                self._undecided = time
+                decided = True
+            elif max(gain, fit.cost - other.cost) > -EVENT_EVIDENCE:
                 best = (rival, _mixed(other, less)) if gain > 0.0 else (main, _mixed(fit, other))
+            else:  # what follows the disturbance excludes the event
+                decided |= over
+        if not (decided or over and not rivals):
+            self._undecided = time
         self._main = self._advanced(main, fit, measurements, hop)
         hypothesis, fit = best
         tension = self._tension(fit.x)
@@ -356,7 +378,7 @@ class GroundWindow:
     def _when(self, main: Hypothesis, fit: Fit, measurements: Measurements) -> float | None:
         """Return when [s] something seems to have happened: an event, or a disturbance."""
         times = [measurements.begin, *(measurements.times[-1] - one for one in CANDIDATES)]
-        events = self._changes(main, fit.x, times, measurements.begin)
+        events = self._changes(main, fit.x, [(time, time) for time in times])
         if main.lifts and main.lifts[-1].end == math.inf:
             events += self._lifts(main, fit.x, times)
         residual, found = self._evidence(main, fit, measurements, events)
@@ -375,54 +397,90 @@ class GroundWindow:
         """
         Return the likeliest event of each kind, the likeliest first.
 
-        They are tried with ``fit``, which does not know what was measured since ``time`` [s].
+        Kinds are lifts, changes of ground of both sides, and of one of them. They are tried with
+        ``fit``, which does not know what was measured since ``time`` [s].
         """
-        found = []
         end = measurements.times[-1]
         times = [measurements.begin, *np.arange(
             max(time - NEAR, end - LENGTH), end - 2.0 * BLOCK_TIME, BLOCK_TIME)]
-        for events in (self._lifts(plain, fit.x, times),
-                       self._changes(plain, fit.x, times, measurements.begin)):
+
+        def likeliest(events: Sequence[Event]) -> list[tuple[float, Array, Event]]:
             _, gains = self._evidence(plain, fit, measurements, events)
-            if not events:
-                continue
-            (gain, start), event = max(zip(gains, events), key=lambda one: one[0][0])
+            return [max(((*gain, event) for gain, event in zip(gains, events)),
+                        key=lambda one: one[0])] if events else []
+
+        one = likeliest(self._changes(plain, fit.x, [
+            (time, None) for time in times] + [(None, time) for time in times]))
+        both = self._changes(plain, fit.x, [(time, time) for time in times])
+        for _, _, (first, *_) in one:  # the other side later
+            both += self._changes(plain, fit.x, [
+                tuple(later if own is None else own for own in first)
+                for later in times if later > min(filter(None, first))])
+        found = []
+        for gain, start, event in (*likeliest(self._lifts(plain, fit.x, times)),
+                                   *likeliest(both), *one):
             if gain < TRIED_EVIDENCE:
                 continue
-            x = event.hypothesis.x.copy()
-            x[event.unknown] += np.clip(start, -MAX_STEP, MAX_STEP)
-            found.append(Rival(event.time, *self._fitted(replace(
-                event.hypothesis, x=x, disturbances=(
-                    *plain.disturbances, _transition(event.time))), measurements, leaving)))
+            rival = self._rival(plain, event, start, measurements, leaving)
+            for _ in range(2 * ITERATIONS if len(event.times) == 2 else 0):
+                before, x = event.times, rival.fit.x
+                moved = [one._replace(hypothesis=replace(one.hypothesis, x=x))
+                         for one in self._changes(plain, x, [
+                             tuple(time if i == side else own for i, own in enumerate(before))
+                             for side in range(2) if before[side] is not None
+                             for time in times[1:]])]
+                _, gains = self._evidence(plain, rival.fit, measurements, moved)
+                (_, start), event = max(zip(gains, moved), key=lambda one: one[0][0])
+                if event.times == before:
+                    break
+                better = self._rival(plain, event, start, measurements, leaving)
+                if better.fit.cost >= rival.fit.cost:
+                    break
+                rival = better
+            found.append(rival)
         return sorted(found, key=lambda one: one.fit.cost)
 
-    def _changes(self, main: Hypothesis, x: Array, times: Sequence[float], begin: float
-                 ) -> list[Event]:
-        """
-        Return changes to a ground of which nothing is known, at each of ``times`` [s].
+    def _rival(self, plain: Hypothesis, event: Event, start: Array, measurements: Measurements,
+               leaving: float) -> Rival:
+        """Return the fit with ``event``; ``start`` are its unknowns, less those before."""
+        x = event.hypothesis.x.copy()
+        x[event.unknown] += np.clip(start, -MAX_STEP, MAX_STEP)
+        return Rival(event.time, *self._fitted(replace(event.hypothesis, x=x, disturbances=(
+            *plain.disturbances, *event.transitions)), measurements, leaving))
 
-        None while the window, from ``begin`` [s] on, has the change before.
+    def _changes(self, main: Hypothesis, x: Array,
+                 times: Sequence[tuple[float | None, ...]]) -> list[Event]:
         """
-        if main.change >= begin:
-            return []
-        x = x.copy()
-        x[OLD_GROUND] = x[GROUND]
-        prior = main.prior.with_change(self._rows)
-        return [Event(time, replace(main, prior=prior, x=x, change=time), GROUND)
-                for time in times]
+        Return changes of ground at each of ``times`` [s] of the left and the right side, or None.
+
+        To one of which nothing is known; while the window has two, from one to the other.
+        """
+        now, prior, unknown = main.new, main.prior, slice(0, 0)
+        if now == ONE_GROUND:
+            x, now, unknown = x.copy(), (NEVER, NEVER), GROUND
+            x[OLD_GROUND] = x[GROUND]
+            prior = prior.with_change(self._rows)
+            x[GROUND] = prior.mean[GROUND]
+        found = []
+        for own in times:
+            left, right = map(_changed, now, own)
+            if left is not None and right is not None:
+                found.append(Event(own, replace(
+                    main, prior=prior, x=x, new=(left, right)), unknown))
+        return found
 
     def _lifts(self, main: Hypothesis, x: Array, times: Sequence[float]) -> list[Event]:
         """Return that a wheel loses its load, or has it again, at each of ``times`` [s]."""
         *before, last = main.lifts or [Lift(end=-math.inf)]
         if last.end == math.inf:
-            return [Event(time, replace(
+            return [Event((time,), replace(
                 main, x=x, lifts=(*before, last._replace(end=time))), slice(0, 0))
                 for time in times if last.begin < time]
         x, prior, unknown = x.copy(), main.prior, slice(0, 0)
         if not main.lifts:
             x[MOVED] = self._rows[Unknown.MOVED_LOAD].mean
             prior, unknown = prior.without(MOVED, self._rows), MOVED
-        return [Event(time, replace(
+        return [Event((time,), replace(
             main, prior=prior, x=x, lifts=(*main.lifts, Lift(wheel, time))), unknown)
             for time in times if last.end < time and len(main.lifts) < MAX_LIFTS
             for wheel in range(len(WHEELS))]
@@ -442,7 +500,7 @@ class GroundWindow:
             at += [event.hypothesis.events] * (len(rows) + 1)
         x = np.array(runs)
         start, _ = _start(main, measurements)
-        motion = measurements.simulate(x, start + fit.x[START], fit.heading, np.array(at))
+        motion = measurements.simulate(x, start, fit.heading, np.array(at))
         blocks, films = measurements.predict(x, motion), measurements.passage_values(x, motion)
         residual = measurements.values - blocks, measurements.passage_measured - films
         whiten = Whitening(*fit.noise, residual[0][0], residual[1][0], False, ())
@@ -453,28 +511,32 @@ class GroundWindow:
         for event in events:
             rows = np.arange(SIZE)[event.unknown]
             own, i = slice(i, i + 1 + len(rows)), i + 1 + len(rows)
-            used = ~measurements.within(_transition(event.time))
+            unused = [measurements.within(one) for one in event.transitions]
             found.append(self._one_evidence(
-                white[used, 0], white[used, own], rows, event.hypothesis.x))
-        return white[:, 0], found
+                white[:, own], rows, event.hypothesis.x, unused, measurements.values.shape))
+        likely = _student(white[:, 0] ** 2).sum()
+        return white[:, 0], [(likely - cost, value) for cost, value in found]
 
-    def _one_evidence(self, residual: Array, others: Array, rows: NDArray[np.intp], x: Array
+    def _one_evidence(self, others: Array, rows: NDArray[np.intp], x: Array,
+                      unused: Sequence[NDArray[np.bool_]], shape: tuple[int, ...]
                       ) -> tuple[float, Array]:
-        """Return evidence and unknowns; ``others``: with the event, and by each unknown moved."""
+        """Return cost and unknowns; ``others``: with the event, and by each unknown moved."""
+        used = ~np.any(unused, axis=0)
         rest, step = others[:, 0], self._steps[rows]
         slopes = (rest[:, np.newaxis] - others[:, 1:]) / step
         spread = np.diag([self._rows[row].sigma ** -2 for row in rows])
         off = np.array([self._rows[row].mean for row in rows]) - x[rows]
         value, left, matrix = np.zeros(len(rows)), rest, spread
         for _ in range(ITERATIONS if len(rows) else 0):
-            weights = 1.0 / np.maximum((FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0)
+            weights = used / np.maximum((FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0)
             matrix = (slopes.T * weights) @ slopes + spread
             value = np.linalg.solve(matrix, (slopes.T * weights) @ rest + spread @ off)
             left = rest - slopes @ value
         cost = (value - off) @ spread @ (value - off) + np.linalg.slogdet(
             matrix)[1] - np.linalg.slogdet(spread)[1]
-        gain = (_student(residual ** 2) - _student(left ** 2)).sum() - cost
-        return float(gain), value
+        cost += _student(left[used] ** 2).sum() + sum(
+            _of_size(left ** 2, one, shape) for one in unused)
+        return float(cost), value
 
     def _advanced(self, hypothesis: Hypothesis, fit: Fit, measurements: Measurements,
                   hop: float) -> Hypothesis:
@@ -510,14 +572,30 @@ def _student(square: Array) -> Array:
         np.maximum((FREEDOM + square) / (FREEDOM + 1.0), 1.0)))
 
 
+def _of_size(square: Array, rows: NDArray[np.bool_], shape: tuple[int, ...]) -> float:
+    """Return the cost of ``rows`` of normalized squares with errors of the size that is seen."""
+    blocks = math.prod(shape)
+    found = 0.0
+    for own in (*square[:blocks].reshape(shape)[:, rows[:shape[1]]],
+                square[blocks:][rows[blocks:]]):
+        growth = max(float(own.mean()), 1.0) if own.size else 1.0
+        found += float(own.sum()) / growth + own.size * math.log(growth)
+    return found
+
+
+def _changed(new: Interval, time: float | None) -> Interval | None:
+    """Return the time on the new ground after a change at ``time``; None: no other one is kept."""
+    begin, end = new
+    if time is None:
+        return new
+    if begin == math.inf:
+        return time, math.inf
+    return (begin, time) if begin < time < end == math.inf else None
+
+
 def _disturbance(time: float) -> Interval:
     """Return when [s] a disturbance is assumed to last that begins at ``time``."""
     return time - TIME_ERROR, time + DISTURBANCE_TIME
-
-
-def _transition(time: float) -> Interval:
-    """Return when [s] measurements are not used if something happens at ``time``."""
-    return time - TIME_ERROR, time + TIME_ERROR
 
 
 def _gain(fit: Fit, other: Fit, unused: NDArray[np.bool_]) -> float:

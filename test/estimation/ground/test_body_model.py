@@ -32,6 +32,7 @@ VELOCITY = slice(model.START_U, model.START_W + 1)
 def ground(count: int = 1, **values: float) -> np.ndarray:
     """Return runs on one level ground, both sides equal, from standstill."""
     runs = np.zeros((count, model.PARAMETERS))
+    runs[:, [model.NEW + 1, model.NEW + 3]] = np.inf  # on the second ground from the start
     for name, value in {
             'STIFFNESS': 1200.0, 'FRICTION': 0.6, 'RADIUS': 1.0, 'LATERAL_RATIO': 1.0,
             'SIDE_STIFFNESS': 1.0, 'SIDE_FRICTION': 1.0, 'SIDE_RESISTANCE': 1.0,
@@ -58,7 +59,8 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
     speeds = {'lifted': 1.5, 'standstill': 0.0, 'reverse': -0.4}.get(kind, 0.5)
     rolling = speeds * (1.0 + np.sin(np.linspace(0.0, 20.0, n)))[:, np.newaxis] \
         + (0.0 if kind == 'standstill' else 0.1) * random.standard_normal((n, 4))
-    runs = ground(count, CHANGE_STEP=n // 2)
+    runs = ground(count)
+    runs[:, model.NEW:model.LIFT] = n // 2, np.inf, n // 3, n - 10
     for name, low, high in (
             ('LATERAL_SHARE', 0.0, 1.0), ('LATERAL_RATIO', 0.6, 1.0), ('COM_X', -0.03, 0.03),
             ('COM_Y', -0.03, 0.03), ('RADIUS', 0.98, 1.02), ('SLOPE_X', -0.03, 0.03),
@@ -102,9 +104,11 @@ def passages(case: dict[str, np.ndarray], by=model, **arrays: np.ndarray) -> np.
     wheels = np.arange(8) % 4
     rolling = case['rolling'][steps, wheels[:, np.newaxis]] + 0.01 * runs[
         :, model.COM_X, np.newaxis, np.newaxis]
+    begins = model.NEW + 2 * (wheels % 2)
     given = {
         'rolling': np.where(abs(rolling) < 0.05, 0.05, rolling), 'steps': steps, 'wheels': wheels,
-        'after': (steps[:, 0] >= runs[:, model.CHANGE_STEP, np.newaxis]).astype(float),
+        'after': np.ascontiguousarray(
+            (runs[:, begins] <= steps[:, 0]) & (steps[:, 0] < runs[:, begins + 1]), dtype=float),
         'limits': np.tile([1.5, 0.1, 0.2], (8, 1)), 'runs': runs, 'robot': case['robot'], **arrays}
     out = np.full((len(runs), 8, model.VALUES), np.nan)
     by.average_passages(states, *(given[name] for name in (
@@ -123,7 +127,7 @@ def test_the_means_of_a_passage_are_those_of_its_wheel():
     case = random_case('driving')
     case['runs'][:, [model.OLD_STIFFNESS, model.OLD_FRICTION]] = case['runs'][
         :, [model.STIFFNESS, model.FRICTION]]
-    case['runs'][:, model.CHANGE_STEP] = 0.0
+    case['runs'][:, model.NEW:model.LIFT] = 0.0, np.inf, 0.0, np.inf
     case['runs'][:, [model.LIFT, model.LIFT + 3]] = -1.0
     states, runs, found = simulate(**case), case['runs'], passages(case)
     steps, wheel = 10 + 13 * 2 + np.arange(6), 2  # rear left
@@ -185,6 +189,7 @@ def test_the_mirror_image_of_a_drive_is_its_mirror_image(kind):
     runs[:, [model.COM_Y, model.SLOPE_Y, model.BEND_Y, model.START_V, model.START_W]] *= -1.0
     sides = [model.SIDE_STIFFNESS, model.SIDE_FRICTION, model.SIDE_RESISTANCE]
     runs[:, sides] = 1.0 / runs[:, sides]
+    runs[:, model.NEW:model.LIFT] = runs[:, [model.NEW + one for one in (2, 3, 0, 1)]]
     for row in (model.LIFT, model.LIFT + 3):
         runs[:, row] = np.array([1.0, 0.0, 3.0, 2.0, -1.0])[runs[:, row].astype(int)]
     expected = simulate(**case)
@@ -194,14 +199,29 @@ def test_the_mirror_image_of_a_drive_is_its_mirror_image(kind):
     np.testing.assert_allclose(simulate(**mirrored), expected, rtol=0.0, atol=1e-9)
 
 
-def test_the_ground_changes_at_its_step():
+@pytest.mark.parametrize('side', [0, 1])
+def test_the_ground_of_a_side_changes_at_its_steps(side):
     case = random_case('driving')
-    changed = simulate(**case)
-    step = int(case['runs'][0, model.CHANGE_STEP])
-    case['runs'][:, model.CHANGE_STEP] = np.inf
+    begin, end = 40, 70
+    case['runs'][:, model.LIFT], case['runs'][:, model.LIFT + 3] = -1.0, -1.0
+    case['runs'][:, model.NEW:model.LIFT] = np.inf
     old = simulate(**case)
-    np.testing.assert_array_equal(changed[:, :step], old[:, :step])
-    assert (changed[:, step] != old[:, step]).any(axis=1).all()
+    case['runs'][:, model.NEW + 2 * side:model.NEW + 2 * side + 2] = begin, end
+    changed = simulate(**case)
+    np.testing.assert_array_equal(changed[:, :begin], old[:, :begin])
+    assert (changed[:, begin] != old[:, begin]).any(axis=1).all()
+
+
+@pytest.mark.parametrize('side', [0, 1])
+def test_a_side_on_ground_that_slides_has_the_force_of_its_friction(side):
+    runs = ground(OLD_STIFFNESS=1200.0, OLD_FRICTION=0.6, FRICTION=0.05, START_U=0.5)
+    runs[0, model.NEW:model.LIFT] = np.inf
+    runs[0, model.NEW + 2 * side:model.NEW + 2 * side + 2] = 10, 30
+    out = simulate(np.tile(0.5 + 0.02 * np.arange(40.0)[:, np.newaxis], (1, 4)), runs)[0]
+    share = out[:, FORCES] / out[:, LOADS]
+    assert share[15:30, side::2] == pytest.approx(0.05, rel=0.1)
+    assert share[15:30, 1 - side::2].min() > 0.08
+    assert share[35:].min() > 0.08  # back on the first ground
 
 
 @pytest.mark.parametrize('share', [0.0, 0.4, 1.0])

@@ -22,7 +22,8 @@ from smart_tire.estimation.ground.estimator import GroundEstimator, HOP_NS
 from smart_tire.estimation.ground.measurements import (
     FORCE_X, Measurements, Passage, TORQUE, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, OLD_GROUND, Prior, priors, SIZE, Unknown)
+    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, NEVER, OLD_GROUND, ONE_GROUND, Prior,
+    priors, SIZE, Unknown)
 from smart_tire.estimation.ground.window import (
     _gain, _mixed, _student, GroundWindow, Whitening)
 from smart_tire.parameters import RobotParams, SimulatorParams
@@ -165,10 +166,90 @@ def test_a_change_of_ground_is_found_and_located(changed):
     crossed = next(s.stamp_ns for s in samples if isinstance(s, Odometry)
                    and s.position[0] > 2.2) / NS_PER_S
     assert estimator.changes == 1
-    change = found[-1].hypothesis.change
+    new = next(one.hypothesis.new for one in reversed(found) if one.hypothesis.new != ONE_GROUND)
     begin = min(s.stamp_ns for s in samples) / NS_PER_S
-    assert change + begin == pytest.approx(crossed, abs=0.6)
+    for change, end in new:
+        assert change + begin == pytest.approx(crossed, abs=0.3) and end == math.inf
     assert estimator.state(found[-1]).rolling_resistance.value == pytest.approx(0.1, rel=0.4)
+
+
+CONCRETE, SAND = (52.7, 0.01), (30.0, 0.11)  # C_x [N], rolling resistance over the load
+RIDE = [(1.5, 90.0, 90.0), (4.0, 120.0, 60.0)]  # the left wheels are outside
+
+
+@pytest.fixture(scope='module')
+def ridden():
+    """Return when [s] the left wheels ride on another ground, the estimator, its solutions."""
+    samples = drive(9.5, RIDE, surfaces=GroundParams(
+        names=('concrete', 'sand'), friction=(0.47, 0.35), stiffness=(CONCRETE[0], SAND[0]),
+        drag=(CONCRETE[1], SAND[1]), base='concrete', patches=(PatchParams(
+            name='p', surface='sand', x=(2.7, 99.0), y=(-99.0, 99.0)),)))
+    begin = next(s.stamp_ns for s in samples if isinstance(s, (ImuSample, WheelSample)))
+    times = []
+    for sample in samples:
+        if isinstance(sample, Odometry):
+            yaw = 2.0 * math.atan2(sample.orientation[2], sample.orientation[3])
+            left, right = (sample.position[0] - y * math.sin(yaw) for y in (
+                0.5 * ROBOT.track_width, -0.5 * ROBOT.track_width))  # m, of the sides
+            assert right < 2.7
+            if left > 2.7:
+                times.append((sample.stamp_ns - begin) / NS_PER_S)
+    return (times[0], times[-1]), *run(samples)
+
+
+def test_a_side_that_rides_on_another_ground_is_found_with_its_begin_and_end(ridden):
+    (begin, end), estimator, found = ridden
+    assert estimator.changes == 2 and end - begin > 1.5
+    left, right = next(one.hypothesis.new for one in reversed(found)
+                       if one.hypothesis.new != ONE_GROUND)
+    assert left == pytest.approx((begin, end), abs=0.3)
+    assert right == NEVER
+    during = [one for one in found if begin + 1.3 < one.end < end]
+    assert during
+    for one in during:  # that of each side by itself
+        fit = one.fit
+        for side, (stiffness, drag) in enumerate((SAND, CONCRETE)):
+            rows = one.hypothesis.ground(side, one.end)
+            for row, true in ((rows.start, stiffness), (rows.start + 2, drag)):
+                value, sigma = math.exp(fit.x[row]), math.sqrt(fit.covariance[row, row])
+                assert abs(value - true) < 3.0 * sigma * value
+    value = estimator.state(found[-1]).stiffness
+    assert abs(math.log(value.value / CONCRETE[0])) < 3.0 * value.sigma / value.value
+
+
+def test_one_ground_for_sides_on_two_has_their_difference_as_its_error(ridden):
+    (begin, end), estimator, found = ridden
+    one = next(one for one in found if begin + 1.3 < one.end < end)
+    state, x = estimator.state(one), one.fit.x
+    for value, row in ((state.stiffness, Unknown.STIFFNESS),
+                       (state.rolling_resistance, Unknown.RESISTANCE)):
+        sides = x[row], x[OLD_GROUND][row]
+        assert math.log(value.value) == pytest.approx(np.mean(sides))
+        assert value.sigma / value.value > abs(np.subtract(*sides)) / 2.0
+
+
+@pytest.mark.parametrize('new', [((1.0, math.inf), NEVER), (NEVER, (1.0, math.inf)),
+                                 ((1.0, 2.0), NEVER), ((1.0, math.inf), (1.5, math.inf)),
+                                 ((1.0, 2.0), (1.5, math.inf))])
+def test_sides_on_two_grounds_are_one_with_a_difference_once_they_are_the_past(new):
+    rows, random = priors(ROBOT), np.random.default_rng(2)
+    root = random.standard_normal((SIZE, SIZE))
+    given = Hypothesis(Prior(random.standard_normal(SIZE), root @ root.T), root[0], new)
+    assert given.settled(0.5, rows) is given and given.settled(1.0, rows) is given
+    found = given.settled(3.0, rows)
+    assert found.new == ONE_GROUND and found.settled(3.0, rows) is found
+    logs = []
+    for one in given, found:  # of the left and the right side
+        matrix = np.zeros((6, SIZE))
+        for side, sign in enumerate((1.0, -1.0)):
+            own = slice(3 * side, 3 * side + 3)
+            matrix[own, one.ground(side, 3.0)] = np.eye(3)
+            matrix[own, Unknown.SIDE_STIFFNESS:Unknown.DELAY] = sign * np.eye(3)
+        logs.append((matrix @ one.prior.mean, matrix @ one.x,
+                     matrix @ one.prior.covariance @ matrix.T))
+    for before, after in zip(*logs):
+        np.testing.assert_allclose(after, before)
+    assert np.linalg.eigvalsh(found.prior.covariance).min() > 0.0
 
 
 def test_a_gap_of_the_imu_restarts_the_window_and_keeps_what_was_learned(samples):
@@ -636,4 +717,4 @@ def test_an_event_that_stays_undecided_is_dropped_and_its_disturbance_forgotten(
     estimator, found = run(samples)
     assert estimator.changes == 0 and any(at is not None for _, at in times)
     assert all(end - at < DECISION_TIME for end, at in times if at is not None)
-    assert not found[-1].hypothesis.lifts and found[-1].hypothesis.change == -math.inf
+    assert not found[-1].hypothesis.lifts and found[-1].hypothesis.new == ONE_GROUND
