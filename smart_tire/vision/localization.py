@@ -87,6 +87,10 @@ class PoseFit:
 
     def __init__(self, camera: Camera, params: OverheadParams, wheel_radius: float) -> None:
         self._camera, self._params, self._radius = camera, params, wheel_radius
+        place = np.array([*params.camera_position, *params.camera_rotation])
+        # wrong by one standard deviation each, in the independent directions of its errors
+        self._displaced = [Camera(camera.intrinsics, *np.split(place + error, 2))
+                           for error in params.camera_errors.T if error.any()]
         self._square = square(params.tag_size)
         self._corners = {tag: self._own_corners(np.array(position), yaw)
                          for tag, position, yaw in params.tags}  # (4, 3) m, above the floor
@@ -124,7 +128,7 @@ class PoseFit:
     @staticmethod
     def _start(camera: Camera, own: Array, pixels: Array) -> Array | None:
         """Return x, y, yaw and inset from the corners in the plane of the tag."""
-        flat = np.array([camera.floor(pixel, height) for pixel, height in zip(pixels, own[:, 2])])
+        flat = camera.floor(pixels, own[:, 2:])
         if not np.isfinite(flat).all():
             return None
         yaw, shift = aligned(own[:, :2], flat)
@@ -144,20 +148,17 @@ class PoseFit:
 
     def _calibration(self, own: Array, pixels: Array, values: Array) -> Array:
         """Return the covariance of the pose that the errors of the calibration cause."""
-        params, camera = self._params, self._camera
+        params = self._params
         x, y = own[:, :2].mean(0)
         lever = np.eye(3)
         lever[:2] = turn(values[2]) @ [[1.0, 0.0, y], [0.0, 1.0, -x]]
         sigma = params.tag_position_sigma, params.tag_position_sigma, params.tag_yaw_sigma
         parts = [*(lever * sigma).T]
-        places = np.array([*params.camera_position, *params.camera_rotation])
-        for i, one in enumerate((*params.camera_position_sigma, *params.camera_rotation_sigma)):
-            if one:
-                place = places + one * np.eye(6)[i]
-                moved = self._start(Camera(camera.intrinsics, place[:3], place[3:]), own, pixels)
-                if moved is not None:
-                    parts.append(moved[:3] - values[:3])
-                    parts[-1][2] = math.remainder(parts[-1][2], math.tau)
+        for camera in self._displaced:
+            moved = self._start(camera, own, pixels)
+            if moved is not None:
+                parts.append(moved[:3] - values[:3])
+                parts[-1][2] = math.remainder(parts[-1][2], math.tau)
         return np.sum([np.outer(part, part) for part in parts], axis=0)
 
     def _reason(self, pixels: Array, squares: float) -> str:
