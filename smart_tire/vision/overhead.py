@@ -199,8 +199,8 @@ class OverheadLocalizer:
         image = gray_image(msg)
         if (size := image.shape[::-1]) != self._intrinsics.size:
             return 'size {} x {}, camera_info has {} x {}'.format(*size, *self._intrinsics.size)
-        tags, repeated = self._detector.tags(image)
         wanted = self._params.overhead.tag_ids
+        tags, repeated = self._detector.tags(image, wanted)
         own = {tag: tags[tag] for tag in wanted if tag in tags}
         if own:
             fix = self._fit.fix(stamp_ns, own)
