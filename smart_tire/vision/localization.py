@@ -185,10 +185,10 @@ def aligned(points: Array, others: Array) -> tuple[float, Array]:
     return yaw, others.mean(0) - turn(yaw) @ points.mean(0)
 
 
-def turn(yaw: float) -> Array:
-    """Return the rotation (2, 2) by an angle [rad]."""
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.array([[cos, -sin], [sin, cos]])
+def turn(yaw: float | Array) -> Array:
+    """Return the rotations (..., 2, 2) by angles (...) [rad]."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.moveaxis(np.array([[cos, -sin], [sin, cos]]), (0, 1), (-2, -1))
 
 
 def inward(pixels: Array) -> Array:

@@ -178,8 +178,8 @@ class _Plate:
 
     def corners(self, poses: Array) -> Array:
         """Return the corners (n, 4, 2) [m] at poses (n, 3)."""
-        return np.array([place + square(1.0) * self._size @ turn(yaw).T
-                         for *place, yaw in poses])
+        return np.asarray(poses[:, None, :2] + square(1.0) * self._size @ turn(
+            -poses[:, 2]))
 
     def rays(self, x: Fine, y: Fine, poses: Array) -> Fine:
         """Return light and share (0 or 1) of the plate in rays to x, y; each row has a pose."""
