@@ -28,7 +28,7 @@ from smart_tire.bags.cdr import empty
 from smart_tire.messages.header import set_header
 from smart_tire.parameters.overhead import ImageParams, OverheadLocalizerParams, OverheadParams
 from smart_tire.samples import four, ImuSample, NS_PER_S, WheelSample
-from smart_tire.vision.detection import TagDetector
+from smart_tire.vision.detection import fill_image, TagDetector
 from smart_tire.vision.live import LiveLocalizer
 from smart_tire.vision.localization import PoseFit, START_NOISE
 from smart_tire.vision.renderer import Renderer
@@ -94,11 +94,8 @@ def process_time(size: tuple[int, int]) -> float:
             localizer.add_sample(WheelSample(stamp_ns, four([3.0] * 4)))
     messages = []
     for k in range(images):
-        image = renderer.image(k / RATE, partial(moving, np.array([-0.4, 0.1, 0.0]), np.array(
-            [0.3, 0.0, 0.5])))
-        msg = empty('sensor_msgs/msg/Image')
-        msg.height, msg.width = image.shape
-        msg.step, msg.encoding, msg.data = msg.width, 'mono8', image.tobytes()
+        msg = fill_image(empty('sensor_msgs/msg/Image'), renderer.image(k / RATE, partial(
+            moving, np.array([-0.4, 0.1, 0.0]), np.array([0.3, 0.0, 0.5]))))
         set_header(msg, NS_PER_S + round(k / RATE * NS_PER_S), '')
         messages.append(msg)
     threads = cv2.getNumThreads()

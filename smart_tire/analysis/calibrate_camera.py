@@ -73,14 +73,14 @@ def calibrate(bag: Bag, params: OverheadLocalizerParams, icr_x: Uncertain) -> Id
 
 def detections(bag: Bag, params: OverheadLocalizerParams) -> tuple[Intrinsics, Corners]:
     """Return the intrinsics of the camera, and the corners of all tags in its images."""
-    topics, file = camera_topics(bag.types), params.overhead.camera_info_file
-    if not topics.images or not (topics.info or file):
+    (images, infos), file = camera_topics(bag), params.overhead.camera_info_file
+    if not images or not (infos or file):
         raise EstimatorError('no images and camera_info in this recording')
     intrinsics = Intrinsics.from_file(file) if file else Intrinsics.from_msg(
-        Decoder(INFO_TYPE)(next(data for _, _, data in bag.raw({topics.info}))))
-    image, detector = Decoder(bag.types[topics.images]), TagDetector(params.overhead.tag_family)
+        Decoder(INFO_TYPE)(next(data for _, _, data in bag.raw({infos}))))
+    image, detector = Decoder(bag.types[images]), TagDetector(params.overhead.tag_family)
     found: Corners = defaultdict(list)
-    for _, _, data in bag.raw({topics.images}):
+    for _, _, data in bag.raw({images}):
         msg = image(data)
         pixels = gray_image(msg)
         if (size := pixels.shape[::-1]) != intrinsics.size:

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import Any
@@ -74,6 +75,13 @@ def gray_image(msg: Any) -> Image:
     if channels > 1:
         image = image.reshape(rows, msg.width, channels)
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
+
+
+def fill_image(msg: Any, image: Image) -> Any:
+    """Write gray values (height, width) into an Image, as ``gray_image`` reads them; return it."""
+    msg.height, msg.width = image.shape
+    msg.encoding, msg.step, msg.data = 'mono8', msg.width, array('B', image.tobytes())
+    return msg
 
 
 def jpeg(image: Image, quality: int = PREVIEW_QUALITY) -> bytes:

@@ -161,7 +161,7 @@ class OverheadLocalizer:
             if not self._params.overhead.camera_info_file:
                 self._use(Intrinsics.from_msg(msg))
         except MessageError as error:
-            self.refuse_camera_info(error)
+            self.refuse(error, is_image=False)
 
     def _use(self, found: Intrinsics) -> None:
         if self._intrinsics is None or found.differs(self._intrinsics):
@@ -170,9 +170,12 @@ class OverheadLocalizer:
             self._camera = Camera(found, overhead.camera_position, overhead.camera_rotation)
             self._fit = PoseFit(self._camera, overhead, self._params.robot.wheel_radius)
 
-    def refuse_camera_info(self, error: MessageError) -> None:
-        """Refuse the images that follow, because the CameraInfo before them is invalid."""
-        if not self._params.overhead.camera_info_file:
+    def refuse(self, error: MessageError, *, is_image: bool) -> None:
+        """Refuse an image that cannot be decoded, or the images after an invalid CameraInfo."""
+        if is_image:
+            self.images += 1
+            self.refused['message cannot be decoded'] += 1
+        elif not self._params.overhead.camera_info_file:
             self._fit, self._intrinsics, self._problem = None, None, str(error)
 
     def add_image(self, msg: Any) -> Fix | None:

@@ -18,7 +18,6 @@ is rendered once.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import partial
 import math
 from typing import Any
 
@@ -55,6 +54,13 @@ def camera_of(params: ImageParams) -> Camera:
                   params.rotation)
 
 
+def between(times: Array, poses: Array) -> Motion:
+    """Return the motion along straight lines between ``poses`` (n, 3) at ``times`` (n,) [s]."""
+    unwrapped = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+    return lambda wanted: np.column_stack([
+        np.interp(wanted, times, one) for one in unwrapped.T])
+
+
 class Renderer:
     """Renders gray images of a robot with the tags of ``overhead`` (their top at ``height``)."""
 
@@ -80,7 +86,7 @@ class Renderer:
         for one, place in zip(overhead.floor_ids, np.reshape(overhead.floor_position, (-1, 2))):
             self._paste(self._floor, _Plate(
                 (side, side), [(one, (0.0, 0.0), 0.0)], overhead.floor_size, overhead), 0.0, 0.0,
-                partial(_still, np.append(place, 0.0)))
+                between(np.zeros(1), np.array([[*place, 0.0]])))
 
     def image(self, time: float, motion: Motion) -> Image:
         """Return the image stamped ``time`` [s], the middle of the exposure of the first row."""
@@ -190,10 +196,6 @@ class _Plate:
         cos, sin, column, row = rows[:, :, None].astype(np.float32)
         return np.asarray(cv2.remap(self._texture, cos * x + (sin * y + column),
                                     cos * y - (sin * x - row), cv2.INTER_NEAREST))
-
-
-def _still(pose: Array, times: Array) -> Array:
-    return np.tile(pose, (len(times), 1))
 
 
 def _modules(params: TagParams) -> int:
