@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
+from scipy.special import chdtri
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
@@ -48,7 +49,6 @@ LAG_SHARE = 0.5           # of the lag of the body behind the wheels, its standa
 WHEEL_SCALE = (0.7, 0.5)  # -, prior of the yaw rate over that of wheels without slip
 GYRO_SCALE = 0.02         # -, standard deviation of the scale of a gyroscope
 ICR_SHARES = (0.05, 0.2)  # of the wheelbase: v_x and v_y over the yaw rate, B(8); as icr_x_sigma
-SIDE_SLIP = 0.1           # -, difference of the slips of the sides in a start; of simulated drives
 MIN_ANGLE_SIGMA = 1e-5    # rad, of a wheel
 MIN_NOISE = 0.01          # pixels, of a corner
 PLANAR_VARIANCE = 1e-6    # m^2, rad^2 and per s: what the plane excludes, as in odom
@@ -90,12 +90,8 @@ def pixel_noise(fixes: Sequence[Fix]) -> float:
 
     It is robust against up to half outliers: the median square over that of chi-square.
     """
-    median = np.median([fix.squares / _median_chi_square(fix.freedom) for fix in fixes])
+    median = np.median([fix.squares / chdtri(fix.freedom, 0.5) for fix in fixes])
     return max(math.sqrt(median), MIN_NOISE)
-
-
-def _median_chi_square(freedom: int) -> float:
-    return freedom * (1.0 - 2.0 / (9.0 * freedom)) ** 3  # Wilson and Hilferty 1931
 
 
 def used(fixes: Sequence[Fix], noise: float, refused: Counter[str]) -> list[list[Fix]]:
@@ -138,18 +134,16 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     Return the smoothed motion from consecutive fixes without gaps.
 
     ``noise`` [pixels] is that of the corners; ``offset`` [s] is by how much the stamps are late.
-    A turn changes the lateral velocity, B(8), and a start that of the yaw, as the sides slip.
+    A turn changes the lateral velocity, B(8).
     """
     stamps = [fix.stamp_ns - round(offset.value * NS_PER_S) for fix in fixes]
     time = np.array([stamp - stamps[0] for stamp in stamps]) / NS_PER_S
     poses = np.array([fix.pose for fix in fixes])
     spread = np.array([fix.variance(noise) * fix.shape for fix in fixes])
     yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:], rounds=rounds)
-    place = smooth(time, poses[:, :2], spread[:, :2, :2], _turns(yaw),
+    middle = 0.5 * (yaw.values[1:, 0] + yaw.values[:-1, 0])
+    place = smooth(time, poses[:, :2], spread[:, :2, :2], turn(middle),
                    yaw.density * (np.array(ICR_SHARES) * robot.wheelbase) ** 2, rounds)
-    yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:],
-                 least=place.density[:, :1] * (2.0 * SIDE_SLIP / robot.track_width) ** 2,
-                 rounds=rounds)
     twist = np.column_stack([place.rates, yaw.rates])
     pose = np.column_stack([place.values, yaw.values])
     covariances = np.zeros((2, len(fixes), 3, 3))
@@ -305,13 +299,6 @@ def _turning(inputs: Recording, robot: RobotParams
             robot.track_width ** 2 + robot.wheelbase ** 2))
         return stamps, yaw, WHEEL_SCALE, float(lag)
     return None
-
-
-def _turns(yaw: Track) -> Array:
-    """Return the mean rotation (n - 1, 2, 2) from base_link to map in each step (Simpson)."""
-    angle, rate, step = yaw.values[:, 0], yaw.rates[:, 0], np.diff(yaw.times)
-    middle = 0.5 * (angle[1:] + angle[:-1]) + 0.125 * step * (rate[:-1] - rate[1:])
-    return np.asarray((turn(angle[:-1]) + 4.0 * turn(middle) + turn(angle[1:])) / 6.0)
 
 
 def _outer(vectors: Array) -> Array:

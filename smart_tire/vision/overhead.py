@@ -150,11 +150,6 @@ class OverheadLocalizer:
         if overhead.camera_info_file:
             self._use(Intrinsics.from_file(overhead.camera_info_file))
 
-    @property
-    def family(self) -> str:
-        """Return the family of the tags."""
-        return self._params.overhead.tag_family
-
     def add_camera_info(self, msg: Any) -> None:
         """Use a CameraInfo for the images that follow, unless a file is given."""
         try:
@@ -223,7 +218,7 @@ class OverheadLocalizer:
         robot = self._params.robot
         found = Result(self.images, len(self.fixes), Counter(self.refused), frame=self._frame)
         if not self.fixes:
-            found.hints += other_families(self.family, self._without_tag)
+            found.hints += other_families(self._params.overhead.tag_family, self._without_tag)
             return found
         found.noise = pixel_noise(self.fixes)
         found.inset = float(np.median([fix.inset for fix in self.fixes]))

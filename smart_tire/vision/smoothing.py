@@ -65,16 +65,12 @@ class Track:
         Rates are NaN outside of the track, and in steps above ``longest_step`` [s].
         """
         after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
-        begin, size = self.times[after - 1], self.values.shape[1]
-        step = (self.times[after] - begin)[:, None]
-        s = (times - begin)[:, None] / step
-        # the mean of the process between two states is the cubic with their values and rates
-        rates = (6.0 * s * (1.0 - s) * (self.values[after] - self.values[after - 1]) / step
-                 + (1.0 - s) * (1.0 - 3.0 * s) * self.rates[after - 1]
-                 + s * (3.0 * s - 2.0) * self.rates[after])
-        spread = np.diagonal(self.covariances, axis1=1, axis2=2)[:, size:]
-        known = (s >= 0.0) & (s <= 1.0) & (step <= longest_step)
-        return np.where(known, rates, np.nan), np.maximum(spread[after - 1], spread[after])
+        known = (times >= self.times[0]) & (times <= self.times[-1]) & (
+            self.times[after] - self.times[after - 1] <= longest_step)
+        rates = np.column_stack([np.interp(times, self.times, one) for one in self.rates.T])
+        spread = np.diagonal(self.covariances, axis1=1, axis2=2)[:, self.rates.shape[1]:]
+        return (np.where(known[:, None], rates, np.nan),
+                np.maximum(spread[after - 1], spread[after]))
 
 
 def smooth(times: Array, values: Array, variances: Array, turns: Array | None = None,
