@@ -86,6 +86,8 @@ def test_errors_of_poses_are_those_of_the_parameter_file_of_the_camera(calibrate
         file.write_text(identified_text([], camera_parameters(place, covariance)),
                         encoding='utf-8')
         params = load_node([file], 'overhead_localizer').overhead
+        assert params.camera_errors @ params.camera_errors.T == pytest.approx(
+            covariance, rel=1e-4, abs=1e-12)
         fit = PoseFit(Camera(INNER, params.camera_position, params.camera_rotation), params,
                       RADIUS)
         pose = np.array([*rng.uniform(-0.6, 0.6, 2), rng.uniform(-3.0, 3.0)])
