@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from smart_tire.arrays import Array
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import reliability
@@ -108,14 +108,14 @@ class OverheadParams(TagParams):
             raise ValueError('overhead.camera_correlation: not positive semidefinite')
 
     @property
-    def _correlation(self) -> Array:
+    def _correlation(self) -> NDArray[np.float64]:
         """Return the matrix (6, 6) of correlations, whose lower triangle is not used."""
         found = np.eye(6)
         found[np.triu_indices(6, 1)] = self.camera_correlation or 0.0
         return found
 
     @property
-    def camera_errors(self) -> Array:
+    def camera_errors(self) -> NDArray[np.float64]:
         """
         Return independent errors of the place of the camera, one standard deviation each, (6, 6).
 

@@ -183,7 +183,7 @@ class _Plate:
         self._texture = np.dstack([texture, np.ones_like(texture)])
 
     def corners(self, poses: Array) -> Array:
-        """Return the corners (n, 4, 2) [m] at poses (n, 3)."""
+        """Return where the corners are [m], (n, 4, 2), at poses (n, 3)."""
         return np.asarray(poses[:, None, :2] + square(1.0) * self._size @ turn(
             -poses[:, 2]))
 
