@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Error of the pose in single images of the overhead camera, over distance, light and motion."""
+"""Overhead camera: errors of single images, over distance, light and motion; images per second."""
 
 from __future__ import annotations
 
@@ -17,13 +17,18 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 import math
 import sys
+import time
 from typing import Any
 
 from benchmarks.harness import markdown, new_table, number, positive
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.parameters.overhead import ImageParams, OverheadParams
-from smart_tire.vision.detection import TagDetector
+from smart_tire.bags.cdr import empty
+from smart_tire.messages.header import set_header
+from smart_tire.parameters.overhead import ImageParams, OverheadLocalizerParams, OverheadParams
+from smart_tire.samples import four, ImuSample, NS_PER_S, WheelSample
+from smart_tire.vision.detection import fill_image, TagDetector
+from smart_tire.vision.live import LiveLocalizer
 from smart_tire.vision.localization import PoseFit, START_NOISE
 from smart_tire.vision.renderer import Renderer
 
@@ -31,6 +36,8 @@ DESCRIPTION = 'measure the error of the pose in rendered images'
 RADIUS = 0.087             # m, wheel of paper B
 VELOCITY = 0.4, 0.1, 0.5   # m/s, m/s, rad/s: standard deviations of the motion
 ROTATION = math.pi - 0.08, 0.05, 0.3  # rad, of the camera
+SIZES = (1280, 720), (1920, 1080)     # pixels, with the same field of view
+RATE, DURATION = 30.0, 3.0  # Hz and s, of the images whose processor time is measured
 COLUMNS = 'condition', 'used', 'wrong', 'position rms [mm]', 'yaw rms [deg]', 'tag [pixels]'
 WRONG_SIGMAS = 5.0         # of its standard deviation, error from which a pose counts as wrong
 CONDITIONS: dict[str, dict[str, Any]] = {
@@ -53,6 +60,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     for row in rows(args.images):
         table.add_row(*row)
     print(markdown(table))
+    table = new_table('overhead_localizer on one core', 'pixels', 'ms per image', 'images/s')
+    for size in SIZES:
+        spent = process_time(size)
+        table.add_row('{} x {}'.format(*size), number(1e3 * spent, 1), number(1.0 / spent, 0))
+    print(markdown(table))
     return 0
 
 
@@ -65,6 +77,31 @@ def rows(images: int, seed: int = 7) -> Iterator[list[str]]:
         yield [name, *cells(camera, OverheadParams(
             camera_position=camera.position, camera_rotation=camera.rotation, **own), images,
             np.random.default_rng(seed))]
+
+
+def process_time(size: tuple[int, int]) -> float:
+    """Return the mean processor time [s] of an image with IMU and wheels, of all threads."""
+    images = round(DURATION * RATE)
+    params = ImageParams(size=size, focal_length=ImageParams.focal_length * size[0] / SIZES[0][0])
+    localizer = LiveLocalizer(OverheadLocalizerParams(overhead=OverheadParams(
+        camera_position=params.position, camera_rotation=params.rotation)))
+    renderer = Renderer(params, OverheadParams(), RADIUS)
+    localizer.add_camera_info(renderer.camera.intrinsics.fill(empty('sensor_msgs/msg/CameraInfo')))
+    for stamp_ns in range(1, round((DURATION + 1.0) * NS_PER_S), NS_PER_S // 100):
+        localizer.add_sample(ImuSample(stamp_ns, (0.0, 0.0, 9.81), (0.0, 0.0, 0.5)))
+        if stamp_ns % (NS_PER_S // 20) < NS_PER_S // 100:
+            localizer.add_sample(WheelSample(stamp_ns, four([3.0] * 4)))
+    messages = []
+    for k in range(images):
+        msg = fill_image(empty('sensor_msgs/msg/Image'), renderer.image(k / RATE, partial(
+            moving, np.array([-0.4, 0.1, 0.0]), np.array([0.3, 0.0, 0.5]))))
+        set_header(msg, NS_PER_S + round(k / RATE * NS_PER_S), '')
+        messages.append(msg)
+    localizer.estimates(messages[0])
+    begin = time.process_time()
+    for msg in messages[1:]:
+        localizer.estimates(msg)
+    return (time.process_time() - begin) / (images - 1)
 
 
 def moving(pose: Array, velocity: Array, times: Array) -> Array:
@@ -83,7 +120,8 @@ def cells(params: ImageParams, overhead: OverheadParams, images: int, rng: Any) 
     errors, wrong = [], 0
     for _ in range(images):
         pose, velocity = rng.uniform(-reach, reach), rng.normal(0.0, VELOCITY)
-        found, _ = detector.tags(renderer.image(0.0, partial(moving, pose, velocity)))
+        found, _ = detector.tags(
+            renderer.image(0.0, partial(moving, pose, velocity)), overhead.tag_ids)
         fix = fit.fix(0, found) if found else ''
         if isinstance(fix, str) or not fix.fits(START_NOISE):
             continue

@@ -417,6 +417,8 @@ def test_one_tag_may_have_its_yaw_as_a_number():
 
 @pytest.mark.parametrize(('values', 'said'), [
     ({'overhead.camera_position': [1.0, 2.0]}, 'camera_position has 2 numbers'),
+    ({'overhead.camera_correlation': [0.1] * 6}, 'camera_correlation has 6 numbers'),
+    ({'overhead.camera_correlation': [-0.5] * 15}, 'not positive semidefinite'),
     ({'overhead.tag_ids': [1, 1]}, 'expected different ids'),
     ({'overhead.tag_ids': []}, 'expected different ids'),
     ({'overhead.tag_ids': [1, 2]}, '3 and 1 for each of 2 tags')])

@@ -50,11 +50,18 @@ def calibrate(bag: Bag, params: OverheadLocalizerParams, icr_x: Uncertain) -> Id
     intrinsics, seen = detections(bag, params)
     made = Identification(Found(), [], None)
     if params.overhead.floor_ids:
-        place = made.found.attempt('camera', lambda: camera_place(intrinsics, marker_corners({
+        found = made.found.attempt('camera', lambda: camera_place(intrinsics, marker_corners({
             one: [quad for _, quad in seen[one]] for one in params.overhead.floor_ids}),
             params.overhead))
-        if place is not None:
-            params = _add_camera(made, params, *place)
+        if found is not None:
+            place, covariance, noise = found
+            for (axis, unit), *value in zip(AXES, place, np.sqrt(np.diag(covariance))):
+                made.found.add(f'camera {axis}', Uncertain(*map(float, value)), unit)
+            made.found.notes.append(f'noise of the corners of the markers: {noise:.3f} pixels')
+            made.parameters.extend(camera_parameters(place, covariance))
+            params = replace(params, overhead=replace(
+                params.overhead, camera_position=tuple(place[:3]),
+                camera_rotation=tuple(place[3:])))
     if params.overhead.camera_position and params.overhead.camera_rotation:
         _add_tags(made, bag, params, Camera(
             intrinsics, params.overhead.camera_position, params.overhead.camera_rotation), seen,
@@ -66,14 +73,14 @@ def calibrate(bag: Bag, params: OverheadLocalizerParams, icr_x: Uncertain) -> Id
 
 def detections(bag: Bag, params: OverheadLocalizerParams) -> tuple[Intrinsics, Corners]:
     """Return the intrinsics of the camera, and the corners of all tags in its images."""
-    topics, file = camera_topics(bag.types), params.overhead.camera_info_file
-    if not topics.images or not (topics.info or file):
+    (images, infos), file = camera_topics(bag), params.overhead.camera_info_file
+    if not images or not (infos or file):
         raise EstimatorError('no images and camera_info in this recording')
     intrinsics = Intrinsics.from_file(file) if file else Intrinsics.from_msg(
-        Decoder(INFO_TYPE)(next(data for _, _, data in bag.raw({topics.info}))))
-    image, detector = Decoder(bag.types[topics.images]), TagDetector(params.overhead.tag_family)
+        Decoder(INFO_TYPE)(next(data for _, _, data in bag.raw({infos}))))
+    image, detector = Decoder(bag.types[images]), TagDetector(params.overhead.tag_family)
     found: Corners = defaultdict(list)
-    for _, _, data in bag.raw({topics.images}):
+    for _, _, data in bag.raw({images}):
         msg = image(data)
         pixels = gray_image(msg)
         if (size := pixels.shape[::-1]) != intrinsics.size:
@@ -84,21 +91,16 @@ def detections(bag: Bag, params: OverheadLocalizerParams) -> tuple[Intrinsics, C
     return intrinsics, found
 
 
-def _add_camera(made: Identification, params: OverheadLocalizerParams, place: Array,
-                covariance: Array, noise: float) -> OverheadLocalizerParams:
-    """Add the place (6,) of the camera; return the parameters with it."""
+def camera_parameters(place: Array, covariance: Array) -> list[Identified]:
+    """Return the parameters with the place (6,) of the camera and its covariance (6, 6)."""
     sigma = np.sqrt(np.diag(covariance))
-    for (axis, unit), *value in zip(AXES, place.tolist(), sigma.tolist()):
-        made.found.add(f'camera {axis}', Uncertain(*value), unit)
-    made.found.notes.append(f'noise of the corners of the markers: {noise:.3f} pixels')
+    correlation = (covariance / np.outer(sigma, sigma))[np.triu_indices(6, 1)]
+    found = [Identified('overhead.camera_correlation', tuple(correlation.tolist()))]
     for name, part in (('position', slice(0, 3)), ('rotation', slice(3, 6))):
         error = tuple(sigma[part].tolist())
-        made.parameters.extend((
-            Identified(f'overhead.camera_{name}', tuple(place[part].tolist()), error),
-            Identified(f'overhead.camera_{name}_sigma', error)))
-    return replace(params, overhead=replace(
-        params.overhead, camera_position=tuple(place[:3].tolist()),
-        camera_rotation=tuple(place[3:].tolist())))
+        found += [Identified(f'overhead.camera_{name}', tuple(place[part].tolist()), error),
+                  Identified(f'overhead.camera_{name}_sigma', error)]
+    return found
 
 
 def _add_tags(made: Identification, bag: Bag, params: OverheadLocalizerParams, camera: Camera,

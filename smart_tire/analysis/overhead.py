@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import chain, islice
 import json
 import math
 from pathlib import Path
@@ -42,15 +42,6 @@ INPUTS = ('imu/data', 'wheel_states')
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
 
 
-@dataclass(frozen=True)
-class CameraTopics:
-    """Topics of a camera by their names in a bag; '' if it has none."""
-
-    images: str
-    info: str
-    notes: tuple[str, ...] = ()
-
-
 def overhead_params(bag: Bag, files: Sequence[Path], **given: Any) -> OverheadLocalizerParams:
     """
     Return the parameters in the bag, in ``files`` and ``given``; later ones override.
@@ -64,61 +55,44 @@ def overhead_params(bag: Bag, files: Sequence[Path], **given: Any) -> OverheadLo
     return build(OverheadLocalizerParams, values | given)
 
 
-def camera_topics(types: Mapping[str, str]) -> CameraTopics:
+def camera_topics(bag: Bag) -> tuple[str, str]:
     """
-    Return the topics of the overhead camera in a bag with the topics ``types``.
+    Return the topics of images and camera_info of the overhead camera in a bag; '' if it has none.
 
-    They are recognized by their type if there is only one of it. Raises BagError if several may be
-    meant.
+    They are recognized by their type if there is only one of it, which is added to the notes of
+    the bag. Raises BagError if several may be meant.
     """
-    notes: list[str] = []
-
-    def choose(kind: str, standard: str) -> str:
-        found = [name for name, one in types.items() if one == kind]
+    def choose(standard: str, kind: str) -> str:
+        found = [name for name, one in bag.types.items() if one == kind]
         named = [name for name in found if f'/{name}'.endswith(f'/{standard}')]
         if len(named or found) > 1:
             raise BagError(f'{len(named or found)} topics may be {standard}: '
                            + ', '.join(named or found))
         if found and not named:
-            notes.append(f'{standard}: using {found[0]}, the only topic of type {kind}')
+            bag.notes.append(f'{standard}: using {found[0]}, the only topic of type {kind}')
         return (named or found or [''])[0]
-    images = ''
-    for standard, kind in IMAGES.items():
-        images = images or choose(kind, standard)
-    return CameraTopics(images, choose(INFO_TYPE, INFO_TOPIC), tuple(notes))
+    images = (choose(*one) for one in IMAGES.items())
+    return next(filter(None, images), ''), choose(INFO_TOPIC, INFO_TYPE)
 
 
 def locate(bag: Bag, params: OverheadLocalizerParams,
            progress: Progress = lambda share: None) -> Result:
     """Return the estimates from the images of an open bag."""
     from smart_tire.vision.overhead import OverheadLocalizer
-    topics = camera_topics(bag.types)
-    localizer = OverheadLocalizer(params)
-    if not topics.images:
-        return localizer.result(bag.recording(()))
-    info = Decoder(INFO_TYPE)
-    first = next((data for _, _, data in bag.raw({topics.info})), None) if topics.info else None
-    if first is not None:  # it may come after the first images
-        _add_info(localizer, info, first)
-    image, (start, end) = Decoder(bag.types[topics.images]), bag.span_ns
-    for receive_ns, channel, data in bag.raw({topics.images, topics.info} - {''}):
-        if channel.topic == topics.info:
-            _add_info(localizer, info, data)
-            continue
+    (images, infos), localizer = camera_topics(bag), OverheadLocalizer(params)
+    read = {name: Decoder(bag.types[name]) for name in (images, infos) if name}
+    first = islice(bag.raw({infos}), 1)  # it may come after the first images
+    start, end = bag.span_ns
+    for receive_ns, channel, data in chain(first, bag.raw(set(read))) if images else ():
+        is_image = channel.topic == images
         try:
-            localizer.add_image(image(data))
-        except MessageError:
-            localizer.images += 1
-            localizer.refused['message cannot be decoded'] += 1
-        progress((receive_ns - start) / max(1, end - start))
-    return localizer.result(bag.recording(INPUTS))
-
-
-def _add_info(localizer: Any, read: Decoder, data: bytes) -> None:
-    try:
-        localizer.add_camera_info(read(data))
-    except MessageError as error:
-        localizer.refuse_camera_info(error)
+            (localizer.add_image if is_image else localizer.add_camera_info)(
+                read[channel.topic](data))
+        except MessageError as error:
+            localizer.refuse(error, is_image=is_image)
+        if is_image:
+            progress((receive_ns - start) / max(1, end - start))
+    return localizer.result(bag.recording(INPUTS if images else ()))
 
 
 def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,

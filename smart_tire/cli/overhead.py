@@ -24,7 +24,7 @@ ESTIMATED, NOTHING_ESTIMATED = 0, 1  # exit statuses
 
 def run(args: argparse.Namespace) -> int:
     """Estimate from the images in a bag, write the results; return the exit status."""
-    from smart_tire.analysis.overhead import camera_topics, locate, overhead_params, write
+    from smart_tire.analysis.overhead import locate, overhead_params, write
     from smart_tire.bags import Bag, TopicNames
     refuse_folder_of_bag(args.out, [args.bag])
     refuse_existing_bag(args.out / 'estimates', force=args.force)
@@ -33,10 +33,9 @@ def run(args: argparse.Namespace) -> int:
     with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
         params = overhead_params(bag, args.params, **given)
         bag.joints = params.robot.joints
-        notes = [*camera_topics(bag.types).notes]
         with Progress(bag_name(args.bag)) as progress:
             result = locate(bag, params, progress.share)
-        notes += [*bag.notes, *bag.faults.lines()]
+        notes = [*bag.notes, *bag.faults.lines()]
         print_warnings(bag.warnings)
     for note in notes:
         print(f'  {note}')

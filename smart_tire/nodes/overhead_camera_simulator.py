@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.arrays import Array
 from smart_tire.messages.header import set_header
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import message_class
@@ -29,8 +28,8 @@ from smart_tire.nodes.runner import run
 from smart_tire.parameters.overhead import OverheadCameraSimulatorParams
 from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S, Odometry
-from smart_tire.vision.detection import jpeg
-from smart_tire.vision.renderer import Renderer
+from smart_tire.vision.detection import fill_image, jpeg
+from smart_tire.vision.renderer import between, Renderer
 
 FRAME = 'overhead_camera_optical_frame'
 MAX_GAP_NS = NS_PER_S // 20  # between poses; a longer path is not known well enough
@@ -93,20 +92,14 @@ class OverheadCameraSimulator(SmartTireNode[OverheadCameraSimulatorParams]):
 
     def _publish(self, stamp_ns: int) -> None:
         """Publish the image and the CameraInfo of an instant."""
-        known = np.array([((one[0] - stamp_ns) / NS_PER_S, *one[1:]) for one in self._truth])
-        known[:, 3] = np.unwrap(known[:, 3])
-
-        def motion(times: Array) -> Array:
-            return np.column_stack([np.interp(times, known[:, 0], one) for one in known[:, 1:].T])
-
-        pixels, image = self._renderer.image(0.0, motion), self.params.image
+        stamps, *poses = zip(*self._truth)
+        pixels, image = self._renderer.image(0.0, between(
+            np.subtract(stamps, stamp_ns) / NS_PER_S, np.transpose(poses))), self.params.image
         if image.jpeg_quality:
             msg = message_class('sensor_msgs/msg/CompressedImage')(
                 format='jpeg', data=array('B', jpeg(pixels, image.jpeg_quality)))
         else:
-            msg = message_class('sensor_msgs/msg/Image')(
-                height=pixels.shape[0], width=pixels.shape[1], encoding='mono8',
-                step=pixels.shape[1], data=array('B', pixels.tobytes()))
+            msg = fill_image(message_class('sensor_msgs/msg/Image')(), pixels)
         for one, publish in ((self._info, self._publish_info), (msg, self._publish_image)):
             set_header(one, stamp_ns, FRAME)
             publish(one)

@@ -15,9 +15,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import reliability
+
+ROUNDING = 1e-5  # of the eigenvalues of correlations, which are written with seven digits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +69,8 @@ class OverheadParams(TagParams):
     """
     Camera above the floor and the tags on the robot.
 
-    Sigmas are standard deviations of the calibration: all frames share these errors.
+    Sigmas are standard deviations of the calibration: all frames share these errors. Those of a
+    calibrated camera are strongly correlated; without ``camera_correlation`` they are independent.
     """
 
     camera_position: tuple[float, ...] = param(
@@ -75,6 +81,9 @@ class OverheadParams(TagParams):
         (0.0, 0.0, 0.0), 'm', 'standard deviations of camera_position', (0.0, 10.0), length=3)
     camera_rotation_sigma: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'rad', 'standard deviations of camera_rotation', (0.0, 1.0), length=3)
+    camera_correlation: tuple[float, ...] = param(
+        (), '-', 'correlations of x, y, z, roll, pitch, yaw of the camera: the 15 above the '
+        'diagonal, by rows; empty: independent', (-1.0, 1.0))
     camera_info_file: str = param(
         '', '-', 'YAML file by camera_calibration, in place of overhead_camera/camera_info')
     floor_position_sigma: float = param(
@@ -91,10 +100,31 @@ class OverheadParams(TagParams):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ('camera_position', 'camera_rotation'):
-            if len(getattr(self, name)) not in (0, 3):
-                raise ValueError(f'overhead.{name} has {len(getattr(self, name))} numbers, '
-                                 'expected 3')
+        for name, count in (('position', 3), ('rotation', 3), ('correlation', 15)):
+            if len(given := getattr(self, f'camera_{name}')) not in (0, count):
+                raise ValueError(f'overhead.camera_{name} has {len(given)} numbers, '
+                                 f'expected {count}')
+        if np.linalg.eigvalsh(self._correlation, 'U')[0] < -ROUNDING:
+            raise ValueError('overhead.camera_correlation: not positive semidefinite')
+
+    @property
+    def _correlation(self) -> NDArray[np.float64]:
+        """Return the matrix (6, 6) of correlations, whose lower triangle is not used."""
+        found = np.eye(6)
+        found[np.triu_indices(6, 1)] = self.camera_correlation or 0.0
+        return found
+
+    @property
+    def camera_errors(self) -> NDArray[np.float64]:
+        """
+        Return independent errors of the place of the camera, one standard deviation each, (6, 6).
+
+        Each column is an error of position [m] and angles [rad]; the covariance is their sum of
+        outer products.
+        """
+        values, vectors = np.linalg.eigh(self._correlation, 'U')
+        sigma = np.array([*self.camera_position_sigma, *self.camera_rotation_sigma])
+        return np.asarray(sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @dataclass(frozen=True, kw_only=True)

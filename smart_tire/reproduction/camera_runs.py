@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 
 from smart_tire.analysis.overhead import estimates_of, INFO_TYPE
-from smart_tire.arrays import Array
 from smart_tire.bags.cdr import empty
 from smart_tire.messages.header import set_header
 from smart_tire.parameters import ImageParams, OverheadLocalizerParams
@@ -26,8 +25,9 @@ from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import Recording, seconds
 from smart_tire.reproduction.tire_runs import ROBOT, Run, STANDSTILL_TIME
 from smart_tire.samples import NS_PER_S
+from smart_tire.vision.detection import fill_image
 from smart_tire.vision.overhead import OverheadLocalizer, Result
-from smart_tire.vision.renderer import Renderer
+from smart_tire.vision.renderer import between, Renderer
 
 DURATIONS = {'concrete': 11.0, 'sand': 7.0}  # s that are rendered: a circle, steady slip
 HEIGHT = 3.5  # m of the camera above the floor, so that it sees this circle
@@ -60,15 +60,9 @@ def camera_view(run: Run, duration: float) -> View:
     renderer = Renderer(image, params.overhead, ROBOT.wheel_radius)
     localizer = OverheadLocalizer(params)
     localizer.add_camera_info(renderer.camera.intrinsics.fill(empty(INFO_TYPE)))
-
-    def motion(times: Array) -> Array:
-        return np.column_stack([np.interp(times, time, column) for column in truth.pose.T])
-
+    motion = between(time, truth.pose)
     for instant in np.arange(0.5 / RATE, min(duration, time[-1]), 1.0 / RATE).tolist():
-        msg = empty('sensor_msgs/msg/Image')
+        msg = fill_image(empty('sensor_msgs/msg/Image'), renderer.image(instant, motion))
         set_header(msg, run.origin_ns + round((instant - STANDSTILL_TIME) * NS_PER_S), '')
-        rendered = renderer.image(instant, motion)
-        msg.height, msg.width = rendered.shape
-        msg.step, msg.encoding, msg.data = msg.width, 'mono8', rendered.tobytes()
         localizer.add_image(msg)
     return View(localizer.result(run.inputs), params)

@@ -132,11 +132,12 @@ class Camera:
                               criteria=UNDISTORTION)
         return np.asarray(plane.reshape(pixels.shape))
 
-    def floor(self, pixels: Array, height: float) -> Array:
+    def floor(self, pixels: Array, height: float | Array) -> Array:
         """
         Return where the rays of pixels (..., 2) meet the plane z = ``height`` [m]: x, y (..., 2).
 
-        NaN for rays that do not meet it in front of the camera.
+        ``height`` may be that of each pixel, (..., 1). NaN for rays that do not meet it in front
+        of the camera.
         """
         rays = self.rays(pixels) @ self.rotation[:, :2].T + self.rotation[:, 2]
         with np.errstate(divide='ignore', invalid='ignore'):

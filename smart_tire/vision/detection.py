@@ -11,9 +11,9 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
-from collections.abc import Sequence
-import math
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import cv2
@@ -42,7 +42,7 @@ ALONG, ACROSS = 32, 25  # samples along and across an edge
 EDGE_SHARE = 0.7        # of the length of an edge: blur makes corners round
 EDGE_REACH = 0.07       # of the length, to both sides; a cell, of equal gray, has 0.125
 MIN_REACH, MAX_REACH = 1.5, 5.0  # pixels
-REFINEMENTS = 2         # from corners that are correct to a pixel
+REFINEMENTS = 3         # from corners that are correct to two pixels
 ROBUST_ROUNDS = 6       # of weights, with a quarter of an edge hidden or in the edge of a shadow
 PREVIEW_QUALITY = 70  # of 100, of images for viewers
 
@@ -75,6 +75,13 @@ def gray_image(msg: Any) -> Image:
     if channels > 1:
         image = image.reshape(rows, msg.width, channels)
     return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion))
+
+
+def fill_image(msg: Any, image: Image) -> Any:
+    """Write gray values (height, width) into an Image, as ``gray_image`` reads them; return it."""
+    msg.height, msg.width = image.shape
+    msg.encoding, msg.step, msg.data = 'mono8', msg.width, array('B', image.tobytes())
+    return msg
 
 
 def jpeg(image: Image, quality: int = PREVIEW_QUALITY) -> bytes:
@@ -111,19 +118,36 @@ class TagDetector:
         # the middles of the cells, of small tags too: edges of shadows and blur confuse the others
         settings.perspectiveRemovePixelPerCell = 8
         settings.perspectiveRemoveIgnoredMarginPerCell = 0.3
-        self._detector = cv2.aruco.ArucoDetector(dictionary_of(family), settings)
+        tags = dictionary_of(family)
+        self._detector = cv2.aruco.ArucoDetector(tags, settings)
+        # one of its three windows finds all but the smallest tags
+        settings.adaptiveThreshWinSizeMin = settings.adaptiveThreshWinSizeMax
+        self._quick_detector = cv2.aruco.ArucoDetector(tags, settings)
 
-    def tags(self, image: Image) -> tuple[dict[int, Array], list[int]]:
+    def tags(self, image: Image, enough: Collection[int] = ()) -> tuple[
+            dict[int, Array], list[int]]:
         """
         Return corners (4, 2) [pixels] by id, and the ids that are in the image more than once.
 
-        The corners are those of the black square, clockwise from the upright tag's upper left.
+        The corners are those of the black square, clockwise from the upright tag's upper left. If
+        the tags ``enough`` are found at half the resolution, small other ones may be missing.
         """
-        corners, ids, _ = self._detector.detectMarkers(image)
-        found = [] if ids is None else np.ravel(ids).tolist()
-        repeated = [one for one, count in Counter(found).items() if count > 1]
-        return {one: refined(image, np.asarray(quad, dtype=float).reshape(4, 2))
-                for one, quad in zip(found, corners) if one not in repeated}, repeated
+        quads: list[tuple[int, Array]] = []
+        if enough:
+            half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            quads = [(one, 2.0 * quad + 0.5) for one, quad in _quads(self._quick_detector, half)]
+        if not enough or not {*enough} <= {one for one, _ in quads}:
+            quads = _quads(self._detector, image)
+        counts = Counter(one for one, _ in quads)
+        return ({one: refined(image, quad) for one, quad in quads if counts[one] == 1},
+                [one for one, count in counts.items() if count > 1])
+
+
+def _quads(detector: Any, image: Image) -> list[tuple[int, Array]]:
+    """Return ids and corners (4, 2), to a pixel."""
+    corners, ids, _ = detector.detectMarkers(image)
+    return [] if ids is None else [(one, np.asarray(quad, dtype=float).reshape(4, 2))
+                                   for one, quad in zip(np.ravel(ids).tolist(), corners)]
 
 
 def refined(image: Image, corners: Array) -> Array:
@@ -135,35 +159,41 @@ def refined(image: Image, corners: Array) -> Array:
     a part is hidden has the edges that agree with the most of it.
     """
     for _ in range(REFINEMENTS):
-        lines = [_edge(image, *ends) for ends in zip(corners, np.roll(corners, -1, axis=0))]
-        corners = np.array([np.linalg.solve(np.stack([one[:2], two[:2]]), [one[2], two[2]])
-                            for one, two in zip(np.roll(lines, 1, axis=0), lines)])
+        normal, offset = _edges(image, corners)
+        corners = np.linalg.solve(np.stack([np.roll(normal, 1, 0), normal], 1),
+                                  np.stack([np.roll(offset, 1), offset], 1)[..., None])[..., 0]
     return corners
 
 
-def _edge(image: Image, begin: Array, end: Array) -> Array:
-    """Return normal (2,) and offset [pixels] of the line near that from ``begin`` to ``end``."""
-    length = float(np.linalg.norm(end - begin))
-    along = (end - begin) / length
-    normal = np.array([along[1], -along[0]])  # corners are clockwise: out of the square
-    reach = min(max(EDGE_REACH * length, MIN_REACH), MAX_REACH)
-    across = np.linspace(-reach, reach, ACROSS)
-    places = np.linspace(0.5 - 0.5 * EDGE_SHARE, 0.5 + 0.5 * EDGE_SHARE, ALONG) * length
-    points = (begin + places[:, None, None] * along + across[:, None] * normal).astype(np.float32)
-    gray = cv2.remap(image, points, None, cv2.INTER_LINEAR,
-                     borderMode=cv2.BORDER_REPLICATE).astype(float)
+def _edges(image: Image, corners: Array) -> tuple[Array, Array]:
+    """Return normals (4, 2) and offsets (4,) [pixels] of the lines from corner to corner."""
+    ends = np.roll(corners, -1, axis=0)
+    length = np.linalg.norm(ends - corners, axis=1, keepdims=True)
+    along = (ends - corners) / length
+    normal = np.stack([along[:, 1], -along[:, 0]], -1)  # corners are clockwise: out of the square
+    reach = np.clip(EDGE_REACH * length, MIN_REACH, MAX_REACH)
+    places = EDGE_SHARE * length * np.linspace(-0.5, 0.5, ALONG)  # (4, ALONG), from the middle
+    across = reach * np.linspace(-1.0, 1.0, ACROSS)
+    points = 0.5 * (corners + ends)[:, None, None] + (
+        places[..., None, None] * along[:, None, None]
+        + across[:, None, :, None] * normal[:, None, None])
+    gray = cv2.remap(image, points.astype(np.float32).reshape(-1, ACROSS, 2), None,
+                     cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+                     ).astype(float).reshape(4, ALONG, ACROSS)
     # of each place: a shadow may lie across the edge
-    inside, outside = gray[:, :4].mean(axis=1), gray[:, -4:].mean(axis=1)
-    dark = (outside[:, None] - gray) / np.maximum(outside - inside, 1.0)[:, None]
-    step, places = across[1] - across[0], places - 0.5 * length
-    offset = np.clip(step * (dark.sum(axis=1) - 0.5) - reach, -reach, reach)
-    used = np.ones(ALONG)
+    inside, outside = gray[..., :4].mean(-1), gray[..., -4:].mean(-1)
+    dark = ((outside[..., None] - gray) / np.maximum(outside - inside, 1.0)[..., None]).sum(-1)
+    edge = np.clip(2.0 * reach / (ACROSS - 1) * (dark - 0.5) - reach, -reach, reach)
+    basis, used = np.stack([places, np.ones_like(places)], -1), np.ones_like(places)
     for _ in range(ROBUST_ROUNDS):  # with weights of a Cauchy distribution
-        slope, mean = np.polyfit(places, offset, 1, w=np.sqrt(used))
-        rest = offset - mean - slope * places
-        used = 1.0 / (1.0 + (rest / max(1.5 * float(np.median(np.abs(rest))), 0.01)) ** 2)
-    turned = (normal - slope * along) / math.hypot(1.0, slope)
-    return np.array([*turned, turned @ (0.5 * (begin + end) + mean * normal)])
+        weighted = (used[..., None] * basis).transpose(0, 2, 1)
+        line = np.linalg.solve(weighted @ basis, weighted @ edge[..., None])  # slope, mean
+        rest = np.abs(edge - (basis @ line)[..., 0])
+        used = 1.0 / (1.0 + (rest / np.maximum(
+            1.5 * np.median(rest, axis=1, keepdims=True), 0.01)) ** 2)
+    slope, mean = line[:, 0], line[:, 1]
+    turned = (normal - slope * along) / np.hypot(1.0, slope)
+    return turned, np.sum(turned * (0.5 * (corners + ends) + mean * normal), axis=1)
 
 
 def other_families(family: str, images: Sequence[Image]) -> list[str]:

@@ -24,13 +24,13 @@ import math
 
 import cv2
 import numpy as np
+from scipy.optimize import least_squares
 
 from smart_tire.arrays import Array
 from smart_tire.parameters.overhead import OverheadParams
+from smart_tire.rotation import wrapped
 from smart_tire.vision.camera import Camera
 
-ITERATIONS = 4         # of Gauss-Newton, from a start that is correct to a pixel
-DERIVATIVE_STEP = 1e-5  # m, rad and pixels, of the derivatives
 NOMINAL_INSET = 0.0    # pixels
 MAX_INSET_ERROR = 1.0  # pixels; blur and exposure of rendered images caused up to 0.4
 UNKNOWNS = 4
@@ -86,79 +86,64 @@ class PoseFit:
     """Fits poses to corners in images of a ``camera``."""
 
     def __init__(self, camera: Camera, params: OverheadParams, wheel_radius: float) -> None:
-        self._camera, self._params, self._radius = camera, params, wheel_radius
+        self._camera, self._params = camera, params
+        place = np.array([*params.camera_position, *params.camera_rotation])
+        # wrong by one standard deviation each, in the independent directions of its errors
+        self._displaced = [Camera(camera.intrinsics, *np.split(place + error, 2))
+                           for error in params.camera_errors.T if error.any()]
         self._square = square(params.tag_size)
-        self._corners = {tag: self._own_corners(np.array(position), yaw)
-                         for tag, position, yaw in params.tags}  # (4, 3) m, above the floor
-
-    def _own_corners(self, position: Array, yaw: float) -> Array:
-        flat = position[:2] + self._square @ turn(yaw).T
-        return np.column_stack([flat, np.full(4, position[2] + self._radius)])
+        self._corners = {tag: np.column_stack([  # (4, 3) m, above the floor
+            position[:2] + self._square @ turn(yaw).T, np.full(4, position[2] + wheel_radius)])
+            for tag, position, yaw in params.tags}
 
     def fix(self, stamp_ns: int, tags: Mapping[int, Array]) -> Fix | str:
         """Return the pose from corners (4, 2) [pixels] by id, or why there is none."""
         own = np.concatenate([self._corners[tag] for tag in tags])
         pixels = np.concatenate(list(tags.values()))
-        values = self._start(self._camera, own, pixels)
-        if values is None:
+        start = self._start(self._camera, own, pixels)
+        if start is None:
             return 'tag outside of the floor that the camera sees'
         inset = inward(pixels)
-        for _ in range(ITERATIONS):
-            residual = pixels - self._predicted(self._camera, own, values, inset)
-            jacobian = self._jacobian(own, values, inset)
-            step = np.linalg.lstsq(jacobian, residual.ravel(), rcond=None)[0]
-            values = values + step
-        residual = pixels - self._predicted(self._camera, own, values, inset)
+
+        def error(values: Array) -> Array:
+            flat = values[:2] + own[:, :2] @ turn(values[2]).T
+            seen = self._camera.pixels(np.column_stack([flat, own[:, 2]]))
+            return np.asarray((seen + values[3] * inset - pixels).ravel())
+
+        fit = least_squares(error, start, method='lm', x_scale='jac')
+        values, residual, jacobian = fit.x, -fit.fun, fit.jac
         shape = np.linalg.inv(jacobian.T @ jacobian)
-        squares, freedom = float(np.sum(residual ** 2)), pixels.size - UNKNOWNS
+        squares, freedom = float(residual @ residual), pixels.size - UNKNOWNS
+        reason = self._reason(pixels, squares)
         if abs(values[3] - NOMINAL_INSET) > MAX_INSET_ERROR:
-            tilted = squares > freedom * (MAX_NOISE_RATIO * START_NOISE) ** 2 and (
-                self._reason(pixels, squares) == TILTED)
-            return TILTED if tilted else WRONG_SIZE
+            large = squares > freedom * (MAX_NOISE_RATIO * START_NOISE) ** 2
+            return TILTED if large and reason == TILTED else WRONG_SIZE
         values[2] = math.remainder(values[2], math.tau)
         return Fix(stamp_ns, values[:3], shape[:3, :3], squares, freedom, float(values[3]),
-                   self._calibration(own, pixels, values), self._reason(pixels, squares),
-                   residual.ravel(), jacobian, np.repeat(
+                   self._calibration(own, pixels, values), reason,
+                   residual, jacobian, np.repeat(
                        pixels[:, 1] - 0.5 * (self._camera.intrinsics.size[1] - 1), 2))
 
     @staticmethod
     def _start(camera: Camera, own: Array, pixels: Array) -> Array | None:
         """Return x, y, yaw and inset from the corners in the plane of the tag."""
-        flat = np.array([camera.floor(pixel, height) for pixel, height in zip(pixels, own[:, 2])])
+        flat = camera.floor(pixels, own[:, 2:])
         if not np.isfinite(flat).all():
             return None
         yaw, shift = aligned(own[:, :2], flat)
         return np.array([*shift, yaw, NOMINAL_INSET])
 
-    @staticmethod
-    def _predicted(camera: Camera, own: Array, values: Array, inward: Array) -> Array:
-        flat = values[:2] + own[:, :2] @ turn(values[2]).T
-        return camera.pixels(np.column_stack([flat, own[:, 2]])) + values[3] * inward
-
-    def _jacobian(self, own: Array, values: Array, inward: Array) -> Array:
-        steps = DERIVATIVE_STEP * np.eye(UNKNOWNS)
-        return np.column_stack([(
-            self._predicted(self._camera, own, values + step, inward)
-            - self._predicted(self._camera, own, values - step, inward)).ravel()
-            for step in steps]) / (2.0 * DERIVATIVE_STEP)
-
     def _calibration(self, own: Array, pixels: Array, values: Array) -> Array:
         """Return the covariance of the pose that the errors of the calibration cause."""
-        params, camera = self._params, self._camera
+        params = self._params
         x, y = own[:, :2].mean(0)
         lever = np.eye(3)
         lever[:2] = turn(values[2]) @ [[1.0, 0.0, y], [0.0, 1.0, -x]]
-        sigma = params.tag_position_sigma, params.tag_position_sigma, params.tag_yaw_sigma
-        parts = [*(lever * sigma).T]
-        places = np.array([*params.camera_position, *params.camera_rotation])
-        for i, one in enumerate((*params.camera_position_sigma, *params.camera_rotation_sigma)):
-            if one:
-                place = places + one * np.eye(6)[i]
-                moved = self._start(Camera(camera.intrinsics, place[:3], place[3:]), own, pixels)
-                if moved is not None:
-                    parts.append(moved[:3] - values[:3])
-                    parts[-1][2] = math.remainder(parts[-1][2], math.tau)
-        return np.sum([np.outer(part, part) for part in parts], axis=0)
+        lever *= params.tag_position_sigma, params.tag_position_sigma, params.tag_yaw_sigma
+        moved = [self._start(camera, own, pixels) for camera in self._displaced]
+        errors = np.array([*lever.T, *(one[:3] - values[:3] for one in moved if one is not None)])
+        errors[:, 2] = wrapped(errors[:, 2])
+        return np.asarray(errors.T @ errors)
 
     def _reason(self, pixels: Array, squares: float) -> str:
         """Return why residuals are large, from those of a general pose (IPPE) of the tags."""
@@ -184,10 +169,10 @@ def aligned(points: Array, others: Array) -> tuple[float, Array]:
     return yaw, others.mean(0) - turn(yaw) @ points.mean(0)
 
 
-def turn(yaw: float) -> Array:
-    """Return the rotation (2, 2) by an angle [rad]."""
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.array([[cos, -sin], [sin, cos]])
+def turn(yaw: float | Array) -> Array:
+    """Return the rotations (..., 2, 2) by angles (...) [rad]."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.moveaxis(np.array([[cos, -sin], [sin, cos]]), (0, 1), (-2, -1))
 
 
 def inward(pixels: Array) -> Array:

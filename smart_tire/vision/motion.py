@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
+from scipy.special import chdtri
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
@@ -35,7 +36,7 @@ from smart_tire.rotation import quaternion
 from smart_tire.samples import (
     four, ImuSample, LEFT, NS_PER_S, Odometry, RIGHT, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
-from smart_tire.vision.localization import Fix
+from smart_tire.vision.localization import Fix, turn
 from smart_tire.vision.smoothing import ROUNDS, smooth, Track
 
 MAX_GAP = 0.5             # s between two images, over which a turn would be ambiguous
@@ -48,7 +49,6 @@ LAG_SHARE = 0.5           # of the lag of the body behind the wheels, its standa
 WHEEL_SCALE = (0.7, 0.5)  # -, prior of the yaw rate over that of wheels without slip
 GYRO_SCALE = 0.02         # -, standard deviation of the scale of a gyroscope
 ICR_SHARES = (0.05, 0.2)  # of the wheelbase: v_x and v_y over the yaw rate, B(8); as icr_x_sigma
-SIDE_SLIP = 0.1           # -, difference of the slips of the sides in a start; of simulated drives
 MIN_ANGLE_SIGMA = 1e-5    # rad, of a wheel
 MIN_NOISE = 0.01          # pixels, of a corner
 PLANAR_VARIANCE = 1e-6    # m^2, rad^2 and per s: what the plane excludes, as in odom
@@ -71,7 +71,8 @@ class Motion:
     @property
     def map_rates(self) -> Array:
         """Return the rates of the pose (n, 3) in map."""
-        return np.column_stack([_turned(self.pose[:, 2], self.twist[:, :2]), self.twist[:, 2]])
+        velocity = np.einsum('kij,kj->ki', turn(self.pose[:, 2]), self.twist[:, :2])
+        return np.column_stack([velocity, self.twist[:, 2]])
 
     def odometry(self, height: float) -> list[Odometry]:
         """Return the samples; ``height`` [m] is that of ``base_link`` above the floor."""
@@ -89,12 +90,8 @@ def pixel_noise(fixes: Sequence[Fix]) -> float:
 
     It is robust against up to half outliers: the median square over that of chi-square.
     """
-    median = np.median([fix.squares / _median_chi_square(fix.freedom) for fix in fixes])
+    median = np.median([fix.squares / chdtri(fix.freedom, 0.5) for fix in fixes])
     return max(math.sqrt(median), MIN_NOISE)
-
-
-def _median_chi_square(freedom: int) -> float:
-    return freedom * (1.0 - 2.0 / (9.0 * freedom)) ** 3  # Wilson and Hilferty 1931
 
 
 def used(fixes: Sequence[Fix], noise: float, refused: Counter[str]) -> list[list[Fix]]:
@@ -103,14 +100,9 @@ def used(fixes: Sequence[Fix], noise: float, refused: Counter[str]) -> list[list
 
     Counts the others in ``refused``, by reason.
     """
-    fitting = []
-    for fix in fixes:
-        if fix.fits(noise):
-            fitting.append(fix)
-        else:
-            refused[fix.reason] += 1
+    refused.update(fix.reason for fix in fixes if not fix.fits(noise))
     parts: list[list[Fix]] = []
-    for fix in _without_jumps(fitting, refused):
+    for fix in _without_jumps([fix for fix in fixes if fix.fits(noise)], refused):
         if not parts or fix.stamp_ns - parts[-1][-1].stamp_ns > MAX_GAP * NS_PER_S:
             parts.append([])
         parts[-1].append(fix)
@@ -142,18 +134,16 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     Return the smoothed motion from consecutive fixes without gaps.
 
     ``noise`` [pixels] is that of the corners; ``offset`` [s] is by how much the stamps are late.
-    A turn changes the lateral velocity, B(8), and a start that of the yaw, as the sides slip.
+    A turn changes the lateral velocity, B(8).
     """
     stamps = [fix.stamp_ns - round(offset.value * NS_PER_S) for fix in fixes]
     time = np.array([stamp - stamps[0] for stamp in stamps]) / NS_PER_S
     poses = np.array([fix.pose for fix in fixes])
     spread = np.array([fix.variance(noise) * fix.shape for fix in fixes])
     yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:], rounds=rounds)
-    place = smooth(time, poses[:, :2], spread[:, :2, :2], _turns(yaw),
+    middle = 0.5 * (yaw.values[1:, 0] + yaw.values[:-1, 0])
+    place = smooth(time, poses[:, :2], spread[:, :2, :2], turn(middle),
                    yaw.density * (np.array(ICR_SHARES) * robot.wheelbase) ** 2, rounds)
-    yaw = smooth(time, np.unwrap(poses[:, 2:], axis=0), spread[:, 2:, 2:],
-                 least=place.density[:, :1] * (2.0 * SIDE_SLIP / robot.track_width) ** 2,
-                 rounds=rounds)
     twist = np.column_stack([place.rates, yaw.rates])
     pose = np.column_stack([place.values, yaw.values])
     covariances = np.zeros((2, len(fixes), 3, 3))
@@ -164,13 +154,13 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     # edge of a shadow for example, is common to many images.
     across = np.column_stack([twist[:, 1], -twist[:, 0], np.zeros(len(fixes))])
     covariances[1] += (spread[:, 2:, 2:] + yaw.covariances[:, :1, :1]) * _outer(across)
-    moved = np.column_stack([_turned(pose[:, 2], twist[:, :2]), twist[:, 2]])
+    found = Motion(tuple(stamps), pose, twist, covariances[0], covariances[1],
+                   math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
     # the errors of a tag at rest are the same in all images: they have no mean that vanishes
-    covariances[0] += spread + np.array([fix.calibration for fix in fixes]) + (
-        offset.sigma ** 2 * _outer(moved))
-    covariances[1] += offset.sigma ** 2 * _outer(np.gradient(twist, time, axis=0))
-    return Motion(tuple(stamps), pose, twist, covariances[0], covariances[1],
-                  math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
+    found.pose_covariance[:] += spread + np.array([fix.calibration for fix in fixes]) + (
+        offset.sigma ** 2 * _outer(found.map_rates))
+    found.twist_covariance[:] += offset.sigma ** 2 * _outer(np.gradient(twist, time, axis=0))
+    return found
 
 
 def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[Motion], noise: float
@@ -203,51 +193,37 @@ def unrolled(part: Sequence[Fix], motion: Motion, line: float) -> list[Fix]:
 
 
 def wheel_tracks(wheels: Recording, robot: RobotParams, rounds: int = ROUNDS
-                 ) -> list[tuple[int, Track | None]]:
+                 ) -> list[tuple[int, Track] | None]:
     """
     Return the smoothed angles [rad] of the wheels: first stamp [ns] and a track per wheel.
 
-    A wheel without encoder, or with fewer than three samples, has no track.
+    None for a wheel without encoder, or with fewer than three samples.
     """
-    stream = wheels.stream(WheelSample).ordered
-    if len(stream) < 3:
-        return [(0, None)] * 4
-    stamps, encoder = stream.stamp_ns - round(robot.encoder.latency * NS_PER_S), robot.encoder
-    time = (stamps - stamps[0]) / NS_PER_S
-    angles, speeds = stream['position'], stream['velocity']
+    stream, encoder = wheels.stream(WheelSample).ordered, robot.encoder
+    stamps = stream.stamp_ns - round(encoder.latency * NS_PER_S)
+    time, speeds = (stamps - stamps[:1]) / NS_PER_S, stream['velocity']
     driven = np.vstack([np.zeros((1, 4)), np.cumsum(
         speeds[1:] * np.diff(time)[:, None], axis=0)])
-    angles = np.where(np.isnan(angles).all(0), driven, angles)
+    angles = np.where(np.isnan(stream['position']).all(0), driven, stream['position'])
     step = math.tau / encoder.counts_per_revolution
-    found: list[tuple[int, Track | None]] = []
-    for angle, speed in zip(angles.T, speeds.T):
-        known = np.isfinite(angle) & np.isfinite(speed)
-        if known.sum() < 3:
-            found.append((0, None))
-            continue
-        variance = (step ** 2 / 6.0 + (speed * encoder.stamp_jitter) ** 2 + MIN_ANGLE_SIGMA ** 2)
-        found.append((int(stamps[0]), smooth(
-            time[known], angle[known][:, None], variance[known][:, None, None],
-            rounds=rounds)))
-    return found
+    variances = step ** 2 / 6.0 + (speeds * encoder.stamp_jitter) ** 2 + MIN_ANGLE_SIGMA ** 2
+    known = np.isfinite(angles) & np.isfinite(speeds)
+    return [(int(stamps[0]), smooth(time[rows], angle[rows, None], variance[rows, None, None],
+                                    rounds=rounds)) if rows.sum() > 2 else None
+            for rows, angle, variance in zip(known.T, angles.T, variances.T)]
 
 
-def slips_of(motion: Motion, tracks: Sequence[tuple[int, Track | None]],
+def slips_of(motion: Motion, tracks: Sequence[tuple[int, Track] | None],
              robot: RobotParams) -> list[WheelSlip]:
     """Return the slip of the wheels at the instants of ``motion`` that have wheel samples."""
-    count, radius = len(motion.stamp_ns), robot.wheel_radius
-    speed, variance = np.full((count, 4), np.nan), np.full((count, 4), np.nan)
-    within = np.zeros(count, bool)
-    for i, (first_ns, track) in enumerate(tracks):
-        if track is not None:
-            time = np.array([stamp - first_ns for stamp in motion.stamp_ns]) / NS_PER_S
-            after = np.clip(np.searchsorted(track.times, time), 1, len(track.times) - 1)
-            near = (time >= track.times[0]) & (time <= track.times[-1]) & (
-                track.times[after] - track.times[after - 1] <= MAX_GAP)
-            within |= near
-            rates, spread = track.rates_at(time)
-            speed[:, i] = np.where(near, radius * rates[:, 0], np.nan)
-            variance[:, i] = radius ** 2 * spread[:, 0]
+    speed, variance = np.full((2, len(motion.stamp_ns), 4), np.nan)
+    for i, one in enumerate(tracks):
+        if one is not None:
+            first_ns, track = one
+            rates, spread = track.rates_at(
+                np.array([stamp - first_ns for stamp in motion.stamp_ns]) / NS_PER_S, MAX_GAP)
+            speed[:, i] = robot.wheel_radius * rates[:, 0]
+            variance[:, i] = robot.wheel_radius ** 2 * spread[:, 0]
     v_x, _ = wheel_velocities(motion.twist[:, 0], motion.twist[:, 1], motion.twist[:, 2],
                               robot.wheelbase, robot.track_width)
     lever = np.stack([np.ones(4), np.zeros(4), -0.5 * robot.track_width * SIDE_SIGNS], -1)
@@ -258,7 +234,7 @@ def slips_of(motion: Motion, tracks: Sequence[tuple[int, Track | None]],
         sigma = np.sqrt(ground + (v_x / speed) ** 2 * rolled) / np.abs(speed)
     sigma = np.where(np.isnan(ratio), 1.0, np.minimum(np.nan_to_num(sigma, nan=1.0), 1.0))
     return [WheelSlip(stamp_ns, *(four(row.tolist()) for row in rows)) for stamp_ns, near, *rows
-            in zip(motion.stamp_ns, within, ratio, speed - v_x, sigma) if near]
+            in zip(motion.stamp_ns, np.isfinite(speed).any(1), ratio, speed - v_x, sigma) if near]
 
 
 def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotParams
@@ -312,31 +288,17 @@ def _turning(inputs: Recording, robot: RobotParams
     wheels = inputs.stream(WheelSample).ordered
     if len(wheels) > 2:
         speed = robot.wheel_radius * wheels['velocity']
-        turn = (np.nanmean(speed[:, list(RIGHT)], 1) - np.nanmean(speed[:, list(LEFT)], 1)
+        rate = (np.nanmean(speed[:, list(RIGHT)], 1) - np.nanmean(speed[:, list(LEFT)], 1)
                 ) / robot.track_width
-        yaw = np.append(0.0, np.cumsum(turn[1:] * np.diff(wheels.stamp_ns) / NS_PER_S))
+        yaw = np.append(0.0, np.cumsum(rate[1:] * np.diff(wheels.stamp_ns) / NS_PER_S))
         stamps = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
         # forces that turn the body require slip, so that it lags (calibration/latency.py)
-        turning = np.nan_to_num(turn) ** 2
+        turning = np.nan_to_num(rate) ** 2
         mean = np.sum(turning * np.nanmean(np.abs(speed), 1)) / max(np.sum(turning), 1e-9)
         lag = mean * robot.yaw_inertia / (robot.tire.longitudinal_stiffness * (
             robot.track_width ** 2 + robot.wheelbase ** 2))
         return stamps, yaw, WHEEL_SCALE, float(lag)
     return None
-
-
-def _turns(yaw: Track) -> Array:
-    """Return the mean rotation (n - 1, 2, 2) from base_link to map in each step (Simpson)."""
-    angle, rate, step = yaw.values[:, 0], yaw.rates[:, 0], np.diff(yaw.times)
-    middle = 0.5 * (angle[1:] + angle[:-1]) + 0.125 * step * (rate[:-1] - rate[1:])
-    cos, sin = ((f(angle[:-1]) + 4.0 * f(middle) + f(angle[1:])) / 6.0 for f in (np.cos, np.sin))
-    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
-
-
-def _turned(yaw: Array, vectors: Array) -> Array:
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.column_stack([cos * vectors[:, 0] - sin * vectors[:, 1],
-                            sin * vectors[:, 0] + cos * vectors[:, 1]])
 
 
 def _outer(vectors: Array) -> Array:

@@ -150,18 +150,13 @@ class OverheadLocalizer:
         if overhead.camera_info_file:
             self._use(Intrinsics.from_file(overhead.camera_info_file))
 
-    @property
-    def family(self) -> str:
-        """Return the family of the tags."""
-        return self._params.overhead.tag_family
-
     def add_camera_info(self, msg: Any) -> None:
         """Use a CameraInfo for the images that follow, unless a file is given."""
         try:
             if not self._params.overhead.camera_info_file:
                 self._use(Intrinsics.from_msg(msg))
         except MessageError as error:
-            self.refuse_camera_info(error)
+            self.refuse(error, is_image=False)
 
     def _use(self, found: Intrinsics) -> None:
         if self._intrinsics is None or found.differs(self._intrinsics):
@@ -170,9 +165,12 @@ class OverheadLocalizer:
             self._camera = Camera(found, overhead.camera_position, overhead.camera_rotation)
             self._fit = PoseFit(self._camera, overhead, self._params.robot.wheel_radius)
 
-    def refuse_camera_info(self, error: MessageError) -> None:
-        """Refuse the images that follow, because the CameraInfo before them is invalid."""
-        if not self._params.overhead.camera_info_file:
+    def refuse(self, error: MessageError, *, is_image: bool) -> None:
+        """Refuse an image that cannot be decoded, or the images after an invalid CameraInfo."""
+        if is_image:
+            self.images += 1
+            self.refused['message cannot be decoded'] += 1
+        elif not self._params.overhead.camera_info_file:
             self._fit, self._intrinsics, self._problem = None, None, str(error)
 
     def add_image(self, msg: Any) -> Fix | None:
@@ -199,8 +197,8 @@ class OverheadLocalizer:
         image = gray_image(msg)
         if (size := image.shape[::-1]) != self._intrinsics.size:
             return 'size {} x {}, camera_info has {} x {}'.format(*size, *self._intrinsics.size)
-        tags, repeated = self._detector.tags(image)
         wanted = self._params.overhead.tag_ids
+        tags, repeated = self._detector.tags(image, wanted)
         own = {tag: tags[tag] for tag in wanted if tag in tags}
         if own:
             fix = self._fit.fix(stamp_ns, own)
@@ -220,7 +218,7 @@ class OverheadLocalizer:
         robot = self._params.robot
         found = Result(self.images, len(self.fixes), Counter(self.refused), frame=self._frame)
         if not self.fixes:
-            found.hints += other_families(self.family, self._without_tag)
+            found.hints += other_families(self._params.overhead.tag_family, self._without_tag)
             return found
         found.noise = pixel_noise(self.fixes)
         found.inset = float(np.median([fix.inset for fix in self.fixes]))

@@ -204,12 +204,12 @@ def _displacements(fixes: Sequence[Fix], inputs: Recording, robot: RobotParams
         raise EstimatorError('the tag is not seen long enough')
     begin, end = (np.array([pair[i].pose for pair in pairs]) for i in range(2))
     turned = wrapped(end[:, 2] - begin[:, 2])
-    yaw, (x, y) = begin[:, 2] + 0.5 * turned, (end - begin)[:, :2].T
-    moved = np.column_stack([np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x])
+    moved = np.einsum('kji,kj->ki', turn(begin[:, 2] + 0.5 * turned), (end - begin)[:, :2])
     stamps = np.array([[fix.stamp_ns for fix in pair] for pair in pairs])
     rolled = np.full((len(pairs), 4), np.nan)
-    for i, (first_ns, track) in enumerate(wheel_tracks(inputs, robot)):
-        if track is not None:
+    for i, one in enumerate(wheel_tracks(inputs, robot)):
+        if one is not None:
+            first_ns, track = one
             time = (stamps - first_ns) / NS_PER_S - offset.value
             angle = np.interp(time, track.times, track.values[:, 0], np.nan, np.nan)
             rolled[:, i] = robot.wheel_radius * np.diff(angle)[:, 0]

@@ -58,18 +58,19 @@ class Track:
         """Return the derivatives of the series [1/s], (n, m)."""
         return self.states[:, self.states.shape[1] // 2:]
 
-    def rates_at(self, times: Array) -> tuple[Array, Array]:
-        """Return rates and their variances (k, m) at ``times`` (k,) within the track."""
+    def rates_at(self, times: Array, longest_step: float) -> tuple[Array, Array]:
+        """
+        Return rates and their variances (k, m) at ``times`` (k,).
+
+        Rates are NaN outside of the track, and in steps above ``longest_step`` [s].
+        """
         after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
-        begin, size = self.times[after - 1], self.values.shape[1]
-        step = (self.times[after] - begin)[:, None]
-        s = (times - begin)[:, None] / step
-        # the mean of the process between two states is the cubic with their values and rates
-        rates = (6.0 * s * (1.0 - s) * (self.values[after] - self.values[after - 1]) / step
-                 + (1.0 - s) * (1.0 - 3.0 * s) * self.rates[after - 1]
-                 + s * (3.0 * s - 2.0) * self.rates[after])
-        spread = np.diagonal(self.covariances, axis1=1, axis2=2)[:, size:]
-        return rates, np.maximum(spread[after - 1], spread[after])
+        known = (times >= self.times[0]) & (times <= self.times[-1]) & (
+            self.times[after] - self.times[after - 1] <= longest_step)
+        rates = np.column_stack([np.interp(times, self.times, one) for one in self.rates.T])
+        spread = np.diagonal(self.covariances, axis1=1, axis2=2)[:, self.rates.shape[1]:]
+        return (np.where(known[:, None], rates, np.nan),
+                np.maximum(spread[after - 1], spread[after]))
 
 
 def smooth(times: Array, values: Array, variances: Array, turns: Array | None = None,
@@ -93,20 +94,12 @@ def smooth(times: Array, values: Array, variances: Array, turns: Array | None = 
         steady = 1.0 / np.mean(1.0 / own, axis=0)
         own = np.maximum(model.intensities(x, P, gains, density, steady),
                          np.maximum(scale / LONGEST_TIME ** 3, least))
-        # the largest of the neighboring steps: a start does not wait for a frame
-        density = _widened(own)
+        # the largest of the neighboring steps: a start does not wait for a frame; beyond the ends
+        # anything may come
+        padded = np.pad(own, ((1, 1), (0, 0)), 'mean')
+        density = np.maximum(np.maximum(padded[:-2], own), padded[2:])
     P[:, values.shape[1]:, values.shape[1]:] *= RATE_SHARE
     return Track(times, x, P, math.sqrt(noise), density)
-
-
-def _widened(own: Array) -> Array:
-    """
-    Return for each step the largest intensity of its neighbors: a start waits for no frame.
-
-    Beyond the ends anything may come: they have the mean intensity.
-    """
-    padded = np.concatenate([own.mean(0)[None], own, own.mean(0)[None]])
-    return np.asarray(np.maximum(np.maximum(padded[:-2], own), padded[2:]))
 
 
 class _Model:
@@ -127,28 +120,20 @@ class _Model:
         """Return states (n, 2 m), their covariances and the gains of the RTS smoother."""
         from filterpy.kalman import KalmanFilter  # its import takes a second
         size = self._size
+        fastest = np.max(np.abs(np.diff(values, axis=0)) / self._steps[:, None], axis=0)
         kalman = KalmanFilter(dim_x=2 * size, dim_z=size)
-        kalman.H = np.hstack([np.eye(size), np.zeros((size, size))])
-        kalman.x = np.concatenate([values[0], np.zeros(size)])[:, None]
-        kalman.P = np.diag(START_FACTOR ** 2 * np.concatenate([
-            np.diag(variances[0]), self._fastest(values) ** 2 + 1e-6]))
-        first = np.eye(2 * size)[None], np.zeros((1, 2 * size, 2 * size))
-        F = np.concatenate([first[0], self._F])
+        kalman.H = np.eye(size, 2 * size)
+        kalman.x = np.append(values[0], np.zeros(size))[:, None]
+        kalman.P = np.diag(START_FACTOR ** 2 * np.append(
+            np.diag(variances[0]), fastest ** 2 + 1e-6))
         white = np.einsum('kij,ka,ab->kiajb', self._shapes, density, np.eye(size))
-        Q = np.concatenate([first[1], self._G @ white.reshape(self._G.shape)
-                            @ self._G.transpose(0, 2, 1)])
-        means, spreads = [], []
-        for value, variance, f, q in zip(values, variances, F, Q):
-            kalman.predict(F=f, Q=q)
-            kalman.update(value[:, None], R=variance)  # (m, 1): filterpy broadcasts other shapes
-            means.append(kalman.x)
-            spreads.append(kalman.P)
-        x, P, gains, _ = kalman.rts_smoother(np.array(means), np.array(spreads), F, Q)
+        Q = self._G @ white.reshape(self._G.shape) @ self._G.transpose(0, 2, 1)
+        F = np.concatenate([np.eye(2 * size)[None], self._F])  # nothing happens before the first
+        Q = np.concatenate([np.zeros((1, 2 * size, 2 * size)), Q])
+        # (m, 1): filterpy broadcasts other shapes
+        means, spreads, *_ = kalman.batch_filter(values[..., None], Fs=F, Qs=Q, Rs=variances)
+        x, P, gains, _ = kalman.rts_smoother(means, spreads, F, Q)
         return x[..., 0], P, gains
-
-    def _fastest(self, values: Array) -> Array:
-        """Return the largest rates (m,) between two values."""
-        return np.asarray(np.max(np.abs(np.diff(values, axis=0)) / self._steps[:, None], axis=0))
 
     def intensities(self, x: Array, P: Array, gains: Array, density: Array,
                     steady: Array) -> Array:

@@ -13,17 +13,22 @@
 from __future__ import annotations
 
 from benchmarks import overhead
+import pytest
 
 SMALL = {'size': (320, 240), 'focal_length': 300.0, 'position': (0.0, 0.0, 2.0)}
 
 
-def test_each_condition_has_a_row_with_errors_in_mm_and_degrees(monkeypatch, capsys):
+def test_each_condition_has_a_row_with_errors_and_each_size_one_with_times(monkeypatch, capsys):
+    monkeypatch.setattr(overhead, 'SIZES', [(320, 240)])
+    monkeypatch.setattr(overhead, 'DURATION', 1.0)
     monkeypatch.setattr(overhead, 'CONDITIONS', {
         'plain': SMALL, 'hidden': {**SMALL, 'occlusion': 0.9}})
     assert overhead.main(['--images', '2']) == 0
-    plain, hidden = (line for line in capsys.readouterr().out.splitlines()
-                     if line.startswith(('| plain', '| hidden')))
+    plain, hidden, size = (line for line in capsys.readouterr().out.splitlines()
+                           if line.startswith(('| plain', '| hidden', '| 320 x 240')))
     name, used, wrong, position, yaw, pixels = (cell.strip() for cell in plain.split('|')[1:-1])
     assert (name, used, wrong, pixels) == ('plain', '2 of 2', '0', '27')
     assert 0.01 < float(position) < 5.0 and 0.001 < float(yaw) < 1.0
     assert [cell.strip() for cell in hidden.split('|')[1:5]] == ['hidden', '0 of 2', '0', '-']
+    spent, rate = map(float, size.split('|')[2:4])
+    assert rate == pytest.approx(1e3 / spent, rel=0.2)

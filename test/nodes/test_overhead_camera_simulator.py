@@ -32,7 +32,7 @@ PARAMETERS = {
     'image__size': list(SMALL.size), 'image__focal_length': SMALL.focal_length,
     'image__position': list(SMALL.position), 'image__rate': 10.0, 'image__exposure': 0.01,
     'overhead__tag_yaw': [0.4], 'overhead__tag_position': [0.03, -0.02, 0.15]}
-SPEED, YAW = 0.4, 3.1  # m/s along x; rad, which wraps around within the drive
+SPEED, YAW = 0.4, 2.99  # m/s along x; rad, which wraps around in the exposure at 0.3 s
 IMAGES = 'overhead_camera/image_raw'
 INFO = 'overhead_camera/camera_info'
 

@@ -125,7 +125,7 @@ def wrong_clock(patch, hazard):
     ('requests garbled', constant('drivers.roboclaw_pair.ZERO_DUTY_TIME', 1.4)),
     ('requests garbled', parameter('driver', board_timeout=0.3)),
     ('motor_driver killed or stopped', parameter('driver', board_timeout=0.3)),
-    ('encoder frozen', parameter('driver', stall_time=0.18)),
+    ('encoder frozen', parameter('driver', stall_time=0.26)),
     ('encoder frozen', constant('drivers.motor_board.CHECK_PERIOD_NS', 2.0)),
     ('board status not normal', constant('drivers.roboclaw_pair.HEALTH_PERIOD_NS')),
     ('supply low', constant('drivers.roboclaw_pair.HEALTH_PERIOD_NS')),

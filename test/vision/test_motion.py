@@ -24,7 +24,7 @@ from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.localization import NOT_SQUARE, PoseFit
 from smart_tire.vision.motion import (
-    ISOLATED, JUMP, MIN_IMAGES, motion_of, OFFSET_PRIOR, pixel_noise, row_time, slips_of,
+    ISOLATED, JUMP, MIN_IMAGES, Motion, motion_of, OFFSET_PRIOR, pixel_noise, row_time, slips_of,
     time_offset, unrolled, used, wheel_tracks)
 from smart_tire.vision.smoothing import smooth
 from support.overhead import (
@@ -111,13 +111,14 @@ def test_the_noise_of_the_measurements_is_estimated(factor):
     assert np.abs(track.rates[20:-20] - 0.3).max() < 2e-3
 
 
-def test_rates_between_two_instants_are_those_of_the_cubic():
+def test_rates_are_interpolated_within_the_track_and_not_over_gaps():
     track = smooth(np.arange(6.0), np.arange(6.0)[:, None] ** 2, np.full((6, 1, 1), 1e-8))
-    middle, variance = track.rates_at(np.array([2.5, 3.0]))
+    middle, variance = track.rates_at(np.array([2.5, 3.0]), 1.0)
     assert middle[1] == pytest.approx(track.rates[3])
-    assert middle[0] == pytest.approx(1.5 * (track.values[3] - track.values[2])
-                                      - 0.25 * (track.rates[2] + track.rates[3]))
+    assert middle[0] == pytest.approx(0.5 * (track.rates[2] + track.rates[3]))
     assert (variance > 0.0).all()
+    assert np.isnan(track.rates_at(np.array([-0.1, 5.1]), 1.0)[0]).all()
+    assert np.isnan(track.rates_at(np.array([2.5]), 0.9)[0]).all()
 
 
 def test_fixes_are_cut_at_gaps_and_short_rests_are_counted():
@@ -218,9 +219,44 @@ def test_slip_is_b3_for_each_wheel_also_in_reverse():
 def test_a_locked_wheel_on_a_moving_robot_is_minus_one_and_a_missing_encoder_is_nan():
     speed = np.array([-0.4, 0.0, -0.4, math.nan]) / ROBOT.wheel_radius
     found = slips(wheel_samples(lambda t: speed if t >= 3.0 else 0.0 * speed))
+    assert len(found) > 80
     for slip in found[60:80]:
         assert slip.ratio[1] == -1.0
         assert math.isnan(slip.ratio[3]) and slip.sigma[3] == 1.0
+
+
+def steady_slips(wheels, **changes):
+    """Return slips of a robot whose twist is known with a given covariance."""
+    robot = replace(ROBOT, **changes)
+    stamps = tuple(START_NS + round((2.0 + k / 15) * NS_PER_S) for k in range(60))
+    spread = np.array([[9e-4, 0.0, 1e-3], [0.0, 1.0, 0.0], [1e-3, 0.0, 4e-3]])
+    return slips_of(Motion(stamps, np.zeros((60, 3)), np.tile([0.4, 0.0, 0.2], (60, 1)), *[
+        np.tile(spread, (60, 1, 1))] * 2, 1.0), wheel_tracks(Recording(wheels), robot), robot)
+
+
+def test_the_sigma_of_slip_is_that_of_velocity_and_radius():
+    wheels = wheel_samples(lambda t: np.full(4, 0.5) / ROBOT.wheel_radius)
+    arm = 0.5 * ROBOT.track_width
+    for side, sign in ((0, -1.0), (1, 1.0)):  # a turn to the left is faster on the right
+        ground = 9e-4 + 2.0 * sign * arm * 1e-3 + arm ** 2 * 4e-3
+        share = (0.4 + sign * arm * 0.2) / 0.5
+        for radius in (0.0, 0.05):
+            found = steady_slips(wheels, wheel_radius_sigma=radius)
+            assert found[30].sigma[side] == pytest.approx(
+                math.sqrt(ground / 0.25 + (share * radius) ** 2), rel=0.01)
+
+
+def test_the_sigma_of_slip_is_that_of_the_encoder():
+    encoder, rng = replace(ROBOT.encoder, counts_per_revolution=60), np.random.default_rng(6)
+    noise = math.tau / 60 / math.sqrt(6.0)  # rad, of two edges of a count
+    wheels = [replace(one, position=tuple(one.position + noise * rng.standard_normal(4)))
+              for one in wheel_samples(lambda t: np.full(4, 0.5) / ROBOT.wheel_radius)]
+    found = steady_slips(wheels, encoder=encoder, wheel_radius_sigma=0.0)
+    plain = steady_slips(wheel_samples(lambda t: np.full(4, 0.5) / ROBOT.wheel_radius),
+                         wheel_radius_sigma=0.0)
+    error = np.subtract([one.ratio for one in found], [one.ratio for one in plain])
+    added = np.square([one.sigma for one in found]) - np.square([one.sigma for one in plain])
+    assert 0.3 < np.mean(error ** 2) / np.mean(added) < 3.0
 
 
 def test_the_outer_wheels_of_a_turn_are_faster():

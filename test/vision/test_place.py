@@ -16,17 +16,19 @@ import math
 
 import numpy as np
 import pytest
+from smart_tire.analysis.calibrate_camera import camera_parameters
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.parameters import ImageParams, RobotParams
+from smart_tire.parameters import ImageParams, load_node, RobotParams
+from smart_tire.parameters.calibration_file import identified_text
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import Recording
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import TagDetector
-from smart_tire.vision.localization import inward, square, turn
+from smart_tire.vision.localization import inward, PoseFit, square, turn
 from smart_tire.vision.place import camera_place, marker_corners, tag_place
 from smart_tire.vision.renderer import Renderer
-from support.overhead import camera, fixes_of, imu_samples, K, RADIUS, wheel_samples
+from support.overhead import camera, corners, fixes_of, imu_samples, K, RADIUS, wheel_samples
 
 ROBOT = RobotParams()
 EXACT = Uncertain(0.0, 0.0)
@@ -57,12 +59,17 @@ def difference(place, true):
     return error
 
 
+@pytest.fixture(scope='module')
+def calibrated():
+    """Return by number of markers the scenes, each with the place of its camera as estimated."""
+    return {count: [(*one, *camera_place(INNER, one[1], one[0])) for one in (
+        scene(seed, CORNERS[:count]) for seed in range(12))] for count in (2, 4)}
+
+
 @pytest.mark.parametrize('count', [2, 4])
-def test_errors_of_the_camera_are_within_their_sigmas(count):
+def test_errors_of_the_camera_are_within_their_sigmas(count, calibrated):
     squares, sigmas = [], []
-    for seed in range(12):
-        params, corners, true = scene(seed, CORNERS[:count])
-        place, covariance, noise = camera_place(INNER, corners, params)
+    for _, _, true, place, covariance, noise in calibrated[count]:
         error = difference(place, true)
         squares.append(error @ np.linalg.solve(covariance, error))
         sigmas.append(np.sqrt(np.diag(covariance)))
@@ -70,6 +77,29 @@ def test_errors_of_the_camera_are_within_their_sigmas(count):
     assert 0.5 < np.mean(squares) / 6.0 < 1.6
     assert max(squares) < 25.0  # chi-square of 6 degrees: 1 in 3000
     assert np.median(sigmas, axis=0)[3:].max() < (0.003 if count == 4 else 0.01)
+
+
+def test_errors_of_poses_are_those_of_the_parameter_file_of_the_camera(calibrated, tmp_path):
+    """With the sigmas of the camera alone, the mean square of x and y would be 0.04."""
+    rng, squares, file = np.random.default_rng(8), [], tmp_path / 'overhead.yaml'
+    for *_, true, place, covariance, _ in calibrated[4]:
+        file.write_text(identified_text([], camera_parameters(place, covariance)),
+                        encoding='utf-8')
+        params = load_node([file], 'overhead_localizer').overhead
+        assert params.camera_errors @ params.camera_errors.T == pytest.approx(
+            covariance, rel=1e-4, abs=1e-12)
+        fit = PoseFit(Camera(INNER, params.camera_position, params.camera_rotation), params,
+                      RADIUS)
+        pose = np.array([*rng.uniform(-0.6, 0.6, 2), rng.uniform(-3.0, 3.0)])
+        seen = corners(Camera(INNER, true[:3], true[3:]), params, pose)
+        fix = fit.fix(1, {0: seen[0] + 0.05 * rng.standard_normal((4, 2))})
+        error = fix.pose - pose
+        error[2] = math.remainder(error[2], math.tau)
+        spread = fix.calibration + 0.05 ** 2 * fix.shape
+        squares.append([error[:2] @ np.linalg.solve(spread[:2, :2], error[:2]) / 2.0,
+                        error @ np.linalg.solve(spread, error) / 3.0])
+    means = np.mean(squares, axis=0)
+    assert means.min() > 0.5 and means.max() < 1.7
 
 
 def test_the_markers_of_a_rendered_floor_show_the_camera():

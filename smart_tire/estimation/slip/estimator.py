@@ -23,7 +23,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.plausibility import is_possible
-from smart_tire.estimation.reorder_buffer import ReorderBuffer
+from smart_tire.estimation.reorder_buffer import GRID_NS, MAX_JUMP_NS, ReorderBuffer
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.inputs import (
     ImuInput, SpikeFilter, StationaryInterval, WheelOdometry, WheelSpeeds, ZeroVelocityDetector)
@@ -202,6 +202,7 @@ class SlipSegment:
         self._latest: ImuReading | None = None
         self._time = 0.0                    # s, of the filter state
         self._origin_ns: int | None = None  # instant from which seconds are counted
+        self._heard_ns = 0                  # instant of the newest sample of a sensor
 
     @property
     def state(self) -> str:
@@ -231,13 +232,16 @@ class SlipSegment:
         """
         Process the samples up to a grid instant; return its estimates, if there are any.
 
-        Raises EstimatorError if the state is not valid any more.
+        In a gap of all sensors there is one each ``MAX_JUMP_NS``: what is late is not sent at
+        once. Raises EstimatorError if the state is not valid any more.
         """
         if self._origin_ns is None:
             self._origin_ns = instant_ns
         for sample in samples:
             if isinstance(sample, GroundState):
                 self.filter.set_ground(sample)
+            else:
+                self._heard_ns = instant_ns
         for sample in samples:
             if isinstance(sample, ImuSample):
                 self._hold(self._seconds(sample.stamp_ns), sample)
@@ -251,6 +255,9 @@ class SlipSegment:
                     self._seconds(sample.stamp_ns) - self._robot.encoder.latency, sample)
         if not self.filter.is_sound:
             raise EstimatorError('the state is not finite, or a variance is negative')
+        gap_ns = instant_ns - self._heard_ns
+        if gap_ns > MAX_JUMP_NS and gap_ns % MAX_JUMP_NS >= GRID_NS:
+            return []
         return self._estimates(instant_ns)
 
     def _seconds(self, stamp_ns: int) -> float:

@@ -77,7 +77,8 @@ class SlipFilter:
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
-        self._step = 0.0          # m/s, of a side at the last wheel sample, beyond its noise
+        self._relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
+        self._step = 0.0          # m/s, of the slip of a side by a change at the last wheel sample
         self._balanced = False    # the forces were used at the last step
         self._started = False     # there has been a wheel sample ...
         self._provisional = False  # ... only one, with a speed that later ones do not continue
@@ -108,13 +109,16 @@ class SlipFilter:
         """
         Return the variance [-] of the common slip; on ice the difference is large, too.
 
-        Saturated tires share their force as their slip: that along the drive, against the
+        Tires that slide can do so at any slip: it changes by as much as it is. On unknown ground,
+        saturated tires share their force as their slip: that along the drive, against the
         resistance, is to the lateral and turning one as resistance to friction.
         """
-        if self.forces.active:
-            return self._common.variance + self._difference.variance
         left, right = (self.kalman.x[row] for row in SLIP_VELS)
-        turning = 0.5 * (right - left) / slip_speed(*self._sides)
+        speed = slip_speed(*self._sides)
+        if self.forces.active:
+            return (self._common.variance + self._difference.variance
+                    + (0.5 * (left + right) / speed) ** 2)
+        turning = 0.5 * (right - left) / speed
         return (UNKNOWN_SLIP_SIGMA ** 2 + self._difference.variance
                 + min(RESISTANCE_SHARE * turning, 1.0) ** 2)
 
@@ -338,12 +342,18 @@ class SlipFilter:
         """
         Inflate the slip of both sides after a change of their speeds since the last sample.
 
-        It has changed at some time of the period, on average in its middle.
+        A change is slip until the tire has rolled its relaxation length, which its force takes to
+        follow. It has happened at some time of the period: of a way ``w`` in relaxation lengths,
+        ``(1 - exp(-w)) / w`` of it are still slip. On unknown ground the accelerometer, which must
+        show it, has larger errors.
         """
         noise, since = STEADY_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt, 0.5 * dt + lag
-        changes = [max(abs(now - before) - noise, 0.0) for now, before in zip(sides, self._sides)]
-        self._step = max(changes)
-        steps = [SLIP_CHANGE_SHARE * change for change in changes]
+        steps = []
+        for now, before in zip(sides, self._sides):
+            way = max(0.5 * (abs(now) + abs(before)) * dt / self._relaxation, MIN_SIGMA)
+            share = -math.expm1(-way) / way if self.forces.active else SLIP_CHANGE_SHARE
+            steps.append(share * max(abs(now - before) - noise, 0.0))
+        self._step = max(steps)
         self._sides = sides
         if any(steps):
             Q = np.zeros((N, N))

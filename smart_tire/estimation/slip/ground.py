@@ -195,6 +195,8 @@ class ForceBalance:
         self._change = GroundChange(kalman)
         self._torques = MotorTorques(robot)
         self._rolling = [0.0] * 4      # m/s, r w of the wheels at the last step
+        self._relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
+        self._transient = 0.0          # m/s, of the slip, that forces do not follow yet
         self._silent = math.inf        # s, since the last ground_state
         self._since_change = math.inf  # s, since the filter has found a change of the ground
         self.changes = 0               # of the ground, found by the filter
@@ -263,9 +265,10 @@ class ForceBalance:
         """
         Look for a change of the ground at a wheel sample.
 
-        ``torques`` [N m] are those of the motors, ``step`` [m/s] is the change of a side's speed
-        since the last sample beyond its noise.
+        ``torques`` [N m] are those of the motors, ``step`` [m/s] is the slip of a side by a change
+        of its speed since the last sample.
         """
+        self._transient = max(self._transient, step)
         if not self.active or imu.reading is None:
             return
         if torques is not None and min(map(abs, self._rolling)) >= MIN_SLIP_SPEED:
@@ -314,6 +317,8 @@ class ForceBalance:
         self._change.age(dt)
         W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
         self._rolling = self._forces.rolling_speeds(x, W, residual)
+        speed = max(0.25 * sum(map(abs, self._rolling)), MIN_SLIP_SPEED)
+        self._transient *= math.exp(-speed * dt / self._relaxation)
         if not self.active or min(map(abs, self._rolling)) < MIN_SLIP_SPEED:
             return False
         expected = self._forces.balance(
@@ -324,7 +329,9 @@ class ForceBalance:
         arm_x, arm_y = self._forces.center_arm(x)
         for error, h, velocity, arm in zip(
                 expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x)):
-            self._correct(-error, h, variance + arm * arm * imu.yaw_accel_variance,
+            late = float(h[SLIP_VELS[0]] + h[SLIP_VELS[1]]) * self._transient
+            self._correct(-error, h, variance + arm * arm * imu.yaw_accel_variance
+                          + 2.0 * self._relaxation / (speed * dt) * late * late,
                           (velocity, shared))
         return True
 
@@ -341,7 +348,7 @@ class ForceBalance:
             W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
             expected = self._forces.tractions(x, self._rolling, W, loads)[side]
             h, y = self._forces.H[side], measured[side] + measured[side + 2] - expected
-            self._correct(y, h, (h[SLIP_VELS[side]] * step) ** 2
+            self._correct(y, h, (h[SLIP_VELS[side]] * self._transient) ** 2
                           + self._torques.variance(side, y, size, step, wheels.duration))
 
 

@@ -78,7 +78,8 @@ ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: ef
 # process noise
 BIAS_WALK_SHARE = 0.002        # of the turn-on biases of the IMU, per sqrt(s), assumed; field
 SLIP_CORRELATION_TIME = 1.0    # s, of slip and lateral speed beyond the ICR kinematics; all rows
-SLIP_CHANGE_SHARE = 0.2        # of a change of the side's speed becomes slip, assumed; sand_turn
+SLIP_CHANGE_SHARE = 0.2        # of a change of a side's speed becomes slip on unknown ground,
+# assumed; field
 ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground changes; jumps
 SLOPE_LENGTH = 2.0             # m, correlation length of the slope, assumed; hills
 ACCEL_ERROR_SIGMA = 0.3        # m/s2, slopes, suspension and tilt on unknown ground; field, grass

@@ -98,8 +98,8 @@ def test_wheels_obey_the_command_whatever_the_estimates_are(fault, other):
 
 
 @pytest.mark.long
-@pytest.mark.xfail(strict=True, reason='slip before the ground is known follows the wheels')
-@pytest.mark.parametrize('rate', [16.0, 100.0])
+@pytest.mark.parametrize('rate', [100.0, pytest.param(16.0, marks=pytest.mark.xfail(
+    strict=True, reason='the stop uses 59 % of the friction'))])
 def test_wheels_do_not_slide_on_ice_that_no_film_has_measured(rate):
     start, stop = scores_of('ice_unknown', rate=rate)
     assert max(start.sliding, stop.sliding) < MAX_SLIDING[rate]

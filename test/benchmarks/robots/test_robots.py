@@ -21,7 +21,9 @@ from benchmarks.robots.draws import (
     DISTRIBUTIONS, Draw, draw, FILMS, ROWS, TORQUES, TUNING_SEED)
 from benchmarks.robots.plant import Lift, MIN_LOAD, plant_with, Push, Traits
 from benchmarks.robots.scoring import QUANTITIES
+import numpy as np
 import pytest
+from smart_tire.analysis.pipeline import Pipeline
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import DriveParams, GroundParams
 from smart_tire.samples import GRAVITY, Odometry, TireSample
@@ -128,3 +130,20 @@ def test_inputs_that_other_robots_do_not_have_are_left_out():
                      if not isinstance(sample, TireSample)]
     assert replace(one, without=[FILMS]).inputs() == [
         sample for sample in whole if not isinstance(sample, TireSample)]
+
+
+@pytest.mark.long
+def test_starts_and_stops_with_a_relaxation_length_are_no_changes_of_the_ground():
+    one = draw('straight', 502)  # falling friction from the peak, relaxation over 19 mm
+    pipeline = Pipeline(one.params)
+    speeds = [sample for given in one.inputs() for sample in pipeline.update(given)
+              if isinstance(sample, Odometry)]
+    truth = {sample.stamp_ns: sample.linear[0] for sample in one.truth()
+             if isinstance(sample, Odometry)}
+    stamps = sorted(truth)
+    true = np.interp([sample.stamp_ns for sample in speeds], stamps,
+                     [truth[stamp] for stamp in stamps])
+    errors = np.array([sample.linear[0] for sample in speeds]) - true
+    variances = np.array([sample.twist_covariance[0] for sample in speeds])
+    assert np.sqrt(np.mean(errors ** 2)) < 0.02  # 0.078 without the relaxation
+    assert 0.3 < np.mean(errors ** 2 / variances) < 2.0  # 15

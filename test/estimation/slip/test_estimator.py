@@ -263,6 +263,21 @@ def test_a_clock_jump_resets_the_estimator():
     assert of(Odometry, both)[-1].position == pytest.approx(of(Odometry, out)[-1].position)
 
 
+@pytest.mark.parametrize('gap', [0.9, 2.5, 59.0])
+def test_in_a_gap_of_all_sensors_there_are_estimates_for_a_second_then_one_each_second(gap):
+    run, _ = usual()
+    half = run.samples[len(run.samples) // 2].stamp_ns
+    later = [replace(s, stamp_ns=s.stamp_ns + round(gap * NS_PER_S))
+             for s in run.samples if s.stamp_ns > half]
+    _, out = estimate([s for s in run.samples if s.stamp_ns <= half] + later)
+    stamps = np.array([o.stamp_ns for o in of(Odometry, out)])
+    inside = stamps[(stamps > half) & (stamps < later[0].stamp_ns)]
+    assert len(inside) == pytest.approx(125 * min(gap, 1.0) + max(math.ceil(gap) - 2, 0), abs=2)
+    assert np.diff(stamps).max() <= NS_PER_S
+    assert len(stamps[stamps > later[0].stamp_ns]) == pytest.approx(
+        125 * (later[-1].stamp_ns - later[0].stamp_ns) / NS_PER_S, abs=25)
+
+
 def test_the_mounting_rotation_of_the_imu_is_compensated():
     run, expected = usual()
     turned = mapped(ImuSample, lambda s: ImuSample(

@@ -21,7 +21,7 @@ import pytest
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.ground import MotorTorques
-from smart_tire.estimation.slip.inputs import ImuInput
+from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, MODEL_TIME, N, State
 from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.parameters import SlipEstimatorParams
@@ -130,6 +130,70 @@ def test_the_balance_at_an_imu_far_from_the_center_of_mass_has_the_noise_of_the_
     noise = 2.0 * (0.01 / 0.01) ** 2  # (rad/s2)^2: two samples of the gyroscope, 0.01 s apart
     assert variances(0.3, 0.0) - variances(0.0, 0.0) == pytest.approx([0.0, 0.09 * noise])
     assert variances(0.0, 0.2) - variances(0.0, 0.0) == pytest.approx([0.04 * noise, 0.0])
+
+
+def balanced(monkeypatch, step, distances=()):
+    """Return variances and Jacobians of the balance after a step [m/s] of the slip, and a way."""
+    slip_filter, imu, found = SlipFilter(PARAMS), ImuInput(PARAMS.robot), []
+    for tick in range(3):
+        imu.add_sample(0.01 * tick, ImuSample(0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)))
+    slip_filter.kalman.x[State.V_X] = 0.5
+    slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
+    monkeypatch.setattr(slip_filter.forces, '_correct',
+                        lambda y, h, variance, *_: found.append((variance, h.copy())))
+    wheels = WheelSpeeds(0.06, (0.5,) * 4, (0.5, 0.5), 0.0, True)
+    slip_filter.forces.find_change(imu, None, wheels, step)
+    slip_filter.forces.find_change(imu, None, wheels, 0.5 * step)  # a smaller one afterwards
+    for distance in (*distances, 0.005):
+        found.clear()
+        assert slip_filter.forces.correct(imu, (0.0,) * 4, distance / 0.5)
+    return found
+
+
+def test_forces_follow_a_change_of_slip_over_the_relaxation_length(monkeypatch):
+    relaxation = 0.5 * PARAMS.robot.tire.contact_length
+    (steady, h), (aside, _) = balanced(monkeypatch, 0.0)
+    by_slip = h[State.SLIP_VEL_L] + h[State.SLIP_VEL_R]
+    assert by_slip > 10.0  # 1/s, four tires of 50 N at 0.5 m/s and 11 kg
+    for way in (0.0, 0.02, 0.05):
+        (found, _), (lateral, _) = balanced(monkeypatch, 0.1, (way,) if way else ())
+        late = 0.1 * math.exp(-(way + 0.005) / relaxation)
+        assert found - steady == pytest.approx(
+            2.0 * relaxation / 0.005 * (by_slip * late) ** 2, rel=1e-6)
+        assert lateral == pytest.approx(aside)
+
+
+@pytest.mark.parametrize('duration, known, share', [
+    (0.0046, True, 0.951626), (0.046, True, 0.632121), (0.46, True, 0.0999955),
+    (0.046, False, 0.2)])
+@pytest.mark.parametrize('side', [0, 1])
+def test_a_change_of_wheel_speed_is_slip_until_the_force_has_followed(
+        duration, known, share, side):
+    slip_filter = SlipFilter(PARAMS)  # a relaxation length of 0.023 m
+    if known:
+        slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
+    R = np.diag([1e-12, 1e-12])
+    slip_filter._add_slip_change([0.5, 0.5], R, duration, 0.0)
+    before = np.diag(slip_filter.kalman.P).copy()
+    speeds = [0.5, 0.5]
+    speeds[side] = 0.502
+    slip_filter._add_slip_change(speeds, R, duration, 0.0)
+    added = np.sqrt(np.diag(slip_filter.kalman.P) - before)[
+        [State.SLIP_VEL_L, State.SLIP_VEL_R]].tolist()
+    change = 0.002 - 2.0 * math.sqrt(2.0) * 1e-6 / duration  # beyond the noise
+    assert [added[side], slip_filter._step] == pytest.approx([share * change] * 2, rel=0.003)
+    assert added[1 - side] == 0.0
+
+
+def test_on_a_known_ground_slip_changes_by_as_much_as_it_is():
+    slip_filter = SlipFilter(PARAMS)
+    slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
+    slip_filter._sides = [1.0, 0.6]
+    x, plain = slip_filter.kalman.x, slip_filter._common_variance
+    x[State.SLIP_VEL_L], x[State.SLIP_VEL_R] = 0.5, -0.5  # of a turn, not common
+    assert slip_filter._common_variance == pytest.approx(plain)
+    x[State.SLIP_VEL_R] = 0.3
+    assert slip_filter._common_variance - plain == pytest.approx((0.4 / 0.8) ** 2)
 
 
 def test_forces_by_the_torques_have_the_friction_and_the_scale_that_are_given():
