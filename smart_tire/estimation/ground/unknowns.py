@@ -101,8 +101,9 @@ JERK_DENSITY = 3.0      # (rad/s3)^2 s, white jerk of a speed-controlled wheel, 
 SMOOTHINGS = 4          # iterations of its weights
 
 # fit
-ITERATIONS = 2          # Gauss-Newton steps at most; twice as many on an unknown ground
-CONVERGED = 0.1         # of a standard deviation: no further step
+ITERATIONS = 2          # Gauss-Newton steps at most on a known ground
+MOST_ITERATIONS = 6     # ... and on an unknown one, or with an event; ice
+CONVERGED = 1.0         # twice the log likelihood that a step gains, at least, for a further one
 FREEDOM = 5.0           # degrees of freedom of the Student distribution; lifted, pushes
 MAX_STEP = 0.7          # change of the ground in one step; beyond, the model is not linear
 CANDIDATES = 1.5, 1.0, 0.5  # s before the end, when something may have happened; jumps

@@ -42,9 +42,10 @@ from smart_tire.estimation.ground.measurements import (
     Measurements, Motion, Passage, WindowData)
 from smart_tire.estimation.ground.unknowns import (
     BLOCK_TIME, CANDIDATES, CONVERGED, DECISION_TIME, DISTURBANCE_TIME, DYNAMIC, EVENT_EVIDENCE,
-    FREEDOM, GROUND, Hypothesis, initial, Interval, ITERATIONS, LENGTH, Lift, MAX_LIFTS, MAX_STEP,
-    MOVED, NEAR, NEVER, OLD_GROUND, ONE_GROUND, OWN, Prior, priors, SIDES, SIDES_DIFFER, SIZE,
-    TENSION, TIME_ERROR, TRIED_EVIDENCE, Unknown, UNMEASURED)
+    FREEDOM, GROUND, Hypothesis, initial, Interval, ITERATIONS, LENGTH, Lift, MAX_LIFTS,
+    MAX_LN_SIGMA, MAX_STEP, MOST_ITERATIONS, MOVED, NEAR, NEVER, OLD_GROUND, ONE_GROUND, OWN,
+    Prior, priors, SIDES, SIDES_DIFFER, SIZE, TENSION, TIME_ERROR, TRIED_EVIDENCE, Unknown,
+    UNMEASURED)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import WHEELS
@@ -288,27 +289,31 @@ class GroundWindow:
         x[OWN] = 0.0
         start, heading = _start(hypothesis, measurements)
         events = hypothesis.events[np.newaxis]
-        known = hypothesis.times is not None and not (  # near the solution
-            np.isfinite(events) & (events > measurements.begin)).any()
-        blocks = films = None
+        known = (  # near the solution
+            hypothesis.times is not None
+            and prior.covariance[Unknown.FRICTION, Unknown.FRICTION] < MAX_LN_SIGMA ** 2
+            and not (np.isfinite(events) & (events > measurements.begin)).any())
         inside = [measurements.within(one) for one in hypothesis.disturbances]
         steps, covariance = self._steps.copy(), prior.covariance
-        for iteration in range(ITERATIONS if known else 2 * ITERATIONS):
+        acting = np.ones(DYNAMIC, dtype=bool)  # the others have no effect
+        acting[OLD_GROUND] = hypothesis.new != ONE_GROUND
+        acting[MOVED] = bool(hypothesis.lifts)
+        shown = np.concatenate([[0], acting * np.cumsum(acting)])  # runs by unknown
+        for iteration in range(ITERATIONS if known else MOST_ITERATIONS):
             steps[Unknown.FRICTION] = self._friction_step(x, covariance)
             runs = np.tile(x, (DYNAMIC + 1, 1))
             runs[range(1, DYNAMIC + 1), range(DYNAMIC)] += steps
+            used = runs[np.concatenate([[True], acting])]
             varied = measurements.simulate(
-                runs, start, heading, np.repeat(events, len(runs), axis=0))
-            predicted, passages = (measurements.predict(runs, varied),
-                                   measurements.passage_values(runs, varied))
-            if blocks is None or films is None:
-                relaxed = measurements.simulate(
-                    runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
-                blocks = measurements.noise(
-                    predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
-                    x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
-                films = measurements.passage_noise(
-                    passages[0], varied.passages[0, :, model.LOAD])
+                used, start, heading, np.repeat(events, len(used), axis=0))
+            predicted, passages = (measurements.predict(used, varied)[shown],
+                                   measurements.passage_values(used, varied)[shown])
+            relaxed = measurements.simulate(
+                runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
+            blocks = measurements.noise(
+                predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
+                x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
+            films = measurements.passage_noise(passages[0], varied.passages[0, :, model.LOAD])
             residual = measurements.values - predicted[0]
             film_residual = measurements.passage_measured - passages[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0,
@@ -322,14 +327,14 @@ class GroundWindow:
             step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
             step *= min(1.0, MAX_STEP / max(float(np.abs(step[:DYNAMIC]).max()), 1e-9))
             at, x = x, x + step
-            if np.max(np.abs(step) / np.sqrt(np.diag(covariance))) < CONVERGED:
+            if step @ hessian @ step < CONVERGED:
                 break
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
+        varied = Motion(varied.states[shown], varied.passages[shown])
         final = rows._replace(residual=rows.residual - rows.jacobian @ (x - at))
         cost = float(final.residual @ final.residual + whiten.penalty.sum()
                      + (x - prior.mean) @ information @ (x - prior.mean)
                      + np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(information)[1])
-        assert blocks is not None and films is not None
         columns[:, :, -1] += columns[:, :, :-1] @ at
         film_columns[:, -1] += film_columns[:, :-1] @ at
         left = whiten.information(
@@ -574,12 +579,12 @@ def _student(square: Array) -> Array:
 
 def _of_size(square: Array, rows: NDArray[np.bool_], shape: tuple[int, ...]) -> float:
     """Return the cost of ``rows`` of normalized squares with errors of the size that is seen."""
-    blocks = math.prod(shape)
-    found = 0.0
-    for own in (*square[:blocks].reshape(shape)[:, rows[:shape[1]]],
-                square[blocks:][rows[blocks:]]):
-        growth = max(float(own.mean()), 1.0) if own.size else 1.0
-        found += float(own.sum()) / growth + own.size * math.log(growth)
+    blocks, found = math.prod(shape), 0.0
+    for own in (square[:blocks].reshape(shape)[:, rows[:shape[1]]],
+                square[blocks:][np.newaxis, rows[blocks:]]):
+        if own.size:
+            growth = np.maximum(own.mean(axis=1), 1.0)
+            found += float((own.sum(axis=1) / growth + own.shape[1] * np.log(growth)).sum())
     return found
 
 
