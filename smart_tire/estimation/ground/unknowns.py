@@ -102,7 +102,7 @@ SMOOTHINGS = 4          # iterations of its weights
 
 # fit
 ITERATIONS = 2          # Gauss-Newton steps at most on a known ground
-MOST_ITERATIONS = 6     # ... and on an unknown one, or with an event; ice
+MOST_ITERATIONS = 10    # ... and on an unknown one, or with an event; ice
 CONVERGED = 1.0         # twice the log likelihood that a step gains, at least, for a further one
 FREEDOM = 5.0           # degrees of freedom of the Student distribution; lifted, pushes
 MAX_STEP = 0.7          # change of the ground in one step; beyond, the model is not linear

@@ -28,7 +28,7 @@ evidence for one over all others suffices, the estimate is the mixture of the li
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 import math
 from typing import Any, NamedTuple
@@ -92,6 +92,11 @@ class Event(NamedTuple):
     def time(self) -> float:
         """Return the first of the times [s]."""
         return min(time for time in self.times if time is not None)
+
+    @property
+    def last(self) -> float:
+        """Return the last of the times [s]."""
+        return max(time for time in self.times if time is not None)
 
     @property
     def transitions(self) -> list[Interval]:
@@ -216,7 +221,7 @@ class GroundWindow:
         time, self._undecided = self._undecided, None
         plain = self._main if time is None else replace(
             self._main, disturbances=self._main.disturbances[:-1])
-        main, fit = plain, _ = self._fitted(plain, measurements, leaving)
+        main, fit = plain, _ = self._fitted(plain, measurements, leaving, near=True)
         rivals: list[Rival] = []
         disturbed = time is not None  # a disturbance, if it is no event
         if time is None and begin < first:
@@ -267,10 +272,14 @@ class GroundWindow:
         return Tension(f'{first.name.lower()}_{most - first}' if most > first else
                        first.name.lower(), sizes[most])
 
-    def _fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float
-                ) -> tuple[Hypothesis, Fit]:
-        """Return the fit; if it contradicts equal sides, with a prior that lets them differ."""
-        fit = self._fit(hypothesis, measurements, leaving)
+    def _fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
+                near: bool = False) -> tuple[Hypothesis, Fit]:
+        """
+        Return the fit; if it contradicts equal sides, with a prior that lets them differ.
+
+        ``near``: it begins near the solution, unless its ground is unknown.
+        """
+        fit = self._fit(hypothesis, measurements, leaving, near)
         mean, covariance = hypothesis.prior
         difference = (fit.x - mean)[SIDES]
         square = difference @ np.linalg.solve(covariance[SIDES, SIDES], difference) / 3.0
@@ -280,19 +289,21 @@ class GroundWindow:
         covariance[SIDES] *= math.sqrt(square)
         covariance[:, SIDES] *= math.sqrt(square)
         wider = replace(hypothesis, prior=Prior(mean, covariance), x=fit.x)
-        return wider, self._fit(wider, measurements, leaving)
+        return wider, self._fit(wider, measurements, leaving, near)
 
-    def _fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float) -> Fit:
+    def _fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
+             near: bool) -> Fit:
         prior = hypothesis.prior.of_next_window(self._rows)
         information = np.linalg.inv(prior.covariance)
-        x = hypothesis.x.copy()
-        x[OWN] = 0.0
         start, heading = _start(hypothesis, measurements)
         events = hypothesis.events[np.newaxis]
-        known = (  # near the solution
-            hypothesis.times is not None
-            and prior.covariance[Unknown.FRICTION, Unknown.FRICTION] < MAX_LN_SIGMA ** 2
-            and not (np.isfinite(events) & (events > measurements.begin)).any())
+        unchanged = hypothesis.new == ONE_GROUND and not hypothesis.lifts
+        unknown = prior.covariance[Unknown.FRICTION, Unknown.FRICTION] > MAX_LN_SIGMA ** 2
+        known = near and hypothesis.times is not None and not unknown and not (
+            np.isfinite(events) & (events > measurements.begin)).any()
+        # the solution before, on an unknown ground, may be another minimum
+        x = (prior.mean if unchanged and unknown else hypothesis.x).copy()
+        x[OWN] = 0.0
         inside = [measurements.within(one) for one in hypothesis.disturbances]
         steps, covariance = self._steps.copy(), prior.covariance
         acting = np.ones(DYNAMIC, dtype=bool)  # the others have no effect
@@ -409,21 +420,33 @@ class GroundWindow:
         times = [measurements.begin, *np.arange(
             max(time - NEAR, end - LENGTH), end - 2.0 * BLOCK_TIME, BLOCK_TIME)]
 
-        def likeliest(events: Sequence[Event]) -> list[tuple[float, Array, Event]]:
-            _, gains = self._evidence(plain, fit, measurements, events)
-            return [max(((*gain, event) for gain, event in zip(gains, events)),
-                        key=lambda one: one[0])] if events else []
+        def likeliest(events: Callable[[list[float]], list[Event]]
+                      ) -> list[tuple[float, Array, Event]]:
+            """Return the likeliest one at ``times``: at each second one, then beside the best."""
+            found: list[tuple[float, Array, Event]] = []
+            near = [i for i in range(len(times)) if i == 0 or i % 2]
+            for _ in range(2):
+                tried = events([times[i] for i in near])
+                if tried:
+                    _, gains = self._evidence(plain, fit, measurements, tried)
+                    found += [(*gain, event) for gain, event in zip(gains, tried)]
+                    found = [max(found, key=lambda one: one[0])]
+                    best = int(np.argmin(np.abs(np.array(times) - found[0][2].last)))
+                    near = [i for i in (best - 1, best + 1) if 0 < i < len(times)]
+            return found
 
-        one = likeliest(self._changes(plain, fit.x, [
-            (time, None) for time in times] + [(None, time) for time in times]))
-        both = self._changes(plain, fit.x, [(time, time) for time in times])
-        for _, _, (first, *_) in one:  # the other side later
-            both += self._changes(plain, fit.x, [
-                tuple(later if own is None else own for own in first)
-                for later in times if later > min(filter(None, first))])
+        one = likeliest(lambda at: self._changes(plain, fit.x, [
+            (time, None) for time in at] + [(None, time) for time in at]))
+        both = likeliest(lambda at: self._changes(plain, fit.x, [(time, time) for time in at]))
+        if one:  # the other side later
+            first = one[0][2]
+            both += likeliest(lambda at: self._changes(plain, fit.x, [
+                tuple(later if own is None else own for own in first.times)
+                for later in at if later > first.time]))
+        both = sorted(both, key=lambda one: one[0])[-1:]
         found = []
-        for gain, start, event in (*likeliest(self._lifts(plain, fit.x, times)),
-                                   *likeliest(both), *one):
+        for gain, start, event in (*likeliest(
+                lambda at: self._lifts(plain, fit.x, at)), *both, *one):
             if gain < TRIED_EVIDENCE:
                 continue
             rival = self._rival(plain, event, start, measurements, leaving)
