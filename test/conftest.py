@@ -71,7 +71,8 @@ def _rank(item: pytest.Item) -> int:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put those tests first that take longest; samples and syntax trees are no garbage."""
-    items.sort(key=_rank)
+    if 'PYTEST_XDIST_WORKER' in os.environ:  # else the order of the command line
+        items.sort(key=_rank)
     gc.freeze()
 
 

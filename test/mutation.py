@@ -12,9 +12,10 @@
 Mutation test: one change of the source at a time must make a test fail.
 
 ``make mutants`` runs it on the safety path, ``--room NAME`` on a folder of ``smart_tire``. The
-tests of a file are those of the mirrored folder that have its name or import it, or of other
-folders if there are none, and ``PROCESS_TESTS``. They run in a copy of the checkout until the
-first one fails.
+test files of a source are those of the mirrored folder that have its name or import it, or of
+other folders if there are none, and ``PROCESS_TESTS``. They run once unchanged, which shows the
+tests that execute each line. Those of a changed line then run in a copy of the checkout, the
+fastest first, until one fails.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from __future__ import annotations
 import argparse
 import ast
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 import hashlib
 import os
@@ -37,6 +38,7 @@ import tempfile
 import time
 from typing import Any
 
+from coverage import CoverageData
 from support.imported_files import imported, reached
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,11 +56,15 @@ PROCESS_TESTS = {  # source file -> tests that import it in other processes only
     'smart_tire/nodes/wheel_controller.py': ['test/safety/test_nodes.py']}
 REQUIRED_SCORE = 0.9       # share of killed mutants of the safety path
 NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
-PYTEST = '-m', 'pytest', '-x', '-q', '-rfE', '--tb=no', '-p', 'no:cacheprovider'
-MAX_TIME = 900.0           # s, of the tests of a file without a mutant
+PYTEST = '-m', 'pytest', '-q', '-rfE', '--tb=no', '-p', 'no:cacheprovider'
+MEASURE = ('--cov=smart_tire', '--cov-config=/dev/null', '--cov-context=test', '--cov-report=',
+           '--durations=0', '--durations-min=0', '--continue-on-collection-errors')
+MAX_TIME = 3600.0          # s, of all tests without a mutant
+MAX_FILES = 8              # test files for a line that no test runs in its own process
 TIMEOUT_FACTOR, GRACE = 3.0, 20.0  # time-out over the time without a mutant, and beyond it [s]
 MAX_MEMORY = 2 << 30       # bytes per process; an endless loop may fill a list
 FAILED = re.compile(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', re.MULTILINE)
+DURATION = re.compile(r'^([\d.]+)s (?:setup|call|teardown) +(.*)$', re.MULTILINE)
 
 SWAPS: dict[type[ast.AST], type[Any]] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
@@ -157,8 +163,8 @@ def other_values(value: object) -> list[object]:
     """Return values that may stand in place of a constant."""
     if isinstance(value, bool):
         return [not value]
-    if isinstance(value, int):
-        return [value + 1, value * 10 or -1]
+    if isinstance(value, int):  # a million and more are quantities, e.g. in ns
+        return [value + 1 if value < 1_000_000 else value * 2, value * 10 or -1]
     if isinstance(value, float):
         return [value * 2.0 or 1.0, value / 10.0]
     return [value[:-1] + bytes((value[-1] ^ 1,))] if isinstance(value, bytes) and value else []
@@ -207,19 +213,21 @@ def tests_of(root: Path, source: str) -> list[str]:
     def rank(test: str) -> tuple[bool, bool, str]:
         return Path(test).name != own, source not in imported(root, test), test
     found = [path.relative_to(root).as_posix() for path in root.glob('test/**/test_*.py')]
-    mirrored = [test for test in found if test.startswith(f'{folder}/')
-                and (Path(test).name == own or source in reached(root, test))]
-    others = [test for test in found if source in imported(root, test)]
-    return sorted(mirrored or others, key=rank) + PROCESS_TESTS.get(source, [])
+    reaching = [test for test in found
+                if Path(test).name == own or source in reached(root, test)]
+    mirrored = [test for test in reaching if test.startswith(f'{folder}/')]
+    direct = [test for test in reaching if source in imported(root, test)]
+    return sorted(mirrored or direct or reaching, key=rank) + PROCESS_TESTS.get(source, [])
 
 
 class Workplace:
     """A copy of the checkout ``root`` in ``folder``, for one test run at a time."""
 
-    def __init__(self, root: Path, folder: Path, count: int) -> None:
-        self.tree, self._count = folder / 'tree', count
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.tree = folder / 'tree'
         self._mark = f'MUTANT_TREE={self.tree}'
-        self._known: dict[str, tuple[list[str], float]] = {}
+        self._seconds = defaultdict[str, float](float)  # of the tests that pass without a mutant
+        self._lines: dict[str, dict[int, list[str]]] = {}  # source -> line -> test|phase
         shutil.copytree(root, self.tree, ignore=shutil.ignore_patterns(*NOT_COPIED))
 
     def run(self, arguments: Sequence[str], timeout: float) -> tuple[int | None, str]:
@@ -251,29 +259,47 @@ class Workplace:
             except OSError:
                 pass  # ended, or another user's process
 
-    def passing(self, source: str) -> tuple[list[str], float]:
-        """Return the test files of ``source`` that pass, at most ``count``, and their time [s]."""
-        if source not in self._known:
-            chosen, failed = tests_of(self.tree, source)[:self._count], ['']
-            while chosen and failed:
-                begin = time.monotonic()
-                status, output = self.run([*PYTEST, *chosen], MAX_TIME)
-                failed = [test for test in chosen if status and f' {test}' in output]
-                chosen = [] if status and not failed else [
-                    test for test in chosen if test not in failed]
-            self._known[source] = chosen, time.monotonic() - begin if chosen else 0.0
-        return self._known[source]
+    def measure(self, sources: Iterable[str]) -> None:
+        """Run the tests of the sources unchanged: which pass, how long, and the lines they run."""
+        tests = sorted({test for source in sources for test in tests_of(self.tree, source)})
+        if not tests:
+            return
+        _, output = self.run([*PYTEST, *MEASURE, *tests], MAX_TIME)
+        failed = set(FAILED.findall(output))
+        for seconds, test in DURATION.findall(output):
+            if not failed.intersection([test, test.partition('::')[0]]):
+                self._seconds[test] += float(seconds)
+        data = CoverageData(str(self.tree / '.coverage'))
+        data.read()
+        for source in sources:
+            self._lines[source] = data.contexts_by_lineno(str(self.tree / source))
+
+    def tests(self, mutant: Mutant) -> dict[str, float]:
+        """Return the tests that may detect a mutant and their times [s], the fastest first."""
+        files = tests_of(self.tree, mutant.file)
+        lines = self._lines.get(mutant.file, {})
+        last = mutant.line + mutant.old.count('\n')
+        ran = {one for line in range(mutant.line, last + 1) for one in lines.get(line, []) if one}
+        # A fixture may be shared by the file, and processes are not seen.
+        whole = {one.partition('::')[0] for one in ran if one.endswith('|setup')}
+        whole.update(PROCESS_TESTS.get(mutant.file, []) if ran else files[:MAX_FILES])
+        chosen = {one.rpartition('|')[0] for one in ran}
+        return {test: seconds
+                for test, seconds in sorted(self._seconds.items(), key=lambda item: item[1])
+                if test in chosen or test.partition('::')[0] in whole}
 
     def evaluate(self, mutant: Mutant) -> str:
         """Return 'survived', 'untested', or what killed the mutant."""
-        tests, seconds = self.passing(mutant.file)
-        path = self.tree / mutant.file
-        original = path.read_bytes()
+        tests = self.tests(mutant)
         if not tests:
             return 'untested'
+        path, chosen = self.tree / mutant.file, self.tree / 'chosen_tests'
+        original = path.read_bytes()
         path.write_bytes(mutant.applied(original))
+        chosen.write_text('\n'.join(tests))
         try:
-            status, output = self.run([*PYTEST, *tests], TIMEOUT_FACTOR * seconds + GRACE)
+            status, output = self.run([*PYTEST, '-x', f'@{chosen}'],
+                                      TIMEOUT_FACTOR * sum(tests.values()) + GRACE)
         finally:
             path.write_bytes(original)
         if status == 0:
@@ -291,8 +317,6 @@ def main(words: Sequence[str] | None = None) -> int:
                         help='number of mutants of each room, chosen at random (%(default)s)')
     parser.add_argument('--seed', type=int, default=1, help='seed of the sample (%(default)s)')
     parser.add_argument('--minutes', type=float, default=60.0, help='time limit (%(default)s)')
-    parser.add_argument('--files', type=int, default=8, metavar='N',
-                        help='number of test files for one mutant (%(default)s)')
     parser.add_argument('--root', type=Path, default=ROOT, metavar='DIR',
                         help='checkout, e.g. of another version (default: this one)')
     options = parser.parse_args(words)
@@ -300,11 +324,13 @@ def main(words: Sequence[str] | None = None) -> int:
     end, verdicts = time.monotonic() + 60.0 * options.minutes, defaultdict[str, Counter[str]](
         Counter)
     with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
-        workplace = Workplace(root, Path(folder), options.files)
+        workplace = Workplace(root, Path(folder))
         for room in options.room or [SAFETY]:
             found = [mutant for file in sources(root, room)
                      for mutant in mutants(file, (root / file).read_text(encoding='utf-8'))]
-            for mutant in sorted(found, key=lambda one: one.rank(options.seed))[:options.sample]:
+            sample = sorted(found, key=lambda one: one.rank(options.seed))[:options.sample]
+            workplace.measure({mutant.file for mutant in sample})
+            for mutant in sample:
                 if time.monotonic() > end:
                     print('stopped by the time limit')
                     break
