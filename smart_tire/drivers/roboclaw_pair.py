@@ -74,14 +74,14 @@ class RoboclawPair:
                  deliver: Callable[[WheelSample], None], clock: Clock = SYSTEM) -> None:
         self._params, self._gate, self._deliver = params, gate, deliver
         self._clock = clock
-        encoders = [WheelEncoder(sign, params.robot.encoder.counts_per_revolution)
-                    for sign in params.signs]
-        checks = [MotionCheck(params, encoder.resolution) for encoder in encoders]
-        self._boards = [
-            Board(address, f'{name} board {address} (0x{address:x})',
-                  encoders[2 * axle:2 * axle + 2], checks[2 * axle:2 * axle + 2])
-            for axle, (name, address) in enumerate(zip(AXLES, params.addresses))]
-        self._encoders = encoders
+        self._boards = []
+        for name, address, *signs in zip(AXLES, params.addresses, *[iter(params.signs)] * 2):
+            encoders = [WheelEncoder(sign, params.robot.encoder.counts_per_revolution)
+                        for sign in signs]
+            checks = [MotionCheck(params, encoder.resolution) for encoder in encoders]
+            self._boards.append(Board(
+                address, f'{name} board {address} (0x{address:x})', encoders, checks))
+        self._encoders = [encoder for board in self._boards for encoder in board.encoders]
         self._period_ns = round(NS_PER_S / params.rate)
         polls = math.ceil(self._period_ns / (MAX_POLL_PERIOD * NS_PER_S))  # per sample
         self._poll_ns = self._period_ns // polls
@@ -234,8 +234,7 @@ class RoboclawPair:
             self._check_timeout(board)  # a restarted board has lost its counts
         if elapsed_ns > MAX_SPEED_GAP_NS:
             board.reset()
-            return False
-        return elapsed_ns > 0
+        return board.span_ns > 0
 
     def _check_motion(self) -> None:
         found = [board.check_motion() for board in self._boards]
@@ -291,7 +290,6 @@ class RoboclawPair:
         """Send zero duty for ``ZERO_DUTY_TIME``; return whether both acknowledged the last one."""
         for board in self._boards:
             self.line.post(board.address, SET_DUTY, 0, 0)
-            board.duty = (0.0, 0.0)
         acknowledged = False
         end_ns = self._clock.now_ns() + round(ZERO_DUTY_TIME * NS_PER_S)
         while self._clock.now_ns() < end_ns:

@@ -64,10 +64,11 @@ def flat(taken):
     return [(now_ns, sample) for now_ns, samples in taken for sample in samples]
 
 
-def test_the_two_samples_of_a_batch_are_spread_over_their_period():
+@pytest.mark.parametrize('count', [2, 3])
+def test_the_samples_of_a_batch_are_spread_over_their_period(count):
     queue, period_ns = PacingQueue(wheels=1), SAMPLE_SPACING_NS
-    queue.put([TireSample(index * period_ns, 'front_left', (1.65,)) for index in range(2)], 0)
-    first, second = (slot[0] for slot in sorted(queue._slots))
+    queue.put([TireSample(index * period_ns, 'front_left', (1.65,)) for index in range(count)], 0)
+    first, second, *_ = (slot[0] for slot in sorted(queue._slots))
     assert second - first == int(pacing.MAX_SPACING_SHARE * period_ns)
 
 
