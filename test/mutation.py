@@ -53,6 +53,7 @@ SAFETY_PATH = (
 PROCESS_TESTS = {  # source file -> tests that import it in other processes only
     'smart_tire/nodes/command_input.py': ['test/safety/test_nodes.py'],
     'smart_tire/nodes/motor_driver.py': ['test/safety/test_nodes.py'],
+    'smart_tire/nodes/replayer.py': ['test/cli/test_replay.py'],
     'smart_tire/nodes/wheel_controller.py': ['test/safety/test_nodes.py']}
 REQUIRED_SCORE = 0.9       # share of killed mutants of the safety path
 NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
