@@ -50,10 +50,12 @@ SAFETY_PATH = (
     'smart_tire/nodes/motor_driver.py', 'smart_tire/nodes/*_controller.py',
     'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py',
     'smart_tire/cli/_following.py')
-PROCESS_TESTS = {  # source file -> tests that import it in other processes only
+PROCESS_TESTS = {  # source file -> tests outside of its folder, or that run it in processes
     'smart_tire/nodes/command_input.py': ['test/safety/test_nodes.py'],
     'smart_tire/nodes/motor_driver.py': ['test/safety/test_nodes.py'],
+    'smart_tire/nodes/recorder.py': ['test/cli/test_record.py'],
     'smart_tire/nodes/replayer.py': ['test/cli/test_replay.py'],
+    'smart_tire/nodes/runner.py': ['test/nodes/test_base.py', 'test/nodes/test_start_and_stop.py'],
     'smart_tire/nodes/wheel_controller.py': ['test/safety/test_nodes.py']}
 REQUIRED_SCORE = 0.9       # share of killed mutants of the safety path
 NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
@@ -218,7 +220,17 @@ def tests_of(root: Path, source: str) -> list[str]:
                 if Path(test).name == own or source in reached(root, test)]
     mirrored = [test for test in reaching if test.startswith(f'{folder}/')]
     direct = [test for test in reaching if source in imported(root, test)]
-    return sorted(mirrored or direct or reaching, key=rank) + PROCESS_TESTS.get(source, [])
+    found = sorted(mirrored or direct or reaching, key=rank)
+    return [*dict.fromkeys(found + PROCESS_TESTS.get(source, []))]
+
+
+def uses(path: Path, line: int) -> list[int]:
+    """Return the lines with the name of the constant that is defined in ``line``, if it is one."""
+    lines = path.read_text(encoding='utf-8').splitlines()
+    begin = next(one for one in range(line - 1, -1, -1) if not re.match(r'[\s)}\]]|$', lines[one]))
+    found = re.match(r'(\w+)[^=(]*=', lines[begin])
+    return [number for number, text in enumerate(lines, 1)
+            if found and re.search(rf'\b{found[1]}\b', text)]
 
 
 class Workplace:
@@ -279,11 +291,14 @@ class Workplace:
         """Return the tests that may detect a mutant and their times [s], the fastest first."""
         files = tests_of(self.tree, mutant.file)
         lines = self._lines.get(mutant.file, {})
-        last = mutant.line + mutant.old.count('\n')
-        ran = {one for line in range(mutant.line, last + 1) for one in lines.get(line, []) if one}
+        changed = range(mutant.line, mutant.line + mutant.old.count('\n') + 1)
+        ran = {one for line in changed for one in lines.get(line, []) if one} or {
+            one for line in uses(self.tree / mutant.file, mutant.line)
+            for one in lines.get(line, []) if one}
         # A fixture may be shared by the file, and processes are not seen.
         whole = {one.partition('::')[0] for one in ran if one.endswith('|setup')}
-        whole.update(PROCESS_TESTS.get(mutant.file, []) if ran else files[:MAX_FILES])
+        unseen = PROCESS_TESTS.get(mutant.file, [])
+        whole.update(unseen if ran else unseen or files[:MAX_FILES])
         chosen = {one.rpartition('|')[0] for one in ran}
         return {test: seconds
                 for test, seconds in sorted(self._seconds.items(), key=lambda item: item[1])

@@ -113,6 +113,16 @@ def test_tests_are_those_of_the_mirrored_folder_that_import_the_file(toy):
                                               'smart_tire/clock/main.py']
 
 
+@pytest.mark.parametrize('line, name', [
+    (1, 'AGE'), (3, 'TABLE'), (4, 'TABLE'), (6, None), (7, None)])
+def test_a_constant_is_tested_where_it_is_used(tmp_path, line, name):
+    text = ('AGE = 2\nTABLE = {\n    1: 2,\n}\n\nclass A:\n    age: int = 3\n\n'
+            'def f(x):\n    return x > AGE and TABLE\n')
+    (tmp_path / 'some.py').write_text(text)
+    assert mutation.uses(tmp_path / 'some.py', line) == [
+        number for number, one in enumerate(text.splitlines(), 1) if name and name in one]
+
+
 @pytest.mark.parametrize('status, output, verdict', [
     (0, '', 'survived'), (None, '', 'time-out'), (2, '', 'exit 2'),
     (1, 'FAILED test/clock/test_a.py::test_b - why\n', 'test/clock/test_a.py::test_b')])

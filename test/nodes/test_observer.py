@@ -74,6 +74,28 @@ def test_typed_topics_are_not_observed_since_that_would_cause_them(isolated_ros)
         assert [name for name in names if node.receives(name)] == ['wheel_slip']
 
 
+def test_an_observer_subscribes_again_only_for_a_publisher_that_offers_less(isolated_ros):
+    kinds = {'/a/imu/data': IMU, '/a/motors_enabled': observer.BOOL, '/x': observer.BOOL}
+    offers = []
+    with virtual(partial(Observer, lambda *_: None, lambda *_: None)) as node:
+        node.get_topic_names_and_types = lambda: [(name, [kind]) for name, kind in kinds.items()]
+        node.get_publishers_info_by_topic = lambda _: [
+            SimpleNamespace(qos_profile=one) for one in offers]
+        for new, reliability in ((None, None), (RELIABLE, RELIABLE), (BEST_EFFORT, BEST_EFFORT),
+                                 (RELIABLE, BEST_EFFORT)):
+            offers += [new] if new else []
+            node.run(DISCOVERY_PERIOD)
+            assert [name for name in kinds if node.receives(name)] == (
+                list(kinds)[:2] if offers else [])
+            assert all(len(node._readers[name]) == 1 for name in kinds if node.receives(name))
+            if reliability:
+                assert node.profiles['/a/imu/data'].reliability == reliability.reliability
+        offers.pop(1)
+        before = node._observed['/a/imu/data'][1]
+        node.run(DISCOVERY_PERIOD)
+        assert node._observed['/a/imu/data'][1] is before
+
+
 def test_several_and_foreign_publishers_of_commands_are_reported():
     double, foreign = found({'/a/motor_commands': ends('/a/wheel_controller', '/teleop')})
     assert double.startswith('ERROR /a/motor_commands: 2 publishers: /a/wheel_controller, /teleop')
