@@ -52,10 +52,11 @@ SAFETY_PATH = (
     'smart_tire/cli/_following.py')
 PROCESS_TESTS = {  # source file -> tests outside of its folder, or that run it in processes
     'smart_tire/nodes/command_input.py': ['test/safety/test_nodes.py'],
-    'smart_tire/nodes/motor_driver.py': ['test/safety/test_nodes.py'],
+    'smart_tire/nodes/motor_driver.py': [
+        'test/nodes/test_drivers.py', 'test/safety/test_nodes.py'],
     'smart_tire/nodes/recorder.py': ['test/cli/test_record.py'],
     'smart_tire/nodes/replayer.py': ['test/cli/test_replay.py'],
-    'smart_tire/nodes/runner.py': ['test/nodes/test_base.py', 'test/nodes/test_start_and_stop.py'],
+    'smart_tire/nodes/runner.py': ['test/nodes/test_start_and_stop.py'],
     'smart_tire/nodes/wheel_controller.py': ['test/safety/test_nodes.py']}
 REQUIRED_SCORE = 0.9       # share of killed mutants of the safety path
 NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
