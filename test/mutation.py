@@ -280,6 +280,8 @@ class Workplace:
             return
         _, output = self.run([*PYTEST, *MEASURE, *tests], MAX_TIME)
         failed = set(FAILED.findall(output))
+        for test in sorted(failed):
+            print(f'fails without a mutant: {test}')
         for seconds, test in DURATION.findall(output):
             if not failed.intersection([test, test.partition('::')[0]]):
                 self._seconds[test] += float(seconds)
