@@ -65,7 +65,8 @@ MEASURE = ('--cov=smart_tire', '--cov-config=/dev/null', '--cov-context=test', '
            '--durations=0', '--durations-min=0', '--continue-on-collection-errors')
 MAX_TIME = 3600.0          # s, of all tests without a mutant
 MAX_FILES = 8              # test files for a line that no test runs in its own process
-TIMEOUT_FACTOR, GRACE = 3.0, 20.0  # time-out over the time without a mutant, and beyond it [s]
+TIMEOUT_FACTOR, GRACE = 3.0, 20.0  # CPU time over the time without a mutant, and beyond it [s]
+WAIT_FACTOR = 4.0          # time-out over that CPU time: other programs may use the cores
 MAX_MEMORY = 2 << 30       # bytes per process; an endless loop may fill a list
 FAILED = re.compile(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', re.MULTILINE)
 DURATION = re.compile(r'^([\d.]+)s (?:setup|call|teardown) +(.*)$', re.MULTILINE)
@@ -244,8 +245,12 @@ class Workplace:
         self._lines: dict[str, dict[int, list[str]]] = {}  # source -> line -> test|phase
         shutil.copytree(root, self.tree, ignore=shutil.ignore_patterns(*NOT_COPIED))
 
-    def run(self, arguments: Sequence[str], timeout: float) -> tuple[int | None, str]:
-        """Return exit status, None after a time-out, and output; end all started processes."""
+    def run(self, arguments: Sequence[str], seconds: float) -> tuple[int | None, str]:
+        """
+        Return exit status and output; end all started processes.
+
+        The status is None after ``seconds`` of CPU time, or ``WAIT_FACTOR`` times as many.
+        """
         name, _, value = self._mark.partition('=')
         environment = {**os.environ, name: value, 'PYTHONPATH': str(self.tree),
                        'TEST_PATIENCE': '15', 'PYTHONDONTWRITEBYTECODE': '1'}
@@ -254,15 +259,17 @@ class Workplace:
                 [sys.executable, *arguments], cwd=self.tree, env=environment,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
             resource.prlimit(process.pid, resource.RLIMIT_DATA, (MAX_MEMORY, MAX_MEMORY))
+            resource.prlimit(process.pid, resource.RLIMIT_CPU, (round(seconds), round(seconds)))
             try:
-                status = process.wait(timeout)
+                status = process.wait(WAIT_FACTOR * seconds)
             except subprocess.TimeoutExpired:
                 status = None
             finally:
                 self._end_processes()
                 process.wait()
             log.seek(0)
-            return status, log.read().decode(errors='replace')
+            ended = status in (-signal.SIGXCPU, -signal.SIGKILL)
+            return None if ended else status, log.read().decode(errors='replace')
 
     def _end_processes(self) -> None:
         """End all processes started here, including those in their own session."""

@@ -131,7 +131,7 @@ def test_the_verdict_is_what_the_tests_of_the_changed_source_say(
     source, seen = 'smart_tire/clock/late.py', []
     workplace = mutation.Workplace(toy, tmp_path / 'copy')
 
-    def run(arguments, timeout):
+    def run(arguments, seconds):
         seen.append((workplace.tree / source).read_text())
         return status, output
     monkeypatch.setattr(workplace, 'run', run)
