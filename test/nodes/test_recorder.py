@@ -24,6 +24,7 @@ from smart_tire.control.publishers import MessageInfo
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.base import with_info
 from smart_tire.nodes.compat import new_executor
+from smart_tire.nodes.qos import FOREIGN_DEPTH, MIN_RECORDED_DEPTH
 from smart_tire.nodes.recorder import (
     matching_qos, recorded_qos, Recorder, requests_less, SequenceGaps)
 from smart_tire.samples import ImuSample
@@ -41,6 +42,8 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 def test_the_recorder_requests_the_strictest_profile_that_all_publishers_offer():
     assert matching_qos('/a', [RELIABLE]).reliability == ReliabilityPolicy.RELIABLE
     assert matching_qos('/a', [RELIABLE]).durability == DurabilityPolicy.VOLATILE
+    assert [matching_qos(name, [RELIABLE]).depth for name in ('/a', '/cmd_vel')] == [
+        max(FOREIGN_DEPTH, MIN_RECORDED_DEPTH), MIN_RECORDED_DEPTH]
     assert matching_qos('/a', [LATCHED, LATCHED]).durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert matching_qos('/a', [LATCHED, RELIABLE]).durability == DurabilityPolicy.VOLATILE
     assert matching_qos('/a', [RELIABLE, BEST_EFFORT]).reliability == ReliabilityPolicy.BEST_EFFORT
