@@ -222,6 +222,34 @@ def test_a_listener_passes_serialized_images_also_of_best_effort_publishers(grap
     assert bytes(Decoder(kind)(data).data) == b'\x01\x02'
 
 
+@pytest.mark.parametrize('found_at', [0.2, 4.9, None])
+def test_discovery_is_timed_between_two_participants_which_are_ended(monkeypatch, found_at):
+    now, ends, names, readers = [100.0], [], [], []
+
+    def create_node(name, context, **options):
+        names.append(name)
+        return SimpleNamespace(
+            create_publisher=lambda *_: SimpleNamespace(publish=lambda message: None),
+            create_subscription=lambda kind, topic, callback, profile: readers.append(callback),
+            destroy_node=lambda: ends.append(name))
+
+    def spin_once(timeout_sec):
+        now[0] += timeout_sec
+        if found_at is not None and now[0] >= 100.0 + found_at - 1e-6:
+            readers[0](True)
+    monkeypatch.setattr(observer, 'Context', lambda: SimpleNamespace(
+        try_shutdown=lambda: ends.append('context')))
+    monkeypatch.setattr(observer, 'SingleThreadedExecutor', lambda context: SimpleNamespace(
+        add_node=lambda node: None, spin_once=spin_once, shutdown=lambda: ends.append('executor')))
+    monkeypatch.setattr(observer, 'rclpy', SimpleNamespace(
+        init=lambda args, context: None, create_node=create_node))
+    monkeypatch.setattr(observer.time, 'monotonic', lambda: now[0])
+    text = discovery_finding(discovery_time(), late=True).found
+    assert ('do not find each other' if found_at is None else f'({found_at:.2f} s)') in text
+    assert now[0] - 100.0 == pytest.approx(found_at or 5.0, abs=0.06)
+    assert len(set(names)) == 2 and ends == ['executor', names[0], 'context', names[1], 'context']
+
+
 @pytest.mark.parametrize('elapsed, late, level', [
     (3.4, False, Level.OK), (3.6, False, Level.WARNING), (3.6, True, Level.OK),
     (None, False, Level.ERROR), (None, True, Level.ERROR)])
