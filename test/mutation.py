@@ -64,6 +64,7 @@ PYTEST = '-m', 'pytest', '-q', '-rfE', '--tb=no', '-p', 'no:cacheprovider'
 MEASURE = ('--cov=smart_tire', '--cov-config=/dev/null', '--cov-context=test', '--cov-report=',
            '--durations=0', '--durations-min=0', '--continue-on-collection-errors')
 MAX_TIME = 3600.0          # s, of all tests without a mutant
+MAX_MUTANT_TIME = 100.0    # s, of the tests for a mutant, measured without it
 MAX_FILES = 8              # test files for a line that no test runs in its own process
 TIMEOUT_FACTOR, GRACE = 3.0, 20.0  # CPU time over the time without a mutant, and beyond it [s]
 WAIT_FACTOR = 4.0          # time-out over that CPU time: other programs may use the cores
@@ -310,9 +311,14 @@ class Workplace:
         unseen = PROCESS_TESTS.get(mutant.file, [])
         whole.update(unseen if ran else unseen or files[:MAX_FILES])
         chosen = {one.rpartition('|')[0] for one in ran}
-        return {test: seconds
-                for test, seconds in sorted(self._seconds.items(), key=lambda item: item[1])
-                if test in chosen or test.partition('::')[0] in whole}
+        found, left = dict[str, float](), MAX_MUTANT_TIME
+        for test, seconds in sorted(self._seconds.items(), key=lambda item: item[1]):
+            if test in chosen or test.partition('::')[0] in whole:
+                left -= seconds
+                if found and left < 0.0:
+                    break
+                found[test] = seconds
+        return found
 
     def evaluate(self, mutant: Mutant) -> str:
         """Return 'survived', 'untested', or what killed the mutant."""
