@@ -124,7 +124,7 @@ class RoboclawPair:
     def reading_ages(self) -> dict[str, float]:
         """Return the time since the latest encoder reading of each board [s], by board name."""
         now_ns = self._clock.now_ns()
-        return {board.name: (now_ns - max(board.read_ns or 0, self._since_ns)) / NS_PER_S
+        return {board.name: (now_ns - max(board.read_ns, self._since_ns)) / NS_PER_S
                 for board in self._boards}
 
     def supply_voltage(self) -> float:
@@ -225,8 +225,8 @@ class RoboclawPair:
         if self.line.retried:  # the reply may belong to either request: its time is uncertain
             return False
         mean_ns = (asked_ns + self._clock.now_ns()) // 2
-        elapsed_ns = 0 if board.read_ns is None else mean_ns - board.read_ns
-        board.read_ns, board.elapsed_ns = mean_ns, elapsed_ns
+        elapsed_ns = mean_ns - board.read_ns if board.read_ns else 0
+        board.read_ns = mean_ns
         board.span_ns += elapsed_ns
         for encoder, count in zip(board.encoders, counts):
             encoder.add_count(count, elapsed_ns / NS_PER_S)
@@ -317,11 +317,10 @@ class RoboclawPair:
 
     def _sample(self) -> WheelSample:
         """Return the wheel states at the mean time of the readings of both boards."""
-        read_ns = [board.read_ns or 0 for board in self._boards]
-        mean_ns = sum(read_ns) // len(read_ns)
+        mean_ns = sum(board.read_ns for board in self._boards) // len(self._boards)
         position, velocity, effort = list[float](), list[float](), list[float]()
         for board in self._boards:
-            delay = (mean_ns - (board.read_ns or 0)) / NS_PER_S
+            delay = (mean_ns - board.read_ns) / NS_PER_S
             for encoder, speed in zip(board.encoders, board.mean_speeds()):
                 velocity.append(speed)
                 position.append(encoder.position + speed * delay)

@@ -172,6 +172,33 @@ def test_stop_sends_pending_samples(new_sender):
     assert sent == batch(0) + batch(1)
 
 
+def test_the_thread_sleeps_until_samples_are_due():
+    now, waits = [1_000], []
+
+    class Condition:
+        def __enter__(self):
+            pass
+
+        __exit__ = notify = lambda self, *_: None
+
+        def wait(self, seconds=None):
+            waits.append(seconds)
+            if seconds is None:
+                sender._stopping = True
+            else:
+                now[0] += round(seconds * 1e9)
+
+    sender = PacedSender(print, 1, lambda: now[0])
+    sender._changed = Condition()
+    sender.put(batch(0))
+    sent = []
+    while (samples := sender._next()) is not None:
+        sent += samples
+    assert sent == batch(0)
+    assert waits[:-1] == pytest.approx([WAKE_PERIOD_NS * 1e-9] * (len(waits) - 1))
+    assert waits[-1] is None and len(waits) > 4
+
+
 def test_a_sender_that_never_started_can_be_stopped(new_sender):
     new_sender(lambda sample: None).stop()
 
