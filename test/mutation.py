@@ -66,7 +66,7 @@ MEASURE = ('--cov=smart_tire', '--cov-config=/dev/null', '--cov-context=test', '
 MAX_TIME = 3600.0          # s, of all tests without a mutant
 MAX_MUTANT_TIME = 100.0    # s, of the tests for a mutant, measured without it
 MAX_FILES = 8              # test files for a line that no test runs in its own process
-TIMEOUT_FACTOR, GRACE = 3.0, 20.0  # CPU time over the time without a mutant, and beyond it [s]
+TIMEOUT_FACTOR, GRACE = 1.0, 10.0  # CPU time over the time without a mutant, and beyond it [s]
 WAIT_FACTOR = 4.0          # time-out over that CPU time: other programs may use the cores
 MAX_MEMORY = 2 << 30       # bytes per process; an endless loop may fill a list
 FAILED = re.compile(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', re.MULTILINE)
