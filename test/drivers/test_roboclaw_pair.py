@@ -405,6 +405,9 @@ def test_a_single_low_supply_reading_does_not_stop_the_motors(robot, address):
         robot.fail(supply={128: 105, 129: 105})  # the limit
         yield 0.2
     assert robot.reports == []
+    failed = robot.fail(supply={address: 50})
+    yield from robot.until(lambda: robot.reports)
+    assert len(robot.record(failed).times(READ_BATTERY, address)) == 2
 
 
 @driver(tolerated_status=0x0003)
