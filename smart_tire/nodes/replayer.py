@@ -308,10 +308,9 @@ def clock_message(now_ns: int) -> Clock:
     return msg
 
 
-def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool = False,
-           wait: float = 0.0, wait_for: Collection[str] = (),
-           renamed: Mapping[str, str] | None = None,
-           on_progress: Progress | None = None) -> Replay:
+def replay(bag: Bag, names: Collection[str], *, rate: float, clock: bool, wait: float,
+           wait_for: Collection[str], renamed: Mapping[str, str],
+           on_progress: Progress) -> Replay:
     """
     Publish the topics ``names`` of ``bag`` at ``rate`` times the recorded rate.
 
@@ -328,7 +327,7 @@ def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool =
     node = rclpy.create_node('replayer')
     try:
         replayer = Replayer(node, bag, names, rate=rate, clock=clock, awaited=wait_for, stop=stop,
-                            renamed=renamed or {}, on_progress=on_progress)
+                            renamed=renamed, on_progress=on_progress)
         try:
             ready = replayer.wait(wait)
             for name in replayer.result.unsubscribed:
