@@ -183,6 +183,7 @@ def test_the_thread_sleeps_until_samples_are_due():
 
         def wait(self, seconds=None):
             waits.append(seconds)
+            assert len(waits) < 100
             if seconds is None:
                 sender._stopping = True
             else:
