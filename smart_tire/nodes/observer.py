@@ -192,7 +192,7 @@ def discovery_time() -> float | None:
         nodes.append(rclpy.create_node(f'doctor_{os.getpid()}_{index}', context=context,
                                        enable_rosout=False, start_parameter_services=False))
     topic = f'/_doctor_{os.getpid()}'
-    nodes[0].create_publisher(Bool, topic, latched()).publish(Bool(data=True))
+    nodes[0].create_publisher(Bool, topic, latched()).publish(Bool())
     nodes[1].create_subscription(Bool, topic, received.append, latched())
     executor = SingleThreadedExecutor(context=contexts[1])
     executor.add_node(nodes[1])

@@ -148,4 +148,4 @@ class Pilot(SmartTireNode[WheelControllerParams]):
 
     def _on_diagnostics(self, msg: Any) -> None:
         for status in statuses_from_msg(msg):
-            self.health[status.name.rsplit('/', 1)[-1]] = status.values
+            self.health[status.name.rpartition('/')[2]] = status.values

@@ -18,6 +18,7 @@ import subprocess
 import sys
 
 import pytest
+from rclpy.clock import ClockType
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from smart_tire.host_load import EXPLAINED, HostLoad, MAX_LATENESS, other_problems
@@ -58,6 +59,7 @@ def test_a_node_without_input_wakes_up_for_one_timer_of_each_period(
     with NodeRunner(node_class, []) as runner:
         assert sorted(timer.timer_period_ns * 1e-9 for timer in runner.node.timers
                       if not timer.is_canceled()) == pytest.approx(periods)
+        assert {timer.clock.clock_type for timer in runner.node.timers} == {ClockType.STEADY_TIME}
 
 
 def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():

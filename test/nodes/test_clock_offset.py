@@ -48,7 +48,9 @@ def test_bounds_are_those_of_all_round_trips():
 @pytest.mark.parametrize(('low', 'high', 'level'), [
     (-0.0003, 0.0004, Level.OK), (-0.0004, 0.0011, Level.INFO), (-0.0011, 0.0004, Level.INFO),
     (0.0009, 0.0011, Level.INFO), (0.0011, 0.002, Level.WARNING),
-    (-0.002, -0.0011, Level.WARNING), (0.0005, 0.0004, Level.WARNING)])
+    (-0.002, -0.0011, Level.WARNING), (0.0005, 0.0004, Level.WARNING),
+    (0.001, 0.002, Level.INFO), (-0.002, -0.001, Level.INFO),  # the limits
+    (0.001, 0.001, Level.OK), (-0.001, -0.001, Level.OK)])
 def test_only_a_clock_that_is_certainly_off_is_a_warning(low, high, level):
     assert clock_finding(['/a'], (low, high)).level is level
 

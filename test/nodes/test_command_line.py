@@ -40,6 +40,9 @@ def test_help_has_all_topics_services_and_parameters(name):
     node = NODE_TABLE[name]
     for topic in (*node.subscribes, *node.publishes, '/diagnostics'):
         assert f'\n  {topic}  [' in text
+    for title, topics in (('subscribes to', node.subscribes), ('publishes', node.publishes)):
+        assert (f'\n\n{title}\n  {topics[0]}  [' in text) if topics else title not in text
+    assert f'\n\nusage: ros2 run smart_tire {name} [--help]' in text
     for service in node.services:
         assert f'\n  {service.name}  [{service.type}]' in text
     robot = specs(RobotParams)

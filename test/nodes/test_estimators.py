@@ -58,6 +58,16 @@ def slip(isolated_ros):
         yield node
 
 
+@pytest.mark.parametrize('share, logged', [(0.21, False), (0.19, True)])
+def test_a_gyro_bias_known_to_a_fifth_of_its_prior_is_logged_once(
+        slip, monkeypatch, share, logged):
+    bias = Uncertain(0.001, share * slip.params.robot.imu.gyro_bias)
+    monkeypatch.setattr(type(slip.estimator), 'gyro_bias', bias)
+    for _ in range(2):
+        slip.health()
+    assert sum('initialized: gyro bias +0.0010' in line for line in slip.log.lines) == logged
+
+
 def test_odometry_and_slip_are_published_at_every_grid_instant(slip):
     stand(slip)
     for name in ('odom', 'wheel_slip'):

@@ -1,0 +1,191 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Order of the calls and exit status of processes with nodes, without ROS and signals."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import SimpleNamespace
+
+import pytest
+from smart_tire.errors import ParameterError
+from smart_tire.nodes import runner
+from support.waiting import PATIENCE
+
+pytestmark = pytest.mark.processes
+
+
+class Node:
+    """A node that notes what is called."""
+
+    def __init__(self, name, calls, priority=None):
+        self.name, self.calls, self.warnings = name, calls, []
+        self.params = SimpleNamespace() if priority is None else SimpleNamespace(
+            realtime_priority=priority)
+        self.mailbox = SimpleNamespace(handle=lambda: calls.append(f'mail {name}'))
+        for call in ('start', 'stop', 'destroy_node'):
+            setattr(self, call, lambda call=call: calls.append(f'{call} {name}'))
+
+    def get_name(self):
+        return self.name
+
+    def get_logger(self):
+        return SimpleNamespace(warning=self.warnings.append)
+
+
+class Executor:
+    """An executor whose node is handled by ``spin``."""
+
+    def __init__(self, calls, spin):
+        self.calls, self.spin = calls, spin
+
+    def add_node(self, node):
+        self.name = node.name
+
+    def remove_node(self, node):
+        self.calls.append(f'remove {self.name} {node.name}')
+
+    def shutdown(self):
+        self.calls.append(f'shutdown {self.name}')
+
+    def spin_once(self, timeout_sec):
+        assert timeout_sec == 0.1
+        self.calls.append(f'spin {self.name}')
+        self.spin(self.name)
+
+
+@pytest.fixture
+def spun(monkeypatch):
+    """Return a function that spins nodes; it returns the calls of each, and the exit status."""
+    def spin_all(nodes, spin, statuses, calls):
+        monkeypatch.setattr(runner, 'new_executor', lambda: Executor(calls, spin))
+        return runner._spin_all([lambda node=node: node for node in nodes], statuses)
+    return spin_all
+
+
+def test_subscribers_are_stopped_first_and_all_nodes_are_released(spun):
+    calls, statuses, both = [], [], threading.Barrier(2)
+
+    def spin(name):
+        if not statuses:
+            both.wait(PATIENCE)  # in two threads at the same time
+        if name == 'a':
+            statuses.append(runner.EXIT_OK)
+    nodes = [Node(name, calls) for name in 'ab']
+    assert spun(nodes, spin, statuses, calls) == 0
+    assert calls[:2] == ['start a', 'start b']
+    assert {'spin a', 'mail a', 'spin b', 'mail b'} <= set(calls)
+    assert calls[-8:] == ['stop b', 'stop a', 'remove a a', 'shutdown a', 'destroy_node a',
+                          'remove b b', 'shutdown b', 'destroy_node b']
+
+
+@pytest.mark.parametrize('failing', ['a', 'b'])
+def test_an_exception_at_the_start_ends_all_nodes(spun, failing):
+    calls, statuses = [], []
+    nodes = [Node(name, calls) for name in 'ab']
+
+    def fail():
+        raise KeyError(failing)
+    nodes['ab'.index(failing)].start = fail
+    with pytest.raises(KeyError):
+        spun(nodes, lambda name: None, statuses, calls)
+    assert statuses == [1] and calls[-8:-6] == ['stop b', 'stop a']
+
+
+def test_an_exception_in_the_first_thread_ends_the_others(spun):
+    calls, statuses = [], []
+
+    def spin(name):
+        if name == 'a':
+            raise KeyError(name)
+    with pytest.raises(KeyError):
+        spun([Node(name, calls) for name in 'ab'], spin, statuses, calls)
+    assert statuses == [1] and calls[-1] == 'destroy_node b'
+
+
+@pytest.fixture
+def fatal(monkeypatch):
+    """Return the lines that a refused start logs."""
+    lines = []
+    monkeypatch.setattr(runner, 'get_logger', lambda name: SimpleNamespace(fatal=lines.append))
+    return lines
+
+
+@pytest.mark.parametrize('error', [ParameterError('rate is 0'), runner.RCLError('rate is 0')])
+def test_a_node_that_cannot_be_made_is_refused(fatal, error):
+    def make():
+        raise error
+    assert runner._spin_all([make], []) == 2
+    assert fatal == ['rate is 0']
+
+
+@pytest.fixture
+def process(monkeypatch):
+    """Return handlers of signals, calls of ROS and the arguments of a process with nodes."""
+    made = SimpleNamespace(handlers={}, calls=[], words=['node'], before=[])
+    monkeypatch.setattr(signal, 'signal', made.handlers.__setitem__)
+    monkeypatch.setattr(threading, 'excepthook', made.before.append)
+    monkeypatch.setattr(runner.sys, 'argv', made.words)
+    monkeypatch.setattr(runner.rclpy, 'init', lambda **options: made.calls.append(
+        options['signal_handler_options']))
+    monkeypatch.setattr(runner.rclpy, 'try_shutdown', lambda: made.calls.append('shutdown'))
+    return made
+
+
+@pytest.mark.parametrize('end, status', [
+    (lambda one: one.handlers[signal.SIGINT](2, None), 0),
+    (lambda one: one.handlers[signal.SIGTERM](15, None), 0),
+    (lambda one: threading.excepthook('trouble'), 1)])
+def test_the_first_signal_or_exception_gives_the_exit_status(process, monkeypatch, end, status):
+    def spin_all(classes, statuses):
+        assert classes == ('a', 'b') and not statuses
+        end(process)
+        process.handlers[signal.SIGINT](2, None)
+        return statuses[0]
+    monkeypatch.setattr(runner, '_spin_all', spin_all)
+    assert runner.run('a', 'b') == status
+    assert process.calls == [runner.SignalHandlerOptions.NO, 'shutdown']
+    assert process.before == ['trouble'] * status  # printed by the hook before
+    assert process.handlers == dict.fromkeys((signal.SIGINT, signal.SIGTERM), signal.SIG_IGN)
+
+
+def test_foreign_arguments_are_refused_unless_they_are_own(process, fatal, monkeypatch):
+    process.words.append('--fast')
+    monkeypatch.setattr(runner, '_spin_all', lambda classes, statuses: 0)
+    assert runner.run() == 2 and not process.calls
+    assert fatal == ['unknown arguments: --fast (ROS arguments come after --ros-args)']
+    assert runner.run(own_arguments=True) == 0
+
+
+def test_a_parameter_file_is_read_before_rcl_reads_it(process, fatal, tmp_path):
+    process.words += ['--ros-args', '--params-file', str(tmp_path / 'missing.yaml')]
+    assert runner.run() == 2 and not process.calls
+    assert len(fatal) == 1 and 'missing.yaml' in fatal[0]
+
+
+def test_arguments_that_rcl_refuses_are_named(process, fatal, monkeypatch):
+    def refuse(**_):
+        raise RuntimeError('Failed to parse: -p, at x.c:3')
+    monkeypatch.setattr(runner.rclpy, 'init', refuse)
+    assert runner.run() == 2
+    assert fatal[0].startswith('ROS arguments: Failed to parse')
+
+
+@pytest.mark.parametrize('priorities, asked', [
+    ((0, 20, 5, None), [20]), ((None, 7), [7]), ((None, 0), []), ((None,), [])])
+def test_the_highest_priority_of_the_nodes_is_requested(monkeypatch, priorities, asked):
+    nodes, requested = [Node('a', [], priority) for priority in priorities], []
+    monkeypatch.setattr(runner, 'request_priority',
+                        lambda priority: requested.append(priority) or 'not permitted')
+    runner._request_priority(nodes)
+    assert requested == asked
+    assert sum((node.warnings for node in nodes), []) == ['not permitted'] * len(asked)
