@@ -324,7 +324,7 @@ def replay(bag: Bag, names: Collection[str], *, rate: float, clock: bool, wait: 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     rclpy.init(args=ros_arguments(sys.argv), signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node('replayer')
+    node = rclpy.create_node('replayer')  # with shared memory, for images
     try:
         replayer = Replayer(node, bag, names, rate=rate, clock=clock, awaited=wait_for, stop=stop,
                             renamed=renamed, on_progress=on_progress)

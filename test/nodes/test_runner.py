@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from types import SimpleNamespace
@@ -19,6 +20,7 @@ from types import SimpleNamespace
 import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.nodes import runner
+from smart_tire.nodes.compat import PROFILES, TRANSPORTS
 from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
@@ -146,8 +148,8 @@ def process(monkeypatch):
     (lambda one: one.handlers[signal.SIGTERM](15, None), 0),
     (lambda one: threading.excepthook('trouble'), 1)])
 def test_the_first_signal_or_exception_gives_the_exit_status(process, monkeypatch, end, status):
-    def spin_all(classes, statuses):
-        assert classes == ('a', 'b') and not statuses
+    def spin_all(classes, statuses, images):
+        assert classes == ('a', 'b') and not statuses and not images
         end(process)
         process.handlers[signal.SIGINT](2, None)
         return statuses[0]
@@ -160,7 +162,7 @@ def test_the_first_signal_or_exception_gives_the_exit_status(process, monkeypatc
 
 def test_foreign_arguments_are_refused_unless_they_are_own(process, fatal, monkeypatch):
     process.words.append('--fast')
-    monkeypatch.setattr(runner, '_spin_all', lambda classes, statuses: 0)
+    monkeypatch.setattr(runner, '_spin_all', lambda classes, statuses, images: 0)
     assert runner.run() == 2 and not process.calls
     assert fatal == ['unknown arguments: --fast (ROS arguments come after --ros-args)']
     assert runner.run(own_arguments=True) == 0
@@ -189,3 +191,22 @@ def test_the_highest_priority_of_the_nodes_is_requested(monkeypatch, priorities,
     runner._request_priority(nodes)
     assert requested == asked
     assert sum((node.warnings for node in nodes), []) == ['not permitted'] * len(asked)
+
+
+@pytest.mark.parametrize('choice', [{}, {TRANSPORTS: 'LARGE_DATA'}, {PROFILES[0]: 'own.xml'},
+                                    {PROFILES[1]: 'own.xml'}])
+@pytest.mark.parametrize('images', [False, True])
+def test_shared_memory_is_not_used_unless_chosen_or_for_images(monkeypatch, choice, images):
+    for name in (TRANSPORTS, *PROFILES):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in choice.items():
+        monkeypatch.setenv(name, value)
+    found = []
+
+    def new_node():
+        found.append(os.environ.get(TRANSPORTS))
+        raise ParameterError('not needed')
+
+    assert runner._spin_all([new_node], [], images) == runner.EXIT_REFUSED
+    assert found == ['UDPv4' if not choice and not images else choice.get(TRANSPORTS)]
+    assert os.environ.get(TRANSPORTS) == choice.get(TRANSPORTS)
