@@ -149,6 +149,7 @@ def test_the_diagnostics_name_what_stops_the_motors_or_is_missing(made):
 @pytest.mark.parametrize('rate, warns', [(16.0, False), (100.0, True)])
 def test_a_rate_that_the_line_does_not_permit_is_logged_once_and_a_warning(made, rate, warns):
     with made(rate=rate) as node:
+        assert node.profiles['wheel_states'].depth == 2 * rate  # 2 s
         assert 'line_rate_limit' not in node.health().values
         for _ in range(20):
             for command in (READ_ENCODERS, READ_CURRENTS, SET_DUTY):
