@@ -176,6 +176,7 @@ def test_the_thread_sleeps_until_samples_are_due():
     now, waits = [1_000], []
 
     class Condition:
+
         def __enter__(self):
             pass
 

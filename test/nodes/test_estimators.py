@@ -219,3 +219,11 @@ def test_joints_of_other_names_are_given_by_parameters_or_recognized(
         assert (node.inputs['wheel_states'].ok, node.inputs['wheel_states'].bad) == (1, 0)
         recognized = 'the wheels are the joints left_wheel, right_wheel' in str(node.log.lines)
         assert recognized == (not parameters)
+
+
+@pytest.mark.parametrize('wheels, depth', [
+    ('[]', 4000), ('[front_left]', 4000), ('[front_left, rear_left]', 8000)])
+def test_films_are_awaited_and_queued_for_each_instrumented_wheel(isolated_ros, wheels, depth):
+    with virtual(FrictionEstimatorNode, film__wheels=wheels) as node:
+        assert node.profiles['tire_samples'].depth == depth
+        assert node.inputs['tire_samples'].required == (wheels != '[]')

@@ -12,8 +12,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import Imu
 from smart_tire.messages import stamp_in
@@ -267,3 +270,39 @@ def test_the_timestamp_is_read_from_serialized_messages(order):
     data = bytes([0, order == 'little', 0, 0]) + (-3).to_bytes(4, order, signed=True) \
         + (500).to_bytes(4, order)
     assert stamp_in(data) == -3 * 10**9 + 500
+
+
+def test_the_leader_waits_until_all_followers_know_each_other_and_the_topics():
+    sent, waits, receive = [], [], []
+    node = SimpleNamespace(
+        get_fully_qualified_name=lambda: '/replayer',
+        create_publisher=lambda kind, topic, profile: SimpleNamespace(
+            publish=lambda data: sent.append(ControlMessage.read(data)),
+            wait_for_all_acked=waits.append),
+        create_subscription=lambda kind, topic, callback, profile: receive.append(callback))
+    leader = Leader(node)
+
+    def answer(sender, *topics, kind='ready', **values):
+        values = {'run': sent[0].run, 'inputs': ['/made'], **values}
+        receive[0](ControlMessage(kind=kind, sender=sender, topics=topics, **values).message())
+
+    first = {'inputs': ['/x'], 'outputs': ['/made']}
+    leader.announce(['/x'])
+    answer('/a', '/x', **first)
+    answer('/c', run='another')
+    answer('/replayer')
+    assert leader.followers == ['/a'] and leader.unready() == {}
+    answer('/b', '/x', heard=['/a'])
+    assert leader.unready() == {'/a': 'has not heard from /b'}
+    leader.announce(['/x'])
+    answer('/a', '/x', heard=['/b'], **first)  # to the announcement before
+    assert leader.unready() == {'/a': 'does not answer', '/b': 'does not answer'}
+    answer('/a', *sent[1].topics, heard=['/b'], **first)
+    answer('/b', '/made', '/x', heard=['/a'])
+    assert leader.unready() == {} and leader.inputs() == {'/x', '/made'}
+    leader.begin()
+    assert sent[2].upstream == {'/a': '/replayer', '/b': '/a'}
+    answer('/a', kind='step', number=0)
+    assert [leader.behind(number) for number in (-1, 0, 1)] == [[], ['/b'], ['/a', '/b']]
+    leader.end()
+    assert sent[3].kind == 'end' and waits == [Duration(seconds=2)]

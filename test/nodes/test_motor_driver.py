@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import pytest
 from smart_tire.control.constants import TICK_PERIOD
-from smart_tire.nodes.motor_driver import MotorDriver, STATE_PERIOD
+from smart_tire.nodes.motor_driver import MotorDriver
 from smart_tire.protocol.roboclaw import READ_CURRENTS, READ_ENCODERS, SET_DUTY
 from smart_tire.samples import MotorCommand, NS_PER_S
 from support.virtual_node import virtual
@@ -104,7 +104,8 @@ def test_the_states_are_repeated_and_sent_with_each_change(made):
     with made() as node:
         assert [len(node.received[name]) for name in (
             'emergency_stop_active', 'motors_enabled')] == [1, 1]
-        node.run(0.5 * STATE_PERIOD)
+        assert node.profiles['emergency_stop'].depth == 1000
+        node.run(0.5)
         node._gate.clear('line')
         node.publish('motor_commands', MotorCommand(node.now_ns(), (0.1,) * 4))
         enabled = node._gate.enabled
@@ -112,7 +113,7 @@ def test_the_states_are_repeated_and_sent_with_each_change(made):
         assert states(node) == [False, enabled] and enabled
         count = len(node.received['motors_enabled'])
         assert count == 2
-        node.run(2.0 * STATE_PERIOD)
+        node.run(2.0)
         assert len(node.received['motors_enabled']) == count + 2
 
 
@@ -148,6 +149,7 @@ def test_the_diagnostics_name_what_stops_the_motors_or_is_missing(made):
 @pytest.mark.parametrize('rate, warns', [(16.0, False), (100.0, True)])
 def test_a_rate_that_the_line_does_not_permit_is_logged_once_and_a_warning(made, rate, warns):
     with made(rate=rate) as node:
+        assert node.profiles['wheel_states'].depth == 2 * rate  # 2 s
         assert 'line_rate_limit' not in node.health().values
         for _ in range(20):
             for command in (READ_ENCODERS, READ_CURRENTS, SET_DUTY):

@@ -26,7 +26,7 @@ from smart_tire.messages import forms_of, TOPICS, TYPED
 from smart_tire.nodes import observer
 from smart_tire.nodes.compat import message_class, node_names
 from smart_tire.nodes.observer import (
-    discovery_finding, DISCOVERY_PERIOD, discovery_time, Endpoint, graph_findings, Listener,
+    discovery_finding, discovery_time, Endpoint, graph_findings, Listener,
     Observer, read_graph, state_of, TopicEnds)
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import NodeRunner
@@ -70,8 +70,14 @@ def test_typed_topics_are_not_observed_since_that_would_cause_them(isolated_ros)
     with virtual(partial(Observer, lambda *_: None, lambda *_: None)) as node:
         node.get_topic_names_and_types = names.items
         node.get_publishers_info_by_topic = lambda _: [SimpleNamespace(qos_profile=RELIABLE)]
-        node.run(DISCOVERY_PERIOD)
+        node.run(0.3)
         assert [name for name in names if node.receives(name)] == ['wheel_slip']
+
+
+def test_the_samples_of_all_films_are_queued(isolated_ros):
+    with virtual(partial(Listener, lambda *_: None, lambda *_: None)) as node:
+        assert [node.profiles[name].depth for name in ('tire_samples', 'imu/data')] == [
+            16_000, 1000]
 
 
 def test_an_observer_subscribes_again_only_for_a_publisher_that_offers_less(isolated_ros):
@@ -84,7 +90,7 @@ def test_an_observer_subscribes_again_only_for_a_publisher_that_offers_less(isol
         for new, reliability in ((None, None), (RELIABLE, RELIABLE), (BEST_EFFORT, BEST_EFFORT),
                                  (RELIABLE, BEST_EFFORT)):
             offers += [new] if new else []
-            node.run(DISCOVERY_PERIOD)
+            node.run(0.3)
             assert [name for name in kinds if node.receives(name)] == (
                 list(kinds)[:2] if offers else [])
             assert all(len(node._readers[name]) == 1 for name in kinds if node.receives(name))
@@ -92,7 +98,7 @@ def test_an_observer_subscribes_again_only_for_a_publisher_that_offers_less(isol
                 assert node.profiles['/a/imu/data'].reliability == reliability.reliability
         offers.pop(1)
         before = node._observed['/a/imu/data'][1]
-        node.run(DISCOVERY_PERIOD)
+        node.run(0.3)
         assert node._observed['/a/imu/data'][1] is before
 
 

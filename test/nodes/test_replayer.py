@@ -17,6 +17,7 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+from rclpy.duration import Duration
 from smart_tire.bags import Bag
 from smart_tire.drivers.clock import Clock
 from smart_tire.messages import stamp_in
@@ -59,11 +60,11 @@ class Graph:
         self.matched = Counter()             # topic -> subscriptions that have matched
         self.nodes = set()                   # names of other nodes
         self.followers, self.able, self.not_ready = [], set(), {}
-        self.done, self.ended, self.announced = -1, False, []
+        self.done, self.ended, self.announced, self.waits = -1, False, [], []
 
     def create_publisher(self, kind, name, profile):
         return SimpleNamespace(
-            topic_name=name, qos_profile=profile, wait_for_all_acked=lambda seconds: True,
+            topic_name=name, qos_profile=profile, wait_for_all_acked=self.waits.append,
             publish=lambda data: self.sent.append((self.host.now, name, data)),
             get_subscription_count=lambda: self.matched[name])
 
@@ -158,6 +159,7 @@ def test_messages_are_published_at_a_multiple_of_the_recorded_rate(rig, source, 
     result = replayer.result
     assert result.counts == Counter(topic for _, topic, _ in messages)
     assert result.complete and not graph.steps
+    assert graph.waits == [Duration(seconds=2)] * 3  # for the messages on their way
     elapsed_ns = graph.host.now - sent[0][0]
     assert result.rate == pytest.approx((messages[-1][0] - messages[0][0]) / max(1, elapsed_ns))
 

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import pytest
 from smart_tire.errors import LinkError, ParameterError
 from smart_tire.nodes import robot_simulator
-from smart_tire.nodes.robot_simulator import PORT_CLOSE_TIMEOUT, RobotSimulator
+from smart_tire.nodes.robot_simulator import RobotSimulator
 from smart_tire.samples import Friction
 from support.virtual_node import virtual
 
@@ -78,17 +78,20 @@ def test_the_losses_of_the_links_and_the_end_of_the_simulation_are_reported(hard
             'clock_jumps': 6}
         hardware.publish(Friction(1, 'rear_left'))
         assert node.latest('ground_truth/tire_friction').wheel == 'rear_left'
+        assert node._thread.daemon
         node._stopping.set()
         node._thread.join()
         assert 'the simulation has stopped' in node.health().message
+        hardware.free_at = 1e9
+    assert hardware.closed_at == 0.0  # nothing to wait for
 
 
 @pytest.mark.parametrize('free_at, closed_at', [
-    (0.0, 0.0), (0.1, 0.1), (1e9, PORT_CLOSE_TIMEOUT)])
+    (0.0, 0.0), (0.09, 0.1), (1e9, 2.0)])
 def test_the_ports_are_removed_once_the_drivers_have_closed_them(hardware, free_at, closed_at):
     with virtual(RobotSimulator):
         hardware.free_at = free_at
-    assert hardware.closed_at == pytest.approx(closed_at, abs=0.021)
+    assert hardware.closed_at == pytest.approx(closed_at, abs=0.001 if free_at < 2.0 else 0.021)
 
 
 def test_ports_that_cannot_be_made_are_a_parameter_error(hardware, monkeypatch):

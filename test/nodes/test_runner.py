@@ -12,14 +12,22 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 import os
+from pathlib import Path
 import signal
+import sys
 import threading
 from types import SimpleNamespace
 
 import pytest
+from smart_tire import nodes
 from smart_tire.errors import ParameterError
-from smart_tire.nodes import runner
+from smart_tire.nodes import (
+    composed, friction_estimator, imu_driver, motor_driver, overhead_camera_simulator,
+    overhead_localizer, robot_simulator, runner, slip_estimator, tire_receiver,
+    trajectory_controller, wheel_controller)
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import PROFILES, TRANSPORTS
 from support.waiting import PATIENCE
 
@@ -191,6 +199,62 @@ def test_the_highest_priority_of_the_nodes_is_requested(monkeypatch, priorities,
     runner._request_priority(nodes)
     assert requested == asked
     assert sum((node.warnings for node in nodes), []) == ['not permitted'] * len(asked)
+
+
+@pytest.mark.parametrize('module', [
+    friction_estimator, imu_driver, motor_driver, overhead_camera_simulator, overhead_localizer,
+    robot_simulator, slip_estimator, tire_receiver, trajectory_controller, wheel_controller])
+def test_main_runs_the_node_of_its_module_and_returns_the_exit_status(monkeypatch, module):
+    given = []
+    monkeypatch.setattr(module, 'run', lambda *classes, images=False: given.extend(classes) or 3)
+    assert module.main() == 3 and [one.__module__ for one in given] == [module.__name__]
+
+
+@pytest.mark.parametrize('words, names, live', [
+    ([], ['tire_receiver', 'imu_driver', 'friction_estimator', 'slip_estimator',
+          'trajectory_controller'], True),
+    (['slip_estimator', 'imu_driver'], ['imu_driver', 'slip_estimator'], True),
+    (['slip_estimator'], ['slip_estimator'], False)])
+def test_the_named_nodes_are_composed_publishers_first(monkeypatch, words, names, live):
+    given, interval = [], []
+    monkeypatch.setattr(composed, 'run', lambda *classes, own_arguments: (
+        given.extend(classes) or 3 * own_arguments))
+    monkeypatch.setattr(sys, 'argv', ['composed', *words])
+    monkeypatch.setattr(sys, 'setswitchinterval', interval.append)
+    monkeypatch.setattr(SmartTireNode, 'exchange', None)
+    assert composed.main() == 3 and interval == [0.0005]
+    assert given == [composed.NODES[name] for name in names]
+    assert SmartTireNode.exchange.live is live
+
+
+@pytest.mark.parametrize('words, begin', [
+    (['pytest', '--help'], None), (['imu_driver'], ''), (['/lib/imu_driver', '--versions'], ''),
+    (['/lib/imu_driver', '--version'], 'imu_driver ('), (['-m', '-h'], 'slip_estimator ('),
+    (['-m', 'x', '--help'], 'slip_estimator (')])
+def test_a_node_handles_signals_and_answers_before_its_imports(monkeypatch, capsys, words, begin):
+    handlers, masks = {}, []
+    monkeypatch.setattr(signal, 'signal', handlers.__setitem__)
+    monkeypatch.setattr(signal, 'pthread_sigmask', lambda *given: masks.append(given))
+    monkeypatch.setattr(sys, 'argv', words)
+    monkeypatch.setattr(sys, 'orig_argv', ['', '-m', 'smart_tire.nodes.slip_estimator', ''])
+    file = Path(nodes.__file__)
+    with pytest.raises(SystemExit, match='^0$') if begin else nullcontext():
+        exec(compile(file.read_text(), file, 'exec'), {'__file__': str(file), '__name__': 'begun'})
+    text = capsys.readouterr().out
+    assert text.startswith(begin or '') and bool(text) == bool(begin)
+    assert [*handlers] == ([] if begin is None else [signal.SIGINT, signal.SIGTERM])
+    assert masks == [(signal.SIG_UNBLOCK, {signal.SIGINT})] * (begin is not None)
+
+
+def test_before_its_imports_a_node_awaits_a_second_sigint_for_a_second(monkeypatch):
+    slept, statuses = [], []
+    monkeypatch.setattr(nodes.time, 'sleep', slept.append)
+    monkeypatch.setattr(nodes.os, '_exit', statuses.append)
+    monkeypatch.setattr(nodes, '_interrupts', [])
+    for number, times in ((signal.SIGTERM, 0), (signal.SIGINT, 1), (signal.SIGINT, 1)):
+        nodes._exit(number, None)
+        assert slept == [1.0] * times
+    assert statuses == [0] * 3
 
 
 @pytest.mark.parametrize('choice', [{}, {TRANSPORTS: 'LARGE_DATA'}, {PROFILES[0]: 'own.xml'},
