@@ -18,6 +18,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
+from smart_tire.nodes.lockstep import TOPIC
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.samples import (
     FRICTION_QUANTITIES, GroundState, ImuSample, NS_PER_S, TireSample, WheelSample)
@@ -66,6 +67,15 @@ def test_a_gyro_bias_known_to_a_fifth_of_its_prior_is_logged_once(
     for _ in range(2):
         slip.health()
     assert sum('initialized: gyro bias +0.0010' in line for line in slip.log.lines) == logged
+
+
+def test_a_replay_is_in_the_diagnostics_until_its_replayer_is_gone(slip):
+    slip._follower._reset('/replayer', 'run')
+    slip.publishers_of[TOPIC], slip.types_of[TOPIC] = {b'1': 'replayer'}, 'std_msgs/msg/String'
+    assert slip.health().values['replay'] == '/replayer'
+    slip.publishers_of.clear()
+    assert 'replay' not in slip.health().values
+    assert '/replayer ended during a replay' in slip.log.lines[-1]
 
 
 def test_odometry_and_slip_are_published_at_every_grid_instant(slip):
