@@ -51,15 +51,15 @@ def new_executor() -> Any:
 
 
 @contextmanager
-def without_shared_memory() -> Iterator[None]:
+def shared_memory(*, images: bool) -> Iterator[None]:
     """
-    Let Fast DDS use UDP only for the first node of a process, created in this context.
+    Let Fast DDS use shared memory for ``images`` only, by the first node created in this context.
 
     A process that is killed while it has the lock of a shared memory port of Fast DDS (3.2,
     ``regenerate_port``) blocks for ever whoever publishes to this port, and Python with it. The
     choice of a user in the environment remains.
     """
-    if any(name in os.environ for name in (TRANSPORTS, *PROFILES)):
+    if images or any(name in os.environ for name in (TRANSPORTS, *PROFILES)):
         yield
         return
     os.environ[TRANSPORTS] = 'UDPv4'

@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 import signal
 import sys
 import threading
@@ -25,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import new_executor, plain_message, RCLError, without_shared_memory
+from smart_tire.nodes.compat import new_executor, plain_message, RCLError, shared_memory
 from smart_tire.nodes.priority import request_priority
 from smart_tire.parameters.files import (
     files_of, foreign_arguments, read_blocks, ros_arguments)
@@ -49,7 +48,7 @@ class NodeRunner(Generic[Running]):
         """
         rclpy.init(args=ros_arguments(sys.argv) if arguments is None else list(arguments),
                    signal_handler_options=SignalHandlerOptions.NO)
-        with nullcontext() if images else without_shared_memory():
+        with shared_memory(images=images):
             self.node = node_class()
         self._executor = new_executor()
         self._executor.add_node(self.node)
@@ -121,7 +120,7 @@ def _stopping_hook(hook: Callable[[Any], Any],
 def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
               exit_statuses: list[int], images: bool = False) -> int:
     try:
-        with nullcontext() if images else without_shared_memory():
+        with shared_memory(images=images):
             nodes = [node_class() for node_class in node_classes]
     except ParameterError as error:
         get_logger('smart_tire').fatal(str(error))
