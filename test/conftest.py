@@ -28,7 +28,7 @@ import tempfile
 from typing import Any, IO
 
 from benchmarks.events import FOLDER_VARIABLE
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 import pytest
 from support.groups import GROUPS
 from support.pty_port import PtyPort
@@ -43,7 +43,10 @@ gc.set_threshold(100_000)
 # Durations depend on the load of the machine; a failure must be reproducible.
 settings.register_profile('anywhere', deadline=None, derandomize=True,
                           suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile('anywhere')
+# A mutant needs no small example.
+settings.register_profile('mutant', settings.get_profile('anywhere'),
+                          phases=(Phase.explicit, Phase.generate))
+settings.load_profile('mutant' if 'MUTANT_TREE' in os.environ else 'anywhere')
 
 ORDER = (*GROUPS, 'slow')  # markers of the tests that come first
 
@@ -71,7 +74,8 @@ def _rank(item: pytest.Item) -> int:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put those tests first that take longest; samples and syntax trees are no garbage."""
-    items.sort(key=_rank)
+    if 'PYTEST_XDIST_WORKER' in os.environ:  # else the order of the command line
+        items.sort(key=_rank)
     gc.freeze()
 
 

@@ -30,6 +30,7 @@ from functools import partial
 import gc
 import gzip
 import hashlib
+import inspect
 from itertools import count
 import multiprocessing
 import os
@@ -174,6 +175,8 @@ def _feed(folder: Path, read: Callable[[bytes], bool], given: Inputs, end: float
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MAX_MEMORY, used + MAX_MEMORY))
+    # coverage asks for the files of all modules; one that a test has replaced has another or none
+    vars(inspect)['_filesbymodname'].clear()
     coverage = Coverage(data_file=str(lines and lines / str(os.getpid())), config_file=False,
                         source_pkgs=['smart_tire'])
     coverage.set_option('run:disable_warnings', ['module-not-measured', 'no-data-collected'])

@@ -12,9 +12,10 @@
 Mutation test: one change of the source at a time must make a test fail.
 
 ``make mutants`` runs it on the safety path, ``--room NAME`` on a folder of ``smart_tire``. The
-tests of a file are those of the mirrored folder that have its name or import it, or of other
-folders if there are none, and ``PROCESS_TESTS``. They run in a copy of the checkout until the
-first one fails.
+test files of a source are those of the mirrored folder that have its name or import it, or of
+other folders if there are none, and ``PROCESS_TESTS``. They run once unchanged, which shows the
+tests that execute each line. Those of a changed line then run in a copy of the checkout, the
+fastest first, until one fails.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from __future__ import annotations
 import argparse
 import ast
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 import hashlib
 import os
@@ -37,6 +38,7 @@ import tempfile
 import time
 from typing import Any
 
+from coverage import CoverageData
 from support.imported_files import imported, reached
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -48,17 +50,27 @@ SAFETY_PATH = (
     'smart_tire/nodes/motor_driver.py', 'smart_tire/nodes/*_controller.py',
     'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py',
     'smart_tire/cli/_following.py')
-PROCESS_TESTS = {  # source file -> tests that import it in other processes only
+PROCESS_TESTS = {  # source file -> tests outside of its folder, or that run it in processes
     'smart_tire/nodes/command_input.py': ['test/safety/test_nodes.py'],
-    'smart_tire/nodes/motor_driver.py': ['test/safety/test_nodes.py'],
+    'smart_tire/nodes/motor_driver.py': [
+        'test/nodes/test_drivers.py', 'test/safety/test_nodes.py'],
+    'smart_tire/nodes/recorder.py': ['test/cli/test_record.py'],
+    'smart_tire/nodes/replayer.py': ['test/cli/test_replay.py'],
+    'smart_tire/nodes/runner.py': ['test/nodes/test_start_and_stop.py'],
     'smart_tire/nodes/wheel_controller.py': ['test/safety/test_nodes.py']}
 REQUIRED_SCORE = 0.9       # share of killed mutants of the safety path
 NOT_COPIED = ('.*', '__pycache__', '*.egg-info', '*_output', 'build', 'install', 'log')
-PYTEST = '-m', 'pytest', '-x', '-q', '-rfE', '--tb=no', '-p', 'no:cacheprovider'
-MAX_TIME = 900.0           # s, of the tests of a file without a mutant
-TIMEOUT_FACTOR, GRACE = 3.0, 20.0  # time-out over the time without a mutant, and beyond it [s]
+PYTEST = '-m', 'pytest', '-q', '-rfE', '--tb=no', '-p', 'no:cacheprovider'
+MEASURE = ('--cov=smart_tire', '--cov-config=/dev/null', '--cov-context=test', '--cov-report=',
+           '--durations=0', '--durations-min=0', '--continue-on-collection-errors')
+MAX_TIME = 3600.0          # s, of all tests without a mutant
+MAX_MUTANT_TIME = 100.0    # s, of the tests for a mutant, measured without it
+MAX_FILES = 8              # test files for a line that no test runs in its own process
+TIMEOUT_FACTOR, GRACE = 1.0, 10.0  # CPU time over the time without a mutant, and beyond it [s]
+WAIT_FACTOR = 4.0          # time-out over that CPU time: other programs may use the cores
 MAX_MEMORY = 2 << 30       # bytes per process; an endless loop may fill a list
 FAILED = re.compile(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', re.MULTILINE)
+DURATION = re.compile(r'^([\d.]+)s (?:setup|call|teardown) +(.*)$', re.MULTILINE)
 
 SWAPS: dict[type[ast.AST], type[Any]] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
@@ -157,8 +169,8 @@ def other_values(value: object) -> list[object]:
     """Return values that may stand in place of a constant."""
     if isinstance(value, bool):
         return [not value]
-    if isinstance(value, int):
-        return [value + 1, value * 10 or -1]
+    if isinstance(value, int):  # a million and more are quantities, e.g. in ns
+        return [value + 1 if value < 1_000_000 else value * 2, value * 10 or -1]
     if isinstance(value, float):
         return [value * 2.0 or 1.0, value / 10.0]
     return [value[:-1] + bytes((value[-1] ^ 1,))] if isinstance(value, bytes) and value else []
@@ -207,23 +219,39 @@ def tests_of(root: Path, source: str) -> list[str]:
     def rank(test: str) -> tuple[bool, bool, str]:
         return Path(test).name != own, source not in imported(root, test), test
     found = [path.relative_to(root).as_posix() for path in root.glob('test/**/test_*.py')]
-    mirrored = [test for test in found if test.startswith(f'{folder}/')
-                and (Path(test).name == own or source in reached(root, test))]
-    others = [test for test in found if source in imported(root, test)]
-    return sorted(mirrored or others, key=rank) + PROCESS_TESTS.get(source, [])
+    reaching = [test for test in found
+                if Path(test).name == own or source in reached(root, test)]
+    mirrored = [test for test in reaching if test.startswith(f'{folder}/')]
+    direct = [test for test in reaching if source in imported(root, test)]
+    found = sorted(mirrored or direct or reaching, key=rank)
+    return [*dict.fromkeys(found + PROCESS_TESTS.get(source, []))]
+
+
+def uses(path: Path, line: int) -> list[int]:
+    """Return the lines with the name of the constant that is defined in ``line``, if it is one."""
+    lines = path.read_text(encoding='utf-8').splitlines()
+    begin = next(one for one in range(line - 1, -1, -1) if not re.match(r'[\s)}\]]|$', lines[one]))
+    found = re.match(r'(\w+)[^=(]*=', lines[begin])
+    return [number for number, text in enumerate(lines, 1)
+            if found and re.search(rf'\b{found[1]}\b', text)]
 
 
 class Workplace:
     """A copy of the checkout ``root`` in ``folder``, for one test run at a time."""
 
-    def __init__(self, root: Path, folder: Path, count: int) -> None:
-        self.tree, self._count = folder / 'tree', count
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.tree = folder / 'tree'
         self._mark = f'MUTANT_TREE={self.tree}'
-        self._known: dict[str, tuple[list[str], float]] = {}
+        self._seconds = defaultdict[str, float](float)  # of the tests that pass without a mutant
+        self._lines: dict[str, dict[int, list[str]]] = {}  # source -> line -> test|phase
         shutil.copytree(root, self.tree, ignore=shutil.ignore_patterns(*NOT_COPIED))
 
-    def run(self, arguments: Sequence[str], timeout: float) -> tuple[int | None, str]:
-        """Return exit status, None after a time-out, and output; end all started processes."""
+    def run(self, arguments: Sequence[str], seconds: float) -> tuple[int | None, str]:
+        """
+        Return exit status and output; end all started processes.
+
+        The status is None after ``seconds`` of CPU time, or ``WAIT_FACTOR`` times as many.
+        """
         name, _, value = self._mark.partition('=')
         environment = {**os.environ, name: value, 'PYTHONPATH': str(self.tree),
                        'TEST_PATIENCE': '15', 'PYTHONDONTWRITEBYTECODE': '1'}
@@ -232,15 +260,17 @@ class Workplace:
                 [sys.executable, *arguments], cwd=self.tree, env=environment,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
             resource.prlimit(process.pid, resource.RLIMIT_DATA, (MAX_MEMORY, MAX_MEMORY))
+            resource.prlimit(process.pid, resource.RLIMIT_CPU, (round(seconds), round(seconds)))
             try:
-                status = process.wait(timeout)
+                status = process.wait(WAIT_FACTOR * seconds)
             except subprocess.TimeoutExpired:
                 status = None
             finally:
                 self._end_processes()
                 process.wait()
             log.seek(0)
-            return status, log.read().decode(errors='replace')
+            ended = status in (-signal.SIGXCPU, -signal.SIGKILL)
+            return None if ended else status, log.read().decode(errors='replace')
 
     def _end_processes(self) -> None:
         """End all processes started here, including those in their own session."""
@@ -251,29 +281,57 @@ class Workplace:
             except OSError:
                 pass  # ended, or another user's process
 
-    def passing(self, source: str) -> tuple[list[str], float]:
-        """Return the test files of ``source`` that pass, at most ``count``, and their time [s]."""
-        if source not in self._known:
-            chosen, failed = tests_of(self.tree, source)[:self._count], ['']
-            while chosen and failed:
-                begin = time.monotonic()
-                status, output = self.run([*PYTEST, *chosen], MAX_TIME)
-                failed = [test for test in chosen if status and f' {test}' in output]
-                chosen = [] if status and not failed else [
-                    test for test in chosen if test not in failed]
-            self._known[source] = chosen, time.monotonic() - begin if chosen else 0.0
-        return self._known[source]
+    def measure(self, sources: Iterable[str]) -> None:
+        """Run the tests of the sources unchanged: which pass, how long, and the lines they run."""
+        tests = sorted({test for source in sources for test in tests_of(self.tree, source)})
+        if not tests:
+            return
+        _, output = self.run([*PYTEST, *MEASURE, *tests], MAX_TIME)
+        failed = set(FAILED.findall(output))
+        for test in sorted(failed):
+            print(f'fails without a mutant: {test}')
+        for seconds, test in DURATION.findall(output):
+            if not failed.intersection([test, test.partition('::')[0]]):
+                self._seconds[test] += float(seconds)
+        data = CoverageData(str(self.tree / '.coverage'))
+        data.read()
+        for source in sources:
+            self._lines[source] = data.contexts_by_lineno(str(self.tree / source))
+
+    def tests(self, mutant: Mutant) -> dict[str, float]:
+        """Return the tests that may detect a mutant and their times [s], the fastest first."""
+        files = tests_of(self.tree, mutant.file)
+        lines = self._lines.get(mutant.file, {})
+        changed = range(mutant.line, mutant.line + mutant.old.count('\n') + 1)
+        ran = {one for line in changed for one in lines.get(line, []) if one} or {
+            one for line in uses(self.tree / mutant.file, mutant.line)
+            for one in lines.get(line, []) if one}
+        # A fixture may be shared by the file, and processes are not seen.
+        whole = {one.partition('::')[0] for one in ran if one.endswith('|setup')}
+        unseen = PROCESS_TESTS.get(mutant.file, [])
+        whole.update(unseen if ran else unseen or files[:MAX_FILES])
+        chosen = {one.rpartition('|')[0] for one in ran}
+        found, left = dict[str, float](), MAX_MUTANT_TIME
+        for test, seconds in sorted(self._seconds.items(), key=lambda item: item[1]):
+            if test in chosen or test.partition('::')[0] in whole:
+                left -= seconds
+                if found and left < 0.0:
+                    break
+                found[test] = seconds
+        return found
 
     def evaluate(self, mutant: Mutant) -> str:
         """Return 'survived', 'untested', or what killed the mutant."""
-        tests, seconds = self.passing(mutant.file)
-        path = self.tree / mutant.file
-        original = path.read_bytes()
+        tests = self.tests(mutant)
         if not tests:
             return 'untested'
+        path, chosen = self.tree / mutant.file, self.tree / 'chosen_tests'
+        original = path.read_bytes()
         path.write_bytes(mutant.applied(original))
+        chosen.write_text('\n'.join(tests))
         try:
-            status, output = self.run([*PYTEST, *tests], TIMEOUT_FACTOR * seconds + GRACE)
+            status, output = self.run([*PYTEST, '-x', f'@{chosen}'],
+                                      TIMEOUT_FACTOR * sum(tests.values()) + GRACE)
         finally:
             path.write_bytes(original)
         if status == 0:
@@ -291,8 +349,6 @@ def main(words: Sequence[str] | None = None) -> int:
                         help='number of mutants of each room, chosen at random (%(default)s)')
     parser.add_argument('--seed', type=int, default=1, help='seed of the sample (%(default)s)')
     parser.add_argument('--minutes', type=float, default=60.0, help='time limit (%(default)s)')
-    parser.add_argument('--files', type=int, default=8, metavar='N',
-                        help='number of test files for one mutant (%(default)s)')
     parser.add_argument('--root', type=Path, default=ROOT, metavar='DIR',
                         help='checkout, e.g. of another version (default: this one)')
     options = parser.parse_args(words)
@@ -300,11 +356,13 @@ def main(words: Sequence[str] | None = None) -> int:
     end, verdicts = time.monotonic() + 60.0 * options.minutes, defaultdict[str, Counter[str]](
         Counter)
     with tempfile.TemporaryDirectory(prefix='mutants-') as folder:
-        workplace = Workplace(root, Path(folder), options.files)
+        workplace = Workplace(root, Path(folder))
         for room in options.room or [SAFETY]:
             found = [mutant for file in sources(root, room)
                      for mutant in mutants(file, (root / file).read_text(encoding='utf-8'))]
-            for mutant in sorted(found, key=lambda one: one.rank(options.seed))[:options.sample]:
+            sample = sorted(found, key=lambda one: one.rank(options.seed))[:options.sample]
+            workplace.measure({mutant.file for mutant in sample})
+            for mutant in sample:
                 if time.monotonic() > end:
                     print('stopped by the time limit')
                     break

@@ -605,7 +605,9 @@ def main(words: Sequence[str] | None = None) -> int:
     if 'CLOCK_SKEW_FILE' not in os.environ:
         restart_with_clock(out)
     remove_traces(out)
-    environment = {**isolated_environment(), 'SOAK_FOLDER': str(out),
+    # as on a robot: on LOCALHOST rmw_fastrtps uses shared memory, whatever is chosen
+    environment = {**isolated_environment(), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
+                   'SOAK_FOLDER': str(out),
                    'PYTHONPATH': os.pathsep.join(map(str, (ROOT, ROOT / 'test')))}
     os.environ.update(environment)
     params = write_parameters(out, 'soak.yaml', options.seed, {})

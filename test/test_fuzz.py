@@ -12,11 +12,12 @@
 
 from __future__ import annotations
 
+import inspect
 from itertools import count, islice
 import os
 import signal
 import sys
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import fuzz
 import pytest
@@ -52,7 +53,11 @@ def test_nodes_read_inputs_that_once_failed_and_changed_ones(name, new, isolated
         assert target.read(data)
 
 
-def test_the_lines_of_functions_that_inputs_run_are_counted_by_room(tmp_path):
+def test_the_lines_of_functions_that_inputs_run_are_counted_by_room(tmp_path, monkeypatch):
+    replaced = ModuleType('replaced')  # by a namespace package
+    monkeypatch.setattr(replaced, '__file__', None, raising=False)
+    monkeypatch.setitem(sys.modules, 'replaced', replaced)
+    monkeypatch.setitem(vars(inspect)['_filesbymodname'], 'replaced', 'earlier.py')
     target = TARGETS['xsens']
     fuzz.run(target.read, source(list(target.seeds()) * 20), SECONDS, lines=tmp_path)
     shares = fuzz.shares(tmp_path)

@@ -29,6 +29,7 @@ CHANGES = [  # statement, its changes
     ('x = [b for b in a if b]', {'x = [b for b in a if not (b)]'}),
     ('x = b if a else c', {'x = b if not (a) else c'}),
     ('x = 10', {'x = 11', 'x = 100'}),
+    ('x = 2_000_000', {'x = 4000000', 'x = 20000000'}),
     ('x = 0.5', {'x = 1.0', 'x = 0.05'}),
     ('x = True', {'x = False'}),
     (r"x = b'\xff\x00'", {r"x = b'\xff\x01'"}),
@@ -112,22 +113,32 @@ def test_tests_are_those_of_the_mirrored_folder_that_import_the_file(toy):
                                               'smart_tire/clock/main.py']
 
 
+@pytest.mark.parametrize('line, name', [
+    (1, 'AGE'), (3, 'TABLE'), (4, 'TABLE'), (6, None), (7, None)])
+def test_a_constant_is_tested_where_it_is_used(tmp_path, line, name):
+    text = ('AGE = 2\nTABLE = {\n    1: 2,\n}\n\nclass A:\n    age: int = 3\n\n'
+            'def f(x):\n    return x > AGE and TABLE\n')
+    (tmp_path / 'some.py').write_text(text)
+    assert mutation.uses(tmp_path / 'some.py', line) == [
+        number for number, one in enumerate(text.splitlines(), 1) if name and name in one]
+
+
 @pytest.mark.parametrize('status, output, verdict', [
     (0, '', 'survived'), (None, '', 'time-out'), (2, '', 'exit 2'),
     (1, 'FAILED test/clock/test_a.py::test_b - why\n', 'test/clock/test_a.py::test_b')])
 def test_the_verdict_is_what_the_tests_of_the_changed_source_say(
-        toy, tmp_path_factory, monkeypatch, status, output, verdict):
+        toy, tmp_path, monkeypatch, status, output, verdict):
     source, seen = 'smart_tire/clock/late.py', []
-    workplace = mutation.Workplace(toy, tmp_path_factory.mktemp('copy'), 8)
-    results = iter([(0, ''), (status, output)])
+    workplace = mutation.Workplace(toy, tmp_path / 'copy')
 
-    def run(arguments, timeout):
+    def run(arguments, seconds):
         seen.append((workplace.tree / source).read_text())
-        return next(results)
+        return status, output
     monkeypatch.setattr(workplace, 'run', run)
+    monkeypatch.setattr(workplace, 'tests', lambda mutant: {'a test': 0.1})
     [mutant] = (one for one in mutation.mutants(source, TOY[source]) if '>=' in one.new)
     assert workplace.evaluate(mutant) == verdict
-    assert seen == [TOY[source], TOY[source].replace('>', '>=')]
+    assert seen == [TOY[source].replace('>', '>=')]
     assert (workplace.tree / source).read_text() == TOY[source]
 
 

@@ -162,14 +162,14 @@ class McapFile:
             waiting.sort(key=log_time)  # stable, and fast if already in order
         yield from waiting
 
-    def _read_index(self) -> list[Block]:
-        """Return the blocks that the summary lists; none if it is missing or incomplete."""
+    def _read_index(self) -> list[Block] | None:
+        """Return the blocks that the summary lists; None if it is missing or incomplete."""
         data = self._data
         if len(data) < len(MAGIC) + FOOTER.size:
-            return []
+            return None
         opcode, _, start, _, checksum, magic = FOOTER.unpack_from(data, len(data) - FOOTER.size)
         if opcode != Opcode.FOOTER or magic != MAGIC or not 0 < start < len(data):
-            return []
+            return None
         try:
             if checksum and crc32(data[start:-len(MAGIC) - 4]) != checksum:
                 raise ValueError('checksum mismatch')
@@ -183,11 +183,11 @@ class McapFile:
             fitting = sum(map(self._has_header, blocks))
             if not checksum and fitting < len(blocks) or 2 * fitting < len(blocks):
                 raise ValueError('chunks are not where it says')
-            return blocks if self._read_summary(summary, blocks) else []
+            return blocks if self._read_summary(summary, blocks) else None
         except DECODE_ERRORS as error:
             add_warning(self.warnings, f'{self.path.name}: index is damaged ({error})')
             self._counts = None
-            return []
+            return None
 
     def _indexed_block(self, entry: ChunkIndex) -> Block:
         """Return the block of an index entry, whatever the header of the chunk is."""

@@ -233,16 +233,14 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
                     bag.losses.add(f'only the first {bag.max_content / 1e6:.0f} MB of messages '
                                    'are recovered')
                     break
-                if not writer.has_topic(channel.topic):  # with another name in the summary
-                    writer.add_topic(_completed(channel))
+                writer.add_topic(_completed(channel))  # new if it has another name in the summary
                 writer.write(channel.topic, receive_ns, data)
             return Recovery(writer.counts, bag.warnings, bag.losses.lines(), bag.span_ns)
 
 
 def _completed(channel: Channel) -> Channel:
     """Return ``channel`` with its type definition, which sqlite3 bags may lack."""
-    known = channel_of(channel.topic, channel.type)
-    if channel.definition or not known.definition:
+    if channel.definition or not (known := channel_of(channel.topic, channel.type)).definition:
         return channel
     return replace(channel, definition=known.definition, type_hash=known.type_hash,
                    definition_encoding=known.definition_encoding)

@@ -35,7 +35,6 @@ from smart_tire.errors import ParameterError
 from smart_tire.findings import Level
 from smart_tire.host_load import worst_of
 from smart_tire.rotation import euler
-from smart_tire.samples import NS_PER_S
 
 SPIN_TIME = 0.05         # s between two looks at keys, progress and signals
 SHOW_PERIOD = 0.2        # s between two updates of the dashboard
@@ -47,7 +46,6 @@ ZERO_TIME = 0.5          # s in which standstill is commanded after the keys wer
 REASON_TIME = 5.0        # s until a reason is in the diagnostics, which come once a second
 STANDING_SPEED = 0.02    # m/s, of a robot that stands
 FOLLOWER = 'trajectory_controller'
-MAX_LATENESS = 0.5     # s, of odom and wheel_states; the default of checks.odom_timeout
 MAX_RESUMPTIONS = 10   # of one path
 PATIENCE = 10.0        # longest waits for the controller over those for a robot
 KEYS_HELP = ('arrows or WASD: drive and turn, held down; space: stop; + and -: speed; q: quit. '
@@ -61,7 +59,6 @@ class Session:
         self.stack, self.pilot = stack, runner.node
         self._runner, self._stopped = runner, stopped
         self.remaining = 0.0  # m of the latest path when it was last reported
-        self.lateness = 0.0   # s, largest age of odom or wheel_states while it was followed
 
     def spin(self, seconds: float = SPIN_TIME) -> None:
         """Handle messages; raise KeyboardInterrupt or RobotError if the drive has to end."""
@@ -159,13 +156,9 @@ class Session:
         """Follow a path in ``odom``, then stand still; return the state in which it ended."""
         self.pilot.follow(poses)
         following, state = Following(length(poses), time.monotonic(), patience), None
-        self.lateness = 0.0
         while state is None:
             self.spin(SHOW_PERIOD)
             state = following.end_state(self.pilot.progress, time.monotonic())
-            oldest_ns = min(sample.stamp_ns for sample in (self.pilot.odometry, self.pilot.wheels)
-                            if sample is not None)
-            self.lateness = max(self.lateness, (self.pilot.now_ns() - oldest_ns) / NS_PER_S)
             dashboard.show(name, self.pilot, note(self.pilot.progress))
         self.remaining = following.remaining
         end = time.monotonic() + STANDSTILL_TIME
@@ -277,10 +270,9 @@ def follow_resuming(session: Session, name: str, poses: Poses,
         if state == State.ARRIVED:
             return state, ''
         reason, cause = session.reason(state)
-        # late data, or what they cause: a wrong pose, or motors that their driver has stopped
-        # because boards answer late
-        if not (cause == Cause.LATE.value or session.lateness > MAX_LATENESS
-                and cause == Cause.MOTION.value):
+        # late data, or what a late host causes: a wrong pose, or motors that their driver has
+        # stopped because boards answer late
+        if not (cause == Cause.LATE.value or session.late_host and cause == Cause.MOTION.value):
             return state, reason
         session.await_standstill()
         rest = remaining_path(rest, session.remaining, session.start_pose()[:2])

@@ -188,7 +188,7 @@ def _show_live(scene: Scene, viewer: Viewer | None) -> int:
         signal.signal(number, lambda which, _: stopped.append(which))
     feed = LiveFeed(scene)
     with NodeRunner(partial(Listener, feed.on_sample, feed.on_status, topics=scene.topics,
-                            on_image=feed.on_image, name=NODE)) as runner:
+                            on_image=feed.on_image, name=NODE), images=True) as runner:
         try:
             while not stopped and (viewer is None or viewer.running):
                 runner.spin(FLUSH_PERIOD)

@@ -220,8 +220,7 @@ class Board:
     name: str
     encoders: list[WheelEncoder]
     checks: list[MotionCheck]
-    read_ns: int | None = None   # steady clock, latest reading of the encoders
-    elapsed_ns: int = 0          # between the two latest readings
+    read_ns: int = 0             # steady clock, latest reading of the encoders; 0: none
     sampled: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad, at the last sample
     span_ns: int = 0             # since the last sample
     duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
@@ -236,14 +235,14 @@ class Board:
 
     def reset(self) -> None:
         """Discard readings from before a pause."""
-        self.read_ns, self.measured = None, ()
+        self.read_ns, self.measured = 0, ()
         self.begin_span()
         for check in self.checks:
             check.reset()
 
     def check_motion(self) -> list[str]:
         """Return a fault of each wheel, '' if there is none; at most every ``CHECK_PERIOD``."""
-        if self.read_ns is None or self.read_ns - self.checked_ns < CHECK_PERIOD_NS:
+        if not self.read_ns or self.read_ns - self.checked_ns < CHECK_PERIOD_NS:
             return []
         measured = self.measured or [(duty, NAN) for duty in self.forward_duty()]
         self.checked_ns, self.measured = self.read_ns, ()

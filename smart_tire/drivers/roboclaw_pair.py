@@ -74,14 +74,14 @@ class RoboclawPair:
                  deliver: Callable[[WheelSample], None], clock: Clock = SYSTEM) -> None:
         self._params, self._gate, self._deliver = params, gate, deliver
         self._clock = clock
-        encoders = [WheelEncoder(sign, params.robot.encoder.counts_per_revolution)
-                    for sign in params.signs]
-        checks = [MotionCheck(params, encoder.resolution) for encoder in encoders]
-        self._boards = [
-            Board(address, f'{name} board {address} (0x{address:x})',
-                  encoders[2 * axle:2 * axle + 2], checks[2 * axle:2 * axle + 2])
-            for axle, (name, address) in enumerate(zip(AXLES, params.addresses))]
-        self._encoders = encoders
+        self._boards = []
+        for name, address, *signs in zip(AXLES, params.addresses, *[iter(params.signs)] * 2):
+            encoders = [WheelEncoder(sign, params.robot.encoder.counts_per_revolution)
+                        for sign in signs]
+            checks = [MotionCheck(params, encoder.resolution) for encoder in encoders]
+            self._boards.append(Board(
+                address, f'{name} board {address} (0x{address:x})', encoders, checks))
+        self._encoders = [encoder for board in self._boards for encoder in board.encoders]
         self._period_ns = round(NS_PER_S / params.rate)
         polls = math.ceil(self._period_ns / (MAX_POLL_PERIOD * NS_PER_S))  # per sample
         self._poll_ns = self._period_ns // polls
@@ -124,7 +124,7 @@ class RoboclawPair:
     def reading_ages(self) -> dict[str, float]:
         """Return the time since the latest encoder reading of each board [s], by board name."""
         now_ns = self._clock.now_ns()
-        return {board.name: (now_ns - max(board.read_ns or 0, self._since_ns)) / NS_PER_S
+        return {board.name: (now_ns - max(board.read_ns, self._since_ns)) / NS_PER_S
                 for board in self._boards}
 
     def supply_voltage(self) -> float:
@@ -225,8 +225,8 @@ class RoboclawPair:
         if self.line.retried:  # the reply may belong to either request: its time is uncertain
             return False
         mean_ns = (asked_ns + self._clock.now_ns()) // 2
-        elapsed_ns = 0 if board.read_ns is None else mean_ns - board.read_ns
-        board.read_ns, board.elapsed_ns = mean_ns, elapsed_ns
+        elapsed_ns = mean_ns - board.read_ns if board.read_ns else 0
+        board.read_ns = mean_ns
         board.span_ns += elapsed_ns
         for encoder, count in zip(board.encoders, counts):
             encoder.add_count(count, elapsed_ns / NS_PER_S)
@@ -234,8 +234,7 @@ class RoboclawPair:
             self._check_timeout(board)  # a restarted board has lost its counts
         if elapsed_ns > MAX_SPEED_GAP_NS:
             board.reset()
-            return False
-        return elapsed_ns > 0
+        return board.span_ns > 0
 
     def _check_motion(self) -> None:
         found = [board.check_motion() for board in self._boards]
@@ -291,7 +290,6 @@ class RoboclawPair:
         """Send zero duty for ``ZERO_DUTY_TIME``; return whether both acknowledged the last one."""
         for board in self._boards:
             self.line.post(board.address, SET_DUTY, 0, 0)
-            board.duty = (0.0, 0.0)
         acknowledged = False
         end_ns = self._clock.now_ns() + round(ZERO_DUTY_TIME * NS_PER_S)
         while self._clock.now_ns() < end_ns:
@@ -319,11 +317,10 @@ class RoboclawPair:
 
     def _sample(self) -> WheelSample:
         """Return the wheel states at the mean time of the readings of both boards."""
-        read_ns = [board.read_ns or 0 for board in self._boards]
-        mean_ns = sum(read_ns) // len(read_ns)
+        mean_ns = sum(board.read_ns for board in self._boards) // len(self._boards)
         position, velocity, effort = list[float](), list[float](), list[float]()
         for board in self._boards:
-            delay = (mean_ns - (board.read_ns or 0)) / NS_PER_S
+            delay = (mean_ns - board.read_ns) / NS_PER_S
             for encoder, speed in zip(board.encoders, board.mean_speeds()):
                 velocity.append(speed)
                 position.append(encoder.position + speed * delay)

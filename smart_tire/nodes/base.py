@@ -288,7 +288,7 @@ class SmartTireNode(Node, Generic[Params]):
         typed = TYPED.get(name)
         if typed is None or typed.sample is not TOPICS[name].sample:
             return publish
-        publish_typed = self.make_typed_publisher(name, wheels=wheels)
+        publish_typed = self.make_typed_publisher(name)
 
         def publish_both(sample: Any) -> None:
             publish(sample)

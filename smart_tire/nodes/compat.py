@@ -12,8 +12,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
+import os
 import re
 import sys
 from typing import Any, cast
@@ -29,6 +31,8 @@ from smart_tire.parameters.files import from_arguments
 RCLError: type[RuntimeError] = rclpy_implementation.RCLError  # of ``publish``
 RMWError: type[RuntimeError] = rclpy_implementation.RMWError  # of ``deserialize_message``
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # rcl, of an endpoint before its node
+TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
+PROFILES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 
 
 def new_executor() -> Any:
@@ -44,6 +48,25 @@ def new_executor() -> Any:
     except ModuleNotFoundError:
         return SingleThreadedExecutor()
     return experimental.EventsExecutor()
+
+
+@contextmanager
+def shared_memory(*, images: bool) -> Iterator[None]:
+    """
+    Let Fast DDS use shared memory for ``images`` only, by the first node created in this context.
+
+    A process that is killed while it has the lock of a shared memory port of Fast DDS (3.2,
+    ``regenerate_port``) blocks for ever whoever publishes to this port, and Python with it. The
+    choice of a user in the environment remains.
+    """
+    if images or any(name in os.environ for name in (TRANSPORTS, *PROFILES)):
+        yield
+        return
+    os.environ[TRANSPORTS] = 'UDPv4'
+    try:
+        yield
+    finally:
+        del os.environ[TRANSPORTS]  # processes that this one starts may send images
 
 
 def message_class(type_name: str) -> type[Any]:

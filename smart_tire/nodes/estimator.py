@@ -46,8 +46,6 @@ class EstimatorNode(SmartTireNode[Params]):
     During a replay it processes its inputs in recorded order (``smart_tire.nodes.lockstep``).
     """
 
-    feedback: tuple[str, ...] = ()  # inputs that depend on this node's own outputs
-
     def __init__(self, name: str, params_class: type[Params],
                  new_estimator: Callable[[Params], Estimator], outputs: tuple[str, ...]) -> None:
         super().__init__(name, params_class)
@@ -78,8 +76,7 @@ class EstimatorNode(SmartTireNode[Params]):
         """
         if self.exchange is not None and self.exchange.live:
             return on_message
-        return self._follower.add_input(
-            self.resolve_topic_name(name), on_message, feedback=name in self.feedback)
+        return self._follower.add_input(self.resolve_topic_name(name), on_message)
 
     def conversion(self, name: str, joints: JointParams) -> Callable[[Any], Sample]:
         """

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 import sys
 from typing import Any
@@ -45,14 +46,13 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     def __init__(self) -> None:
         self._odom: Subscription[Any] | Inbox | None = None
         self._wheels_before = 0  # wheel samples until the latest check
-        self._has_samples = False
         super().__init__('friction_estimator', FrictionEstimatorParams, FrictionEstimator,
                          tuple(FRICTION.outputs.values()))
         wheels = len(self.params.robot.film.wheels)
         for kind, name in FRICTION.inputs.items():
             if kind is not Odometry:
                 self.subscribe(name, self.on_sample, wheels=wheels if kind is TireSample else 1,
-                               required=kind is not TireSample or wheels > 0, announced=True,
+                               required=kind is not TireSample or wheels > 0,
                                reliability=self.params.reliability,
                                from_msg=self.conversion(name, self.params.robot.joints),
                                urgent=kind is not TireSample)  # at least 400 Hz, with the next IMU
@@ -60,10 +60,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
 
     def on_sample(self, sample: Sample) -> None:
         """Process a sample; import what crossings need with the first one, before the drive."""
-        if not self._has_samples:
-            self._has_samples = True
-            for name in USED_BY_CROSSINGS:
-                import_module(name)
+        import_for_crossings()
         super().on_sample(sample)
 
     def restart(self) -> None:
@@ -110,6 +107,13 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
         assert isinstance(self.estimator, FrictionEstimator)
         for estimate in self.estimator.finish():
             self.publish_estimate(estimate)
+
+
+@cache
+def import_for_crossings() -> None:
+    """Import what the first crossing uses, which would be late otherwise."""
+    for name in USED_BY_CROSSINGS:
+        import_module(name)
 
 
 def main() -> int:

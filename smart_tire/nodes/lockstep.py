@@ -61,7 +61,6 @@ class ControlMessage:
     run: str      # identifies one replay
     topics: Sequence[str] = ()     # announce: replayed or published by followers; ready: the same
     inputs: Sequence[str] = ()     # ready: topics subscribed to
-    feedback: Sequence[str] = ()   # ready: inputs published by a node further downstream
     outputs: Sequence[str] = ()    # ready: topics published
     unmatched: Sequence[str] = ()  # ready: inputs among ``topics`` without a matched publisher
     heard: Sequence[str] = ()      # ready: names of the other followers heard
@@ -75,7 +74,7 @@ class ControlMessage:
         try:
             control = cls(**json.loads(message.data))
             names = (control.kind, control.sender, control.run, *control.topics, *control.inputs,
-                     *control.feedback, *control.outputs, *control.unmatched, *control.heard,
+                     *control.outputs, *control.unmatched, *control.heard,
                      *chain(*control.upstream.items()), *(topic for topic, _ in control.entries))
             numbers = control.number, *(stamp_ns for _, stamp_ns in control.entries)
         except (TypeError, ValueError, AttributeError, RecursionError):
@@ -119,7 +118,6 @@ class FollowerInput:
     """An input of a follower, with the messages that wait for their position in the order."""
 
     handle: Callable[[Any], None]
-    feedback: bool
     waiting: deque[Any] = field(default_factory=deque)
 
     def take(self, stamp_ns: int) -> tuple[Any, int]:
@@ -154,10 +152,10 @@ class Follower:
         """Return the name of the replayer that is followed; '' without a replay."""
         return self._leader
 
-    def add_input(self, topic: str, handle: Callable[[Any], None],
-                  feedback: bool = False) -> Callable[[Any], None]:
-        """Return the callback for ``topic``; ``feedback`` is published further downstream."""
-        own = self._inputs[topic] = FollowerInput(handle, feedback)
+    def add_input(self, topic: str,
+                  handle: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return the callback for ``topic``."""
+        own = self._inputs[topic] = FollowerInput(handle)
 
         def on_message(message: Any) -> None:
             if not self._leader:
@@ -227,8 +225,7 @@ class Follower:
                      if topic in announced.topics and not has_matched(self._node, topic)]
         self._channel.send(
             self._run, 'ready', topics=announced.topics, unmatched=unmatched,
-            heard=list(self._heard), inputs=list(self._inputs), outputs=self._outputs,
-            feedback=[topic for topic, own in self._inputs.items() if own.feedback])
+            heard=list(self._heard), inputs=list(self._inputs), outputs=self._outputs)
 
     def _advance(self) -> None:
         steps = self._steps[self._upstream] if self._upstream else deque()
@@ -266,7 +263,6 @@ class Leader:
         self._followers: dict[str, ControlMessage] = {}  # name -> latest 'ready'
         self._upstream: dict[str, str] = {}
         self._done: dict[str, int] = {}        # name -> latest completed step
-        self._feedback: defaultdict[int, list[Entry]] = defaultdict(list)  # by step it came from
 
     @property
     def followers(self) -> list[str]:
@@ -304,21 +300,14 @@ class Leader:
     def begin(self) -> None:
         """Send each follower the node whose order it has to keep."""
         for name, ready in self._followers.items():
-            required = set(ready.inputs) - set(ready.feedback)
             sources = sorted(source for source, other in self._followers.items()
-                             if source != name and required & set(other.outputs))
+                             if source != name and set(ready.inputs) & set(other.outputs))
             self._upstream[name] = sources[0] if sources else self._channel.name
         self._channel.send(self._run, 'plan', upstream=self._upstream)
 
     def step(self, number: int, entries: Sequence[Entry]) -> None:
-        """
-        Publish the order of the step ``number``.
-
-        It begins with the feedback from step ``number - MAX_STEPS_AHEAD``, so that feedback has
-        the same position in every replay.
-        """
-        feedback = self._feedback.pop(number - MAX_STEPS_AHEAD, [])
-        self._channel.send(self._run, 'step', number=number, entries=[*feedback, *entries])
+        """Publish the order of the step ``number``."""
+        self._channel.send(self._run, 'step', number=number, entries=entries)
 
     def behind(self, number: int) -> list[str]:
         """Return the followers that have not completed the step ``number``."""
@@ -336,8 +325,3 @@ class Leader:
             self._followers[control.sender] = control
         elif control.kind == 'step':
             self._done[control.sender] = control.number
-            outputs = self._followers[control.sender].outputs
-            needed = {topic for other in self._followers.values() for topic in other.feedback}
-            self._feedback[control.number] += [
-                (topic, stamp_ns) for topic, stamp_ns in control.entries
-                if topic in outputs and topic in needed]

@@ -40,7 +40,6 @@ from std_msgs.msg import Bool
 DISCOVERY_PERIOD = 0.3  # s between queries of the published topics
 BOOL = 'std_msgs/msg/Bool'
 STATES = ('emergency_stop_active', 'motors_enabled')  # of motor_driver, not in TOPICS
-WITH_MANY_WHEELS = 'tire_samples', 'tire_friction'  # topics that several wheels share
 
 OnSample = Callable[[str, Sample], None]
 OnStatus = Callable[[NodeStatus], None]
@@ -71,7 +70,7 @@ class Listener(SmartTireNode[NoParams]):
         self._on_status = on_status
         for topic in topics:
             self.subscribe(topic, partial(on_sample, topic),
-                           wheels=len(WHEELS) if topic in WITH_MANY_WHEELS else 1)
+                           wheels=len(WHEELS) if topic == 'tire_samples' else 1)
         if on_image is not None:
             for topic, kind in IMAGES.items():
                 self._subscribe_images(topic, partial(on_image, kind), message_class(kind))
@@ -192,7 +191,7 @@ def discovery_time() -> float | None:
         nodes.append(rclpy.create_node(f'doctor_{os.getpid()}_{index}', context=context,
                                        enable_rosout=False, start_parameter_services=False))
     topic = f'/_doctor_{os.getpid()}'
-    nodes[0].create_publisher(Bool, topic, latched()).publish(Bool(data=True))
+    nodes[0].create_publisher(Bool, topic, latched()).publish(Bool())
     nodes[1].create_subscription(Bool, topic, received.append, latched())
     executor = SingleThreadedExecutor(context=contexts[1])
     executor.add_node(nodes[1])

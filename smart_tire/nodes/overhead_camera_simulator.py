@@ -115,7 +115,7 @@ class OverheadCameraSimulator(SmartTireNode[OverheadCameraSimulatorParams]):
 
 def main() -> int:
     """Run the node."""
-    return run(OverheadCameraSimulator)
+    return run(OverheadCameraSimulator, images=True)
 
 
 if __name__ == '__main__':

@@ -76,7 +76,7 @@ class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):
 
 def main() -> int:
     """Run the node."""
-    return run(OverheadLocalizerNode)
+    return run(OverheadLocalizerNode, images=True)
 
 
 if __name__ == '__main__':

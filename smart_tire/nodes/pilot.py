@@ -23,7 +23,7 @@ from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.qos import latest_qos, subscriber_qos
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import (
-    Friction, Odometry, PathProgress, PlannedPath, Sample, Vector3, VelocityCommand, WHEELS,
+    Friction, Odometry, PathProgress, PlannedPath, Sample, Vector3, VelocityCommand,
     WheelSample, WheelSlip)
 from std_srvs.srv import Trigger
 
@@ -66,7 +66,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         for topic, field in latest.items():  # on a busy machine a queue is always full
             self.subscribe(topic, self._store_in(field), profile=latest_qos(topic))
         self.subscribe('path_progress', self._store_in('progress'))
-        self.subscribe('tire_friction', self._on_friction, wheels=len(WHEELS))
+        self.subscribe('tire_friction', self._on_friction)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics,
                                  subscriber_qos('/diagnostics'))
         self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
@@ -148,4 +148,4 @@ class Pilot(SmartTireNode[WheelControllerParams]):
 
     def _on_diagnostics(self, msg: Any) -> None:
         for status in statuses_from_msg(msg):
-            self.health[status.name.rsplit('/', 1)[-1]] = status.values
+            self.health[status.name.rpartition('/')[2]] = status.values

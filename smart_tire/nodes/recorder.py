@@ -247,7 +247,7 @@ def record(directory: Path, topics: Collection[str] = (),
 
     with BagWriter(directory, ros_distro=os.environ.get('ROS_DISTRO', ''), max_size=max_size,
                    max_duration=max_duration) as writer:
-        status = run(new_recorder, own_arguments=True)
+        status = run(new_recorder, own_arguments=True, images=True)
     for recorder in recorders:
         if recorder.problem:
             raise BagError(recorder.problem)

@@ -206,8 +206,8 @@ class Replayer:
         estimators = self._leader.candidates() & self._subscribers_of_replay().keys()
         self.result.failures = [f'{name} started after the replay had begun'
                                 for name in sorted(estimators - set(self._leader.followers))]
-        if start_ns is not None:
-            self.result.rate = (bag_ns - start_ns) / max(1, self._host.now_ns() - started_ns)
+        if start_ns is not None and (elapsed_ns := self._host.now_ns() - started_ns):
+            self.result.rate = (bag_ns - start_ns) / elapsed_ns
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(ACK_TIMEOUT)
         self.result.complete = True
@@ -270,24 +270,15 @@ class Replayer:
         return True
 
     def _steps(self) -> Iterator[list[Event]]:
-        """
-        Yield the messages in steps, none of them empty.
-
-        Within a step neither reception time nor stamps advance by more than MAX_STEP_NS: after a
-        stall of the recorder, stamps advance faster than reception time, and the feedback to an
-        estimator must not be late by more than a few steps.
-        """
+        """Yield the messages in steps of ``MAX_STEP_NS`` of reception time, none of them empty."""
         step: list[Event] = []
         sizes: Counter[str] = Counter()
-        newest_ns = last_ns = 0  # latest stamp: now, and at the end of the previous step
         for event in self._events():
-            receive_ns, name, data = event
-            if name in self._inputs:
-                newest_ns = max(newest_ns, stamp_in(data))
-            if step and (receive_ns - step[0][0] > MAX_STEP_NS or newest_ns - last_ns > MAX_STEP_NS
+            receive_ns, name, _ = event
+            if step and (receive_ns - step[0][0] > MAX_STEP_NS
                          or sizes[name] == MAX_TOPIC_MESSAGES):
                 yield step
-                step, sizes, last_ns = [], Counter(), newest_ns
+                step, sizes = [], Counter()
             step.append(event)
             sizes[name] += 1
         if step:
@@ -317,10 +308,9 @@ def clock_message(now_ns: int) -> Clock:
     return msg
 
 
-def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool = False,
-           wait: float = 0.0, wait_for: Collection[str] = (),
-           renamed: Mapping[str, str] | None = None,
-           on_progress: Progress | None = None) -> Replay:
+def replay(bag: Bag, names: Collection[str], *, rate: float, clock: bool, wait: float,
+           wait_for: Collection[str], renamed: Mapping[str, str],
+           on_progress: Progress) -> Replay:
     """
     Publish the topics ``names`` of ``bag`` at ``rate`` times the recorded rate.
 
@@ -334,10 +324,10 @@ def replay(bag: Bag, names: Collection[str], *, rate: float = 1.0, clock: bool =
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     rclpy.init(args=ros_arguments(sys.argv), signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node('replayer')
+    node = rclpy.create_node('replayer')  # with shared memory, for images
     try:
         replayer = Replayer(node, bag, names, rate=rate, clock=clock, awaited=wait_for, stop=stop,
-                            renamed=renamed or {}, on_progress=on_progress)
+                            renamed=renamed, on_progress=on_progress)
         try:
             ready = replayer.wait(wait)
             for name in replayer.result.unsubscribed:

@@ -45,8 +45,7 @@ class RobotSimulator(SmartTireNode[SimulatorParams]):
 
     def __init__(self) -> None:
         super().__init__('robot_simulator', SimulatorParams)
-        wheels = len(self.params.robot.film.wheels)
-        self._publish = {name: self.make_publisher(name, wheels=wheels)
+        self._publish = {name: self.make_publisher(name)
                          for name in TOPICS if name.startswith('ground_truth/')}
         try:
             self._hardware = SimulatedHardware(

@@ -24,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.compat import new_executor, plain_message, RCLError
+from smart_tire.nodes.compat import new_executor, plain_message, RCLError, shared_memory
 from smart_tire.nodes.priority import request_priority
 from smart_tire.parameters.files import (
     files_of, foreign_arguments, read_blocks, ros_arguments)
@@ -39,15 +39,17 @@ class NodeRunner(Generic[Running]):
     """Context manager around a node and its executor; the caller spins it."""
 
     def __init__(self, node_class: Callable[[], Running],
-                 arguments: Sequence[str] | None = None) -> None:
+                 arguments: Sequence[str] | None = None, *, images: bool = False) -> None:
         """
         Create the node; raise ParameterError for an invalid parameter.
 
-        ``arguments`` are those of ROS, by default the command line of the process.
+        ``arguments`` are those of ROS, by default the command line of the process. Shared memory
+        is used for ``images`` only.
         """
         rclpy.init(args=ros_arguments(sys.argv) if arguments is None else list(arguments),
                    signal_handler_options=SignalHandlerOptions.NO)
-        self.node = node_class()
+        with shared_memory(images=images):
+            self.node = node_class()
         self._executor = new_executor()
         self._executor.add_node(self.node)
 
@@ -69,14 +71,16 @@ class NodeRunner(Generic[Running]):
             self._executor.spin_once(timeout_sec=min(MAX_SPIN_TIME, left_ns * 1e-9))
 
 
-def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = False) -> int:
+def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = False,
+        images: bool = False) -> int:
     """
     Spin nodes until SIGINT or SIGTERM; return the exit status for ``sys.exit``.
 
     Each node has its own executor and thread, the first one that of the caller. Signal handlers
     only set a flag, so neither callbacks nor clean-up are interrupted, even by repeated signals.
     An uncaught exception in any thread ends all nodes with EXIT_DEFECT. Arguments other than ROS
-    arguments are refused unless ``own_arguments`` is true.
+    arguments are refused unless ``own_arguments`` is true. Shared memory is used for ``images``
+    only.
     """
     exit_statuses: list[int] = []  # the first one is returned
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -97,7 +101,7 @@ def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = F
         return EXIT_REFUSED
     threading.excepthook = _stopping_hook(threading.excepthook, exit_statuses)
     try:
-        return _spin_all(node_classes, exit_statuses)
+        return _spin_all(node_classes, exit_statuses, images)
     finally:
         rclpy.try_shutdown()
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -114,9 +118,10 @@ def _stopping_hook(hook: Callable[[Any], Any],
 
 
 def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
-              exit_statuses: list[int]) -> int:
+              exit_statuses: list[int], images: bool = False) -> int:
     try:
-        nodes = [node_class() for node_class in node_classes]
+        with shared_memory(images=images):
+            nodes = [node_class() for node_class in node_classes]
     except ParameterError as error:
         get_logger('smart_tire').fatal(str(error))
         return EXIT_REFUSED

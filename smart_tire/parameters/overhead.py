@@ -14,13 +14,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
 from smart_tire.parameters.tuning import reliability
+
+if TYPE_CHECKING:
+    from numpy import float64
+    from numpy.typing import NDArray
 
 ROUNDING = 1e-5  # of the eigenvalues of correlations, which are written with seven digits
 
@@ -104,27 +106,28 @@ class OverheadParams(TagParams):
             if len(given := getattr(self, f'camera_{name}')) not in (0, count):
                 raise ValueError(f'overhead.camera_{name} has {len(given)} numbers, '
                                  f'expected {count}')
-        if np.linalg.eigvalsh(self._correlation, 'U')[0] < -ROUNDING:
+        if self.camera_correlation and self._correlations()[0].min() < -ROUNDING:
             raise ValueError('overhead.camera_correlation: not positive semidefinite')
 
-    @property
-    def _correlation(self) -> NDArray[np.float64]:
-        """Return the matrix (6, 6) of correlations, whose lower triangle is not used."""
+    def _correlations(self) -> tuple[NDArray[float64], NDArray[float64]]:
+        """Return eigenvalues (6,) and eigenvectors (6, 6) of the correlations."""
+        import numpy as np  # with the first camera: the help of a node is printed without it
         found = np.eye(6)
         found[np.triu_indices(6, 1)] = self.camera_correlation or 0.0
-        return found
+        values, vectors = np.linalg.eigh(found, 'U')
+        return values, vectors
 
     @property
-    def camera_errors(self) -> NDArray[np.float64]:
+    def camera_errors(self) -> NDArray[float64]:
         """
         Return independent errors of the place of the camera, one standard deviation each, (6, 6).
 
         Each column is an error of position [m] and angles [rad]; the covariance is their sum of
         outer products.
         """
-        values, vectors = np.linalg.eigh(self._correlation, 'U')
-        sigma = np.array([*self.camera_position_sigma, *self.camera_rotation_sigma])
-        return np.asarray(sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        values, vectors = self._correlations()
+        sigma = (*self.camera_position_sigma, *self.camera_rotation_sigma)
+        return (vectors.T * sigma).T * values.clip(0.0) ** 0.5
 
 
 @dataclass(frozen=True, kw_only=True)

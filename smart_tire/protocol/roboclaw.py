@@ -32,7 +32,6 @@ from smart_tire.protocol.deframer import Deframer
 
 ADDRESSES = range(0x80, 0x88)  # packet modes 7 to 14
 ACKNOWLEDGE = b'\xff'          # reply to a valid write request
-PACKET_GAP_NS = 10_000_000  # ns without a byte after which a board discards a packet
 COUNT_WRAP = 1 << 32        # counts, modulus of the encoder counters
 MAX_DUTY_CODE = 32767       # 100 % duty
 TIMEOUT_RESOLUTION = 0.1    # s per count of the serial time-out
@@ -197,7 +196,7 @@ class RequestDeframer(Deframer):
     """
 
     def clear(self) -> None:
-        """Discard an incomplete packet, as a board does after ``PACKET_GAP_NS`` without a byte."""
+        """Discard an incomplete packet, as a board does after a pause."""
         self._discard(len(self._buffer))
 
     def _bodies(self) -> Iterator[bytes]:

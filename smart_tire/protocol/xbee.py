@@ -106,16 +106,17 @@ class XBeeDeframer(Deframer):
         while (start := self._buffer.find(START)) >= 0:
             self._discard(start)
             end = self._buffer.find(START, 1)
-            if end < 0 and len(self._buffer) < self._needed:
+            latest = end == -1
+            if latest and len(self._buffer) < self._needed:
                 return
-            content = unescape(bytes(self._buffer[1:end if end > 0 else None]))
+            end = len(self._buffer) if latest else end
+            content = unescape(bytes(self._buffer[1:end]))
             length = int.from_bytes(content[:2], 'big') if len(content) >= 2 else 0
             size = 2 + length + 1 if len(content) >= 2 else 2
-            if end < 0 and len(content) < size and length <= MAX_BODY_LENGTH:
+            if latest and len(content) < size and length <= MAX_BODY_LENGTH:
                 self._needed = len(self._buffer) + size - len(content)
                 return
             self._needed = 0
-            end = end if end > 0 else len(self._buffer)
             body = content[2:2 + length]
             if 1 <= length <= MAX_BODY_LENGTH and _intact(body, content[2 + length:size]):
                 self.skipped_bytes += len(content) - size

@@ -32,6 +32,7 @@ START_SEQUENCE = tire_payload.SEQUENCE_WRAP - 500         # wraps after 20 s at 
 START_TIMER_US = tire_payload.TIMER_WRAP_US - 25_000_000  # wraps after 25 s
 START_IMU_NS = xsens.SAMPLE_TIME_WRAP_NS - 30 * NS_PER_S  # wraps after 30 s
 FULL_BATTERY_MV = 3900                                    # of a sensor node
+PACKET_GAP_NS = 10_000_000  # ns without a byte after which a board discards a packet
 SUPPLY_VOLTAGE_CODE = 148                                 # 0.1 V, of the motor boards
 VERSION = 'USB Roboclaw 2x15a v4.1.34'                     # of the firmware of the boards
 NO_CURRENTS = (0.0, 0.0, 0.0, 0.0)                        # A
@@ -200,7 +201,7 @@ class RoboclawEmulator:
         ``counts`` are the encoder counts since the start, ``currents`` [A] have the sign that the
         boards report, ``speeds`` are in counts per second.
         """
-        if chunk and now_ns - self._byte_ns > roboclaw.PACKET_GAP_NS:
+        if chunk and now_ns - self._byte_ns > PACKET_GAP_NS:
             self._deframer.clear()
         if chunk:
             self._byte_ns = now_ns

@@ -24,7 +24,6 @@ import math
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
 from smart_tire.arrays import Array
 from smart_tire.parameters.overhead import OverheadParams
@@ -110,6 +109,7 @@ class PoseFit:
             seen = self._camera.pixels(np.column_stack([flat, own[:, 2]]))
             return np.asarray((seen + values[3] * inset - pixels).ravel())
 
+        from scipy.optimize import least_squares  # at first use: takes a part of a second
         fit = least_squares(error, start, method='lm', x_scale='jac')
         values, residual, jacobian = fit.x, -fit.fun, fit.jac
         shape = np.linalg.inv(jacobian.T @ jacobian)

@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from scipy.special import chdtri
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
@@ -90,6 +89,7 @@ def pixel_noise(fixes: Sequence[Fix]) -> float:
 
     It is robust against up to half outliers: the median square over that of chi-square.
     """
+    from scipy.special import chdtri  # at first use: takes a part of a second
     median = np.median([fix.squares / chdtri(fix.freedom, 0.5) for fix in fixes])
     return max(math.sqrt(median), MIN_NOISE)
 

@@ -30,7 +30,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
@@ -102,6 +101,7 @@ def camera_place(intrinsics: Intrinsics, corners: Mapping[int, Array], params: O
         return np.concatenate([error.ravel() / noise, measured.ravel()])
 
     def fitted(start: Array, noise: float) -> Any:
+        from scipy.optimize import least_squares  # at first use: takes a part of a second
         return least_squares(rows, start, args=(noise,), x_scale='jac')
 
     starts = sorted(_starts(intrinsics, pixels, places, flat), key=lambda start: float(

@@ -125,7 +125,7 @@ class Drives:
 
     def __init__(self, *ends):
         self._ends = list(ends)
-        self.paths, self.awaited, self.remaining, self.lateness = [], 0, 0.0, 0.0
+        self.paths, self.awaited, self.remaining, self.late_host = [], 0, 0.0, ''
 
     def follow(self, name, poses, dashboard, patience):
         assert patience > 1.0
@@ -161,11 +161,11 @@ def test_a_stop_for_another_reason_is_final(cause):
     assert follow_resuming(drives, 'line', LINE, None) == (State.STOPPED, f'because: {cause}')
 
 
-@pytest.mark.parametrize('lateness, cause, resumed', [
-    (0.7, 'motion', True), (0.4, 'motion', False), (0.7, 'order', False)])
-def test_a_stop_is_caused_by_the_host_only_if_data_were_late(lateness, cause, resumed):
+@pytest.mark.parametrize('late_host, cause, resumed', [
+    ('timers late', 'motion', True), ('', 'motion', False), ('timers late', 'order', False)])
+def test_a_stop_for_the_motion_is_caused_by_a_host_that_is_late(late_host, cause, resumed):
     drives = Drives((State.STOPPED, cause, 3.0, (1.0, 0.0)), (State.ARRIVED, '', 0.0, (4.0, 0.0)))
-    drives.lateness = lateness
+    drives.late_host = late_host
     assert follow_resuming(drives, 'line', LINE, None)[0] == (
         State.ARRIVED if resumed else State.STOPPED)
 

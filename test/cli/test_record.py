@@ -299,7 +299,7 @@ def test_at_any_time_the_file_ends_less_than_a_fifth_of_a_second_ago(late, timer
 
 def test_the_bag_names_the_distribution_of_ros(tmp_path, monkeypatch):
     from smart_tire.nodes import recorder
-    monkeypatch.setattr(recorder, 'run', lambda make, own_arguments: 0)
+    monkeypatch.setattr(recorder, 'run', lambda make, own_arguments, images: 0)
     monkeypatch.setenv('ROS_DISTRO', 'jazzy')
     assert recorder.record(tmp_path / 'bag').status == 0
     with Bag(tmp_path / 'bag') as bag:

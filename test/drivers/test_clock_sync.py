@@ -100,6 +100,14 @@ def test_a_drift_far_beyond_the_prior_is_estimated_within_seconds(drift):
     assert clock.jitter == pytest.approx(3e-3, rel=0.2)
 
 
+def test_a_drift_of_more_than_a_minute_ago_is_forgotten():
+    clock = ClockSync()
+    for second in range(150):
+        clock.add_arrival(DEVICE_NS + second * 1_000_000_000,
+                          HOST_NS + round((second + min(second, 70) * 100e-6) * 1e9))
+    assert clock.drift == pytest.approx(0.0, abs=1e-7)
+
+
 def test_the_fit_restarts_at_once_with_the_device():
     clock = ClockSync()
     for device, _, arrival in batches(2, JITTER['exponential'], seconds=2.0):

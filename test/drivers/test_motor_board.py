@@ -103,6 +103,8 @@ def test_a_wheel_that_follows_its_duty_is_not_a_fault(sign, duty, load):
     pytest.param([(0.1, 0.4, 1.0), (0.1, 0.0, 1.0)], id='a slow wheel stops'),
     pytest.param([(0.299, 0.0, 10.0, 0.299)], id='below the stall duty'),
     pytest.param([(0.07, 0.0, 5.0, 0.07)], id='held by its load'),
+    pytest.param([(0.35, 2.0 * RESOLUTION / (4.0 * DT), 2.0, 0.35)],
+                 id='turned by two counts in a stall time'),
     pytest.param([(0.29, 0.0, 5.0, 0.29)], id='held by a high load'),
     pytest.param([(0.6, 22.0 * 0.55, 1.0, 0.05)], id='it rolls'),
     # the measured load is too low by the errors of both constants
@@ -118,6 +120,10 @@ def test_what_a_motor_and_its_load_explain_is_not_a_fault(sign, phases):
     *(pytest.param([(0.07, 0.6, 1.0, load), (0.07, 0.0, 1.0, load)],
                    'no encoder counts', 0.2, 0.27,
                    id='rolling, then stopped at the same duty') for load in (math.nan, 0.04)),
+    pytest.param([(0.05, 0.6, 1.0, 0.02), (0.05, 0.0, 1.0, 0.02)], 'no encoder counts', 0.2, 0.27,
+                 id='stopped at the least driving duty'),
+    pytest.param([(0.15, 0.0, DT, load) for load in (math.nan, 0.04, math.nan, 0.04, math.nan)],
+                 'no encoder counts', 0.0, 0.1, id='two torques in a stall time are measured'),
     pytest.param([(0.301, 0.0, 1.0, 0.301)], 'no encoder counts', 0.2, 0.32,
                  id='at the stall duty'),
     pytest.param([(0.15, 0.0, 1.0, 0.04)], 'no encoder counts', 0.0, 0.32,
@@ -162,6 +168,14 @@ def test_a_braking_wheel_is_not_a_fault_even_if_the_board_measures_no_braking(si
     while speed > 0.5:
         assert motor.run(-0.2, speed, DT, load)[0] == ''
         speed -= STALL_TORQUE * (0.2 + speed / 22.0) / 0.0286 * DT
+
+
+@pytest.mark.parametrize(('speed', 'stopped'), [(1.9, ''), (2.1, 'no encoder counts')])
+def test_a_coarse_encoder_rolls_once_it_has_counted_four_times(speed, stopped):
+    motor = Motor()
+    motor.check = MotionCheck(MotorDriverParams(), 0.1)  # rad per count: 0.6 rad in 5 readings
+    assert motor.run(0.1, speed, 1.0)[0] == ''
+    assert motor.run(0.1, 0.0, 1.0)[0].partition(' under')[0] == stopped
 
 
 def test_a_reset_discards_the_readings_from_before():

@@ -64,10 +64,11 @@ def flat(taken):
     return [(now_ns, sample) for now_ns, samples in taken for sample in samples]
 
 
-def test_the_two_samples_of_a_batch_are_spread_over_their_period():
+@pytest.mark.parametrize('count', [2, 3])
+def test_the_samples_of_a_batch_are_spread_over_their_period(count):
     queue, period_ns = PacingQueue(wheels=1), SAMPLE_SPACING_NS
-    queue.put([TireSample(index * period_ns, 'front_left', (1.65,)) for index in range(2)], 0)
-    first, second = (slot[0] for slot in sorted(queue._slots))
+    queue.put([TireSample(index * period_ns, 'front_left', (1.65,)) for index in range(count)], 0)
+    first, second, *_ = (slot[0] for slot in sorted(queue._slots))
     assert second - first == int(pacing.MAX_SPACING_SHARE * period_ns)
 
 
@@ -169,6 +170,35 @@ def test_stop_sends_pending_samples(new_sender):
     sender.put(batch(1))
     sender.stop()
     assert sent == batch(0) + batch(1)
+
+
+def test_the_thread_sleeps_until_samples_are_due():
+    now, waits = [1_000], []
+
+    class Condition:
+
+        def __enter__(self):
+            pass
+
+        __exit__ = notify = lambda self, *_: None
+
+        def wait(self, seconds=None):
+            waits.append(seconds)
+            assert len(waits) < 100
+            if seconds is None:
+                sender._stopping = True
+            else:
+                now[0] += round(seconds * 1e9)
+
+    sender = PacedSender(print, 1, lambda: now[0])
+    sender._changed = Condition()
+    sender.put(batch(0))
+    sent = []
+    while (samples := sender._next()) is not None:
+        sent += samples
+    assert sent == batch(0)
+    assert waits[:-1] == pytest.approx([WAKE_PERIOD_NS * 1e-9] * (len(waits) - 1))
+    assert waits[-1] is None and len(waits) > 4
 
 
 def test_a_sender_that_never_started_can_be_stopped(new_sender):

@@ -103,7 +103,7 @@ def test_a_good_reply_is_returned_and_counted():
     line, port = line_on(GOOD)
     assert line.exchange(128, READ_TIMEOUT) == (2,)
     assert (line.frames_ok, line.frames_bad, line.bytes_skipped) == (1, 0, 0)
-    assert line.last_ok_ns == EPOCH_NS + 2_000_000
+    assert (line.last_ok_ns, line.last_error) == (EPOCH_NS + 2_000_000, '')
     assert not line.retried
     assert port.written == [encode_request(128, READ_TIMEOUT)]
 

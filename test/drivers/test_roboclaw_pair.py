@@ -225,6 +225,17 @@ def test_the_motors_stop_with_the_program(robot):
     assert robot.reports == []  # a regular end is not reported
 
 
+@pytest.mark.parametrize('held, later', [(0.15, 0.0), (0.3, 0.0625)])
+@driver()
+def test_a_mean_speed_of_more_than_a_quarter_second_is_no_sample(robot, held, later):
+    yield from samples(robot, 1)
+    robot.clock.held_until_ns = robot.clock.now_ns() + round(held * NS_PER_S)
+    yield held
+    begin = robot.now
+    yield from samples(robot, 1)
+    assert later <= robot.now - begin < later + 3 * LINE
+
+
 @driver(rate=4.0)
 def test_nothing_is_done_while_nothing_is_due(robot):
     yield from samples(robot, 1)
@@ -394,6 +405,9 @@ def test_a_single_low_supply_reading_does_not_stop_the_motors(robot, address):
         robot.fail(supply={128: 105, 129: 105})  # the limit
         yield 0.2
     assert robot.reports == []
+    failed = robot.fail(supply={address: 50})
+    yield from robot.until(lambda: robot.reports)
+    assert len(robot.record(failed).times(READ_BATTERY, address)) == 2
 
 
 @driver(tolerated_status=0x0003)

@@ -135,6 +135,11 @@ def test_a_restart_of_the_node_is_detected_and_counts_no_losses(node, first, res
     assert samples[-1].stamp_ns == arrival(count) - 5_000_000
 
 
+def test_a_restart_at_the_sequence_number_of_a_lost_batch_is_not_a_late_batch(node):
+    feed(node, (0, batch(0)), (2, batch(2)), (3, batch(1, timer_us=YOUNG.timer_us)))
+    assert (node.late, node.resets) == (0, 1)
+
+
 def test_batches_that_arrive_faster_than_possible_are_counted(node):
     samples = [sample for count in (0, 1, 2, 30, 31, 40)
                for sample in received(node, batch(count), HOST_NS + count * 1_000_000)]

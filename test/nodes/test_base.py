@@ -16,8 +16,10 @@ from contextlib import ExitStack
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
+from rclpy.clock import ClockType
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from smart_tire.host_load import EXPLAINED, HostLoad, MAX_LATENESS, other_problems
@@ -28,6 +30,7 @@ from smart_tire.nodes.runner import NodeRunner
 from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.nodes.wheel_controller import WheelController
 from support.graph import Process
+from support.virtual_node import virtual
 
 pytestmark = pytest.mark.processes
 
@@ -58,6 +61,7 @@ def test_a_node_without_input_wakes_up_for_one_timer_of_each_period(
     with NodeRunner(node_class, []) as runner:
         assert sorted(timer.timer_period_ns * 1e-9 for timer in runner.node.timers
                       if not timer.is_canceled()) == pytest.approx(periods)
+        assert {timer.clock.clock_type for timer in runner.node.timers} == {ClockType.STEADY_TIME}
 
 
 def test_locations_in_the_sources_of_rcl_are_removed_from_its_messages():
@@ -84,6 +88,24 @@ def test_ages_are_measured_from_the_latest_accepted_input():
     counter.accept(3_000_000_000)
     counter.reject()
     assert counter.age(5_000_000_000) == 2.0
+
+
+def test_messages_that_are_lost_or_not_handed_over_in_the_process_are_reported(isolated_ros):
+    with virtual(TrajectoryController) as node:
+        assert node.profiles['emergency_stop_active'].depth == 10  # a short stop is not missed
+        node.mailbox.inboxes['odom'] = SimpleNamespace(
+            lost=3, route=SimpleNamespace(publishers={'/a'}))
+        node.publishers_of['odom'] = {b'1': 'a'}
+        lost = '3 messages lost: this node is too slow'
+        health = node.health()
+        assert lost in health.message and 'not received' not in health.message
+        assert (health.values['messages_lost'], health.values[EXPLAINED]) == ('3', lost)
+        node.publishers_of['odom'][b'2'] = 'b'
+        text = 'odom: /b not received, expected /a only, in the same process'
+        for _ in range(2):
+            message = node.health().message
+            assert text in message and 'lost' not in message
+        assert node.log.lines.count(f'warning: {text}') == 1
 
 
 def test_errors_take_precedence_over_warnings():

@@ -40,6 +40,9 @@ def test_help_has_all_topics_services_and_parameters(name):
     node = NODE_TABLE[name]
     for topic in (*node.subscribes, *node.publishes, '/diagnostics'):
         assert f'\n  {topic}  [' in text
+    for title, topics in (('subscribes to', node.subscribes), ('publishes', node.publishes)):
+        assert (f'\n\n{title}\n  {topics[0]}  [' in text) if topics else title not in text
+    assert f'\n\nusage: ros2 run smart_tire {name} [--help]' in text
     for service in node.services:
         assert f'\n  {service.name}  [{service.type}]' in text
     robot = specs(RobotParams)
@@ -49,6 +52,23 @@ def test_help_has_all_topics_services_and_parameters(name):
             assert f'\n  {parameter} = {value_text(spec.default)}{unit}\n' in text
     assert text.index('parameters (config/') < text.index('wheel_radius = ')
     assert 'exit status\n  0  ended by SIGINT or SIGTERM' in text
+
+
+def test_the_layout_of_the_help():
+    text = answer(['motor_driver', '-h'])
+    titles = [part.partition('\n')[0] for part in text.split('\n\n') if part[0] != ' ']
+    assert [title.split()[0] for title in titles] == [
+        'motor_driver', 'usage:', 'subscribes', 'publishes', 'services', 'parameters',
+        'parameters', 'exit']
+    for part in (
+            '\nOutput stage', '...]\n       ROS arguments: ', '(fig8, state)\n',
+            'services\n  emergency_stop  [std_srvs/srv/SetBool]\n      true latches',
+            '\n  arm  [std_srvs/srv/SetBool], only with require_arming: true\n      enables',
+            'parameters (config/hardware.yaml)\n  port = /dev/ttyACM0\n      serial',
+            '(0 to 10)\n\n  encoder.counts_per_revolution = ',
+            'front and rear (2 values, 128 to 135)\n  rate'):
+        assert part in text
+    assert '\n  ground.patches.<name>.surface = ' in answer(['robot_simulator', '-h'])
 
 
 def test_meaning_limits_and_liveness_of_a_parameter_are_shown():
@@ -82,6 +102,9 @@ def test_the_help_of_several_nodes_in_one_process_names_them():
     assert set(re.findall(r'\w+_\w+', text)) >= NODE_TABLE.keys() - {
         *TEST_STAND, *SEPARATE}
     assert 'wheel_controller' not in text
+    begins = [line.split()[0] if line else '' for line in text.splitlines()[1:]]
+    assert [one for one in begins if not one.endswith((',', ';'))] == [
+        'runs', '', 'usage:', 'NODE:', 'ROS', '', 'exit', *'012']
 
 
 def test_the_version_is_that_of_the_package():
@@ -98,6 +121,7 @@ def test_the_module_that_python_runs_is_found():
     assert started_module(['python3', '-X', 'dev', '-m', 'a.b', '--help']) == 'a.b'
     assert started_module(['python3', 'script', '--help']) == ''
     assert started_module(['python3', '-m']) == ''
+    assert started_module(['python3', '-m', 'a.b']) == 'a.b'
 
 
 def test_help_is_printed_without_starting_the_node_or_importing_rclpy():
@@ -107,12 +131,3 @@ def test_help_is_printed_without_starting_the_node_or_importing_rclpy():
     imported = {line.rpartition('|')[2].strip() for line in done.stderr.splitlines()}
     assert 'smart_tire.nodes.command_line' in imported
     assert [name for name in SLOW if name in imported] == []
-
-
-def test_an_installed_node_answers_too(tmp_path):
-    script = tmp_path / 'motor_driver'
-    script.write_text('import sys\nfrom smart_tire.nodes.motor_driver import main\n'
-                      'sys.exit(main())\n')
-    done = run(script, '--version')
-    assert (done.returncode, done.stdout, done.stderr) == (
-        0, answer(['motor_driver', '--version']), '')

@@ -18,6 +18,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
+from smart_tire.nodes.lockstep import TOPIC
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.samples import (
     FRICTION_QUANTITIES, GroundState, ImuSample, NS_PER_S, TireSample, WheelSample)
@@ -56,6 +57,25 @@ def reached(node):
 def slip(isolated_ros):
     with virtual(SlipEstimatorNode) as node:
         yield node
+
+
+@pytest.mark.parametrize('share, logged', [(0.21, False), (0.19, True)])
+def test_a_gyro_bias_known_to_a_fifth_of_its_prior_is_logged_once(
+        slip, monkeypatch, share, logged):
+    bias = Uncertain(0.001, share * slip.params.robot.imu.gyro_bias)
+    monkeypatch.setattr(type(slip.estimator), 'gyro_bias', bias)
+    for _ in range(2):
+        slip.health()
+    assert sum('initialized: gyro bias +0.0010' in line for line in slip.log.lines) == logged
+
+
+def test_a_replay_is_in_the_diagnostics_until_its_replayer_is_gone(slip):
+    slip._follower._reset('/replayer', 'run')
+    slip.publishers_of[TOPIC], slip.types_of[TOPIC] = {b'1': 'replayer'}, 'std_msgs/msg/String'
+    assert slip.health().values['replay'] == '/replayer'
+    slip.publishers_of.clear()
+    assert 'replay' not in slip.health().values
+    assert '/replayer ended during a replay' in slip.log.lines[-1]
 
 
 def test_odometry_and_slip_are_published_at_every_grid_instant(slip):
@@ -209,3 +229,11 @@ def test_joints_of_other_names_are_given_by_parameters_or_recognized(
         assert (node.inputs['wheel_states'].ok, node.inputs['wheel_states'].bad) == (1, 0)
         recognized = 'the wheels are the joints left_wheel, right_wheel' in str(node.log.lines)
         assert recognized == (not parameters)
+
+
+@pytest.mark.parametrize('wheels, depth', [
+    ('[]', 4000), ('[front_left]', 4000), ('[front_left, rear_left]', 8000)])
+def test_films_are_awaited_and_queued_for_each_instrumented_wheel(isolated_ros, wheels, depth):
+    with virtual(FrictionEstimatorNode, film__wheels=wheels) as node:
+        assert node.profiles['tire_samples'].depth == depth
+        assert node.inputs['tire_samples'].required == (wheels != '[]')

@@ -138,7 +138,8 @@ class VirtualGoal:
         self.result: Any = None
         for name in ('execute', 'succeed', 'canceled', 'abort'):
             setattr(self, name, partial(setattr, self, 'status', name))
-        self.publish_feedback = lambda feedback: None
+        self.feedback: list[Any] = []
+        self.publish_feedback = self.feedback.append
 
 
 @pytest.fixture
@@ -181,6 +182,7 @@ def test_no_timer_runs_at_the_rate_of_the_control_while_no_goal_is_followed(node
     assert calls(0.3) == 6  # odom is recent for 0.5 s
     rig.until(lambda: goal.status == 'succeed')
     assert calls(10.0) == 0
+    assert max(feedback.speed for feedback in goal.feedback) > 0.1
 
 
 def test_a_cancellation_stops_the_robot_within_a_period_of_the_control(node, rig):
@@ -230,7 +232,8 @@ def test_an_invalid_goal_stops_the_robot_and_its_result_has_the_reason(
 
 
 @pytest.mark.parametrize(('stall', 'later', 'follows'), [
-    (2.1, 0.1, False),   # older than path_max_age
+    (2.1, 0.0, False),   # older than path_max_age, and handled before any timer
+    (2.1, 0.1, False),
     (2.1, 3.2, False),   # lost, and repeated with the next heartbeat
     (2.1, 5.2, True),    # of the time after the stall
     (1.2, 0.1, True),    # not older
@@ -241,11 +244,14 @@ def test_a_goal_without_timestamp_is_as_old_as_the_stall_in_which_it_may_have_be
         node, rig, stall, later, follows):
     node.stall(stall)
     end_ns = node.now_ns() + round(later * NS_PER_S)
-    node.run(0.0)
+    if later:
+        node.run(0.0)
     rig.until(lambda: node.now_ns() >= end_ns)
     goal = give(node, rig.path(stamp_ns=0))
     assert (goal.status == 'execute') == follows
     assert follows or goal.result.error_code == goal.result.TF_ERROR
+    assert follows or 'expected at most 2 s' in goal.result.error_msg
+    rig.until_more_progress()
     stamped = give(node, rig.path())
     assert stamped.status == 'execute'
 

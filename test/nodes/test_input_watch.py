@@ -14,7 +14,11 @@ from __future__ import annotations
 
 import pytest
 from smart_tire.nodes.diagnostics import InputLog
-from support.virtual_node import Log
+from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
+from smart_tire.nodes.slip_estimator import SlipEstimatorNode
+from smart_tire.nodes.trajectory_controller import TrajectoryController
+from smart_tire.nodes.wheel_controller import WheelController
+from support.virtual_node import Log, virtual
 
 pytestmark = pytest.mark.processes
 
@@ -120,3 +124,14 @@ def test_silence_with_a_known_reason_is_not_logged_but_its_end_is(inputs):
     assert inputs.run(5.0) == []
     inputs.excuse = False
     assert inputs.run(0.1, frames=1) == ['frames again after 5.1 s']
+
+
+@pytest.mark.parametrize('kind, required, others', [
+    (TrajectoryController, {'odom'}, {'wheel_states', 'wheel_slip', 'ground_state'}),
+    (WheelController, {'wheel_states'}, {'cmd_vel'}),
+    (SlipEstimatorNode, {'imu/data', 'wheel_states'}, set()),
+    (FrictionEstimatorNode, {'imu/data', 'wheel_states', 'tire_samples'}, set())])
+def test_the_watched_inputs_of_a_node(isolated_ros, kind, required, others):
+    with virtual(kind) as node:
+        watched = {watch.name: watch.required for watch, _, _ in node.input_log._inputs}
+        assert watched == dict.fromkeys(required, True) | dict.fromkeys(others, False)

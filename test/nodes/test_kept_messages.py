@@ -19,12 +19,12 @@ from typing import Any
 import pytest
 from rclpy.qos import QoSProfile
 from smart_tire.control.publishers import MessageInfo
-from smart_tire.nodes.kept_messages import KeptMessages, WINDOW_NS
+from smart_tire.nodes.kept_messages import KeptMessages
 from smart_tire.nodes.qos import latched
 
 pytestmark = pytest.mark.processes
 
-START_NS = 5_000_000_000
+START_NS, WINDOW_NS = 5_000_000_000, 10_000_000_000
 
 
 class Rig:

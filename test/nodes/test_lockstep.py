@@ -12,13 +12,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import Imu
 from smart_tire.messages import stamp_in
-from smart_tire.nodes.lockstep import (
-    ControlMessage, Follower, Leader, MAX_STEPS_AHEAD, TOPIC)
+from smart_tire.nodes.lockstep import ControlMessage, Follower, Leader, TOPIC
 from std_msgs.msg import String
 from support.waiting import wait_for
 
@@ -35,16 +37,15 @@ def imu(stamp_ns):
 class FollowerNode:
     """A node with a follower; records the inputs it handles and publishes its outputs."""
 
-    def __init__(self, name, inputs, outputs=(), feedback=()):
+    def __init__(self, name, inputs, outputs=()):
         self.node = rclpy.create_node(name)
-        self.handled, self.restarts, self.feedback = [], 0, feedback
+        self.handled, self.restarts = [], 0
         self.finished_after = []  # numbers of inputs handled at the end of each replay
         self.follower = Follower(self.node, self._restart,
                                  lambda: self.finished_after.append(len(self.handled)))
         for topic in inputs:
             callback = self.follower.add_input(
-                topic, lambda message, topic=topic: self._handle(topic, message),
-                feedback=topic in feedback)
+                topic, lambda message, topic=topic: self._handle(topic, message))
             self.node.create_subscription(Imu, topic, callback, 100, raw=True)
         self.outputs = {}
         for topic in outputs:
@@ -57,8 +58,6 @@ class FollowerNode:
 
     def _handle(self, topic, message):
         self.handled.append((topic, stamp_in(message)))
-        if topic in self.feedback:
-            return
         for output, publisher in self.outputs.items():
             publisher.publish(message)
             self.follower.published(output, stamp_in(message))
@@ -174,25 +173,6 @@ def test_a_downstream_node_handles_estimates_before_the_input_that_completed_the
                                   ('/made', 5), ('/x', 5)]
 
 
-def test_feedback_has_the_same_position_in_every_replay(rig):
-    upstream = rig.follower('a', ['/x', '/back'], outputs=['/made'], feedback=['/back'])
-    rig.follower('b', ['/made'], outputs=['/back'])
-    publisher = rig.publishers('/x')['/x']
-    rig.begin(['/x'], '/a', '/b')
-    steps = 3 * MAX_STEPS_AHEAD + 2
-    for number in range(steps):
-        rig.completed(number - MAX_STEPS_AHEAD)
-        rig.leader.step(number, [('/x', number)])
-        publisher.publish(imu(number))
-    rig.completed(steps - 1)
-    assert [handled for handled in upstream.handled if handled[0] == '/x'] == [
-        ('/x', number) for number in range(steps)]
-    for number in range(MAX_STEPS_AHEAD, steps):
-        index = upstream.handled.index(('/x', number))
-        assert upstream.handled[index - 1] == ('/back', number - MAX_STEPS_AHEAD)
-    assert len(upstream.handled) == 2 * steps - MAX_STEPS_AHEAD
-
-
 def test_messages_from_elsewhere_are_dropped_and_counted_during_a_replay(rig):
     follower = rig.follower('a', ['/x'])
     publisher = rig.publishers('/x')['/x']
@@ -211,6 +191,8 @@ def test_a_replay_restarts_the_estimator_and_releases_it_at_its_end(rig):
     rig.begin(['/x'], '/a')
     assert follower.follower.leader == '/replayer'
     assert follower.restarts == 1
+    publisher.publish(imu(2))
+    rig.until(lambda: follower.follower._inputs['/x'].waiting)
     rig.leader.end()
     rig.until(lambda: not follower.follower.leader)
     publisher.publish(imu(3))
@@ -218,6 +200,10 @@ def test_a_replay_restarts_the_estimator_and_releases_it_at_its_end(rig):
     rig.leader = Leader(rig.replayer)
     rig.begin(['/x'], '/a')
     assert follower.restarts == 2
+    publisher.publish(imu(4))
+    rig.leader.step(0, [('/x', 4)])
+    rig.completed(0)
+    assert follower.handled == [('/x', 4)] and not follower.follower.foreign
 
 
 def test_the_end_of_a_replay_finishes_the_estimator_after_its_last_input(rig):
@@ -284,3 +270,39 @@ def test_the_timestamp_is_read_from_serialized_messages(order):
     data = bytes([0, order == 'little', 0, 0]) + (-3).to_bytes(4, order, signed=True) \
         + (500).to_bytes(4, order)
     assert stamp_in(data) == -3 * 10**9 + 500
+
+
+def test_the_leader_waits_until_all_followers_know_each_other_and_the_topics():
+    sent, waits, receive = [], [], []
+    node = SimpleNamespace(
+        get_fully_qualified_name=lambda: '/replayer',
+        create_publisher=lambda kind, topic, profile: SimpleNamespace(
+            publish=lambda data: sent.append(ControlMessage.read(data)),
+            wait_for_all_acked=waits.append),
+        create_subscription=lambda kind, topic, callback, profile: receive.append(callback))
+    leader = Leader(node)
+
+    def answer(sender, *topics, kind='ready', **values):
+        values = {'run': sent[0].run, 'inputs': ['/made'], **values}
+        receive[0](ControlMessage(kind=kind, sender=sender, topics=topics, **values).message())
+
+    first = {'inputs': ['/x'], 'outputs': ['/made']}
+    leader.announce(['/x'])
+    answer('/a', '/x', **first)
+    answer('/c', run='another')
+    answer('/replayer')
+    assert leader.followers == ['/a'] and leader.unready() == {}
+    answer('/b', '/x', heard=['/a'])
+    assert leader.unready() == {'/a': 'has not heard from /b'}
+    leader.announce(['/x'])
+    answer('/a', '/x', heard=['/b'], **first)  # to the announcement before
+    assert leader.unready() == {'/a': 'does not answer', '/b': 'does not answer'}
+    answer('/a', *sent[1].topics, heard=['/b'], **first)
+    answer('/b', '/made', '/x', heard=['/a'])
+    assert leader.unready() == {} and leader.inputs() == {'/x', '/made'}
+    leader.begin()
+    assert sent[2].upstream == {'/a': '/replayer', '/b': '/a'}
+    answer('/a', kind='step', number=0)
+    assert [leader.behind(number) for number in (-1, 0, 1)] == [[], ['/b'], ['/a', '/b']]
+    leader.end()
+    assert sent[3].kind == 'end' and waits == [Duration(seconds=2)]

@@ -26,7 +26,7 @@ from smart_tire.messages import forms_of, TOPICS, TYPED
 from smart_tire.nodes import observer
 from smart_tire.nodes.compat import message_class, node_names
 from smart_tire.nodes.observer import (
-    discovery_finding, DISCOVERY_PERIOD, discovery_time, Endpoint, graph_findings, Listener,
+    discovery_finding, discovery_time, Endpoint, graph_findings, Listener,
     Observer, read_graph, state_of, TopicEnds)
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import NodeRunner
@@ -70,8 +70,36 @@ def test_typed_topics_are_not_observed_since_that_would_cause_them(isolated_ros)
     with virtual(partial(Observer, lambda *_: None, lambda *_: None)) as node:
         node.get_topic_names_and_types = names.items
         node.get_publishers_info_by_topic = lambda _: [SimpleNamespace(qos_profile=RELIABLE)]
-        node.run(DISCOVERY_PERIOD)
+        node.run(0.3)
         assert [name for name in names if node.receives(name)] == ['wheel_slip']
+
+
+def test_the_samples_of_all_films_are_queued(isolated_ros):
+    with virtual(partial(Listener, lambda *_: None, lambda *_: None)) as node:
+        assert [node.profiles[name].depth for name in ('tire_samples', 'imu/data')] == [
+            16_000, 1000]
+
+
+def test_an_observer_subscribes_again_only_for_a_publisher_that_offers_less(isolated_ros):
+    kinds = {'/a/imu/data': IMU, '/a/motors_enabled': observer.BOOL, '/x': observer.BOOL}
+    offers = []
+    with virtual(partial(Observer, lambda *_: None, lambda *_: None)) as node:
+        node.get_topic_names_and_types = lambda: [(name, [kind]) for name, kind in kinds.items()]
+        node.get_publishers_info_by_topic = lambda _: [
+            SimpleNamespace(qos_profile=one) for one in offers]
+        for new, reliability in ((None, None), (RELIABLE, RELIABLE), (BEST_EFFORT, BEST_EFFORT),
+                                 (RELIABLE, BEST_EFFORT)):
+            offers += [new] if new else []
+            node.run(0.3)
+            assert [name for name in kinds if node.receives(name)] == (
+                list(kinds)[:2] if offers else [])
+            assert all(len(node._readers[name]) == 1 for name in kinds if node.receives(name))
+            if reliability:
+                assert node.profiles['/a/imu/data'].reliability == reliability.reliability
+        offers.pop(1)
+        before = node._observed['/a/imu/data'][1]
+        node.run(0.3)
+        assert node._observed['/a/imu/data'][1] is before
 
 
 def test_several_and_foreign_publishers_of_commands_are_reported():
@@ -198,6 +226,34 @@ def test_a_listener_passes_serialized_images_also_of_best_effort_publishers(grap
     kind, data = images[0]
     assert kind == 'sensor_msgs/msg/Image'
     assert bytes(Decoder(kind)(data).data) == b'\x01\x02'
+
+
+@pytest.mark.parametrize('found_at', [0.2, 4.9, None])
+def test_discovery_is_timed_between_two_participants_which_are_ended(monkeypatch, found_at):
+    now, ends, names, readers = [100.0], [], [], []
+
+    def create_node(name, context, **options):
+        names.append(name)
+        return SimpleNamespace(
+            create_publisher=lambda *_: SimpleNamespace(publish=lambda message: None),
+            create_subscription=lambda kind, topic, callback, profile: readers.append(callback),
+            destroy_node=lambda: ends.append(name))
+
+    def spin_once(timeout_sec):
+        now[0] += timeout_sec
+        if found_at is not None and now[0] >= 100.0 + found_at - 1e-6:
+            readers[0](True)
+    monkeypatch.setattr(observer, 'Context', lambda: SimpleNamespace(
+        try_shutdown=lambda: ends.append('context')))
+    monkeypatch.setattr(observer, 'SingleThreadedExecutor', lambda context: SimpleNamespace(
+        add_node=lambda node: None, spin_once=spin_once, shutdown=lambda: ends.append('executor')))
+    monkeypatch.setattr(observer, 'rclpy', SimpleNamespace(
+        init=lambda args, context: None, create_node=create_node))
+    monkeypatch.setattr(observer.time, 'monotonic', lambda: now[0])
+    text = discovery_finding(discovery_time(), late=True).found
+    assert ('do not find each other' if found_at is None else f'({found_at:.2f} s)') in text
+    assert now[0] - 100.0 == pytest.approx(found_at or 5.0, abs=0.06)
+    assert len(set(names)) == 2 and ends == ['executor', names[0], 'context', names[1], 'context']
 
 
 @pytest.mark.parametrize('elapsed, late, level', [

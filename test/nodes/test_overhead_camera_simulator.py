@@ -78,11 +78,13 @@ def test_images_show_the_robot_at_their_stamps(quality, isolated_ros):
         assert node.health().values['images'] == '9'
 
 
-def test_the_rows_of_a_rolling_shutter_are_awaited(isolated_ros):
-    with virtual(OverheadCameraSimulator, image__readout=0.03, **PARAMETERS) as node:
-        drive(node, 0.0, 0.14)
+@pytest.mark.parametrize('parameters, known', [
+    ({'image__readout': 0.03}, 0.14), ({'image__exposure': 0.03}, 0.12)])
+def test_the_end_of_the_exposure_of_the_last_row_is_awaited(parameters, known, isolated_ros):
+    with virtual(OverheadCameraSimulator, **{**PARAMETERS, **parameters}) as node:
+        drive(node, 0.0, known)
         assert not node.received[IMAGES]
-        drive(node, 0.14, 0.15)
+        drive(node, known, known + 0.01)
         assert [stamp(one) for one in node.received[IMAGES]] == pytest.approx([0.1])
 
 

@@ -13,8 +13,10 @@
 from __future__ import annotations
 
 import pytest
+from rclpy.parameter import Parameter
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
+from smart_tire.nodes.parameters import with_number
 from smart_tire.nodes.robot_simulator import RobotSimulator
 from support.virtual_node import local
 
@@ -58,6 +60,16 @@ def values(node, prefix=''):
     return {name: item.value if isinstance(item.value, str) else list(item.value or [])
             for name, item in node.get_parameters_by_prefix(prefix).items()
             if not isinstance(item.value, (int, float))}
+
+
+@pytest.mark.parametrize('name, text, value', [
+    ('load_sigma', '5e-05', 5e-05), ('load_sigma', '[0.5, 1e3]', [0.5, 1000.0]),
+    ('load_sigma', 'much', 'much'), ('load_sigma', '[1', '[1'), ('load_sigma', 'true', 'true'),
+    ('reliability', '5e-05', '5e-05'), ('other', '5e-05', '5e-05')])
+def test_text_is_a_number_if_the_parameter_is_one(start, name, text, value):
+    with start(FrictionEstimatorNode) as node:
+        found = with_number(node, Parameter(name, value=text))
+        assert (found.name, found.value) == (name, value)
 
 
 def test_patches_are_parameters_of_the_names_in_the_list(start):

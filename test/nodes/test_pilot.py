@@ -21,7 +21,7 @@ from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.pilot import Pilot
 from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.nodes.runner import NodeRunner
-from smart_tire.samples import ImuSample, NAN, PathProgress
+from smart_tire.samples import Friction, ImuSample, NAN, PathProgress
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from support.virtual_node import virtual
@@ -94,6 +94,14 @@ def test_commands_begin_with_the_first_one_and_end_with_release(isolated_ros):
         assert node.latest('cmd_vel').v_x == 0.0
         node.release()
         assert not has_publisher(node)
+
+
+def test_the_crossings_of_each_wheel_are_counted(isolated_ros):
+    with virtual(partial(Pilot, 'driver', print)) as node:
+        for wheel in ('rear_left', 'front_left', 'rear_left'):
+            node.publish('tire_friction', Friction(node.now_ns(), wheel))
+        assert node.crossings == {'rear_left': 2, 'front_left': 1}
+        assert set(node.friction) == {'rear_left', 'front_left'}
 
 
 def test_wheel_speeds_are_commanded_until_the_emergency_stop_or_the_release(isolated_ros):

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import pytest
 
-from smart_tire.nodes.diagnostics import PORT_GRACE_NS, PortLog
+from smart_tire.nodes.diagnostics import PortLog
 from support.virtual_node import Log
 
 pytestmark = pytest.mark.processes
 
-GRACE = PORT_GRACE_NS
+GRACE = 2_000_000_000  # ns
 
 
 @pytest.mark.parametrize(('steps', 'lines'), [

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rclpy.qos import (
@@ -20,7 +21,8 @@ from rclpy.qos import (
     ReliabilityPolicy)
 from rosbag2_qos import rosbag2_overrides
 from smart_tire.messages import ALL_TOPICS
-from smart_tire.nodes.qos import LATCHED, publisher_qos, subscriber_qos, volatile_qos
+from smart_tire.nodes.qos import (
+    LATCHED, publisher_qos, replayer_qos, subscriber_qos, volatile_qos)
 import yaml
 
 pytestmark = pytest.mark.processes
@@ -60,10 +62,6 @@ def test_own_subscriptions_hold_two_seconds_at_five_times_the_rate(name, depth):
     profile = subscriber_qos(name)
     assert profile.depth == depth
     assert profile.reliability == ReliabilityPolicy.RELIABLE
-
-
-def test_a_robot_without_instrumented_wheels_still_subscribes():
-    assert subscriber_qos('tire_samples', wheels=0).depth == 4000
 
 
 def test_best_effort_subscriptions_serve_other_publishers():
@@ -113,3 +111,15 @@ def test_queues_of_rosbag2_hold_two_seconds_of_four_wheels_at_five_times_the_rat
     overrides = yaml.safe_load(OVERRIDES.read_text(encoding='utf-8'))
     assert overrides['/tire_samples']['depth'] == 16000
     assert overrides['/imu/data']['depth'] >= 1000
+
+
+@pytest.mark.parametrize(('name', 'is_kept', 'messages', 'rate', 'depth'), [
+    ('/map', True, 0, 1.0, 1), ('/map', True, 7, 1.0, 7), ('/map', True, 2000, 1.0, 1000),
+    ('/chatter', False, 5, 1.0, 1000), ('/imu/data', False, 5, 1.0, 1000),
+    ('/tire_samples', False, 5, 0.5, 3200), ('/tire_samples', False, 5, 3.0, 9600)])
+def test_the_queue_of_a_replay_holds_what_was_kept_and_bursts(
+        name, is_kept, messages, rate, depth):
+    channel = SimpleNamespace(topic=name, qos='transient_local' * is_kept)
+    profile = replayer_qos(name, channel, messages, rate)
+    assert profile.depth == depth
+    assert (profile.durability == DurabilityPolicy.TRANSIENT_LOCAL) == is_kept

@@ -12,17 +12,24 @@
 
 from __future__ import annotations
 
+from functools import partial
 import itertools
 
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from smart_tire.bags import Bag, BagWriter
 from smart_tire.control.publishers import MessageInfo
+from smart_tire.messages import TOPICS
 from smart_tire.nodes.base import with_info
 from smart_tire.nodes.compat import new_executor
-from smart_tire.nodes.recorder import matching_qos, recorded_qos, requests_less, SequenceGaps
+from smart_tire.nodes.qos import FOREIGN_DEPTH, MIN_RECORDED_DEPTH
+from smart_tire.nodes.recorder import (
+    matching_qos, recorded_qos, Recorder, requests_less, SequenceGaps)
+from smart_tire.samples import ImuSample
 from std_msgs.msg import Int64
+from support.virtual_node import virtual
 from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
@@ -35,6 +42,8 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 def test_the_recorder_requests_the_strictest_profile_that_all_publishers_offer():
     assert matching_qos('/a', [RELIABLE]).reliability == ReliabilityPolicy.RELIABLE
     assert matching_qos('/a', [RELIABLE]).durability == DurabilityPolicy.VOLATILE
+    assert [matching_qos(name, [RELIABLE]).depth for name in ('/a', '/cmd_vel')] == [
+        max(FOREIGN_DEPTH, MIN_RECORDED_DEPTH), MIN_RECORDED_DEPTH]
     assert matching_qos('/a', [LATCHED, LATCHED]).durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert matching_qos('/a', [LATCHED, RELIABLE]).durability == DurabilityPolicy.VOLATILE
     assert matching_qos('/a', [RELIABLE, BEST_EFFORT]).reliability == ReliabilityPolicy.BEST_EFFORT
@@ -140,3 +149,37 @@ def test_sequence_numbers_reveal_an_overflow_of_the_subscription_queue(node, exe
     own_executor.remove_node(node)
     own_executor.shutdown()
     node.destroy_subscription(subscription)
+
+
+def test_the_diagnostics_have_the_messages_the_losses_and_what_is_missing(tmp_path, isolated_ros):
+    progress, name = [], '/imu/data'
+    with BagWriter(tmp_path / 'bag') as writer:
+        make = partial(Recorder, writer, ('imu/data', 'odom'), None,
+                       lambda counts, lost: progress.append((dict(counts), lost)))
+        with virtual(make) as node:
+            node.get_topic_names_and_types = lambda: [(one, []) for one in node.publishers_of]
+            assert node.health().message == 'no /imu/data; no /odom'
+            for other in (name, '/other', '/odom'):
+                node.types_of[other] = TOPICS['imu/data'].type
+                node.publishers_of[other] = {} if other == '/odom' else {b'one': 'imu'}
+            node.run(0.2)
+            assert node.log.lines[-1] == f'recording {name}' and not node.receives('/other')
+            for skipped in (0, 0, 3, 1):
+                node._number += skipped
+                node.publish(name, ImuSample(node.now_ns(), (0.0,) * 3, (0.0,) * 3),
+                             topic='imu/data', publisher=b'one')
+            health = node.health()
+            assert {key: health.values[key] for key in (
+                'topics', 'messages', 'messages_lost', f'{name}.messages_lost')} == {
+                'topics': '1', 'messages': '4', 'messages_lost': '4',
+                f'{name}.messages_lost': '4'}
+            assert health.message == f'lost 4 messages of {name}; no /odom'
+            assert node.health().message == 'no /odom'  # reported once
+            assert [line for line in node.log.lines if 'lost' in line] == [
+                f'warning: lost {count} messages of {name} so far' for count in (3, 4)]
+            assert node.losses == [f'lost 4 messages of {name}']
+            assert not progress
+            node.run(0.8)
+            assert progress == [({name: 4}, 4)]
+    with Bag(tmp_path / 'bag') as bag:
+        assert [ns for ns, _, _ in bag.raw([name])] == [node.now_ns() - 800_000_000] * 4

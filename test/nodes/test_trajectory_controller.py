@@ -23,7 +23,7 @@ from smart_tire.control.trajectory_control import State
 from smart_tire.messages.path import path_to_msg
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
-from smart_tire.nodes.trajectory_controller import PUBLISHER_WINDOW, TrajectoryController
+from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.samples import GoalPose, NAN, PlannedPath
 from std_msgs.msg import Bool
 from support.graph import Graph
@@ -260,7 +260,7 @@ def test_a_second_publisher_of_orders_stops_the_robot_and_both_are_named(node, r
     order()  # also refused
     robot.until_more_progress()
     assert (robot.progress.state, robot.speed) == (State.REFUSED, 0.0)
-    node.run(PUBLISHER_WINDOW)
+    node.run(5.0)
     robot.until_more_progress()
     order()
     robot.until(lambda: robot.speed > 0.1)

@@ -26,7 +26,7 @@ from smart_tire.errors import CommandError, LateCommandError, MessageError
 from smart_tire.nodes import compat, slip_estimator, transforms
 from smart_tire.nodes.diagnostics import InputCounter
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
-from smart_tire.nodes.transforms import MAX_FRAMES, Transforms
+from smart_tire.nodes.transforms import Transforms
 from smart_tire.rotation import quaternion
 from smart_tire.samples import GoalPose, Odometry, PlannedPath
 from support.virtual_node import virtual
@@ -209,6 +209,9 @@ def test_old_transforms_are_late_but_static_ones_are_not(listener):
     listener.add('map', 'odom', 0.0, 0.0, 0.0, age=2.1)  # from another clock, or delayed
     with pytest.raises(LateCommandError):
         listener.odom('map', 0.0, 0.0, 0.0)
+    listener.add('map', 'odom', 0.0, 0.0, 0.0, age=listener.now)  # a stamp of 0 is not static
+    with pytest.raises(LateCommandError):
+        listener.odom('map', 0.0, 0.0, 0.0)
     listener.add('map', 'odom', 0.0, 0.0, 0.0, age=-1.0)  # as amcl, which stamps in the future
     assert listener.odom('map', 0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
     listener.now += 2.1  # amcl has ended
@@ -242,11 +245,11 @@ def test_invalid_transforms_are_counted_and_their_number_is_bounded(listener):
     listener.add('map', 'odom', 0.0, 0.0, 0.0)
     listener.add('map', 'odom', math.nan, 0.0, 0.0)
     assert 'transform of odom' in listener.rejected[0]
-    for index in range(MAX_FRAMES + 10):
+    for index in range(1010):
         listener.add('map', f'frame {index}', 1.0, 0.0, 0.0)
-    assert listener.odom('frame 10', 1.0, 0.0, 0.0)[0] == 2.0
+    assert listener.odom('frame 998', 1.0, 0.0, 0.0)[0] == 2.0
     with pytest.raises(LateCommandError):
-        listener.odom(f'frame {MAX_FRAMES}', 0.0, 0.0, 0.0)
+        listener.odom('frame 999', 0.0, 0.0, 0.0)
     listener.add('map', 'odom', 1.0, 0.0, 0.0)  # known ones are still renewed
     assert listener.odom('map', 1.0, 0.0, 0.0)[0] == 0.0
 

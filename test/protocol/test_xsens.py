@@ -101,6 +101,11 @@ def test_samples_survive_the_round_trip(precision, step, ticks, counter, acceler
                                                        abs=step / 2.0)
 
 
+def test_a_packet_may_be_empty():
+    packets = {xsens.ACCELERATION: b'', xsens.RATE_OF_TURN: b''}
+    assert xsens.decode_packets(xsens.encode_packets(packets)) == packets
+
+
 def test_the_device_time_wraps_like_a_32_bit_counter():
     time, _ = decode_imu(encode_imu(xsens.SAMPLE_TIME_WRAP_NS + 3 * xsens.TICK_NS, SAMPLE))
     assert time == 3 * xsens.TICK_NS

@@ -117,7 +117,7 @@ class VirtualNode:
         self.received: defaultdict[str, list[Any]] = defaultdict(list)
         self.times: defaultdict[str, list[float]] = defaultdict(list)
         self.open: list[Any] = []                # publishers
-        self.profiles: dict[str, Any] = {}       # of the topics sent and received
+        self.profiles: dict[str, Any] = {}       # of topics and services
         self.failures: dict[str, list[Exception]] = defaultdict(list)  # topic -> when published
         self.publishers_of: dict[str, dict[bytes, str]] = {}
         self.types_of: dict[str, str] = {}
@@ -185,8 +185,9 @@ class VirtualNode:
         return True
 
     def create_service(self, service: type[Any], name: str, callback: Callable[[Any, Any], Any],
-                       **_: Any) -> None:
+                       qos_profile: Any = None) -> None:
         """Keep the callback."""
+        self.profiles[name] = qos_profile
         self._answers[name] = service, callback
 
     def create_timer(self, period: float, callback: Callable[[], None], **_: Any) -> Timer:

@@ -77,7 +77,6 @@ class SlipFilter:
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
-        self._relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
         self._step = 0.0          # m/s, of the slip of a side by a change at the last wheel sample
         self._balanced = False    # the forces were used at the last step
         self._started = False     # there has been a wheel sample ...
@@ -350,7 +349,7 @@ class SlipFilter:
         noise, since = STEADY_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt, 0.5 * dt + lag
         steps = []
         for now, before in zip(sides, self._sides):
-            way = max(0.5 * (abs(now) + abs(before)) * dt / self._relaxation, MIN_SIGMA)
+            way = max(0.5 * (abs(now) + abs(before)) * dt / self.forces.relaxation, MIN_SIGMA)
             share = -math.expm1(-way) / way if self.forces.active else SLIP_CHANGE_SHARE
             steps.append(share * max(abs(now - before) - noise, 0.0))
         self._step = max(steps)

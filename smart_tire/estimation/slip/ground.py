@@ -195,7 +195,7 @@ class ForceBalance:
         self._change = GroundChange(kalman)
         self._torques = MotorTorques(robot)
         self._rolling = [0.0] * 4      # m/s, r w of the wheels at the last step
-        self._relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
+        self.relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
         self._transient = 0.0          # m/s, of the slip, that forces do not follow yet
         self._silent = math.inf        # s, since the last ground_state
         self._since_change = math.inf  # s, since the filter has found a change of the ground
@@ -318,7 +318,7 @@ class ForceBalance:
         W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
         self._rolling = self._forces.rolling_speeds(x, W, residual)
         speed = max(0.25 * sum(map(abs, self._rolling)), MIN_SLIP_SPEED)
-        self._transient *= math.exp(-speed * dt / self._relaxation)
+        self._transient *= math.exp(-speed * dt / self.relaxation)
         if not self.active or min(map(abs, self._rolling)) < MIN_SLIP_SPEED:
             return False
         expected = self._forces.balance(
@@ -331,7 +331,7 @@ class ForceBalance:
                 expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x)):
             late = float(h[SLIP_VELS[0]] + h[SLIP_VELS[1]]) * self._transient
             self._correct(-error, h, variance + arm * arm * imu.yaw_accel_variance
-                          + 2.0 * self._relaxation / (speed * dt) * late * late,
+                          + 2.0 * self.relaxation / (speed * dt) * late * late,
                           (velocity, shared))
         return True
 

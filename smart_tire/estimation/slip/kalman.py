@@ -61,9 +61,9 @@ X, Y, YAW, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESIS
 IDENTITY = np.eye(N)
 CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states never corrected
 # values of ``held``: lasting slip and unequal radii of the sides would be taken for a gyro bias,
-# which is observed at standstill
+# which is observed at standstill, and vibrations of the accelerometer in turns for a lever arm
 GYRO_HELD = CONSIDERED.copy()
-GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z]] = 1.0
+GYRO_HELD[[State.YAW, State.GYRO_BIAS_Z, State.IMU_Y]] = 1.0
 # lasting errors of the force balance and of the ICR kinematics must not be taken for sensor errors
 SENSORS_HELD = GYRO_HELD.copy()
 SENSORS_HELD[[State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y, State.RADIUS]] = 1.0

@@ -278,6 +278,14 @@ def test_in_a_gap_of_all_sensors_there_are_estimates_for_a_second_then_one_each_
         125 * (later[-1].stamp_ns - later[0].stamp_ns) / NS_PER_S, abs=25)
 
 
+def test_wheels_do_not_show_how_far_to_the_side_the_imu_is():
+    run, _ = usual()
+    estimator, _ = estimate(run.samples, **{'imu.position_sigma': 0.1})
+    kalman = estimator._segment.filter.kalman
+    assert kalman.x[State.IMU_Y] == 0.0
+    assert kalman.P[State.IMU_Y, State.IMU_Y] == pytest.approx(0.01)
+
+
 def test_the_mounting_rotation_of_the_imu_is_compensated():
     run, expected = usual()
     turned = mapped(ImuSample, lambda s: ImuSample(
