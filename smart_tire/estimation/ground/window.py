@@ -305,26 +305,27 @@ class GroundWindow:
         x = (prior.mean if unchanged and unknown else hypothesis.x).copy()
         x[OWN] = 0.0
         inside = [measurements.within(one) for one in hypothesis.disturbances]
-        steps, covariance = self._steps.copy(), prior.covariance
-        acting = np.ones(DYNAMIC, dtype=bool)  # the others have no effect
+        steps, covariance = np.append(self._steps, 0.0), prior.covariance
+        acting = np.ones(DYNAMIC + 1, dtype=bool)  # the others have no effect
         acting[OLD_GROUND] = hypothesis.new != ONE_GROUND
         acting[MOVED] = bool(hypothesis.lifts)
         shown = np.concatenate([[0], acting * np.cumsum(acting)])  # runs by unknown
         for iteration in range(ITERATIONS if known else MOST_ITERATIONS):
-            steps[Unknown.FRICTION] = self._friction_step(x, covariance)
-            runs = np.tile(x, (DYNAMIC + 1, 1))
-            runs[range(1, DYNAMIC + 1), range(DYNAMIC)] += steps
+            steps[-1] = self._friction_step(x, covariance)
+            runs = np.tile(x, (DYNAMIC + 2, 1))
+            runs[range(1, DYNAMIC + 2), (*range(DYNAMIC), Unknown.FRICTION)] += steps
             used = runs[np.concatenate([[True], acting])]
             varied = measurements.simulate(
                 used, start, heading, np.repeat(events, len(used), axis=0))
             predicted, passages = (measurements.predict(used, varied)[shown],
                                    measurements.passage_values(used, varied)[shown])
-            relaxed = measurements.simulate(
-                runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
-            blocks = measurements.noise(
-                predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
-                x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
-            films = measurements.passage_noise(passages[0], varied.passages[0, :, model.LOAD])
+            if iteration == 0 or not known:
+                relaxed = measurements.simulate(
+                    runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
+                blocks = measurements.noise(
+                    predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
+                    x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
+                films = measurements.passage_noise(passages[0], varied.passages[0, :, model.LOAD])
             residual = measurements.values - predicted[0]
             film_residual = measurements.passage_measured - passages[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0,
@@ -332,7 +333,7 @@ class GroundWindow:
             columns = self._columns(x, predicted, residual, measurements, varied, steps)
             film_columns = self._film_columns(x, passages, film_residual, measurements, steps)
             white = whiten(columns, film_columns)
-            rows = Rows(white[:, -1], white[:, :-1])
+            rows = Rows(white[:, -1], white[:, :SIZE])
             hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
             covariance = inverse_spd(hessian)
             step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
@@ -340,26 +341,35 @@ class GroundWindow:
             at, x = x, x + step
             if step @ hessian @ step < CONVERGED:
                 break
+        final = white[:, -1] - rows.jacobian @ (x - at)
+        # what is known of the friction is by its secant
+        for part in (white, columns, film_columns):
+            part[..., Unknown.FRICTION] = part[..., SIZE]
+        rows = Rows(final, white[:, :SIZE])
+        hessian = information + gram(rows.jacobian.T, np.ones(len(final)))
+        covariance = inverse_spd(hessian)
+        runs[1 + Unknown.FRICTION] = runs[-1]
+        shown[1 + Unknown.FRICTION] = shown[-1]
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
-        varied = Motion(varied.states[shown], varied.passages[shown])
-        final = rows._replace(residual=rows.residual - rows.jacobian @ (x - at))
-        cost = float(final.residual @ final.residual + whiten.penalty.sum()
+        varied = Motion(varied.states[shown[:-1]], varied.passages[shown[:-1]])
+        cost = float(final @ final + whiten.penalty.sum()
                      + (x - prior.mean) @ information @ (x - prior.mean)
                      + np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(information)[1])
-        columns[:, :, -1] += columns[:, :, :-1] @ at
-        film_columns[:, -1] += film_columns[:, :-1] @ at
+        columns[:, :, -1] += columns[:, :, :SIZE] @ at
+        film_columns[:, -1] += film_columns[:, :SIZE] @ at
         left = whiten.information(
             columns, film_columns, measurements.used & (measurements.centers < leaving),
             np.repeat([one.time < leaving for one in measurements.passages], 2).astype(bool))
-        return Fit(x, covariance, cost, motion, runs, varied, heading, final, whiten,
-                   (blocks, films), (left[:-1, :-1], left[:-1, -1]))
+        return Fit(x, covariance, cost, motion, runs[:-1], varied, heading, rows, whiten,
+                   (blocks, films), (left[:SIZE, :SIZE], left[:SIZE, -1]))
 
     def _friction_step(self, x: Array, covariance: Array) -> float:
         """
-        Return the step of ln mu for its derivative: up to the mean of its prior, 1 to 2 sigmas.
+        Return the step of ln mu for its secant: up to the mean of its prior, 1 to 2 sigmas.
 
         A tire that adheres shows less of its friction, the larger it is. The local derivative at a
         friction that is too low would claim to exclude a larger one, for all windows that follow.
+        The steps of the fit are by the local one: by the secant they would end beside the minimum.
         """
         sigma = math.sqrt(covariance[Unknown.FRICTION, Unknown.FRICTION])
         likely = float(self._rows[Unknown.FRICTION].mean - x[Unknown.FRICTION])
@@ -367,17 +377,23 @@ class GroundWindow:
 
     def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements,
                  motion: Motion, steps: Array) -> Array:
-        """Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 1)."""
-        dynamic = (predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]
+        """
+        Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 2).
+
+        The last derivative is that by the friction over the last of the ``steps``.
+        """
+        dynamic = ((predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]).transpose(
+            1, 2, 0)
         return np.concatenate([
-            dynamic.transpose(1, 2, 0), measurements.linear(x, predicted[0], motion),
-            residual[:, :, np.newaxis]], axis=2)
+            dynamic[:, :, :DYNAMIC], measurements.linear(x, predicted[0], motion),
+            dynamic[:, :, DYNAMIC:], residual[:, :, np.newaxis]], axis=2)
 
     def _film_columns(self, x: Array, passages: Array, residual: Array,
                       measurements: Measurements, steps: Array) -> Array:
-        """Return derivatives of the passages and their residual (2 * passages, SIZE + 1)."""
-        found = np.zeros((len(residual), SIZE + 1))
-        found[:, :DYNAMIC] = ((passages[1:] - passages[0]) / steps[:, np.newaxis]).T
+        """Return derivatives of the passages and their residual (2 * passages, SIZE + 2)."""
+        found = np.zeros((len(residual), SIZE + 2))
+        dynamic = ((passages[1:] - passages[0]) / steps[:, np.newaxis]).T
+        found[:, :DYNAMIC], found[:, SIZE] = dynamic[:, :-1], dynamic[:, -1]
         for i, one in enumerate(measurements.passages):
             rows = slice(2 * i, 2 * i + 2 - one.sliding)
             found[rows, Unknown.FILM_GAIN + one.wheel] = passages[0, rows]

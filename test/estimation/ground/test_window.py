@@ -431,6 +431,26 @@ def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_
     assert step(-0.5, 0.3) == step(0.0, 0.3) == pytest.approx(0.3)
 
 
+def test_a_fit_on_ice_ends_at_one_minimum_wherever_it_begins():
+    """By the secant of the friction it would end where it begins, with a small sigma."""
+    icy = GroundParams(names=('ice',), friction=(0.09,), stiffness=(40.0,), drag=(0.01,),
+                       base='ice', patches=())
+    samples = drive(5.0, [(1.0, 60.0, 60.0), (2.0, 110.0, 60.0)], surfaces=icy)
+    estimator, found = run(samples)
+    measurements, hypothesis = found[-1].measurements, found[-1].hypothesis
+    fits = []
+    for friction in (0.05, 0.09, 0.2, 0.4):
+        x = hypothesis.x.copy()
+        x[Unknown.FRICTION] = math.log(friction)
+        fits.append(estimator._window._fit(
+            replace(hypothesis, x=x), measurements, -math.inf, False))
+    ends = np.array([fit.x for fit in fits])
+    assert np.ptp(ends[:, Unknown.FRICTION]) < 0.01
+    assert np.ptp([fit.cost for fit in fits]) < 5.0
+    sigma = math.sqrt(fits[0].covariance[Unknown.FRICTION, Unknown.FRICTION])
+    assert abs(ends[0, Unknown.FRICTION] - math.log(0.09)) < 3.0 * sigma < 0.5
+
+
 def test_the_friction_of_gears_is_found_that_the_data_sheet_has_twice_too_small(samples, torques):
     motor = replace(ROBOT.motor, coulomb_friction=0.5 * ROBOT.motor.coulomb_friction,
                     axle_friction=0.5 * ROBOT.motor.axle_friction)
@@ -555,7 +575,7 @@ def test_a_window_without_solution_is_counted_and_the_next_starts_again(samples,
 
 
 def test_a_strip_that_is_crossed_in_a_second_is_a_disturbance_and_no_change():
-    samples = drive(9.0, CHANGING, surfaces=onto(2.9))
+    samples = drive(9.6, CHANGING, surfaces=onto(2.9))
     estimator, found = run(samples)
     assert any(one.hypothesis.disturbances for one in found)
     assert estimator.changes == 0
