@@ -342,14 +342,16 @@ class GroundWindow:
             if step @ hessian @ step < CONVERGED:
                 break
         final = white[:, -1] - rows.jacobian @ (x - at)
-        # what is known of the friction is by its secant
-        for part in (white, columns, film_columns):
-            part[..., Unknown.FRICTION] = part[..., SIZE]
-        rows = Rows(final, white[:, :SIZE])
-        hessian = information + gram(rows.jacobian.T, np.ones(len(final)))
-        covariance = inverse_spd(hessian)
-        runs[1 + Unknown.FRICTION] = runs[-1]
-        shown[1 + Unknown.FRICTION] = shown[-1]
+        # what is known of the friction: by its derivative or its secant, whichever shows less
+        other, row = white[:, :SIZE].copy(), Unknown.FRICTION
+        other[:, row] = white[:, SIZE]
+        by_secant = information + gram(other.T, np.ones(len(final)))
+        if (wider := inverse_spd(by_secant))[row, row] > covariance[row, row]:
+            hessian, covariance, rows = by_secant, wider, Rows(final, other)
+            for part in (columns, film_columns):
+                part[..., row] = part[..., SIZE]
+            runs[1 + row], shown[1 + row] = runs[-1], shown[-1]
+        rows = rows._replace(residual=final)
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
         varied = Motion(varied.states[shown[:-1]], varied.passages[shown[:-1]])
         cost = float(final @ final + whiten.penalty.sum()
@@ -369,7 +371,8 @@ class GroundWindow:
 
         A tire that adheres shows less of its friction, the larger it is. The local derivative at a
         friction that is too low would claim to exclude a larger one, for all windows that follow.
-        The steps of the fit are by the local one: by the secant they would end beside the minimum.
+        Tires that slide are the other way round: there friction and rolling resistance have the
+        same local derivative, and the secant would claim to tell them apart.
         """
         sigma = math.sqrt(covariance[Unknown.FRICTION, Unknown.FRICTION])
         likely = float(self._rows[Unknown.FRICTION].mean - x[Unknown.FRICTION])
