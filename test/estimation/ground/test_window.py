@@ -455,6 +455,25 @@ def test_on_ice_all_starts_of_a_fit_end_at_one_friction_within_its_sigma(legs):
     assert sigma < 0.2
 
 
+def test_friction_is_as_uncertain_as_the_wider_of_its_derivative_and_its_secant(monkeypatch):
+    concrete = GroundParams(names=('concrete',), friction=(0.47,), stiffness=(52.7,),
+                            drag=(0.01,), base='concrete', patches=())
+    estimator, found = run(drive(5.0, [(1.0, 60.0, 60.0), (2.5, 0.0, 0.0)], surfaces=concrete))
+
+    def sigmas():
+        fits = [estimator._window._fit(one.hypothesis, one.measurements, math.inf, False)
+                for one in found]
+        for fit, one in zip(fits, found):  # what is handed on to the next window is the same
+            if one.measurements.used.all():
+                np.testing.assert_allclose(
+                    fit.leaving[0], fit.rows.jacobian.T @ fit.rows.jacobian, rtol=1e-6, atol=1e-3)
+        return np.array([fit.covariance[Unknown.FRICTION, Unknown.FRICTION] for fit in fits])
+    wider = sigmas()
+    monkeypatch.setattr(estimator._window, '_friction_step', lambda x, covariance: 1e-3)
+    ratio = wider / sigmas()
+    assert ratio.min() > 0.999 and ratio.max() > 1.05
+
+
 def test_the_friction_of_gears_is_found_that_the_data_sheet_has_twice_too_small(samples, torques):
     motor = replace(ROBOT.motor, coulomb_friction=0.5 * ROBOT.motor.coulomb_friction,
                     axle_friction=0.5 * ROBOT.motor.axle_friction)
