@@ -372,7 +372,7 @@ class GroundWindow:
         A tire that adheres shows less of its friction, the larger it is. The local derivative at a
         friction that is too low would claim to exclude a larger one, for all windows that follow.
         Tires that slide are the other way round: there friction and rolling resistance have the
-        same local derivative, and the secant would claim to tell them apart.
+        same local derivative, and the secant would claim to distinguish them.
         """
         sigma = math.sqrt(covariance[Unknown.FRICTION, Unknown.FRICTION])
         likely = float(self._rows[Unknown.FRICTION].mean - x[Unknown.FRICTION])
@@ -441,7 +441,7 @@ class GroundWindow:
 
         def likeliest(events: Callable[[list[float]], list[Event]]
                       ) -> list[tuple[float, Array, Event]]:
-            """Return the likeliest one at ``times``: at each second one, then beside the best."""
+            """Return the likeliest one at ``times``: at each second one, then next to the best."""
             found: list[tuple[float, Array, Event]] = []
             near = [i for i in range(len(times)) if i == 0 or i % 2]
             for _ in range(2):
