@@ -104,6 +104,11 @@ def across_fields(rng: np.random.Generator) -> Parts:
     return s_curves(rng, 8)
 
 
+def circles(rng: np.random.Generator) -> Parts:
+    """Return circles of 120/60 rpm to a random side, of 0.8 m radius on concrete."""
+    return [*turn(rng, 32.0), STOP, *s_curves(rng, 1)]
+
+
 def sand_straight(rng: np.random.Generator) -> Parts:
     """Return straight runs with starts and stops."""
     return starts(rng, 11)

@@ -21,7 +21,9 @@ wheel, ``k = C_y / C_x`` and ``t = C_x |s| / (3 mu F_z)``, its force is
 a tire follows over its relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``, without
 a singularity at rest; a sliding tire deflects no further. The rolling resistance ``f F_z`` acts
 along the velocity of its center by the lateral share and along its heading by the rest
-(PHYSICS.md D). Loads follow the acceleration of the step before.
+(PHYSICS.md D). Loads follow the acceleration of the step before. A lifted wheel has none. Of
+the load that it loses, the wheel across from it gets the share k, the other two -k: with k = -1
+they carry the weight and its moments alone.
 
 Steps are implicit, by the second backward differentiation formula, with the secant slope
 ``|F| / |s|`` at the extrapolated velocity: stable at any speed, where explicit steps of a
@@ -47,18 +49,22 @@ else:
 
 COMPILED: bool = cython.compiled
 
-# parameters of a run; those of the ground before and after its change at CHANGE_STEP
-(OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE, CHANGE_STEP,
+# parameters of a run; those of two grounds, the second from step NEW on
+(OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
- SIDE_FRICTION, SIDE_RESISTANCE, FALL, RELAXATION, BEND_X, BEND_Y, START_U, START_V, START_W,
- PARAMETERS) = range(25)
+ SIDE_FRICTION, SIDE_RESISTANCE, FALL, RELAXATION, MOVED_LOAD, BEND_X, BEND_Y, START_U, START_V,
+ START_W, NEW) = range(25)
+# NEW: of the left and of the right side the steps from which, and until which, its ground is the
+# second one; then of each of two lifts: index of the wheel, steps of its begin and end
+LIFT = NEW + 4
+PARAMETERS = LIFT + 6
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
 TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
 # output of a step: velocity, acceleration of the center of mass by forces, angular acceleration,
-# tread forces along x of the wheels
+# tread forces along x of the wheels, and their loads
 U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
-OUTPUTS = 10
+LOADS, OUTPUTS = FORCE + 4, FORCE + 8
 # means over a passage; LOSS is the product of the shares of the friction that are left
 SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)
 
@@ -96,8 +102,8 @@ def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
 @cython.exceptval(check=False)
 def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: cython.double,
           a_y: cython.double) -> cython.double:
-    """Return the load [N] of a wheel, 0 if it is lifted, from ``level`` at rest."""
-    return max(level - by_x * a_x - by_y * a_y, 0.0)
+    """Return the load [N] from that at rest, of all wheels; below 0: they would pull."""
+    return level - by_x * a_x - by_y * a_y
 
 
 @cython.cfunc
@@ -128,13 +134,13 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     min_speed: cython.double = robot[DRAG_FLOOR]
     gravity: cython.double = robot[GRAVITY]
     steps: cython.double = rolling.shape[0]
-    change: cython.double = p[CHANGE_STEP]
     share: cython.double = p[LATERAL_SHARE]
     ratio: cython.double = p[LATERAL_RATIO]
     radius: cython.double = p[RADIUS]
     fall: cython.double = p[FALL]
     relaxation: cython.double = p[RELAXATION]
-    # of the wheels: position [m], load at rest [N] and by acceleration [kg], ground before its
+    # of the wheels: position [m], load at rest [N] and by acceleration [kg], share that it gets of
+    # the load that is lost in each lift, ground before its
     # change and (4-7) the change, r w [m/s], slip, |F| / |s| [N], change of the slip by the new
     # velocity [s/m], and of the force [N s/m], share of the slip that is stored, in a step
     x: cython.double[4] = [0.0] * 4
@@ -142,6 +148,11 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     level: cython.double[4] = [0.0] * 4
     by_x: cython.double[4] = [0.0] * 4
     by_y: cython.double[4] = [0.0] * 4
+    gets: cython.double[8] = [0.0] * 8
+    # of the lifted wheels: load at rest [N] and by acceleration [kg]
+    own_level: cython.double[2] = [0.0] * 2
+    own_x: cython.double[2] = [0.0] * 2
+    own_y: cython.double[2] = [0.0] * 2
     stiffness: cython.double[8] = [0.0] * 8
     friction: cython.double[8] = [0.0] * 8
     resistance: cython.double[8] = [0.0] * 8
@@ -152,7 +163,9 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     gain: cython.double[4] = [0.0] * 4
     grip: cython.double[4] = [0.0] * 4
     kept: cython.double[4] = [0.0] * 4
+    after: cython.double[2] = [0.0] * 2  # of a side: 1 on the second ground, else 0
     i: cython.int
+    k: cython.int
     for i in range(4):
         left: cython.bint = i % 2 == 0
         base: cython.double = robot[HALF_BASE] if i < 2 else -robot[HALF_BASE]
@@ -162,6 +175,13 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         level[i] = 0.25 * mass * robot[GRAVITY] * (1.0 + p[COM_X] / base + p[COM_Y] / track)
         by_x[i] = 0.25 * mass * robot[HEIGHT] / base
         by_y[i] = 0.25 * mass * robot[HEIGHT] / track
+        for k in range(2):
+            diagonal: cython.double = max(1.0 - fabs(p[LIFT + 3 * k] - (3 - i)), 0.0)
+            lost: cython.double = max(1.0 - fabs(p[LIFT + 3 * k] - i), 0.0)
+            gets[4 * k + i] = p[MOVED_LOAD] * (2.0 * diagonal + lost - 1.0) - lost
+            own_level[k] = own_level[k] + lost * level[i]
+            own_x[k] = own_x[k] + lost * by_x[i]
+            own_y[k] = own_y[k] + lost * by_y[i]
         side: cython.double = p[SIDE_STIFFNESS] if left else 1.0 / p[SIDE_STIFFNESS]
         stiffness[i] = side * p[OLD_STIFFNESS]
         stiffness[4 + i] = side * (p[STIFFNESS] - p[OLD_STIFFNESS])
@@ -172,6 +192,12 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         resistance[i] = side * p[OLD_RESISTANCE]
         resistance[4 + i] = side * (p[RESISTANCE] - p[OLD_RESISTANCE])
 
+    # runs in arrays are computed with lifts
+    lifts: cython.bint = not cython.compiled or p[LIFT] >= 0.0 or p[LIFT + 3] >= 0.0
+    first: cython.double = 0.0
+    second: cython.double = 0.0
+    one: cython.double = 0.0
+    two: cython.double = 0.0
     u: cython.double = p[START_U]
     v: cython.double = p[START_V]
     w: cython.double = p[START_W]
@@ -204,10 +230,20 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         bu: cython.double = mass * (old_u + new_w * new_v - slope_x)
         bv: cython.double = mass * (old_v - new_w * new_u - slope_y)
         bw: cython.double = inertia * old_w
-        after: cython.double = min(max(n + 1.0 - change, 0.0), 1.0)  # 1 after the change, else 0
+        for k in range(2):
+            after[k] = (min(max(n + 1.0 - p[NEW + 2 * k], 0.0), 1.0)
+                        - min(max(n + 1.0 - p[NEW + 2 * k + 1], 0.0), 1.0))
+        if lifts:  # 1 during a lift, else 0
+            first = (min(max(n + 1.0 - p[LIFT + 1], 0.0), 1.0)
+                     - min(max(n + 1.0 - p[LIFT + 2], 0.0), 1.0))
+            second = (min(max(n + 1.0 - p[LIFT + 4], 0.0), 1.0)
+                      - min(max(n + 1.0 - p[LIFT + 5], 0.0), 1.0))
+            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)  # N
+            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
         for i in range(4):
-            load: cython.double = _load(level[i], by_x[i], by_y[i], a_x, a_y)
-            drag: cython.double = load * (resistance[i] + after * resistance[4 + i])
+            load: cython.double = max(_load(level[i], by_x[i], by_y[i], a_x, a_y)
+                                      + one * gets[i] + two * gets[4 + i], 0.0)
+            drag: cython.double = load * (resistance[i] + after[i % 2] * resistance[4 + i])
             roll[i] = radius * rolling[n, i] + offset[n, i % 2]
             v_x: cython.double = new_u - y[i] * new_w
             v_y: cython.double = new_v + x[i] * new_w
@@ -219,8 +255,8 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             slip_y[i] = slip_y[i] * lag * gain[i]
             s_x: cython.double = slip_x[i] + gain[i] * (roll[i] - v_x)
             s_y: cython.double = slip_y[i] + gain[i] * ratio * v_y
-            stiff: cython.double = stiffness[i] + after * stiffness[4 + i]
-            limit: cython.double = load * (friction[i] + after * friction[4 + i])
+            stiff: cython.double = stiffness[i] + after[i % 2] * stiffness[4 + i]
+            limit: cython.double = load * (friction[i] + after[i % 2] * friction[4 + i])
             total: cython.double = sqrt(s_x * s_x + s_y * s_y)
             slope[i] = _secant(total, stiff, limit, fall)
             # a tire that slides deflects no further
@@ -244,13 +280,18 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         new_v = (bv - vw * new_w) / vv
         a_x = rate * new_u - old_u - new_w * new_v + slope_x
         a_y = rate * new_v - old_v + new_w * new_u + slope_y
-        # columns U to FORCE + 3 by their numbers: names of the module are slow here
+        if lifts:
+            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
+            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+        # columns U to LOADS + 3 by their numbers: names of the module are slow here
         out[n, 0], out[n, 1], out[n, 2] = new_u, new_v, new_w
         out[n, 3], out[n, 4], out[n, 5] = a_x, a_y, rate * new_w - old_w
         for i in range(4):
             s_x = slip_x[i] + gain[i] * (roll[i] - new_u + y[i] * new_w)
             s_y = slip_y[i] + gain[i] * ratio * (new_v + x[i] * new_w)
             out[n, 6 + i] = slope[i] * s_x
+            out[n, 10 + i] = max(_load(level[i], by_x[i], by_y[i], a_x, a_y)
+                                 + one * gets[i] + two * gets[4 + i], 0.0)
             slip_x[i] = kept[i] * s_x
             slip_y[i] = kept[i] * s_y
         last_u, last_v, last_w = u, v, w
@@ -267,7 +308,7 @@ def average_passages(states: cython.double[:, :, ::1], rolling: cython.double[:,
 
     ``states`` (runs, n, OUTPUTS) are those of ``simulate``, ``rolling`` (runs, m, k) is r w [m/s]
     of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for passages
-    after the change of ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
+    on the second ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
     and least share of the friction. ``out`` (runs, m, VALUES) is filled. Raise ValueError where
     shapes disagree.
     """
@@ -301,10 +342,7 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
     fall: cython.double = p[FALL]
     com_x: cython.double = p[COM_X]
     com_y: cython.double = p[COM_Y]
-    mass: cython.double = 0.25 * robot[MASS]
-    gravity: cython.double = robot[GRAVITY]
-    height: cython.double = robot[HEIGHT]
-    # C_x / mu [N] before the change of ground and the change, and their ratio of the left side
+    # C_x / mu [N] of the first ground and what the second has more; the ratio of the left side
     old: cython.double = p[OLD_STIFFNESS] / p[OLD_FRICTION]
     change: cython.double = p[STIFFNESS] / p[FRICTION] - old
     left: cython.double = p[SIDE_STIFFNESS] / p[SIDE_FRICTION]
@@ -315,9 +353,6 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
         wheel: cython.Py_ssize_t = wheels[i]
         base: cython.double = robot[HALF_BASE] if wheel < 2 else -robot[HALF_BASE]
         track: cython.double = robot[HALF_TRACK] if wheel % 2 == 0 else -robot[HALF_TRACK]
-        level: cython.double = mass * gravity * (1.0 + com_x / base + com_y / track)
-        by_x: cython.double = mass * height / base
-        by_y: cython.double = mass * height / track
         grip: cython.double = (old + after[i] * change) / 3.0
         grip = grip * left if wheel % 2 == 0 else grip / left
         sums: cython.double[5] = [0.0] * 5
@@ -328,8 +363,7 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
             w: cython.double = states[n, 2]
             slip: cython.double = (rolling[i, k] - states[n, 0] + (track - com_y) * w) * inverse
             lateral: cython.double = ratio * (states[n, 1] + (base - com_x) * w) * inverse
-            load: cython.double = max(
-                _load(level, by_x, by_y, states[n, 3], states[n, 4]), limits[i, 1])
+            load: cython.double = max(states[n, 10 + wheel], limits[i, 1])
             t: cython.double = sqrt(slip * slip + lateral * lateral) * grip / load
             kept: cython.double = max(1.0 - fall * (1.0 - 1.0 / max(t, 1.0)), limits[i, 2])
             sums[0] = sums[0] + slip

@@ -24,11 +24,11 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.ground.body_model import LOSS
+from smart_tire.estimation.ground.body_model import LOAD, LOSS
 from smart_tire.estimation.ground.measurements import Passage, WindowData
 from smart_tire.estimation.ground.unknowns import (
     CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
-    MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIZE, Unknown)
+    MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIDES, SIZE, Unknown)
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
@@ -92,7 +92,8 @@ class GroundEstimator:
                     'unknown: no imu/data'}
         shown: dict[str, str | int | float] = {
             'ground': 'known' if self.known else 'unknown: no films and no motor torques',
-            'ground_changes': self._window.changes, 'ground_failures': self.failures,
+            'ground_changes': self._window.changes, 'wheel_lifts': self._window.lifts,
+            'ground_failures': self.failures,
             'ground_tension': f'{solution.tension.size:.1f} sigma: {solution.tension.name}'}
         x, sigma = solution.fit.x, np.sqrt(np.diag(solution.fit.covariance))
         for name, row in (('torque_scale', Unknown.TORQUE_SCALE), ('wheel_radius', Unknown.RADIUS),
@@ -180,28 +181,34 @@ class GroundEstimator:
     def state(self, solution: Solution) -> GroundState:
         """Return the state of the ground at the end of a window, friction at the slip there."""
         assert self._origin_ns is not None
-        x, covariance = solution.fit.x, solution.fit.covariance
-        sigma = np.sqrt(np.diag(covariance))
+        to_one, covariance = solution.hypothesis.one_ground(solution.end), solution.fit.covariance
+        x = to_one @ solution.fit.x
+        sigma = np.sqrt(np.diag(to_one @ covariance @ to_one.T))
 
-        def scaled(row: Unknown) -> Uncertain:
+        # as errors of one ground for both sides
+        side_stiffness, side_friction, side_resistance = x[SIDES].tolist()
+
+        def scaled(row: Unknown, side: float = 0.0) -> Uncertain:
             value = math.exp(x[row])
-            return Uncertain(value, value * float(sigma[row]))
+            return Uncertain(value, value * math.hypot(float(sigma[row]), side))
 
         values, slopes = solution.values_at(solution.end, range(len(WHEELS)))
-        loss, row = float(values[:, LOSS].mean()), np.zeros(SIZE)
-        row[:DYNAMIC] = slopes[:, LOSS].mean(axis=0)
-        row[Unknown.FRICTION] += 1.0
+        share, row = values[:, LOAD] / values[:, LOAD].sum(), to_one[Unknown.FRICTION].copy()
+        loss = float(share @ values[:, LOSS])
+        row[:DYNAMIC] += share @ slopes[:, LOSS]
         friction = math.exp(x[Unknown.FRICTION] + loss)
-        friction_sigma = math.hypot(_upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR)
+        friction_sigma = math.hypot(
+            _upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR, side_friction)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
         known = friction_sigma < MAX_LN_SIGMA
-        both = float(covariance[Unknown.STIFFNESS] @ row)
+        both = float(to_one[Unknown.STIFFNESS] @ covariance @ row) + side_stiffness * side_friction
+        stiffness = scaled(Unknown.STIFFNESS, side_stiffness)
         imu_x, imu_y, _ = self._robot.imu.position
         return GroundState(
-            self.end_ns, stiffness=scaled(Unknown.STIFFNESS),
+            self.end_ns, stiffness=stiffness,
             friction_coefficient=Uncertain(
                 friction, friction * friction_sigma) if known else UNKNOWN,
-            rolling_resistance=scaled(Unknown.RESISTANCE),
+            rolling_resistance=scaled(Unknown.RESISTANCE, side_resistance),
             lateral_share=Uncertain(
                 share, share * (1.0 - share) * float(sigma[Unknown.LATERAL_SHARE])),
             lateral_stiffness_ratio=scaled(Unknown.LATERAL_RATIO),
@@ -211,8 +218,8 @@ class GroundEstimator:
             imu_y=Uncertain(imu_y + float(x[Unknown.IMU_Y]), float(sigma[Unknown.IMU_Y])),
             motor_friction=scaled(Unknown.MOTOR_FRICTION),
             torque_scale=scaled(Unknown.TORQUE_SCALE),
-            stiffness_friction_correlation=both / float(
-                sigma[Unknown.STIFFNESS] * friction_sigma))
+            stiffness_friction_correlation=both * stiffness.value / (
+                stiffness.sigma * friction_sigma))
 
     def wheel_state(self, solution: Solution, stamp_ns: int, wheel: str) -> WheelState:
         """Return the state of ``wheel`` around an instant within the window."""
@@ -222,9 +229,8 @@ class GroundEstimator:
         spread = np.sqrt(np.einsum('ij,jk,ik->i', slopes, covariance[:DYNAMIC, :DYNAMIC], slopes))
         slip, ratio, load, force, loss = map(float, values)
         x, row = fit.x, np.zeros((3, SIZE))
-        old = time < solution.hypothesis.change
-        stiffness, friction = ((Unknown.OLD_STIFFNESS, Unknown.OLD_FRICTION) if old else
-                               (Unknown.STIFFNESS, Unknown.FRICTION))
+        stiffness = solution.hypothesis.ground(index % 2, time).start
+        friction = stiffness + Unknown.FRICTION - Unknown.STIFFNESS
         row[0, [stiffness, Unknown.SIDE_STIFFNESS]] = 1.0, SIDE_SIGNS[index]
         row[1, [friction, Unknown.SIDE_FRICTION]] = 1.0, SIDE_SIGNS[index]
         row[2] = row[1] - row[0]

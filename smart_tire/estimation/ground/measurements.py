@@ -17,7 +17,6 @@ of the four motor torques; slip and normalized slip of each passage of a wheel's
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -35,8 +34,7 @@ from smart_tire.estimation.ground.unknowns import (
 from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
-from smart_tire.models.vehicle.skid_steer import (
-    MIN_LOAD, normal_loads, SLIP_FLOOR)
+from smart_tire.models.vehicle.skid_steer import MIN_LOAD, SLIP_FLOOR
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, WHEELS
 
@@ -150,29 +148,33 @@ class Measurements:
         heading: Array = reference[1] + at[1:] - at[0]
         return heading
 
-    def simulate(self, x: Array, start: Array, heading: Array, change: Array,
+    def simulate(self, x: Array, start: Array, heading: Array, events: Array,
                  relaxation: float = 0.0) -> Motion:
         """
         Return the motion for each row of ``x`` (runs, SIZE).
 
         ``start`` (3,): velocity of the center of mass at ``begin``; ``heading`` (n,) [rad];
-        ``change`` (runs,) [s]: when the ground changes; ``relaxation`` length of the tires [m].
+        ``events`` (runs, 10) as in ``Hypothesis``; ``relaxation`` length of the tires [m].
         """
-        runs = self._parameters(x, change)
+        runs = self._parameters(x, events)
         runs[:, model.RELAXATION] = relaxation
-        runs[:, model.START_U:] = start + x[:, START]
+        runs[:, model.START_U:model.START_W + 1] = start + x[:, START]
         offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
         model.simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
-        return Motion(states, self.at(self.passages, x, change, states))
+        return Motion(states, self.at(self.passages, x, events, states))
 
-    def _parameters(self, x: Array, change: Array) -> Array:
+    def _parameters(self, x: Array, events: Array) -> Array:
         """Return the parameters of the model (runs, PARAMETERS) from standstill."""
         runs = np.zeros((len(x), model.PARAMETERS))
         runs[:, model.STIFFNESS:model.RESISTANCE + 1] = np.exp(x[:, GROUND])
         runs[:, :model.OLD_RESISTANCE + 1] = np.exp(x[:, OLD_GROUND])
-        runs[:, model.CHANGE_STEP] = np.searchsorted(self.times, change)
+        runs[:, model.NEW:model.LIFT] = np.searchsorted(self.times, events[:, :4])
+        lifts = events[:, 4:].reshape(len(x), 2, 3).copy()
+        lifts[:, :, 1:] = np.searchsorted(self.times, lifts[:, :, 1:])
+        runs[:, model.LIFT:] = lifts.reshape(len(x), 6)
+        runs[:, model.MOVED_LOAD] = x[:, Unknown.MOVED_LOAD]
         runs[:, model.LATERAL_SHARE] = 1.0 / (1.0 + np.exp(-x[:, Unknown.LATERAL_SHARE]))
         runs[:, model.LATERAL_RATIO] = np.exp(x[:, Unknown.LATERAL_RATIO])
         runs[:, model.COM_X:model.COM_Y + 1] = x[:, Unknown.COM_X:Unknown.COM_Y + 1]
@@ -199,9 +201,9 @@ class Measurements:
         found[:, FORCE_X] = a_x - w_dot * arm_y - square * arm_x
         found[:, FORCE_Y] = a_y + w_dot * arm_x - square * arm_y
         found[:, :TORQUE] += x[:, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
-        loads = self._loads(x, a_x, a_y).transpose(0, 2, 1)
         radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
-        torque = radius * means[model.FORCE:].transpose(1, 0, 2) + (
+        force, loads = means[model.FORCE:].reshape(2, 4, *means.shape[1:]).transpose(0, 2, 1, 3)
+        torque = radius * force + (
             np.exp(x[:, Unknown.MOTOR_FRICTION, np.newaxis, np.newaxis]) * friction_torque(
                 self._moving, loads, robot.motor, robot.wheel_radius)
             + np.exp(x[:, Unknown.MOTOR_INERTIA, np.newaxis, np.newaxis]) * self._inertia_torque)
@@ -223,13 +225,12 @@ class Measurements:
             found[TORQUE + i, :, Unknown.TORQUE_SCALE - DYNAMIC] = motor
             found[TORQUE + i, :, Unknown.MOTOR_SCALE - DYNAMIC + i] = motor
             found[TORQUE + i, :, Unknown.TORQUE_OFFSET - DYNAMIC + i] = 1.0
-        states = motion.states[:1]
-        a_x, a_y, w_dot = block_means(states[:, :, model.A_X:model.FORCE]).transpose(2, 0, 1)
+        means, square = block_means(motion.states[0]).T, _mean_square(motion.states[:1])[0]
         by_arm = found[FORCE_X:TORQUE, :, Unknown.IMU_X - DYNAMIC:]
-        by_arm[0, :, 0], by_arm[0, :, 1] = -_mean_square(states)[0], -w_dot[0]
-        by_arm[1, :, 0], by_arm[1, :, 1] = w_dot[0], -_mean_square(states)[0]
+        by_arm[0, :, 0], by_arm[0, :, 1] = -square, -means[model.W_DOT]
+        by_arm[1, :, 0], by_arm[1, :, 1] = means[model.W_DOT], -square
         scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
-        loads = self._loads(x[np.newaxis], a_x, a_y)[0].T
+        loads = means[model.LOADS:]
         friction = friction_torque(
             self._moving, loads, self._robot.motor, self._robot.wheel_radius)
         for row, torque in ((Unknown.MOTOR_FRICTION, friction),
@@ -246,13 +247,12 @@ class Measurements:
         found[:, :, 1] += self._products * x[:, FILM_ERRORS][:, wheels]
         return found.reshape(len(x), -1)
 
-    def noise(self, predicted: Array, transient: Array, biases: Array,
-              disturbances: Sequence[Interval] = ()) -> Array:
+    def noise(self, predicted: Array, transient: Array, biases: Array) -> Array:
         """
         Return the covariances (STREAMS, blocks, blocks) of the block means.
 
         ``predicted`` (STREAMS, blocks), ``transient`` (STREAMS, blocks) its change by a relaxation
-        length, ``biases`` (3,) those of the IMU. What lies in ``disturbances`` is not used.
+        length, ``biases`` (3,) those of the IMU.
         """
         robot, count = self._robot, len(self.centers)
         imu = np.maximum(self.imu_count, 1)
@@ -278,7 +278,7 @@ class Measurements:
             + (self._torque_by_speed * np.sqrt(np.diag(difference))) ** 2)
         white[:TORQUE, self.imu_count == 0] = UNMEASURED
         white[TORQUE:, self.torque_count == 0] = UNMEASURED
-        white[:, ~self.used | disturbed(self.centers, disturbances)] = UNMEASURED
+        white[:, ~self.used] = UNMEASURED
         lasting = MODEL_ERROR * size
         found = (np.exp(-np.abs(self.centers[:, np.newaxis] - self.centers) / MODEL_TIME)
                  * lasting[:, :, np.newaxis] * lasting[:, np.newaxis])
@@ -288,8 +288,19 @@ class Measurements:
         found[:, range(count), range(count)] += white ** 2
         return found
 
-    def passage_noise(self, predicted: Array, disturbances: Sequence[Interval] = ()) -> Array:
-        """Return the covariance of the passages; ``predicted`` (2 * passages,)."""
+    def within(self, interval: Interval) -> NDArray[np.bool_]:
+        """Return whether each row of block means and passages lies in ``interval`` [s]."""
+        times = np.concatenate([np.tile(self.centers, STREAMS),
+                                np.repeat([one.time for one in self.passages], 2)])
+        found: NDArray[np.bool_] = (times >= interval[0]) & (times <= interval[1])
+        return found
+
+    def passage_noise(self, predicted: Array, loads: Array) -> Array:
+        """
+        Return the covariance of the passages; ``predicted`` (2 * passages,).
+
+        ``loads`` (passages,) [N]: a normalized slip is that of the load on the wheel.
+        """
         times = np.array([one.time for one in self.passages])
         wheels = np.array([one.wheel for one in self.passages])
         lasting = np.exp(-np.abs(times[:, np.newaxis] - times) / MODEL_TIME) * (
@@ -300,33 +311,26 @@ class Measurements:
         found = np.zeros((len(predicted), len(predicted)))
         found[::2, ::2] = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
                                      + FILM_SLIP_ERROR[1] ** 2)
-        found[1::2, 1::2] = lasting * FILM_RATIO_ERROR ** 2 * np.outer(ratio, ratio)
+        own = FILM_RATIO_ERROR * ratio * np.maximum(
+            0.25 * self._robot.mass * GRAVITY / loads, 1.0)
+        found[1::2, 1::2] = lasting * np.outer(own, own)
         for i, one in enumerate(self.passages):
-            own, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], ratio[i])
-            found[own] = by_slips @ found[own]
-            found[:, own] = found[:, own] @ by_slips.T
+            rows, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], ratio[i])
+            found[rows] = by_slips @ found[rows]
+            found[:, rows] = found[:, rows] @ by_slips.T
             at = one.by_slips(one.slip, one.ratio)
             measured = np.array([one.slip, one.ratio])
-            found[own, own] += at @ one.covariance @ at.T + (
+            found[rows, rows] += at @ one.covariance @ at.T + (
                 one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured))
-        found[np.diag(np.repeat(disturbed(times, disturbances), 2))] += UNMEASURED ** 2
         return found
 
-    def _loads(self, x: Array, a_x: Array, a_y: Array) -> Array:
-        """Return the loads [N] (runs, ..., 4) for accelerations (runs, ...)."""
-        robot, shape = self._robot, (-1,) + (1,) * (a_x.ndim - 1)
-        center = (x[:, Unknown.COM_X].reshape(shape), x[:, Unknown.COM_Y].reshape(shape),
-                  robot.center_of_mass[2])
-        return normal_loads(robot.mass, center, robot.wheelbase, robot.track_width, a_x, a_y,
-                            radius=robot.wheel_radius)
-
-    def at(self, passages: list[Passage], x: Array, change: Array, states: Array) -> Array:
+    def at(self, passages: list[Passage], x: Array, events: Array, states: Array) -> Array:
         """
         Return slip, normalized slip, load [N], traction force [N], ln loss (runs, passages, 5).
 
         The last one is the logarithm of the friction at this slip over the largest one.
 
-        ``x`` (runs, SIZE), ``change`` (runs,) [s] and ``states`` as in ``simulate``.
+        ``x`` (runs, SIZE), ``events`` and ``states`` as in ``simulate``.
         """
         if not passages:
             return np.empty((len(x), 0, model.VALUES))
@@ -341,10 +345,12 @@ class Measurements:
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
         limits = np.array([(np.inf if one.sliding else MAX_RATIO, MIN_LOAD, LEAST_FRICTION)
                            for one in passages])
+        begins, ends = (events[:, 2 * (wheel % 2) + one] for one in (0, 1))
+        on_new = np.ascontiguousarray((begins <= times) & (times < ends), dtype=float)
         found = np.empty((len(x), len(passages), model.VALUES))
         model.average_passages(
-            states, rolling, (times >= change[:, np.newaxis]).astype(float), near, wheel, limits,
-            self._parameters(x, change), self.robot_constants, found)
+            states, rolling, on_new, near, wheel, limits,
+            self._parameters(x, events), self.robot_constants, found)
         found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(PASSAGE_STEPS)
         return found
 
@@ -352,11 +358,3 @@ class Measurements:
 def _mean_square(states: Array) -> Array:
     """Return block means (runs, blocks) of the squared yaw rate [(rad/s)^2]."""
     return block_means(states[:, :, model.W, np.newaxis] ** 2)[:, :, 0]
-
-
-def disturbed(times: Array, disturbances: Sequence[Interval]) -> NDArray[np.bool_]:
-    """Return whether each of ``times`` (n,) [s] lies in one of the ``disturbances``."""
-    found: NDArray[np.bool_] = np.zeros(len(times), dtype=bool)
-    for begin, end in disturbances:
-        found |= (times >= begin) & (times <= end)
-    return found

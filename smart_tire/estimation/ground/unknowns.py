@@ -17,7 +17,7 @@ Each constant has its unit, its origin and the runs that are worse without it: r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 import math
 from typing import NamedTuple
@@ -28,6 +28,7 @@ from smart_tire.arrays import Array
 from smart_tire.models.tire.brush_tire import (
     LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS_SIGMA)
 from smart_tire.models.vehicle.drive import torque_errors
+from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import MOUNTING_TILT, RobotParams
 from smart_tire.samples import GRAVITY, WHEELS
 
@@ -38,7 +39,7 @@ class Unknown(IntEnum):
     STIFFNESS = 0         # ln C_x [N]
     FRICTION = 1          # ln mu
     RESISTANCE = 2        # ln f, rolling resistance over the load
-    OLD_STIFFNESS = 3     # the same before the last change of ground, while that is in the window
+    OLD_STIFFNESS = 3     # of a second ground, while the window has one: the sides change
     OLD_FRICTION = 4
     OLD_RESISTANCE = 5
     LATERAL_SHARE = 6     # logit, of the rolling resistance along the velocity
@@ -53,23 +54,24 @@ class Unknown(IntEnum):
     SIDE_RESISTANCE = 15
     DELAY = 16            # s, of the wheels' stamps, and of the forces by the relaxation length
     FALL = 17             # -, share of the friction that is lost at the largest slip
-    BEND_X = 18           # rad, change of the slope over the window
-    BEND_Y = 19
-    START_U = 20          # m/s, error of the velocity at the start of the window
-    START_V = 21
-    START_W = 22          # rad/s
-    GYRO_BIAS = 23        # rad/s
-    ACCEL_BIAS_X = 24     # m/s2, including the tilt of the mounting
-    ACCEL_BIAS_Y = 25
-    TORQUE_SCALE = 26     # ln of the true over the nominal torque constant, of all motors
-    MOTOR_FRICTION = 27   # ln of the true over the nominal friction of gears and axles
-    MOTOR_INERTIA = 28    # ln of the true over the nominal inertia of wheel, gear and rotor
-    IMU_X = 29            # m, error of the position of the IMU
-    IMU_Y = 30
-    MOTOR_SCALE = 31      # four rows: the same of each motor
-    TORQUE_OFFSET = 35    # four rows: N m, of the measured torque, with the friction of the motor
-    FILM_GAIN = 39        # four rows, by wheel: ln of the true over the nominal stretch gain
-    FILM_ERROR = 43       # four rows, by wheel: lasting error of slip times normalized slip
+    MOVED_LOAD = 18       # -, of the load of a lifted wheel, to the one across from it
+    BEND_X = 19           # rad, change of the slope over the window
+    BEND_Y = 20
+    START_U = 21          # m/s, error of the velocity at the start of the window
+    START_V = 22
+    START_W = 23          # rad/s
+    GYRO_BIAS = 24        # rad/s
+    ACCEL_BIAS_X = 25     # m/s2, including the tilt of the mounting
+    ACCEL_BIAS_Y = 26
+    TORQUE_SCALE = 27     # ln of the true over the nominal torque constant, of all motors
+    MOTOR_FRICTION = 28   # ln of the true over the nominal friction of gears and axles
+    MOTOR_INERTIA = 29    # ln of the true over the nominal inertia of wheel, gear and rotor
+    IMU_X = 30            # m, error of the position of the IMU
+    IMU_Y = 31
+    MOTOR_SCALE = 32      # four rows: the same of each motor
+    TORQUE_OFFSET = 36    # four rows: N m, of the measured torque, with the friction of the motor
+    FILM_GAIN = 40        # four rows, by wheel: ln of the true over the nominal stretch gain
+    FILM_ERROR = 44       # four rows, by wheel: lasting error of slip times normalized slip
 
 
 SIZE = Unknown.FILM_ERROR + len(WHEELS)
@@ -78,6 +80,7 @@ GROUND = slice(Unknown.STIFFNESS, Unknown.OLD_STIFFNESS)
 OLD_GROUND = slice(Unknown.OLD_STIFFNESS, Unknown.LATERAL_SHARE)
 SIDES = slice(Unknown.SIDE_STIFFNESS, Unknown.DELAY)
 START = slice(Unknown.START_U, Unknown.GYRO_BIAS)
+MOVED = slice(Unknown.MOVED_LOAD, Unknown.MOVED_LOAD + 1)
 OWN = slice(Unknown.BEND_X, Unknown.GYRO_BIAS)  # of each window: not known from the one before
 MOTORS = slice(Unknown.MOTOR_SCALE, Unknown.TORQUE_OFFSET)
 OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.FILM_GAIN)
@@ -98,16 +101,19 @@ JERK_DENSITY = 3.0      # (rad/s3)^2 s, white jerk of a speed-controlled wheel, 
 SMOOTHINGS = 4          # iterations of its weights
 
 # fit
-ITERATIONS = 2          # Gauss-Newton steps at most; twice as many on an unknown ground
-CONVERGED = 0.1         # of a standard deviation: no further step
+ITERATIONS = 2          # Gauss-Newton steps at most on a known ground
+MOST_ITERATIONS = 10    # ... and on an unknown one, or with an event; ice
+CONVERGED = 1.0         # twice the log likelihood that a step gains, at least, for a further one
 FREEDOM = 5.0           # degrees of freedom of the Student distribution; lifted, pushes
 MAX_STEP = 0.7          # change of the ground in one step; beyond, the model is not linear
-CANDIDATES = 0.5, 1.0, 1.5  # s before the end: times of a change of ground; jumps
-DISTURBANCE_TIME = 1.0  # s, of a push, a lifted wheel; pushes
-TRANSITION_TIME = 0.3   # s after a change, not used: the axles follow one another; jumps
-CHANGE_EVIDENCE = 25.0  # twice the log likelihood ratio of a change of ground; jumps, pushes
+CANDIDATES = 1.5, 1.0, 0.5  # s before the end, when something may have happened; jumps
+NEAR = 0.4              # s before such a time, from which on events are tried; lifted
+DISTURBANCE_TIME = 1.0  # s, of a push, assumed; pushes
+TIME_ERROR = 0.15       # s, of the time of an event, by blocks: before and after it is not used
+EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event: 2 ln 150, one in a minute at
+# one of the times of each window; jumps, pushes, lifted
 TRIED_EVIDENCE = 8.0    # ... and of one that is tried
-DECISION_TIME = 2.75    # s after a change, at which one that is not accepted is dropped
+DECISION_TIME = 2.75    # s after an event, at which one that is not accepted is dropped
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior
 # grows; split
 
@@ -134,6 +140,7 @@ MAX_LN_SIGMA = 0.35     # of ln mu; above, mu is unknown
 # bounds
 UNMEASURED = 1e6        # standard deviation of a block without measurement
 MAX_RATIO = 1.5         # normalized slip: beyond, a waveform does not change
+MAX_LIFTS = 2           # in a window: the model has as many
 LEAST_FRICTION = 0.2    # share of the friction that is left at the largest slip, at least
 
 
@@ -164,6 +171,8 @@ _COMMON = {
     Unknown.SIDE_RESISTANCE: Row(0.0,          0.1,   0.0,    0.016,  1e-2),
     Unknown.DELAY:           Row(0.0,          0.008, 0.0005, 0.0,    1e-4),
     Unknown.FALL:            Row(0.15,         0.1,   0.0,    0.01,   1e-3),
+    # -1: the others carry the load; 0: what lifts the wheel does; .2: and lifts its corner
+    Unknown.MOVED_LOAD:      Row(-0.4,         0.5,   0.0,    0.0,    0.1),
     Unknown.BEND_X:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
     Unknown.BEND_Y:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
     Unknown.START_U:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
@@ -216,11 +225,14 @@ class Prior(NamedTuple):
 
     def of_next_window(self, rows: list[Row]) -> Prior:
         """Return this prior with the unknowns that each window has of its own as in ``rows``."""
+        return self.without(OWN, rows)
+
+    def without(self, part: slice, rows: list[Row]) -> Prior:
+        """Return this prior if of the unknowns ``part`` no more is known than in ``rows``."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
-        mean[OWN] = 0.0
-        covariance[OWN], covariance[:, OWN] = 0.0, 0.0
-        for row in range(OWN.start, OWN.stop):
-            covariance[row, row] = rows[row].sigma ** 2
+        covariance[part], covariance[:, part] = 0.0, 0.0
+        for row in range(part.start, part.stop):
+            mean[row], covariance[row, row] = rows[row].mean, rows[row].sigma ** 2
         return Prior(mean, covariance)
 
     def with_change(self, rows: list[Row]) -> Prior:
@@ -229,10 +241,7 @@ class Prior(NamedTuple):
         mean[OLD_GROUND] = mean[GROUND]
         covariance[OLD_GROUND] = covariance[GROUND]
         covariance[:, OLD_GROUND] = covariance[:, GROUND]
-        covariance[GROUND], covariance[:, GROUND] = 0.0, 0.0
-        for row in range(GROUND.start, GROUND.stop):
-            mean[row], covariance[row, row] = rows[row].mean, rows[row].sigma ** 2
-        return Prior(mean, covariance)
+        return Prior(mean, covariance).without(GROUND, rows)
 
     def after(self, seconds: float, travel: float, rows: list[Row]) -> Prior:
         """Return this prior after a random walk for ``seconds`` and ``travel`` [m]."""
@@ -246,14 +255,67 @@ def initial(rows: list[Row]) -> Prior:
                  np.diag([row.sigma ** 2 for row in rows]))
 
 
+ALWAYS, NEVER = (-math.inf, math.inf), (math.inf, math.inf)  # intervals
+ONE_GROUND = ALWAYS, ALWAYS  # of both sides
+
+
+class Lift(NamedTuple):
+    """A wheel without load."""
+
+    wheel: int = -1          # index in WHEELS; -1: none
+    begin: float = math.inf  # s
+    end: float = math.inf    # s
+
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """What is known before a window."""
 
     prior: Prior
     x: Array                    # start of the fit
-    change: float = -math.inf   # s, time of the latest change of ground
-    disturbances: tuple[Interval, ...] = ()  # not used
+    new: tuple[Interval, Interval] = ONE_GROUND  # s, in which the left and the right side are on
+    # GROUND; else they are on OLD_GROUND
+    lifts: tuple[Lift, ...] = ()  # in the window, two at most
+    disturbances: tuple[Interval, ...] = ()  # with errors of unknown size
     times: Array | None = None  # s, of the velocities in the window before; None without one
     velocities: Array | None = None  # (n, 3), of the center of mass
     heading: tuple[float, float] = (0.0, 0.0)  # s, rad: a time and the heading there
+
+    @property
+    def events(self) -> Array:
+        """Return begin and end of both sides' ``new``, and of lifts wheel, begin and end (10,)."""
+        lifts = (*self.lifts, *[Lift()] * MAX_LIFTS)[:MAX_LIFTS]
+        return np.array([value for one in (*self.new, *lifts) for value in one])
+
+    def ground(self, side: int, time: float) -> slice:
+        """Return the unknowns of the ground under a side, 0 left, 1 right, at ``time`` [s]."""
+        begin, end = self.new[side]
+        return GROUND if begin <= time < end else OLD_GROUND
+
+    def settled(self, begin: float, rows: list[Row]) -> Hypothesis:
+        """
+        Return this for a window from ``begin`` [s] on that has no change of ground any more.
+
+        Sides on two grounds are then one ground with a difference of the sides.
+        """
+        if self.new == ONE_GROUND or any(begin <= time < math.inf for one in self.new
+                                         for time in one):
+            return self
+        to_one = self.one_ground(begin)
+        mean, covariance = self.prior
+        prior = Prior(to_one @ mean, to_one @ covariance @ to_one.T).without(OLD_GROUND, rows)
+        return replace(self, new=ONE_GROUND, prior=prior, x=to_one @ self.x)
+
+    def one_ground(self, time: float) -> Array:
+        """
+        Return the matrix (SIZE, SIZE) to unknowns of which ``GROUND`` is that at ``time`` [s].
+
+        That of the sides is its mean and the difference of the sides.
+        """
+        found, rows = np.eye(SIZE), np.arange(SIZE)
+        found[GROUND] = 0.0
+        for side, sign in enumerate(SIDE_SIGNS[:2]):
+            own = rows[self.ground(side, time)]
+            found[rows[GROUND], own] += 0.5
+            found[rows[SIDES], own] += 0.5 * sign
+        return found

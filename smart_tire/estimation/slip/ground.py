@@ -221,8 +221,8 @@ class ForceBalance:
         """
         Take the ground as given, with the errors that are reported.
 
-        After a change that this filter has found, one as before that contradicts its own estimate
-        is not that of the new ground yet.
+        After a change that this filter has found, one as before that contradicts its own estimate,
+        or is less certain, is not that of the new ground yet.
         """
         self._silent = 0.0
         self._torques.set_ground(ground)
@@ -241,9 +241,10 @@ class ForceBalance:
         covariance[0, 1] = covariance[1, 0] = (
             ground.stiffness_friction_correlation * sigmas[0] * sigmas[1])
         change = _difference(given, self._given)
-        if self.follows and _contradict(
-                change, covariance + self._kalman.P[GROUND, GROUND]) and not _contradict(
-                _difference(given, self._before), 2.0 * covariance):
+        own = self._kalman.P[GROUND, GROUND]
+        if self.follows and (
+                covariance[0, 0] > own[0, 0] or _contradict(change, covariance + own)
+                ) and not _contradict(_difference(given, self._before), 2.0 * covariance):
             return
         self._since_change = math.inf
         self._set_given(given)

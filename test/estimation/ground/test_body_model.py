@@ -24,13 +24,15 @@ ROBOT = np.array([STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, MIN_ROLLIN
                   GRAVITY])
 X = HALF_BASE * np.array([1.0, 1.0, -1.0, -1.0])
 Y = HALF_TRACK * np.array([1.0, -1.0, 1.0, -1.0])
-FORCES = slice(model.FORCE, model.OUTPUTS)
+FORCES = slice(model.FORCE, model.LOADS)
+LOADS = slice(model.LOADS, model.OUTPUTS)
 VELOCITY = slice(model.START_U, model.START_W + 1)
 
 
 def ground(count: int = 1, **values: float) -> np.ndarray:
     """Return runs on one level ground, both sides equal, from standstill."""
     runs = np.zeros((count, model.PARAMETERS))
+    runs[:, [model.NEW + 1, model.NEW + 3]] = np.inf  # on the second ground from the start
     for name, value in {
             'STIFFNESS': 1200.0, 'FRICTION': 0.6, 'RADIUS': 1.0, 'LATERAL_RATIO': 1.0,
             'SIDE_STIFFNESS': 1.0, 'SIDE_FRICTION': 1.0, 'SIDE_RESISTANCE': 1.0,
@@ -57,7 +59,8 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
     speeds = {'lifted': 1.5, 'standstill': 0.0, 'reverse': -0.4}.get(kind, 0.5)
     rolling = speeds * (1.0 + np.sin(np.linspace(0.0, 20.0, n)))[:, np.newaxis] \
         + (0.0 if kind == 'standstill' else 0.1) * random.standard_normal((n, 4))
-    runs = ground(count, CHANGE_STEP=n // 2)
+    runs = ground(count)
+    runs[:, model.NEW:model.LIFT] = n // 2, np.inf, n // 3, n - 10
     for name, low, high in (
             ('LATERAL_SHARE', 0.0, 1.0), ('LATERAL_RATIO', 0.6, 1.0), ('COM_X', -0.03, 0.03),
             ('COM_Y', -0.03, 0.03), ('RADIUS', 0.98, 1.02), ('SLOPE_X', -0.03, 0.03),
@@ -68,6 +71,11 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
             ('RESISTANCE', 0.0, 0.15), ('FALL', 0.0, 0.5), ('BEND_X', -0.05, 0.05),
             ('BEND_Y', -0.05, 0.05), ('RELAXATION', 0.0, 0.05)):
         runs[:, getattr(model, name)] = random.uniform(low, high, count)
+    for row in (model.LIFT, model.LIFT + 3):  # none in the first runs; steps of begin and end
+        runs[:, row:row + 3] = np.column_stack([
+            random.integers(-1, 4, count), random.integers(0, n // 2, count),
+            random.integers(n // 2, n, count)])
+    runs[:, model.MOVED_LOAD] = random.uniform(-1.0, 0.3, count)
     if kind == 'sliding':
         runs[:, [model.OLD_FRICTION, model.FRICTION]] = 0.05
     robot = ROBOT.copy()
@@ -96,9 +104,11 @@ def passages(case: dict[str, np.ndarray], by=model, **arrays: np.ndarray) -> np.
     wheels = np.arange(8) % 4
     rolling = case['rolling'][steps, wheels[:, np.newaxis]] + 0.01 * runs[
         :, model.COM_X, np.newaxis, np.newaxis]
+    begins = model.NEW + 2 * (wheels % 2)
     given = {
         'rolling': np.where(abs(rolling) < 0.05, 0.05, rolling), 'steps': steps, 'wheels': wheels,
-        'after': (steps[:, 0] >= runs[:, model.CHANGE_STEP, np.newaxis]).astype(float),
+        'after': np.ascontiguousarray(
+            (runs[:, begins] <= steps[:, 0]) & (steps[:, 0] < runs[:, begins + 1]), dtype=float),
         'limits': np.tile([1.5, 0.1, 0.2], (8, 1)), 'runs': runs, 'robot': case['robot'], **arrays}
     out = np.full((len(runs), 8, model.VALUES), np.nan)
     by.average_passages(states, *(given[name] for name in (
@@ -117,7 +127,8 @@ def test_the_means_of_a_passage_are_those_of_its_wheel():
     case = random_case('driving')
     case['runs'][:, [model.OLD_STIFFNESS, model.OLD_FRICTION]] = case['runs'][
         :, [model.STIFFNESS, model.FRICTION]]
-    case['runs'][:, model.CHANGE_STEP] = 0.0
+    case['runs'][:, model.NEW:model.LIFT] = 0.0, np.inf, 0.0, np.inf
+    case['runs'][:, [model.LIFT, model.LIFT + 3]] = -1.0
     states, runs, found = simulate(**case), case['runs'], passages(case)
     steps, wheel = 10 + 13 * 2 + np.arange(6), 2  # rear left
     np.testing.assert_allclose(
@@ -162,7 +173,9 @@ def test_arrays_of_other_shapes_are_refused():
 
 
 def test_standstill_lasts():
-    assert not simulate(np.zeros((50, 4)), ground(RESISTANCE=0.1, COM_X=0.02)).any()
+    out = simulate(np.zeros((50, 4)), ground(RESISTANCE=0.1, COM_X=0.02))
+    assert not out[..., :model.LOADS].any()
+    np.testing.assert_allclose(out[..., LOADS].sum(axis=-1), MASS * GRAVITY)
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -176,20 +189,39 @@ def test_the_mirror_image_of_a_drive_is_its_mirror_image(kind):
     runs[:, [model.COM_Y, model.SLOPE_Y, model.BEND_Y, model.START_V, model.START_W]] *= -1.0
     sides = [model.SIDE_STIFFNESS, model.SIDE_FRICTION, model.SIDE_RESISTANCE]
     runs[:, sides] = 1.0 / runs[:, sides]
+    runs[:, model.NEW:model.LIFT] = runs[:, [model.NEW + one for one in (2, 3, 0, 1)]]
+    for row in (model.LIFT, model.LIFT + 3):
+        runs[:, row] = np.array([1.0, 0.0, 3.0, 2.0, -1.0])[runs[:, row].astype(int)]
     expected = simulate(**case)
     expected[..., [model.V, model.W, model.A_Y, model.W_DOT]] *= -1.0
-    expected[..., FORCES] = expected[..., FORCES][..., [1, 0, 3, 2]]
+    for part in (FORCES, LOADS):
+        expected[..., part] = expected[..., part][..., [1, 0, 3, 2]]
     np.testing.assert_allclose(simulate(**mirrored), expected, rtol=0.0, atol=1e-9)
 
 
-def test_the_ground_changes_at_its_step():
+@pytest.mark.parametrize('side', [0, 1])
+def test_the_ground_of_a_side_changes_at_its_steps(side):
     case = random_case('driving')
-    changed = simulate(**case)
-    step = int(case['runs'][0, model.CHANGE_STEP])
-    case['runs'][:, model.CHANGE_STEP] = np.inf
+    begin, end = 40, 70
+    case['runs'][:, model.LIFT], case['runs'][:, model.LIFT + 3] = -1.0, -1.0
+    case['runs'][:, model.NEW:model.LIFT] = np.inf
     old = simulate(**case)
-    np.testing.assert_array_equal(changed[:, :step], old[:, :step])
-    assert (changed[:, step] != old[:, step]).any(axis=1).all()
+    case['runs'][:, model.NEW + 2 * side:model.NEW + 2 * side + 2] = begin, end
+    changed = simulate(**case)
+    np.testing.assert_array_equal(changed[:, :begin], old[:, :begin])
+    assert (changed[:, begin] != old[:, begin]).any(axis=1).all()
+
+
+@pytest.mark.parametrize('side', [0, 1])
+def test_a_side_on_ground_that_slides_has_the_force_of_its_friction(side):
+    runs = ground(OLD_STIFFNESS=1200.0, OLD_FRICTION=0.6, FRICTION=0.05, START_U=0.5)
+    runs[0, model.NEW:model.LIFT] = np.inf
+    runs[0, model.NEW + 2 * side:model.NEW + 2 * side + 2] = 10, 30
+    out = simulate(np.tile(0.5 + 0.02 * np.arange(40.0)[:, np.newaxis], (1, 4)), runs)[0]
+    share = out[:, FORCES] / out[:, LOADS]
+    assert share[15:30, side::2] == pytest.approx(0.05, rel=0.1)
+    assert share[15:30, 1 - side::2].min() > 0.08
+    assert share[35:].min() > 0.08  # back on the first ground
 
 
 @pytest.mark.parametrize('share', [0.0, 0.4, 1.0])
@@ -267,6 +299,37 @@ def test_a_lifted_wheel_has_no_force():
     forces = simulate(np.full((6, 4), 2.0), ground(FRICTION=1.0), robot=robot)[0, 1:, FORCES]
     assert (forces[:, :2] == 0.0).all()
     assert (forces[:, 2:] > 0.0).all()
+
+
+@pytest.mark.parametrize('wheel', range(4))
+def test_in_a_lift_the_others_carry_the_weight_and_its_moments(wheel):
+    rolling = np.tile([0.9, 0.5, 0.9, 0.5], (60, 1))
+    com_x, com_y = -0.02 * np.sign([X[wheel], Y[wheel]])  # towards the wheel across
+    runs = ground(START_U=0.6, COM_X=com_x, COM_Y=com_y, MOVED_LOAD=-1.0)
+    plain = simulate(rolling, runs)[0]
+    for slot in (0, 3):
+        lifted = runs.copy()
+        lifted[0, model.LIFT + slot:model.LIFT + slot + 3] = wheel, 20, 40
+        out = simulate(rolling, lifted)[0]
+        np.testing.assert_array_equal(out[:20], plain[:20])
+        assert (out[20] != plain[20]).any()
+        during, after = out[20:40, LOADS], out[40:, LOADS]
+        assert (during[:, wheel] == 0.0).all() and (out[20:40, model.FORCE + wheel] == 0.0).all()
+        assert (during[:, [1, 0, 3, 2][wheel]] > 0.35 * MASS * GRAVITY).all()
+        assert (after > 0.1 * MASS * GRAVITY).all()
+        np.testing.assert_allclose(during.sum(axis=1), MASS * GRAVITY)
+        for arm, column in ((X - com_x, model.A_X), (Y - com_y, model.A_Y)):
+            np.testing.assert_allclose(
+                during @ arm, -MASS * HEIGHT * out[20:40, column], atol=1e-9)
+
+
+@pytest.mark.parametrize(('share', 'across', 'next_to'), [(0.2, 1.2, 0.8), (0.0, 1.0, 1.0)])
+def test_what_lifts_a_wheel_may_raise_its_corner(share, across, next_to):
+    runs = ground(MOVED_LOAD=share)
+    runs[0, model.LIFT:model.LIFT + 3] = 1, 0, np.inf
+    loads = simulate(np.zeros((3, 4)), runs)[0, -1, LOADS]
+    np.testing.assert_allclose(
+        loads, 0.25 * MASS * GRAVITY * np.array([next_to, 0.0, across, next_to]))
 
 
 def test_errors_decrease_with_the_square_of_the_step():

@@ -92,6 +92,26 @@ def test_the_velocity_of_the_robot_stays_when_the_position_of_the_imu_is_given()
     assert new[State.V_Y, State.IMU_X] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize(('given', 'sigma', 'taken'), [
+    ((50.0, 0.5, 0.01), 0.02, False),  # as before the change, and contradicts the own one
+    ((50.0, 0.5, 0.01), 20.0, False),  # as before, contradicts nothing: less certain than that
+    ((31.0, 0.3, 0.1), 0.05, True)])
+def test_a_ground_as_before_does_not_replace_what_the_filter_has_found(given, sigma, taken):
+    slip_filter = SlipFilter(PARAMS)
+    forces, P = slip_filter.forces, slip_filter.kalman.P
+
+    def state(values, relative):
+        return GroundState(0, *(Uncertain(value, relative * value) for value in values))
+    slip_filter.set_ground(state((50.0, 0.5, 0.01), 0.02))
+    forces._before, forces._since_change = forces._given, 0.0  # a change that it has found
+    forces._add_to_ground((math.log(30.0 / 50.0), math.log(0.6), 0.09))
+    P[State.LN_STIFFNESS, State.LN_STIFFNESS] = 0.1 ** 2
+    own = forces._given
+    slip_filter.set_ground(state(given, sigma))
+    assert forces.follows is not taken
+    assert forces._given[:3] == (given if taken else own[:3])
+
+
 def test_the_balance_at_an_imu_far_from_the_center_of_mass_has_the_noise_of_the_yaw_acceleration(
         monkeypatch):
     def variances(x, y):
