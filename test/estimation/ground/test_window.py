@@ -435,7 +435,7 @@ def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_
     [(1.0, 60.0, 60.0), (2.0, 110.0, 60.0)], [(1.0, 40.0, 40.0), (2.0, 90.0, 90.0)],
     [(1.0, 120.0, 120.0), (3.0, 40.0, 90.0)]])
 def test_on_ice_all_starts_of_a_fit_end_at_one_friction_within_its_sigma(legs):
-    """From the first slide on: rolling resistance and friction are hard to tell apart then."""
+    """From the first slide on: rolling resistance and friction are hard to distinguish then."""
     icy = GroundParams(names=('ice',), friction=(0.09,), stiffness=(40.0,), drag=(0.01,),
                        base='ice', patches=())
     estimator, found = run(drive(5.0, legs, surfaces=icy))
