@@ -20,7 +20,7 @@ import pytest
 from smart_tire.control.constants import MIN_SPACING
 from smart_tire.control.path_geometry import FORWARD, REVERSE, Segment, Spin
 from smart_tire.control.path_library import figure_eight, square
-from smart_tire.control.path_plan import plan_goal, plan_path
+from smart_tire.control.path_plan import _distinct, plan_goal, plan_path
 from smart_tire.samples import NAN
 
 CORNER = 0.8
@@ -142,6 +142,13 @@ def test_two_poses_at_one_position_are_a_turn_in_place():
     assert plan((0, 0, 0.0), (0, 0, 0.18), (1, 0, 0.0)) == [
         ('spin', 0.18), (1, 0, 1), ('spin', 0.0)]
     assert plan((0, 0, 0.0), (1, 0, 0.0), (1.001, 0.001, 1.0)) == [(1, 0, 1), ('spin', 1.0)]
+    assert plan((0, 0, 1.0), (0, 0, 1.0), (1, 0, 0.0)) == plan((0, 0, 1.0), (1, 0, 0.0))
+
+
+def test_of_several_turns_at_one_position_the_last_given_orientation_is_kept():
+    distinct, spins = _distinct([(0, 0, 0.0), (0, 0, 1.0), (0, 0, math.nan), (1, 0, 0.0)])
+    assert len(distinct) == 2 and spins == {0: 1.0}
+    assert _distinct([(0, 0, 0.0), (0, 0, 1.0), (0, 0, 0.1), (1, 0, 0.0)])[1] == {0: 0.1}
 
 
 def test_turns_are_ignored_with_the_orientations():

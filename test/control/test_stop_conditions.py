@@ -20,10 +20,12 @@ from benchmarks.control.closed_loop import run_closed_loop
 import numpy as np
 import pytest
 
+from smart_tire.control.constants import CLOCK_JUMP_NS
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.path_geometry import PathPoint, Segment
 from smart_tire.control.path_library import figure_eight, square
-from smart_tire.control.stop_conditions import contradict, OdometryCheck, ProgressMonitor
+from smart_tire.control.stop_conditions import (
+    contradict, OdometryCheck, ProgressMonitor, Travel)
 from smart_tire.control.trajectory_control import State, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
@@ -266,6 +268,16 @@ def test_without_wheels_or_after_a_gap_nothing_is_compared():
     made.add_wheels(WheelSample(0, (0.0,) * 4))
     made.add_wheels(WheelSample(2 * NS_PER_S, (0.0,) * 4))  # 2 s later: unknown in between
     assert not made.fault(MAX_SLIP)
+
+
+def test_a_stamp_before_the_latest_one_or_long_after_it_begins_again():
+    travel = Travel()
+    travel.extend(1_000, 1.0, 0.5)
+    assert travel.elapsed(1_000) == 0.0 and travel.elapsed(1_001) == 1e-9
+    assert travel.elapsed(999) == 0.0 and not travel.times
+    travel.extend(1_000, 1.0, 0.5)
+    assert travel.elapsed(1_000 + CLOCK_JUMP_NS) == CLOCK_JUMP_NS / NS_PER_S
+    assert travel.elapsed(1_001 + CLOCK_JUMP_NS) == 0.0 and not travel.times
 
 
 def test_the_motion_before_a_new_order_is_discarded():

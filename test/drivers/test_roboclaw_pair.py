@@ -462,6 +462,19 @@ def test_a_stop_is_confirmed_by_both_boards(robot):
         assert len(robot.record(asked).times(SET_DUTY, address)) >= 2
 
 
+@driver()
+def test_zero_is_confirmed_by_two_replies_after_the_last_one_to_another_duty(robot):
+    yield from robot.drive(0.4)
+    robot.output.boards.expect_zero()
+    yield 0.3
+    assert not robot.output.boards.confirmed.is_set()
+    asked = robot.now
+    robot.output.engage()
+    yield from robot.until(robot.output.boards.confirmed.is_set)
+    for address in ADDRESSES:
+        assert len(robot.record(asked).times(SET_DUTY, address)) >= 2
+
+
 @pytest.mark.parametrize('mute', [{128}, {129}, {128, 129}])
 @driver()
 def test_the_boards_that_do_not_confirm_a_stop_are_named(robot, mute):
