@@ -90,7 +90,7 @@ FILM_ERRORS = slice(Unknown.FILM_ERROR, SIZE)
 # window
 LENGTH = 3.0            # s, of the window, assumed; concrete
 SETTLING = 0.5          # s before, in which the model forgets its start; assumed
-MIN_DURATION = 1.5      # s, of the first window; assumed
+MIN_DURATION = 0.75     # s, of the first window; start_in_motion
 MAX_GAP = 0.6           # s, of a stream: after a longer one the window restarts; assumed
 KEPT_TIME = 1.0         # s before the window, of samples that are kept: smoothing, heading
 MIN_WHEEL_SAMPLES = 5   # of a window: their jerk is smoothed
