@@ -222,7 +222,11 @@ class GroundEstimator:
                 stiffness.sigma * friction_sigma))
 
     def wheel_state(self, solution: Solution, stamp_ns: int, wheel: str) -> WheelState:
-        """Return the state of ``wheel`` around an instant within the window."""
+        """
+        Return the state of ``wheel`` around an instant within the window.
+
+        Its friction is unknown where an event or a disturbance is: the ground may just change.
+        """
         time, index, fit = self._seconds(stamp_ns), WHEELS.index(wheel), solution.fit
         (values,), (slopes,) = solution.values_at(time, [index])
         covariance = fit.covariance
@@ -242,7 +246,7 @@ class GroundEstimator:
         mu_sigma = math.hypot(friction_sigma, CURVE_ERROR)
         mu, c_x = math.exp(logs[1]), math.exp(logs[0])
         critical = 3.0 * load * math.exp(logs[2])
-        known = friction_sigma < MAX_LN_SIGMA
+        known = friction_sigma < MAX_LN_SIGMA and not solution.hypothesis.is_disturbed(time)
         return WheelState(
             Uncertain(slip, float(spread[0])), Uncertain(ratio, float(spread[1])),
             Uncertain(load, load_sigma),

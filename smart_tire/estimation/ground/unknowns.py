@@ -292,6 +292,10 @@ class Hypothesis:
         begin, end = self.new[side]
         return GROUND if begin <= time < end else OLD_GROUND
 
+    def is_disturbed(self, time: float) -> bool:
+        """Return whether measurements at ``time`` [s] are not used: an event, or a disturbance."""
+        return any(begin <= time <= end for begin, end in self.disturbances)
+
     def settled(self, begin: float, rows: list[Row]) -> Hypothesis:
         """
         Return this for a window from ``begin`` [s] on that has no change of ground any more.

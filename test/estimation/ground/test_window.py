@@ -498,6 +498,21 @@ def test_the_position_of_the_imu_is_found_where_it_was_not_measured(samples):
     assert measured.imu_x == (pytest.approx(true_x, abs=1e-6), pytest.approx(1e-6, rel=0.1))
 
 
+def test_the_friction_of_a_crossing_is_unknown_while_the_ground_may_change(ridden):
+    _, estimator, found = ridden
+    solution = next(one for one in reversed(found) if one.hypothesis.disturbances
+                    and one.hypothesis.disturbances[-1][1] < one.end - 0.1)
+    begin, end = solution.hypothesis.disturbances[-1]
+
+    def friction(time):
+        stamp = estimator.end_ns + round((time - found[-1].end) * NS_PER_S)
+        return estimator.wheel_state(solution, stamp, 'front_left').friction
+    for time in (begin - 0.01, end + 0.01):
+        assert friction(time).value > 0.0
+    for time in (begin + 0.01, end - 0.01):
+        assert math.isnan(friction(time).value) and math.isinf(friction(time).sigma)
+
+
 def test_friction_is_less_certain_to_larger_values_and_unknown_sooner(films):
     estimator, found = films
     solution, row = found[-1], Unknown.FRICTION
