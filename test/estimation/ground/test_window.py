@@ -24,8 +24,8 @@ from smart_tire.estimation.ground.measurements import (
 from smart_tire.estimation.ground.unknowns import (
     DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, NEVER, OLD_GROUND, ONE_GROUND, Prior,
     priors, SIZE, Unknown)
-from smart_tire.estimation.ground.window import (
-    _gain, _mixed, _student, GroundWindow, Whitening)
+from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
+from smart_tire.estimation.ground.window_fit import student, Whitening, WindowFit
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import FilmParams
 from smart_tire.parameters.simulation import GroundParams, PatchParams
@@ -416,7 +416,7 @@ def test_a_start_from_standstill_weighs_little_and_a_steady_turn_fully(measureme
 
 
 def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_slope():
-    window = GroundWindow(ROBOT)
+    fit = WindowFit(ROBOT, priors(ROBOT))
     x = initial(priors(ROBOT)).mean.copy()
     likely = x[Unknown.FRICTION]
     covariance = np.eye(SIZE)
@@ -424,7 +424,7 @@ def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_
     def step(below, sigma):
         x[Unknown.FRICTION] = likely - below
         covariance[Unknown.FRICTION, Unknown.FRICTION] = sigma ** 2
-        return window._friction_step(x, covariance)
+        return fit._friction_step(x, covariance)
 
     assert step(0.7, 0.4) == pytest.approx(0.7)    # that of the prior, within two sigmas
     assert step(0.7, 0.1) == pytest.approx(0.2)    # excluded: two sigmas
@@ -445,7 +445,7 @@ def test_on_ice_all_starts_of_a_fit_end_at_one_friction_within_its_sigma(legs):
         for friction in (0.15, 0.4, 0.8):
             x = solution.hypothesis.x.copy()
             x[row] = math.log(friction)
-            fit = estimator._window._fit(
+            fit = estimator._window._fit.fit(
                 replace(solution.hypothesis, x=x), solution.measurements, -math.inf, False)
             ends.append(fit.x[row])
             costs.append(fit.cost)
@@ -461,7 +461,7 @@ def test_friction_is_as_uncertain_as_the_wider_of_its_derivative_and_its_secant(
     estimator, found = run(drive(5.0, [(1.0, 60.0, 60.0), (2.5, 0.0, 0.0)], surfaces=concrete))
 
     def sigmas():
-        fits = [estimator._window._fit(one.hypothesis, one.measurements, math.inf, False)
+        fits = [estimator._window._fit.fit(one.hypothesis, one.measurements, math.inf, False)
                 for one in found]
         for fit, one in zip(fits, found):  # what is handed on to the next window is the same
             if one.measurements.used.all():
@@ -469,7 +469,7 @@ def test_friction_is_as_uncertain_as_the_wider_of_its_derivative_and_its_secant(
                     fit.leaving[0], fit.rows.jacobian.T @ fit.rows.jacobian, rtol=1e-6, atol=1e-3)
         return np.array([fit.covariance[Unknown.FRICTION, Unknown.FRICTION] for fit in fits])
     wider = sigmas()
-    monkeypatch.setattr(estimator._window, '_friction_step', lambda x, covariance: 1e-3)
+    monkeypatch.setattr(estimator._window._fit, '_friction_step', lambda x, covariance: 1e-3)
     ratio = wider / sigmas()
     assert ratio.min() > 0.999 and ratio.max() > 1.05
 
@@ -693,7 +693,7 @@ def test_weighted_squares_with_their_penalty_are_the_student_likelihood():
     cost = white ** 2 + whiten.penalty - math.log(0.01)
     expected = [0.0, 0.64, 1.0, *(1.0 + 6.0 * math.log(square / 6.0) for square in (14.0, 405.0))]
     assert cost == pytest.approx(expected)
-    assert _student((residual[0] / 0.1) ** 2) == pytest.approx(expected)
+    assert student((residual[0] / 0.1) ** 2) == pytest.approx(expected)
 
 
 def test_what_is_not_used_does_not_count_in_the_evidence(films):

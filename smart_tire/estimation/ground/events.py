@@ -1,0 +1,282 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Events that may have happened in a window: their times by linearized equations, their fits.
+
+Where the residuals suggest one, each kind is tried at a grid of times around the fit that knows
+nothing of that time; the likeliest one of each kind is fitted, and the times of a change are then
+moved to the likeliest ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.ground.measurements import Measurements
+from smart_tire.estimation.ground.unknowns import (
+    BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, FREEDOM, GROUND, Hypothesis, Interval, ITERATIONS,
+    LENGTH, Lift, MAX_LIFTS, MAX_STEP, MOVED, NEAR, NEVER, OLD_GROUND, ONE_GROUND, SIZE,
+    TIME_ERROR, TRIED_EVIDENCE, Unknown)
+from smart_tire.estimation.ground.window_fit import Fit, start_of, student, Whitening, WindowFit
+from smart_tire.samples import WHEELS
+
+
+class Event(NamedTuple):
+    """Something that may have happened."""
+
+    times: tuple[float | None, ...]  # s; None: to the other side only
+    hypothesis: Hypothesis  # that it has
+    unknown: slice          # of what nothing is known then
+
+    @property
+    def time(self) -> float:
+        """Return the first of the times [s]."""
+        return min(time for time in self.times if time is not None)
+
+    @property
+    def last(self) -> float:
+        """Return the last of the times [s]."""
+        return max(time for time in self.times if time is not None)
+
+    @property
+    def transitions(self) -> list[Interval]:
+        """Return when [s] measurements are not used."""
+        return [(time - TIME_ERROR, time + TIME_ERROR)
+                for time in sorted({time for time in self.times if time is not None})]
+
+
+class Rival(NamedTuple):
+    """The likeliest event of a kind."""
+
+    time: float  # s
+    hypothesis: Hypothesis
+    fit: Fit
+
+
+class EventSearch:
+    """Finds the likeliest events in windows of one robot."""
+
+    def __init__(self, fit: WindowFit) -> None:
+        self._fit, self._rows, self._steps = fit, fit.rows, fit.steps
+
+    def disturbed(self, plain: Hypothesis, time: float, measurements: Measurements,
+                   leaving: float) -> tuple[Hypothesis, Fit]:
+        """Return the fit if the robot is disturbed from ``time`` [s] on."""
+        return self._fit.fitted(replace(plain, disturbances=(
+            *plain.disturbances, disturbance(time))), measurements, leaving)
+
+    def when(self, main: Hypothesis, fit: Fit, measurements: Measurements) -> float | None:
+        """Return when [s] something seems to have happened: an event, or a disturbance."""
+        times = [measurements.begin, *(measurements.times[-1] - one for one in CANDIDATES)]
+        events = self._changes(main, fit.x, [(time, time) for time in times])
+        if main.lifts and main.lifts[-1].end == math.inf:
+            events += self._lifts(main, fit.x, times)
+        residual, found = self._evidence(main, fit, measurements, events)
+        likely = [(gain, event.time) for event, (gain, _) in zip(events, found)]
+        square = residual[:measurements.values.size].reshape(measurements.values.shape) ** 2
+        for time in times[1:]:
+            own = square[:, measurements.centers > time]
+            growth = np.maximum(own.mean(axis=1, keepdims=True), 1.0)
+            gain = (student(own) - own / growth - np.log(growth)).sum()
+            likely.append((float(gain), time))
+        gain, time = max(likely)
+        return time if gain > TRIED_EVIDENCE else None
+
+    def rivals(self, plain: Hypothesis, fit: Fit, measurements: Measurements, leaving: float,
+                time: float) -> list[Rival]:
+        """
+        Return the likeliest event of each kind, the likeliest first.
+
+        Kinds are lifts, changes of ground of both sides, and of one of them. They are tried with
+        ``fit``, which does not know what was measured since ``time`` [s].
+        """
+        end = measurements.times[-1]
+        times = [measurements.begin, *np.arange(
+            max(time - NEAR, end - LENGTH), end - 2.0 * BLOCK_TIME, BLOCK_TIME)]
+
+        def likeliest(events: Callable[[list[float]], list[Event]]
+                      ) -> list[tuple[float, Array, Event]]:
+            """Return the likeliest one at ``times``: at each second one, then next to the best."""
+            found: list[tuple[float, Array, Event]] = []
+            near = [i for i in range(len(times)) if i == 0 or i % 2]
+            for _ in range(2):
+                tried = events([times[i] for i in near])
+                if tried:
+                    _, gains = self._evidence(plain, fit, measurements, tried)
+                    found += [(*gain, event) for gain, event in zip(gains, tried)]
+                    found = [max(found, key=lambda one: one[0])]
+                    best = int(np.argmin(np.abs(np.array(times) - found[0][2].last)))
+                    near = [i for i in (best - 1, best + 1) if 0 < i < len(times)]
+            return found
+
+        one = likeliest(lambda at: self._changes(plain, fit.x, [
+            (time, None) for time in at] + [(None, time) for time in at]))
+        both = likeliest(lambda at: self._changes(plain, fit.x, [(time, time) for time in at]))
+        if one:  # the other side later
+            first = one[0][2]
+            both += likeliest(lambda at: self._changes(plain, fit.x, [
+                tuple(later if own is None else own for own in first.times)
+                for later in at if later > first.time]))
+        both = sorted(both, key=lambda one: one[0])[-1:]
+        found = []
+        for gain, start, event in (*likeliest(
+                lambda at: self._lifts(plain, fit.x, at)), *both, *one):
+            if gain < TRIED_EVIDENCE:
+                continue
+            rival = self._rival(plain, event, start, measurements, leaving)
+            for _ in range(2 * ITERATIONS if len(event.times) == 2 else 0):
+                before, x = event.times, rival.fit.x
+                moved = [one._replace(hypothesis=replace(one.hypothesis, x=x))
+                         for one in self._changes(plain, x, [
+                             tuple(time if i == side else own for i, own in enumerate(before))
+                             for side in range(2) if before[side] is not None
+                             for time in times[1:]])]
+                _, gains = self._evidence(plain, rival.fit, measurements, moved)
+                (_, start), event = max(zip(gains, moved), key=lambda one: one[0][0])
+                if event.times == before:
+                    break
+                better = self._rival(plain, event, start, measurements, leaving)
+                if better.fit.cost >= rival.fit.cost:
+                    break
+                rival = better
+            found.append(rival)
+        return sorted(found, key=lambda one: one.fit.cost)
+
+    def _rival(self, plain: Hypothesis, event: Event, start: Array, measurements: Measurements,
+               leaving: float) -> Rival:
+        """Return the fit with ``event``; ``start`` are its unknowns, less those before."""
+        x = event.hypothesis.x.copy()
+        x[event.unknown] += np.clip(start, -MAX_STEP, MAX_STEP)
+        return Rival(event.time, *self._fit.fitted(replace(event.hypothesis, x=x, disturbances=(
+            *plain.disturbances, *event.transitions)), measurements, leaving))
+
+    def _changes(self, main: Hypothesis, x: Array,
+                 times: Sequence[tuple[float | None, ...]]) -> list[Event]:
+        """
+        Return changes of ground at each of ``times`` [s] of the left and the right side, or None.
+
+        To one of which nothing is known; while the window has two, from one to the other.
+        """
+        now, prior, unknown = main.new, main.prior, slice(0, 0)
+        if now == ONE_GROUND:
+            x, now, unknown = x.copy(), (NEVER, NEVER), GROUND
+            x[OLD_GROUND] = x[GROUND]
+            prior = prior.with_change(self._rows)
+            x[GROUND] = prior.mean[GROUND]
+        found = []
+        for own in times:
+            left, right = map(_changed, now, own)
+            if left is not None and right is not None:
+                found.append(Event(own, replace(
+                    main, prior=prior, x=x, new=(left, right)), unknown))
+        return found
+
+    def _lifts(self, main: Hypothesis, x: Array, times: Sequence[float]) -> list[Event]:
+        """Return that a wheel loses its load, or has it again, at each of ``times`` [s]."""
+        *before, last = main.lifts or [Lift(end=-math.inf)]
+        if last.end == math.inf:
+            return [Event((time,), replace(
+                main, x=x, lifts=(*before, last._replace(end=time))), slice(0, 0))
+                for time in times if last.begin < time]
+        x, prior, unknown = x.copy(), main.prior, slice(0, 0)
+        if not main.lifts:
+            x[MOVED] = self._rows[Unknown.MOVED_LOAD].mean
+            prior, unknown = prior.without(MOVED, self._rows), MOVED
+        return [Event((time,), replace(
+            main, prior=prior, x=x, lifts=(*main.lifts, Lift(wheel, time))), unknown)
+            for time in times if last.end < time and len(main.lifts) < MAX_LIFTS
+            for wheel in range(len(WHEELS))]
+
+    def _evidence(self, main: Hypothesis, fit: Fit, measurements: Measurements,
+                  events: Sequence[Event]) -> tuple[Array, list[tuple[float, Array]]]:
+        """
+        Return the whitened residual (rows,), and for each event its evidence and its unknowns.
+
+        The evidence is twice the logarithm of its likelihood ratio, all other unknowns as in
+        ``fit``; the unknowns of the event are those after the start, by linearized equations.
+        """
+        runs, at = [fit.x], [main.events]
+        for event in events:
+            x, rows = event.hypothesis.x, np.arange(SIZE)[event.unknown]
+            runs += [x, *(x + self._steps[row] * np.eye(SIZE)[row] for row in rows)]
+            at += [event.hypothesis.events] * (len(rows) + 1)
+        x = np.array(runs)
+        start, _ = start_of(main, measurements)
+        motion = measurements.simulate(x, start, fit.heading, np.array(at))
+        blocks, films = measurements.predict(x, motion), measurements.passage_values(x, motion)
+        residual = measurements.values - blocks, measurements.passage_measured - films
+        whiten = Whitening(*fit.noise, residual[0][0], residual[1][0], False, ())
+        white = whiten(residual[0].transpose(1, 2, 0), residual[1].T)
+        for one in main.disturbances:
+            white[measurements.within(one)] = 0.0
+        found, i = [], 1
+        for event in events:
+            rows = np.arange(SIZE)[event.unknown]
+            own, i = slice(i, i + 1 + len(rows)), i + 1 + len(rows)
+            unused = [measurements.within(one) for one in event.transitions]
+            found.append(self._one_evidence(
+                white[:, own], rows, event.hypothesis.x, unused, measurements.values.shape))
+        likely = student(white[:, 0] ** 2).sum()
+        return white[:, 0], [(likely - cost, value) for cost, value in found]
+
+    def _one_evidence(self, others: Array, rows: NDArray[np.intp], x: Array,
+                      unused: Sequence[NDArray[np.bool_]], shape: tuple[int, ...]
+                      ) -> tuple[float, Array]:
+        """Return cost and unknowns; ``others``: with the event, and by each unknown moved."""
+        used = ~np.any(unused, axis=0)
+        rest, step = others[:, 0], self._steps[rows]
+        slopes = (rest[:, np.newaxis] - others[:, 1:]) / step
+        spread = np.diag([self._rows[row].sigma ** -2 for row in rows])
+        off = np.array([self._rows[row].mean for row in rows]) - x[rows]
+        value, left, matrix = np.zeros(len(rows)), rest, spread
+        for _ in range(ITERATIONS if len(rows) else 0):
+            weights = used / np.maximum((FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0)
+            matrix = (slopes.T * weights) @ slopes + spread
+            value = np.linalg.solve(matrix, (slopes.T * weights) @ rest + spread @ off)
+            left = rest - slopes @ value
+        cost = (value - off) @ spread @ (value - off) + np.linalg.slogdet(
+            matrix)[1] - np.linalg.slogdet(spread)[1]
+        cost += student(left[used] ** 2).sum() + sum(
+            _of_size(left ** 2, one, shape) for one in unused)
+        return float(cost), value
+
+
+def _of_size(square: Array, rows: NDArray[np.bool_], shape: tuple[int, ...]) -> float:
+    """Return the cost of ``rows`` of normalized squares with errors of the size that is seen."""
+    blocks, found = math.prod(shape), 0.0
+    for own in (square[:blocks].reshape(shape)[:, rows[:shape[1]]],
+                square[blocks:][np.newaxis, rows[blocks:]]):
+        if own.size:
+            growth = np.maximum(own.mean(axis=1), 1.0)
+            found += float((own.sum(axis=1) / growth + own.shape[1] * np.log(growth)).sum())
+    return found
+
+
+def _changed(new: Interval, time: float | None) -> Interval | None:
+    """Return the time on the new ground after a change at ``time``; None: no other one is kept."""
+    begin, end = new
+    if time is None:
+        return new
+    if begin == math.inf:
+        return time, math.inf
+    return (begin, time) if begin < time < end == math.inf else None
+
+
+def disturbance(time: float) -> Interval:
+    """Return when [s] a disturbance is assumed to last that begins at ``time``."""
+    return time - TIME_ERROR, time + DISTURBANCE_TIME

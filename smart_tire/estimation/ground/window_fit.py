@@ -1,0 +1,283 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Gauss-Newton fit of the unknowns to the measurements of a window, under a hypothesis.
+
+Errors have the weights of a Student distribution, by which hypotheses are compared, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.arrays import Array
+from smart_tire.estimation.ground import body_model as model
+from smart_tire.estimation.ground.measurements import Measurements, Motion
+from smart_tire.estimation.ground.unknowns import (
+    CONVERGED, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA, MAX_STEP, MOST_ITERATIONS,
+    MOVED, OLD_GROUND, ONE_GROUND, OWN, Prior, Row, SIDES, SIDES_DIFFER, SIZE, Unknown, UNMEASURED)
+from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
+from smart_tire.parameters.robot import RobotParams
+
+
+class Rows(NamedTuple):
+    """Residuals and derivatives of the measurements, each whitened by its covariance."""
+
+    residual: Array    # (rows,)
+    jacobian: Array    # (rows, SIZE)
+
+
+class Fit(NamedTuple):
+    """Unknowns of a window with their covariance."""
+
+    x: Array           # (SIZE,)
+    covariance: Array  # (SIZE, SIZE)
+    cost: float        # minus twice the logarithm of the evidence, up to a constant
+    motion: Motion     # of one run
+    varied_x: Array    # (DYNAMIC + 1, SIZE), unknowns with small differences ...
+    varied: Motion     # ... and the motion by them
+    heading: Array     # rad, (n,), by the start of the fit
+    rows: Rows
+    whiten: Whitening
+    noise: tuple[Array, Array]  # covariances of blocks and passages
+    leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
+
+
+class Whitening:
+    """Covariances of blocks (STREAMS, n, n) and passages (m, m) with weights for outliers."""
+
+    def __init__(self, blocks: Array, films: Array, residual: Array, passages: Array,
+                 weighted: bool, disturbances: Sequence[NDArray[np.bool_]]) -> None:
+        variance, film_variance = np.diagonal(blocks, axis1=1, axis2=2).copy(), np.diag(films)
+        square = residual ** 2 / variance
+        each = np.repeat((passages ** 2 / film_variance).reshape(-1, 2).mean(axis=1), 2)
+        more, film_more = np.zeros_like(square), np.zeros_like(each)  # noise of disturbances
+        for rows in disturbances:
+            inside, films_inside = rows[:square.shape[1]], rows[square.size:]
+            if inside.any():
+                more[:, inside] = np.maximum(
+                    square[:, inside].mean(axis=1, keepdims=True) - 1.0, 0.0)
+            if films_inside.any():
+                film_more[films_inside] = max(each[films_inside].mean() - 1.0, 0.0)
+        off = np.zeros(residual.size + len(passages), dtype=bool)
+        nominal: Array = np.zeros(len(off))
+        for rows in disturbances:
+            off |= rows
+        if off.any():
+            nominal = _ln_variances(np.linalg.cholesky(blocks), np.linalg.cholesky(films))
+        blocks = blocks.copy()
+        blocks[:, range(square.shape[1]), range(square.shape[1])] += UNMEASURED ** 2 * (
+            off[:residual.size].reshape(residual.shape) * variance)
+        films = films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance)
+        all_square = np.concatenate([square.ravel(), each])
+        all_growth = 1.0 + np.concatenate([more.ravel(), film_more])
+        growth = np.ones(residual.size + len(passages))
+        if weighted:
+            growth = np.where(off, 1.0, np.maximum(
+                (FREEDOM + all_square) / (FREEDOM + 1.0), 1.0))
+        scale, film_scale = np.split(np.sqrt(growth), [residual.size])
+        scale = scale.reshape(residual.shape)
+        self.blocks = blocks * scale[:, :, np.newaxis] * scale[:, np.newaxis]
+        self.films = films * np.outer(film_scale, film_scale)
+        self._block_factor = np.linalg.cholesky(self.blocks)
+        self._film_factor = np.linalg.cholesky(self.films)
+        # by row; with the weighted squares, minus twice the logarithm of the Student distribution
+        self.penalty = np.where(
+            off, all_square / all_growth + np.log(all_growth) + nominal,
+            FREEDOM * (np.log(growth) - 1.0 + 1.0 / growth)
+            + _ln_variances(self._block_factor, self._film_factor))
+
+    def __call__(self, blocks: Array, passages: Array) -> Array:
+        """Return blocks (STREAMS, n, k) and passages (m, k), whitened: (rows, k)."""
+        columns = blocks.shape[-1]
+        return np.concatenate([
+            np.linalg.solve(self._block_factor, blocks).reshape(-1, columns),
+            np.linalg.solve(self._film_factor, passages)])
+
+    def information(self, blocks: Array, passages: Array, leaving: NDArray[np.bool_],
+                    films: NDArray[np.bool_]) -> Array:
+        """Return the products (k, k) of the columns of the rows that leave the window."""
+        own = self.blocks[:, leaving][:, :, leaving]
+        rows = blocks[:, leaving]
+        found: Array = np.einsum('sik,sil->kl', rows, np.linalg.solve(own, rows))
+        part = passages[films]
+        return found + part.T @ np.linalg.solve(self.films[films][:, films], part)
+
+
+class WindowFit:
+    """Fits windows of one robot."""
+
+    def __init__(self, robot: RobotParams, rows: list[Row]) -> None:
+        """``rows`` are the priors of the unknowns."""
+        self._robot, self.rows = robot, rows
+        self.steps = np.array([row.step for row in rows[:DYNAMIC]])  # (DYNAMIC,)
+
+    def fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
+                near: bool = False) -> tuple[Hypothesis, Fit]:
+        """
+        Return the fit; if it contradicts equal sides, with a prior that lets them differ.
+
+        ``near``: it begins near the solution, unless its ground is unknown.
+        """
+        fit = self.fit(hypothesis, measurements, leaving, near)
+        mean, covariance = hypothesis.prior
+        difference = (fit.x - mean)[SIDES]
+        square = difference @ np.linalg.solve(covariance[SIDES, SIDES], difference) / 3.0
+        if square < SIDES_DIFFER:
+            return hypothesis, fit
+        covariance = covariance.copy()
+        covariance[SIDES] *= math.sqrt(square)
+        covariance[:, SIDES] *= math.sqrt(square)
+        wider = replace(hypothesis, prior=Prior(mean, covariance), x=fit.x)
+        return wider, self.fit(wider, measurements, leaving, near)
+
+    def fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
+             near: bool) -> Fit:
+        prior = hypothesis.prior.of_next_window(self.rows)
+        information = np.linalg.inv(prior.covariance)
+        start, heading = start_of(hypothesis, measurements)
+        events = hypothesis.events[np.newaxis]
+        unchanged = hypothesis.new == ONE_GROUND and not hypothesis.lifts
+        unknown = prior.covariance[Unknown.FRICTION, Unknown.FRICTION] > MAX_LN_SIGMA ** 2
+        known = near and hypothesis.times is not None and not unknown and not (
+            np.isfinite(events) & (events > measurements.begin)).any()
+        # the solution before, on an unknown ground, may be another minimum
+        x = (prior.mean if unchanged and unknown else hypothesis.x).copy()
+        x[OWN] = 0.0
+        inside = [measurements.within(one) for one in hypothesis.disturbances]
+        steps, covariance = np.append(self.steps, 0.0), prior.covariance
+        acting = np.ones(DYNAMIC + 1, dtype=bool)  # the others have no effect
+        acting[OLD_GROUND] = hypothesis.new != ONE_GROUND
+        acting[MOVED] = bool(hypothesis.lifts)
+        shown = np.concatenate([[0], acting * np.cumsum(acting)])  # runs by unknown
+        for iteration in range(ITERATIONS if known else MOST_ITERATIONS):
+            steps[-1] = self._friction_step(x, covariance)
+            runs = np.tile(x, (DYNAMIC + 2, 1))
+            runs[range(1, DYNAMIC + 2), (*range(DYNAMIC), Unknown.FRICTION)] += steps
+            used = runs[np.concatenate([[True], acting])]
+            varied = measurements.simulate(
+                used, start, heading, np.repeat(events, len(used), axis=0))
+            predicted, passages = (measurements.predict(used, varied)[shown],
+                                   measurements.passage_values(used, varied)[shown])
+            if iteration == 0 or not known:
+                relaxed = measurements.simulate(
+                    runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
+                blocks = measurements.noise(
+                    predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
+                    x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
+                films = measurements.passage_noise(passages[0], varied.passages[0, :, model.LOAD])
+            residual = measurements.values - predicted[0]
+            film_residual = measurements.passage_measured - passages[0]
+            whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0,
+                               inside)
+            columns = self._columns(x, predicted, residual, measurements, varied, steps)
+            film_columns = self._film_columns(x, passages, film_residual, measurements, steps)
+            white = whiten(columns, film_columns)
+            rows = Rows(white[:, -1], white[:, :SIZE])
+            hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
+            covariance = inverse_spd(hessian)
+            step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
+            step *= min(1.0, MAX_STEP / max(float(np.abs(step[:DYNAMIC]).max()), 1e-9))
+            at, x = x, x + step
+            if step @ hessian @ step < CONVERGED:
+                break
+        final = white[:, -1] - rows.jacobian @ (x - at)
+        # what is known of the friction: by its derivative or its secant, whichever shows less
+        other, row = white[:, :SIZE].copy(), Unknown.FRICTION
+        other[:, row] = white[:, SIZE]
+        by_secant = information + gram(other.T, np.ones(len(final)))
+        if (wider := inverse_spd(by_secant))[row, row] > covariance[row, row]:
+            hessian, covariance, rows = by_secant, wider, Rows(final, other)
+            for part in (columns, film_columns):
+                part[..., row] = part[..., SIZE]
+            runs[1 + row], shown[1 + row] = runs[-1], shown[-1]
+        rows = rows._replace(residual=final)
+        motion = measurements.simulate(x[np.newaxis], start, heading, events)
+        varied = Motion(varied.states[shown[:-1]], varied.passages[shown[:-1]])
+        cost = float(final @ final + whiten.penalty.sum()
+                     + (x - prior.mean) @ information @ (x - prior.mean)
+                     + np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(information)[1])
+        columns[:, :, -1] += columns[:, :, :SIZE] @ at
+        film_columns[:, -1] += film_columns[:, :SIZE] @ at
+        left = whiten.information(
+            columns, film_columns, measurements.used & (measurements.centers < leaving),
+            np.repeat([one.time < leaving for one in measurements.passages], 2).astype(bool))
+        return Fit(x, covariance, cost, motion, runs[:-1], varied, heading, rows, whiten,
+                   (blocks, films), (left[:SIZE, :SIZE], left[:SIZE, -1]))
+
+    def _friction_step(self, x: Array, covariance: Array) -> float:
+        """
+        Return the step of ln mu for its secant: up to the mean of its prior, 1 to 2 sigmas.
+
+        A tire that adheres shows less of its friction, the larger it is. The local derivative at a
+        friction that is too low would claim to exclude a larger one, for all windows that follow.
+        Tires that slide are the other way round: there friction and rolling resistance have the
+        same local derivative, and the secant would claim to distinguish them.
+        """
+        sigma = math.sqrt(covariance[Unknown.FRICTION, Unknown.FRICTION])
+        likely = float(self.rows[Unknown.FRICTION].mean - x[Unknown.FRICTION])
+        return min(max(likely, sigma), 2.0 * sigma)
+
+    def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements,
+                 motion: Motion, steps: Array) -> Array:
+        """
+        Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 2).
+
+        The last derivative is that by the friction over the last of the ``steps``.
+        """
+        dynamic = ((predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]).transpose(
+            1, 2, 0)
+        return np.concatenate([
+            dynamic[:, :, :DYNAMIC], measurements.linear(x, predicted[0], motion),
+            dynamic[:, :, DYNAMIC:], residual[:, :, np.newaxis]], axis=2)
+
+    def _film_columns(self, x: Array, passages: Array, residual: Array,
+                      measurements: Measurements, steps: Array) -> Array:
+        """Return derivatives of the passages and their residual (2 * passages, SIZE + 2)."""
+        found = np.zeros((len(residual), SIZE + 2))
+        dynamic = ((passages[1:] - passages[0]) / steps[:, np.newaxis]).T
+        found[:, :DYNAMIC], found[:, SIZE] = dynamic[:, :-1], dynamic[:, -1]
+        for i, one in enumerate(measurements.passages):
+            rows = slice(2 * i, 2 * i + 2 - one.sliding)
+            found[rows, Unknown.FILM_GAIN + one.wheel] = passages[0, rows]
+            found[2 * i + 1, Unknown.FILM_ERROR + one.wheel] = not one.sliding
+        found[:, -1] = residual
+        return found
+
+
+def _ln_variances(blocks: NDArray[np.floating[Any]], films: NDArray[np.floating[Any]]) -> Array:
+    """Return the logarithms of the variances by row, each given the rows before it."""
+    diagonal = np.concatenate([np.diagonal(blocks, axis1=1, axis2=2).ravel(), np.diag(films)])
+    return 2.0 * np.log(diagonal.astype(np.float64))
+
+
+def student(square: Array) -> Array:
+    """Return minus twice the logarithm of the likelihood of normalized squared errors."""
+    return np.where(square < 1.0, square, 1.0 + (FREEDOM + 1.0) * np.log(
+        np.maximum((FREEDOM + square) / (FREEDOM + 1.0), 1.0)))
+
+
+def start_of(hypothesis: Hypothesis, measurements: Measurements) -> tuple[Array, Array]:
+    """Return the velocity (3,) at the begin of the window, and the heading (n,) [rad]."""
+    bias = float(hypothesis.x[Unknown.GYRO_BIAS])
+    heading = measurements.heading(bias, hypothesis.heading)
+    times, velocities = hypothesis.times, hypothesis.velocities
+    if times is None or velocities is None or not times[0] <= measurements.begin <= times[-1]:
+        return np.array([measurements.rolling[0].mean(), 0.0,
+                         measurements.values[0, 0] - bias]), heading
+    return np.array([np.interp(measurements.begin, times, column)
+                     for column in velocities.T]), heading
