@@ -75,7 +75,7 @@ class EventSearch:
         self._fit, self._rows, self._steps = fit, fit.rows, fit.steps
 
     def disturbed(self, plain: Hypothesis, time: float, measurements: Measurements,
-                   leaving: float) -> tuple[Hypothesis, Fit]:
+                  leaving: float) -> tuple[Hypothesis, Fit]:
         """Return the fit if the robot is disturbed from ``time`` [s] on."""
         return self._fit.fitted(replace(plain, disturbances=(
             *plain.disturbances, disturbance(time))), measurements, leaving)
@@ -98,7 +98,7 @@ class EventSearch:
         return time if gain > TRIED_EVIDENCE else None
 
     def rivals(self, plain: Hypothesis, fit: Fit, measurements: Measurements, leaving: float,
-                time: float) -> list[Rival]:
+               time: float) -> list[Rival]:
         """
         Return the likeliest event of each kind, the likeliest first.
 

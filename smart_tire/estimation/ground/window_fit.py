@@ -127,7 +127,7 @@ class WindowFit:
         self.steps = np.array([row.step for row in rows[:DYNAMIC]])  # (DYNAMIC,)
 
     def fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
-                near: bool = False) -> tuple[Hypothesis, Fit]:
+               near: bool = False) -> tuple[Hypothesis, Fit]:
         """
         Return the fit; if it contradicts equal sides, with a prior that lets them differ.
 
@@ -146,7 +146,7 @@ class WindowFit:
         return wider, self.fit(wider, measurements, leaving, near)
 
     def fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
-             near: bool) -> Fit:
+            near: bool) -> Fit:
         prior = hypothesis.prior.of_next_window(self.rows)
         information = np.linalg.inv(prior.covariance)
         start, heading = start_of(hypothesis, measurements)
