@@ -75,9 +75,10 @@ SPEEDS = (30.0, 120.0)    # rpm of the wheels of a side
 PAUSE = (5.0, 20.0)       # s between a recovery and the next fault
 CALM = 3.0                # s after a recovery in which the diagnostics may still have the fault
 MEMORY = 2.0              # s for which diagnostics have a stall
-STALL_PERIOD = 0.05       # s in which messages wait for cores no longer than MAX_WAIT
-PASSED = 3                # processes that a message passes: port, driver, estimator
+STALL_PERIOD = 0.05       # s in which no thread waits for a core longer than MAX_WAIT ...
 MAX_WAIT = 0.015          # s, half of the time in which a board must reply
+PASSED = 3                # ... and in processes that a message passes (port, driver, estimator)
+MAX_DELAY = 0.03          # s, their sum: half of the window in which films are sorted by time
 STAY = 0.5                # s beyond the bound in which the motors must stay without duty
 MAX_LOSS = 0.2            # s of messages that a killed recorder may lose
 CLOCK_STEPS = (0.01, 100.0)  # s, least and greatest
@@ -505,7 +506,8 @@ class Soak:
                 RunQueues(process.pid) for process in self._stack.processes.values())]
             self.spin(STALL_PERIOD)
             before, now = now, time.monotonic()
-            if sum(sorted(one.longest() for one in queues)[-PASSED:]) > MAX_WAIT:
+            waits = sorted(one.longest() for one in queues)
+            if waits[-1] > MAX_WAIT or sum(waits[-PASSED:]) > MAX_DELAY:
                 stalls += [before, now]
             self.quiet += (now - before) * is_quiet(now)
         alarms = Counter(text for when, text in self._pilot.warnings if is_quiet(when))
