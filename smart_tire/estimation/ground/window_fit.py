@@ -147,6 +147,11 @@ class WindowFit:
 
     def fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
             near: bool) -> Fit:
+        """
+        Return the fit under ``hypothesis``; measurements before ``leaving`` [s] leave the window.
+
+        Steps are by the derivative of the friction; the covariance is by it or by the secant.
+        """
         prior = hypothesis.prior.of_next_window(self.rows)
         information = np.linalg.inv(prior.covariance)
         start, heading = start_of(hypothesis, measurements)
