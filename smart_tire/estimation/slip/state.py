@@ -103,6 +103,10 @@ BALANCE_SIGMA = 0.03          # m/s2, lasting error of the balance, assumed; all
 FORCE_ERROR = 0.07            # of traction forces: torque constant, tire curve, assumed; jumps
 MODEL_TIME = 0.3              # s, a robot length: of lasting errors of the forces, of compared
 # innovations; jumps
+PUSH_TIME = 0.05              # s, in which tires follow a push: mass times speed over their
+# lateral stiffness; pushes, lifted
+PUSH_SIGMAS = 4.0             # of a change of the mean innovation in that time: once in minutes,
+# assumed; pushes, jumps
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
 EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, the

@@ -14,15 +14,20 @@ from dataclasses import replace
 from functools import cache
 import math
 
+from benchmarks.events import inputs_of, truth_of
+from benchmarks.motion import as_estimate, as_truth, speed_errors
+from benchmarks.robots.draws import draw
+from benchmarks.robots.scoring import estimates_of
 from benchmarks.scenarios import SCENARIOS
 import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.filter import SlipFilter
-from smart_tire.estimation.slip.ground import MotorTorques
+from smart_tire.estimation.slip.ground import LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
-from smart_tire.estimation.slip.state import ImuReading, ImuStep, MODEL_TIME, N, State
+from smart_tire.estimation.slip.state import (
+    BALANCE_SIGMA, ImuReading, ImuStep, MODEL_TIME, N, PUSH_TIME, State)
 from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import (
@@ -90,6 +95,59 @@ def test_the_velocity_of_the_robot_stays_when_the_position_of_the_imu_is_given()
     np.testing.assert_allclose(new[rows], old[rows], rtol=1e-9)
     assert np.diag(P)[[State.IMU_X, State.IMU_Y]] == pytest.approx([0.0004, 0.0009])
     assert new[State.V_Y, State.IMU_X] == pytest.approx(0.0, abs=1e-12)
+
+
+def lasting_sigmas(innovations, dt=0.008):
+    """Return the sigmas [m/s2] of the lasting error after each of the innovations [m/s2]."""
+    error = LastingError()
+    return [math.sqrt(error.variance(one, dt)) for one in innovations]
+
+
+def test_a_push_is_a_lasting_error_of_the_balance_within_the_time_of_the_tires():
+    rest, push = [0.02] * 200, [0.5] * 60
+    sigmas = lasting_sigmas(rest + push)
+    assert sigmas[199] == pytest.approx(BALANCE_SIGMA)
+    reached = 200 + round(2.0 * PUSH_TIME / 0.008)
+    assert max(sigmas[200:reached]) > 0.2
+    assert max(sigmas[reached:]) == pytest.approx(0.48 * 0.6, abs=0.06)  # less its own mean
+    released = lasting_sigmas(rest + push + rest)
+    after = int(np.argmax(released[260:])) + 260
+    assert released[after] > 0.2  # the release is a change, too
+    later = round(2.0 * MODEL_TIME / 0.008)  # the change decays by its square
+    assert released[after + later] ** 2 - BALANCE_SIGMA ** 2 == pytest.approx(
+        (released[after] ** 2 - BALANCE_SIGMA ** 2) * math.exp(-2.0), rel=0.1)
+
+
+def test_the_lasting_error_of_a_push_is_the_same_to_either_side():
+    left, right = (lasting_sigmas([0.0] * 50 + [sign * 0.4] * 20) for sign in (1.0, -1.0))
+    assert left == right
+
+
+def test_what_changes_slowly_or_has_always_varied_is_no_push():
+    slow = 0.5 * np.linspace(0.0, 1.0, 1000)  # within 8 s
+    assert max(lasting_sigmas(slow)) == pytest.approx(BALANCE_SIGMA)
+    rng = np.random.default_rng(5)
+    rough = np.convolve(rng.normal(0.0, 1.0, 6000), np.ones(8) / 8.0, 'same')  # ice
+    sigmas = lasting_sigmas(rough)
+    assert np.mean(np.array(sigmas[4000:]) > 2.0 * BALANCE_SIGMA) < 0.02
+
+
+@pytest.mark.parametrize(('row', 'seeds'), [
+    ('pushes', (8604,)), *(pytest.param(row, (8701, 8702, 8703), marks=pytest.mark.long)
+                           for row in ('pushes', 'lifted'))])
+def test_the_lateral_speed_is_consistent_while_something_disturbs_the_robot(row, seeds):
+    squares = []
+    for seed in seeds:
+        one = draw(row, seed)
+        events = one.events()
+        motion = as_truth(truth_of(events), one.true)
+        series = as_estimate(estimates_of(one, inputs_of(events)))
+        age = (motion.stamp_ns - motion.stamp_ns[0]) / NS_PER_S
+        disturbed = np.any([(age > each.begin) & (age < each.end) for each in (
+            *one.traits.pushes, *one.traits.lifts)], axis=0)
+        errors = speed_errors(series, motion, 1, disturbed)
+        squares.append(np.mean((errors.error / errors.sigma) ** 2))
+    assert np.mean(squares) < 5.0  # 42 in pushes, 6 under lifted wheels with a constant sigma
 
 
 @pytest.mark.parametrize(('given', 'sigma', 'taken'), [
