@@ -13,6 +13,7 @@
 from dataclasses import replace
 import math
 
+from benchmarks.robots.draws import draw
 from benchmarks.robots.plant import Lift as LiftedWheel, plant_with, Traits
 import numpy as np
 import pytest
@@ -363,7 +364,7 @@ def test_derivatives_by_the_linear_unknowns_are_those_of_the_prediction(measurem
 
 def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_weight(measurements):
     predicted = measurements.values
-    noise = measurements.noise(predicted, np.zeros_like(predicted), np.zeros(3))
+    noise = measurements.noise(predicted, np.zeros_like(predicted), np.zeros(3), 0.0)
     assert np.linalg.eigvalsh(noise).min() > 0.0
     assert (np.sqrt(np.diagonal(noise, axis1=1, axis2=2))[:, ~measurements.used] > 1e5).all()
     used = np.sqrt(np.diagonal(noise, axis1=1, axis2=2))[:, measurements.used]
@@ -407,12 +408,69 @@ def test_a_start_from_standstill_weighs_little_and_a_steady_turn_fully(measureme
     predicted = measurements.values
     transient = np.zeros_like(predicted)
     transient[FORCE_X, -4] = 1.5
-    plain, lagging = (np.diagonal(measurements.noise(predicted, one, np.zeros(3)), 0, 1, 2)
+    plain, lagging = (np.diagonal(measurements.noise(predicted, one, np.zeros(3), 0.0), 0, 1, 2)
                       for one in (np.zeros_like(predicted), transient))
     assert math.sqrt(lagging[FORCE_X, -4]) == pytest.approx(3.0, rel=0.05)
     lagging = lagging.copy()
     lagging[FORCE_X, -4] = plain[FORCE_X, -4]
     np.testing.assert_array_equal(lagging, plain)
+
+
+def test_errors_of_wheel_speeds_are_errors_of_torques_where_tires_adhere(measurements):
+    x = initial(priors(ROBOT)).mean.copy()
+    predicted = np.zeros_like(measurements.values)
+    adhering = measurements.slip_noise(x, predicted)
+    x[Unknown.STIFFNESS] += math.log(2.0)
+    assert measurements.slip_noise(x, predicted) == pytest.approx(4.0 * adhering)
+    limit = math.exp(x[Unknown.FRICTION]) * float(LOAD[0]) * ROBOT.wheel_radius
+    predicted[TORQUE:] = -limit * (1.0 - 0.5 ** 3)  # half of the patch slides
+    assert measurements.slip_noise(x, predicted) == pytest.approx(adhering / 4.0)
+    predicted[TORQUE:] = 1.1 * limit
+    assert not measurements.slip_noise(x, predicted).any()
+    noise = measurements.noise(predicted, 0.0 * predicted, np.zeros(3), adhering)
+    without = measurements.noise(predicted, 0.0 * predicted, np.zeros(3), 0.0 * adhering)
+    more = np.diagonal(noise - without, axis1=1, axis2=2)
+    used = measurements.used  # the others are not measured
+    assert more[TORQUE:, used] == pytest.approx(adhering[:, used], rel=1e-6)
+    assert not more[:TORQUE].any()
+
+
+def test_derivatives_count_as_far_as_they_exceed_what_errors_of_wheel_speeds_make(measurements):
+    fit, x = WindowFit(ROBOT, priors(ROBOT)), initial(priors(ROBOT)).mean
+    steps = np.append(fit.steps, 0.1)
+    predicted = np.zeros((DYNAMIC + 2, *measurements.values.shape))
+    predicted[1:] = 0.3 * steps[:, np.newaxis, np.newaxis]
+    heading = measurements.heading(0.0, (6.0, 0.0))
+    motion = measurements.simulate(x[np.newaxis], np.zeros(3), heading, NOTHING)
+
+    def columns(sigma):
+        noise = np.full((4, len(measurements.centers)), sigma ** 2)
+        return fit._columns(x, predicted, 0.0 * predicted[0], measurements, motion, steps, noise)
+    exact, noisy, lost = columns(0.0), columns(0.05), columns(0.11)
+    curve = [Unknown.STIFFNESS, Unknown.OLD_FRICTION, Unknown.SIDE_STIFFNESS, SIZE]
+    others = [Unknown.RESISTANCE, Unknown.RADIUS, Unknown.SLOPE_X]
+    assert exact[:, :, curve] == pytest.approx(0.3)
+    assert noisy[TORQUE:, :, curve] == pytest.approx(0.3 * (1.0 - 9.0 * 0.05 ** 2 / 0.3 ** 2))
+    assert not lost[TORQUE:, :, curve].any()
+    for found in (noisy, lost):
+        np.testing.assert_array_equal(found[:TORQUE], exact[:TORQUE])
+        np.testing.assert_array_equal(found[:, :, others], exact[:, :, others])
+
+
+@pytest.mark.parametrize('seed', [8507, *(pytest.param(seed, marks=pytest.mark.long)
+                                          for seed in range(8821, 8829))])
+def test_slow_straight_driving_does_not_show_a_stiffness_that_is_too_low(seed):
+    one = draw('straight', seed)
+    estimator, solution = GroundEstimator(one.robot, 0.02), None
+    for sample in one.inputs():
+        if isinstance(sample, (ImuSample, WheelSample)):
+            estimator.add_sample(sample)
+            solution = estimator.advance(sample.stamp_ns) or solution
+    surfaces = one.simulator.ground
+    true = math.log(surfaces.stiffness[surfaces.names.index(surfaces.base)])
+    sigma = math.sqrt(solution.fit.covariance[Unknown.STIFFNESS, Unknown.STIFFNESS])
+    # errors of the wheel speeds, in the derivative as in the residual, made it -2.5 to -7 sigmas
+    assert solution.fit.x[Unknown.STIFFNESS] == pytest.approx(true, abs=3.0 * sigma)
 
 
 def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_slope():
