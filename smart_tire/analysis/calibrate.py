@@ -40,7 +40,7 @@ Bags = Mapping[str, Sequence[Path]]  # step -> bags; MIXED: of all parts
 
 
 @dataclass(frozen=True)
-class Result:
+class CalibrationFile:
     """A calibration, and the parameter file with its values."""
 
     calibration: Calibration
@@ -48,7 +48,7 @@ class Result:
 
 
 def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: bool = False,
-                   names: TopicNames = STANDARD_NAMES) -> Result:
+                   names: TopicNames = STANDARD_NAMES) -> CalibrationFile:
     """
     Return the parameters identified from ``bags``, and the text of a file with them.
 
@@ -76,7 +76,7 @@ def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: boo
 
     found = calibrate(Inputs(**{step: of(step) for step in (*PARTS, 'lifted')}), robot,
                       gains if films else None)
-    return Result(found, _text(found, bags, params, date))
+    return CalibrationFile(found, _text(found, bags, params, date))
 
 
 def bags_of(bags: Bags, step: str) -> list[Path]:

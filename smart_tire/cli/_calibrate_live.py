@@ -80,7 +80,7 @@ def confirm_driving(steps: list[str], robot: RobotParams) -> None:
         raise RobotError('driving was not confirmed: nothing was driven or recorded')
 
 
-class Keyboard:
+class TypedLines:
     """Lines typed on standard input, without waiting for them."""
 
     def __init__(self) -> None:
@@ -134,7 +134,7 @@ class Sequence:
             'drivers of the robot first'))
         if self._drive:
             _enable(session.pilot)
-        keyboard, announced = Keyboard(), ''
+        keyboard, announced = TypedLines(), ''
         while True:
             self._carry_out(session)
             step = self.guide.step

@@ -23,14 +23,14 @@ from typing import Any
 
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._following import Following, note, remaining_path
-from smart_tire.cli._keyboard import Key, Keyboard, StopRequest, Teleoperation
+from smart_tire.cli._keyboard import DriveKey, Keyboard, StopRequest, Teleoperation
 from smart_tire.cli._options import remove
 from smart_tire.cli._path_file import length, Poses
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import (
     isolated_environment, NODES, params_arguments, PORTS, RECORDER, RobotError, Stack,
     START_TIMEOUT)
-from smart_tire.control.trajectory_control import Cause, State
+from smart_tire.control.trajectory_control import Cause, PathState
 from smart_tire.errors import ParameterError
 from smart_tire.findings import Level
 from smart_tire.host_load import worst_of
@@ -70,7 +70,7 @@ class Session:
     def await_nodes(self) -> None:
         """Wait until estimates are published and every node has sent diagnostics."""
         end = time.monotonic() + START_TIMEOUT
-        with Progress(timer=False) as progress:
+        with ProgressLine(timer=False) as progress:
             while missing := sorted(self.stack.processes.keys() - self.pilot.health.keys()) or [
                     name for name in ('slip', 'wheels') if getattr(self.pilot, name) is None]:
                 progress.show(f'waiting for messages from {", ".join(missing)}')
@@ -83,7 +83,7 @@ class Session:
         """Raise RobotError while a path is followed: two sources of commands stop the motors."""
         self.wait(lambda: self.pilot.progress is not None, REPORT_TIME)
         report = self.pilot.progress
-        if report is not None and report.state == State.FOLLOWING:
+        if report is not None and report.state == PathState.FOLLOWING:
             raise RobotError('trajectory_controller follows a path: cancel it first (cancel_path)')
 
     def await_robot(self, topic: str, listener: str) -> None:
@@ -137,7 +137,7 @@ class Session:
     def _end(self) -> None:
         self.pilot.halt()
         report = self.pilot.progress
-        if report is not None and report.state != State.FOLLOWING or not self.pilot.has_path:
+        if report is not None and report.state != PathState.FOLLOWING or not self.pilot.has_path:
             self._runner.spin(SPIN_TIME)  # sends the last command
             return
         answer, end = self.pilot.cancel(), time.monotonic() + CANCEL_TIME
@@ -152,7 +152,7 @@ class Session:
         return odometry.position[0], odometry.position[1], euler(odometry.orientation)[2]
 
     def follow(self, name: str, poses: Poses, dashboard: Dashboard,
-               patience: float = 1.0) -> State:
+               patience: float = 1.0) -> PathState:
         """Follow a path in ``odom``, then stand still; return the state in which it ended."""
         self.pilot.follow(poses)
         following, state = Following(length(poses), time.monotonic(), patience), None
@@ -167,7 +167,7 @@ class Session:
             dashboard.show(name, self.pilot, note(self.pilot.progress))
         return state
 
-    def reason(self, state: State) -> tuple[str, str]:
+    def reason(self, state: PathState) -> tuple[str, str]:
         """
         Return why the controller has stopped or refused the path, and the cause.
 
@@ -179,7 +179,7 @@ class Session:
             self._runner.spin(SPIN_TIME)  # also after a request to stop
             found = self.pilot.health.get(FOLLOWER, {})
         reason, cause = found.get('reason', ''), found.get('cause', '')
-        explained = state == State.STOPPED and cause != Cause.ORDER.value
+        explained = state == PathState.STOPPED and cause != Cause.ORDER.value
         return self.late_host if explained and self.late_host else reason, cause
 
     @property
@@ -202,7 +202,7 @@ class Session:
             while True:
                 now = time.monotonic()
                 for key in keyboard.pressed():
-                    if key is Key.QUIT:
+                    if key is DriveKey.QUIT:
                         return
                     teleoperation.press(key, now)
                     active_until = max(active_until, now + ZERO_TIME)
@@ -256,7 +256,7 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
 
 
 def follow_resuming(session: Session, name: str, poses: Poses,
-                    dashboard: Dashboard) -> tuple[State, str]:
+                    dashboard: Dashboard) -> tuple[PathState, str]:
     """
     Follow a path, and the rest of it after each stop for late data.
 
@@ -267,7 +267,7 @@ def follow_resuming(session: Session, name: str, poses: Poses,
     rest, reason = poses, ''
     for _ in range(MAX_RESUMPTIONS + 1):
         state = session.follow(name, rest, dashboard, patience=PATIENCE)
-        if state == State.ARRIVED:
+        if state == PathState.ARRIVED:
             return state, ''
         reason, cause = session.reason(state)
         # late data, or what a late host causes: a wrong pose, or motors that their driver has

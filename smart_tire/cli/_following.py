@@ -20,7 +20,7 @@ import numpy as np
 
 from smart_tire.cli._path_file import Poses
 from smart_tire.cli._stack import RobotError
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.samples import Vector3
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Following:
         self._latest: PathProgress | None = None
         self._started = False
 
-    def end_state(self, report: PathProgress | None, time: float) -> State | None:
+    def end_state(self, report: PathProgress | None, time: float) -> PathState | None:
         """Return the state in which the path has ended, None while it is followed."""
         if report is not None and report is not self._latest:
             self._latest, self._heard = report, time
@@ -69,14 +69,14 @@ class Following:
             raise RobotError(f'the end of the path was not reached within {self._limit:.0f} s')
         if self._latest is None:
             return None
-        state = State(self._latest.state)
-        if state == State.FOLLOWING:
+        state = PathState(self._latest.state)
+        if state == PathState.FOLLOWING:
             self._started = True
             if math.isfinite(self._latest.remaining_distance):
                 self.remaining = self._latest.remaining_distance
             return None
         answered = time - self._begin > self._patience * OLD_REPORT_TIME
-        if self._started or state != State.IDLE and answered:
+        if self._started or state != PathState.IDLE and answered:
             return state
         if time - self._begin > self._patience * ANSWER_TIME:
             raise RobotError('trajectory_controller has not received the path')
@@ -87,7 +87,7 @@ def note(report: PathProgress | None) -> str:
     """Return the progress as text."""
     if report is None:
         return 'waiting for trajectory_controller'
-    text = State(report.state).name.lower()
+    text = PathState(report.state).name.lower()
     if math.isfinite(report.remaining_distance):
         text += f', {report.remaining_distance:.2f} m left'
     if math.isfinite(report.cross_track_error):

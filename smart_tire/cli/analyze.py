@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from smart_tire.cli._options import (
     check_options, FIGURES, open_bag, print_errors, refuse_existing,
     refuse_existing_bag, refuse_folder_of_bag, REQUIRED)
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.paths import bag_name
 
@@ -98,7 +98,7 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             for name in missing:
                 print(f'  {name} is not in the bag, nor a topic that may be it by another name')
             return NOTHING_ESTIMATED
-    with Progress(bag_name(bag)) as progress:
+    with ProgressLine(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
                            names=opened.names, source=source.tree, checks=args.checks,
                            overhead=args.overhead)

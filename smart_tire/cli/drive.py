@@ -166,7 +166,7 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> int:
     """Follow the path; return the exit status."""
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._path_file import placed
-    from smart_tire.control.trajectory_control import State
+    from smart_tire.control.trajectory_control import PathState
     try:
         with Dashboard() as dashboard:
             state = session.follow(Path(args.path).name, poses if args.absolute else placed(
@@ -174,10 +174,10 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> int:
     except KeyboardInterrupt:
         print('interrupted: the path is canceled', file=sys.stderr)
         return INTERRUPTED
-    if state != State.ARRIVED:
+    if state != PathState.ARRIVED:
         reason, _ = session.reason(state)
         print(f'smart_tire drive: {state.name.lower()}: {reason}', file=sys.stderr)
-    return ARRIVED if state == State.ARRIVED else NOT_ARRIVED
+    return ARRIVED if state == PathState.ARRIVED else NOT_ARRIVED
 
 
 def _teleoperate(args: argparse.Namespace, session: Session) -> None:

@@ -166,8 +166,8 @@ def run_verb(args: argparse.Namespace) -> int:
     verb = import_module(f'smart_tire.cli.{args.verb}')
     if args.verb not in COMPUTING:
         return int(verb.run(args))
-    from smart_tire.cli._progress import Progress
-    with Progress(f'smart_tire {args.verb}'):
+    from smart_tire.cli._progress import ProgressLine
+    with ProgressLine(f'smart_tire {args.verb}'):
         return int(verb.run(args))
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import smart_tire
 from smart_tire.cli._options import (
     check_options, open_bag, print_errors, refuse_existing, refuse_folder_of_bag)
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli.analyze import check_overhead, diverged, each_bag, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name, write_text
@@ -70,7 +70,7 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     from smart_tire.analysis.offline import analyze
     with open_bag(bag, args) as (opened, source):
         pass
-    with Progress(report_name(bag)) as progress:
+    with ProgressLine(report_name(bag)) as progress:
         result = analyze(bag, None, source.params, progress.share, names=opened.names,
                          source=source.tree, checks=args.checks, overhead=args.overhead)
     print_errors(result.contents.errors)

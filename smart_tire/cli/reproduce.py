@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 
 from smart_tire.cli._options import refuse_existing
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 
 
@@ -25,7 +25,7 @@ def run(args: argparse.Namespace) -> int:
                     force=args.force)
     from smart_tire.reproduction.runner import reproduce
     try:
-        with Progress('smart_tire reproduce') as progress:
+        with ProgressLine('smart_tire reproduce') as progress:
             report = reproduce(args.out, lambda done, total, what: progress.show(
                 f'{done}/{total}  {what}'))
     except OSError as error:

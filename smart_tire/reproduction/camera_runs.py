@@ -23,10 +23,10 @@ from smart_tire.messages.header import set_header
 from smart_tire.parameters import ImageParams, OverheadLocalizerParams
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import Recording, seconds
-from smart_tire.reproduction.tire_runs import ROBOT, Run, STANDSTILL_TIME
+from smart_tire.reproduction.tire_runs import Drive, ROBOT, STANDSTILL_TIME
 from smart_tire.samples import NS_PER_S
 from smart_tire.vision.detection import fill_image
-from smart_tire.vision.overhead import OverheadLocalizer, Result
+from smart_tire.vision.overhead import CameraResult, OverheadLocalizer
 from smart_tire.vision.renderer import between, Renderer
 
 DURATIONS = {'concrete': 11.0, 'sand': 7.0}  # s that are rendered: a circle, steady slip
@@ -39,7 +39,7 @@ SIZE, FOCAL_LENGTH = (960, 540), 750.0  # pixels; fewer than 1280 x 720 and 15 H
 class View:
     """What the camera has found in a drive."""
 
-    found: Result
+    found: CameraResult
     params: OverheadLocalizerParams
 
     @cached_property
@@ -48,7 +48,7 @@ class View:
         return Recording(estimates_of(self.found, ROBOT.wheel_radius))
 
 
-def camera_view(run: Run, duration: float) -> View:
+def camera_view(run: Drive, duration: float) -> View:
     """Return what a camera above the path finds in the first ``duration`` [s]."""
     truth = run.truth.poses()
     time = seconds(truth.stamp_ns, run.origin_ns) + STANDSTILL_TIME

@@ -275,7 +275,7 @@ class Estimated:
 
 
 @dataclass(frozen=True)
-class Identification:
+class TableOneFits:
     """Table I, identified from several simulated recordings."""
 
     true: dict[str, float]                 # products of the simulated film
@@ -297,13 +297,13 @@ class Identification:
         return alpha, a, b
 
 
-def identification() -> Identification:
+def identification() -> TableOneFits:
     """Return the fits of recordings of the motion of Fig. 8, one per seed."""
     film = specimen('25x3')
     recordings = [record(film, seed) for seed in SEEDS]
     fits = [identify_film(recording, film.film)[:2] for recording in recordings]
     p, K = film.hysteresis, film.gain
-    return Identification(
+    return TableOneFits(
         {'alpha_gain': p.alpha * K, 'a_gain': p.a * K, 'b_gain': p.b * K},
         [{name: getattr(fit, name) for name in PRODUCTS} for _, fit in fits],
         film.film.gain, 2.0 * AMPLITUDE / film.film.half_length,

@@ -25,8 +25,8 @@ from smart_tire.analysis.figure import Curve, dots, Mark, Panel, straight, TIME_
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import TABLE_I_GAIN
 from smart_tire.reproduction.film_experiments import (
-    FREQUENCY, Identification, Loop, PRODUCTS, Proportionality, RateIndependence, Trace)
-from smart_tire.reproduction.report import Section, section
+    FREQUENCY, Loop, PRODUCTS, Proportionality, RateIndependence, TableOneFits, Trace)
+from smart_tire.reproduction.report import PaperSection, section
 from smart_tire.uncertain import Uncertain
 
 MM, NC, PC = 1e3, 1e9, 1e12  # from SI units
@@ -41,7 +41,7 @@ MAX_FREQUENCY_SLOPE = 0.01  # relative change per decade of frequency that count
 MIN_LINE_R2 = 0.95          # R^2 of points that appear as a straight line in a graph
 
 
-def trace_section(trace: Trace) -> Section:
+def trace_section(trace: Trace) -> PaperSection:
     """Return Fig. 4: charge and deflection over time, and the loop."""
     loop = trace.loop
     over_time = [Panel([Mark(Curve(trace.time, values), color=color)], TIME_LABEL, label)
@@ -54,7 +54,7 @@ def trace_section(trace: Trace) -> Section:
                    height=loop.height)
 
 
-def rate_section(result: RateIndependence) -> Section:
+def rate_section(result: RateIndependence) -> PaperSection:
     """Return Fig. 6: loops at two frequencies, and the peak over frequency."""
     mean, x = result.peak.mean(), result.frequency
     loops = Panel([_loop(loop, f'{frequency:.0f} Hz', color, width) for (frequency, loop), color,
@@ -76,7 +76,7 @@ def rate_section(result: RateIndependence) -> Section:
         slope_sigma=result.slope_sigma)
 
 
-def amplitude_section(result: Proportionality) -> Section:
+def amplitude_section(result: Proportionality) -> PaperSection:
     """Return Fig. 7: peaks over amplitude, and their deviation from a straight line."""
     x, (slope, offset) = MM * result.amplitude, result.line
     line = slope * result.amplitude + offset
@@ -101,7 +101,7 @@ def amplitude_section(result: Proportionality) -> Section:
         printed_excess=result.models['printed'][-1] / result.models['exact'][-1] - 1.0)
 
 
-def fit_section(result: Identification) -> Section:
+def fit_section(result: TableOneFits) -> PaperSection:
     """Return Fig. 8: measured and estimated loops, with the estimate's transient."""
     first = result.first
     shown = first.time < CYCLES
@@ -118,7 +118,7 @@ def fit_section(result: Identification) -> Section:
         stroke=result.printed_stroke, touching=TOUCHING_STROKE)
 
 
-def comparison_section(result: Identification) -> Section:
+def comparison_section(result: TableOneFits) -> PaperSection:
     """Return Fig. 9: charge over time, and measured over estimated charge."""
     first = result.first
     shown, settled = first.time < CYCLES, first.time >= first.settled
@@ -138,7 +138,7 @@ def comparison_section(result: Identification) -> Section:
                    {'slope': abs(first.slope - 1.0) < 0.01}, first=first)
 
 
-def table_section(result: Identification) -> Section:
+def table_section(result: TableOneFits) -> PaperSection:
     """Return Table I, as a drawing: errors of the products."""
     seeds, panels = np.arange(1.0, len(result.estimates) + 1), []
     for name, symbol in zip(PRODUCTS, SYMBOLS):

@@ -27,11 +27,11 @@ from smart_tire.analysis.result import Comparison, Result
 from smart_tire.arrays import Array
 from smart_tire.reproduction import tire_maps
 from smart_tire.reproduction.camera_runs import View
-from smart_tire.reproduction.report import Section, section
+from smart_tire.reproduction.report import PaperSection, section
 from smart_tire.reproduction.tire_maps import (
     CRITICAL, METHODS, MIN_SLIP, MU, Outline, OUTLINE_SLIP, OUTLINE_SPEED, Signals, SLIPS,
     STIFFNESS, Sweep)
-from smart_tire.reproduction.tire_runs import ROBOT, Run, side_slips, StiffnessFit
+from smart_tire.reproduction.tire_runs import AccelerationFit, Drive, ROBOT, side_slips
 from smart_tire.samples import NS_PER_S
 
 MAX_ZERO_SLIP = 0.05  # slip that counts as close to zero
@@ -49,7 +49,7 @@ METHOD_MARKS = {'exact': ('exact map', 'blue'), 'printed': ('printed map', 'oran
 RATIO, SLIP = r'adhesion ratio $\xi_a$ [-]', 'slip ratio [-]'
 
 
-def outline_section(found: Outline) -> Section:
+def outline_section(found: Outline) -> PaperSection:
     """Return Fig. 8: the parts of one crossing and their sum, in both release conventions."""
     read, state = found.read_height('fig8'), found.read_height('state')
     spans = ((found.whole, r'$\Delta t_L$', 'shade'),
@@ -77,7 +77,7 @@ def outline_section(found: Outline) -> Section:
         low=1.0 - found.printed_height / found.height, state_ratio=state / found.height)
 
 
-def view_section(view: View, run: Run) -> Section:
+def view_section(view: View, run: Drive) -> PaperSection:
     """Return Fig. 9: the first image of the overhead camera, and the path in it."""
     found, errors = view.found, Comparison(view.estimates, run.truth).poses.error
     position = MILLI * rms(np.linalg.norm(errors[:, :2], axis=1))
@@ -87,9 +87,9 @@ def view_section(view: View, run: Run) -> Section:
         yaw=math.degrees(rms(errors[:, 2])))
 
 
-def slip_section(runs: Mapping[str, Run], views: Mapping[str, View],
+def slip_section(runs: Mapping[str, Drive], views: Mapping[str, View],
                  slips: Mapping[str, Mapping[str, SlipScore]],
-                 printed: Mapping[str, Mapping[str, SlipScore]]) -> Section:
+                 printed: Mapping[str, Mapping[str, SlipScore]]) -> PaperSection:
     """
     Return Fig. 10: slips of both sides on two grounds, with those of the camera and the truth.
 
@@ -118,7 +118,7 @@ def slip_section(runs: Mapping[str, Run], views: Mapping[str, View],
         inside=100.0 * inside)
 
 
-def signal_section(result: Signals, run: Run) -> Section:
+def signal_section(result: Signals, run: Drive) -> PaperSection:
     """Return Fig. 11: the film voltages over the drive, and in one crossing."""
     crossing = crossing_figure(Result(run.estimates, run.inputs), ROBOT)
     contact = [] if crossing is None else crossing.panels
@@ -135,7 +135,7 @@ def signal_section(result: Signals, run: Run) -> Section:
         expected_lag=MILLI * result.expected_lag, bump=MILLI * result.bump)
 
 
-def stretch_section(result: Sweep) -> Section:
+def stretch_section(result: Sweep) -> PaperSection:
     """Return Fig. 12: q_sm over slip for two wheel speeds."""
     crossings = result.crossings
     slips = _slips(crossings.slip)
@@ -163,7 +163,7 @@ def stretch_section(result: Sweep) -> Section:
             crossings.true_total_slip > MIN_SLIP])))
 
 
-def adhesion_section(result: Sweep) -> Section:
+def adhesion_section(result: Sweep) -> PaperSection:
     """Return Fig. 13: adhesion ratio over slip: exact, printed, and the paper's method."""
     crossings, ratios, slopes = result.crossings, result.ratios, result.slopes
     slips = _slips(crossings.total_slip)
@@ -188,7 +188,7 @@ def adhesion_section(result: Sweep) -> Section:
         **slopes, model=-1.0 / CRITICAL, share=share, least=excess.min(), most=excess.max())
 
 
-def table_section(result: Sweep, fit: StiffnessFit) -> Section:
+def table_section(result: Sweep, fit: AccelerationFit) -> PaperSection:
     """Return Table I, as drawings: forces for C_x, and friction by method."""
     tire, film, crossings, friction = ROBOT.tire, ROBOT.film, result.crossings, result.friction
     forces = Panel([dots(fit.effective, fit.force, 'straight drive'),

@@ -25,7 +25,7 @@ TEXTS: dict[str, Any] = load_own(
 
 
 @dataclass(frozen=True)
-class Section:
+class PaperSection:
     """One figure or table of a paper, reproduced."""
 
     figure: Figure
@@ -35,7 +35,7 @@ class Section:
 
 
 def section(name: str, panels: Sequence[Sequence[Panel]], cell: tuple[float, float],
-            checks: Mapping[str, bool], **values: Any) -> Section:
+            checks: Mapping[str, bool], **values: Any) -> PaperSection:
     """Return the section ``name`` of ``sections.yaml`` with ``values`` inserted."""
     texts = TEXTS[name]
     agrees: list[str] = []
@@ -49,5 +49,5 @@ def section(name: str, panels: Sequence[Sequence[Panel]], cell: tuple[float, flo
                 (agreement if checks[check] else disagreement).format(**values))
     numbers = [[cell.format(**values) for cell in row] for row in texts['numbers']]
     title = texts['title']
-    return Section(Figure(name, title, title, panels, cell, panel_legends=True), numbers, agrees,
-                   differs)
+    return PaperSection(Figure(name, title, title, panels, cell, panel_legends=True), numbers,
+                        agrees, differs)

@@ -21,7 +21,7 @@ from smart_tire.analysis.tables import Table
 from smart_tire.reproduction import (
     film_experiments, paper_a, paper_b, tire_maps, tire_runs)
 from smart_tire.reproduction.camera_runs import camera_view, DURATIONS
-from smart_tire.reproduction.report import Section
+from smart_tire.reproduction.report import PaperSection
 from smart_tire.reproduction.tire_runs import Crossings, crossings, drive, steady
 
 Progress = Callable[[int, int, str], None]  # steps done, total number of steps, next task
@@ -58,7 +58,7 @@ def reproduce(directory: Path, progress: Progress) -> Path:
     return report
 
 
-def page_section(section: Section, directory: Path) -> page.Section:
+def page_section(section: PaperSection, directory: Path) -> page.Section:
     """Write the figure of a section into ``directory``; return the section of the page."""
     name, title = section.figure.name, section.figure.title
     blocks: list[page.Block] = [
@@ -83,7 +83,7 @@ class _Steps:
         self._begun += 1
 
 
-def film_sections(steps: _Steps) -> Iterator[Section]:
+def film_sections(steps: _Steps) -> Iterator[PaperSection]:
     """Yield the sections of paper A."""
     steps.start('paper A, Fig. 4')
     yield paper_a.trace_section(film_experiments.buckling_test())
@@ -100,7 +100,7 @@ def film_sections(steps: _Steps) -> Iterator[Section]:
     yield paper_a.table_section(fits)
 
 
-def tire_sections(steps: _Steps) -> Iterator[Section]:
+def tire_sections(steps: _Steps) -> Iterator[PaperSection]:
     """Yield the sections of paper B."""
     steps.start('paper B, Fig. 8')
     yield paper_b.outline_section(tire_maps.outline())

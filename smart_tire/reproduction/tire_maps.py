@@ -21,7 +21,7 @@ from smart_tire.models.tire import brush_tire, strain_charge, tread_film
 from smart_tire.models.tire.film_equations import BUMP_DISTANCE
 from smart_tire.parameters import SimulatorParams
 from smart_tire.reproduction.printed import MAPS
-from smart_tire.reproduction.tire_runs import Crossings, ROBOT, RPM, Run, WHEEL
+from smart_tire.reproduction.tire_runs import Crossings, Drive, ROBOT, RPM, WHEEL
 from smart_tire.samples import GRAVITY, NS_PER_S
 
 LENGTH, PATCH = ROBOT.film.length, ROBOT.tire.contact_length  # m, l and L
@@ -147,7 +147,7 @@ def ratio_of(peak: Array, method: str) -> Array:
     return MAPS[method](peak, LENGTH, PATCH) / PATCH
 
 
-def signals(run: Run) -> Signals:
+def signals(run: Drive) -> Signals:
     """Return the film voltages of a drive at ``SIGNAL_SPEED``."""
     stamps, volts = run.inputs.films(WHEEL)
     baseline, speed = ROBOT.film.rest_voltage, SIGNAL_SPEED

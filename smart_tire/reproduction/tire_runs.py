@@ -41,7 +41,7 @@ PEAK_SEARCH_MARGIN = 0.004  # m before and after a crossing, in the search of ra
 
 
 @dataclass(frozen=True)
-class Run:
+class Drive:
     """A drive: inputs, estimates and truth."""
 
     inputs: Recording
@@ -53,7 +53,7 @@ class Run:
     origin_ns: int  # start of the wheels
 
 
-def drive(ground: str, schedule: Schedule, duration: float, seed: int = 1) -> Run:
+def drive(ground: str, schedule: Schedule, duration: float, seed: int = 1) -> Drive:
     """Return a drive of ``duration`` [s] after ``STANDSTILL_TIME`` on uniform ground."""
     params = build(SimulatorParams, {
         'seed': seed, 'ground.base': ground, 'ground.patches.names': [], 'film.wheels': [WHEEL]})
@@ -76,8 +76,8 @@ def drive(ground: str, schedule: Schedule, duration: float, seed: int = 1) -> Ru
     for estimate in pipeline.finish():
         estimates.add_sample(estimate)
     origin = int(inputs.stream(ImuSample).stamp_ns[0]) + round(STANDSTILL_TIME * NS_PER_S)
-    return Run(inputs, estimates, printed, truth, origin + round(SETTLING_TIME * NS_PER_S),
-               events[-1][0], origin)
+    return Drive(inputs, estimates, printed, truth, origin + round(SETTLING_TIME * NS_PER_S),
+                 events[-1][0], origin)
 
 
 def steady(left: float, right: float) -> Schedule:
@@ -85,7 +85,7 @@ def steady(left: float, right: float) -> Schedule:
     return [(STANDSTILL_TIME, left, right)]
 
 
-def side_slips(run: Run, estimates: Recording,
+def side_slips(run: Drive, estimates: Recording,
                reference: Recording | None = None) -> dict[str, SlipScore]:
     """Return the slips of both sides after settling, against a reference or the truth."""
     scores = slip_scores(compared_slips(estimates.slips(), (reference or run.truth).slips()),
@@ -121,7 +121,7 @@ class Crossings:
         return Crossings(**{name: values[mask] for name, values in vars(self).items()})
 
 
-def crossings(run: Run, speed: float) -> Crossings:
+def crossings(run: Drive, speed: float) -> Crossings:
     """Return the crossings of a settled drive that match a true one."""
     pairs = [(truth, own) for truth, own in match(run.estimates.crossings,
                                                   run.truth.crossings).pairs
@@ -151,7 +151,7 @@ def concatenated(parts: list[Crossings]) -> Crossings:
                         for name in vars(parts[0])})
 
 
-def raw_peaks(run: Run, crossing: Friction, speed: float) -> tuple[float, float]:
+def raw_peaks(run: Drive, crossing: Friction, speed: float) -> tuple[float, float]:
     """
     Return q_sm [V] and dt_a [s] of film 1 from the extreme samples, as in the paper.
 
@@ -175,7 +175,7 @@ def raw_peaks(run: Run, crossing: Friction, speed: float) -> tuple[float, float]
 
 
 @dataclass(frozen=True)
-class StiffnessFit:
+class AccelerationFit:
     """C_x from the acceleration in a straight drive."""
 
     slip: Array       # mean of the four wheels
@@ -198,7 +198,7 @@ def oscillating(time: float) -> tuple[float, float]:
     return speed, speed
 
 
-def stiffness(run: Run, mu: float) -> StiffnessFit:
+def stiffness(run: Drive, mu: float) -> AccelerationFit:
     """
     Return C_x for brush-tire forces with friction coefficient ``mu``.
 
@@ -232,7 +232,7 @@ def stiffness(run: Run, mu: float) -> StiffnessFit:
         value, lag = value + float(change[0]), lag + float(change[1])
     residual = force - value * shape
     covariance = sandwich_covariance(matrix, residual, np.full(2, np.inf), HAC_BLOCKS)
-    return StiffnessFit(slip, force, shape, value, math.sqrt(covariance[0, 0]), lag)
+    return AccelerationFit(slip, force, shape, value, math.sqrt(covariance[0, 0]), lag)
 
 
 def _blocks(values: Array) -> Array:

@@ -20,7 +20,7 @@ import rerun as rr
 from smart_tire.bags import Decoder
 from smart_tire.messages import stamp_of
 from smart_tire.samples import NS_PER_S
-from smart_tire.view.recorder import CAMERA, Recorder
+from smart_tire.view.writer import CAMERA, ViewWriter
 
 if TYPE_CHECKING:
     from smart_tire.vision.detection import TagDetector
@@ -31,7 +31,7 @@ IMAGE_PERIOD_NS = NS_PER_S // 2  # between two images that are shown
 class CameraLayer:
     """The latest image as JPEG, and the outlines of the tags of one ``family`` in it."""
 
-    def __init__(self, recorder: Recorder, family: str) -> None:
+    def __init__(self, recorder: ViewWriter, family: str) -> None:
         self._recorder, self._family = recorder, family
         self._decoders: dict[str, Decoder] = {}
         self._detector: TagDetector | None = None  # its library is loaded with the first image

@@ -28,7 +28,7 @@ from smart_tire.samples import (
     Friction, GroundState, LEFT, NS_PER_S, Odometry, RIGHT, Sample, TireSample, WHEELS,
     WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
-from smart_tire.view.recorder import AXIS, FILM_COLORS, Recorder, Track, WHEEL_COLORS
+from smart_tire.view.writer import AXIS, FILM_COLORS, SeriesBuffer, ViewWriter, WHEEL_COLORS
 
 BLOCK = 20            # samples that are thinned together
 RESTING_RANGE = 0.03  # V, range of a block in which nothing but noise is
@@ -57,7 +57,7 @@ class FilmLayer:
     complete. A gap between samples interrupts the line.
     """
 
-    def __init__(self, recorder: Recorder, period_ns: int) -> None:
+    def __init__(self, recorder: ViewWriter, period_ns: int) -> None:
         self._recorder, self._max_gap_ns = recorder, MAX_PERIODS * period_ns
         self._blocks: dict[tuple[str, int], list[tuple[int, float]]] = {}
 
@@ -85,7 +85,7 @@ class FilmLayer:
             track.add(block[-1][0] + 1, math.nan)
         block.clear()
 
-    def _track(self, wheel: str, film: int) -> Track:
+    def _track(self, wheel: str, film: int) -> SeriesBuffer:
         return self._recorder.line(
             f'films/{wheel}/film_{film + 1}', f'film {film + 1} [V]',
             FILM_COLORS[film % len(FILM_COLORS)], width=1.0)
@@ -102,7 +102,7 @@ def thinned(block: list[tuple[int, float]]) -> list[tuple[int, float]]:
 class CrossingLayer:
     """The latest crossing of each wheel: its voltages, and the model for the estimates."""
 
-    def __init__(self, recorder: Recorder, robot: RobotParams) -> None:
+    def __init__(self, recorder: ViewWriter, robot: RobotParams) -> None:
         self._recorder, self._robot = recorder, robot
         self._films: dict[str, deque[TireSample]] = {}
         self._wheels: deque[WheelSample] = deque()
@@ -158,7 +158,7 @@ def _keep(samples: deque[Any], sample: Sample) -> None:
         samples.popleft()
 
 
-def draw_axes(recorder: Recorder, base: str, robot: RobotParams) -> None:
+def draw_axes(recorder: ViewWriter, base: str, robot: RobotParams) -> None:
     """Draw the axes of a crossing and the edges of the contact patch."""
     heights, end = -MM_PER_V * VOLTS, PLACES[-1]
     top, bottom = heights[-1], heights[0]
@@ -202,7 +202,7 @@ class ForceLayer:
     without films gets mu of an instrumented wheel, preferably of its side.
     """
 
-    def __init__(self, recorder: Recorder, robot: RobotParams) -> None:
+    def __init__(self, recorder: ViewWriter, robot: RobotParams) -> None:
         self._recorder, self._robot = recorder, robot
         self._odometry: Odometry | None = None
         self._friction: dict[str, float] = {}  # wheel -> mu

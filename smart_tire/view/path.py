@@ -22,7 +22,7 @@ from smart_tire.analysis.figure import ellipse, SIGMAS
 from smart_tire.arrays import Array
 from smart_tire.rotation import euler
 from smart_tire.samples import GoalPose, NS_PER_S, Odometry, PlannedPath
-from smart_tire.view.recorder import AXIS, Color, COMMAND, ESTIMATE, Recorder, REFERENCES
+from smart_tire.view.writer import AXIS, Color, COMMAND, ESTIMATE, REFERENCES, ViewWriter
 
 SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
 MIN_STEP = 0.005            # m between two points of the path
@@ -40,7 +40,7 @@ def on_screen(points: Array) -> Array:
 class _Strip:
     """A path that is sent in segments, so that a long one costs no more than a short one."""
 
-    def __init__(self, recorder: Recorder, path: str, name: str, color: Color) -> None:
+    def __init__(self, recorder: ViewWriter, path: str, name: str, color: Color) -> None:
         self._recorder, self._path, self._name, self._color = recorder, path, name, color
         self._points: list[tuple[float, float]] = []
         self._begin_ns: int | None = None
@@ -82,7 +82,7 @@ class PathLayer:
     is unrelated to ``odom``; without an estimate it is shown as it is, by ``finish``.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
+    def __init__(self, recorder: ViewWriter) -> None:
         self._recorder = recorder
         self._estimate = _Strip(recorder, 'path/estimate', 'estimate', ESTIMATE)
         self._references = {name: _Reference(_Strip(recorder, f'path/{name}', name, color))

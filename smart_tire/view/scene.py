@@ -27,9 +27,9 @@ from smart_tire.samples import Friction, NS_PER_S, Sample
 from smart_tire.view.camera import CameraLayer
 from smart_tire.view.contact import CrossingLayer, FilmLayer, ForceLayer
 from smart_tire.view.path import PathLayer
-from smart_tire.view.recorder import (
-    Color, FILM_COLORS, NODE_COLORS, Recorder, Track, TRUTH, WARNING)
 from smart_tire.view.series import SeriesLayer
+from smart_tire.view.writer import (
+    Color, FILM_COLORS, NODE_COLORS, SeriesBuffer, TRUTH, ViewWriter, WARNING)
 
 # Counts of what went wrong; of each the sum over all nodes is always shown.
 COUNTS = {'batches_lost': 'radio batches lost', 'batches_late': 'radio batches late',
@@ -55,7 +55,7 @@ class Scene:
                  tag_family: str = OverheadParams().tag_family) -> None:
         self._camera: CameraLayer | None  # None: cannot be shown
         self._reason = ''  # why the latest of the images that were not shown was not
-        self._recorder = recorder = Recorder(stream)
+        self._recorder = recorder = ViewWriter(stream)
         self._films = FilmLayer(recorder, round(NS_PER_S / robot.film.sample_rate))
         self._path, self._links = PathLayer(recorder), LinkLayer(recorder)
         self._series, self._camera = SeriesLayer(recorder), CameraLayer(recorder, tag_family)
@@ -134,7 +134,7 @@ class LinkLayer:
     A new state of a node and a change of the ground are events.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
+    def __init__(self, recorder: ViewWriter) -> None:
         self._recorder = recorder
         self._colors: dict[str, Color] = {}
         self._states: dict[str, tuple[int, str]] = {}
@@ -191,7 +191,7 @@ class LinkLayer:
         self._line(f'links/counts/{_path(node, key)}', f'{node}: {COUNTS[key]}', node,
                    steps=True).add(stamp_ns, value)
 
-    def _line(self, path: str, name: str, node: str, *, steps: bool = False) -> Track:
+    def _line(self, path: str, name: str, node: str, *, steps: bool = False) -> SeriesBuffer:
         color = self._colors.setdefault(node, NODE_COLORS[len(self._colors) % len(NODE_COLORS)])
         return self._recorder.line(path, name, color, steps=steps)
 

@@ -22,8 +22,8 @@ from typing import Any
 from smart_tire.analysis.figure import MAX_SLIP_SIGMA, SIGMAS
 from smart_tire.samples import Friction, Odometry, Sample, WHEELS, WheelSlip
 from smart_tire.uncertain import Uncertain
-from smart_tire.view.recorder import (
-    CAMERA, Color, COMMAND, ESTIMATE, Recorder, Track, TRUTH, WHEEL_COLORS, XYZ_COLORS)
+from smart_tire.view.writer import (
+    CAMERA, Color, COMMAND, ESTIMATE, SeriesBuffer, TRUTH, ViewWriter, WHEEL_COLORS, XYZ_COLORS)
 
 UNKNOWN_TWIST = -1.0  # first covariance of a twist that is not given (ROS)
 
@@ -42,15 +42,15 @@ class Plot:
     name: str  # with its unit
     values: Callable[[Any], Any]
     color: Color | None = None  # None: that of the wheel
-    draw: Callable[..., Track] = Recorder.line
+    draw: Callable[..., SeriesBuffer] = ViewWriter.line
 
-    def tracks(self, recorder: Recorder) -> list[Track]:
+    def tracks(self, recorder: ViewWriter) -> list[SeriesBuffer]:
         """Return the track of each series."""
         wheels = WHEELS if '{}' in self.path else ('',)
         return [self.draw(recorder, self.path.format(wheel), self.name.format(wheel),
                           self.color or WHEEL_COLORS[wheel]) for wheel in wheels]
 
-    def add_sample(self, tracks: Sequence[Track], sample: Sample) -> None:
+    def add_sample(self, tracks: Sequence[SeriesBuffer], sample: Sample) -> None:
         """Add the values of a sample to its tracks."""
         found = self.values(sample)
         if found is None:
@@ -67,8 +67,8 @@ class Plot:
 class SeriesLayer:
     """All plots."""
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._plots: dict[str, list[tuple[Plot, list[Track]]]] = {}
+    def __init__(self, recorder: ViewWriter) -> None:
+        self._plots: dict[str, list[tuple[Plot, list[SeriesBuffer]]]] = {}
         for plot in PLOTS:
             tracks = plot.tracks(recorder)
             for topic in plot.topics:
@@ -110,7 +110,7 @@ def _bound(sign: float) -> Callable[[Friction], float]:
     return bound
 
 
-LINE, ESTIMATED, POINTS = Recorder.line, Recorder.estimate, Recorder.points
+LINE, ESTIMATED, POINTS = ViewWriter.line, ViewWriter.estimate, ViewWriter.points
 STEPS, THIN, SMALL = (partial(LINE, steps=True), partial(LINE, width=1.0),
                       partial(POINTS, size=2.0))
 

@@ -57,7 +57,7 @@ ISOLATED = f'fewer than {MIN_IMAGES} images between gaps'
 
 
 @dataclass(frozen=True)
-class Motion:
+class CameraMotion:
     """Planar motion of ``base_link`` at the instants of n images, their time offset removed."""
 
     stamp_ns: tuple[int, ...]
@@ -129,7 +129,7 @@ def _without_jumps(fixes: list[Fix], refused: Counter[str]) -> list[Fix]:
 
 
 def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: RobotParams,
-              rounds: int = ROUNDS) -> Motion:
+              rounds: int = ROUNDS) -> CameraMotion:
     """
     Return the smoothed motion from consecutive fixes without gaps.
 
@@ -154,8 +154,8 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     # edge of a shadow for example, is common to many images.
     across = np.column_stack([twist[:, 1], -twist[:, 0], np.zeros(len(fixes))])
     covariances[1] += (spread[:, 2:, 2:] + yaw.covariances[:, :1, :1]) * _outer(across)
-    found = Motion(tuple(stamps), pose, twist, covariances[0], covariances[1],
-                   math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
+    found = CameraMotion(tuple(stamps), pose, twist, covariances[0], covariances[1],
+                         math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
     # the errors of a tag at rest are the same in all images: they have no mean that vanishes
     found.pose_covariance[:] += spread + np.array([fix.calibration for fix in fixes]) + (
         offset.sigma ** 2 * _outer(found.map_rates))
@@ -163,7 +163,7 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     return found
 
 
-def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[Motion], noise: float
+def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[CameraMotion], noise: float
              ) -> Uncertain:
     """
     Return the time [s] between two rows of a rolling shutter, from the shear of moving tags.
@@ -181,7 +181,7 @@ def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[Motion], noise: f
     return Uncertain(products / squares, noise / math.sqrt(squares))
 
 
-def unrolled(part: Sequence[Fix], motion: Motion, line: float) -> list[Fix]:
+def unrolled(part: Sequence[Fix], motion: CameraMotion, line: float) -> list[Fix]:
     """Return the fixes as if all rows were seen with the middle one; ``line`` [s] is per row."""
     found = []
     for fix, rates in zip(part, motion.map_rates):
@@ -213,7 +213,7 @@ def wheel_tracks(wheels: Recording, robot: RobotParams, rounds: int = ROUNDS
             for rows, angle, variance in zip(known.T, angles.T, variances.T)]
 
 
-def slips_of(motion: Motion, tracks: Sequence[tuple[int, Track] | None],
+def slips_of(motion: CameraMotion, tracks: Sequence[tuple[int, Track] | None],
              robot: RobotParams) -> list[WheelSlip]:
     """Return the slip of the wheels at the instants of ``motion`` that have wheel samples."""
     speed, variance = np.full((2, len(motion.stamp_ns), 4), np.nan)

@@ -26,12 +26,12 @@ from smart_tire.control.path_geometry import PathPoint, Segment
 from smart_tire.control.path_library import figure_eight, square
 from smart_tire.control.stop_conditions import (
     contradict, OdometryCheck, ProgressMonitor, Travel)
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.path_following import ArrivalParams, PathCheckParams
-from smart_tire.parameters.robot import FilmParams, RobotParams
-from smart_tire.parameters.simulation import GroundParams, SimulatorParams
+from smart_tire.parameters.robot import RobotParams, TreadFilmParams
+from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams
 from smart_tire.samples import NAN, NS_PER_S, Odometry, WheelSample, WheelSlip
 from support.cases import long
 
@@ -42,7 +42,7 @@ LINE = Segment(np.array([0.0, 1.0]), np.array([0.0, 0.0]))
 STILL = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 pytestmark = pytest.mark.slow
 
-ROBOT = RobotParams(film=FilmParams(wheels=()))
+ROBOT = RobotParams(film=TreadFilmParams(wheels=()))
 RADIUS, ARM = ROBOT.wheel_radius, 0.5 * ROBOT.track_width
 MAX_SLIP = 0.8
 PATHS = {'eight': figure_eight(0.7), 'square': square(1.0)}
@@ -159,12 +159,13 @@ class Host:
         elif isinstance(sample, WheelSample):
             self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns)
             self.trajectory.add_wheels(sample)
-        if seconds >= 0.5 and self.trajectory.state == State.IDLE:
+        if seconds >= 0.5 and self.trajectory.state == PathState.IDLE:
             self.trajectory.follow(self._path, now_ns)
         if now_ns >= self._due_ns:
             self._due_ns = now_ns + NS_PER_S // 20
             self._command = self.trajectory.step(now_ns)
-        if self.ended is None and self.trajectory.state not in (State.IDLE, State.FOLLOWING):
+        if self.ended is None and self.trajectory.state not in (
+                PathState.IDLE, PathState.FOLLOWING):
             self.ended = seconds
 
     def duty(self, now_ns):
@@ -180,7 +181,7 @@ def drive(path, ground, rate, **host):
     """Return the host after it has followed ``path``, with readings of the wheels at ``rate``."""
     friction, stiffness, drag = GROUNDS[ground]
     made = Host(path, **host)
-    run_closed_loop(SimulatorParams(seed=31, robot=ROBOT, ground=GroundParams(
+    run_closed_loop(SimulatorParams(seed=31, robot=ROBOT, ground=SurfaceParams(
         names=(ground,), friction=(friction,), stiffness=(stiffness,), drag=(drag,), base=ground,
         patches=())), made, 60.0, wheel_rate=rate)
     return made

@@ -24,8 +24,8 @@ from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.localization import NOT_SQUARE, PoseFit
 from smart_tire.vision.motion import (
-    ISOLATED, JUMP, MIN_IMAGES, Motion, motion_of, OFFSET_PRIOR, pixel_noise, row_time, slips_of,
-    time_offset, unrolled, used, wheel_tracks)
+    CameraMotion, ISOLATED, JUMP, MIN_IMAGES, motion_of, OFFSET_PRIOR, pixel_noise, row_time,
+    slips_of, time_offset, unrolled, used, wheel_tracks)
 from smart_tire.vision.smoothing import smooth
 from support.overhead import (
     camera, corners, fixes_of, imu_samples, PARAMS, START_NS, wheel_samples)
@@ -230,7 +230,7 @@ def steady_slips(wheels, **changes):
     robot = replace(ROBOT, **changes)
     stamps = tuple(START_NS + round((2.0 + k / 15) * NS_PER_S) for k in range(60))
     spread = np.array([[9e-4, 0.0, 1e-3], [0.0, 1.0, 0.0], [1e-3, 0.0, 4e-3]])
-    return slips_of(Motion(stamps, np.zeros((60, 3)), np.tile([0.4, 0.0, 0.2], (60, 1)), *[
+    return slips_of(CameraMotion(stamps, np.zeros((60, 3)), np.tile([0.4, 0.0, 0.2], (60, 1)), *[
         np.tile(spread, (60, 1, 1))] * 2, 1.0), wheel_tracks(Recording(wheels), robot), robot)
 
 

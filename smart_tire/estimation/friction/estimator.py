@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from smart_tire.estimation.contact.feed import Block, ContactFeed
+from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.constants import MAX_WAIT_NS
 from smart_tire.estimation.friction.output import friction_record, stamp_of
@@ -106,7 +106,7 @@ class FrictionEstimator:
             found += self._solved(self._feed.closed_ns, last=True)
         return found
 
-    def _process(self, blocks: list[Block]) -> list[Friction | GroundState]:
+    def _process(self, blocks: list[SampleBlock]) -> list[Friction | GroundState]:
         found: list[Friction | GroundState] = []
         for block in blocks:
             if block.restarted:

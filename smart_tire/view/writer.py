@@ -53,7 +53,7 @@ class ViewError(SmartTireError, RuntimeError):
     """The viewer does not start, or has ended."""
 
 
-class Track:
+class SeriesBuffer:
     """Values of the series of one entity since they were last sent."""
 
     def __init__(self, style: Style, width: int) -> None:
@@ -80,7 +80,7 @@ class Track:
         return taken
 
 
-class Recorder:
+class ViewWriter:
     """
     Writer of what is shown in the viewer to a rerun stream; it records no bag.
 
@@ -91,7 +91,7 @@ class Recorder:
     def __init__(self, stream: rr.RecordingStream) -> None:
         self.stream = stream
         self._origin_ns: int | None = None
-        self._tracks: dict[str, Track] = {}
+        self._tracks: dict[str, SeriesBuffer] = {}
         self._described: set[str] = set()
 
     def begin(self, stamp_ns: int) -> None:
@@ -100,13 +100,13 @@ class Recorder:
             self._origin_ns = stamp_ns
 
     def line(self, path: str, name: str, color: Color, *, steps: bool = False,
-             width: float = LINE_WIDTH) -> Track:
+             width: float = LINE_WIDTH) -> SeriesBuffer:
         """Return the track of a line."""
         return self._track(path, lambda: rr.SeriesLines(
             names=name, colors=color, widths=width, aggregation_policy=AGGREGATION,
             interpolation_mode=STEPS if steps else None), 1)
 
-    def estimate(self, path: str, name: str, color: Color) -> Track:
+    def estimate(self, path: str, name: str, color: Color) -> SeriesBuffer:
         """Return the track of an estimate with its lower and upper bound."""
         bound = dimmed(color)
         return self._track(path, lambda: rr.SeriesLines(
@@ -115,15 +115,15 @@ class Recorder:
             aggregation_policy=AGGREGATION), 3)
 
     def points(self, path: str, name: str, color: Color, *, marker: Marker = 'circle',
-               size: float = 3.0, dim: bool = False) -> Track:
+               size: float = 3.0, dim: bool = False) -> SeriesBuffer:
         """Return the track of single points, to which only finite values are added."""
         return self._track(path, lambda: rr.SeriesPoints(
             names=name, colors=dimmed(color) if dim else color, markers=marker,
             marker_sizes=size), 0)
 
-    def _track(self, path: str, style: Style, width: int) -> Track:
+    def _track(self, path: str, style: Style, width: int) -> SeriesBuffer:
         if path not in self._tracks:
-            self._tracks[path] = Track(style, width)
+            self._tracks[path] = SeriesBuffer(style, width)
         return self._tracks[path]
 
     def shape(self, path: str, stamp_ns: int, *shapes: rr.AsComponents) -> None:
@@ -146,7 +146,7 @@ class Recorder:
         except RuntimeError as error:
             raise ViewError('the viewer has ended') from error
 
-    def _send(self, path: str, track: Track, stamps: Sequence[int],
+    def _send(self, path: str, track: SeriesBuffer, stamps: Sequence[int],
               values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
         if path not in self._described:
             self._described.add(path)
