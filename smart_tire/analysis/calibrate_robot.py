@@ -24,9 +24,10 @@ from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.recording import (
     DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
 from smart_tire.errors import BagError, EstimatorError
+from smart_tire.estimates import PoseEstimate
 from smart_tire.estimation.streams import SLIP
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import PoseSeries, seconds, Stream
+from smart_tire.recording import seconds, Stream
 from smart_tire.samples import ImuSample, MotorCommand, WheelSample
 
 REFERENCES = ('ground_truth/odom', 'overhead/odom')  # in order of preference
@@ -102,7 +103,7 @@ def _duty_record(commands: Stream, origin: int) -> DutyRecord | None:
     return DutyRecord(seconds(commands.stamp_ns, origin), commands['duty'])
 
 
-def _pose_record(poses: PoseSeries, origin: int, time_range: TimeRange) -> PoseRecord | None:
+def _pose_record(poses: PoseEstimate, origin: int, time_range: TimeRange) -> PoseRecord | None:
     chosen = _in_range(poses.stamp_ns, origin, time_range)
     if chosen.sum() < MIN_READINGS:
         return None

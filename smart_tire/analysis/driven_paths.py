@@ -28,9 +28,9 @@ from smart_tire.analysis.metrics import compared_poses, rms, rotated
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import PathState
+from smart_tire.estimates import PoseEstimate
 from smart_tire.parameters import load_node
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.recording import PoseSeries
 from smart_tire.samples import NS_PER_S, PathProgress, PlannedPath, Sample
 
 PATH = 'path'
@@ -72,7 +72,7 @@ class PathLog:
         elif isinstance(sample, PathProgress):
             self._progress.append(sample)
 
-    def driven(self, estimates: PoseSeries, truth: PoseSeries) -> list[DrivenPath]:
+    def driven(self, estimates: PoseEstimate, truth: PoseEstimate) -> list[DrivenPath]:
         """
         Return the paths that were followed, in order.
 
@@ -117,14 +117,14 @@ def _positions(path: PlannedPath) -> Array:
     return np.array([pose[:2] for pose in path.poses], float).reshape(-1, 2)
 
 
-def _true_positions(drive: DrivenPath, estimates: PoseSeries, truth: PoseSeries) -> Array:
+def _true_positions(drive: DrivenPath, estimates: PoseEstimate, truth: PoseEstimate) -> Array:
     return compared_poses(_between(estimates, drive), _between(truth, drive)).true[:, :2]
 
 
-def _between(poses: PoseSeries, drive: DrivenPath) -> PoseSeries:
+def _between(poses: PoseEstimate, drive: DrivenPath) -> PoseEstimate:
     chosen = (poses.stamp_ns >= drive.begin_ns) & (poses.stamp_ns <= drive.end_ns)
-    return PoseSeries(poses.stamp_ns[chosen], poses.pose[chosen], poses.twist[chosen],
-                      poses.pose_covariance[chosen], poses.twist_variance[chosen])
+    return PoseEstimate(poses.stamp_ns[chosen], poses.pose[chosen], poses.twist[chosen],
+                        poses.covariance[chosen], poses.twist_sigma[chosen])
 
 
 def driven_tree(drive: DrivenPath) -> Tree:

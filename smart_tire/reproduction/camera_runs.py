@@ -22,7 +22,7 @@ from smart_tire.bags.cdr import empty
 from smart_tire.messages.header import set_header
 from smart_tire.parameters import ImageParams, OverheadLocalizerParams
 from smart_tire.parameters.overhead import OverheadParams
-from smart_tire.recording import Recording, seconds
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.reproduction.tire_runs import Drive, ROBOT, STANDSTILL_TIME
 from smart_tire.samples import NS_PER_S
 from smart_tire.vision.detection import fill_image
@@ -43,9 +43,9 @@ class View:
     params: OverheadLocalizerParams
 
     @cached_property
-    def estimates(self) -> Recording:
+    def estimates(self) -> SampleArrays:
         """Return poses and slips."""
-        return Recording(estimates_of(self.found, ROBOT.wheel_radius))
+        return SampleArrays(estimates_of(self.found, ROBOT.wheel_radius))
 
 
 def camera_view(run: Drive, duration: float) -> View:

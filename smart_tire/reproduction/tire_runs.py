@@ -26,7 +26,7 @@ from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
-from smart_tire.recording import at, Recording
+from smart_tire.recording import at, SampleArrays
 from smart_tire.reproduction.printed import PrintedSlipEstimator
 from smart_tire.samples import (
     Friction, GRAVITY, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample)
@@ -44,10 +44,10 @@ PEAK_SEARCH_MARGIN = 0.004  # m before and after a crossing, in the search of ra
 class Drive:
     """A drive: inputs, estimates and truth."""
 
-    inputs: Recording
-    estimates: Recording
-    printed: Recording  # slips with B(7) as printed
-    truth: Recording
+    inputs: SampleArrays
+    estimates: SampleArrays
+    printed: SampleArrays  # slips with B(7) as printed
+    truth: SampleArrays
     begin_ns: int   # end of the settling time
     end_ns: int
     origin_ns: int  # start of the wheels
@@ -59,7 +59,7 @@ def drive(ground: str, schedule: Schedule, duration: float, seed: int = 1) -> Dr
         'seed': seed, 'ground.base': ground, 'ground.patches.names': [], 'film.wheels': [WHEEL]})
     pipeline, printed_filter = (
         Pipeline(EstimatorParams()), PrintedSlipEstimator(SlipEstimatorParams()))
-    inputs, estimates, printed, truth = Recording(), Recording(), Recording(), Recording()
+    inputs, estimates, printed, truth = (SampleArrays() for _ in range(4))
     events = simulate(params, schedule, STANDSTILL_TIME + duration)
     for _, topic, sample in events:
         if topic.startswith('ground_truth/'):
@@ -85,8 +85,8 @@ def steady(left: float, right: float) -> Schedule:
     return [(STANDSTILL_TIME, left, right)]
 
 
-def side_slips(run: Drive, estimates: Recording,
-               reference: Recording | None = None) -> dict[str, SlipScore]:
+def side_slips(run: Drive, estimates: SampleArrays,
+               reference: SampleArrays | None = None) -> dict[str, SlipScore]:
     """Return the slips of both sides after settling, against a reference or the truth."""
     scores = slip_scores(compared_slips(estimates.slips(), (reference or run.truth).slips()),
                          [(run.begin_ns, run.end_ns)])

@@ -30,7 +30,7 @@ from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS, slip_ratio, wheel_velocities
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
     four, ImuSample, LEFT, NS_PER_S, Odometry, RIGHT, WheelSample, WheelSlip)
@@ -192,7 +192,7 @@ def unrolled(part: Sequence[Fix], motion: CameraMotion, line: float) -> list[Fix
     return found
 
 
-def wheel_tracks(wheels: Recording, robot: RobotParams, rounds: int = ROUNDS
+def wheel_tracks(wheels: SampleArrays, robot: RobotParams, rounds: int = ROUNDS
                  ) -> list[tuple[int, Track] | None]:
     """
     Return the smoothed angles [rad] of the wheels: first stamp [ns] and a track per wheel.
@@ -237,7 +237,7 @@ def slips_of(motion: CameraMotion, tracks: Sequence[tuple[int, Track] | None],
             in zip(motion.stamp_ns, np.isfinite(speed).any(1), ratio, speed - v_x, sigma) if near]
 
 
-def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotParams
+def time_offset(parts: Sequence[Sequence[Fix]], inputs: SampleArrays, robot: RobotParams
                 ) -> tuple[Uncertain, str]:
     """
     Return by how much [s] the stamps of images are late, and how it was estimated.
@@ -277,7 +277,7 @@ def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotP
     return Uncertain(value, sigma), 'from ' + ('wheel_states' if lag else 'imu/data')
 
 
-def _turning(inputs: Recording, robot: RobotParams
+def _turning(inputs: SampleArrays, robot: RobotParams
              ) -> tuple[Instants, Array, tuple[float, float], float] | None:
     """Return stamps [ns], yaw [rad], prior of its scale, and lag [s] of gyroscope or wheels."""
     imu = inputs.stream(ImuSample).ordered

@@ -26,7 +26,7 @@ import numpy as np
 from smart_tire.errors import MessageError, ParameterError
 from smart_tire.messages import stamp_of
 from smart_tire.parameters import OverheadLocalizerParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from smart_tire.vision.camera import Camera, Intrinsics
@@ -213,7 +213,7 @@ class OverheadLocalizer:
             self._without_tag.append(image)
         return NO_TAG
 
-    def result(self, inputs: Recording) -> CameraResult:
+    def result(self, inputs: SampleArrays) -> CameraResult:
         """Return motion and slip; ``inputs`` are ``imu/data`` and ``wheel_states``."""
         robot = self._params.robot
         found = CameraResult(self.images, len(self.fixes), Counter(self.refused),
@@ -256,7 +256,7 @@ class OverheadLocalizer:
             found.refused[SCALE] += found.published
             found.motions, found.slips = [], []
 
-    def _smooth(self, found: CameraResult, parts: list[list[Fix]], inputs: Recording) -> None:
+    def _smooth(self, found: CameraResult, parts: list[list[Fix]], inputs: SampleArrays) -> None:
         """Estimate time offset and motions from ``parts``."""
         given, robot = self._params.overhead.time_offset, self._params.robot
         found.offset, found.offset_source = (

@@ -23,7 +23,7 @@ from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.control.trajectory_control import PathState
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import NAN, NS_PER_S, PathProgress, PlannedPath
 from support.ideal_robot import odometry
 
@@ -37,7 +37,7 @@ def stamp(seconds):
 
 def poses(y=0.0, yaw=0.0, until=10.0):
     """Return a drive along x from 2 s on, in a frame that is turned by ``yaw``."""
-    series = Recording()
+    series = SampleArrays()
     for seconds in np.arange(0.0, until, 0.02):
         x = SPEED * max(seconds - 2.0, 0.0)
         own_y = y * min(x, 1.0)
@@ -68,7 +68,7 @@ FOLLOWED = (0.0, PathState.IDLE), (2.25, PathState.FOLLOWING), (8.0, PathState.A
 
 
 def test_a_path_ends_with_the_first_other_state():
-    [drive] = log(*FOLLOWED).driven(poses(), Recording().poses())
+    [drive] = log(*FOLLOWED).driven(poses(), SampleArrays().poses())
     assert drive.state == PathState.ARRIVED
     assert drive.duration == pytest.approx(6.0)
     assert drive.estimated[[0, -1], 0] == pytest.approx([0.0, 3.0])
@@ -77,7 +77,7 @@ def test_a_path_ends_with_the_first_other_state():
 
 def test_the_state_before_the_path_does_not_end_it():
     [drive] = log((0.0, PathState.ARRIVED), (2.5, PathState.FOLLOWING),
-                  (8.0, PathState.STOPPED)).driven(poses(), Recording().poses())
+                  (8.0, PathState.STOPPED)).driven(poses(), SampleArrays().poses())
     assert drive.state == PathState.STOPPED and drive.duration == pytest.approx(6.0)
 
 
@@ -128,7 +128,7 @@ def test_errors_in_truth_are_those_since_the_path_began():
 
 
 def test_without_truth_the_errors_are_those_of_the_estimate():
-    [drive] = log(*FOLLOWED).driven(poses(y=0.1), Recording().poses())
+    [drive] = log(*FOLLOWED).driven(poses(y=0.1), SampleArrays().poses())
     tree = driven_tree(drive)
     assert tree['in_truth'] is None
     assert 'in truth' not in '\n'.join(driven_lines('path', tree))

@@ -22,7 +22,7 @@ from smart_tire.analysis.checks.recording import CheckedRecording, READ
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.simulation.offline import Event, simulate
 
 DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0.0),
@@ -52,7 +52,7 @@ def changed(topic: str, change: Callable[[Any], Any]) -> list[Event]:
 
 def recording(events: Iterable[Event], robot: RobotParams | None = None) -> CheckedRecording:
     """Return ``events`` as input of the checks."""
-    samples = Recording()
+    samples = SampleArrays()
     for receive_ns, _, sample in events:
         samples.add_sample(sample, receive_ns)
     return CheckedRecording(robot or RobotParams(), samples)

@@ -26,7 +26,7 @@ from smart_tire.host_load import HostLoad
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams, TireParams, TreadFilmParams
-from smart_tire.recording import Faults, Recording
+from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import BatterySample, NS_PER_S
 from smart_tire.simulation.offline import EPOCH_NS
 from support.checked import changed, clean, problems, recording, texts
@@ -69,7 +69,7 @@ def test_another_number_of_films_is_an_error():
 
 @pytest.mark.parametrize('invalid, level', [(1, 'WARNING'), (10, 'ERROR')])
 def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
-    samples, faults = Recording(), Faults()
+    samples, faults = SampleArrays(), Faults()
     read = SampleDecoder('imu/data', faults)
     sample = clean()[0][2]
     topic, encode = TOPICS['imu/data'], Encoder(TOPICS['imu/data'].type)

@@ -27,8 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.recording import Recording
-from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, Icr, WHEELS, WheelSlip
+from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, WHEELS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -212,38 +211,3 @@ def quantity_columns(record: object, names: tuple[str, ...]) -> dict[str, Any]:
         one: Quantity = getattr(record, name)
         columns[name], columns[f'{name}_sigma'] = one.value, one.sigma
     return columns
-
-
-def estimates_of(samples: Recording) -> Estimates:
-    """Return the estimates among ``samples`` as arrays."""
-    grounds, centers = samples.grounds(), samples.stream(Icr).ordered
-    return Estimates(
-        _pose(samples), _slip(samples), RotationCenter(centers.stamp_ns, centers['position']),
-        GroundEstimate(grounds.stamp_ns, *map(Quantity, grounds.value.T, grounds.sigma.T)),
-        _friction(samples))
-
-
-def truth_of(samples: Recording) -> Truth:
-    """Return the ground truth ``samples`` as arrays."""
-    return Truth(_pose(samples), _slip(samples), _friction(samples))
-
-
-def _pose(samples: Recording) -> PoseEstimate:
-    poses = samples.poses()
-    return PoseEstimate(poses.stamp_ns, poses.pose, poses.twist, poses.pose_covariance,
-                        np.sqrt(poses.twist_variance))
-
-
-def _slip(samples: Recording) -> SlipEstimate:
-    slips = samples.stream(WheelSlip).ordered
-    return SlipEstimate(slips.stamp_ns, slips['ratio'], slips['sigma'], slips['velocity'])
-
-
-def _friction(samples: Recording) -> FrictionEstimate:
-    ordered = sorted(samples.crossings, key=lambda crossing: crossing.stamp_ns)
-    pairs = np.array([[one.quantity(name) for name in FRICTION_QUANTITIES] for one in ordered],
-                     dtype=float).reshape(-1, len(FRICTION_QUANTITIES), 2)
-    return FrictionEstimate(
-        np.array([one.stamp_ns for one in ordered], np.int64),
-        np.array([one.wheel for one in ordered], np.str_),
-        *(Quantity(pairs[:, i, 0], pairs[:, i, 1]) for i in range(len(FRICTION_QUANTITIES))))
