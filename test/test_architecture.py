@@ -227,6 +227,51 @@ def test_tables_name_rooms_that_have_a_level():
     assert set().union(*PARTS.values()) <= PARTS.keys()
 
 
+def test_every_row_of_the_tables_is_used():
+    rooms = {room_of(source.name) for source in SOURCES if source.name != PACKAGE_INIT}
+    roots = {(module.partition('.')[0], room_of(source.name))
+             for source in SOURCES for _, module in imported_modules(source.tree)}
+    unused = [f'{library} in {room}' for library, where in LIBRARIES.items() for room in where
+              if where != EVERY_ROOM and not any(
+                  fnmatch(root, library) and room == found for root, found in roots)]
+    unused += [f'{what} in {room}' for what, where in ONLY_IN.items() for room in where
+               if what != 'print' and (what.removeprefix('import '), room) not in roots]
+    parts = {(here[1], other[1]) for source in SOURCES if (here := PART.match(source.name))
+             for _, module in imported_modules(source.tree) if (other := PART.match(module))}
+    unused += [f'estimation/{part} imports {other}' for part, others in PARTS.items()
+               for other in others if (part, other) not in parts]
+    unused += [f'level of {room}' for room in LEVELS if room not in rooms]
+    assert unused == []
+
+
+def circles(sources: list[Source]) -> list[str]:
+    """Return the modules that import each other, directly or through others."""
+    modules = {source.name.removesuffix('.py').removesuffix('/__init__').replace('/', '.'):
+               source for source in sources if source.name != PACKAGE_INIT}
+    edges: dict[str, set[str]] = {}
+    for name, source in modules.items():
+        found = {module if module in modules else module.rpartition('.')[0]
+                 for _, module in imported_modules(source.tree)}
+        edges[name] = (found & modules.keys()) - {name}
+    # repeatedly leave out modules that import none of those that are left, or that none imports
+    while edges:
+        imported = set[str]().union(*edges.values())
+        kept = {name: others & edges.keys() for name, others in edges.items()
+                if others & edges.keys() and name in imported}
+        if kept == edges:
+            break
+        edges = kept
+    return sorted(edges)
+
+
+def test_no_modules_import_each_other():
+    assert circles(SOURCES) == []
+    texts = {'a': 'import smart_tire.x.b', 'b': 'from smart_tire.x import c', 'd': '',
+             'c': 'def f():\n    from smart_tire.x.a import g\n    import smart_tire.x.d'}
+    assert circles([Source(f'smart_tire/x/{name}.py', text) for name, text in texts.items()]) == [
+        f'smart_tire.x.{name}' for name in 'abc']
+
+
 @pytest.mark.parametrize(('rule', 'name', 'text', 'expected'), [
     (rooms_without_level, 'smart_tire/attic/x.py', '', '1: room attic has no level'),
     (upward_imports, 'smart_tire/cli/x.py', 'def f():\n    import benchmarks.jobs',
