@@ -25,8 +25,8 @@ from smart_tire import errors, yaml_text
 from smart_tire.bags import file_bytes
 from smart_tire.cli import _path_file
 from smart_tire.cli.main import new_parser, VERBS
-from smart_tire.estimation.film.files import MAX_TABLE_SIZE
 from smart_tire.messages import TOPICS
+from smart_tire.papers.film_files import MAX_TABLE_SIZE
 from smart_tire.parameters import known_names, NODE_PARAMS
 from smart_tire.protocol.tire_payload import decode_batch
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer

@@ -30,8 +30,8 @@ from smart_tire.paths import bag_name, write_text
 
 if TYPE_CHECKING:
     from smart_tire.analysis.identify import Identification, Source
-    from smart_tire.estimation.film.files import FilmRecording
-    from smart_tire.models.film.buckling_film import BucklingFilm
+    from smart_tire.papers.film_files import FilmRecording
+    from smart_tire.papers.buckling_film import BucklingFilm
 
 NAME_WIDTH = 32
 UNITS = (('s', ('ms', 'us', 'ns')), ('m', ('mm', 'um', 'cm')), ('C', ('pC', 'nC', 'uC')))
@@ -93,8 +93,8 @@ def run_film(args: argparse.Namespace) -> int:
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
     from smart_tire.analysis.calibration_figures import fit_figure
     from smart_tire.analysis.drawing import save
-    from smart_tire.calibration.film_bench import identify_film, write_params
-    from smart_tire.estimation.film.files import COLUMNS, PRODUCTS, read_recording
+    from smart_tire.papers.film_bench import identify_film, write_params
+    from smart_tire.papers.film_files import COLUMNS, PRODUCTS, read_recording
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
     if not args.raw:
         _check_units(columns)
@@ -129,7 +129,7 @@ def _check_units(columns: list[str]) -> None:
 
 def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:
     """Return the film on the test stand; None if the input is not a deflection."""
-    from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
+    from smart_tire.papers.buckling_film import BucklingFilm, FILMS
     if args.raw:
         return None
     film = BucklingFilm(length=args.length * 1e-3, width=FILMS['25x3'].width,

@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     """Simulate the experiments and write figures and report; return the exit status."""
     refuse_existing([args.out / 'report.html', *sorted(args.out.glob('paper_*.png'))],
                     force=args.force)
-    from smart_tire.reproduction.runner import reproduce
+    from smart_tire.papers.runner import reproduce
     try:
         with ProgressLine('smart_tire reproduce') as progress:
             report = reproduce(args.out, lambda done, total, what: progress.show(
