@@ -165,6 +165,15 @@ def misplaced_helpers_of_the_command(source: Source) -> Iterator[str]:
         yield source.at(1, f'the verb {name} lacks run')
 
 
+def verbs_that_import_verbs(source: Source) -> Iterator[str]:
+    """Yield imports of a verb elsewhere: what several verbs need is a helper."""
+    for line, module in imported_modules(source.tree):
+        for verb in VERBS:
+            name = f'smart_tire.cli.{verb}'
+            if source.name.startswith('smart_tire/') and f'{module}.'.startswith(f'{name}.'):
+                yield source.at(line, f'imports the verb {verb}')
+
+
 def test_every_room_has_a_level():
     assert_kept(rooms_without_level, SOURCES)
 
@@ -213,6 +222,10 @@ def test_the_folder_of_the_command_has_one_module_per_verb_and_helpers_with_unde
     assert_kept(misplaced_helpers_of_the_command, SOURCES)
     modules = {source.name for source in SOURCES}
     assert [verb for verb in VERBS if f'smart_tire/cli/{verb}.py' not in modules] == []
+
+
+def test_no_verb_imports_another_one():
+    assert_kept(verbs_that_import_verbs, SOURCES)
 
 
 def test_every_exception_is_needed():
@@ -304,6 +317,8 @@ def test_no_modules_import_each_other():
      '1: a module of the product is named test_*'),
     (misplaced_helpers_of_the_command, 'smart_tire/cli/output.py', '',
      '1: output is neither a verb nor begins with an underscore'),
+    (verbs_that_import_verbs, 'smart_tire/cli/report.py',
+     'from smart_tire.cli.analyze import run', '1: imports the verb analyze'),
     (misplaced_helpers_of_the_command, 'smart_tire/cli/replay.py',
      'NAME = 1', '1: the verb replay lacks run'),
 ])

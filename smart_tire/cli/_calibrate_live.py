@@ -30,7 +30,8 @@ from smart_tire.calibration.guide import (
     Action, Guide, INSTRUCTIONS, Key, Leg, LEGS, limited, reach)
 from smart_tire.calibration.sequence import LIFTED
 from smart_tire.cli._drive_session import Session
-from smart_tire.cli._options import confirmed, refuse_existing_bag, remove_bag
+from smart_tire.cli._options import confirmed
+from smart_tire.cli._outputs import refuse_existing_bag, remove_bag
 from smart_tire.cli._stack import params_arguments, RECORDER, RobotError, Stack
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import RobotParams

@@ -24,7 +24,7 @@ from typing import Any
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._following import Following, note, remaining_path
 from smart_tire.cli._keyboard import DriveKey, Keyboard, StopRequest, Teleoperation
-from smart_tire.cli._options import remove
+from smart_tire.cli._outputs import remove
 from smart_tire.cli._path_file import length, Poses
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import (

@@ -17,9 +17,10 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import (
-    bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing, STEP_NAMES)
-from smart_tire.cli.identify import report, written
+from smart_tire.cli._bags import bag_settings
+from smart_tire.cli._identified import IDENTIFIED, NOT_IDENTIFIED, report, written
+from smart_tire.cli._options import STEP_NAMES
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import load_node
 from smart_tire.paths import write_text

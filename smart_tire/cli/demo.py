@@ -25,7 +25,7 @@ import sys
 import time
 from typing import Any, TYPE_CHECKING
 
-from smart_tire.cli._options import (
+from smart_tire.cli._outputs import (
     FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters

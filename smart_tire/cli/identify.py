@@ -18,22 +18,20 @@ calibrate --only KIND`` calls them as well.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import (
-    bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing)
+from smart_tire.cli._bags import bag_settings
+from smart_tire.cli._identified import report
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
-from smart_tire.paths import bag_name, write_text
+from smart_tire.paths import bag_name
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.identify import Identification, Source
-    from smart_tire.papers.film_files import FilmRecording
     from smart_tire.papers.buckling_film import BucklingFilm
+    from smart_tire.papers.film_files import FilmRecording
 
-NAME_WIDTH = 32
 UNITS = (('s', ('ms', 'us', 'ns')), ('m', ('mm', 'um', 'cm')), ('C', ('pC', 'nC', 'uC')))
 
 
@@ -54,36 +52,6 @@ def run_bags(args: argparse.Namespace) -> int:
     return report(args.kind, Source(
         args.bags, params.robot, TimeRange(args.since, args.until),
         getattr(args, 'reference', 'none'), names, lifted), out, figure)
-
-
-def report(kind: str, source: Source, out: Path, figure: Path) -> int:
-    """Print what ``source`` shows, write parameter file and figure; return the exit status."""
-    from smart_tire.analysis.identify import identify
-    return written(identify(kind, source), (*source.bags, *source.lifted), out, figure)
-
-
-def written(made: Identification, bags: Iterable[Path], out: Path, figure: Path) -> int:
-    """Print what was identified, write file and figure; return the exit status."""
-    from smart_tire.analysis.drawing import save
-    from smart_tire.parameters.calibration_file import identified_text
-    for item in made.found.quantities:
-        value, sigma = item.estimate
-        print(f'{item.name:{NAME_WIDTH}}{value:12.6g} ± {sigma:<8.2g} {item.unit:9}{item.note}')
-    for reasons, text in ((made.found.refused, 'not observable'),
-                          (made.found.kept, 'not written')):
-        for name, why in reasons.items():
-            print(f'{name:{NAME_WIDTH}}{text}: {why}')
-    for note in made.found.notes:
-        print(f'note: {note}')
-    if not made.parameters:
-        print('nothing could be identified from these recordings')
-        return NOT_IDENTIFIED
-    names = ', '.join(map(str, bags))
-    write_text(out, identified_text([f'Identified from {names}.'], made.parameters))
-    if made.figure is not None:
-        save(made.figure, figure)
-    print(f'written to {out}' + ('' if made.figure is None else f' and {figure}'))
-    return IDENTIFIED
 
 
 def run_film(args: argparse.Namespace) -> int:

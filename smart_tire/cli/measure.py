@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli._options import refuse_existing
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
 
 REQUIRED_COLUMNS, REFERENCE_COLUMN = ['time_s', 'charge_C'], 'deflection_m'

@@ -14,8 +14,9 @@ from __future__ import annotations
 import argparse
 import math
 
-from smart_tire.cli._options import (
-    print_warnings, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
+from smart_tire.cli._bags import print_warnings
+from smart_tire.cli._outputs import (
+    refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.paths import bag_name
 

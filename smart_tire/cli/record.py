@@ -21,7 +21,8 @@ import time
 
 from rich.filesize import decimal
 
-from smart_tire.cli._options import print_counts, refuse_existing_bag, remove_bag
+from smart_tire.cli._bags import print_counts
+from smart_tire.cli._outputs import refuse_existing_bag, remove_bag
 from smart_tire.cli._progress import ProgressLine, Rate
 from smart_tire.errors import ParameterError
 

@@ -20,7 +20,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import print_counts, print_warnings, REQUIRED
+from smart_tire.cli._bags import print_counts, print_warnings, REQUIRED
 from smart_tire.cli._progress import ProgressLine, Rate
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS

@@ -19,10 +19,10 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 import smart_tire
-from smart_tire.cli._options import (
-    check_options, open_bag, print_errors, refuse_existing, refuse_folder_of_bag)
+from smart_tire.cli._bags import (
+    check_options, check_overhead, diverged, each_bag, NOTHING_ESTIMATED, open_bag, print_errors)
+from smart_tire.cli._outputs import refuse_existing, refuse_folder_of_bag
 from smart_tire.cli._progress import ProgressLine
-from smart_tire.cli.analyze import check_overhead, diverged, each_bag, NOTHING_ESTIMATED
 from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name, write_text
 

@@ -26,8 +26,8 @@ import time
 from typing import TYPE_CHECKING
 import webbrowser
 
-from smart_tire.cli._options import (
-    open_bag, print_checks, refuse_existing)
+from smart_tire.cli._bags import open_bag, print_checks
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
 

@@ -23,11 +23,11 @@ from smart_tire.cli import _drive_session, drive
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._drive_session import Session
 from smart_tire.cli._keyboard import DriveKey, StopRequest, Teleoperation
-from smart_tire.cli._path_file import extent, length
+from smart_tire.cli._path_file import extent, length, read_plan
 from smart_tire.cli._stack import RobotError
 from smart_tire.cli.demo import border_point
-from smart_tire.cli.drive import PATHS, read_plan
 from smart_tire.cli.main import main
+from smart_tire.control.path_library import PATHS
 from smart_tire.control.trajectory_control import PathState
 from smart_tire.errors import ParameterError
 from smart_tire.samples import NAN, NS_PER_S, Odometry, PathProgress
