@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from smart_tire.paths import write_text
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.identify import Identification, Source
+    from smart_tire.identification.identify import Identification, Source
 
 IDENTIFIED, NOT_IDENTIFIED = 0, 1  # exit statuses
 NAME_WIDTH = 32
@@ -27,7 +27,7 @@ NAME_WIDTH = 32
 
 def report(kind: str, source: Source, out: Path, figure: Path) -> int:
     """Print what ``source`` shows, write parameter file and figure; return the exit status."""
-    from smart_tire.analysis.identify import identify
+    from smart_tire.identification.identify import identify
     return written(identify(kind, source), (*source.bags, *source.lifted), out, figure)
 
 

@@ -46,8 +46,8 @@ def run_bags(args: argparse.Namespace) -> int:
     lifted = getattr(args, 'lifted', [])
     figure, bags = out.with_suffix('.png'), [*args.bags, *lifted]
     refuse_existing([out, figure], force=args.force, inputs=[*bags, *args.params])
-    from smart_tire.analysis.calibrate_robot import TimeRange
-    from smart_tire.analysis.identify import Source
+    from smart_tire.identification.robot import TimeRange
+    from smart_tire.identification.identify import Source
     params, names = bag_settings(bags, args)
     return report(args.kind, Source(
         args.bags, params.robot, TimeRange(args.since, args.until),
@@ -59,7 +59,7 @@ def run_film(args: argparse.Namespace) -> int:
     out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
-    from smart_tire.analysis.calibration_figures import fit_figure
+    from smart_tire.identification.figures import fit_figure
     from smart_tire.analysis.drawing import save
     from smart_tire.papers.film_bench import identify_film, write_params
     from smart_tire.papers.film_files import COLUMNS, PRODUCTS, read_recording

@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
     import numpy as np
-    from smart_tire.analysis.calibration_figures import measurement_figure
+    from smart_tire.identification.figures import measurement_figure
     from smart_tire.analysis.drawing import save
     from smart_tire.papers.film_files import read_columns, read_params, write_columns
     from smart_tire.papers.film_measurement import measure

@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.analysis.calibrate_camera import camera_parameters
 from smart_tire.errors import EstimatorError, ParameterError
+from smart_tire.identification.camera import camera_parameters
 from smart_tire.parameters import ImageParams, load_node, RobotParams
 from smart_tire.parameters.calibration_file import identified_text
 from smart_tire.parameters.overhead import OverheadParams

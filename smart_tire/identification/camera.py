@@ -18,12 +18,12 @@ from functools import partial
 
 import numpy as np
 
-from smart_tire.analysis.identify import Identification
 from smart_tire.analysis.overhead import camera_topics, INFO_TYPE
 from smart_tire.arrays import Array
 from smart_tire.bags import Bag, Decoder
 from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
+from smart_tire.identification.identify import Identification
 from smart_tire.messages import stamp_of
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.parameters.calibration_file import Identified

@@ -17,16 +17,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from smart_tire.analysis.calibrate_robot import (
-    ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange)
-from smart_tire.analysis.calibrate_tire import gain_parameters, read_crossings
-from smart_tire.analysis.calibration_figures import icr_figure, motor_figure, stiffness_figure
 from smart_tire.analysis.figure import Figure
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film_gains import identify_gains
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.sequence import calibrate, Calibration, Inputs, REST, STRAIGHT, TURNS
+from smart_tire.identification.figures import icr_figure, motor_figure, stiffness_figure
+from smart_tire.identification.films import gain_parameters, read_crossings
+from smart_tire.identification.robot import ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.calibration_file import Identified, identified_text
 from smart_tire.parameters.files import value_text

@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from smart_tire.analysis.calibrate_tire import gain_parameters
 from smart_tire.calibration.film_gains import identify_gains
+from smart_tire.identification.films import gain_parameters
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.calibration_file import identified_text
 from support.gains import recording

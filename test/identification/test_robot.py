@@ -16,11 +16,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from smart_tire.analysis.calibrate_robot import ANY_REFERENCE, read_recording, TimeRange
-from smart_tire.analysis.calibration_figures import geometry_figure
 from smart_tire.analysis.drawing import save_all
 from smart_tire.calibration.geometry import Geometry, identify_geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
+from smart_tire.identification.figures import geometry_figure
+from smart_tire.identification.robot import ANY_REFERENCE, read_recording, TimeRange
 from smart_tire.parameters import build, RobotParams
 from support.identifying import turning_run, write_run
 

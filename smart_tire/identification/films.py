@@ -17,7 +17,6 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from smart_tire.analysis.calibrate_robot import TimeRange
 from smart_tire.analysis.pipeline import estimates_of, forwarded, SmoothedSlip
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film_crossings import CrossingCollector, CrossingWithSlip
@@ -26,6 +25,7 @@ from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.streams import INPUTS
+from smart_tire.identification.robot import TimeRange
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, TireSample, WheelSample, WheelSlip

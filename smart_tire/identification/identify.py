@@ -20,11 +20,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from smart_tire.analysis.calibrate_robot import (
-    check_all_measured, NO_REFERENCE, read_recording, TimeRange)
-from smart_tire.analysis.calibrate_tire import gain_parameters, gain_report, read_crossings
-from smart_tire.analysis.calibration_figures import (
-    gains_figure, geometry_figure, icr_figure, motor_figure, stiffness_figure)
 from smart_tire.analysis.figure import Figure
 from smart_tire.bags import STANDARD_NAMES, TopicNames
 from smart_tire.calibration import geometry, turning
@@ -33,6 +28,11 @@ from smart_tire.calibration.motor import identify_motor
 from smart_tire.calibration.recording import Recording
 from smart_tire.calibration.results import Found
 from smart_tire.calibration.stiffness import identify_stiffness
+from smart_tire.identification.figures import (
+    gains_figure, geometry_figure, icr_figure, motor_figure, stiffness_figure)
+from smart_tire.identification.films import gain_parameters, gain_report, read_crossings
+from smart_tire.identification.robot import (
+    check_all_measured, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 

@@ -15,10 +15,9 @@ from __future__ import annotations
 import math
 
 import pytest
-from smart_tire.analysis.calibrate_robot import (
-    ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange)
 from smart_tire.calibration import geometry, turning
 from smart_tire.calibration.geometry import LATENCY, RADIUS, TRACK
+from smart_tire.identification.robot import ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange
 from smart_tire.parameters import build, RobotParams
 from support.real_recordings import real_recording
 
