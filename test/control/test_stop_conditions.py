@@ -22,6 +22,7 @@ import pytest
 
 from smart_tire.control.constants import CLOCK_JUMP_NS
 from smart_tire.control.ground_motion import Motion
+from smart_tire.control.path_follower import Advance
 from smart_tire.control.path_geometry import PathPoint, Segment
 from smart_tire.control.path_library import figure_eight, square
 from smart_tire.control.stop_conditions import (
@@ -53,7 +54,7 @@ GROUNDS = {'concrete': (0.47, 52.7, 0.01), 'sand': (0.25, 25.0, 0.11), 'ice': (0
 class Follower:
     """What the monitor reads of a path follower."""
 
-    progress: tuple[float, float] = (0.0, -math.inf)
+    progress: Advance = Advance(0, 0.0, -math.inf)
     point: PathPoint | None = None
     finished: bool = False
     segment: Segment | None = LINE
@@ -71,29 +72,33 @@ def check(monitor, seconds=0.0, motion=STILL, **follower):
 def later(before, after):
     """Return whether ``after`` is progress from ``before``."""
     monitor = ProgressMonitor()
+    before, after = Advance(*before), Advance(*after)
     check(monitor, progress=before)
     check(monitor, 1.9, progress=after)
     return not check(monitor, 2.1, progress=after)
 
 
 @pytest.mark.parametrize(('before', 'after', 'progress'), [
-    ((0.0, -math.inf), (0.021, -math.inf), True),
-    ((0.0, -math.inf), (0.019, -math.inf), False),
-    ((0.0, -math.inf), (-1.0, -math.inf), False),
-    ((0.0, -math.inf), (0.0, -1.0), True),
-    ((0.0, -1.0), (0.0, -0.959), True),
-    ((0.0, -1.0), (0.0, -0.961), False),
-    ((0.0, -1.0), (0.0, -math.inf), False)])
-def test_progress_is_a_distance_or_an_angle(before, after, progress):
+    ((0, 0.0, -math.inf), (0, 0.021, -math.inf), True),
+    ((0, 0.0, -math.inf), (0, 0.019, -math.inf), False),
+    ((0, 0.0, -math.inf), (0, -1.0, -math.inf), False),
+    ((0, 0.0, -math.inf), (0, 0.0, -1.0), True),
+    ((0, 0.0, -1.0), (0, 0.0, -0.959), True),
+    ((0, 0.0, -1.0), (0, 0.0, -0.961), False),
+    ((0, 0.0, -1.0), (0, 0.0, -math.inf), False),
+    ((0, 0.0, -1.0), (1, -0.5, -math.inf), True),
+    ((1, 0.0, -1.0), (0, 0.0, -1.0), False)])
+def test_progress_is_a_maneuver_a_distance_or_an_angle(before, after, progress):
     assert later(before, after) == progress
 
 
 def test_progress_is_counted_from_the_last_mark():
     monitor = ProgressMonitor()
     for seconds in range(6):
-        assert not check(monitor, 1.0 * seconds, progress=(0.015 * seconds, -math.inf))
-    assert not check(monitor, 6.0, progress=(0.0, -math.inf))
-    assert 'no progress for 2 s' in check(monitor, 6.1, progress=(0.0, -math.inf))
+        assert not check(monitor, 1.0 * seconds, progress=Advance(0, 0.015 * seconds, -math.inf))
+    start = Advance(0, 0.0, -math.inf)
+    assert not check(monitor, 6.0, progress=start)
+    assert 'no progress for 2 s' in check(monitor, 6.1, progress=start)
 
 
 def point(offset):
