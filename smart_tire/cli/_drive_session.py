@@ -30,6 +30,7 @@ from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import (
     isolated_environment, NODES, params_arguments, PORTS, RECORDER, RobotError, Stack,
     START_TIMEOUT)
+from smart_tire.control.constants import STANDSTILL_SPEED
 from smart_tire.control.trajectory_control import Cause, PathState
 from smart_tire.errors import ParameterError
 from smart_tire.findings import Level
@@ -44,7 +45,6 @@ REPORT_TIME = 1.5        # s, in which a controller that follows a path has repo
 STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
 REASON_TIME = 5.0        # s until a reason is in the diagnostics, which come once a second
-STANDING_SPEED = 0.02    # m/s, of a robot that stands
 FOLLOWER = 'trajectory_controller'
 MAX_RESUMPTIONS = 10   # of one path
 PATIENCE = 10.0        # longest waits for the controller over those for a robot
@@ -192,7 +192,7 @@ class Session:
         """Wait for a pose of the standing robot that is measured from now on."""
         begin_ns = self.pilot.now_ns()
         self.wait(lambda: self.pilot.odometry.stamp_ns >= begin_ns
-                  and abs(self.pilot.odometry.linear[0]) < STANDING_SPEED, START_TIMEOUT,
+                  and abs(self.pilot.odometry.linear[0]) < STANDSTILL_SPEED, START_TIMEOUT,
                   RobotError(f'no recent odom of a standing robot within {START_TIMEOUT:.0f} s'))
 
     def teleoperate(self, keyboard: Keyboard, teleoperation: Teleoperation) -> None:
