@@ -18,10 +18,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from smart_tire.cli import _drive_session
-from smart_tire.cli._drive_session import follow_resuming, MAX_RESUMPTIONS, Session
-from smart_tire.cli._following import (
-    ANSWER_TIME, EXTRA_TIME, Following, MIN_MEAN_SPEED, MIN_REST, note, OLD_REPORT_TIME,
-    remaining_path, SILENCE_TIME)
+from smart_tire.cli._drive_session import (
+    ANSWER_TIME, EXTRA_TIME, follow_resuming, Following, MAX_RESUMPTIONS, MIN_MEAN_SPEED, MIN_REST,
+    note, OLD_REPORT_TIME, remaining_path, Session, SILENCE_TIME)
 from smart_tire.cli._stack import RobotError
 from smart_tire.control.command_check import check_age
 from smart_tire.control.path_library import figure_eight
