@@ -129,7 +129,7 @@ class TwoPeakMethod:
         # V/m per volt of the bending peak, before and after the minimum
         x = self._patch + np.array([-SLOPE_STEP, 0.0, SLOPE_STEP])
         bend = tread_film.bending(x, robot.film.length, self._patch,
-                                  robot.film.bending_alpha).value
+                                  robot.film.bending_alpha)
         self._release_slope = float(np.mean(np.abs(np.diff(bend)))) / SLOPE_STEP
 
     def measure(self, crossing: PatchCrossing, slip: Uncertain) -> FilmResult | None:

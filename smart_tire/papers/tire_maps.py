@@ -104,7 +104,7 @@ def outline() -> Outline:
     adhesion = PATCH * float(brush_tire.adhesion_ratio(OUTLINE_SLIP, MU, LOAD, STIFFNESS))
     peak = float(strain_charge.peak_position(adhesion, LENGTH, PATCH))
     bending = {release: BENDING * tread_film.bending(
-        x, LENGTH, PATCH, ROBOT.film.bending_alpha, release).value
+        x, LENGTH, PATCH, ROBOT.film.bending_alpha, release)
         for release in tread_film.RELEASES}
     return Outline(
         x / OUTLINE_SPEED, bending, stretch_volts(x, OUTLINE_SLIP), PATCH / OUTLINE_SPEED,
