@@ -116,11 +116,6 @@ def write_columns(path: Path, columns: Sequence[str], values: Sequence[Array]) -
         raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
 
 
-def write_recording(path: Path, recording: FilmRecording) -> None:
-    """Write the file that ``read_recording`` reads."""
-    write_columns(path, COLUMNS, (recording.time, recording.input, recording.output))
-
-
 def _column_indices(path: Path, header: list[str], columns: Sequence[str],
                     only: bool) -> list[int]:
     missing = [name for name in columns if header.count(name) != 1]

@@ -19,8 +19,8 @@ from smart_tire.cli.main import new_parser
 from smart_tire.errors import ParameterError
 from smart_tire.papers.buckling_film import FILMS
 from smart_tire.papers.film_bench import identify_film, write_params
-from smart_tire.papers.film_files import read_columns, write_columns, write_recording
-from support.film_bench import several_loops
+from smart_tire.papers.film_files import read_columns, write_columns
+from support.film_bench import several_loops, write_recording
 
 
 def command(*words):

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.papers.film_files import COLUMNS, FilmRecording, read_recording, write_recording
+from smart_tire.papers.film_files import COLUMNS, FilmRecording, read_recording
+from support.film_bench import write_recording
 
 TIME = np.arange(30) * 0.01
 HEADER = ','.join(COLUMNS)
