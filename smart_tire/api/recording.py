@@ -36,7 +36,7 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimates import (
     by_wheel, FrictionEstimate, PoseEstimate, SlipEstimate, Tabular, Truth)
 from smart_tire.paths import find_bag
-from smart_tire.recording import SampleArrays
+from smart_tire.recording import PLANAR, SampleArrays
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
     Four, Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, Odometry, Sample, TireSample,
@@ -45,7 +45,6 @@ from smart_tire.uncertain import Uncertain
 
 ABSENT: Any = None  # default of an array that __post_init__ then makes
 TRUTH = 'ground_truth/'  # prefix of its topics
-PLANAR = (0, 1, 5)  # x, y and rotation about z in the covariances of ROS
 ZERO = (0.0, 0.0, 0.0)
 
 

@@ -25,11 +25,11 @@ from smart_tire.cli._outputs import refuse_existing, refuse_folder_of_bag
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name, write_text
+from smart_tire.samples import NS_PER_S
 
 SUFFIXES = ('.html', '.htm')
 DEMO_BAG = 'bag'  # folder of the bag in the output of "smart_tire demo", which has no name
-FIRST_DATE_NS = 946_684_800 * 10 ** 9  # 2000-01-01; earlier timestamps are not dates
-NS_PER_S = 10 ** 9
+FIRST_DATE_NS = 946_684_800 * NS_PER_S  # 2000-01-01; earlier timestamps are not dates
 
 
 def run(args: argparse.Namespace) -> int:

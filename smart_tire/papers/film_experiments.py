@@ -20,7 +20,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.papers.buckling_film import BucklingFilm, FILMS
 from smart_tire.papers.film_bench import identify_film
-from smart_tire.papers.film_files import FilmParams, FilmRecording
+from smart_tire.papers.film_files import FilmParams, FilmRecording, PRODUCTS
 from smart_tire.papers.film_test_stand import FilmTestStand
 from smart_tire.papers.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.uncertain import Uncertain
@@ -255,7 +255,6 @@ RATE, FREQUENCY, AMPLITUDE = 500.0, 5.0, 6e-3  # Hz, Hz, m: Fig. 8
 DURATION = 4.0                                 # s
 PRE_RECORDING = 1.05  # s of motion before the recording, which begins at half the stroke
 SEEDS = range(1, 11)
-PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')
 CONVERGED_SHARE = 0.01  # of the range: smaller differences to the steady state are converged
 DEAD_BAND = 1e-3        # of the input v, above the laser's noise and below 1 % of a loop
 
