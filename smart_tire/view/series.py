@@ -44,35 +44,35 @@ class Plot:
     color: Color | None = None  # None: that of the wheel
     draw: Callable[..., SeriesBuffer] = ViewWriter.line
 
-    def tracks(self, recorder: ViewWriter) -> list[SeriesBuffer]:
-        """Return the track of each series."""
+    def buffers(self, writer: ViewWriter) -> list[SeriesBuffer]:
+        """Return the buffer of each series."""
         wheels = WHEELS if '{}' in self.path else ('',)
-        return [self.draw(recorder, self.path.format(wheel), self.name.format(wheel),
+        return [self.draw(writer, self.path.format(wheel), self.name.format(wheel),
                           self.color or WHEEL_COLORS[wheel]) for wheel in wheels]
 
-    def add_sample(self, tracks: Sequence[SeriesBuffer], sample: Sample) -> None:
-        """Add the values of a sample to its tracks."""
+    def add_sample(self, buffers: Sequence[SeriesBuffer], sample: Sample) -> None:
+        """Add the values of a sample to its buffers."""
         found = self.values(sample)
         if found is None:
             return
-        if len(tracks) == 1:
-            tracks[0].add_value(sample.stamp_ns, found)
+        if len(buffers) == 1:
+            buffers[0].add_value(sample.stamp_ns, found)
         elif (wheel := getattr(sample, 'wheel', None)) is not None:
-            tracks[WHEELS.index(wheel)].add_value(sample.stamp_ns, found)
+            buffers[WHEELS.index(wheel)].add_value(sample.stamp_ns, found)
         else:
-            for track, value in zip(tracks, found):
-                track.add_value(sample.stamp_ns, value)
+            for buffer, value in zip(buffers, found):
+                buffer.add_value(sample.stamp_ns, value)
 
 
 class SeriesLayer:
     """All plots."""
 
-    def __init__(self, recorder: ViewWriter) -> None:
+    def __init__(self, writer: ViewWriter) -> None:
         self._plots: dict[str, list[tuple[Plot, list[SeriesBuffer]]]] = {}
         for plot in PLOTS:
-            tracks = plot.tracks(recorder)
+            buffers = plot.buffers(writer)
             for topic in plot.topics:
-                self._plots.setdefault(topic, []).append((plot, tracks))
+                self._plots.setdefault(topic, []).append((plot, buffers))
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -81,8 +81,8 @@ class SeriesLayer:
 
     def add_sample(self, topic: str, sample: Sample) -> None:
         """Add the values of a sample."""
-        for plot, tracks in self._plots.get(topic, ()):
-            plot.add_sample(tracks, sample)
+        for plot, buffers in self._plots.get(topic, ()):
+            plot.add_sample(buffers, sample)
 
 
 def _slips(sample: WheelSlip) -> list[Uncertain]:

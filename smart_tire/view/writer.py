@@ -91,7 +91,7 @@ class ViewWriter:
     def __init__(self, stream: rr.RecordingStream) -> None:
         self.stream = stream
         self._origin_ns: int | None = None
-        self._tracks: dict[str, SeriesBuffer] = {}
+        self._buffers: dict[str, SeriesBuffer] = {}
         self._described: set[str] = set()
 
     def begin(self, stamp_ns: int) -> None:
@@ -101,30 +101,30 @@ class ViewWriter:
 
     def line(self, path: str, name: str, color: Color, *, steps: bool = False,
              width: float = LINE_WIDTH) -> SeriesBuffer:
-        """Return the track of a line."""
-        return self._track(path, lambda: rr.SeriesLines(
+        """Return the buffer of a line."""
+        return self._buffer(path, lambda: rr.SeriesLines(
             names=name, colors=color, widths=width, aggregation_policy=AGGREGATION,
             interpolation_mode=STEPS if steps else None), 1)
 
     def estimate(self, path: str, name: str, color: Color) -> SeriesBuffer:
-        """Return the track of an estimate with its lower and upper bound."""
+        """Return the buffer of an estimate with its lower and upper bound."""
         bound = dimmed(color)
-        return self._track(path, lambda: rr.SeriesLines(
+        return self._buffer(path, lambda: rr.SeriesLines(
             names=[name, f'{name} - {SIGMAS:g} σ', f'{name} + {SIGMAS:g} σ'],
             colors=[color, bound, bound], widths=[LINE_WIDTH, BOUND_WIDTH, BOUND_WIDTH],
             aggregation_policy=AGGREGATION), 3)
 
     def points(self, path: str, name: str, color: Color, *, marker: Marker = 'circle',
                size: float = 3.0, dim: bool = False) -> SeriesBuffer:
-        """Return the track of single points, to which only finite values are added."""
-        return self._track(path, lambda: rr.SeriesPoints(
+        """Return the buffer of single points, to which only finite values are added."""
+        return self._buffer(path, lambda: rr.SeriesPoints(
             names=name, colors=dimmed(color) if dim else color, markers=marker,
             marker_sizes=size), 0)
 
-    def _track(self, path: str, style: Style, width: int) -> SeriesBuffer:
-        if path not in self._tracks:
-            self._tracks[path] = SeriesBuffer(style, width)
-        return self._tracks[path]
+    def _buffer(self, path: str, style: Style, width: int) -> SeriesBuffer:
+        if path not in self._buffers:
+            self._buffers[path] = SeriesBuffer(style, width)
+        return self._buffers[path]
 
     def shape(self, path: str, stamp_ns: int, *shapes: rr.AsComponents) -> None:
         """Show ``shapes`` from an instant on, until the next ones at the same path."""
@@ -137,23 +137,23 @@ class ViewWriter:
 
     def flush(self) -> None:
         """Send all values; returns when they have left this process. Raises ViewError."""
-        for path, track in self._tracks.items():
-            stamps, values = track.take()
+        for path, buffer in self._buffers.items():
+            stamps, values = buffer.take()
             if stamps:
-                self._send(path, track, stamps, np.array(values))
+                self._send(path, buffer, stamps, np.array(values))
         try:
             self.stream.flush()
         except RuntimeError as error:
             raise ViewError('the viewer has ended') from error
 
-    def _send(self, path: str, track: SeriesBuffer, stamps: Sequence[int],
+    def _send(self, path: str, buffer: SeriesBuffer, stamps: Sequence[int],
               values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> None:
         if path not in self._described:
             self._described.add(path)
-            self.static(path, track.style())
+            self.static(path, buffer.style())
         columns = rr.Scalars.columns(scalars=values)
-        if track.width > 1:
-            columns = columns.partition(np.full(len(stamps), track.width))
+        if buffer.width > 1:
+            columns = columns.partition(np.full(len(stamps), buffer.width))
         times = rr.TimeColumn(TIMELINE, duration=self._since_origin(stamps))
         self.stream.send_columns(path, indexes=[times], columns=columns)
 

@@ -315,12 +315,12 @@ def test_times_count_from_the_first_stamp_also_for_late_samples():
         def send_columns(self, path, indexes, columns):
             self.times += [int(t) for t in indexes[0].times.cast('int64').to_pylist()]
 
-    recorder = ViewWriter(Stream())
-    track = recorder.line('a', 'a', TRUTH)
-    recorder.begin(START)
-    track.add(START, 1.0)
-    recorder.flush()
-    recorder.begin(START - 5 * MS)
-    track.add(START - 5 * MS, 1.0)
-    recorder.flush()
-    assert recorder.stream.times == [0, -5 * MS]
+    writer = ViewWriter(Stream())
+    buffer = writer.line('a', 'a', TRUTH)
+    writer.begin(START)
+    buffer.add(START, 1.0)
+    writer.flush()
+    writer.begin(START - 5 * MS)
+    buffer.add(START - 5 * MS, 1.0)
+    writer.flush()
+    assert writer.stream.times == [0, -5 * MS]
