@@ -18,6 +18,7 @@ last test shows for each rule a source that it refuses.
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from fnmatch import fnmatch
 import re
@@ -37,6 +38,8 @@ LIBRARIES = read_rooms(TEXT, 'libraries')  # library, a pattern -> rooms that ma
 ONLY_IN = {cell: names(rooms) for cell, rooms, _ in table(TEXT, 'rules')}
 SOURCES = read_sources('smart_tire', 'benchmarks')
 
+# of classes in calibration and estimation/ground that others have, too
+SHARED_NAMES = {'Finding', 'Fit', 'Motion', 'Prior', 'Quantity', 'Recording', 'Rows'}
 EVERY_ROOM = {'every', 'room'}
 BROAD = {'Exception', 'BaseException'}
 GUARD = 'smart_tire/nodes/base.py'  # no message of another node ends a node: one broad handler
@@ -275,6 +278,20 @@ def circles(sources: list[Source]) -> list[str]:
             break
         edges = kept
     return sorted(edges)
+
+
+def shared_names(sources: list[Source]) -> set[str]:
+    """Return the names that several public classes have."""
+    names = Counter(node.name for source in sources for node in source.tree.body
+                    if isinstance(node, ast.ClassDef) and not node.name.startswith('_'))
+    return {name for name, count in names.items() if count > 1}
+
+
+def test_each_public_class_of_the_product_has_a_name_of_its_own():
+    assert shared_names([source for source in SOURCES
+                         if source.name.startswith('smart_tire/')]) == SHARED_NAMES
+    assert shared_names([Source('a.py', 'class A: ...\nclass B: ...\nclass _C: ...'),
+                         Source('b.py', 'class B: ...\nclass _C: ...')]) == {'B'}
 
 
 def test_no_modules_import_each_other():
