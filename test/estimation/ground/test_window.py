@@ -28,12 +28,12 @@ from smart_tire.estimation.ground.unknowns import (
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
 from smart_tire.estimation.ground.window_fit import student, Whitening, WindowFit
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.parameters.robot import FilmParams
-from smart_tire.parameters.simulation import GroundParams, PatchParams
+from smart_tire.parameters.robot import TreadFilmParams
+from smart_tire.parameters.simulation import PatchParams, SurfaceParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
 from smart_tire.simulation.offline import simulate
 
-ROBOT = RobotParams(film=FilmParams(wheels=()))
+ROBOT = RobotParams(film=TreadFilmParams(wheels=()))
 LOAD = np.array([0.25 * ROBOT.mass * 9.80665])  # N
 NOTHING = Hypothesis(Prior(np.zeros(SIZE), np.eye(SIZE)), np.zeros(SIZE)).events[np.newaxis]
 STIFFNESS, FRICTION, DRAG = 30.0, 0.4, 0.05
@@ -42,8 +42,8 @@ LEGS = [(2.0, 90.0, 90.0), (4.0, 120.0, 70.0), (6.0, 70.0, 120.0), (8.0, 120.0, 
 
 def ground(**change):
     """Return one surface, with a patch of another one if given."""
-    return GroundParams(names=('one', 'other'), friction=(FRICTION, 0.2), drag=(DRAG, 0.1),
-                        stiffness=(STIFFNESS, 60.0), base='one', **{'patches': (), **change})
+    return SurfaceParams(names=('one', 'other'), friction=(FRICTION, 0.2), drag=(DRAG, 0.1),
+                         stiffness=(STIFFNESS, 60.0), base='one', **{'patches': (), **change})
 
 
 def drive(duration=10.0, legs=LEGS, seed=3, surfaces=None):
@@ -181,7 +181,7 @@ RIDE = [(1.5, 90.0, 90.0), (4.0, 120.0, 60.0)]  # the left wheels are outside
 @pytest.fixture(scope='module')
 def ridden():
     """Return when [s] the left wheels ride on another ground, the estimator, its solutions."""
-    samples = drive(9.5, RIDE, surfaces=GroundParams(
+    samples = drive(9.5, RIDE, surfaces=SurfaceParams(
         names=('concrete', 'sand'), friction=(0.47, 0.35), stiffness=(CONCRETE[0], SAND[0]),
         drag=(CONCRETE[1], SAND[1]), base='concrete', patches=(PatchParams(
             name='p', surface='sand', x=(2.7, 99.0), y=(-99.0, 99.0)),)))
@@ -494,8 +494,8 @@ def test_a_friction_that_seems_low_does_not_exclude_the_likely_one_by_its_local_
     [(1.0, 120.0, 120.0), (3.0, 40.0, 90.0)]])
 def test_on_ice_all_starts_of_a_fit_end_at_one_friction_within_its_sigma(legs):
     """From the first slide on: rolling resistance and friction are hard to distinguish then."""
-    icy = GroundParams(names=('ice',), friction=(0.09,), stiffness=(40.0,), drag=(0.01,),
-                       base='ice', patches=())
+    icy = SurfaceParams(names=('ice',), friction=(0.09,), stiffness=(40.0,), drag=(0.01,),
+                        base='ice', patches=())
     estimator, found = run(drive(5.0, legs, surfaces=icy))
     row = Unknown.FRICTION
     for solution in found:
@@ -514,8 +514,8 @@ def test_on_ice_all_starts_of_a_fit_end_at_one_friction_within_its_sigma(legs):
 
 
 def test_friction_is_as_uncertain_as_the_wider_of_its_derivative_and_its_secant(monkeypatch):
-    concrete = GroundParams(names=('concrete',), friction=(0.47,), stiffness=(52.7,),
-                            drag=(0.01,), base='concrete', patches=())
+    concrete = SurfaceParams(names=('concrete',), friction=(0.47,), stiffness=(52.7,),
+                             drag=(0.01,), base='concrete', patches=())
     estimator, found = run(drive(5.0, [(1.0, 60.0, 60.0), (2.5, 0.0, 0.0)], surfaces=concrete))
 
     def sigmas():
