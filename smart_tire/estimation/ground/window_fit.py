@@ -247,8 +247,8 @@ class WindowFit:
 
         The last derivative is that by the friction over the last of the ``steps``. Errors of the
         wheel speeds are errors of the slip, in the derivatives as in the residual: their product
-        would pull the stiffness to zero (regression dilution). Derivatives of torques count as
-        far as they exceed what such errors make, ``slip_noise`` (4, blocks) [(N m)^2].
+        would pull the stiffness to zero (regression dilution). Of a derivative of a torque counts
+        what exceeds the effect of such errors, ``slip_noise`` (4, blocks) [(N m)^2].
         """
         dynamic = ((predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]).transpose(
             1, 2, 0)

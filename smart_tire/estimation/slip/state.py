@@ -84,6 +84,7 @@ ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground
 SLOPE_LENGTH = 2.0             # m, correlation length of the slope, assumed; hills
 ACCEL_ERROR_SIGMA = 0.3        # m/s2, slopes, suspension and tilt on unknown ground; field, grass
 UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip there: resistance over stiffness; field, NEES
+COMMON_SLIP_SHARE = 3.0        # common slip there over the difference of the sides; ice
 RESISTANCE_SHARE = 0.5         # rolling resistance over friction there, of concrete to ice; field
 LEARNING_TIME = 10.0           # s of driving, of noises, assumed; ice
 SLIP_LEARNING_TIME = 25.0      # s of driving, of slip and slope, assumed; sand_straight, field

@@ -15,14 +15,15 @@ from functools import cache
 import math
 
 from benchmarks.events import inputs_of, truth_of
-from benchmarks.motion import as_estimate, as_truth, speed_errors
-from benchmarks.robots.draws import draw
+from benchmarks.motion import (
+    as_estimate, as_truth, in_motion, slip_errors, speed_errors, steady_sides)
+from benchmarks.robots.draws import draw, FILMS, TORQUES
 from benchmarks.robots.scoring import estimates_of
 from benchmarks.scenarios import SCENARIOS
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.estimator import OutputContext, SlipEstimator, SlipOutputBuilder
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.ground import LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
@@ -148,6 +149,57 @@ def test_the_lateral_speed_is_consistent_while_something_disturbs_the_robot(row,
         errors = speed_errors(series, motion, 1, disturbed)
         squares.append(np.mean((errors.error / errors.sigma) ** 2))
     assert np.mean(squares) < 5.0  # 42 in pushes, 6 under lifted wheels with a constant sigma
+
+
+@pytest.mark.parametrize('seeds', [
+    (8604,), pytest.param((8831, 8832, 8833, 8834), marks=pytest.mark.long)])
+def test_slip_on_ice_that_nothing_shows_is_within_its_sigma(seeds):
+    """Without films and torques: slips of 0.2 to 0.5 that their difference shows."""
+    slips, speeds = [], []
+    for seed in seeds:
+        one = replace(draw('ice', seed), without=(FILMS, TORQUES))
+        events = one.events()
+        motion = as_truth(truth_of(events), one.true)
+        series = as_estimate(estimates_of(one, inputs_of(events)))
+        steady, (error, sigma) = steady_sides(motion), slip_errors(series, motion)
+        slips.append(np.mean(np.abs(error[steady]) < 2.0 * sigma[steady]))
+        moving = in_motion(motion) & (motion.stamp_ns - motion.stamp_ns[0] > 2 * NS_PER_S)
+        errors = speed_errors(series, motion, 0, moving)
+        speeds.append(np.mean((errors.error / errors.sigma) ** 2))
+    assert np.mean(slips) > 0.9  # 0.83 by the difference of the sides alone
+    assert np.mean(speeds) < 3.0  # 3.8
+
+
+def test_hidden_common_slip_is_an_error_of_slip_and_speed_but_not_of_the_wheels():
+    builder = SlipOutputBuilder(PARAMS)
+    x, P = [0.0] * N, 1e-6 * np.eye(N)
+    x[State.V_X] = 1.0
+    reading = ImuReading(0.0, 0.0, 0.0)
+    context = OutputContext(NS_PER_S, 0.0, reading, 1e-6, (0.0,) * 4)
+
+    def sigmas(hidden):
+        odometry, slip = builder.build(context._replace(hidden=hidden), x, P)[:2]
+        return [*np.sqrt([odometry.twist_covariance[i] for i in (0, 7)]), *slip.sigma]
+    shown, hidden = sigmas((0.0, 0.0)), sigmas((0.09, 0.04))
+    assert hidden[:2] == [pytest.approx(0.3, rel=1e-4), pytest.approx(0.2, rel=1e-4)]
+    assert hidden[2:] == [pytest.approx(0.3, rel=1e-4)] * 4  # of a slip velocity, over 1 m/s
+    assert max(shown) < 0.002
+    assert P[State.V_X, State.V_X] == 1e-6  # that of the filter stays
+
+
+def test_nothing_is_hidden_on_a_ground_that_is_given():
+    slip_filter = SlipFilter(PARAMS)
+    slip_filter._sides = [0.7, 0.7]
+    assert slip_filter.hidden_variance == (0.0, 0.0)  # no more than the prior
+    slip_filter._difference.add_square(0.3 ** 2, math.inf)  # ice
+    along, across = slip_filter.hidden_variance
+    assert along == pytest.approx(9.0 * across)
+    assert across == pytest.approx((0.3 ** 2 - PARAMS.differential_slip_sigma ** 2) * 0.7 ** 2)
+    slip_filter._sides = [-0.7, 0.7]  # in place: slip of the sides is none along the robot
+    assert slip_filter.hidden_variance == (0.0, 0.0)
+    slip_filter._sides = [0.7, 0.7]
+    slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
+    assert slip_filter.hidden_variance == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(('given', 'sigma', 'taken'), [
