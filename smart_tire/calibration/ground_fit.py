@@ -35,8 +35,8 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.body_model import W
 from smart_tire.estimation.ground.measurements import FORCE_X, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CONVERGED, Hypothesis, LENGTH, MAX_GAP, MAX_STEP, OWN, Prior, priors, Row, SETTLING, SIZE,
-    Unknown)
+    CONVERGED, GROUND, Hypothesis, LENGTH, MAX_GAP, MAX_STEP, OWN, Prior, priors, Row, SETTLING,
+    SIZE, Unknown)
 from smart_tire.estimation.ground.window_fit import Fit, WindowFit
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
@@ -46,7 +46,6 @@ PASSES = 8             # at most
 HELD = 1e-3            # of the sigma of its prior: a constant, in the fit of one window
 END_MARGIN = 0.1       # s, at both ends of a recording: errors of the latency
 MIN_WINDOW = 1.5       # s: half a window, of the last one of a recording
-FRICTION = slice(Unknown.STIFFNESS, Unknown.RESISTANCE + 1)
 
 _OWN = np.zeros(COUNT, bool)  # unknowns that each window has of its own
 _OWN[OWN] = _OWN[Unknown.SLOPE_X:Unknown.SLOPE_Y + 1] = True
@@ -80,10 +79,10 @@ class GroundFit:
         """Return an unknown with its standard error."""
         return Uncertain(float(self.x[row]), math.sqrt(self.covariance[row, row]))
 
-    def positive(self, row: int, nominal: float = 1.0) -> Uncertain:
-        """Return what the unknown is the logarithm of, times ``nominal``."""
+    def positive(self, row: int) -> Uncertain:
+        """Return what the unknown is the logarithm of."""
         value, sigma = self.estimate(row)
-        return Uncertain(nominal * math.exp(value), nominal * math.exp(value) * sigma)
+        return Uncertain(math.exp(value), math.exp(value) * sigma)
 
     @property
     def tension(self) -> tuple[str, float]:
@@ -103,7 +102,7 @@ class GroundFit:
 
         Of everything else as much is known as from all windows.
         """
-        free = np.isin(CONSTANTS, range(FRICTION.start, FRICTION.stop))
+        free = np.isin(CONSTANTS, range(GROUND.start, GROUND.stop))
         known = self.covariance[np.ix_(CONSTANTS[~free], CONSTANTS[~free])]
         sigma = np.array([self.rows[row].sigma for row in CONSTANTS[free]])
         off = np.array([self.rows[row].mean for row in CONSTANTS[free]]) - self.x[CONSTANTS[free]]

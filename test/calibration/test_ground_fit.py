@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 import pytest
+from smart_tire.calibration import ground_fit
 from smart_tire.calibration.ground_fit import fit_ground, SCALE
 from smart_tire.calibration.ground_stiffness import stiffness_of
 from smart_tire.errors import EstimatorError
@@ -114,7 +115,7 @@ def test_recordings_on_different_grounds_are_refused_with_their_values():
 
 def test_a_gap_of_the_recording_is_left_out():
     run = drive(STARTS, 1)
-    inside = (run.wheels.time > 6.0) & (run.wheels.time < 7.0)
+    inside = (run.wheels.time > 7.5) & (run.wheels.time < 8.5)  # in the middle of a window
     gap = replace(run, wheels=run.wheels.where(~inside))
     whole, rest = (fit_ground([one, drive(TURNS, 1)], ROBOT, torques=False)
                    for one in (run, gap))
@@ -145,15 +146,28 @@ def cruise(time):
     return min(max(0.1 * (time - 1.0), 0.0), 0.7)
 
 
+def test_the_prior_of_the_scale_counts_once(monkeypatch):
+    """Its sigma is a third of that of the data: after all passes, a tenth remains."""
+    name, free = 'acceleration on straight lines', fitted(1, False).estimate(SCALE)
+    sigma = free.sigma / 3.0
+    monkeypatch.setattr(ground_fit, 'PRIORS', {
+        **ground_fit.PRIORS, name: ground_fit.PRIORS[name]._replace(sigma=sigma)})
+    bound = fit_ground(driven(1), ROBOT, torques=False).estimate(SCALE)
+    assert abs(bound.value) < 0.25 * free.value and bound.sigma <= sigma
+
+
 @pytest.mark.parametrize('run, reason', [
+    (lambda: drive(STARTS, 1).scaled(1.4), 'acceleration on straight lines would be'),
     (lambda: backward(drive(STARTS, 1)), 'axes of the IMU are wrong'),
     (lambda: vibrating(drive(STARTS, 1), 1.5), 'or the robot vibrates'),
     (lambda: straight_run(CONCRETE, 9, pace=cruise, seconds=10.0), 'speed changes too little'),
+    (lambda: straight_run(CONCRETE, 9, pace=lambda time: oscillation(time, 0.05), seconds=10.0),
+     r'standard error of \d+%'),
     (lambda: straight_run(CONCRETE, 9, pace=lambda time: 0.0, seconds=10.0),
      'intervals of straight motion'),
     (lambda: straight_run(Ground(52.7, 0.03, 0.0), 9, pace=oscillation, seconds=10.0),
      'wheels slide|below critical slip|speed changes too little')],
-    ids=['backward', 'vibration', 'constant speed', 'standstill', 'sliding'])
+    ids=['scale', 'backward', 'vibration', 'constant speed', 'gentle', 'standstill', 'sliding'])
 def test_recordings_that_do_not_show_the_stiffness_are_refused(run, reason):
     with pytest.raises(EstimatorError, match=reason):
         stiffness_of(fit_ground([run()], ROBOT, torques=False))
