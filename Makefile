@@ -203,6 +203,7 @@ config: $(READY)
 docs: $(READY)
 	$(BIN)/python docs/draw_architecture.py
 	$(BIN)/python docs/topics_page.py
+	$(BIN)/python docs/theory_page.py
 
 # Pictures of the viewer from the bag of a demo; requires playwright, pillow and Chromium.
 screenshots: $(READY)

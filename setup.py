@@ -62,7 +62,7 @@ setup(
     package_data={PACKAGE: ['analysis/checks/findings.yaml', 'analysis/html_report/page.css',
                             'analysis/html_report/page.html', 'analysis/html_report/page.js',
                             'cli/verbs.yaml', 'messages/topics.yaml',
-                            'parameters/urdf_templates.yaml', 'reproduction/sections.yaml',
+                            'parameters/urdf_templates.yaml', 'papers/sections.yaml',
                             'py.typed']},
     ext_modules=[
         # without fused multiply-add, results are those of Python on every processor; with symbols

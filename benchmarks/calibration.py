@@ -33,12 +33,12 @@ from benchmarks.harness import Benchmark, Column, figure_table, Job, percent, Ro
 from benchmarks.scoring import Errors, Figures, part_of, Run
 import numpy as np
 from rich.table import Table
-from smart_tire.analysis.calibrate import calibrate_bags
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.arrays import Array
 from smart_tire.bags import BagWriter
 from smart_tire.calibration.guide import Leg, LEGS
 from smart_tire.calibration.priors import PRIORS
+from smart_tire.identification.calibrate import calibrate_bags
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSlip
 from smart_tire.simulation.offline import EPOCH_NS, Event, simulate

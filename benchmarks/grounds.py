@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from smart_tire.parameters.simulation import GroundParams, PatchParams
+from smart_tire.parameters.simulation import PatchParams, SurfaceParams
 
 CONCRETE, SAND, GRAVEL, WET_TILES = 'concrete', 'sand', 'gravel', 'wet_tiles'
 SURFACES = {  # mu [-], C_x [N], drag over load [-]
@@ -28,7 +28,7 @@ Surfaces = dict[str, tuple[float, float, float]]
 
 
 def ground(base: str, surfaces: Surfaces | None = None,
-           fields: Sequence[tuple[str, float, float]] = ()) -> GroundParams:
+           fields: Sequence[tuple[str, float, float]] = ()) -> SurfaceParams:
     """
     Return the ground with a base surface and ``fields``: surface, begin and end along x [m].
 
@@ -38,7 +38,7 @@ def ground(base: str, surfaces: Surfaces | None = None,
     known = SURFACES if surfaces is None else surfaces
     friction, stiffness, drag = zip(*known.values())
     side = 0.5 * FIELD_WIDTH
-    return GroundParams(
+    return SurfaceParams(
         names=tuple(known), friction=friction, stiffness=stiffness, drag=drag, base=base,
         patches=tuple(PatchParams(name=f'field_{i}', surface=name, x=(begin, end),
                                   y=(-side, side))

@@ -36,7 +36,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 from smart_tire.analysis.summary import plain
-from smart_tire.cli._options import refuse_existing
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError, SmartTireError
 
 FAILED, USAGE = 1, 2  # exit statuses

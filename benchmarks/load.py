@@ -42,7 +42,7 @@ from smart_tire.analysis.pipeline import estimates_of, forwarded, INPUTS
 from smart_tire.cli._path_file import length, placed, Poses
 from smart_tire.cli._stack import isolated_environment, NODES, Stack, write_parameters
 from smart_tire.control.path_library import figure_eight
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.errors import SmartTireError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.reorder_buffer import GRID_NS
@@ -245,10 +245,11 @@ def measure_live(folder: Path, setup: Setup, seconds: float,
             runner.spin(seconds)
             elapsed, after = time.monotonic() - begin, cpu_seconds(stack)
             sizes = {name: memory(stack.processes[name].pid)[0] for name in processes}
-            state, host = State(runner.node.progress.state), worst_of(runner.node.health.values())
+            state = PathState(runner.node.progress.state)
+            host = worst_of(runner.node.health.values())
         if died := stack.died():
             raise SmartTireError(f'{", ".join(died)} died')
-    if state != State.FOLLOWING:
+    if state != PathState.FOLLOWING:
         raise SmartTireError(f'the path was not followed to the end of the measurement: '
                              f'{state.name.lower()}')
     print_host(host)

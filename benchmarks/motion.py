@@ -28,9 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 from smart_tire.analysis.metrics import compared_poses, distance, rms
 from smart_tire.arrays import Array, Instants
+from smart_tire.estimates import PoseEstimate, SlipEstimate
 from smart_tire.models.vehicle.skid_steer import icr, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import at, PoseSeries, Recording, SlipSeries
+from smart_tire.recording import at, SampleArrays
 from smart_tire.samples import Icr, LEFT, NS_PER_S, RIGHT, Sample, WheelSlip
 
 MIN_ROLLING_SPEED = 0.1     # m/s, |r w| of a steady side
@@ -54,8 +55,8 @@ class Estimate:
     Covariances and sigmas are NaN if the method does not provide them.
     """
 
-    poses: PoseSeries
-    slips: SlipSeries
+    poses: PoseEstimate
+    slips: SlipEstimate
     icr: tuple[Instants, Array] = (np.empty(0, np.int64), np.empty((0, 2)))  # m, in turns
     nis: float = math.nan      # mean normalized innovation squared: 1 if consistent
     step_us: float = math.nan  # CPU time per step of the grid
@@ -66,7 +67,7 @@ class Truth:
     """Ground truth of a run; all arrays share the timestamps."""
 
     stamp_ns: Instants
-    poses: PoseSeries
+    poses: PoseEstimate
     ratio: Array    # (n, 4), NaN at standstill
     rolling: Array  # (n, 4) m/s, r w
     radius: float    # m
@@ -75,7 +76,7 @@ class Truth:
 def as_estimate(records: Iterable[Sample], nis: float = math.nan, step_us: float = math.nan
                 ) -> Estimate:
     """Return the estimates in ``records`` (Odometry, WheelSlip, Icr) as series."""
-    series = Recording(records)
+    series = SampleArrays(records)
     centers = series.stream(Icr).ordered
     return Estimate(series.poses(), series.slips(), (centers.stamp_ns, centers['position']), nis,
                     step_us)
@@ -87,7 +88,7 @@ def as_truth(records: Iterable[Sample], robot: RobotParams) -> Truth:
 
     The last ``EXCLUDED_END`` is excluded.
     """
-    series = Recording(records)
+    series = SampleArrays(records)
     poses, slips, sliding = series.poses(), series.slips(), series.stream(WheelSlip).ordered
     stamps, slip_velocity = sliding.stamp_ns, sliding['velocity']
     count = (np.searchsorted(stamps, stamps[-1] - round(EXCLUDED_END * NS_PER_S), side='right')
@@ -96,7 +97,7 @@ def as_truth(records: Iterable[Sample], robot: RobotParams) -> Truth:
         raise ValueError('ground truth needs at least two timestamps with odometry and slip')
     v_x, W = poses.twist[:, 0], poses.twist[:, 2]
     ground = v_x[:, np.newaxis] - 0.5 * robot.track_width * SIDE_SIGNS * W[:, np.newaxis]
-    kept = PoseSeries(*(getattr(poses, one.name)[:count] for one in fields(poses)))
+    kept = PoseEstimate(*(getattr(poses, one.name)[:count] for one in fields(poses)))
     return Truth(stamps[:count], kept, slips.ratio[:count], (slip_velocity + ground)[:count],
                  robot.wheel_radius)
 
@@ -170,7 +171,7 @@ def speed_errors(estimate: Estimate, truth: Truth, axis: int, when: Mask) -> Err
     """Return the errors of a component of the velocity of ``base_link`` at times ``when`` (n,)."""
     poses, one = estimate.poses, slice(axis, axis + 1)
     value, variance = (estimated_at(truth.stamp_ns, poses.stamp_ns, values[:, one])[:, 0]
-                       for values in (poses.twist, poses.twist_variance))
+                       for values in (poses.twist, poses.twist_sigma ** 2))
     return Errors((value - truth.poses.twist[:, axis])[when], np.sqrt(variance)[when])
 
 
@@ -205,7 +206,7 @@ def _path_errors(estimate: Estimate, truth: Truth) -> tuple[dict[str, Errors], d
     if not len(estimated):
         return {}, {}
     error = estimated - true
-    covariance = at(stamps, estimate.poses.stamp_ns, estimate.poses.pose_covariance)
+    covariance = at(stamps, estimate.poses.stamp_ns, estimate.poses.covariance)
     length = np.linalg.norm(error[:, :2], axis=1)
     errors = {'position': Errors(length, _sigma_along(error[:, :2], covariance[:, :2, :2])),
               'heading': Errors(error[:, 2], np.sqrt(covariance[:, 2, 2]))}

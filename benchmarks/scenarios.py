@@ -27,8 +27,8 @@ from benchmarks.events import cached_events
 from benchmarks.faults import delayed, interrupted, reordered
 import numpy as np
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.parameters.robot import EncoderParams, FilmParams, TireParams
-from smart_tire.parameters.simulation import GroundParams, PatchParams, RadioParams
+from smart_tire.parameters.robot import EncoderParams, TireParams, TreadFilmParams
+from smart_tire.parameters.simulation import PatchParams, RadioParams, SurfaceParams
 from smart_tire.simulation.offline import Event, simulate
 
 Leg = tuple[float, float, float]  # start time [s], rpm left, rpm right
@@ -41,10 +41,10 @@ DROPOUTS = {          # topic -> start and end times [s]
     'wheel_states': ((40.0, 42.0), (110.0, 113.0))}
 GAIN_STREAM = 3  # of random numbers; differs from the streams of the simulator
 
-CONCRETE = GroundParams(base='concrete', patches=())
-SAND = GroundParams(base='sand', patches=())
+CONCRETE = SurfaceParams(base='concrete', patches=())
+SAND = SurfaceParams(base='sand', patches=())
 # mu .47, .20 and .60 along a left circle, all with the stiffness of concrete
-JUMPS = GroundParams(
+JUMPS = SurfaceParams(
     names=('concrete', 'slippery', 'rough'), friction=(0.47, 0.20, 0.60),
     stiffness=(52.7, 52.7, 52.7), drag=(0.015, 0.015, 0.015), base='concrete',
     patches=(PatchParams(name='right', surface='slippery', x=(0.0, 50.0), y=(0.9, 50.0)),
@@ -59,11 +59,11 @@ class Scenario:
     title: str
     legs: tuple[Leg, ...]
     duration: float                  # s
-    ground: GroundParams = CONCRETE
+    ground: SurfaceParams = CONCRETE
     wheel_rate: float = 16.0         # Hz
     bias_scale: float = 1.0          # of the true turn-on biases, unknown to the estimator
     latency: float = 0.0             # s, of the wheel speeds, known to the estimator
-    film: FilmParams = FilmParams(wheels=())  # nominal, known to the estimator
+    film: TreadFilmParams = TreadFilmParams(wheels=())  # nominal, known to the estimator
     gain_error: float = 0.0          # relative standard deviation of the true gains, unknown to it
     tire: TireParams = TireParams()  # of the estimator; the true C_x is that of the surface
     radio: RadioParams = RadioParams()

@@ -34,7 +34,7 @@ from smart_tire.arrays import Array
 from smart_tire.bags import Bag
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import matrix
 from smart_tire.samples import GRAVITY, ImuSample, NS_PER_S, WheelSample
 from smart_tire.simulation.offline import Event
@@ -217,7 +217,7 @@ VARIANTS: Mapping[str, Variant] = {
 
 def found_in(events: Iterable[Event], robot: RobotParams) -> list[Finding]:
     """Return the warnings and errors on ``events``."""
-    samples = Recording()
+    samples = SampleArrays()
     for receive_ns, _, sample in events:
         samples.add_sample(sample, receive_ns)
     return [one for one in findings(CheckedRecording(robot, samples))

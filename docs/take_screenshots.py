@@ -32,7 +32,7 @@ from playwright.sync_api import sync_playwright
 from smart_tire.analysis.pipeline import bag_params
 from smart_tire.bags import Bag
 from smart_tire.view.bag import find_bags, image_topic, show
-from smart_tire.view.layout import Layout
+from smart_tire.view.layout import ViewLayout
 from smart_tire.view.scene import Scene
 from smart_tire.view.viewer import open_stream, Viewer
 
@@ -70,7 +70,7 @@ def take(folder: Path, pictures: Sequence[str] = PICTURES) -> None:
         path, estimates = find_bags(folder)
         with Bag(path) as bag:
             params, camera = bag_params(bag).params, bool(image_topic(bag))
-        layout = Layout(params.robot.film.wheels, live=False, camera=camera)
+        layout = ViewLayout(params.robot.film.wheels, live=False, camera=camera)
         stream = open_stream('demo', layout.blueprint(), address=viewer.address.stream)
         show(path, estimates, Scene(stream, params.robot), params, estimate=False, describe=print)
         browser = tools.chromium.launch(executable_path=shutil.which('chromium'), args=FLAGS)

@@ -26,7 +26,7 @@ import re
 import sys
 from typing import Any
 
-from smart_tire.messages.describe import describe, Described, Field, NODE_TABLE, paragraph
+from smart_tire.messages.describe import describe, Described, DescribedField, NODE_TABLE, paragraph
 from smart_tire.messages.topics import TOPICS, TYPED
 from smart_tire.messages.typed import definitions, ESTIMATE, PACKAGE
 
@@ -48,8 +48,9 @@ HEADER = '| topic | type | publisher | rate | content |\n| --- | --- | --- | ---
 EXAMPLE = re.compile(r'^# (\S+)\n(.*?^---\n)', re.MULTILINE | re.DOTALL)
 EMPTY = 'empty'  # meaning of a field that no message fills
 ESTIMATED = Described('', ESTIMATE, '', '', '', '', 'an estimated quantity', (
-    Field('value', '', 'in the unit of the quantity; NaN if it is not observable'),
-    Field('sigma', '', 'standard deviation in the same unit; infinite if value is NaN')), ())
+    DescribedField('value', '', 'in the unit of the quantity; NaN if it is not observable'),
+    DescribedField('sigma', '',
+                   'standard deviation in the same unit; infinite if value is NaN')), ())
 EXAMPLE_TIME_NS = 12_000_000_000  # ns after the start of the bag, on the first leg of the demo
 PREFERRED_NODE = 'slip_estimator'  # of which to show the diagnostics
 IN_BLOCK_STYLE = ('diagnostics',)  # nested lists are not readable on one line
@@ -92,7 +93,7 @@ def services() -> str:
     return '\n'.join(rows)
 
 
-def field_table(fields: Iterable[Field], title: str) -> str:
+def field_table(fields: Iterable[DescribedField], title: str) -> str:
     """Return the table of fields or quantities."""
     rows = [f'| {title} | unit | meaning |', '| --- | --- | --- |']
     rows += [f'| `{field.name}` | {field.unit} | {cell(field.meaning)} |' for field in fields

@@ -29,10 +29,12 @@ from typing import Any, cast, NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array, Instants
+from smart_tire.estimates import (
+    FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter, SlipEstimate)
 from smart_tire.rotation import euler
 from smart_tire.samples import (
-    BatterySample, Friction, GROUND_ESTIMATES, GroundState, Icr, ImuSample, MotorCommand, NS_PER_S,
-    Odometry, Sample, TireSample, VelocityCommand, WheelSample, WheelSlip)
+    BatterySample, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, Icr, ImuSample,
+    MotorCommand, NS_PER_S, Odometry, Sample, TireSample, VelocityCommand, WheelSample, WheelSlip)
 
 UNKNOWN_FOUR = (math.nan,) * 4
 # Rows and columns of x, y and yaw in the 6x6 covariances of ROS.
@@ -199,36 +201,7 @@ class Faults:
                 for topic, count in self.rejected.items()]
 
 
-@dataclass(frozen=True)
-class PoseSeries:
-    """Planar poses and twists; yaw is unwrapped."""
-
-    stamp_ns: Instants
-    pose: Array             # (n, 3) m, m, rad: x, y, yaw
-    twist: Array            # (n, 3) m/s, m/s, rad/s: v_x, v_y, yaw rate; NaN if unknown
-    pose_covariance: Array  # (n, 3, 3) of x, y, yaw
-    twist_variance: Array   # (n, 3)
-
-
-@dataclass(frozen=True)
-class SlipSeries:
-    """Slip ratios of the four wheels in the order of ``WHEELS``; NaN at standstill."""
-
-    stamp_ns: Instants
-    ratio: Array  # (n, 4)
-    sigma: Array  # (n, 4)
-
-
-@dataclass(frozen=True)
-class GroundSeries:
-    """States of the ground: the quantities ``GROUND_ESTIMATES``; NaN where unknown."""
-
-    stamp_ns: Instants
-    value: Array  # (n, 7)
-    sigma: Array  # (n, 7)
-
-
-class Recording:
+class SampleArrays:
     """Samples as arrays; samples of other types than ``LAYOUTS`` and ``Friction`` are ignored."""
 
     def __init__(self, samples: Iterable[Sample] = ()) -> None:
@@ -285,23 +258,38 @@ class Recording:
         """Return the wheels with samples of a type, '' for one that is not of a wheel."""
         return sorted(wheel for other, wheel in self._tables if other is kind)
 
-    def poses(self) -> PoseSeries:
+    def poses(self) -> PoseEstimate:
         """Return poses and twists."""
         found = self.stream(Odometry).ordered
         pose = found['pose'].copy()
         pose[:, 2] = np.unwrap(pose[:, 2])
-        return PoseSeries(found.stamp_ns, pose, found['twist'],
-                          found['covariance'].reshape(-1, 3, 3), found['variance'])
+        return PoseEstimate(found.stamp_ns, pose, found['twist'],
+                            found['covariance'].reshape(-1, 3, 3), np.sqrt(found['variance']))
 
-    def slips(self) -> SlipSeries:
+    def slips(self) -> SlipEstimate:
         """Return the slips of the four wheels."""
         found = self.stream(WheelSlip).ordered
-        return SlipSeries(found.stamp_ns, found['ratio'], found['sigma'])
+        return SlipEstimate(found.stamp_ns, found['ratio'], found['sigma'], found['velocity'])
 
-    def grounds(self) -> GroundSeries:
+    def centers(self) -> RotationCenter:
+        """Return the instantaneous centers of rotation."""
+        found = self.stream(Icr).ordered
+        return RotationCenter(found.stamp_ns, found['position'])
+
+    def grounds(self) -> GroundEstimate:
         """Return the states of the ground."""
         found = self.stream(GroundState).ordered
-        return GroundSeries(found.stamp_ns, found['value'], found['sigma'])
+        return GroundEstimate(found.stamp_ns, *map(Quantity, found['value'].T, found['sigma'].T))
+
+    def frictions(self) -> FrictionEstimate:
+        """Return the patch crossings of all wheels, in order of time."""
+        ordered = sorted(self.crossings, key=lambda crossing: crossing.stamp_ns)
+        pairs = np.array([[one.quantity(name) for name in FRICTION_QUANTITIES]
+                          for one in ordered], float).reshape(-1, len(FRICTION_QUANTITIES), 2)
+        return FrictionEstimate(
+            np.array([one.stamp_ns for one in ordered], np.int64),
+            np.array([one.wheel for one in ordered], np.str_),
+            *(Quantity(*pairs[:, i].T) for i in range(len(FRICTION_QUANTITIES))))
 
     def speeds(self) -> tuple[Instants, Array]:
         """Return timestamps and the four wheel speeds [rad/s]."""

@@ -48,8 +48,7 @@ SAFETY_PATH = (
     'smart_tire/control/*.py', 'smart_tire/drivers/roboclaw_*.py',
     'smart_tire/drivers/motor_*.py', 'smart_tire/nodes/command_input.py',
     'smart_tire/nodes/motor_driver.py', 'smart_tire/nodes/*_controller.py',
-    'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py',
-    'smart_tire/cli/_following.py')
+    'smart_tire/cli/_keyboard.py', 'smart_tire/cli/_drive_session.py')
 PROCESS_TESTS = {  # source file -> tests outside of its folder, or that run it in processes
     'smart_tire/nodes/command_input.py': ['test/safety/test_nodes.py'],
     'smart_tire/nodes/motor_driver.py': [

@@ -50,7 +50,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from matplotlib.figure import Figure
 import numpy as np
 from smart_tire.bags import Bag
-from smart_tire.cli._options import remove_bag
+from smart_tire.cli._outputs import remove_bag
 from smart_tire.cli._stack import (
     DRIVERS, isolated_environment, NODES, params_arguments, PORTS, RECORDER, remove_traces, Stack,
     write_parameters)

@@ -18,6 +18,7 @@ last test shows for each rule a source that it refuses.
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from fnmatch import fnmatch
 import re
@@ -37,6 +38,8 @@ LIBRARIES = read_rooms(TEXT, 'libraries')  # library, a pattern -> rooms that ma
 ONLY_IN = {cell: names(rooms) for cell, rooms, _ in table(TEXT, 'rules')}
 SOURCES = read_sources('smart_tire', 'benchmarks')
 
+# of classes in calibration and estimation/ground that others have, too
+SHARED_NAMES = {'Finding', 'Fit', 'Motion', 'Prior', 'Quantity', 'Recording', 'Rows'}
 EVERY_ROOM = {'every', 'room'}
 BROAD = {'Exception', 'BaseException'}
 GUARD = 'smart_tire/nodes/base.py'  # no message of another node ends a node: one broad handler
@@ -165,6 +168,15 @@ def misplaced_helpers_of_the_command(source: Source) -> Iterator[str]:
         yield source.at(1, f'the verb {name} lacks run')
 
 
+def verbs_that_import_verbs(source: Source) -> Iterator[str]:
+    """Yield imports of a verb elsewhere: what several verbs need is a helper."""
+    for line, module in imported_modules(source.tree):
+        for verb in VERBS:
+            name = f'smart_tire.cli.{verb}'
+            if source.name.startswith('smart_tire/') and f'{module}.'.startswith(f'{name}.'):
+                yield source.at(line, f'imports the verb {verb}')
+
+
 def test_every_room_has_a_level():
     assert_kept(rooms_without_level, SOURCES)
 
@@ -215,6 +227,10 @@ def test_the_folder_of_the_command_has_one_module_per_verb_and_helpers_with_unde
     assert [verb for verb in VERBS if f'smart_tire/cli/{verb}.py' not in modules] == []
 
 
+def test_no_verb_imports_another_one():
+    assert_kept(verbs_that_import_verbs, SOURCES)
+
+
 def test_every_exception_is_needed():
     found = {(room_of(source.name), room) for source in SOURCES for _, room, _ in imports(source)}
     assert sorted(ALLOWED - found) == []
@@ -225,6 +241,65 @@ def test_tables_name_rooms_that_have_a_level():
     listed = [*LIBRARIES.values(), *ONLY_IN.values(), *ALLOWED, *FORBIDDEN]
     assert set().union(*listed) - EVERY_ROOM <= LEVELS.keys()
     assert set().union(*PARTS.values()) <= PARTS.keys()
+
+
+def test_every_row_of_the_tables_is_used():
+    rooms = {room_of(source.name) for source in SOURCES if source.name != PACKAGE_INIT}
+    roots = {(module.partition('.')[0], room_of(source.name))
+             for source in SOURCES for _, module in imported_modules(source.tree)}
+    unused = [f'{library} in {room}' for library, where in LIBRARIES.items() for room in where
+              if where != EVERY_ROOM and not any(
+                  fnmatch(root, library) and room == found for root, found in roots)]
+    unused += [f'{what} in {room}' for what, where in ONLY_IN.items() for room in where
+               if what != 'print' and (what.removeprefix('import '), room) not in roots]
+    parts = {(here[1], other[1]) for source in SOURCES if (here := PART.match(source.name))
+             for _, module in imported_modules(source.tree) if (other := PART.match(module))}
+    unused += [f'estimation/{part} imports {other}' for part, others in PARTS.items()
+               for other in others if (part, other) not in parts]
+    unused += [f'level of {room}' for room in LEVELS if room not in rooms]
+    assert unused == []
+
+
+def circles(sources: list[Source]) -> list[str]:
+    """Return the modules that import each other, directly or through others."""
+    modules = {source.name.removesuffix('.py').removesuffix('/__init__').replace('/', '.'):
+               source for source in sources if source.name != PACKAGE_INIT}
+    edges: dict[str, set[str]] = {}
+    for name, source in modules.items():
+        found = {module if module in modules else module.rpartition('.')[0]
+                 for _, module in imported_modules(source.tree)}
+        edges[name] = (found & modules.keys()) - {name}
+    # repeatedly leave out modules that import none of those that are left, or that none imports
+    while edges:
+        imported = set[str]().union(*edges.values())
+        kept = {name: others & edges.keys() for name, others in edges.items()
+                if others & edges.keys() and name in imported}
+        if kept == edges:
+            break
+        edges = kept
+    return sorted(edges)
+
+
+def shared_names(sources: list[Source]) -> set[str]:
+    """Return the names that several public classes have."""
+    names = Counter(node.name for source in sources for node in source.tree.body
+                    if isinstance(node, ast.ClassDef) and not node.name.startswith('_'))
+    return {name for name, count in names.items() if count > 1}
+
+
+def test_each_public_class_of_the_product_has_a_name_of_its_own():
+    assert shared_names([source for source in SOURCES
+                         if source.name.startswith('smart_tire/')]) == SHARED_NAMES
+    assert shared_names([Source('a.py', 'class A: ...\nclass B: ...\nclass _C: ...'),
+                         Source('b.py', 'class B: ...\nclass _C: ...')]) == {'B'}
+
+
+def test_no_modules_import_each_other():
+    assert circles(SOURCES) == []
+    texts = {'a': 'import smart_tire.x.b', 'b': 'from smart_tire.x import c', 'd': '',
+             'c': 'def f():\n    from smart_tire.x.a import g\n    import smart_tire.x.d'}
+    assert circles([Source(f'smart_tire/x/{name}.py', text) for name, text in texts.items()]) == [
+        f'smart_tire.x.{name}' for name in 'abc']
 
 
 @pytest.mark.parametrize(('rule', 'name', 'text', 'expected'), [
@@ -259,6 +334,8 @@ def test_tables_name_rooms_that_have_a_level():
      '1: a module of the product is named test_*'),
     (misplaced_helpers_of_the_command, 'smart_tire/cli/output.py', '',
      '1: output is neither a verb nor begins with an underscore'),
+    (verbs_that_import_verbs, 'smart_tire/cli/report.py',
+     'from smart_tire.cli.analyze import run', '1: imports the verb analyze'),
     (misplaced_helpers_of_the_command, 'smart_tire/cli/replay.py',
      'NAME = 1', '1: the verb replay lacks run'),
 ])

@@ -25,13 +25,14 @@ from smart_tire import errors, yaml_text
 from smart_tire.bags import file_bytes
 from smart_tire.cli import _path_file
 from smart_tire.cli.main import new_parser, VERBS
-from smart_tire.estimation.film.files import MAX_TABLE_SIZE
 from smart_tire.messages import TOPICS
+from smart_tire.papers.film_files import MAX_TABLE_SIZE
 from smart_tire.parameters import known_names, NODE_PARAMS
 from smart_tire.protocol.tire_payload import decode_batch
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 from smart_tire.samples import FRICTION_QUANTITIES
 from support.yaml_attacks import ATTACKS
+import theory_page
 from topics_page import details
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -154,6 +155,19 @@ def test_every_command_of_make_is_in_its_help_and_in_contributing():
     commands = set(phony) - {'help', 'setup', 'current', 'pytest'}  # parts of others
     assert commands == set(re.findall(r"@echo 'make ([a-z-]+) ", makefile))
     assert commands <= set(re.findall(r'`make ([a-z-]+)`', text_of('CONTRIBUTING.md')))
+
+
+def test_the_numbers_of_the_theory_are_those_of_the_package():
+    text = text_of('docs/theory.md')
+    assert theory_page.current(text) == text, 'run docs/theory_page.py'
+
+
+def test_a_number_is_rounded_as_in_the_text():
+    constants = ['estimation.ground.unknowns.LENGTH', 'control.constants.RESISTANCE[0] * 100']
+    assert theory_page.written('for 7.25 s\nand 0 %.', {'for # s and # %': constants}) == (
+        'for 3.00 s\nand 1 %.')
+    with pytest.raises(ValueError, match='theory.md has no "of # s"'):
+        theory_page.written('for 3 s', {'of # s': constants[0]})
 
 
 def test_every_equation_cited_in_the_source_is_in_the_table_of_equations():

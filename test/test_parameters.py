@@ -169,7 +169,7 @@ def test_a_heavy_robot_is_within_all_ranges():
     (SimulatorParams, {'ground.patches.start_area.z': [0, 1]},
      'unknown parameter ground.patches.start_area.z'),
     (SimulatorParams, {'units': ['0013A20040A1B2C3=front_left']}, 'units'),
-    (SlipEstimatorParams, {'constraint': 'printed'}, 'smart_tire.reproduction.printed'),
+    (SlipEstimatorParams, {'constraint': 'printed'}, 'smart_tire.papers.printed'),
     (WheelControllerParams, {'cmd_vel_timeouts': [0.2, 0.5]}, 'cmd_vel_timeouts: [0.2, 0.5], exp'),
     (WheelControllerParams, {'cmd_vel_timeouts': [0.0]}, 'expected 0.02 to 60 s'),
 ])

@@ -15,7 +15,7 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.recording import at, Recording, seconds
+from smart_tire.recording import at, SampleArrays, seconds
 from smart_tire.samples import Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip
 
 EPOCH = 1_700_000_000_000_000_000
@@ -30,7 +30,7 @@ def odometry(stamp_ns, yaw=0.0, twist_known=True):
 
 
 def test_a_stream_orders_its_rows_and_keeps_the_last_of_equal_stamps():
-    centers = Recording(
+    centers = SampleArrays(
         Icr(*row) for row in ((30, 3.0, 3.0), (10, 1.0, 1.0), (30, 4.0, 4.0), (20, 2.0, 2.0)))
     ordered = centers.stream(Icr).ordered
     assert ordered.stamp_ns.tolist() == [10, 20, 30]
@@ -38,32 +38,32 @@ def test_a_stream_orders_its_rows_and_keeps_the_last_of_equal_stamps():
 
 
 def test_an_empty_series_has_empty_arrays():
-    recording = Recording()
+    recording = SampleArrays()
     assert recording.poses().pose.shape == (0, 3)
     assert recording.slips().ratio.shape == (0, 4)
     assert recording.film_wheels() == []
 
 
 def test_planar_covariances_are_extracted_from_those_of_ros():
-    poses = Recording([odometry(EPOCH)]).poses()
-    assert poses.pose_covariance[0].tolist() == [[0, 1, 5], [6, 7, 11], [30, 31, 35]]
-    assert poses.twist_variance[0].tolist() == [0, 7, 35]
+    poses = SampleArrays([odometry(EPOCH)]).poses()
+    assert poses.covariance[0].tolist() == [[0, 1, 5], [6, 7, 11], [30, 31, 35]]
+    assert poses.twist_sigma[0].tolist() == np.sqrt([0, 7, 35]).tolist()
     assert poses.twist[0].tolist() == [0.5, 0.1, 0.3]
 
 
 def test_a_missing_twist_is_nan():
-    poses = Recording([odometry(EPOCH, twist_known=False)]).poses()
+    poses = SampleArrays([odometry(EPOCH, twist_known=False)]).poses()
     assert np.isnan(poses.twist).all() and np.isfinite(poses.pose).all()
 
 
 def test_yaw_is_unwrapped():
     turns = np.arange(0.0, 30.0, 0.5)
-    recording = Recording(odometry(EPOCH + i, yaw) for i, yaw in enumerate(turns))
+    recording = SampleArrays(odometry(EPOCH + i, yaw) for i, yaw in enumerate(turns))
     assert recording.poses().pose[:, 2] == pytest.approx(turns)
 
 
 def test_films_are_stored_per_wheel_without_samples_of_fewer_films():
-    recording = Recording([
+    recording = SampleArrays([
         *(TireSample(EPOCH + i, 'front_left', (1.0, 2.0)) for i in range(3)),
         TireSample(EPOCH + 3, 'front_left', (1.0,)), TireSample(EPOCH, 'front_right', (3.0, 4.0)),
         ImuSample(EPOCH, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0))])
@@ -73,7 +73,7 @@ def test_films_are_stored_per_wheel_without_samples_of_fewer_films():
 
 
 def test_speeds_and_slips_are_returned_as_rows():
-    recording = Recording([WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)), WheelSlip(
+    recording = SampleArrays([WheelSample(EPOCH, (1.0, 2.0, 3.0, 4.0)), WheelSlip(
         EPOCH, (0.1, 0.2, 0.3, math.nan), (0.0,) * 4, (0.01, 0.02, 0.03, 1.0))])
     assert recording.speeds()[1].tolist() == [[1.0, 2.0, 3.0, 4.0]]
     assert recording.slips().ratio[0, :3].tolist() == [0.1, 0.2, 0.3]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from benchmarks.control.wrong_estimates import Fault
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.samples import (
@@ -25,7 +25,7 @@ from smart_tire.samples import (
 
 STANDSTILL = 3.0   # s, before the path is set, in which the estimators settle
 STOPPING = 1.0     # s, after arrival, until the run ends
-ENDED = (State.ARRIVED, State.STOPPED, State.REFUSED)
+ENDED = (PathState.ARRIVED, PathState.STOPPED, PathState.REFUSED)
 
 
 class RobotStack:

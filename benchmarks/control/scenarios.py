@@ -27,10 +27,10 @@ from smart_tire.control import path_library
 from smart_tire.control.trajectory_control import TrajectoryControl
 from smart_tire.parameters import FrictionEstimatorParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
-from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.samples import PlannedPath
 
-FILM = FilmParams(wheels=('front_right', 'front_left'))
+FILM = TreadFilmParams(wheels=('front_right', 'front_left'))
 MAX_DURATION = 90.0      # s, of a run
 
 SHORT, BEST, ICR, OURS = KINEMATICS = 'ideal', 'best', 'icr', 'ours'

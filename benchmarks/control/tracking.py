@@ -22,7 +22,7 @@ from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
 from benchmarks.scoring import Errors, Run
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
 from smart_tire.simulation.plant import Plant
 
@@ -44,7 +44,7 @@ def run_tracking(case: TrackingCase, seed: int) -> Run:
                       for poses in (truth, stack.poses))
     errors, length = score_tracking(case.wanted(), true, followed)
     values = {'duration': (end_ns - stack.start_ns) / NS_PER_S, 'length': length,
-              'arrived': float(stack.trajectory.state == State.ARRIVED)}
+              'arrived': float(stack.trajectory.state == PathState.ARRIVED)}
     return Run(case.name, seed, {f'{case.kinematics}.{name}': one for name, one in errors.items()},
                {f'{case.kinematics}.{name}': value for name, value in values.items()})
 

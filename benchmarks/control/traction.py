@@ -37,8 +37,8 @@ from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams,
     WheelControllerParams)
 from smart_tire.parameters.control import TractionParams
-from smart_tire.parameters.robot import FilmParams
-from smart_tire.parameters.simulation import GroundParams, PatchParams
+from smart_tire.parameters.robot import TreadFilmParams
+from smart_tire.parameters.simulation import PatchParams, SurfaceParams
 from smart_tire.samples import Four, GRAVITY, NS_PER_S, VelocityCommand
 from smart_tire.simulation.plant import Plant
 
@@ -75,7 +75,7 @@ class TractionScenario:
     name: str
     title: str
     legs: tuple[Leg, ...]
-    ground: GroundParams
+    ground: SurfaceParams
     films: bool = True        # whether the wheels of the front axle have films
     wheel_rate: float = 16.0  # Hz, of wheel_states and of the controller
     seed: int = 1
@@ -86,7 +86,7 @@ class TractionScenario:
     @property
     def robot(self) -> RobotParams:
         """Return the parameters of the robot."""
-        return RobotParams(film=FilmParams(wheels=FILM_WHEELS if self.films else ()))
+        return RobotParams(film=TreadFilmParams(wheels=FILM_WHEELS if self.films else ()))
 
 
 @dataclass(frozen=True)
@@ -285,7 +285,7 @@ def _drift(part: TractionHistory) -> tuple[float, float]:
 
 
 def ground(friction: float, stiffness: float, drag: float, *, right: float | None = None,
-           beyond: float | None = None) -> GroundParams:
+           beyond: float | None = None) -> SurfaceParams:
     """
     Return ground of one friction, on the right (y < 0) that of ``right`` instead.
 
@@ -299,9 +299,9 @@ def ground(friction: float, stiffness: float, drag: float, *, right: float | Non
         patches.append(PatchParams(name='beyond', surface='other', x=(CHANGE_AT, FIELD),
                                    y=(-FIELD, FIELD)))
     other = next((value for value in (right, beyond) if value is not None), friction)
-    return GroundParams(names=('base', 'other'), friction=(friction, other),
-                        stiffness=(stiffness,) * 2, drag=(drag,) * 2, base='base',
-                        patches=tuple(patches))
+    return SurfaceParams(names=('base', 'other'), friction=(friction, other),
+                         stiffness=(stiffness,) * 2, drag=(drag,) * 2, base='base',
+                         patches=tuple(patches))
 
 
 def legs(*parts: tuple[str, float, float, float]) -> tuple[Leg, ...]:

@@ -22,8 +22,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.control import WheelControllerParams
-from smart_tire.parameters.robot import FilmParams
-from smart_tire.parameters.simulation import GroundParams
+from smart_tire.parameters.robot import TreadFilmParams
+from smart_tire.parameters.simulation import SurfaceParams
 from smart_tire.samples import Four, NS_PER_S, Sample, WheelSample
 from smart_tire.simulation.plant import Plant
 
@@ -33,10 +33,10 @@ START, STEP_TIME = 0.5, 2.0               # s, of the first step and between ste
 NEXT_MARGIN = 0.1                         # s before the next step that are not scored
 END_MARGIN = 0.4                          # s before the next step; a later settling is none
 BAND = 0.05                               # of the step, within which the speed has settled
-AIR = GroundParams(names=('air',), friction=(0.0,), stiffness=(1e-3,), drag=(0.0,), base='air',
-                   patches=())
+AIR = SurfaceParams(names=('air',), friction=(0.0,), stiffness=(1e-3,), drag=(0.0,), base='air',
+                    patches=())
 LIFTED_MASS = 0.01                        # kg: nearly no load on wheels off the ground
-GROUNDS = {'concrete': (GroundParams(base='concrete', patches=()), 10.9),
+GROUNDS = {'concrete': (SurfaceParams(base='concrete', patches=()), 10.9),
            'lifted wheels': (AIR, LIFTED_MASS)}
 
 
@@ -96,7 +96,7 @@ def wheel_steps(ground: str, readings: Readings, seed: int) -> Run:
     speed stays within ``BAND``, settled whether it does before the next step.
     """
     params, mass = GROUNDS[ground]
-    robot = RobotParams(film=FilmParams(wheels=()), mass=mass)
+    robot = RobotParams(film=TreadFilmParams(wheels=()), mass=mass)
     speeds: list[list[float]] = []
 
     def watch(plant: Plant) -> None:

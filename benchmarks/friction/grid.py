@@ -18,7 +18,7 @@ from typing import Any
 
 from smart_tire.models.tire import brush_tire
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.parameters.simulation import SensorErrorParams
 from smart_tire.samples import GRAVITY
 
@@ -70,7 +70,7 @@ class Case:
     @property
     def robot(self) -> RobotParams:
         """Return the robot with films on one wheel."""
-        return replace(ROBOT, film=FilmParams(
+        return replace(ROBOT, film=TreadFilmParams(
             wheels=(WHEEL,), noise=self.noise, release=self.release))
 
     @property

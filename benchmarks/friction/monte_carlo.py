@@ -27,7 +27,7 @@ from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.output import friction_record
 from smart_tire.estimation.friction.waveform_method import FilmResult, WaveformMethod
 from smart_tire.estimation.ground.estimator import WheelState
-from smart_tire.reproduction.printed import TwoPeakMethod
+from smart_tire.papers.printed import TwoPeakMethod
 from smart_tire.samples import Friction
 from smart_tire.uncertain import Uncertain
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 from smart_tire.arrays import Array
 from smart_tire.models.tire import brush_tire
+from smart_tire.papers import printed
 from smart_tire.parameters import RobotParams
-from smart_tire.reproduction import printed
 
 EXACT_MAP, PRINTED_MAP = MAPS = tuple(printed.MAPS)
 

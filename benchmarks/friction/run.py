@@ -37,8 +37,8 @@ import numpy as np
 from rich.table import Table
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.estimation import streams
+from smart_tire.papers.printed import two_peaks
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
-from smart_tire.reproduction.printed import two_peaks
 from smart_tire.samples import Friction
 from smart_tire.simulation.offline import Event
 

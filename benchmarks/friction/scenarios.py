@@ -21,16 +21,16 @@ from dataclasses import replace
 from typing import Any
 
 from benchmarks.scenarios import by_name, Leg, SAND, Scenario, scenario, SCENARIOS
-from smart_tire.parameters.robot import FilmParams, TireParams
-from smart_tire.parameters.simulation import GroundParams, PatchParams, RadioParams
+from smart_tire.parameters.robot import TireParams, TreadFilmParams
+from smart_tire.parameters.simulation import PatchParams, RadioParams, SurfaceParams
 
-FILM = FilmParams(wheels=('front_right', 'front_left'))
+FILM = TreadFilmParams(wheels=('front_right', 'front_left'))
 EIGHT_DURATION = 90.0     # s, half of the figure-eight
 NOISY_SIGMA = 0.02        # V, film noise of the noisy run
 NOISY_BATCH_LOSS = 0.075  # share of batches
 
 # Half of a circle each: five wheel revolutions on each surface.
-HALVES = GroundParams(
+HALVES = SurfaceParams(
     names=('concrete', 'slippery'), friction=(0.47, 0.20), stiffness=(52.7, 52.7),
     drag=(0.015, 0.015), base='concrete',
     patches=(PatchParams(name='half', surface='slippery', x=(-50.0, 50.0), y=(0.9, 50.0)),))
@@ -45,7 +45,7 @@ def _new(name: str, title: str, *parts: Leg, **properties: Any) -> Scenario:
                     **properties)
 
 
-def _of(base: str, *, film: FilmParams = FILM, **changes: Any) -> Scenario:
+def _of(base: str, *, film: TreadFilmParams = FILM, **changes: Any) -> Scenario:
     """Return a scenario of the slip benchmark with films and ``changes``."""
     return replace(SCENARIOS[base], film=film, gain_error=film.stretch_gain_tolerance, **changes)
 

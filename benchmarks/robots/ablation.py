@@ -9,7 +9,7 @@
 # the License.
 
 """
-What each part of the window contributes: errors of friction without it, on drawn robots.
+What each part of window and slip filter contributes: errors on drawn robots without it.
 
 Run ``python -m benchmarks.robots.ablation [ROW ...]``; seeds are those of tests.
 """
@@ -25,27 +25,38 @@ import sys
 from typing import Any
 
 from benchmarks.robots.draws import draw
-from benchmarks.robots.scoring import MU, run_robot
+from benchmarks.robots.scoring import LATERAL, MU, run_robot, SPEED
 import numpy as np
-from smart_tire.estimation.ground import measurements, unknowns, window
+from smart_tire.estimation.ground import unknowns, window
 
-ROWS, SEEDS = ('concrete', 'sand_turn', 'gravel', 'center_of_mass', 'jumps', 'split'), (1, 2)
+ROWS = 'concrete', 'sand_turn', 'jumps', 'border', 'split', 'pushes', 'lifted', 'straight'
+SEEDS = 1, 2
 NEGLIGIBLE = 1e-4  # standard deviation of an unknown that is fixed
-# part -> module, name and value of a constant
-CONSTANTS: dict[str, tuple[Any, str, Any]] = {
-    'outlier weights': (window, 'FREEDOM', 1e6),
-    'lasting model errors': (measurements, 'MODEL_ERROR', 0.005),
-    'timing errors': (measurements, 'TIMING_ERROR', 0.0),
-    'errors of film slips': (measurements, 'FILM_SLIP_ERROR', (0.0, 0.0)),
-    'errors of normalized slips': (measurements, 'FILM_RATIO_ERROR', 0.0),
-    'transients of torques': (measurements, 'TRANSIENT_SHARE', 0.0),
-    'different sides': (window, 'SIDES_DIFFER', math.inf),
-    'changes of ground': (window, 'TRIED_EVIDENCE', math.inf),
-    'disturbances': (window, 'DISTURBANCE_TIME', -1.0)}
+# part -> name of a constant of the window (unknowns) or the filter (state), and its value without
+CONSTANTS: dict[str, tuple[str, Any]] = {
+    'outlier weights': ('FREEDOM', 1e6),
+    'lasting model errors': ('MODEL_ERROR', 0.005),
+    'timing errors': ('TIMING_ERROR', 0.0),
+    'relaxation length': ('RELAXATION_ERROR', 0.0),
+    'errors of film slips': ('FILM_SLIP_ERROR', (0.0, 0.0)),
+    'errors of normalized slips': ('FILM_RATIO_ERROR', 0.0),
+    'lasting errors of films': ('FILM_SHAPE_ERROR', 1e-6),
+    'noise of derivatives': ('NOISE_SIGMAS', 0.0),
+    'transients of torques': ('TRANSIENT_SHARE', 0.0),
+    'errors of the tire curve': ('CURVE_ERROR', 0.0),
+    'different sides': ('SIDES_DIFFER', math.inf),
+    'tension': ('TENSION', math.inf),
+    'events': ('TRIED_EVIDENCE', math.inf),
+    'disturbances': ('DISTURBANCE_TIME', -1.0),
+    'filter: changes of ground': ('EVIDENCE', math.inf),
+    'filter: pushes': ('PUSH_SIGMAS', math.inf),
+    'filter: errors of torques': ('FORCE_ERROR', 0.0),
+    'filter: errors of the balance': ('BALANCE_SIGMA', 0.003)}
 UNKNOWNS = (unknowns.Unknown.LATERAL_SHARE, unknowns.Unknown.LATERAL_RATIO,
             unknowns.Unknown.RADIUS, unknowns.Unknown.SLOPE_X, unknowns.Unknown.BEND_X,
             unknowns.Unknown.FALL, unknowns.Unknown.DELAY, unknowns.Unknown.COM_X,
-            unknowns.Unknown.TORQUE_SCALE, unknowns.Unknown.FILM_GAIN)
+            unknowns.Unknown.TORQUE_SCALE, unknowns.Unknown.MOTOR_FRICTION,
+            unknowns.Unknown.MOTOR_INERTIA, unknowns.Unknown.FILM_GAIN)
 PAIRS = {unknowns.Unknown.SLOPE_X: 2, unknowns.Unknown.BEND_X: 2, unknowns.Unknown.COM_X: 2,
          unknowns.Unknown.FILM_GAIN: 4}
 
@@ -54,7 +65,11 @@ PAIRS = {unknowns.Unknown.SLOPE_X: 2, unknowns.Unknown.BEND_X: 2, unknowns.Unkno
 def without(part: str) -> Iterator[None]:
     """Leave out a part: a constant of ``CONSTANTS``, or an unknown by its name."""
     if part in CONSTANTS:
-        module, name, value = CONSTANTS[part]
+        name, value = CONSTANTS[part]
+        modules = [module for path, module in sys.modules.items()
+                   if path.startswith('smart_tire.estimation') and hasattr(module, name)]
+        if not modules:
+            raise KeyError(f'{part}: no module of smart_tire.estimation has {name}')
     elif part:
         first = unknowns.Unknown[part.upper()]
         rows = range(first, first + PAIRS.get(first, 1))
@@ -63,35 +78,40 @@ def without(part: str) -> Iterator[None]:
         def fixed(robot: Any) -> list[unknowns.Row]:
             return [row._replace(sigma=NEGLIGIBLE, walk=0.0, ground=0.0) if i in rows else row
                     for i, row in enumerate(known(robot))]
-        module, name, value = window, 'priors', fixed
+        modules, name, value = [window], 'priors', fixed
     else:
         yield
         return
-    before = getattr(module, name)
-    setattr(module, name, value)
+    before = [(module, getattr(module, name)) for module in modules]
+    for module in modules:
+        setattr(module, name, value)
     try:
         yield
     finally:
-        setattr(module, name, before)
+        for module, old in before:
+            setattr(module, name, old)
 
 
-def score(part: str, job: tuple[str, int]) -> tuple[float, float, float]:
-    """Return median, 90 % and NEES of friction of one robot without a part."""
+def score(part: str, job: tuple[str, int]) -> tuple[float, ...]:
+    """Return median and NEES of friction, RMS [m/s] and NEES of both speeds, without a part."""
     with without(part):
-        figures = run_robot(draw(*job)).figures[MU]
-    return figures['median'], figures['q90'], figures['nees']
+        figures = run_robot(draw(*job)).figures
+    return (figures[MU]['median'], figures[MU]['nees'],
+            *(figures[name][one] for name in (SPEED, LATERAL) for one in ('rms', 'nees')))
 
 
 def main(rows: tuple[str, ...]) -> None:
     """Print the table: means over the robots."""
     parts = ['', *CONSTANTS, *(one.name.lower() for one in UNKNOWNS)]
     jobs = [(row, seed) for row in rows for seed in SEEDS]
-    print('| without | mu, median | 90 % | NEES |\n| --- | --- | --- | --- |')
+    print('| without | mu, median | NEES | u [mm/s] | NEES | v_y [mm/s] | NEES |\n'
+          '| --- | --- | --- | --- | --- | --- | --- |')
     with Pool() as pool:
         for part in parts:
-            median, worst, nees = np.mean(pool.map(partial(score, part), jobs), axis=0)
-            print(f'| {part or "(whole)"} | {100.0 * median:.1f} % | {100.0 * worst:.1f} % | '
-                  f'{nees:.2f} |', flush=True)
+            mu, own, u, of_u, v, of_v = np.nanmean(
+                pool.map(partial(score, part), jobs), axis=0)
+            print(f'| {part or "(whole)"} | {100.0 * mu:.1f} % | {own:.2f} | {1e3 * u:.1f} | '
+                  f'{of_u:.2f} | {1e3 * v:.1f} | {of_v:.2f} |', flush=True)
 
 
 if __name__ == '__main__':

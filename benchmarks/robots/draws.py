@@ -44,8 +44,8 @@ import numpy as np
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams)
-from smart_tire.parameters.robot import FilmParams, MotorParams, TireParams
-from smart_tire.parameters.simulation import DriveParams, GroundParams, SensorErrorParams
+from smart_tire.parameters.robot import MotorParams, TireParams, TreadFilmParams
+from smart_tire.parameters.simulation import DriveParams, SensorErrorParams, SurfaceParams
 from smart_tire.samples import Four, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import BUMP_HALF_WIDTHS
 from smart_tire.simulation.offline import Event, simulate
@@ -54,7 +54,7 @@ from smart_tire.simulation.plant import LOAD_TRANSFER_TIME
 Values = Mapping[str, tuple[float, ...]]
 
 TUNING_SEED = 1001  # first of the seeds for tuning; those for tests are below
-FILM = FilmParams(wheels=('front_right', 'front_left'))
+FILM = TreadFilmParams(wheels=('front_right', 'front_left'))
 ICE = 'ice'
 GROUNDS = {**SURFACES, ICE: (0.08, 40.0, 0.005)}  # mu [-], C_x [N], drag over load [-]
 HEAVY = RobotParams(
@@ -337,7 +337,7 @@ def _true_robot(robot: RobotParams, row: Row, value: Values) -> RobotParams:
                         latency=value['latency'][0]))
 
 
-def _ground(row: Row, value: Values) -> GroundParams:
+def _ground(row: Row, value: Values) -> SurfaceParams:
     scales = zip(*(value[one] for one in ('friction', 'stiffness', 'drag')))
     surfaces = {name: (mu * a, stiffness * b, drag * c) for (name, (mu, stiffness, drag)), (
         a, b, c) in zip(row.surfaces.items(), scales)}

@@ -54,7 +54,8 @@ def tour(path: Path, seed: int) -> None:
         axis.fill_between(times, value - 2.0 * sigma, value + 2.0 * sigma, alpha=0.25,
                           label='two sigma')
         axis.plot(times, value, label='window')
-        axis.plot(true_times, true[name], 'k.', markersize=3, label='truth, at the passages')
+        axis.plot(true_times, true[name], 'k.', markersize=3,
+                  label='truth, at the patch crossings')
         axis.set_ylabel(label)
         axis.set_ylim(0.0, 1.6 * max(true[name]))
     axes[0].legend(loc='upper right', fontsize='small')

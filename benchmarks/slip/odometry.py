@@ -25,9 +25,10 @@ from benchmarks.motion import Estimate, side_means
 import numpy as np
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
+from smart_tire.estimates import PoseEstimate, SlipEstimate
 from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import at, PoseSeries, Recording, SlipSeries
+from smart_tire.recording import at, SampleArrays
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
@@ -57,7 +58,7 @@ class Inputs:
 
 def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
     """Return the inputs among ``samples``; raise EstimatorError for too few of them."""
-    recording = Recording(samples)
+    recording = SampleArrays(samples)
     imu, wheels = recording.stream(ImuSample).ordered, recording.stream(WheelSample).ordered
     if len(imu) < 2 or len(wheels) < 3:
         raise EstimatorError('too few samples of the IMU or the wheels')
@@ -120,8 +121,9 @@ def _dead_reckoning(inputs: Inputs, stamps: Instants, yaw: Array, distance: Arra
     v_x = rolling.mean(axis=1)
     twist = np.column_stack([v_x, np.zeros(len(v_x)), rate])
     unknown = np.full((len(yaw), 3, 3), math.nan)
-    poses = PoseSeries(stamps, np.column_stack([x, y, yaw]), twist, unknown, unknown[:, 0])
+    poses = PoseEstimate(stamps, np.column_stack([x, y, yaw]), twist, unknown, unknown[:, 0])
     half = 0.5 * inputs.robot.track_width
-    ratio = slip_ratio(rolling, np.column_stack([v_x - half * rate, v_x + half * rate]),
-                       inputs.robot.slip.standstill_speed)[:, [0, 1, 0, 1]]
-    return Estimate(poses, SlipSeries(stamps, ratio, np.full_like(ratio, math.nan)))
+    ground = np.column_stack([v_x - half * rate, v_x + half * rate])
+    ratio, velocity = (values[:, [0, 1, 0, 1]] for values in (
+        slip_ratio(rolling, ground, inputs.robot.slip.standstill_speed), rolling - ground))
+    return Estimate(poses, SlipEstimate(stamps, ratio, np.full_like(ratio, math.nan), velocity))

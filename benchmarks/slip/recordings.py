@@ -33,7 +33,7 @@ from smart_tire.analysis.pipeline import smooth
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
 from smart_tire.parameters import build, SlipEstimatorParams
-from smart_tire.recording import at, Recording
+from smart_tire.recording import at, SampleArrays
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
 TRUTH = 'ground_truth/odom'
@@ -101,7 +101,7 @@ def run_recording(path: Path) -> list[Run]:
 
 def read(path: Path) -> tuple[list[Sample], RecordedTruth]:
     """Return the inputs in order of reception, and the true motion."""
-    samples, truth = list[Sample](), Recording()
+    samples, truth = list[Sample](), SampleArrays()
     with Bag(path) as bag:
         for _, topic, sample in bag.samples(TOPICS):
             if topic == TRUTH:
@@ -140,12 +140,12 @@ def score_recording(name: str, row: str, samples: list[Sample], truth: RecordedT
 
 
 def _errors(name: str, method: str, samples: list[Sample], truth: RecordedTruth,
-            estimates: Recording) -> dict[str, Errors]:
+            estimates: SampleArrays) -> dict[str, Errors]:
     """Return the errors of a method, and of the baseline at the same times."""
     known, lag, chained = RECORDINGS[name]
     poses, slips, stamps = estimates.poses(), estimates.slips(), truth.stamp_ns
     pose, twist = at(stamps, poses.stamp_ns, poses.pose), at(stamps, poses.stamp_ns, poses.twist)
-    sigma = np.sqrt(at(stamps, poses.stamp_ns, poses.twist_variance))
+    sigma = np.sqrt(at(stamps, poses.stamp_ns, poses.twist_sigma ** 2))
     base, wheels, sides = baseline(samples, stamps, known['wheel_radius'], lag)
     ok = np.isfinite(pose[:, 0]) & np.isfinite(base[:, 0]) & np.isfinite(truth.twist[:, 0])
     pose[~ok], base[~ok] = math.nan, math.nan

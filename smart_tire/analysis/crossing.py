@@ -118,9 +118,9 @@ def _model(crossing: Friction, robot: RobotParams) -> Model | None:
         x = position + 0.5 * (patch - film.length)
         stretched = gains[which] * strain_charge.overlap_integral(
             x, slip, 1.0 - adhesion, 1.0, film.length, patch)
-        bent = tread_film.bending(x, film.length, patch, film.bending_alpha, film.release).value
-        bumps = tread_film.bumps(x, film.length, patch)
-        return stretched, np.stack([bent, bumps.value * ~bumps.after, bumps.value * bumps.after])
+        bent = tread_film.bending(x, film.length, patch, film.bending_alpha, film.release)
+        bumps, after = tread_film.bumps(x, film.length, patch)
+        return stretched, np.stack([bent, bumps * ~after, bumps * after])
     return model
 
 

@@ -33,7 +33,7 @@ from smart_tire.analysis.tables import error_tables, estimate_tables
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
 from smart_tire.host_load import HostLoad, worst_of
-from smart_tire.recording import at, Recording
+from smart_tire.recording import at, SampleArrays
 from smart_tire.rotation import wrapped
 from smart_tire.samples import NS_PER_S
 
@@ -74,7 +74,7 @@ class Run:
 def read_run(path: Path, intervals: Intervals | None = None) -> Run:
     """Return the run in the bag at ``path``; raise BagError."""
     log, groups = PathLog(), (INPUTS, ESTIMATES, TRUTHS, OVERHEAD)
-    inputs, estimates, truth, camera = parts = [Recording() for _ in groups]
+    inputs, estimates, truth, camera = parts = [SampleArrays() for _ in groups]
     part_of = {topic: part for topics, part in zip(groups, parts) for topic in topics}
     ages: list[tuple[int, int]] = []
     with Bag(path) as bag:
@@ -157,7 +157,7 @@ def camera_errors(result: Result) -> Tree | None:
         return None
     error = poses.pose - at(poses.stamp_ns, true.stamp_ns, true.pose)
     error[:, 2] = wrapped(error[:, 2])
-    sigma = np.sqrt(np.diagonal(poses.pose_covariance, axis1=1, axis2=2))
+    sigma = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
     slip = slips.ratio - at(slips.stamp_ns, true_slips.stamp_ns, true_slips.ratio)
     sharp = slips.sigma <= CLEAR_SIGMA
     return {'position': asdict(score_of(error[:, :2].ravel(), sigma[:, :2].ravel())),
@@ -212,7 +212,7 @@ def read_conversions(path: Path) -> list[Batch]:
                 for row in csv.DictReader(file) if row['stamps_ns']]
 
 
-def stamp_errors(inputs: Recording, batches: Sequence[Batch]) -> Tree:
+def stamp_errors(inputs: SampleArrays, batches: Sequence[Batch]) -> Tree:
     """Return wheel -> error of its sample timestamps."""
     return {wheel: stamp_score(inputs.films(wheel)[0], np.sort(np.concatenate(
                 [batch.stamp_ns for batch in batches if batch.wheel == wheel])),
@@ -220,7 +220,7 @@ def stamp_errors(inputs: Recording, batches: Sequence[Batch]) -> Tree:
             for wheel in inputs.film_wheels()}
 
 
-def radio_counts(inputs: Recording, batches: Sequence[Batch]) -> Tree:
+def radio_counts(inputs: SampleArrays, batches: Sequence[Batch]) -> Tree:
     """
     Return the number of batches sent, dropped by the radio, and missing for other reasons.
 

@@ -27,10 +27,10 @@ import numpy as np
 from smart_tire.analysis.metrics import compared_poses, rms, rotated
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.arrays import Array
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
+from smart_tire.estimates import PoseEstimate
 from smart_tire.parameters import load_node
 from smart_tire.parameters.simulation import SimulatorParams
-from smart_tire.recording import PoseSeries
 from smart_tire.samples import NS_PER_S, PathProgress, PlannedPath, Sample
 
 PATH = 'path'
@@ -46,7 +46,7 @@ class DrivenPath:
 
     begin_ns: int
     end_ns: int
-    state: State        # at the end
+    state: PathState        # at the end
     wanted: Array      # (n, 2) m
     estimated: Array   # (m, 2) m
     true: Array        # (k, 2) m, aligned with the estimate at the begin; empty without truth
@@ -72,7 +72,7 @@ class PathLog:
         elif isinstance(sample, PathProgress):
             self._progress.append(sample)
 
-    def driven(self, estimates: PoseSeries, truth: PoseSeries) -> list[DrivenPath]:
+    def driven(self, estimates: PoseEstimate, truth: PoseEstimate) -> list[DrivenPath]:
         """
         Return the paths that were followed, in order.
 
@@ -83,7 +83,7 @@ class PathLog:
         for (begin, path), limit in zip(self._paths, limits):
             if (drive := self._followed(path, begin, limit)) is None:
                 continue
-            if found and found[-1].state == State.STOPPED and _is_rest(drive, found[-1]):
+            if found and found[-1].state == PathState.STOPPED and _is_rest(drive, found[-1]):
                 before = found.pop()
                 drive = replace(drive, begin_ns=before.begin_ns, wanted=before.wanted,
                                 resumed=before.resumed + 1)
@@ -98,12 +98,12 @@ class PathLog:
     def _followed(self, path: PlannedPath, begin: int, limit: int) -> DrivenPath | None:
         reports = [report for report in self._progress if begin <= report.stamp_ns < limit]
         first = next((index for index, report in enumerate(reports)
-                      if report.state == State.FOLLOWING), None)
+                      if report.state == PathState.FOLLOWING), None)
         if first is None:
             return None
-        later = [report for report in reports[first:] if report.state != State.FOLLOWING]
+        later = [report for report in reports[first:] if report.state != PathState.FOLLOWING]
         last = later[0] if later else reports[-1]
-        return DrivenPath(begin, last.stamp_ns, State(last.state), _positions(path),
+        return DrivenPath(begin, last.stamp_ns, PathState(last.state), _positions(path),
                           np.empty((0, 2)), np.empty((0, 2)))
 
 
@@ -117,14 +117,14 @@ def _positions(path: PlannedPath) -> Array:
     return np.array([pose[:2] for pose in path.poses], float).reshape(-1, 2)
 
 
-def _true_positions(drive: DrivenPath, estimates: PoseSeries, truth: PoseSeries) -> Array:
+def _true_positions(drive: DrivenPath, estimates: PoseEstimate, truth: PoseEstimate) -> Array:
     return compared_poses(_between(estimates, drive), _between(truth, drive)).true[:, :2]
 
 
-def _between(poses: PoseSeries, drive: DrivenPath) -> PoseSeries:
+def _between(poses: PoseEstimate, drive: DrivenPath) -> PoseEstimate:
     chosen = (poses.stamp_ns >= drive.begin_ns) & (poses.stamp_ns <= drive.end_ns)
-    return PoseSeries(poses.stamp_ns[chosen], poses.pose[chosen], poses.twist[chosen],
-                      poses.pose_covariance[chosen], poses.twist_variance[chosen])
+    return PoseEstimate(poses.stamp_ns[chosen], poses.pose[chosen], poses.twist[chosen],
+                        poses.covariance[chosen], poses.twist_sigma[chosen])
 
 
 def driven_tree(drive: DrivenPath) -> Tree:

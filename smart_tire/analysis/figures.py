@@ -28,7 +28,7 @@ from smart_tire.analysis.friction_metrics import (
 from smart_tire.analysis.motion_figures import ESTIMATE, path_figure, slip_figure
 from smart_tire.analysis.result import Result
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import at, Recording, seconds
+from smart_tire.recording import at, SampleArrays, seconds
 from smart_tire.samples import Friction, WHEELS
 
 MAX_FRICTION = 1.2      # upper end of the friction axis
@@ -107,10 +107,10 @@ def ground_figure(result: Result) -> Figure | None:
     ground, crossings = result.estimates.grounds(), result.truth.crossings
     true = _curve(sorted(crossings, key=lambda one: one.stamp_ns), 'stiffness', result.origin_ns)
     time, rows = seconds(ground.stamp_ns, result.origin_ns), []
-    for i, (label, title, truth) in enumerate((
-            ('C_x [N]', 'longitudinal stiffness', truth_marks(true, 'post')),
-            ('rolling resistance [-]', 'rolling resistance', []))):
-        own = interrupted(Curve(time, ground.value[:, i], ground.sigma[:, i]), MAX_CROSSING_GAP)
+    for one, label, title, truth in (
+            (ground.stiffness, 'C_x [N]', 'longitudinal stiffness', truth_marks(true, 'post')),
+            (ground.rolling_resistance, 'rolling resistance [-]', 'rolling resistance', [])):
+        own = interrupted(Curve(time, one.value, one.sigma), MAX_CROSSING_GAP)
         rows.append([Panel([Mark(own, ESTIMATE), *truth], TIME_LABEL, label, title,
                            y_limits=limits([own.y - own.reach, own.y + own.reach], 0.01))])
     return Figure(
@@ -163,7 +163,7 @@ def typical_crossings(crossings: Sequence[Friction]) -> Iterator[Friction]:
         yield from (candidates[i] for i in np.argsort(np.abs(slips - np.median(slips))))
 
 
-def recorded_waveform(crossing: Friction, inputs: Recording,
+def recorded_waveform(crossing: Friction, inputs: SampleArrays,
                       robot: RobotParams) -> CrossingWaveform | None:
     """Return the voltages around ``crossing``; None without samples or wheel speed."""
     speeds_ns, speeds = inputs.speeds()

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from smart_tire.analysis.figure import MAX_SLIP_SIGMA
 from smart_tire.arrays import Array, Instants
-from smart_tire.recording import at, PoseSeries, SlipSeries
+from smart_tire.estimates import PoseEstimate, SlipEstimate
+from smart_tire.recording import at
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WHEELS
 
 # m; shorter steps are not added to the distance, so that noise of a stationary robot does not
@@ -128,7 +129,7 @@ def median(values: Array) -> float:
     return float(np.median(finite)) if len(finite) else math.nan
 
 
-def compared_slips(estimate: SlipSeries, truth: SlipSeries) -> Compared:
+def compared_slips(estimate: SlipEstimate, truth: SlipEstimate) -> Compared:
     """Return the slips of the four wheels; NaN where the reference does not observe them."""
     stamps, known = truth.stamp_ns, truth.sigma <= MAX_SLIP_SIGMA
     return Compared(stamps, at(stamps, estimate.stamp_ns, estimate.ratio),
@@ -176,7 +177,7 @@ def within(stamp_ns: Instants, intervals: Sequence[tuple[int, int]] | None) -> N
     return inside
 
 
-def compared_poses(estimate: PoseSeries, truth: PoseSeries) -> ComparedPoses:
+def compared_poses(estimate: PoseEstimate, truth: PoseEstimate) -> ComparedPoses:
     """
     Return x, y and yaw where the estimate is known.
 
@@ -186,9 +187,9 @@ def compared_poses(estimate: PoseSeries, truth: PoseSeries) -> ComparedPoses:
     estimated = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
     known = np.isfinite(estimated[:, 0])
     stamps, estimated, true = truth.stamp_ns[known], estimated[known], truth.pose[known]
-    covariance = at(stamps, estimate.stamp_ns, estimate.pose_covariance)
+    covariance = at(stamps, estimate.stamp_ns, estimate.covariance)
     if len(stamps):
-        true, spread = _aligned(true, truth.pose_covariance[known], estimated[0])
+        true, spread = _aligned(true, truth.covariance[known], estimated[0])
         covariance = covariance + spread
     return ComparedPoses(stamps, estimated, true,
                          np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), covariance)
@@ -269,13 +270,13 @@ def _relative_errors(poses: ComparedPoses) -> tuple[float, float]:
     return rms(np.linalg.norm(error[:, :2], axis=1)), rms(error[:, 2])
 
 
-def compared_twist(estimate: PoseSeries, truth: PoseSeries) -> Compared:
+def compared_twist(estimate: PoseEstimate, truth: PoseEstimate) -> Compared:
     """Return v_x, v_y and yaw rate where the reference knows them."""
     known = np.isfinite(truth.twist[:, 0])
     stamps = truth.stamp_ns[known]
     return Compared(stamps, at(stamps, estimate.stamp_ns, estimate.twist), truth.twist[known],
-                    np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_variance)
-                            + truth.twist_variance[known]))
+                    np.sqrt(at(stamps, estimate.stamp_ns, estimate.twist_sigma ** 2)
+                            + truth.twist_sigma[known] ** 2))
 
 
 def stamp_score(stamp_ns: Instants, true_ns: Instants, sigma: float) -> Score:

@@ -27,7 +27,8 @@ from smart_tire.analysis.figure import (
 from smart_tire.analysis.metrics import compared_poses, ComparedPoses, measured, SIDES
 from smart_tire.analysis.result import Result
 from smart_tire.arrays import Array
-from smart_tire.recording import PoseSeries, Recording, seconds
+from smart_tire.estimates import PoseEstimate
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import NS_PER_S, WHEELS
 
 MIN_SLIP_MARGIN, MAX_SHOWN_SLIP = 0.1, 1.05  # -, of the slip axis
@@ -50,10 +51,10 @@ class SlipCurve:
     hidden_share: float  # of the estimates, which are not drawn
 
 
-def slip_curves(estimates: Recording, references: Mapping[str, Recording], origin_ns: int,
+def slip_curves(estimates: SampleArrays, references: Mapping[str, SampleArrays], origin_ns: int,
                 groups: Mapping[str, Sequence[int]] = SIDES) -> list[SlipCurve]:
     """Return the slip of each group of wheels, the mean of the measured ones; NaN if unknown."""
-    def curve_of(recording: Recording, wheels: Sequence[int]) -> tuple[Curve, float]:
+    def curve_of(recording: SampleArrays, wheels: Sequence[int]) -> tuple[Curve, float]:
         slips = recording.slips()
         return observable(interrupted(Curve(
             seconds(slips.stamp_ns, origin_ns), slips.ratio[:, wheels].mean(axis=1),
@@ -159,7 +160,7 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
     references = {name: _reference_path(one) for name, one in found.items() if len(one.stamp_ns)}
     marks = [*wanted_marks(result.wanted)]
     for label, one in poses.items():
-        marks += [_ellipses(one.pose[:, :2], one.pose_covariance, colors[label]),
+        marks += [_ellipses(one.pose[:, :2], one.covariance, colors[label]),
                   _path(one.pose, label, colors[label])]
     marks += reference_marks(references)
     marks += [_dot(first.pose[:1], 'start'), _dot(first.pose[-1:], 'end', 'shade')]
@@ -233,9 +234,9 @@ def velocity_figure(result: Result) -> Figure | None:
     known = {name: other for name, one in result.references.items()
              if np.isfinite((other := one.poses()).twist).any()}
 
-    def curve_of(series: PoseSeries, i: int) -> Curve:
+    def curve_of(series: PoseEstimate, i: int) -> Curve:
         return interrupted(Curve(seconds(series.stamp_ns, result.origin_ns), series.twist[:, i],
-                                 np.sqrt(series.twist_variance[:, i])))
+                                 series.twist_sigma[:, i]))
     panels = []
     for i, ((name, unit), title) in enumerate(zip(
             TWIST_NAMES, ('forward velocity v_x', 'lateral velocity v_y', 'yaw rate'))):

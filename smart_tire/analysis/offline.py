@@ -44,7 +44,7 @@ from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, topic_of
-from smart_tire.recording import Faults, Recording
+from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
@@ -64,9 +64,9 @@ Item = TypeVar('Item')
 class BagContents:
     """Inputs, references and wanted paths of a bag."""
 
-    inputs: Recording = field(default_factory=Recording)
-    truth: Recording = field(default_factory=Recording)
-    camera: Recording = field(default_factory=Recording)  # of the overhead camera
+    inputs: SampleArrays = field(default_factory=SampleArrays)
+    truth: SampleArrays = field(default_factory=SampleArrays)
+    camera: SampleArrays = field(default_factory=SampleArrays)  # of the overhead camera
     paths: PathLog = field(default_factory=PathLog)  # that were to be followed
     late: Counter[str] = field(default_factory=Counter)
     faults: Faults = field(default_factory=Faults)
@@ -94,8 +94,8 @@ class Analysis:
     """Inputs and results of an analysis."""
 
     contents: BagContents = field(default_factory=BagContents)
-    estimates: Recording = field(default_factory=Recording)
-    smoothed: Recording | None = None  # None if not requested
+    estimates: SampleArrays = field(default_factory=SampleArrays)
+    smoothed: SampleArrays | None = None  # None if not requested
     summary: Tree | None = None     # None if nothing was estimated
     picture: Path | None = None     # a camera frame with the path, if one was drawn
 
@@ -111,7 +111,7 @@ class EstimateWriter:
     """Writes estimates to streams and, with a folder, to a bag."""
 
     def __init__(self, folder: Path | None, bags: ExitStack, params: EstimatorParams) -> None:
-        self.estimates = Recording()
+        self.estimates = SampleArrays()
         self.empty = True  # until the first estimate
         self._folder, self._bags, self._params = folder, bags, params
         self._writer: BagWriter | None = None
@@ -191,7 +191,7 @@ def _check_folders(path: Path, folders: Iterable[Path | None]) -> None:
             raise BagError(f'{folder} is the folder of the input bag: choose another')
 
 
-def read_overhead(path: Path) -> Recording:
+def read_overhead(path: Path) -> SampleArrays:
     """Return what "smart_tire overhead" has estimated; raise BagError if the bag has none."""
     with Bag(path) as bag:
         if not bag.match(OVERHEAD):

@@ -32,7 +32,7 @@ from smart_tire.parameters.spec import values_of
 from smart_tire.samples import NS_PER_S, Sample
 
 if TYPE_CHECKING:
-    from smart_tire.vision.overhead import Result
+    from smart_tire.vision.overhead import CameraResult
 
 NODE = 'overhead_localizer'
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
@@ -76,7 +76,7 @@ def camera_topics(bag: Bag) -> tuple[str, str]:
 
 
 def locate(bag: Bag, params: OverheadLocalizerParams,
-           progress: Progress = lambda share: None) -> Result:
+           progress: Progress = lambda share: None) -> CameraResult:
     """Return the estimates from the images of an open bag."""
     from smart_tire.vision.overhead import OverheadLocalizer
     (images, infos), localizer = camera_topics(bag), OverheadLocalizer(params)
@@ -95,7 +95,7 @@ def locate(bag: Bag, params: OverheadLocalizerParams,
     return localizer.result(bag.recording(INPUTS if images else ()))
 
 
-def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
+def write(result: CameraResult, bag: Path, out: Path, params: OverheadLocalizerParams,
           notes: Sequence[str] = ()) -> Tree:
     """Write estimates and summary into the folder ``out``; return the summary."""
     values = values_of(params)
@@ -117,14 +117,14 @@ def write(result: Result, bag: Path, out: Path, params: OverheadLocalizerParams,
     return summary
 
 
-def estimates_of(result: Result, wheel_radius: float) -> list[Sample]:
+def estimates_of(result: CameraResult, wheel_radius: float) -> list[Sample]:
     """Return poses and slips in the order of their timestamps."""
     return sorted((*(sample for motion in result.motions
                      for sample in motion.odometry(wheel_radius)), *result.slips),
                   key=lambda sample: sample.stamp_ns)
 
 
-def frame_figure(result: Result, params: OverheadLocalizerParams) -> Figure:
+def frame_figure(result: CameraResult, params: OverheadLocalizerParams) -> Figure:
     """Return the first image with a pose, and the path in it, as in paper B, Fig. 9."""
     caption = ('First image of the overhead camera in which the robot was found. Line: path of '
                'base_link by the camera, at the height of the tag; interrupted in gaps.')
@@ -132,7 +132,7 @@ def frame_figure(result: Result, params: OverheadLocalizerParams) -> Figure:
                   [[frame_panel(result, params)]], (9.0, 5.2))
 
 
-def frame_panel(result: Result, params: OverheadLocalizerParams) -> Panel:
+def frame_panel(result: CameraResult, params: OverheadLocalizerParams) -> Panel:
     """Return the panel of ``frame_figure``; raise EstimatorError without a pose."""
     if result.frame is None:
         raise EstimatorError('the robot is in no image')
@@ -145,7 +145,8 @@ def frame_panel(result: Result, params: OverheadLocalizerParams) -> Panel:
                  'column [pixels]', 'row [pixels]', image=image)
 
 
-def summary_of(result: Result, bag: Path, values: Mapping[str, Any], notes: Sequence[str]) -> Tree:
+def summary_of(result: CameraResult, bag: Path, values: Mapping[str, Any],
+               notes: Sequence[str]) -> Tree:
     """Return what ``summary.json`` contains."""
     stamps = [stamp for motion in result.motions for stamp in motion.stamp_ns]
     return cast(Tree, plain({

@@ -30,7 +30,7 @@ from smart_tire.parameters import (
     SlipEstimatorParams)
 from smart_tire.parameters.files import Block, blocks_in, snapshot_text, values_for
 from smart_tire.parameters.spec import is_known, values_of
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import (
     Friction, GroundState, Icr, ImuSample, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
@@ -231,18 +231,18 @@ class SmoothedSlip:
 
 
 def smooth(params: SlipEstimatorParams,
-           samples: Iterable[Sample]) -> tuple[Recording, Recording]:
+           samples: Iterable[Sample]) -> tuple[SampleArrays, SampleArrays]:
     """
     Return the filtered and the smoothed estimates from ``samples`` in order of reception.
 
     Samples other than those of IMU, wheels and ground are ignored.
     """
-    filtered, slip = Recording(), SmoothedSlip(params)
+    filtered, slip = SampleArrays(), SmoothedSlip(params)
     for sample in samples:
         if isinstance(sample, (ImuSample, WheelSample, GroundState)):
             for estimate in slip.update(sample):
                 filtered.add_sample(estimate)
-    smoothed = Recording(one for estimates in slip.smoothed() for one in estimates)
+    smoothed = SampleArrays(one for estimates in slip.smoothed() for one in estimates)
     slip.close()
     return filtered, smoothed
 

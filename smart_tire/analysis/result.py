@@ -23,7 +23,7 @@ from smart_tire.analysis.friction_metrics import match, Matches, stamps_of
 from smart_tire.analysis.metrics import (
     Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals)
 from smart_tire.arrays import Array
-from smart_tire.recording import Recording, seconds
+from smart_tire.recording import SampleArrays, seconds
 
 FILTERED, SMOOTHED = 'filtered', 'smoothed'
 
@@ -32,8 +32,8 @@ FILTERED, SMOOTHED = 'filtered', 'smoothed'
 class Comparison:
     """Estimates of a recording compared with a reference, which may be empty."""
 
-    estimates: Recording
-    reference: Recording
+    estimates: SampleArrays
+    reference: SampleArrays
     name: str = TRUTH  # of the reference: TRUTH or CAMERA
 
     @cached_property
@@ -61,11 +61,11 @@ class Comparison:
 class Result:
     """Estimates of a recording and what they are compared with, which may be empty."""
 
-    estimates: Recording
-    inputs: Recording = field(default_factory=Recording)
-    truth: Recording = field(default_factory=Recording)
-    camera: Recording = field(default_factory=Recording)  # of the overhead camera
-    smoothed: Recording | None = None
+    estimates: SampleArrays
+    inputs: SampleArrays = field(default_factory=SampleArrays)
+    truth: SampleArrays = field(default_factory=SampleArrays)
+    camera: SampleArrays = field(default_factory=SampleArrays)  # of the overhead camera
+    smoothed: SampleArrays | None = None
     wanted: Sequence[Array] = ()  # paths (n, 2) m that were to be followed
     intervals: Intervals = field(default_factory=dict)  # evaluated separately
 
@@ -90,7 +90,7 @@ class Result:
         return segments([Curve(time, speed) for speed in speeds.T])
 
     @cached_property
-    def references(self) -> Mapping[str, Recording]:
+    def references(self) -> Mapping[str, SampleArrays]:
         """Return ground truth and overhead camera by name, if known; errors are by the first."""
         return {name: one for name, one in ((TRUTH, self.truth), (CAMERA, self.camera))
                 if len(one)}

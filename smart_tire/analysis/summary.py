@@ -28,7 +28,7 @@ from smart_tire.analysis.result import Comparison
 from smart_tire.arrays import Instants
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
-from smart_tire.recording import Recording, seconds
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import (
     Friction, GROUND_ESTIMATES, MAX_ANGULAR_RATE, MAX_SPEED, WHEELS)
 
@@ -53,7 +53,7 @@ def plain(value: Any) -> Any:
     return int(value) if isinstance(value, np.integer) else value
 
 
-def estimates_tree(estimates: Recording) -> Tree:
+def estimates_tree(estimates: SampleArrays) -> Tree:
     """Return the summary of the estimates."""
     poses, slips = estimates.poses(), estimates.slips()
     tree: Tree = {}
@@ -63,7 +63,7 @@ def estimates_tree(estimates: Recording) -> Tree:
             'messages': len(poses.stamp_ns), 'distance_m': distance(poses.pose[:, :2]),
             'end': {'x_m': x, 'y_m': y, 'yaw_rad': yaw},
             'end_sigma': dict(zip(('x_m', 'y_m', 'yaw_rad'),
-                                  np.sqrt(np.diag(poses.pose_covariance[-1]))))}
+                                  np.sqrt(np.diag(poses.covariance[-1]))))}
     if len(slips.stamp_ns):
         tree['wheel_slip'] = {'messages': len(slips.stamp_ns)}
         for side, wheels in SIDES.items():
@@ -73,8 +73,8 @@ def estimates_tree(estimates: Recording) -> Tree:
                                         'mean_sigma': mean(sigma[moving])}
     if len((ground := estimates.grounds()).stamp_ns):
         tree['ground_state'] = {'messages': len(ground.stamp_ns), **{
-            name: {'median': median(value), 'median_sigma': median(sigma)}
-            for name, value, sigma in zip(GROUND_ESTIMATES, ground.value.T, ground.sigma.T)}}
+            name: {'median': median(one.value), 'median_sigma': median(one.sigma)}
+            for name in GROUND_ESTIMATES for one in [getattr(ground, name)]}}
     tree['tire_friction'] = {wheel: _wheel_tree(own) for wheel in WHEELS
                              if (own := [p for p in estimates.crossings if p.wheel == wheel])}
     return plain(tree)
@@ -90,7 +90,7 @@ def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
             'last_fused_sigma': last.friction_coefficient.sigma}
 
 
-def divergence(estimates: Recording, wheel_speed: float) -> str:
+def divergence(estimates: SampleArrays, wheel_speed: float) -> str:
     """
     Return where odometry is impossible, '' if it is not: the filter does not follow the inputs.
 
@@ -103,9 +103,9 @@ def divergence(estimates: Recording, wheel_speed: float) -> str:
     fastest = min(MAX_SPEED, max(MIN_DIVERGED_SPEED, MAX_SPEED_RATIO * wheel_speed))
     limits = np.array([fastest, fastest, MAX_ANGULAR_RATE])
     off = ~(np.isfinite(poses.pose).all(axis=1)
-            & np.isfinite(poses.pose_covariance).all(axis=(1, 2))
+            & np.isfinite(poses.covariance).all(axis=(1, 2))
             & (np.abs(poses.twist) <= limits).all(axis=1)
-            & (poses.twist_variance <= limits ** 2).all(axis=1))
+            & (poses.twist_sigma <= limits).all(axis=1))
     if not off.any():
         return ''
     first = int(np.argmax(off))
@@ -183,7 +183,7 @@ class StreamStats:
     longest_gap_s: float  # 0 without gaps
 
 
-def input_stats(inputs: Recording) -> dict[str, StreamStats]:
+def input_stats(inputs: SampleArrays) -> dict[str, StreamStats]:
     """Return topic -> statistics of the inputs; gaps of wheels that share a topic are summed."""
     return {topic: _combine([stream_stats(stream.stamp_ns) for stream in streams])
             for topic in INPUTS if (streams := inputs.of(TOPICS[topic].sample))}

@@ -19,11 +19,11 @@ from smart_tire.api.models import (
     BrushTire, BucklingFilm, FilmMeasurement, FilmParams, FilmSensor, TreadFilm)
 from smart_tire.api.params import load_params, Params
 from smart_tire.api.recording import FilmData, ImuData, read_bag, Recording, WheelData, write_bag
-from smart_tire.api.results import (
-    Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,
-    SlipEstimate, Truth)
 from smart_tire.api.runs import estimate, estimate_friction, estimate_slip, simulate
 from smart_tire.errors import BagError, EstimatorError, ParameterError, SmartTireError
+from smart_tire.estimates import (
+    Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,
+    SlipEstimate, Truth)
 from smart_tire.samples import WHEELS
 
 __all__ = [

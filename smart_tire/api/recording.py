@@ -30,13 +30,13 @@ import numpy as np
 
 from smart_tire.analysis.pipeline import bag_params, INPUTS, TRUTHS
 from smart_tire.api.params import Params
-from smart_tire.api.results import (
-    by_wheel, FrictionEstimate, PoseEstimate, SlipEstimate, Tabular, Truth, truth_of)
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY, TopicNames
 from smart_tire.errors import ParameterError
+from smart_tire.estimates import (
+    by_wheel, FrictionEstimate, PoseEstimate, SlipEstimate, Tabular, Truth)
 from smart_tire.paths import find_bag
-from smart_tire.recording import Recording as Samples
+from smart_tire.recording import PLANAR, SampleArrays
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
     Four, Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, Odometry, Sample, TireSample,
@@ -45,7 +45,6 @@ from smart_tire.uncertain import Uncertain
 
 ABSENT: Any = None  # default of an array that __post_init__ then makes
 TRUTH = 'ground_truth/'  # prefix of its topics
-PLANAR = (0, 1, 5)  # x, y and rotation about z in the covariances of ROS
 ZERO = (0.0, 0.0, 0.0)
 
 
@@ -58,7 +57,7 @@ class Received(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Stream(Tabular):
+class DeviceData(Tabular):
     """Measurements of one device in order of reception."""
 
     stamp_ns: Instants    #: (n,) ns, instants of the measurements
@@ -86,7 +85,7 @@ class Stream(Tabular):
 
 
 @dataclass(frozen=True, eq=False)
-class ImuData(Stream):
+class ImuData(DeviceData):
     """Readings of the IMU in ``imu_link``."""
 
     acceleration: Array  #: (n, 3) m/s2, specific force: +g on z when stationary
@@ -116,7 +115,7 @@ class ImuData(Stream):
 
 
 @dataclass(frozen=True, eq=False)
-class WheelData(Stream):
+class WheelData(DeviceData):
     """Readings of the four wheels, positive rolling forward on both sides."""
 
     velocity: Array  #: (n, 4) rad/s, mean over the period that ends at the timestamp
@@ -153,7 +152,7 @@ def _measured(position: list[float], velocity: list[float]) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class FilmData(Stream):
+class FilmData(DeviceData):
     """A/D conversions of the films of one wheel."""
 
     wheel: str    #: name of the wheel
@@ -195,7 +194,7 @@ class Recording:
     imu: ImuData
     wheels: WheelData
     films: Mapping[str, FilmData] = field(default_factory=dict)  #: wheel -> its films
-    truth: Truth = field(default_factory=lambda: truth_of(Samples()))
+    truth: Truth = field(default_factory=lambda: _truth(SampleArrays()))
     warnings: tuple[str, ...] = ()  #: what could not be read
     order: Instants = ABSENT
     params: Params | None = None    #: with which it was recorded or simulated, if known
@@ -230,10 +229,14 @@ class Recording:
             yield next(streams[device])
 
 
+def _truth(samples: SampleArrays) -> Truth:
+    return Truth(samples.poses(), samples.slips(), samples.frictions())
+
+
 def as_recording(received: Iterable[tuple[int, str, Sample]], params: Params | None = None
                  ) -> Recording:
     """Return samples, with receive time [ns] and topic, in order of their reception."""
-    samples, truth = Samples(), Samples()
+    samples, truth = SampleArrays(), SampleArrays()
     for receive_ns, topic, sample in received:
         (truth if topic.startswith(TRUTH) else samples).add_sample(sample, receive_ns)
     imu, wheels = samples.stream(ImuSample), samples.stream(WheelSample)
@@ -245,7 +248,7 @@ def as_recording(received: Iterable[tuple[int, str, Sample]], params: Params | N
                   wheels.receive_ns),
         {one.wheel: FilmData(one.stamp_ns, one.wheel, one.values, one.receive_ns)
          for one in films},
-        truth_of(truth), (), samples.order((imu, wheels, *films)), params)
+        _truth(truth), (), samples.order((imu, wheels, *films)), params)
 
 
 def read_bag(path: str | Path, *, params: Params | None = None,

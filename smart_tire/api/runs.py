@@ -19,10 +19,10 @@ import numpy as np
 from smart_tire.analysis.pipeline import Pipeline
 from smart_tire.api.params import Params
 from smart_tire.api.recording import as_recording, Recording
-from smart_tire.api.results import Estimates, estimates_of, FrictionEstimate, SlipEstimate
 from smart_tire.arrays import ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.recording import Recording as Samples
+from smart_tire.estimates import Estimates, FrictionEstimate, SlipEstimate
+from smart_tire.recording import SampleArrays
 from smart_tire.simulation import offline
 
 
@@ -36,10 +36,12 @@ def estimate(recording: Recording, params: Params | None = None) -> Estimates:
     per timestamp, ``stamp_ns`` (n,) [ns]; units and shapes are given in the classes.
     """
     pipeline = Pipeline((params or recording.params or Params()).estimators)
-    found = Samples(one for item in recording.received() for one in pipeline.update(item.sample))
+    found = SampleArrays(one for item in recording.received()
+                         for one in pipeline.update(item.sample))
     for one in pipeline.finish():
         found.add_sample(one)
-    return estimates_of(found)
+    return Estimates(found.poses(), found.slips(), found.centers(), found.grounds(),
+                     found.frictions())
 
 
 def estimate_slip(recording: Recording, params: Params | None = None) -> SlipEstimate:

@@ -159,7 +159,7 @@ class SampleDecoder:
         forms = forms_of(topic)
         form = forms[type_name] if type_name else next(iter(forms.values()))
         self._from_msg, read = form.from_msg, Decoder(form.type)
-        self._read = cdr.Decoder(form.type, read) if form.type in cdr.FIELDS else read
+        self._read = cdr.LayoutDecoder(form.type, read) if form.type in cdr.FIELDS else read
         if form.sample is WheelSample:
             self._from_msg = partial(wheels_from_msg, joints=joints)
 
@@ -182,7 +182,7 @@ class SampleEncoder:
     def __init__(self, topic: Topic) -> None:
         self._fill = topic.to_msg
         self._msg = empty(topic.type)
-        self._encode = (cdr.Encoder if topic.type in cdr.FIELDS else Encoder)(topic.type)
+        self._encode = (cdr.LayoutEncoder if topic.type in cdr.FIELDS else Encoder)(topic.type)
 
     def __call__(self, sample: Sample) -> bytes:
         """Return the message of a sample."""

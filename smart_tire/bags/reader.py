@@ -39,7 +39,7 @@ from smart_tire.errors import MessageError
 from smart_tire.messages import (
     find_topic, NodeStatus, resolved_joints, stamp_of, statuses_from_msg, TOPICS)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
-from smart_tire.recording import Faults, Recording
+from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import Four, MotorCommand, NS_PER_S, Sample, WheelSample
 
 DIAGNOSTICS, DIAGNOSTICS_TYPE = 'diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'
@@ -258,13 +258,13 @@ class Bag:
             yield receive_ns, standard, sample
 
     def recording(self, wanted: Iterable[str], progress: Progress = lambda share: None, *,
-                  restamp: bool = True) -> Recording:
+                  restamp: bool = True) -> SampleArrays:
         """
         Return the samples of ``wanted`` as arrays, like ``samples``.
 
         ``progress`` is called with the completed share, 0 to 1.
         """
-        found, (start, end) = Recording(), self.span_ns
+        found, (start, end) = SampleArrays(), self.span_ns
         for count, (receive_ns, _, sample) in enumerate(self.samples(wanted, restamp=restamp)):
             found.add_sample(sample, receive_ns)
             if count % PROGRESS_MESSAGES == 0:

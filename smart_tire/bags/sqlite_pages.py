@@ -28,6 +28,11 @@ FILE_HEAD = 100          # bytes before the first page's own head
 PAGE_SIZE_OFFSET, DEFAULT_PAGE_SIZE = 16, 4096
 SIZES = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0)  # bytes of serial types: NULL, integers, REAL, ZERO, ONE
 REAL, ZERO, ONE, FIRST_BLOB = 7, 8, 9, 12  # serial types; odd ones from 13 on are texts
+# Bytes of the content of a cell that its page has, from the usable size U of a page (1.6): at most
+# U - 35 of a row and 64/255 (U - 12) - 23 of an entry of an index, else at least
+# 32/255 (U - 12) - 23.
+ROW_RESERVE, PAGE_RESERVE, CELL_RESERVE = 35, 12, 23  # bytes
+MAX_SHARE, MIN_SHARE, SHARE_UNIT = 64, 32, 255        # over SHARE_UNIT
 DECODE_ERRORS = (IndexError, struct.error, ValueError)
 PAGE_NUMBER = struct.Struct('>I')
 
@@ -62,11 +67,11 @@ class Pages:
         number, start = cell
         length, start = _varint(self._data, start)
         row, start = _varint(self._data, start)
-        return row, _columns(self._payload(number, start, length, self._size - 35))
+        return row, _columns(self._payload(number, start, length, self._size - ROW_RESERVE))
 
     def index_entries(self) -> Iterator[Sequence[Any]]:
         """Yield the columns of all entries of indices."""
-        most = (self._size - 12) * 64 // 255 - 23
+        most = self._share_of_page(MAX_SHARE)
         for number, start in self._disjoint(self._cells((INDEX_LEAF, INDEX_INTERIOR))):
             try:
                 length, start = _varint(self._data, start)
@@ -98,9 +103,13 @@ class Pages:
             for pointer in struct.unpack_from(f'>{count}H', self._data, first):
                 yield number, page + pointer + inner
 
+    def _share_of_page(self, share: int) -> int:
+        """Return the bytes of a cell at a ``share`` of its page."""
+        return (self._size - PAGE_RESERVE) * share // SHARE_UNIT - CELL_RESERVE
+
     def _payload(self, number: int, start: int, length: int, most: int) -> bytes:
         """Return the content of a cell, of which at most ``most`` bytes are in its page."""
-        least = (self._size - 12) * 32 // 255 - 23
+        least = self._share_of_page(MIN_SHARE)
         local = least + (length - least) % (self._size - 4)
         local = length if length <= most else local if local <= most else least
         end = start + local

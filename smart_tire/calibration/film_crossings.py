@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
-from smart_tire.estimation.contact.feed import Block, ContactFeed
+from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.friction.constants import CHANGE_SIGMA, LOG_ALPHA_SIGMA
 from smart_tire.estimation.friction.waveform_fit import (
@@ -95,7 +95,7 @@ class CrossingCollector:
         """Collect the last crossings, at the end of all samples."""
         self._add(self._feed.finish())
 
-    def _add(self, blocks: Iterable[Block]) -> None:
+    def _add(self, blocks: Iterable[SampleBlock]) -> None:
         for block in blocks:
             if block.restarted:
                 self._origins.clear()

@@ -30,7 +30,8 @@ from smart_tire.calibration.guide import (
     Action, Guide, INSTRUCTIONS, Key, Leg, LEGS, limited, reach)
 from smart_tire.calibration.sequence import LIFTED
 from smart_tire.cli._drive_session import Session
-from smart_tire.cli._options import confirmed, refuse_existing_bag, remove_bag
+from smart_tire.cli._options import confirmed
+from smart_tire.cli._outputs import refuse_existing_bag, remove_bag
 from smart_tire.cli._stack import params_arguments, RECORDER, RobotError, Stack
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import RobotParams
@@ -80,7 +81,7 @@ def confirm_driving(steps: list[str], robot: RobotParams) -> None:
         raise RobotError('driving was not confirmed: nothing was driven or recorded')
 
 
-class Keyboard:
+class TypedLines:
     """Lines typed on standard input, without waiting for them."""
 
     def __init__(self) -> None:
@@ -134,7 +135,7 @@ class Sequence:
             'drivers of the robot first'))
         if self._drive:
             _enable(session.pilot)
-        keyboard, announced = Keyboard(), ''
+        keyboard, announced = TypedLines(), ''
         while True:
             self._carry_out(session)
             step = self.guide.step

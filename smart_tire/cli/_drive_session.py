@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import accumulate
+import math
 import os
 from pathlib import Path
 import re
@@ -21,30 +23,41 @@ import time
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from smart_tire.cli._dashboard import Dashboard
-from smart_tire.cli._following import Following, note, remaining_path
-from smart_tire.cli._keyboard import Key, Keyboard, StopRequest, Teleoperation
-from smart_tire.cli._options import remove
+from smart_tire.cli._keyboard import DriveKey, Keyboard, StopRequest, Teleoperation
+from smart_tire.cli._outputs import remove
 from smart_tire.cli._path_file import length, Poses
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import (
     isolated_environment, NODES, params_arguments, PORTS, RECORDER, RobotError, Stack,
     START_TIMEOUT)
-from smart_tire.control.trajectory_control import Cause, State
+from smart_tire.control.constants import STANDSTILL_SPEED
+from smart_tire.control.trajectory_control import Cause, PathState
 from smart_tire.errors import ParameterError
 from smart_tire.findings import Level
 from smart_tire.host_load import worst_of
 from smart_tire.rotation import euler
+from smart_tire.samples import PathProgress, Vector3
 
 SPIN_TIME = 0.05         # s between two looks at keys, progress and signals
 SHOW_PERIOD = 0.2        # s between two updates of the dashboard
 CANCEL_TIME = 2.0        # s for the answer of cancel_path
 DISCOVERY_TIME = 3.0     # s until the nodes of a running robot are known
+ANSWER_TIME = 3.0    # s until the controller reports that it follows, or why not
+OLD_REPORT_TIME = 0.6  # s in which a report may still be that of the path before
+SILENCE_TIME = 3.0   # s without a report, nominally four per second
+MIN_MEAN_SPEED = 0.05  # m/s, expected at least
+EXTRA_TIME = 30.0    # s, beyond the time at this speed
+SEARCH_LENGTH = 1.5    # m that the robot may have driven since its latest report
+PLACES = 151           # on that length, for one per centimeter
+JOIN_RATIO = 2.0       # distance along the path over that from it: turns by 27 degrees
+MIN_REST = 0.05        # m of the path that are sent again at least; arrival.xy_tolerance
 REPORT_TIME = 1.5        # s, in which a controller that follows a path has reported it
 STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
 REASON_TIME = 5.0        # s until a reason is in the diagnostics, which come once a second
-STANDING_SPEED = 0.02    # m/s, of a robot that stands
 FOLLOWER = 'trajectory_controller'
 MAX_RESUMPTIONS = 10   # of one path
 PATIENCE = 10.0        # longest waits for the controller over those for a robot
@@ -70,7 +83,7 @@ class Session:
     def await_nodes(self) -> None:
         """Wait until estimates are published and every node has sent diagnostics."""
         end = time.monotonic() + START_TIMEOUT
-        with Progress(timer=False) as progress:
+        with ProgressLine(timer=False) as progress:
             while missing := sorted(self.stack.processes.keys() - self.pilot.health.keys()) or [
                     name for name in ('slip', 'wheels') if getattr(self.pilot, name) is None]:
                 progress.show(f'waiting for messages from {", ".join(missing)}')
@@ -83,7 +96,7 @@ class Session:
         """Raise RobotError while a path is followed: two sources of commands stop the motors."""
         self.wait(lambda: self.pilot.progress is not None, REPORT_TIME)
         report = self.pilot.progress
-        if report is not None and report.state == State.FOLLOWING:
+        if report is not None and report.state == PathState.FOLLOWING:
             raise RobotError('trajectory_controller follows a path: cancel it first (cancel_path)')
 
     def await_robot(self, topic: str, listener: str) -> None:
@@ -137,7 +150,7 @@ class Session:
     def _end(self) -> None:
         self.pilot.halt()
         report = self.pilot.progress
-        if report is not None and report.state != State.FOLLOWING or not self.pilot.has_path:
+        if report is not None and report.state != PathState.FOLLOWING or not self.pilot.has_path:
             self._runner.spin(SPIN_TIME)  # sends the last command
             return
         answer, end = self.pilot.cancel(), time.monotonic() + CANCEL_TIME
@@ -152,7 +165,7 @@ class Session:
         return odometry.position[0], odometry.position[1], euler(odometry.orientation)[2]
 
     def follow(self, name: str, poses: Poses, dashboard: Dashboard,
-               patience: float = 1.0) -> State:
+               patience: float = 1.0) -> PathState:
         """Follow a path in ``odom``, then stand still; return the state in which it ended."""
         self.pilot.follow(poses)
         following, state = Following(length(poses), time.monotonic(), patience), None
@@ -167,7 +180,7 @@ class Session:
             dashboard.show(name, self.pilot, note(self.pilot.progress))
         return state
 
-    def reason(self, state: State) -> tuple[str, str]:
+    def reason(self, state: PathState) -> tuple[str, str]:
         """
         Return why the controller has stopped or refused the path, and the cause.
 
@@ -179,7 +192,7 @@ class Session:
             self._runner.spin(SPIN_TIME)  # also after a request to stop
             found = self.pilot.health.get(FOLLOWER, {})
         reason, cause = found.get('reason', ''), found.get('cause', '')
-        explained = state == State.STOPPED and cause != Cause.ORDER.value
+        explained = state == PathState.STOPPED and cause != Cause.ORDER.value
         return self.late_host if explained and self.late_host else reason, cause
 
     @property
@@ -192,7 +205,7 @@ class Session:
         """Wait for a pose of the standing robot that is measured from now on."""
         begin_ns = self.pilot.now_ns()
         self.wait(lambda: self.pilot.odometry.stamp_ns >= begin_ns
-                  and abs(self.pilot.odometry.linear[0]) < STANDING_SPEED, START_TIMEOUT,
+                  and abs(self.pilot.odometry.linear[0]) < STANDSTILL_SPEED, START_TIMEOUT,
                   RobotError(f'no recent odom of a standing robot within {START_TIMEOUT:.0f} s'))
 
     def teleoperate(self, keyboard: Keyboard, teleoperation: Teleoperation) -> None:
@@ -202,7 +215,7 @@ class Session:
             while True:
                 now = time.monotonic()
                 for key in keyboard.pressed():
-                    if key is Key.QUIT:
+                    if key is DriveKey.QUIT:
                         return
                     teleoperation.press(key, now)
                     active_until = max(active_until, now + ZERO_TIME)
@@ -256,7 +269,7 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
 
 
 def follow_resuming(session: Session, name: str, poses: Poses,
-                    dashboard: Dashboard) -> tuple[State, str]:
+                    dashboard: Dashboard) -> tuple[PathState, str]:
     """
     Follow a path, and the rest of it after each stop for late data.
 
@@ -267,7 +280,7 @@ def follow_resuming(session: Session, name: str, poses: Poses,
     rest, reason = poses, ''
     for _ in range(MAX_RESUMPTIONS + 1):
         state = session.follow(name, rest, dashboard, patience=PATIENCE)
-        if state == State.ARRIVED:
+        if state == PathState.ARRIVED:
             return state, ''
         reason, cause = session.reason(state)
         # late data, or what a late host causes: a wrong pose, or motors that their driver has
@@ -277,3 +290,87 @@ def follow_resuming(session: Session, name: str, poses: Poses,
         session.await_standstill()
         rest = remaining_path(rest, session.remaining, session.start_pose()[:2])
     return state, f'{reason}; stopped {MAX_RESUMPTIONS + 1} times'
+
+
+class Following:
+    """
+    The progress of one path; times are seconds of one steady clock.
+
+    ``end_state`` raises RobotError if the controller does not answer, falls silent, or does not
+    arrive in the time of a mean speed of ``MIN_MEAN_SPEED``. ``remaining`` is the distance [m]
+    that was reported last.
+    """
+
+    def __init__(self, length: float, time: float, patience: float = 1.0) -> None:
+        """
+        Begin with a path of ``length`` [m] that was published at ``time``.
+
+        The controller has ``patience`` times the usual times to answer and to report: on a busy
+        host it may report the end of the path before for long.
+        """
+        self.remaining, self._patience = length, patience
+        self._begin = self._heard = time
+        self._limit = EXTRA_TIME + length / MIN_MEAN_SPEED
+        self._latest: PathProgress | None = None
+        self._started = False
+
+    def end_state(self, report: PathProgress | None, time: float) -> PathState | None:
+        """Return the state in which the path has ended, None while it is followed."""
+        if report is not None and report is not self._latest:
+            self._latest, self._heard = report, time
+        elif time - self._heard > self._patience * SILENCE_TIME:
+            raise RobotError('trajectory_controller does not report its progress (path_progress)')
+        if time - self._begin > self._limit:
+            raise RobotError(f'the end of the path was not reached within {self._limit:.0f} s')
+        if self._latest is None:
+            return None
+        state = PathState(self._latest.state)
+        if state == PathState.FOLLOWING:
+            self._started = True
+            if math.isfinite(self._latest.remaining_distance):
+                self.remaining = self._latest.remaining_distance
+            return None
+        answered = time - self._begin > self._patience * OLD_REPORT_TIME
+        if self._started or state != PathState.IDLE and answered:
+            return state
+        if time - self._begin > self._patience * ANSWER_TIME:
+            raise RobotError('trajectory_controller has not received the path')
+        return None
+
+
+def note(report: PathProgress | None) -> str:
+    """Return the progress as text."""
+    if report is None:
+        return 'waiting for trajectory_controller'
+    text = PathState(report.state).name.lower()
+    if math.isfinite(report.remaining_distance):
+        text += f', {report.remaining_distance:.2f} m left'
+    if math.isfinite(report.cross_track_error):
+        text += f', {report.cross_track_error:+.3f} m from the path'
+    return text
+
+
+def remaining_path(poses: Poses, remaining: float, position: tuple[float, float]) -> Poses:
+    """
+    Return the path from ``position`` on to those of its places that are still to be driven.
+
+    It leaves the path at the place nearest to ``position``, which is searched among the last
+    ``remaining`` [m], and there on the next ``SEARCH_LENGTH`` only: paths may cross themselves. It
+    joins the path ``JOIN_RATIO`` times the distance from it further on, or at its end.
+    """
+    along = np.array([0.0, *accumulate(map(_distance, poses, poses[1:]))])
+    last = max(along[-1] - MIN_REST, 0.0)
+    first = min(max(along[-1] - remaining, 0.0), last)
+    places = np.linspace(first, min(first + SEARCH_LENGTH, last), PLACES)
+    x, y = (np.interp(places, along, column) for column in np.array(poses).T[:2])
+    away = np.hypot(x - position[0], y - position[1])
+    nearest = int(np.argmin(away))
+    join = min(places[nearest] + JOIN_RATIO * away[nearest], along[-1])
+    later = int(np.searchsorted(along, join))  # a turn in place at this place is still to be made
+    start = position if math.dist(position, poses[-1][:2]) > MIN_REST else (
+        float(x[nearest]), float(y[nearest]))
+    return (*start, poses[max(later - 1, 0)][2]), *poses[later:]
+
+
+def _distance(one: Vector3, other: Vector3) -> float:
+    return math.dist(one[:2], other[:2])

@@ -32,7 +32,7 @@ from typing import Any, TextIO
 from smart_tire.errors import ParameterError
 
 
-class Key(Enum):
+class DriveKey(Enum):
     """What a key asks for."""
 
     FORWARD = 'forward'
@@ -45,9 +45,11 @@ class Key(Enum):
     QUIT = 'quit'
 
 
-CHARACTERS = {'w': Key.FORWARD, 's': Key.BACKWARD, 'a': Key.LEFT, 'd': Key.RIGHT, ' ': Key.STOP,
-              '+': Key.FASTER, '=': Key.FASTER, '-': Key.SLOWER, '_': Key.SLOWER, 'q': Key.QUIT}
-ARROWS = {'A': Key.FORWARD, 'B': Key.BACKWARD, 'C': Key.RIGHT, 'D': Key.LEFT}
+CHARACTERS = {
+    'w': DriveKey.FORWARD, 's': DriveKey.BACKWARD, 'a': DriveKey.LEFT, 'd': DriveKey.RIGHT,
+    ' ': DriveKey.STOP, '+': DriveKey.FASTER, '=': DriveKey.FASTER, '-': DriveKey.SLOWER,
+    '_': DriveKey.SLOWER, 'q': DriveKey.QUIT}
+ARROWS = {'A': DriveKey.FORWARD, 'B': DriveKey.BACKWARD, 'C': DriveKey.RIGHT, 'D': DriveKey.LEFT}
 # Control sequences of terminals: ESC [ parameters letter, or ESC O letter.
 SEQUENCE = re.compile(r'\x1b(?:\[[0-9;?]*([@-~])|O([@-~]))')
 INCOMPLETE = re.compile(r'\x1b(?:\[[0-9;?]*|O)?\Z')
@@ -60,8 +62,9 @@ YAW_RATE = 1.2       # rad/s, before it is changed by ``FASTER`` or ``SLOWER``
 STEP_FACTOR = 1.1    # of speed and yaw rate, per key press
 MIN_SCALE, MAX_SCALE = 0.2, 3.0  # of speed and yaw rate, relative to those at first
 MAX_PERIOD = 0.1     # s between two steps; of a longer pause, the rest changes no command
-DIRECTIONS = {Key.FORWARD: 1.0, Key.BACKWARD: -1.0, Key.LEFT: 1.0, Key.RIGHT: -1.0}
-SPEED_KEYS = Key.FORWARD, Key.BACKWARD
+DIRECTIONS = {DriveKey.FORWARD: 1.0, DriveKey.BACKWARD: -1.0, DriveKey.LEFT: 1.0,
+              DriveKey.RIGHT: -1.0}
+SPEED_KEYS = DriveKey.FORWARD, DriveKey.BACKWARD
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -71,7 +74,7 @@ class KeyDecoder:
     def __init__(self) -> None:
         self._pending = ''
 
-    def decode(self, data: bytes) -> list[Key]:
+    def decode(self, data: bytes) -> list[DriveKey]:
         """Return the keys in ``data``, in order; others are ignored."""
         text, keys = self._pending + data.decode('latin-1'), []
         self._pending = ''
@@ -121,15 +124,15 @@ class Keyboard:
         except termios.error:
             pass  # the terminal was closed
 
-    def pressed(self) -> list[Key]:
+    def pressed(self) -> list[DriveKey]:
         """Return the keys since the last call; QUIT if the terminal was closed."""
         if not select.select([self._number], [], [], 0.0)[0]:
             return []
         try:
             data = os.read(self._number, 4096)
         except OSError:  # closed
-            return [Key.QUIT]
-        return self._decoder.decode(data) if data else [Key.QUIT]
+            return [DriveKey.QUIT]
+        return self._decoder.decode(data) if data else [DriveKey.QUIT]
 
 
 @dataclass
@@ -166,7 +169,7 @@ class Teleoperation:
         self._speed, self._scale = speed, 1.0
         self._travel = _Axis(ACCELERATION, BRAKING)
         self._turn = _Axis(YAW_ACCELERATION, YAW_BRAKING)
-        self._latest: Key | None = None
+        self._latest: DriveKey | None = None
         self._latest_time = -math.inf  # s
         self._time = math.inf          # s, of the latest step; no acceleration before the first
 
@@ -175,14 +178,14 @@ class Teleoperation:
         """Return speed [m/s] and yaw rate [rad/s] that the keys ask for."""
         return self._scale * self._speed, self._scale * YAW_RATE
 
-    def press(self, key: Key, time: float) -> None:
+    def press(self, key: DriveKey, time: float) -> None:
         """Take a key at ``time`` [s]."""
         repeated = key == self._latest and time - self._latest_time <= REPEAT_HOLD
         self._latest, self._latest_time = key, time
-        if key is Key.STOP:
+        if key is DriveKey.STOP:
             self.stop()
-        elif key in (Key.FASTER, Key.SLOWER):
-            factor = STEP_FACTOR if key is Key.FASTER else 1.0 / STEP_FACTOR
+        elif key in (DriveKey.FASTER, DriveKey.SLOWER):
+            factor = STEP_FACTOR if key is DriveKey.FASTER else 1.0 / STEP_FACTOR
             self._scale = min(max(self._scale * factor, MIN_SCALE), MAX_SCALE)
         elif key in DIRECTIONS:
             until = time + (REPEAT_HOLD if repeated else FIRST_HOLD)

@@ -27,7 +27,7 @@ from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
 from smart_tire.host_load import host_load, HostLoad, other_problems, SHARE, worst_of
 from smart_tire.messages import find_topic
-from smart_tire.recording import Faults, Recording
+from smart_tire.recording import Faults, SampleArrays
 
 if TYPE_CHECKING:
     from smart_tire.bags import SampleDecoder
@@ -54,7 +54,7 @@ Progress = Callable[[str], None]
 class Listened:
     """Samples of a robot, and what is wrong with its messages."""
 
-    samples: Recording = field(default_factory=Recording)
+    samples: SampleArrays = field(default_factory=SampleArrays)
     faults: Faults = field(default_factory=Faults)
     readers: dict[str, SampleDecoder] = field(default_factory=dict)  # by topic
 

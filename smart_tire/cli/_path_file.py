@@ -19,6 +19,7 @@ import math
 from pathlib import Path
 
 from smart_tire.bags import Bag
+from smart_tire.control.path_library import PATHS
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.paths import BAG_SUFFIXES, find_bag, read_file
 from smart_tire.rotation import euler
@@ -32,6 +33,19 @@ MAX_SIZE = 1 << 26       # bytes of a CSV file: a million poses, thousands of ki
 MAX_COORDINATE = 1e5     # m; farther is not driven: probably other units or a map projection
 
 Poses = tuple[Vector3, ...]  # m, m, rad: x, y, yaw; yaw is NaN where it is not given
+
+
+def read_plan(name: str, scale: float) -> Poses:
+    """
+    Return the poses of one of ``PATHS``, or of a path file, with lengths times ``scale``.
+
+    Raises ParameterError if there is none of this name.
+    """
+    if name in PATHS:
+        return PATHS[name](scale).poses
+    if not Path(name).exists():
+        raise ParameterError(f'--path {name}: no such file, and not one of {", ".join(PATHS)}')
+    return scaled(read_path(Path(name)), scale)
 
 
 def read_path(path: Path) -> Poses:

@@ -31,7 +31,7 @@ DEFAULT_WIDTH = 80  # characters, of a terminal that does not know its own
 ERASE_LINE = '\r\x1b[K'
 
 
-class Progress:
+class ProgressLine:
     """
     Shows the latest text, or that ``what`` is working; a context manager.
 
@@ -50,7 +50,7 @@ class Progress:
         self._text, self._shown = '', False
         self._stack = ExitStack()
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> ProgressLine:
         if self._timer:
             handler = signal.signal(signal.SIGALRM, lambda *_: self.beat())
             self._stack.callback(signal.signal, signal.SIGALRM, handler)
@@ -101,7 +101,7 @@ class Progress:
 class _Watched:
     """An output stream before each write to which the line is erased."""
 
-    def __init__(self, stream: TextIO, progress: Progress) -> None:
+    def __init__(self, stream: TextIO, progress: ProgressLine) -> None:
         self._stream, self._progress = stream, progress
 
     def write(self, text: str) -> int:

@@ -24,7 +24,7 @@ import sys
 import time
 from typing import Any
 
-from smart_tire.cli._options import remove
+from smart_tire.cli._outputs import remove
 from smart_tire.errors import SmartTireError
 from smart_tire.launching import CAMERA
 import yaml

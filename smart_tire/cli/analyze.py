@@ -14,22 +14,17 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-import sys
-from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import (
-    check_options, FIGURES, open_bag, print_errors, refuse_existing,
-    refuse_existing_bag, refuse_folder_of_bag, REQUIRED)
-from smart_tire.cli._progress import Progress
-from smart_tire.errors import BagError, ParameterError
+from smart_tire.cli._bags import (
+    check_options, check_overhead, diverged, each_bag, NOTHING_ESTIMATED, open_bag, print_errors,
+    REQUIRED)
+from smart_tire.cli._outputs import (
+    FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
+from smart_tire.cli._progress import ProgressLine
+from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name
-
-if TYPE_CHECKING:
-    from smart_tire.analysis.summary import Tree
-
-ESTIMATED, NOTHING_ESTIMATED, DIVERGED, USAGE = 0, 1, 1, 2  # exit statuses
 
 
 def run(args: argparse.Namespace) -> int:
@@ -44,28 +39,6 @@ def run(args: argparse.Namespace) -> int:
     check_options(args)
     check_overhead(args)
     return each_bag(args, outs, analyze_one)
-
-
-def check_overhead(args: argparse.Namespace) -> None:
-    """Raise ParameterError or BagError if ``--overhead`` cannot be used with these bags."""
-    if args.overhead is not None:
-        from smart_tire.analysis.offline import read_overhead
-        if len(args.bags) > 1:
-            raise ParameterError(f'--overhead is for one bag, {len(args.bags)} are given')
-        read_overhead(args.overhead)
-
-
-def each_bag(args: argparse.Namespace, outs: Sequence[Path],
-             work: Callable[[Path, Path, argparse.Namespace], int]) -> int:
-    """Call ``work`` with each bag and its output; return the largest exit status."""
-    status = ESTIMATED
-    for bag, out in zip(args.bags, outs):
-        try:
-            status = max(status, work(bag, out, args))
-        except BagError as error:
-            print(f'smart_tire {args.verb}: {error}', file=sys.stderr)
-            status = USAGE
-    return status
 
 
 def check_out(out: Path, args: argparse.Namespace) -> None:
@@ -98,7 +71,7 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             for name in missing:
                 print(f'  {name} is not in the bag, nor a topic that may be it by another name')
             return NOTHING_ESTIMATED
-    with Progress(bag_name(bag)) as progress:
+    with ProgressLine(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
                            names=opened.names, source=source.tree, checks=args.checks,
                            overhead=args.overhead)
@@ -118,11 +91,3 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         write_figures(out, analysis.result, params.robot)
     print(f'  written to {out}')
     return diverged(bag, analysis.summary)
-
-
-def diverged(bag: Path, summary: Tree) -> int:
-    """Print as the last line that the estimate diverged, if it did; return the exit status."""
-    if summary['diverged'] is None:
-        return ESTIMATED
-    print(f'{bag}: {summary["diverged"]}; correct the errors that "smart_tire doctor" names')
-    return DIVERGED

@@ -17,16 +17,17 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import (
-    bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing, STEP_NAMES)
-from smart_tire.cli.identify import report, written
+from smart_tire.cli._bags import bag_settings
+from smart_tire.cli._identified import IDENTIFIED, NOT_IDENTIFIED, report, written
+from smart_tire.cli._options import STEP_NAMES
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import load_node
 from smart_tire.paths import write_text
 from smart_tire.uncertain import Uncertain
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.calibrate import Bags
+    from smart_tire.identification.calibrate import Bags
     from smart_tire.calibration.sequence import Calibration
 
 PARAMETER_FILE, CAMERA_FILE = 'robot.yaml', 'overhead.yaml'
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
 def calibrate_camera(args: argparse.Namespace) -> int:
     """Find the places of the overhead camera and of the tags; return the exit status."""
-    from smart_tire.analysis.calibrate_camera import calibrate
+    from smart_tire.identification.camera import calibrate
     from smart_tire.analysis.overhead import overhead_params
     from smart_tire.bags import Bag, TopicNames
     if args.bag is None:
@@ -85,7 +86,7 @@ def steps_of(args: argparse.Namespace) -> list[str]:
 
 def identify_only(args: argparse.Namespace, bags: Bags) -> int:
     """Identify the kind ``--only``, as ``smart_tire identify`` does; return the exit status."""
-    from smart_tire.analysis.identify import Source
+    from smart_tire.identification.identify import Source
     ground, lifted = ([path for step, paths in bags.items() for path in paths
                        if (step == 'lifted') is off] for off in (False, True))
     if not ground:
@@ -99,7 +100,7 @@ def identify_only(args: argparse.Namespace, bags: Bags) -> int:
 
 def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
-    from smart_tire.analysis.calibrate import calibrate_bags, figures
+    from smart_tire.identification.calibrate import calibrate_bags, figures
     from smart_tire.analysis.drawing import save_all
     params, names = bag_settings(
         [path for paths in bags.values() for path in paths], args,

@@ -25,9 +25,9 @@ import sys
 import time
 from typing import Any, TYPE_CHECKING
 
-from smart_tire.cli._options import (
+from smart_tire.cli._outputs import (
     FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters
 from smart_tire.launching import CAMERA
 from smart_tire.samples import NS_PER_S
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
     params = _prepare(out, args.seed, camera=args.camera)
     intervals = _drive(out, params, partial(Pilot, 'demo_driver'), nodes, view=args.view)
     print('evaluating the recording', flush=True)
-    with Progress('smart_tire demo'):
+    with ProgressLine('smart_tire demo'):
         summary = evaluate_demo(
             out / 'bag', params, intervals, (
                 *EXPECTED_TOPICS, *PATH_TOPICS, *(CAMERA_TOPICS if args.camera else ())),
@@ -209,11 +209,11 @@ def _drive_paths(session: Session, dashboard: Dashboard) -> None:
 def _follow(session: Session, name: str, poses: Poses, dashboard: Dashboard) -> bool:
     """Follow a path; return whether its end was reached, else print why not."""
     from smart_tire.cli._drive_session import follow_resuming
-    from smart_tire.control.trajectory_control import State
+    from smart_tire.control.trajectory_control import PathState
     state, reason = follow_resuming(session, name, poses, dashboard)
-    if state != State.ARRIVED:
+    if state != PathState.ARRIVED:
         print(f'demo: {name}: {state.name.lower()}: {reason}', file=sys.stderr)
-    return state == State.ARRIVED
+    return state == PathState.ARRIVED
 
 
 def border_point(x: float, y: float) -> tuple[float, float]:

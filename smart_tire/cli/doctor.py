@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.findings import counted, Finding, Level, worst
 
@@ -34,7 +34,7 @@ STYLES = {Level.OK: 'green', Level.INFO: 'cyan', Level.WARNING: 'yellow', Level.
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return the exit status."""
     console = Console()
-    with Progress(timer=False) as progress:
+    with ProgressLine(timer=False) as progress:
         if args.json:
             found = list(_findings(args, progress))
             print(to_json(found))
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     return status_of(found)
 
 
-def _findings(args: argparse.Namespace, progress: Progress) -> Iterator[Finding]:
+def _findings(args: argparse.Namespace, progress: ProgressLine) -> Iterator[Finding]:
     files, unreadable = _valid_files(args.params)
     yield from unreadable
     if args.bag is None:
@@ -57,7 +57,7 @@ def _findings(args: argparse.Namespace, progress: Progress) -> Iterator[Finding]
 
 
 def _with_parameters(bag: Bag, files: Sequence[Path],
-                     progress: Progress) -> Iterator[Finding]:
+                     progress: ProgressLine) -> Iterator[Finding]:
     """Yield the findings on a bag with the parameters in ``files``, or with its own."""
     from smart_tire.analysis.pipeline import bag_params
     from smart_tire.analysis.checks import findings

@@ -24,8 +24,8 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._keyboard import Keyboard, StopRequest
-from smart_tire.cli._options import (
-    confirmed, refuse_existing, refuse_existing_bag, remove, remove_bag)
+from smart_tire.cli._options import confirmed
+from smart_tire.cli._outputs import refuse_existing, refuse_existing_bag, remove, remove_bag
 from smart_tire.cli._stack import NODES
 from smart_tire.errors import ParameterError
 
@@ -33,18 +33,10 @@ if TYPE_CHECKING:
     from smart_tire.cli._drive_session import Session
     from smart_tire.cli._path_file import Poses
 
-PATHS = ('figure_eight', 'square', 'lane_change')
-RADIUS, SIDE, LANE_CHANGE = 0.6, 2.0, (3.0, 1.0)  # m, with --scale 1
 KEYBOARD_SPEED = 0.3   # m/s
 FILES = ('drive.yaml', 'summary.json', 'path.png')
 ARRIVED, NOT_ARRIVED, INTERRUPTED = 0, 1, 130  # exit statuses
 CANCEL = 'ros2 service call /cancel_path std_srvs/srv/Trigger'
-
-
-def complete_path(prefix: str, **_: object) -> list[str]:
-    """Return the names of paths and the files that begin with ``prefix``, for the shell."""
-    from argcomplete.completers import FilesCompleter
-    return [name for name in PATHS if name.startswith(prefix)] + list(FilesCompleter()(prefix))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -73,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _checked(args: argparse.Namespace) -> Poses:
     """Return the path, empty for the keyboard; raise ParameterError for a wrong argument."""
+    from smart_tire.cli._path_file import read_plan
     if args.keyboard:
         Keyboard(sys.stdin)  # raises if it is not a terminal
         if args.absolute or args.scale != 1.0:
@@ -87,26 +80,6 @@ def _checked(args: argparse.Namespace) -> Poses:
     refuse_existing([args.out / name for name in FILES], force=args.force,
                     inputs=[*args.params, *([] if args.keyboard else [Path(args.path)])])
     return poses
-
-
-def read_plan(name: str, scale: float) -> Poses:
-    """
-    Return the poses of one of ``PATHS``, or of a path file, with lengths times ``scale``.
-
-    Raises ParameterError if there is none of this name.
-    """
-    from smart_tire.cli._path_file import read_path, scaled
-    from smart_tire.control import path_library
-    plans: dict[str, Callable[[], Any]] = {
-        'figure_eight': lambda: path_library.figure_eight(RADIUS * scale),
-        'square': lambda: path_library.square(SIDE * scale),
-        'lane_change': lambda: path_library.lane_change(*(scale * d for d in LANE_CHANGE))}
-    if name in plans:
-        found: Poses = plans[name]().poses
-        return found
-    if not Path(name).exists():
-        raise ParameterError(f'--path {name}: no such file, and not one of {", ".join(PATHS)}')
-    return scaled(read_path(Path(name)), scale)
 
 
 def _announce(args: argparse.Namespace, poses: Poses) -> None:
@@ -166,7 +139,7 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> int:
     """Follow the path; return the exit status."""
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._path_file import placed
-    from smart_tire.control.trajectory_control import State
+    from smart_tire.control.trajectory_control import PathState
     try:
         with Dashboard() as dashboard:
             state = session.follow(Path(args.path).name, poses if args.absolute else placed(
@@ -174,10 +147,10 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> int:
     except KeyboardInterrupt:
         print('interrupted: the path is canceled', file=sys.stderr)
         return INTERRUPTED
-    if state != State.ARRIVED:
+    if state != PathState.ARRIVED:
         reason, _ = session.reason(state)
         print(f'smart_tire drive: {state.name.lower()}: {reason}', file=sys.stderr)
-    return ARRIVED if state == State.ARRIVED else NOT_ARRIVED
+    return ARRIVED if state == PathState.ARRIVED else NOT_ARRIVED
 
 
 def _teleoperate(args: argparse.Namespace, session: Session) -> None:

@@ -18,22 +18,20 @@ calibrate --only KIND`` calls them as well.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import (
-    bag_settings, IDENTIFIED, NOT_IDENTIFIED, refuse_existing)
+from smart_tire.cli._bags import bag_settings
+from smart_tire.cli._identified import report
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
-from smart_tire.paths import bag_name, write_text
+from smart_tire.paths import bag_name
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.identify import Identification, Source
-    from smart_tire.estimation.film.files import FilmRecording
-    from smart_tire.models.film.buckling_film import BucklingFilm
+    from smart_tire.papers.buckling_film import BucklingFilm
+    from smart_tire.papers.film_files import FilmRecording
 
-NAME_WIDTH = 32
 UNITS = (('s', ('ms', 'us', 'ns')), ('m', ('mm', 'um', 'cm')), ('C', ('pC', 'nC', 'uC')))
 
 
@@ -48,42 +46,12 @@ def run_bags(args: argparse.Namespace) -> int:
     lifted = getattr(args, 'lifted', [])
     figure, bags = out.with_suffix('.png'), [*args.bags, *lifted]
     refuse_existing([out, figure], force=args.force, inputs=[*bags, *args.params])
-    from smart_tire.analysis.calibrate_robot import TimeRange
-    from smart_tire.analysis.identify import Source
+    from smart_tire.identification.robot import TimeRange
+    from smart_tire.identification.identify import Source
     params, names = bag_settings(bags, args)
     return report(args.kind, Source(
         args.bags, params.robot, TimeRange(args.since, args.until),
         getattr(args, 'reference', 'none'), names, lifted), out, figure)
-
-
-def report(kind: str, source: Source, out: Path, figure: Path) -> int:
-    """Print what ``source`` shows, write parameter file and figure; return the exit status."""
-    from smart_tire.analysis.identify import identify
-    return written(identify(kind, source), (*source.bags, *source.lifted), out, figure)
-
-
-def written(made: Identification, bags: Iterable[Path], out: Path, figure: Path) -> int:
-    """Print what was identified, write file and figure; return the exit status."""
-    from smart_tire.analysis.drawing import save
-    from smart_tire.parameters.calibration_file import identified_text
-    for item in made.found.quantities:
-        value, sigma = item.estimate
-        print(f'{item.name:{NAME_WIDTH}}{value:12.6g} ± {sigma:<8.2g} {item.unit:9}{item.note}')
-    for reasons, text in ((made.found.refused, 'not observable'),
-                          (made.found.kept, 'not written')):
-        for name, why in reasons.items():
-            print(f'{name:{NAME_WIDTH}}{text}: {why}')
-    for note in made.found.notes:
-        print(f'note: {note}')
-    if not made.parameters:
-        print('nothing could be identified from these recordings')
-        return NOT_IDENTIFIED
-    names = ', '.join(map(str, bags))
-    write_text(out, identified_text([f'Identified from {names}.'], made.parameters))
-    if made.figure is not None:
-        save(made.figure, figure)
-    print(f'written to {out}' + ('' if made.figure is None else f' and {figure}'))
-    return IDENTIFIED
 
 
 def run_film(args: argparse.Namespace) -> int:
@@ -91,10 +59,10 @@ def run_film(args: argparse.Namespace) -> int:
     out = args.out or args.data.with_name(f'{args.data.stem}_film.yaml')
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data])
-    from smart_tire.analysis.calibration_figures import fit_figure
+    from smart_tire.identification.figures import fit_figure
     from smart_tire.analysis.drawing import save
-    from smart_tire.calibration.film_bench import identify_film, write_params
-    from smart_tire.estimation.film.files import COLUMNS, PRODUCTS, read_recording
+    from smart_tire.papers.film_bench import identify_film, write_params
+    from smart_tire.papers.film_files import COLUMNS, PRODUCTS, read_recording
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
     if not args.raw:
         _check_units(columns)
@@ -129,7 +97,7 @@ def _check_units(columns: list[str]) -> None:
 
 def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:
     """Return the film on the test stand; None if the input is not a deflection."""
-    from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
+    from smart_tire.papers.buckling_film import BucklingFilm, FILMS
     if args.raw:
         return None
     film = BucklingFilm(length=args.length * 1e-3, width=FILMS['25x3'].width,

@@ -92,7 +92,7 @@ def add_arguments(parser: Any, arguments: Iterable[Any]) -> None:
 def complete_path(prefix: str, **_: object) -> list[str]:
     """Return the names of paths to drive and the files that begin with ``prefix``."""
     from argcomplete.completers import FilesCompleter
-    from smart_tire.cli.drive import PATHS
+    from smart_tire.control.path_library import PATHS
     return [name for name in PATHS if name.startswith(prefix)] + list(FilesCompleter()(prefix))
 
 
@@ -166,8 +166,8 @@ def run_verb(args: argparse.Namespace) -> int:
     verb = import_module(f'smart_tire.cli.{args.verb}')
     if args.verb not in COMPUTING:
         return int(verb.run(args))
-    from smart_tire.cli._progress import Progress
-    with Progress(f'smart_tire {args.verb}'):
+    from smart_tire.cli._progress import ProgressLine
+    with ProgressLine(f'smart_tire {args.verb}'):
         return int(verb.run(args))
 
 

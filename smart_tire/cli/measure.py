@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli._options import refuse_existing
+from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
 
 REQUIRED_COLUMNS, REFERENCE_COLUMN = ['time_s', 'charge_C'], 'deflection_m'
@@ -26,10 +26,10 @@ def run(args: argparse.Namespace) -> int:
     figure = out.with_suffix('.png')
     refuse_existing([out, figure], force=args.force, inputs=[args.data, args.params])
     import numpy as np
-    from smart_tire.analysis.calibration_figures import measurement_figure
+    from smart_tire.identification.figures import measurement_figure
     from smart_tire.analysis.drawing import save
-    from smart_tire.estimation.film.files import read_columns, read_params, write_columns
-    from smart_tire.estimation.film.measure import measure
+    from smart_tire.papers.film_files import read_columns, read_params, write_columns
+    from smart_tire.papers.film_measurement import measure
     params = read_params(args.params)
     time, charge, *rest = read_columns(args.data, _columns(args), only=False)
     try:
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _columns(args: argparse.Namespace) -> list[str]:
-    from smart_tire.estimation.film.files import header_of
+    from smart_tire.papers.film_files import header_of
     if args.columns is None:
         return REQUIRED_COLUMNS + [REFERENCE_COLUMN] * (REFERENCE_COLUMN in header_of(args.data))
     columns: list[str] = args.columns.split(',')

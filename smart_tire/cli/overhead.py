@@ -14,9 +14,10 @@ from __future__ import annotations
 import argparse
 import math
 
-from smart_tire.cli._options import (
-    print_warnings, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._bags import print_warnings
+from smart_tire.cli._outputs import (
+    refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.paths import bag_name
 
 ESTIMATED, NOTHING_ESTIMATED = 0, 1  # exit statuses
@@ -33,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
         params = overhead_params(bag, args.params, **given)
         bag.joints = params.robot.joints
-        with Progress(bag_name(args.bag)) as progress:
+        with ProgressLine(bag_name(args.bag)) as progress:
             result = locate(bag, params, progress.share)
         notes = [*bag.notes, *bag.faults.lines()]
         print_warnings(bag.warnings)

@@ -21,8 +21,9 @@ import time
 
 from rich.filesize import decimal
 
-from smart_tire.cli._options import print_counts, refuse_existing_bag, remove_bag
-from smart_tire.cli._progress import Progress, Rate
+from smart_tire.cli._bags import print_counts
+from smart_tire.cli._outputs import refuse_existing_bag, remove_bag
+from smart_tire.cli._progress import ProgressLine, Rate
 from smart_tire.errors import ParameterError
 
 MIN_SIZE, MIN_DURATION = 1.0, 1.0  # MB, s of a file: a bag of thousands of files opens slowly
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         parameters = EstimatorParams.load(args.params).by_node()
     from smart_tire.nodes.recorder import record
     remove_bag(directory)
-    with Progress(timer=False) as progress:
+    with ProgressLine(timer=False) as progress:
         status = RecordStatus(directory)
         recording = record(directory, args.topics, parameters,
                            lambda counts, lost: progress.show(status.text(counts, lost)),

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli._options import (
-    print_counts, print_warnings, refuse_existing_bag, refuse_folder_of_bag, remove_bag)
+from smart_tire.cli._bags import print_counts, print_warnings
+from smart_tire.cli._outputs import refuse_existing_bag, refuse_folder_of_bag, remove_bag
 from smart_tire.paths import bag_name
 
 

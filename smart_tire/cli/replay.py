@@ -20,8 +20,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._options import print_counts, print_warnings, REQUIRED
-from smart_tire.cli._progress import Progress, Rate
+from smart_tire.cli._bags import print_counts, print_warnings, REQUIRED
+from smart_tire.cli._progress import ProgressLine, Rate
 from smart_tire.errors import BagError
 from smart_tire.estimation.streams import INPUTS
 
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         from smart_tire.nodes.replayer import replay
         start_ns, end_ns = bag.span_ns
         status = ReplayStatus((end_ns - start_ns) * 1e-9)
-        with Progress(timer=False) as progress:
+        with ProgressLine(timer=False) as progress:
             result = replay(bag, names, rate=args.rate, clock=args.clock, wait=args.wait,
                             wait_for=args.wait_for, renamed=renamed,
                             on_progress=lambda position: progress.show(status.text(position)))

@@ -19,17 +19,17 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 import smart_tire
-from smart_tire.cli._options import (
-    check_options, open_bag, print_errors, refuse_existing, refuse_folder_of_bag)
-from smart_tire.cli._progress import Progress
-from smart_tire.cli.analyze import check_overhead, diverged, each_bag, NOTHING_ESTIMATED
+from smart_tire.cli._bags import (
+    check_options, check_overhead, diverged, each_bag, NOTHING_ESTIMATED, open_bag, print_errors)
+from smart_tire.cli._outputs import refuse_existing, refuse_folder_of_bag
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name, write_text
+from smart_tire.samples import NS_PER_S
 
 SUFFIXES = ('.html', '.htm')
 DEMO_BAG = 'bag'  # folder of the bag in the output of "smart_tire demo", which has no name
-FIRST_DATE_NS = 946_684_800 * 10 ** 9  # 2000-01-01; earlier timestamps are not dates
-NS_PER_S = 10 ** 9
+FIRST_DATE_NS = 946_684_800 * NS_PER_S  # 2000-01-01; earlier timestamps are not dates
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,7 +70,7 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     from smart_tire.analysis.offline import analyze
     with open_bag(bag, args) as (opened, source):
         pass
-    with Progress(report_name(bag)) as progress:
+    with ProgressLine(report_name(bag)) as progress:
         result = analyze(bag, None, source.params, progress.share, names=opened.names,
                          source=source.tree, checks=args.checks, overhead=args.overhead)
     print_errors(result.contents.errors)

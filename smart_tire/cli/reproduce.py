@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.cli._options import refuse_existing
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._outputs import refuse_existing
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 
 
@@ -23,9 +23,9 @@ def run(args: argparse.Namespace) -> int:
     """Simulate the experiments and write figures and report; return the exit status."""
     refuse_existing([args.out / 'report.html', *sorted(args.out.glob('paper_*.png'))],
                     force=args.force)
-    from smart_tire.reproduction.runner import reproduce
+    from smart_tire.papers.runner import reproduce
     try:
-        with Progress('smart_tire reproduce') as progress:
+        with ProgressLine('smart_tire reproduce') as progress:
             report = reproduce(args.out, lambda done, total, what: progress.show(
                 f'{done}/{total}  {what}'))
     except OSError as error:

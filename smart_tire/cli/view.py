@@ -26,9 +26,9 @@ import time
 from typing import TYPE_CHECKING
 import webbrowser
 
-from smart_tire.cli._options import (
-    open_bag, print_checks, refuse_existing)
-from smart_tire.cli._progress import Progress
+from smart_tire.cli._bags import open_bag, print_checks
+from smart_tire.cli._outputs import refuse_existing
+from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
 
     With a ``tag_family`` there is a page of the images of the overhead camera.
     """
-    from smart_tire.view.layout import Layout
+    from smart_tire.view.layout import ViewLayout
     from smart_tire.view.scene import Scene
     from smart_tire.view.viewer import open_stream, Viewer
     display = has_display(os.environ)
@@ -105,7 +105,8 @@ def _with_viewer(args: argparse.Namespace, name: str, params: EstimatorParams,
                   else f'{ANNOUNCED}a window of its own', flush=True)
             if web and display:
                 webbrowser.open(viewer.address.page)
-        layout = Layout(params.robot.film.wheels, live=args.live, camera=tag_family is not None)
+        layout = ViewLayout(params.robot.film.wheels, live=args.live,
+                            camera=tag_family is not None)
         stream = open_stream(name, layout.blueprint(), file=args.save,
                              address=viewer.address.stream if viewer else None)
         status = show(Scene(stream, params.robot, *filter(None, [tag_family])), viewer)
@@ -120,7 +121,7 @@ def _show_bag(args: argparse.Namespace, bag: Path, estimates: Path | None,
               viewer: Viewer | None) -> int:
     """Show a bag; wait while a viewer for browsers is served."""
     from smart_tire.view.bag import show
-    with Progress(bag.name) as progress:
+    with ProgressLine(bag.name) as progress:
         show(bag, estimates, scene, params, estimate=args.estimate,
              describe=partial(print, flush=True), progress=progress.share, names=names)
     if viewer is not None and viewer.address.web is not None:
@@ -182,7 +183,7 @@ def _show_live(scene: Scene, viewer: Viewer | None) -> int:
     """Show live topics until SIGINT, SIGTERM, or the end of the viewer; return exit status 0."""
     from smart_tire.nodes.observer import Listener
     from smart_tire.nodes.runner import NodeRunner
-    from smart_tire.view.recorder import ViewError
+    from smart_tire.view.writer import ViewError
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda which, _: stopped.append(which))

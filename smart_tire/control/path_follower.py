@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, wrap
@@ -77,6 +78,19 @@ class Conditions:
     drift: float  # rad, from the x axis of the body to its direction of travel, forward
 
 
+class Advance(NamedTuple):
+    """How far a path has been driven; each number grows."""
+
+    number: int      # of the maneuver
+    distance: float  # m along the path from its end, so it is negative
+    turn: float      # rad from the end of a turn in place, so it is negative; -inf outside of one
+
+    def exceeds(self, other: Advance) -> bool:
+        """Return whether this is farther than the ``other``, by more than a robot that stands."""
+        return (self.number > other.number or self.distance > other.distance + c.MIN_ADVANCE
+                or self.turn > other.turn + c.MIN_TURN)
+
+
 class PathFollower:
     """
     Drives along ``maneuvers``; they begin at standstill, except the first one. None: stops.
@@ -121,12 +135,12 @@ class PathFollower:
         ahead = sum(one.length for one in self._maneuvers[self._number:])
         return max(ahead - (self._distance or 0.0), 0.0)
 
-    def advance(self) -> tuple[float, float]:
-        """Return numbers that grow with progress: along the path [m], of a turn [rad]."""
+    def advance(self) -> Advance:
+        """Return how far the path has been driven."""
         spin = self._spin
         before = min(self.point.along, 0.0) if self.point is not None else 0.0
-        return (self._number - self.remaining_distance() + before,
-                -abs(spin.error) if spin is not None else -math.inf)
+        return Advance(self._number, before - self.remaining_distance(),
+                       -abs(spin.error) if spin is not None else -math.inf)
 
     def step(self, now: Conditions) -> tuple[float, float]:
         """Return forward speed [m/s] and yaw rate [rad/s] to command until the next step."""

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 import math
 
 import numpy as np
@@ -74,3 +74,10 @@ def curve(x: Array, y: Array) -> list[Vector3]:
 def planned(poses: Iterable[Vector3]) -> PlannedPath:
     """Return a path through poses in ``odom``."""
     return PlannedPath(0, FRAME, tuple(poses))
+
+
+# Paths by name; lengths are multiplied by the argument.
+PATHS: Mapping[str, Callable[[float], PlannedPath]] = {
+    'figure_eight': lambda scale: figure_eight(0.6 * scale),
+    'square': lambda scale: square(2.0 * scale),
+    'lane_change': lambda scale: lane_change(3.0 * scale, 1.0 * scale)}

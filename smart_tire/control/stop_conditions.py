@@ -19,7 +19,7 @@ from statistics import fmean
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.history import History
-from smart_tire.control.path_follower import PathFollower
+from smart_tire.control.path_follower import Advance, PathFollower
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WheelSample
@@ -130,7 +130,7 @@ class ProgressMonitor:
         self._waiting_ns: int | None = before._waiting_ns if before else None
         self._place: Motion | None = before._place if before else None  # where it was at ...
         self._place_ns: int = before._place_ns if before else 0
-        self._mark: tuple[float, float] | None = None  # progress at ``_mark_ns``
+        self._mark: Advance | None = None  # at ``_mark_ns``
         self._mark_ns = 0
         self._allowed = math.inf  # m, from the path: the robot may begin off it
         self._checked_end = False
@@ -178,10 +178,8 @@ class ProgressMonitor:
     def _check_progress(self, follower: PathFollower, motion: Motion, now_ns: int,
                         params: TrajectoryControllerParams) -> str:
         now, timeout_ns = follower.advance(), params.checks.progress_timeout * NS_PER_S
-        mark, place = self._mark, self._place
-        advanced = mark is not None and (
-            now[0] > mark[0] + c.MIN_ADVANCE or now[1] > mark[1] + c.MIN_TURN)
-        if mark is None or advanced:
+        place, advanced = self._place, self._mark is not None and now.exceeds(self._mark)
+        if self._mark is None or advanced:
             self._mark, self._mark_ns = now, now_ns
         if place is None or advanced or abs(wrap(motion.yaw - place.yaw)) > c.MIN_TURN or (
                 math.hypot(motion.x - place.x, motion.y - place.y) > c.MIN_ADVANCE):

@@ -31,7 +31,7 @@ from smart_tire.samples import (
     WheelSample, WheelSlip)
 
 
-class State(IntEnum):
+class PathState(IntEnum):
     """State of the controller, as in ``path_progress``."""
 
     IDLE = 0
@@ -74,13 +74,13 @@ class TrajectoryControl:
         self._stop_due = False             # a command of zero is to be published
         self.holding = False               # commands of zero are published since the arrival
         self._last = (0.0, 0.0)            # command before the compensation of slip
-        self.state = State.IDLE
+        self.state = PathState.IDLE
         self.reason, self.cause = '', Cause.ORDER
 
     @property
     def active(self) -> bool:
         """Return whether commands are published."""
-        return self.state == State.FOLLOWING or self.holding
+        return self.state == PathState.FOLLOWING or self.holding
 
     def follow(self, target: PlannedPath | GoalPose, now_ns: int) -> None:
         """
@@ -103,22 +103,22 @@ class TrajectoryControl:
         except CommandError as error:
             self.refuse(error)
             return
-        if self.state != State.FOLLOWING:
+        if self.state != PathState.FOLLOWING:
             self._odometry_check.clear()
             self._stepped_ns = None  # the first step is one period, however long ago the last was
-        self.state, self.reason, self._motion.fault = State.FOLLOWING, '', ''
+        self.state, self.reason, self._motion.fault = PathState.FOLLOWING, '', ''
         self.holding = False
 
     def cancel(self, reason: str) -> None:
         """Stop following or holding; nothing happens if neither is done."""
         if self.active:
-            self._end(State.STOPPED, reason)
+            self._end(PathState.STOPPED, reason)
             self.holding = False
 
     def refuse(self, error: Exception) -> None:
         """End following for an order that cannot be read or is too old."""
         late = isinstance(error, LateCommandError)
-        self._end(State.REFUSED, str(error), Cause.LATE if late else Cause.ORDER)
+        self._end(PathState.REFUSED, str(error), Cause.LATE if late else Cause.ORDER)
 
     def add_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
@@ -147,12 +147,12 @@ class TrajectoryControl:
         with ``hold_on_arrival`` commands of zero go on.
         """
         last_ns, self._stepped_ns = self._stepped_ns, now_ns
-        if self.state == State.FOLLOWING:
+        if self.state == PathState.FOLLOWING:
             if last_ns is not None and now_ns < last_ns:
                 self.cancel('time runs back, expected increasing times')
             else:
                 self._check(now_ns)
-        if self.state == State.FOLLOWING and self._follower is not None:
+        if self.state == PathState.FOLLOWING and self._follower is not None:
             return self._follow(self._follower, now_ns, self._time_step(now_ns, last_ns))
         return self._stop(now_ns)
 
@@ -164,8 +164,8 @@ class TrajectoryControl:
         return PathProgress(now_ns, self._follower.remaining_distance(),
                             NAN if point is None else point.lateral, int(self.state))
 
-    def _end(self, state: State, reason: str = '', cause: Cause = Cause.ORDER) -> None:
-        self._stop_due = self._stop_due or self.state == State.FOLLOWING
+    def _end(self, state: PathState, reason: str = '', cause: Cause = Cause.ORDER) -> None:
+        self._stop_due = self._stop_due or self.state == PathState.FOLLOWING
         self.state, self.reason, self.cause = state, reason, cause
         self._target, self._follower, self._last = None, None, (0.0, 0.0)
 
@@ -178,12 +178,12 @@ class TrajectoryControl:
         """Begin with a new target; end following where a condition for it is not met."""
         stale = self._motion.initialized and self._stale(now_ns)
         if fault := self._motion.fault:
-            self._end(State.STOPPED, fault, Cause.MOTION)
+            self._end(PathState.STOPPED, fault, Cause.MOTION)
         elif stale:
-            self._end(State.STOPPED, stale, Cause.LATE)
+            self._end(PathState.STOPPED, stale, Cause.LATE)
         elif fault := ((not self._motion.initialized and self._progress.waiting(now_ns))
                        or self._odometry_check.fault(self.params.checks.max_slip)):
-            self._end(State.STOPPED, fault, Cause.MOTION)
+            self._end(PathState.STOPPED, fault, Cause.MOTION)
         elif (self._target is not None and self._motion.initialized
               and (self._follower is None or self._follower.finished)):
             try:
@@ -216,7 +216,7 @@ class TrajectoryControl:
 
     def _new_monitor(self) -> ProgressMonitor:
         """Return a monitor of a new path, which follows on that of the one followed so far."""
-        return ProgressMonitor(self._progress if self.state == State.FOLLOWING else None)
+        return ProgressMonitor(self._progress if self.state == PathState.FOLLOWING else None)
 
     def _is_renewed(self, target: PlannedPath | GoalPose) -> bool:
         """
@@ -255,7 +255,7 @@ class TrajectoryControl:
             return VelocityCommand(now_ns, *self._compensated(now_ns))
         reason = self._progress.check(follower, self._motion.motion, now_ns, params)
         if follower.finished or reason:
-            self._end(State.STOPPED if reason else State.ARRIVED, reason, Cause.MOTION)
+            self._end(PathState.STOPPED if reason else PathState.ARRIVED, reason, Cause.MOTION)
             self.holding = params.hold_on_arrival and not reason
             return self._stop(now_ns)
         return VelocityCommand(now_ns, *self._compensated(now_ns))

@@ -22,7 +22,7 @@ from smart_tire.samples import Four, four, NS_PER_S, STOPPED
 
 
 @dataclass(frozen=True)
-class Reading:
+class WheelReading:
     """Wheel speeds and angles at one time."""
 
     velocity: Four         # rad/s
@@ -47,7 +47,7 @@ class WheelFeedback:
         self._window_ns = round(window * NS_PER_S)
         self._gaps: deque[int] = deque(maxlen=c.PERIODS)
         self._lateness: deque[int] = deque(maxlen=c.ARRIVALS)  # ns, of arrivals after ``time_ns``
-        self._readings: deque[Reading] = deque()
+        self._readings: deque[WheelReading] = deque()
 
     def add_reading(self, velocity: Four, now_ns: int, stamp_ns: int = 0,
                     position: Four | None = None) -> None:
@@ -77,7 +77,7 @@ class WheelFeedback:
         self._lateness.clear()
         if period_ns:
             time_ns = now_ns - period_ns
-            self._readings.append(Reading(velocity, time_ns, 0, time_ns, STOPPED, None))
+            self._readings.append(WheelReading(velocity, time_ns, 0, time_ns, STOPPED, None))
         return period_ns
 
     def _append(self, velocity: Four, now_ns: int, stamp_ns: int, position: Four | None,
@@ -90,7 +90,7 @@ class WheelFeedback:
             self._lateness.clear()
         self._lateness.append(late_ns)
         readings = self._readings
-        readings.append(Reading(velocity, now_ns, stamp_ns, time_ns, angle, position))
+        readings.append(WheelReading(velocity, now_ns, stamp_ns, time_ns, angle, position))
         while len(readings) > 2 and time_ns - readings[1].time_ns >= self._window_ns:
             readings.popleft()
 
@@ -99,7 +99,7 @@ class WheelFeedback:
         self._readings.clear()
 
     @property
-    def latest(self) -> Reading | None:
+    def latest(self) -> WheelReading | None:
         """Return the latest reading, None if there is none."""
         return self._readings[-1] if self._readings else None
 
@@ -151,14 +151,14 @@ class WheelFeedback:
         return 0.5 * (window + period + control_period) + c.LINE_DELAY + late / NS_PER_S
 
 
-def _gap(before: Reading, now_ns: int, stamp_ns: int) -> int:
+def _gap(before: WheelReading, now_ns: int, stamp_ns: int) -> int:
     """Return the time [ns] since the reading ``before``, by timestamps if they are plausible."""
     gap_ns = stamp_ns - before.stamp_ns
     plausible = c.MIN_PERIOD_NS <= gap_ns <= c.MAX_PERIOD_NS
     return gap_ns if plausible else now_ns - before.arrived_ns
 
 
-def _angle(before: Reading, velocity: Four, position: Four | None, gap_ns: int) -> Four:
+def _angle(before: WheelReading, velocity: Four, position: Four | None, gap_ns: int) -> Four:
     """Return the angles [rad] ``gap_ns`` after ``before``; by the speeds without positions."""
     elapsed = gap_ns / NS_PER_S
     turned = [speed * elapsed for speed in velocity]

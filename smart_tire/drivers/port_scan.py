@@ -68,7 +68,7 @@ class Device:
 
 
 @dataclass(frozen=True)
-class Expected:
+class ConfiguredPort:
     """A configured port."""
 
     node: str
@@ -229,16 +229,16 @@ def _versions(port: Any) -> dict[int, str]:
 
 
 def expected_ports(tire: TireReceiverParams, imu: ImuDriverParams,
-                   motor: MotorDriverParams) -> list[Expected]:
+                   motor: MotorDriverParams) -> list[ConfiguredPort]:
     """Return the ports that the parameters of the drivers name."""
-    return [Expected('tire_receiver', tire.port, tire.baud_rate, TIRE_RADIO,
-                     tuple(tire.wheel_of())),
-            Expected('imu_driver', imu.port, imu.baud_rate, imu.protocol),
-            Expected('motor_driver', motor.port, motor.baud_rate, MOTOR_BOARDS,
-                     tuple(motor.addresses))]
+    return [ConfiguredPort('tire_receiver', tire.port, tire.baud_rate, TIRE_RADIO,
+                           tuple(tire.wheel_of())),
+            ConfiguredPort('imu_driver', imu.port, imu.baud_rate, imu.protocol),
+            ConfiguredPort('motor_driver', motor.port, motor.baud_rate, MOTOR_BOARDS,
+                           tuple(motor.addresses))]
 
 
-def ports_to_scan(expected: Sequence[Expected],
+def ports_to_scan(expected: Sequence[ConfiguredPort],
                   devices: Sequence[Device]) -> tuple[dict[str, tuple[int, ...]], list[str]]:
     """Return path -> baud rates, configured ones first, and the ports that may be RoboClaws."""
     rates: dict[str, tuple[int, ...]] = {device.path: BAUD_RATES for device in devices}
@@ -248,7 +248,7 @@ def ports_to_scan(expected: Sequence[Expected],
     return rates, boards + [device.path for device in devices if device.roboclaw]
 
 
-def port_findings(expected: Sequence[Expected], devices: Sequence[Device],
+def port_findings(expected: Sequence[ConfiguredPort], devices: Sequence[Device],
                   scanned: Sequence[ScannedPort]) -> Iterator[Finding]:
     """Yield a finding on each configured port, then on each other device."""
     found, used = {port.path: port for port in scanned}, {one.path for one in expected}
@@ -271,7 +271,7 @@ def port_findings(expected: Sequence[Expected], devices: Sequence[Device],
                           action=f'use {device.by_id}')
 
 
-def _configured(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) -> Finding:
+def _configured(one: ConfiguredPort, port: ScannedPort, scanned: Sequence[ScannedPort]) -> Finding:
     name = NAMES[one.protocol]
     if port.holder:
         return Finding(Level.INFO, one.where, f'in use by {port.holder}: not opened')
@@ -295,7 +295,7 @@ def _state(port: ScannedPort) -> str:
         f'{port.received} bytes without a valid frame' if port.received else 'silent')
 
 
-def _addresses(one: Expected, port: ScannedPort) -> Iterator[Finding]:
+def _addresses(one: ConfiguredPort, port: ScannedPort) -> Iterator[Finding]:
     """Yield boards and sensor nodes that are silent, or not configured."""
     boards = one.protocol == MOTOR_BOARDS
     name, parameter = ('board', 'addresses') if boards else ('sensor node', 'units')
@@ -311,7 +311,7 @@ def _addresses(one: Expected, port: ScannedPort) -> Iterator[Finding]:
                           ', '.join(map(text, one.addresses)), f'add it to {parameter}')
 
 
-def _remedy(one: Expected, port: ScannedPort, scanned: Sequence[ScannedPort]) -> str:
+def _remedy(one: ConfiguredPort, port: ScannedPort, scanned: Sequence[ScannedPort]) -> str:
     for other in scanned:
         if other.protocol == one.protocol and other.path != one.path:
             return f'set port: {other.path}, where it answers at {other.baud_rate} baud'

@@ -18,7 +18,7 @@ MessageError, naming topic and field, for a message that docs/topics.md does not
 in ``TOPICS``, by topic.
 """
 
-from smart_tire.messages.cdr import Decoder, Encoder, FIELDS, stamp_in
+from smart_tire.messages.cdr import FIELDS, LayoutDecoder, LayoutEncoder, stamp_in
 from smart_tire.messages.header import NodeStatus, stamp_of, statuses_from_msg
 from smart_tire.messages.joint_names import OtherJointsError, resolved_joints
 from smart_tire.messages.joint_state import wheels_from_msg
@@ -31,8 +31,8 @@ from smart_tire.messages.topics import (
 from smart_tire.messages.typed import definitions
 
 __all__ = [
-    'ALL_TOPICS', 'check_pose_count', 'Decoder', 'definitions', 'Encoder', 'FIELDS', 'find_topic',
-    'forms_of', 'IMAGES', 'imu_mounting_to_msg', 'imu_to_msg', 'NodeStatus', 'OtherJointsError',
-    'path_from_bytes', 'path_from_msg', 'resolved_joints', 'stamp_in', 'stamp_of',
-    'statuses_from_msg', 'Topic', 'topic_of', 'TOPICS', 'transform_from_msg', 'transform_to_msg',
-    'TYPED', 'velocity_from_twist', 'wheels_from_msg']
+    'ALL_TOPICS', 'check_pose_count', 'definitions', 'FIELDS', 'find_topic', 'forms_of', 'IMAGES',
+    'imu_mounting_to_msg', 'imu_to_msg', 'LayoutDecoder', 'LayoutEncoder', 'NodeStatus',
+    'OtherJointsError', 'path_from_bytes', 'path_from_msg', 'resolved_joints', 'stamp_in',
+    'stamp_of', 'statuses_from_msg', 'Topic', 'topic_of', 'TOPICS', 'transform_from_msg',
+    'transform_to_msg', 'TYPED', 'velocity_from_twist', 'wheels_from_msg']

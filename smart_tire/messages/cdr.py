@@ -13,8 +13,8 @@ Serialized messages of frequent types, without message objects of ROS.
 
 A robot sends the same frames, names and numbers of values in all messages of a topic, so that all
 numbers stand at the same places: such a layout is one ``struct.Struct``, found from the first
-message and checked in each further one. Messages of any layout are understood. ``Decoder`` returns
-and ``Encoder`` takes messages with the attributes of those of ROS.
+message and checked in each further one. Messages of any layout are understood. ``LayoutDecoder``
+returns and ``LayoutEncoder`` takes messages with the attributes of those of ROS.
 
 CDR (OMG DDSI-RTPS 2.5, 10.2) aligns each number to its size, counted from the end of the
 encapsulation header; the bytes in between have no meaning.
@@ -104,7 +104,7 @@ class CdrReader:
                                frame_id=self.string())
 
 
-class Layout:
+class MessageLayout:
     """
     Messages of a type with the same strings and the same numbers of doubles.
 
@@ -203,7 +203,7 @@ class Layout:
         return self._struct.pack(*values)
 
 
-class Decoder:
+class LayoutDecoder:
     """
     Reads messages of a type of ``FIELDS``.
 
@@ -212,7 +212,7 @@ class Decoder:
 
     def __init__(self, type_name: str, read_other: Callable[[bytes], Any]) -> None:
         self._type, self._read_other = type_name, read_other
-        self._layouts: dict[int, list[Layout]] = {}  # by size of the message
+        self._layouts: dict[int, list[MessageLayout]] = {}  # by size of the message
 
     def __call__(self, data: bytes) -> Any:
         """
@@ -235,7 +235,7 @@ class Decoder:
         msg = layout.read(data)
         return self._read_other(data) if msg is None else msg
 
-    def _layout_of(self, data: bytes) -> Layout:
+    def _layout_of(self, data: bytes) -> MessageLayout:
         reader = CdrReader(data, self._type)
         shape: list[Any] = []
         for _, kind in FIELDS[self._type]:
@@ -251,21 +251,21 @@ class Decoder:
                 shape.append(count)
             else:
                 reader.numbers(f'{kind if isinstance(kind, int) else len(kind)}d', 8)
-        layout = Layout(self._type, tuple(shape), reader.order)
+        layout = MessageLayout(self._type, tuple(shape), reader.order)
         if layout.size > len(data):
             raise struct.error('a string has no zero byte at its end')
         return layout
 
 
-class Encoder:
+class LayoutEncoder:
     """Writes messages of a type of ``FIELDS``; ``msg`` is one with zeros, to be filled."""
 
     def __init__(self, type_name: str) -> None:
         self._type = type_name
         self._variable = [(attrgetter(path), VARIABLE[kind])
                           for path, kind in FIELDS[type_name] if kind in VARIABLE]
-        self._layouts: dict[Shape, Layout] = {}
-        self.msg = Layout(type_name, tuple(
+        self._layouts: dict[Shape, MessageLayout] = {}
+        self.msg = MessageLayout(type_name, tuple(
             '' if kind is str else kind(()) for _, kind in self._variable)).msg
 
     def __call__(self, msg: Any) -> bytes:
@@ -275,7 +275,7 @@ class Encoder:
         if layout is None:
             if len(self._layouts) >= LAYOUT_CACHE_SIZE:
                 self._layouts.clear()
-            layout = self._layouts[shape] = Layout(self._type, shape)
+            layout = self._layouts[shape] = MessageLayout(self._type, shape)
         return layout.write(msg)
 
 

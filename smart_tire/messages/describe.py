@@ -28,7 +28,7 @@ DIAGNOSTICS = '/diagnostics'  # published by every node
 
 
 @dataclass(frozen=True)
-class Field:
+class DescribedField:
     """A field of a message, or a quantity in its list of names."""
 
     name: str     # path in the message, such as 'twist.twist.linear', or the name of a quantity
@@ -47,8 +47,8 @@ class Described:
     publishers: str
     subscribers: str
     summary: str
-    fields: tuple[Field, ...]
-    quantities: tuple[Field, ...]  # of a JointState that lists quantities by name
+    fields: tuple[DescribedField, ...]
+    quantities: tuple[DescribedField, ...]  # of a JointState that lists quantities by name
 
 
 @dataclass(frozen=True)
@@ -118,9 +118,9 @@ def _described(name: str, kind: str = '', rate: str = '', frame: str = '') -> De
         text['summary'], _fields(text['fields']), _fields(text.get('quantities', {})))
 
 
-def _fields(texts: dict[str, str]) -> tuple[Field, ...]:
+def _fields(texts: dict[str, str]) -> tuple[DescribedField, ...]:
     labels = (label.removesuffix(']').partition(' [') for label in texts)
-    return tuple(Field(name, unit, meaning)
+    return tuple(DescribedField(name, unit, meaning)
                  for (name, _, unit), meaning in zip(labels, texts.values()))
 
 
@@ -150,7 +150,8 @@ def topic_lines(topic: Described, *, indent: str = '', width: int = WIDTH) -> It
         yield from field_lines(topic.quantities, inner + '  ', width)
 
 
-def field_lines(fields: Iterable[Field], indent: str, width: int = WIDTH) -> Iterator[str]:
+def field_lines(fields: Iterable[DescribedField], indent: str,
+                width: int = WIDTH) -> Iterator[str]:
     """Yield a line per field, its meaning wrapped in a column of its own."""
     return columns([(field.name + (f' [{field.unit}]' if field.unit else ''), field.meaning)
                     for field in fields], indent, width)

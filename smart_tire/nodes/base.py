@@ -36,7 +36,8 @@ from rclpy.timer import Timer
 from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import HostLoad, TimerLateness
-from smart_tire.messages import Decoder, Encoder, FIELDS, OtherJointsError, TOPICS, TYPED
+from smart_tire.messages import (
+    FIELDS, LayoutDecoder, LayoutEncoder, OtherJointsError, TOPICS, TYPED)
 from smart_tire.nodes.compat import (
     full_name, installed_class, message_class, message_info, plain_message, RCLError, RMWError,
     wrong_type_message)
@@ -327,7 +328,7 @@ class SmartTireNode(Node, Generic[Params]):
         if topic.type not in FIELDS:
             msg = cls()
             return lambda sample: publish(to_msg(msg, sample))
-        encode = Encoder(topic.type)
+        encode = LayoutEncoder(topic.type)
         if self.exchange is None:
             return lambda sample: publish(encode(to_msg(encode.msg, sample)))
         route = self.exchange.publish(
@@ -464,7 +465,7 @@ def _from_bytes(type_name: str, cls: type[Any], from_msg: Callable[[Any], Any]
     """
     Return whether messages are to be received serialized, and the conversion of what is received.
 
-    rclpy needs several times as long to deserialize a message as ``Decoder``.
+    rclpy needs several times as long to deserialize a message as ``LayoutDecoder``.
     """
     if type_name not in FIELDS:
         return False, from_msg
@@ -475,7 +476,7 @@ def _from_bytes(type_name: str, cls: type[Any], from_msg: Callable[[Any], Any]
         except RMWError as error:
             raise MessageError(f'{type_name}: {plain_message(error)}') from error
 
-    read = Decoder(type_name, with_rclpy)
+    read = LayoutDecoder(type_name, with_rclpy)
     return True, lambda data: from_msg(read(data))
 
 

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 import time
 from typing import Any
@@ -37,29 +38,38 @@ def without_idle(topic: str, publishers: Iterable[str]) -> list[str]:
     return [name for name in publishers if name.rpartition('/')[2] != ON_DEMAND.get(topic)]
 
 
+@dataclass(frozen=True, kw_only=True)
+class CommandTopic:
+    """A topic of commands: what is expected on it; ``CommandCheck`` describes the bounds."""
+
+    topic: str                  # of ``TOPICS``
+    name: str | None = None     # of the topic, if it is another one
+    timeout: float              # s
+    max_age: float | None = None  # s
+    same_host: bool = False
+    required: bool = False
+    reliability: str = 'reliable'
+    from_msg: Callable[[Any], Any] | None = None  # instead of the conversion of the topic
+    unstamped_type: str | None = None  # instead of its type: messages without a timestamp
+
+
 class CommandInput:
-    """
-    Subscription of ``node`` to the commands on ``topic``, a topic of ``TOPICS``.
+    """Subscription of ``node`` to commands."""
 
-    ``CommandCheck`` describes the other arguments. ``from_msg`` replaces the conversion of the
-    topic, ``unstamped_type`` its type, for messages without a timestamp by design.
-    """
-
-    def __init__(self, node: SmartTireNode[Any], topic: str,
+    def __init__(self, node: SmartTireNode[Any], commands: CommandTopic,
                  on_command: Callable[[Any, int], None],
-                 on_conflict: Callable[[str], None], *, timeout: float,
-                 max_age: float | None = None, same_host: bool = False,
-                 name: str | None = None, required: bool = False, reliability: str = 'reliable',
-                 from_msg: Callable[[Any], Any] | None = None,
-                 unstamped_type: str | None = None) -> None:
-        self._node, self._topic, self._name = node, topic, name or topic
-        warn = {} if unstamped_type else {'warn': node.get_logger().warning}
+                 on_conflict: Callable[[str], None]) -> None:
+        self._node, self._topic = node, commands.topic
+        self._name = commands.name or commands.topic
+        warn = {} if commands.unstamped_type else {'warn': node.get_logger().warning}
         self._check = CommandCheck(
             self._name, partial(publisher_names, node, self._name), on_command, on_conflict,
-            node.steady_ns(), timeout=timeout, max_age=max_age, same_host=same_host, **warn)
-        node.subscribe(topic, self._on_message, name=name, info=True, required=required,
-                       announced=True, reliability=reliability, from_msg=from_msg,
-                       type_name=unstamped_type)
+            node.steady_ns(), timeout=commands.timeout, max_age=commands.max_age,
+            same_host=commands.same_host, **warn)
+        node.subscribe(commands.topic, self._on_message, name=commands.name, info=True,
+                       required=commands.required, announced=True,
+                       reliability=commands.reliability, from_msg=commands.from_msg,
+                       type_name=commands.unstamped_type)
         node.call_every(c.TICK_PERIOD, lambda: self._check.tick(node.steady_ns()))
 
     def _on_message(self, command: Any, info: MessageInfo) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from smart_tire.control.command_check import StallDetector
-from smart_tire.control.trajectory_control import Cause, State
+from smart_tire.control.trajectory_control import Cause, PathState
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import action_servers
 from smart_tire.nodes.diagnostics import CHECK_PERIOD
@@ -77,19 +77,20 @@ class FollowPathServer(ActionServer):
         shortest_ns = round(0.5 * self._owner.params.path_max_age * NS_PER_S)
         self._stalls.tick(self._owner.steady_ns(), shortest_ns)
 
-    def end_others(self, followed: Goal | None, state: State, cause: Cause, reason: str) -> None:
+    def end_others(self, followed: Goal | None, state: PathState, cause: Cause,
+                   reason: str) -> None:
         """End all goals except the one that is ``followed``, for the state of the controller."""
         for goal in [goal for goal in self._goals if goal is not followed]:
             self._goals.remove(goal)
             result = self.action_type.Result()
-            if state == State.ARRIVED:
+            if state == PathState.ARRIVED:
                 self.notify_execute(goal, returning(result, goal.succeed))
             elif goal.is_cancel_requested:
                 self.notify_execute(goal, returning(result, goal.canceled))
             else:
-                if state == State.FOLLOWING:
+                if state == PathState.FOLLOWING:
                     cause, reason = Cause.ORDER, REPLACED
-                name = ('INVALID_PATH' if (state, cause) == (State.REFUSED, Cause.ORDER)
+                name = ('INVALID_PATH' if (state, cause) == (PathState.REFUSED, Cause.ORDER)
                         else ERRORS[cause])
                 fill(result, error_code=getattr(result, name, 0), error_msg=reason)
                 self.notify_execute(goal, returning(result, goal.abort))

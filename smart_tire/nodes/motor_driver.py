@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile
 from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.drivers.motor_output import MotorOutput
 from smart_tire.nodes.base import MAX_INPUT_AGE
-from smart_tire.nodes.command_input import CommandInput
+from smart_tire.nodes.command_input import CommandInput, CommandTopic
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode
 from smart_tire.nodes.qos import latched
@@ -67,8 +67,10 @@ class MotorDriver(DriverNode[MotorDriverParams]):
             self.get_logger().warning)
         self._gate = output.gate
         self._commands = CommandInput(
-            self, 'motor_commands', output.set_command, output.set_conflict,
-            timeout=params.command_timeout, max_age=params.command_max_age, same_host=True)
+            self, CommandTopic(
+                topic='motor_commands', timeout=params.command_timeout,
+                max_age=params.command_max_age, same_host=True),
+            output.set_command, output.set_conflict)
         self._publish_stopped = self.make_guarded_publisher(
             Bool, 'emergency_stop_active', latched())
         self._publish_enabled = self.make_guarded_publisher(Bool, 'motors_enabled', latched())

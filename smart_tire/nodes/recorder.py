@@ -220,7 +220,7 @@ def recorded_qos(profile: QoSProfile) -> Qos:
 
 
 @dataclass
-class Recording:
+class RecordSummary:
     """Result of a recording."""
 
     status: int             # for ``sys.exit``
@@ -231,7 +231,7 @@ class Recording:
 def record(directory: Path, topics: Collection[str] = (),
            parameters: Mapping[str, Mapping[str, Any]] | None = None,
            on_progress: Progress | None = None, *, max_size: float = math.inf,
-           max_duration: float = MAX_DURATION) -> Recording:
+           max_duration: float = MAX_DURATION) -> RecordSummary:
     """
     Record all topics, or ``topics``, into ``directory`` until SIGINT or SIGTERM.
 
@@ -251,4 +251,4 @@ def record(directory: Path, topics: Collection[str] = (),
     for recorder in recorders:
         if recorder.problem:
             raise BagError(recorder.problem)
-    return Recording(status, writer.counts, recorders[0].losses if recorders else [])
+    return RecordSummary(status, writer.counts, recorders[0].losses if recorders else [])

@@ -13,6 +13,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+import os
+from pathlib import Path
 import signal
 import sys
 import threading
@@ -25,12 +28,11 @@ from rclpy.signals import SignalHandlerOptions
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import new_executor, plain_message, RCLError, shared_memory
-from smart_tire.nodes.priority import request_priority
-from smart_tire.parameters.files import (
-    files_of, foreign_arguments, read_blocks, ros_arguments)
+from smart_tire.parameters.files import files_of, foreign_arguments, read_blocks, ros_arguments
 
 MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
+TASKS = Path('/proc/self/task')
 
 Running = TypeVar('Running', bound=SmartTireNode[Any])
 
@@ -167,3 +169,21 @@ def _request_priority(nodes: Sequence[SmartTireNode[Any]]) -> None:
     priority = getattr(node.params, 'realtime_priority', 0)
     if priority and (problem := request_priority(priority)):
         node.get_logger().warning(problem)
+
+
+def request_priority(priority: int) -> str:
+    """
+    Give all threads of this process the real-time ``priority``, 1 to 99; return '' or the reason.
+
+    Threads with the policy SCHED_FIFO run before all programs without it.
+    """
+    try:
+        for task in TASKS.iterdir():
+            with suppress(ProcessLookupError):  # it has ended
+                os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        return (f'realtime_priority {priority} is not permitted: add "USER - rtprio {priority}" '
+                'to /etc/security/limits.d/realtime.conf and log in again')
+    except OSError as error:
+        return f'realtime_priority {priority}: {error.strerror}'
+    return ''

@@ -19,7 +19,7 @@ import time
 
 from smart_tire.control.command_check import check_age
 from smart_tire.control.publishers import MessageInfo, PublisherCheck
-from smart_tire.control.trajectory_control import Cause, State, TrajectoryControl
+from smart_tire.control.trajectory_control import Cause, PathState, TrajectoryControl
 from smart_tire.errors import CommandError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
@@ -137,7 +137,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         """Follow a new path or goal, unless it is of the past: it has waited [ns] at most."""
         if self._is_ending:
             raise CommandError(f'{name}: the node ends')
-        if self._control.state == State.FOLLOWING and order == self._given:
+        if self._control.state == PathState.FOLLOWING and order == self._given:
             # repeated: a new beginning would lead back to parts already driven
             self._goal = goal or self._goal
             self._step()
@@ -212,7 +212,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     def _end_goals(self, server: FollowPathServer) -> None:
         """End goals of the action that are not followed any more."""
         state = self._control.state
-        if state != State.FOLLOWING:
+        if state != PathState.FOLLOWING:
             self._goal = None
         server.end_others(self._goal, state, self._control.cause, self._reason)
 
@@ -224,26 +224,26 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     @property
     def _may_be_host(self) -> bool:
         """Return whether a late host explains the state; orders are too old by seconds."""
-        return self._control.state == State.STOPPED and self._control.cause is not Cause.ORDER
+        return self._control.state == PathState.STOPPED and self._control.cause is not Cause.ORDER
 
     @property
     def _reason(self) -> str:
         """Return why the path was not followed to its end: the host, if it was late."""
         return self._late_host or self._control.reason
 
-    def _log_state(self, before: State) -> None:
+    def _log_state(self, before: PathState) -> None:
         state, reason = self._control.state, self._reason
-        if state == State.FOLLOWING:
+        if state == PathState.FOLLOWING:
             length = self._control.progress(self.now_ns()).remaining_distance
             self.get_logger().info(f'following {described(self._order, length)}')
             self._warn_without_wheels()
-        elif state == State.ARRIVED:
+        elif state == PathState.ARRIVED:
             self.get_logger().info(f'arrived {self._distance_from_end():.3f} m from the end')
-        elif state == State.STOPPED:
+        elif state == PathState.STOPPED:
             self.get_logger().warning(f'stopped: {reason}')
-        elif state == State.REFUSED and before != State.REFUSED:
+        elif state == PathState.REFUSED and before != PathState.REFUSED:
             self.get_logger().warning(f'refused: {reason}')
-        elif state == State.REFUSED:  # perhaps for each message of a fast publisher
+        elif state == PathState.REFUSED:  # perhaps for each message of a fast publisher
             self.get_logger().warning(f'again refused: {reason}', throttle_duration_sec=LOG_PERIOD)
 
     def _warn_without_wheels(self) -> None:
@@ -275,7 +275,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             emergency_stop=self._emergency_stop,
             remaining_distance=progress.remaining_distance,
             cross_track_error=progress.cross_track_error)
-        if state in (State.STOPPED, State.REFUSED):
+        if state in (PathState.STOPPED, PathState.REFUSED):
             status.warn(f'{state.name.lower()}: {reason}',
                         by_host=self._may_be_host)
 

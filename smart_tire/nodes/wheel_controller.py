@@ -19,7 +19,7 @@ from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.control.wheel_loop import WheelLoop
 from smart_tire.messages import velocity_from_twist, wheels_from_msg
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.command_input import CommandInput
+from smart_tire.nodes.command_input import CommandInput, CommandTopic
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
@@ -51,10 +51,12 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._inputs = [self._velocity_input(name, timeout)
                         for name, _, timeout in params.inputs()]
         self._wheels = CommandInput(
-            self, 'wheel_states', loop.add_wheels, loop.set_wheel_conflict,
-            timeout=params.wheel_states_timeout, required=True, reliability=params.reliability,
-            # a joint that is only recognized by its name must not move the robot
-            from_msg=partial(wheels_from_msg, joints=params.robot.joints, recognize=False))
+            self, CommandTopic(
+                topic='wheel_states', timeout=params.wheel_states_timeout, required=True,
+                reliability=params.reliability,
+                # a joint that is only recognized by its name must not move the robot
+                from_msg=partial(wheels_from_msg, joints=params.robot.joints, recognize=False)),
+            loop.add_wheels, loop.set_wheel_conflict)
         self.subscribe_state('emergency_stop_active', loop.set_emergency_stop)
         self.subscribe_state('motors_enabled', self._on_motors_enabled)
         self._estimates_subscribed = False
@@ -66,11 +68,12 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         """Return the subscription to a source of velocity commands."""
         unstamped = name in self.params.unstamped_inputs()
         return CommandInput(
-            self, 'cmd_vel', partial(self._loop.set_velocity, name),
-            partial(self._loop.set_velocity_conflict, name), timeout=timeout,
-            max_age=self.params.cmd_vel_max_age, name=name,
-            from_msg=velocity_from_twist if unstamped else None,
-            unstamped_type=TWIST if unstamped else None)
+            self, CommandTopic(
+                topic='cmd_vel', name=name, timeout=timeout, max_age=self.params.cmd_vel_max_age,
+                from_msg=velocity_from_twist if unstamped else None,
+                unstamped_type=TWIST if unstamped else None),
+            partial(self._loop.set_velocity, name),
+            partial(self._loop.set_velocity_conflict, name))
 
     def on_parameters_changed(self) -> None:
         """Use the new controller gains; subscribe to the inputs of traction control."""

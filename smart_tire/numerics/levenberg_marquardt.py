@@ -49,14 +49,14 @@ class Model(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prior:
+class JointPrior:
     """Gaussian prior of the parameters; those that are not ``free`` are fixed."""
 
     value: Array
     precision: Array     # inverse covariance (free, free) of the fitted parameters
     free: Indices        # of the fitted parameters
 
-    def without(self, fixed: slice) -> Prior:
+    def without(self, fixed: slice) -> JointPrior:
         """Return the prior with the parameters ``fixed`` at their values."""
         kept = (self.free < fixed.start) | (self.free >= fixed.stop)
         return replace(self, precision=self.precision[kept][:, kept], free=self.free[kept])
@@ -81,7 +81,7 @@ class FitResult:
 
     p: Array
     point: Point
-    prior: Prior
+    prior: JointPrior
     weight: Array   # (n,), of the samples, over their variance
     hessian: Array  # by the free parameters
 
@@ -98,7 +98,7 @@ class LevenbergMarquardt:
         self._model, self._observed, self._variance = model, observed, variance
         self._rail, self._clips = rail, bool(rail.any())
 
-    def run(self, start: Array | Point, prior: Prior,
+    def run(self, start: Array | Point, prior: JointPrior,
             min_reduction: float = MIN_COST_REDUCTION) -> FitResult:
         """
         Return the fit; fixed parameters take the value of ``prior``, as they must have in a point.
@@ -130,8 +130,9 @@ class LevenbergMarquardt:
         output, jacobian = self._model.linearized(p)
         return Point(p, self._observed - output, jacobian)
 
-    def _step(self, point: Point, prior: Prior, weight: Array, hessian: Array, gradient: Array,
-              damping: float, min_reduction: float) -> tuple[Array, Point | None, float]:
+    def _step(self, point: Point, prior: JointPrior, weight: Array, hessian: Array,
+              gradient: Array, damping: float, min_reduction: float
+              ) -> tuple[Array, Point | None, float]:
         """
         Return the parameters after a step, the point there, and the next damping.
 
@@ -153,7 +154,7 @@ class LevenbergMarquardt:
             damping *= DAMPING_FACTOR
         return point.p, None, damping
 
-    def _cost(self, point: Point, prior: Prior, weight: Array) -> float:
+    def _cost(self, point: Point, prior: JointPrior, weight: Array) -> float:
         deviation = (point.p - prior.value)[prior.free]
         return float(self._unclipped(point, weight) @ (point.residual * point.residual)
                      + deviation @ prior.precision @ deviation)

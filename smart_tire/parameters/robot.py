@@ -125,7 +125,7 @@ class TireParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FilmParams:
+class TreadFilmParams:
     """PVDF films and signal chain; lists: one value per film, for one wheel or for all wheels."""
 
     wheels: tuple[str, ...] = param(('front_right',), '-', 'instrumented wheels', choices=WHEELS)
@@ -257,7 +257,7 @@ class RobotParams:
     encoder: EncoderParams = nested(EncoderParams)
     joints: JointParams = nested(JointParams)
     tire: TireParams = nested(TireParams)
-    film: FilmParams = nested(FilmParams)
+    film: TreadFilmParams = nested(TreadFilmParams)
     motor: MotorParams = nested(MotorParams)
     slip: SlipParams = nested(SlipParams)
 

@@ -40,7 +40,7 @@ class PatchParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroundParams:
+class SurfaceParams:
     """Surfaces: a base surface everywhere, and rectangular patches on it."""
 
     names: tuple[str, ...] = param(('concrete', 'sand'), '-', 'surfaces')
@@ -158,7 +158,7 @@ class SimulatorParams:
         (128, 129), '-', 'packet serial addresses, front and rear', (128, 135), length=2)
     truth_log: str = param(
         '', '-', 'CSV file for wheel, sequence, loss and true sampling instants [ns] of batches')
-    ground: GroundParams = nested(GroundParams)
+    ground: SurfaceParams = nested(SurfaceParams)
     drive: DriveParams = nested(DriveParams)
     radio: RadioParams = nested(RadioParams)
     errors: SensorErrorParams = nested(SensorErrorParams)

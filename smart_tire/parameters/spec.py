@@ -36,10 +36,10 @@ QOS_OVERRIDES = 'qos_overrides.'  # begin of the names of parameters that nodes 
 MOVED = {
     'traction.unknown_friction': 'it is traction.unknown now, as friction.unknown',
     'constraint': 'lambda in B(7) is plain; as printed it is in "smart_tire reproduce" and in '
-                  'smart_tire.reproduction.printed',
+                  'smart_tire.papers.printed',
     **dict.fromkeys(('method', 'map'), (
         'friction is estimated from the whole waveform; the two peaks of paper B are in '
-        '"smart_tire reproduce" and in smart_tire.reproduction.printed'))}
+        '"smart_tire reproduce" and in smart_tire.papers.printed'))}
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.models.tire import brush_tire, tread_film
-from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import NS_PER_S, WHEELS
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
@@ -45,7 +45,7 @@ class SignalChain:
     [ 666 1023] 1023 [0.498 1.65 ]
     """
 
-    film: FilmParams
+    film: TreadFilmParams
 
     @property
     def max_count(self) -> int:

@@ -23,7 +23,7 @@ import math
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.simulation import DriveParams, GroundParams, PatchParams
+from smart_tire.parameters.simulation import DriveParams, PatchParams, SurfaceParams
 from smart_tire.samples import WHEELS
 
 STEP_NS = 1_000_000  # ns
@@ -45,7 +45,7 @@ class Surface:
 class SurfaceMap:
     """Surface by position: a base surface and rectangles on it, of which the last one applies."""
 
-    def __init__(self, params: GroundParams) -> None:
+    def __init__(self, params: SurfaceParams) -> None:
         columns = (params.names, params.friction, params.stiffness, params.drag)
         self.surfaces = {row[0]: Surface(*row) for row in zip(*columns)}
         self._base = self.surfaces[params.base]

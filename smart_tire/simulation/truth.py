@@ -65,7 +65,15 @@ class CrossingTruth:
     """
     Detects complete crossings of the patch by a group of films of one wheel, e.g. a pair.
 
-    ``group`` are the indices of the films, by default those of the first group.
+    ``group`` are the indices of the films, by default those of the first group. By the position
+    of their center, within ``_reach`` of that of the patch::
+
+                  enters at a side              leaves at the other side
+        outside -------------------> inside ----------------------------> outside, a crossing
+           ^                           |     leaves at the side of entry
+           +---------------------------+-------------------------------- no crossing
+
+    Films that are inside at first have no side of entry: they leave without a crossing.
     """
 
     def __init__(self, films: FilmSampler, robot: RobotParams,

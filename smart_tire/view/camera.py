@@ -20,7 +20,7 @@ import rerun as rr
 from smart_tire.bags import Decoder
 from smart_tire.messages import stamp_of
 from smart_tire.samples import NS_PER_S
-from smart_tire.view.recorder import CAMERA, Recorder
+from smart_tire.view.writer import CAMERA, ViewWriter
 
 if TYPE_CHECKING:
     from smart_tire.vision.detection import TagDetector
@@ -31,8 +31,8 @@ IMAGE_PERIOD_NS = NS_PER_S // 2  # between two images that are shown
 class CameraLayer:
     """The latest image as JPEG, and the outlines of the tags of one ``family`` in it."""
 
-    def __init__(self, recorder: Recorder, family: str) -> None:
-        self._recorder, self._family = recorder, family
+    def __init__(self, writer: ViewWriter, family: str) -> None:
+        self._writer, self._family = writer, family
         self._decoders: dict[str, Decoder] = {}
         self._detector: TagDetector | None = None  # its library is loaded with the first image
         self._shown_ns: int | None = None
@@ -51,12 +51,12 @@ class CameraLayer:
             return
         image = gray_image(msg)
         self._shown_ns = stamp_ns
-        self._recorder.begin(stamp_ns)
+        self._writer.begin(stamp_ns)
         if self._detector is None:
             self._detector = TagDetector(self._family)
         tags, _ = self._detector.tags(image)
-        self._recorder.shape('camera/image', stamp_ns, rr.EncodedImage(
+        self._writer.shape('camera/image', stamp_ns, rr.EncodedImage(
             contents=jpeg(image), media_type='image/jpeg'))
-        self._recorder.shape('camera/tags', stamp_ns, rr.LineStrips2D(
+        self._writer.shape('camera/tags', stamp_ns, rr.LineStrips2D(
             [np.vstack([corners, corners[:1]]) for corners in tags.values()], colors=CAMERA,
             labels=[f'tag {tag}' for tag in tags], radii=rr.Radius.ui_points(2.0)))

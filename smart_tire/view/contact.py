@@ -28,7 +28,7 @@ from smart_tire.samples import (
     Friction, GroundState, LEFT, NS_PER_S, Odometry, RIGHT, Sample, TireSample, WHEELS,
     WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
-from smart_tire.view.recorder import AXIS, FILM_COLORS, Recorder, Track, WHEEL_COLORS
+from smart_tire.view.writer import AXIS, FILM_COLORS, SeriesBuffer, ViewWriter, WHEEL_COLORS
 
 BLOCK = 20            # samples that are thinned together
 RESTING_RANGE = 0.03  # V, range of a block in which nothing but noise is
@@ -57,8 +57,8 @@ class FilmLayer:
     complete. A gap between samples interrupts the line.
     """
 
-    def __init__(self, recorder: Recorder, period_ns: int) -> None:
-        self._recorder, self._max_gap_ns = recorder, MAX_PERIODS * period_ns
+    def __init__(self, writer: ViewWriter, period_ns: int) -> None:
+        self._writer, self._max_gap_ns = writer, MAX_PERIODS * period_ns
         self._blocks: dict[tuple[str, int], list[tuple[int, float]]] = {}
 
     def add_films(self, sample: TireSample) -> None:
@@ -78,15 +78,15 @@ class FilmLayer:
 
     def _send(self, wheel: str, film: int, *, interrupted: bool = False) -> None:
         block = self._blocks[wheel, film]
-        track = self._track(wheel, film)
+        buffer = self._buffer(wheel, film)
         for stamp_ns, volts in thinned(block):
-            track.add(stamp_ns, volts)
+            buffer.add(stamp_ns, volts)
         if interrupted:
-            track.add(block[-1][0] + 1, math.nan)
+            buffer.add(block[-1][0] + 1, math.nan)
         block.clear()
 
-    def _track(self, wheel: str, film: int) -> Track:
-        return self._recorder.line(
+    def _buffer(self, wheel: str, film: int) -> SeriesBuffer:
+        return self._writer.line(
             f'films/{wheel}/film_{film + 1}', f'film {film + 1} [V]',
             FILM_COLORS[film % len(FILM_COLORS)], width=1.0)
 
@@ -102,12 +102,12 @@ def thinned(block: list[tuple[int, float]]) -> list[tuple[int, float]]:
 class CrossingLayer:
     """The latest crossing of each wheel: its voltages, and the model for the estimates."""
 
-    def __init__(self, recorder: Recorder, robot: RobotParams) -> None:
-        self._recorder, self._robot = recorder, robot
+    def __init__(self, writer: ViewWriter, robot: RobotParams) -> None:
+        self._writer, self._robot = writer, robot
         self._films: dict[str, deque[TireSample]] = {}
         self._wheels: deque[WheelSample] = deque()
         for wheel in robot.film.wheels:
-            draw_axes(recorder, f'contact/{wheel}', robot)
+            draw_axes(writer, f'contact/{wheel}', robot)
 
     def add_films(self, sample: TireSample) -> None:
         """Add the voltages of one conversion."""
@@ -123,7 +123,7 @@ class CrossingLayer:
         waveform = self._waveform(friction)
         if waveform is not None:
             self._show(base, stamp_ns, waveform)
-        self._recorder.shape(f'{base}/result', stamp_ns, rr.TextDocument(
+        self._writer.shape(f'{base}/result', stamp_ns, rr.TextDocument(
             _summary(friction, shown=waveform is not None), media_type='text/markdown'))
 
     def _waveform(self, friction: Friction) -> CrossingWaveform | None:
@@ -142,7 +142,7 @@ class CrossingLayer:
         colors = [FILM_COLORS[one.film % len(FILM_COLORS)] for one in films]
         counts = [len(one.position) for one in films]
         # one entity, so that samples and model are always those of the same crossing
-        self._recorder.shape(f'{base}/waveforms', stamp_ns, rr.Points2D(
+        self._writer.shape(f'{base}/waveforms', stamp_ns, rr.Points2D(
             np.concatenate([_plot(one.position, one.volts - one.rest) for one in films]),
             colors=np.repeat(np.array(colors, np.uint8), counts, axis=0),
             radii=rr.Radius.ui_points(2.5)), rr.LineStrips2D(
@@ -158,19 +158,19 @@ def _keep(samples: deque[Any], sample: Sample) -> None:
         samples.popleft()
 
 
-def draw_axes(recorder: Recorder, base: str, robot: RobotParams) -> None:
+def draw_axes(writer: ViewWriter, base: str, robot: RobotParams) -> None:
     """Draw the axes of a crossing and the edges of the contact patch."""
     heights, end = -MM_PER_V * VOLTS, PLACES[-1]
     top, bottom = heights[-1], heights[0]
     edge = 0.5 * MM_PER_M * robot.tire.contact_length
     lines = [*([(-end, y), (end, y)] for y in heights),
              *([(x, top), (x, bottom)] for x in PLACES)]
-    recorder.static(f'{base}/axes', rr.LineStrips2D(
+    writer.static(f'{base}/axes', rr.LineStrips2D(
         lines, colors=(*AXIS, 90), radii=rr.Radius.ui_points(0.5)))
-    recorder.static(f'{base}/patch', rr.LineStrips2D(
+    writer.static(f'{base}/patch', rr.LineStrips2D(
         [[(x, top), (x, bottom)] for x in (-edge, edge)], colors=AXIS,
         radii=rr.Radius.ui_points(1.5), labels='edge of the patch', show_labels=False))
-    recorder.static(f'{base}/ticks', rr.Points2D(
+    writer.static(f'{base}/ticks', rr.Points2D(
         [*((-end, y) for y in heights[1:]), *((x, bottom) for x in PLACES)],
         labels=[*(f'{value:+.1f} V' for value in VOLTS[1:]), *(f'{x:g} mm' for x in PLACES)],
         show_labels=True, colors=AXIS, radii=rr.Radius.ui_points(1.0)))
@@ -202,16 +202,16 @@ class ForceLayer:
     without films gets mu of an instrumented wheel, preferably of its side.
     """
 
-    def __init__(self, recorder: Recorder, robot: RobotParams) -> None:
-        self._recorder, self._robot = recorder, robot
+    def __init__(self, writer: ViewWriter, robot: RobotParams) -> None:
+        self._writer, self._robot = writer, robot
         self._odometry: Odometry | None = None
         self._friction: dict[str, float] = {}  # wheel -> mu
         self._stiffness = robot.tire.longitudinal_stiffness
         self._evaluated_ns: int | None = None
-        self._used = [recorder.line(
+        self._used = [writer.line(
             f'friction_used/{wheel}', f'{wheel}, |F| / (mu F_z) [-]', color)
             for wheel, color in WHEEL_COLORS.items()]
-        self._traction = [recorder.line(f'traction/{wheel}/model', f'{wheel}, F_x [N]', color)
+        self._traction = [writer.line(f'traction/{wheel}/model', f'{wheel}, F_x [N]', color)
                           for wheel, color in WHEEL_COLORS.items()]
 
     def add_odometry(self, sample: Odometry) -> None:
@@ -263,14 +263,14 @@ class ForceLayer:
             traction.add(stamp_ns, float(value))
         colors = list(WHEEL_COLORS.values())
         circle = np.stack([np.cos(CIRCLE), np.sin(CIRCLE)], axis=-1)
-        self._recorder.shape('forces/circles', stamp_ns, rr.LineStrips2D(
+        self._writer.shape('forces/circles', stamp_ns, rr.LineStrips2D(
             CORNERS[:, np.newaxis] + limit[:, np.newaxis, np.newaxis] * circle, colors=colors,
             radii=rr.Radius.ui_points(1.0)), rr.Points2D(
             CORNERS + np.stack([np.zeros(len(limit)), limit + LABEL_GAP], axis=-1), colors=colors,
             labels=[self._label(wheel, float(value)) for wheel, value in zip(WHEELS, limit)],
             show_labels=True, radii=rr.Radius.ui_points(0.0)))
         # forward is up, left is left: both against the axes of the screen
-        self._recorder.shape('forces/arrows', stamp_ns, rr.Arrows2D(
+        self._writer.shape('forces/arrows', stamp_ns, rr.Arrows2D(
             vectors=-force[:, ::-1], origins=CORNERS, colors=colors,
             labels=[f'{math.hypot(*one):.1f} N' for one in force.tolist()], show_labels=False,
             radii=rr.Radius.ui_points(2.5)))

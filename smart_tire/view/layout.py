@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 
 from smart_tire.analysis.figure import SIGMAS
 from smart_tire.samples import WHEELS
-from smart_tire.view.recorder import REFERENCES, TIMELINE
+from smart_tire.view.writer import REFERENCES, TIMELINE
 
 LIVE_SPAN = 30.0  # s, shown by the plots of live data
 BOUNDS = f'± {SIGMAS:g} σ'
@@ -28,7 +28,7 @@ WIDE = 65.0       # N, half the size of the view of the friction circles
 CONTACT_WIDTH, CONTACT_HEIGHT = 75.0, 55.0  # half the size of the view of a crossing
 
 
-class Layout:
+class ViewLayout:
     """
     Views of a recording or, with ``live``, of the latest ``LIVE_SPAN`` seconds.
 

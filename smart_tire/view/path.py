@@ -22,7 +22,7 @@ from smart_tire.analysis.figure import ellipse, SIGMAS
 from smart_tire.arrays import Array
 from smart_tire.rotation import euler
 from smart_tire.samples import GoalPose, NS_PER_S, Odometry, PlannedPath
-from smart_tire.view.recorder import AXIS, Color, COMMAND, ESTIMATE, Recorder, REFERENCES
+from smart_tire.view.writer import AXIS, Color, COMMAND, ESTIMATE, REFERENCES, ViewWriter
 
 SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
 MIN_STEP = 0.005            # m between two points of the path
@@ -40,8 +40,8 @@ def on_screen(points: Array) -> Array:
 class _Strip:
     """A path that is sent in segments, so that a long one costs no more than a short one."""
 
-    def __init__(self, recorder: Recorder, path: str, name: str, color: Color) -> None:
-        self._recorder, self._path, self._name, self._color = recorder, path, name, color
+    def __init__(self, writer: ViewWriter, path: str, name: str, color: Color) -> None:
+        self._writer, self._path, self._name, self._color = writer, path, name, color
         self._points: list[tuple[float, float]] = []
         self._begin_ns: int | None = None
         self._newest_ns = 0
@@ -58,7 +58,7 @@ class _Strip:
     def finish(self) -> None:
         """Send the points since the last segment."""
         if len(self._points) > 1:
-            self._recorder.shape(self._path, self._newest_ns, rr.LineStrips2D(
+            self._writer.shape(self._path, self._newest_ns, rr.LineStrips2D(
                 [on_screen(np.array(self._points))], colors=self._color, labels=self._name,
                 show_labels=False, radii=rr.Radius.ui_points(1.5)))
             self._points = self._points[-1:]
@@ -82,10 +82,10 @@ class PathLayer:
     is unrelated to ``odom``; without an estimate it is shown as it is, by ``finish``.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        self._estimate = _Strip(recorder, 'path/estimate', 'estimate', ESTIMATE)
-        self._references = {name: _Reference(_Strip(recorder, f'path/{name}', name, color))
+    def __init__(self, writer: ViewWriter) -> None:
+        self._writer = writer
+        self._estimate = _Strip(writer, 'path/estimate', 'estimate', ESTIMATE)
+        self._references = {name: _Reference(_Strip(writer, f'path/{name}', name, color))
                             for name, color in REFERENCES.items()}
         self._wanted: PlannedPath | GoalPose | None = None  # not shown yet
         self._pose: tuple[complex, float] | None = None  # latest estimate
@@ -132,10 +132,10 @@ class PathLayer:
         poses = [order.pose] if isinstance(order, GoalPose) else order.poses
         points = np.array(poses).reshape(-1, 3)[:, :2]
         strips = [on_screen(points)] if len(points) > 1 else []
-        self._recorder.shape('path/wanted', stamp_ns, rr.LineStrips2D(
+        self._writer.shape('path/wanted', stamp_ns, rr.LineStrips2D(
             strips, colors=COMMAND, labels=['wanted'] * len(strips), show_labels=False,
             radii=rr.Radius.ui_points(1.5)))
-        self._recorder.shape('path/goal', stamp_ns, rr.Points2D(
+        self._writer.shape('path/goal', stamp_ns, rr.Points2D(
             on_screen(points[-1:]), colors=COMMAND, radii=rr.Radius.ui_points(5.0)))
         for corner in (points.min(axis=0), points.max(axis=0)) if len(points) else ():
             self._cover(*corner.tolist())
@@ -152,11 +152,11 @@ class PathLayer:
     def _show_pose(self, sample: Odometry, x: float, y: float, yaw: float) -> None:
         position = np.array([x, y])
         heading = ROBOT_LENGTH * np.array([math.cos(yaw), math.sin(yaw)])
-        self._recorder.shape('path/robot', sample.stamp_ns, rr.Arrows2D(
+        self._writer.shape('path/robot', sample.stamp_ns, rr.Arrows2D(
             vectors=[on_screen(heading)], origins=[on_screen(position - 0.5 * heading)],
             colors=ESTIMATE, radii=rr.Radius.ui_points(3.0)))
         covariance = np.array([sample.pose_covariance[i] for i in COVARIANCE_XY]).reshape(2, 2)
-        self._recorder.shape('path/bounds', sample.stamp_ns, rr.LineStrips2D(
+        self._writer.shape('path/bounds', sample.stamp_ns, rr.LineStrips2D(
             [on_screen(position + ellipse(covariance))], colors=ESTIMATE, show_labels=False,
             labels=f'{SIGMAS:g} σ', radii=rr.Radius.ui_points(0.75)))
 
@@ -177,11 +177,11 @@ class PathLayer:
         rows = np.arange(bottom, top + 0.5 * step, step)
         lines = [*([(x, bottom), (x, top)] for x in columns),
                  *([(left, y), (right, y)] for y in rows)]
-        self._recorder.static('path/grid', rr.LineStrips2D(
+        self._writer.static('path/grid', rr.LineStrips2D(
             list(on_screen(np.array(lines))), colors=(*AXIS, 110), radii=rr.Radius.ui_points(0.5)))
         ticks = [*((x, bottom) for x in columns), *((left, y) for y in rows)]
         labels = [*(f'{x:g} m' for x in columns), *(f'{y:g} m' for y in rows)]
-        self._recorder.static('path/ticks', rr.Points2D(
+        self._writer.static('path/ticks', rr.Points2D(
             on_screen(np.array(ticks)), labels=labels, show_labels=True, colors=AXIS,
             radii=rr.Radius.ui_points(1.0)))
 

@@ -27,14 +27,14 @@ from smart_tire.samples import Friction, NS_PER_S, Sample
 from smart_tire.view.camera import CameraLayer
 from smart_tire.view.contact import CrossingLayer, FilmLayer, ForceLayer
 from smart_tire.view.path import PathLayer
-from smart_tire.view.recorder import (
-    Color, FILM_COLORS, NODE_COLORS, Recorder, Track, TRUTH, WARNING)
 from smart_tire.view.series import SeriesLayer
+from smart_tire.view.writer import (
+    Color, FILM_COLORS, NODE_COLORS, SeriesBuffer, TRUTH, ViewWriter, WARNING)
 
 # Counts of what went wrong; of each the sum over all nodes is always shown.
 COUNTS = {'batches_lost': 'radio batches lost', 'batches_late': 'radio batches late',
           'frames_bad': 'frames or messages bad', 'late_messages': 'messages late',
-          'messages_lost': 'messages lost by recorder or nodes'}
+          'messages_lost': 'messages lost by writer or nodes'}
 COUNT_COLORS = (*FILM_COLORS, WARNING)
 AGE = 'last_message_age'
 LEVELS = ('INFO', 'WARN', 'ERROR', 'WARN')  # of events by the level of a status: 3 is stale
@@ -55,12 +55,12 @@ class Scene:
                  tag_family: str = OverheadParams().tag_family) -> None:
         self._camera: CameraLayer | None  # None: cannot be shown
         self._reason = ''  # why the latest of the images that were not shown was not
-        self._recorder = recorder = Recorder(stream)
-        self._films = FilmLayer(recorder, round(NS_PER_S / robot.film.sample_rate))
-        self._path, self._links = PathLayer(recorder), LinkLayer(recorder)
-        self._series, self._camera = SeriesLayer(recorder), CameraLayer(recorder, tag_family)
+        self._writer = writer = ViewWriter(stream)
+        self._films = FilmLayer(writer, round(NS_PER_S / robot.film.sample_rate))
+        self._path, self._links = PathLayer(writer), LinkLayer(writer)
+        self._series, self._camera = SeriesLayer(writer), CameraLayer(writer, tag_family)
         crossings, forces, path = (
-            CrossingLayer(recorder, robot), ForceLayer(recorder, robot), self._path)
+            CrossingLayer(writer, robot), ForceLayer(writer, robot), self._path)
         self._handlers: dict[str, tuple[Handler, ...]] = {
             'wheel_states': (crossings.add_wheels,),
             'tire_samples': (self._films.add_films, crossings.add_films),
@@ -80,7 +80,7 @@ class Scene:
     def add_sample(self, topic: str, sample: Sample) -> None:
         """Show a sample; samples of topics that are not shown are ignored."""
         if sample.stamp_ns:  # a command may have none
-            self._recorder.begin(sample.stamp_ns)
+            self._writer.begin(sample.stamp_ns)
         self._series.add_sample(topic, sample)
         for handler in self._handlers.get(topic, ()):
             handler(sample)
@@ -103,13 +103,13 @@ class Scene:
             self._camera = None
             reason = f'{error.name} is missing: pip install smart_tire[camera]'
         if reason != self._reason:
-            self._recorder.begin(stamp_ns)
+            self._writer.begin(stamp_ns)
             self._links.event(stamp_ns, f'image not shown: {reason}', 'WARN')
         self._reason = reason
 
     def add_status(self, stamp_ns: int, status: NodeStatus) -> None:
         """Show the diagnostic status of a node at a time [ns]."""
-        self._recorder.begin(stamp_ns)
+        self._writer.begin(stamp_ns)
         self._links.add_status(stamp_ns, status)
 
     def add_delay(self, stamp_ns: int, delay: float) -> None:
@@ -118,7 +118,7 @@ class Scene:
 
     def flush(self) -> None:
         """Send what was added; returns when it has left this process."""
-        self._recorder.flush()
+        self._writer.flush()
 
     def finish(self) -> None:
         """Send everything, at the end of the recording."""
@@ -134,17 +134,17 @@ class LinkLayer:
     A new state of a node and a change of the ground are events.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
+    def __init__(self, writer: ViewWriter) -> None:
+        self._writer = writer
         self._colors: dict[str, Color] = {}
         self._states: dict[str, tuple[int, str]] = {}
         self._counts: dict[tuple[str, str], float] = {}  # key, node -> count
-        self._totals = {key: recorder.line(f'links/total/{key}', name, color, steps=True)
+        self._totals = {key: writer.line(f'links/total/{key}', name, color, steps=True)
                         for (key, name), color in zip(COUNTS.items(), COUNT_COLORS)}
-        self._delay = recorder.line('links/delay', 'reception to viewer [s]', TRUTH)
+        self._delay = writer.line('links/delay', 'reception to viewer [s]', TRUTH)
         self._changes, self._friction = math.inf, math.nan
-        self._change = recorder.points('friction/ground_change', 'change of the ground', WARNING,
-                                       marker='diamond', size=8.0)
+        self._change = writer.points('friction/ground_change', 'change of the ground', WARNING,
+                                     marker='diamond', size=8.0)
 
     def add_friction(self, sample: Friction) -> None:
         """Add a friction coefficient, at which a change of the ground is marked."""
@@ -172,7 +172,7 @@ class LinkLayer:
 
     def event(self, stamp_ns: int, text: str, level: str = 'INFO') -> None:
         """Add a line of text."""
-        self._recorder.shape('links/events', stamp_ns, rr.TextLog(text, level=level))
+        self._writer.shape('links/events', stamp_ns, rr.TextLog(text, level=level))
 
     def add_delay(self, stamp_ns: int, delay: float) -> None:
         """Add the time [s] from the reception of a sample until it was sent to the viewer."""
@@ -191,9 +191,9 @@ class LinkLayer:
         self._line(f'links/counts/{_path(node, key)}', f'{node}: {COUNTS[key]}', node,
                    steps=True).add(stamp_ns, value)
 
-    def _line(self, path: str, name: str, node: str, *, steps: bool = False) -> Track:
+    def _line(self, path: str, name: str, node: str, *, steps: bool = False) -> SeriesBuffer:
         color = self._colors.setdefault(node, NODE_COLORS[len(self._colors) % len(NODE_COLORS)])
-        return self._recorder.line(path, name, color, steps=steps)
+        return self._writer.line(path, name, color, steps=steps)
 
 
 def number(text: str) -> float | None:

@@ -22,8 +22,8 @@ from typing import Any
 from smart_tire.analysis.figure import MAX_SLIP_SIGMA, SIGMAS
 from smart_tire.samples import Friction, Odometry, Sample, WHEELS, WheelSlip
 from smart_tire.uncertain import Uncertain
-from smart_tire.view.recorder import (
-    CAMERA, Color, COMMAND, ESTIMATE, Recorder, Track, TRUTH, WHEEL_COLORS, XYZ_COLORS)
+from smart_tire.view.writer import (
+    CAMERA, Color, COMMAND, ESTIMATE, SeriesBuffer, TRUTH, ViewWriter, WHEEL_COLORS, XYZ_COLORS)
 
 UNKNOWN_TWIST = -1.0  # first covariance of a twist that is not given (ROS)
 
@@ -42,37 +42,37 @@ class Plot:
     name: str  # with its unit
     values: Callable[[Any], Any]
     color: Color | None = None  # None: that of the wheel
-    draw: Callable[..., Track] = Recorder.line
+    draw: Callable[..., SeriesBuffer] = ViewWriter.line
 
-    def tracks(self, recorder: Recorder) -> list[Track]:
-        """Return the track of each series."""
+    def buffers(self, writer: ViewWriter) -> list[SeriesBuffer]:
+        """Return the buffer of each series."""
         wheels = WHEELS if '{}' in self.path else ('',)
-        return [self.draw(recorder, self.path.format(wheel), self.name.format(wheel),
+        return [self.draw(writer, self.path.format(wheel), self.name.format(wheel),
                           self.color or WHEEL_COLORS[wheel]) for wheel in wheels]
 
-    def add_sample(self, tracks: Sequence[Track], sample: Sample) -> None:
-        """Add the values of a sample to its tracks."""
+    def add_sample(self, buffers: Sequence[SeriesBuffer], sample: Sample) -> None:
+        """Add the values of a sample to its buffers."""
         found = self.values(sample)
         if found is None:
             return
-        if len(tracks) == 1:
-            tracks[0].add_value(sample.stamp_ns, found)
+        if len(buffers) == 1:
+            buffers[0].add_value(sample.stamp_ns, found)
         elif (wheel := getattr(sample, 'wheel', None)) is not None:
-            tracks[WHEELS.index(wheel)].add_value(sample.stamp_ns, found)
+            buffers[WHEELS.index(wheel)].add_value(sample.stamp_ns, found)
         else:
-            for track, value in zip(tracks, found):
-                track.add_value(sample.stamp_ns, value)
+            for buffer, value in zip(buffers, found):
+                buffer.add_value(sample.stamp_ns, value)
 
 
 class SeriesLayer:
     """All plots."""
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._plots: dict[str, list[tuple[Plot, list[Track]]]] = {}
+    def __init__(self, writer: ViewWriter) -> None:
+        self._plots: dict[str, list[tuple[Plot, list[SeriesBuffer]]]] = {}
         for plot in PLOTS:
-            tracks = plot.tracks(recorder)
+            buffers = plot.buffers(writer)
             for topic in plot.topics:
-                self._plots.setdefault(topic, []).append((plot, tracks))
+                self._plots.setdefault(topic, []).append((plot, buffers))
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -81,8 +81,8 @@ class SeriesLayer:
 
     def add_sample(self, topic: str, sample: Sample) -> None:
         """Add the values of a sample."""
-        for plot, tracks in self._plots.get(topic, ()):
-            plot.add_sample(tracks, sample)
+        for plot, buffers in self._plots.get(topic, ()):
+            plot.add_sample(buffers, sample)
 
 
 def _slips(sample: WheelSlip) -> list[Uncertain]:
@@ -110,7 +110,7 @@ def _bound(sign: float) -> Callable[[Friction], float]:
     return bound
 
 
-LINE, ESTIMATED, POINTS = Recorder.line, Recorder.estimate, Recorder.points
+LINE, ESTIMATED, POINTS = ViewWriter.line, ViewWriter.estimate, ViewWriter.points
 STEPS, THIN, SMALL = (partial(LINE, steps=True), partial(LINE, width=1.0),
                       partial(POINTS, size=2.0))
 

@@ -30,7 +30,7 @@ from urllib.parse import quote
 import rerun as rr
 import rerun.blueprint as rrb
 
-from smart_tire.view.recorder import ViewError
+from smart_tire.view.writer import ViewError
 
 APPLICATION = 'smart_tire'
 LOOPBACK = '127.0.0.1'

@@ -21,7 +21,7 @@ import math
 from typing import Any
 
 from smart_tire.parameters import OverheadLocalizerParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.localization import Fix
@@ -72,7 +72,7 @@ class LiveLocalizer(OverheadLocalizer):
                 newest > self._offset_ns + OFFSET_PERIOD * NS_PER_S):
             self._offset_ns = newest
             self.offset, _ = time_offset(
-                used(fixes, noise, Counter()), Recording(self._inputs), self._params.robot)
+                used(fixes, noise, Counter()), SampleArrays(self._inputs), self._params.robot)
         return self._new_estimates(fixes, noise, newest)
 
     def _forget(self, newest: int) -> None:
@@ -88,8 +88,8 @@ class LiveLocalizer(OverheadLocalizer):
         recent = [one for one in fixes if one.stamp_ns > begin]
         shift = round(self.offset.value * NS_PER_S)
         found: list[Odometry | WheelSlip] = []
-        wheels = Recording(one for one in self._inputs if isinstance(one, WheelSample)
-                           and one.stamp_ns > begin - shift - MAX_GAP * NS_PER_S)
+        wheels = SampleArrays(one for one in self._inputs if isinstance(one, WheelSample)
+                              and one.stamp_ns > begin - shift - MAX_GAP * NS_PER_S)
         tracks = wheel_tracks(wheels, robot, ROUNDS)
         for part in used(recent, noise, Counter()):
             motion = motion_of(part, noise, self.offset, robot, ROUNDS)

@@ -30,7 +30,7 @@ from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS, slip_ratio, wheel_velocities
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
     four, ImuSample, LEFT, NS_PER_S, Odometry, RIGHT, WheelSample, WheelSlip)
@@ -57,7 +57,7 @@ ISOLATED = f'fewer than {MIN_IMAGES} images between gaps'
 
 
 @dataclass(frozen=True)
-class Motion:
+class CameraMotion:
     """Planar motion of ``base_link`` at the instants of n images, their time offset removed."""
 
     stamp_ns: tuple[int, ...]
@@ -129,7 +129,7 @@ def _without_jumps(fixes: list[Fix], refused: Counter[str]) -> list[Fix]:
 
 
 def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: RobotParams,
-              rounds: int = ROUNDS) -> Motion:
+              rounds: int = ROUNDS) -> CameraMotion:
     """
     Return the smoothed motion from consecutive fixes without gaps.
 
@@ -154,8 +154,8 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     # edge of a shadow for example, is common to many images.
     across = np.column_stack([twist[:, 1], -twist[:, 0], np.zeros(len(fixes))])
     covariances[1] += (spread[:, 2:, 2:] + yaw.covariances[:, :1, :1]) * _outer(across)
-    found = Motion(tuple(stamps), pose, twist, covariances[0], covariances[1],
-                   math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
+    found = CameraMotion(tuple(stamps), pose, twist, covariances[0], covariances[1],
+                         math.sqrt((2.0 * place.noise ** 2 + yaw.noise ** 2) / 3.0))
     # the errors of a tag at rest are the same in all images: they have no mean that vanishes
     found.pose_covariance[:] += spread + np.array([fix.calibration for fix in fixes]) + (
         offset.sigma ** 2 * _outer(found.map_rates))
@@ -163,7 +163,7 @@ def motion_of(fixes: Sequence[Fix], noise: float, offset: Uncertain, robot: Robo
     return found
 
 
-def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[Motion], noise: float
+def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[CameraMotion], noise: float
              ) -> Uncertain:
     """
     Return the time [s] between two rows of a rolling shutter, from the shear of moving tags.
@@ -181,7 +181,7 @@ def row_time(parts: Sequence[Sequence[Fix]], motions: Sequence[Motion], noise: f
     return Uncertain(products / squares, noise / math.sqrt(squares))
 
 
-def unrolled(part: Sequence[Fix], motion: Motion, line: float) -> list[Fix]:
+def unrolled(part: Sequence[Fix], motion: CameraMotion, line: float) -> list[Fix]:
     """Return the fixes as if all rows were seen with the middle one; ``line`` [s] is per row."""
     found = []
     for fix, rates in zip(part, motion.map_rates):
@@ -192,7 +192,7 @@ def unrolled(part: Sequence[Fix], motion: Motion, line: float) -> list[Fix]:
     return found
 
 
-def wheel_tracks(wheels: Recording, robot: RobotParams, rounds: int = ROUNDS
+def wheel_tracks(wheels: SampleArrays, robot: RobotParams, rounds: int = ROUNDS
                  ) -> list[tuple[int, Track] | None]:
     """
     Return the smoothed angles [rad] of the wheels: first stamp [ns] and a track per wheel.
@@ -213,7 +213,7 @@ def wheel_tracks(wheels: Recording, robot: RobotParams, rounds: int = ROUNDS
             for rows, angle, variance in zip(known.T, angles.T, variances.T)]
 
 
-def slips_of(motion: Motion, tracks: Sequence[tuple[int, Track] | None],
+def slips_of(motion: CameraMotion, tracks: Sequence[tuple[int, Track] | None],
              robot: RobotParams) -> list[WheelSlip]:
     """Return the slip of the wheels at the instants of ``motion`` that have wheel samples."""
     speed, variance = np.full((2, len(motion.stamp_ns), 4), np.nan)
@@ -237,7 +237,7 @@ def slips_of(motion: Motion, tracks: Sequence[tuple[int, Track] | None],
             in zip(motion.stamp_ns, np.isfinite(speed).any(1), ratio, speed - v_x, sigma) if near]
 
 
-def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotParams
+def time_offset(parts: Sequence[Sequence[Fix]], inputs: SampleArrays, robot: RobotParams
                 ) -> tuple[Uncertain, str]:
     """
     Return by how much [s] the stamps of images are late, and how it was estimated.
@@ -277,7 +277,7 @@ def time_offset(parts: Sequence[Sequence[Fix]], inputs: Recording, robot: RobotP
     return Uncertain(value, sigma), 'from ' + ('wheel_states' if lag else 'imu/data')
 
 
-def _turning(inputs: Recording, robot: RobotParams
+def _turning(inputs: SampleArrays, robot: RobotParams
              ) -> tuple[Instants, Array, tuple[float, float], float] | None:
     """Return stamps [ns], yaw [rad], prior of its scale, and lag [s] of gyroscope or wheels."""
     imu = inputs.stream(ImuSample).ordered

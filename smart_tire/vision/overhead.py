@@ -26,14 +26,14 @@ import numpy as np
 from smart_tire.errors import MessageError, ParameterError
 from smart_tire.messages import stamp_of
 from smart_tire.parameters import OverheadLocalizerParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import gray_image, Image, other_families, TagDetector
 from smart_tire.vision.localization import Fix, PoseFit
 from smart_tire.vision.motion import (
-    MAX_GAP, Motion, motion_of, pixel_noise, row_time, slips_of, time_offset, unrolled, used,
+    CameraMotion, MAX_GAP, motion_of, pixel_noise, row_time, slips_of, time_offset, unrolled, used,
     wheel_tracks)
 
 NO_TAG = 'no tag'
@@ -48,7 +48,7 @@ SCALE_SIGMAS = 3.0        # of a way that contradicts the wheels
 
 
 @dataclass
-class Result:
+class CameraResult:
     """Motion of the robot between gaps of the images, and slip."""
 
     images: int                   # received
@@ -56,7 +56,7 @@ class Result:
     refused: Counter[str]         # images without an estimate, by reason
     lost: int = 0                 # images that are missing between the timestamps
     gaps: list[tuple[float, float]] = field(default_factory=list)  # begin [s], duration [s]
-    motions: list[Motion] = field(default_factory=list)
+    motions: list[CameraMotion] = field(default_factory=list)
     slips: list[WheelSlip] = field(default_factory=list)
     offset: Uncertain = Uncertain(0.0, 0.0)  # s, by which the stamps of images are late
     offset_source: str = ''
@@ -213,10 +213,11 @@ class OverheadLocalizer:
             self._without_tag.append(image)
         return NO_TAG
 
-    def result(self, inputs: Recording) -> Result:
+    def result(self, inputs: SampleArrays) -> CameraResult:
         """Return motion and slip; ``inputs`` are ``imu/data`` and ``wheel_states``."""
         robot = self._params.robot
-        found = Result(self.images, len(self.fixes), Counter(self.refused), frame=self._frame)
+        found = CameraResult(self.images, len(self.fixes), Counter(self.refused),
+                             frame=self._frame)
         if not self.fixes:
             found.hints += other_families(self._params.overhead.tag_family, self._without_tag)
             return found
@@ -241,7 +242,7 @@ class OverheadLocalizer:
         self._check_scale(found)
         return found
 
-    def _check_scale(self, found: Result) -> None:
+    def _check_scale(self, found: CameraResult) -> None:
         """Refuse all estimates if their scale contradicts the wheels."""
         self.scale.add([*(one for motion in found.motions for one in motion.odometry(0.0)),
                         *found.slips])
@@ -255,7 +256,7 @@ class OverheadLocalizer:
             found.refused[SCALE] += found.published
             found.motions, found.slips = [], []
 
-    def _smooth(self, found: Result, parts: list[list[Fix]], inputs: Recording) -> None:
+    def _smooth(self, found: CameraResult, parts: list[list[Fix]], inputs: SampleArrays) -> None:
         """Estimate time offset and motions from ``parts``."""
         given, robot = self._params.overhead.time_offset, self._params.robot
         found.offset, found.offset_source = (
@@ -263,7 +264,7 @@ class OverheadLocalizer:
             else (Uncertain(given, 0.0), 'given'))
         found.motions = [motion_of(part, found.noise, found.offset, robot) for part in parts]
 
-    def _count_lost(self, found: Result, parts: list[list[Fix]]) -> None:
+    def _count_lost(self, found: CameraResult, parts: list[list[Fix]]) -> None:
         """Count images that are missing between the others, and note the gaps."""
         stamps = np.array(sorted(self._stamps))
         kept = np.array([fix.stamp_ns for part in parts for fix in part])

@@ -36,7 +36,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Errors, nonlinear_fit, Prior
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.overhead import OverheadParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import angles, matrix, wrapped
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT
 from smart_tire.uncertain import Uncertain
@@ -146,7 +146,7 @@ def _starts(intrinsics: Intrinsics, pixels: Array, places: Array, flat: Array) -
     return found
 
 
-def tag_place(fixes: Sequence[Fix], inputs: Recording, robot: RobotParams, icr_x: Uncertain,
+def tag_place(fixes: Sequence[Fix], inputs: SampleArrays, robot: RobotParams, icr_x: Uncertain,
               yaw: Uncertain) -> tuple[Uncertain | None, Uncertain | None, Uncertain | None]:
     """
     Return x, y [m] and yaw [rad] of a tag in ``base_link``.
@@ -184,7 +184,7 @@ def tag_place(fixes: Sequence[Fix], inputs: Recording, robot: RobotParams, icr_x
             Uncertain(math.remainder(angle.value, math.tau), angle.sigma) if seen[0] else None)
 
 
-def _displacements(fixes: Sequence[Fix], inputs: Recording, robot: RobotParams
+def _displacements(fixes: Sequence[Fix], inputs: SampleArrays, robot: RobotParams
                    ) -> tuple[Array, Array, Array, Array]:
     """
     Return displacements (n, 2) [m] of a tag in its axes, and how far it turned [rad] (n,).

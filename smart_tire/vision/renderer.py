@@ -66,7 +66,7 @@ class Renderer:
 
     def __init__(self, params: ImageParams, overhead: TagParams, wheel_radius: float,
                  seed: int = 0) -> None:
-        self._params, self._overhead, self._radius = params, overhead, wheel_radius
+        self._params, self._radius = params, wheel_radius
         self.camera = camera_of(params)
         self._rng = np.random.default_rng(seed)
         # a part of it for each image: drawing new numbers takes longer than all the rest

@@ -23,7 +23,7 @@ from smart_tire.analysis.drive_report import (
     stamp_errors)
 from smart_tire.analysis.result import Result
 from smart_tire.host_load import HostLoad
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, Odometry, TireSample, WheelSlip
 from support.ideal_robot import odometry
@@ -46,7 +46,7 @@ def log(tmp_path):
 
 
 def received(log, offset_ns=0, lost=()):
-    series = Recording()
+    series = SampleArrays()
     for k, batch in enumerate(read_conversions(log)):
         if not batch.dropped and k not in lost:
             for stamp in batch.stamp_ns:
@@ -121,12 +121,12 @@ def motion(stamp_ns, x=0.0, yaw=0.0, ratio=0.1, sigma=0.01):
 
 
 def test_the_camera_of_a_demo_is_compared_at_its_own_stamps():
-    truth = Recording(one for k in range(101) for one in motion(START + k * 10_000_000))
-    camera = Recording(one for k, sigma in (
+    truth = SampleArrays(one for k in range(101) for one in motion(START + k * 10_000_000))
+    camera = SampleArrays(one for k, sigma in (
         (3, 0.01), (55, 0.01), (80, 0.5), (900, 0.01))  # the last without truth
         for one in motion(START + k * 10_000_000 + 3_000_000, 0.004, 0.01,
                           0.1 if sigma > 0.1 else 0.12, sigma))
-    found = camera_errors(Result(Recording(), truth=truth, camera=camera))
+    found = camera_errors(Result(SampleArrays(), truth=truth, camera=camera))
     assert (found['position']['count'], found['yaw']['count'], found['slip']['count']) == (6, 3, 8)
     assert found['position']['rms'] == pytest.approx(0.004 / np.sqrt(2.0))  # of x and y
     assert found['yaw']['rms'] == pytest.approx(0.01)
@@ -145,15 +145,15 @@ def test_the_camera_of_a_demo_is_compared_at_its_own_stamps():
 
 
 def test_poses_without_slip_or_truth_are_no_error():
-    camera = Recording(motion(START)[:1])
-    truth = Recording(one for k in range(-1, 2) for one in motion(START + k * 10_000_000))
-    found = camera_errors(Result(Recording(), truth=truth, camera=camera))
+    camera = SampleArrays(motion(START)[:1])
+    truth = SampleArrays(one for k in range(-1, 2) for one in motion(START + k * 10_000_000))
+    found = camera_errors(Result(SampleArrays(), truth=truth, camera=camera))
     assert (found['yaw']['count'], found['slip']['count']) == (1, 0)
-    assert camera_errors(Result(Recording(), camera=camera))['yaw']['count'] == 0
+    assert camera_errors(Result(SampleArrays(), camera=camera))['yaw']['count'] == 0
 
 
 def test_without_poses_of_a_camera_there_are_no_errors_of_it():
-    assert camera_errors(Result(Recording())) is None
+    assert camera_errors(Result(SampleArrays())) is None
 
 
 def test_the_camera_of_a_recorded_drive_is_the_reference(tmp_path):

@@ -21,9 +21,9 @@ from smart_tire.analysis.driven_paths import driven_lines, driven_tree, grounds_
 from smart_tire.analysis.motion_figures import path_figure, tracking_figure
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import EstimatorParams
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import NAN, NS_PER_S, PathProgress, PlannedPath
 from support.ideal_robot import odometry
 
@@ -37,7 +37,7 @@ def stamp(seconds):
 
 def poses(y=0.0, yaw=0.0, until=10.0):
     """Return a drive along x from 2 s on, in a frame that is turned by ``yaw``."""
-    series = Recording()
+    series = SampleArrays()
     for seconds in np.arange(0.0, until, 0.02):
         x = SPEED * max(seconds - 2.0, 0.0)
         own_y = y * min(x, 1.0)
@@ -64,41 +64,42 @@ def log(*states, paths=(STRAIGHT,)):
     return found
 
 
-FOLLOWED = (0.0, State.IDLE), (2.25, State.FOLLOWING), (8.0, State.ARRIVED)
+FOLLOWED = (0.0, PathState.IDLE), (2.25, PathState.FOLLOWING), (8.0, PathState.ARRIVED)
 
 
 def test_a_path_ends_with_the_first_other_state():
-    [drive] = log(*FOLLOWED).driven(poses(), Recording().poses())
-    assert drive.state == State.ARRIVED
+    [drive] = log(*FOLLOWED).driven(poses(), SampleArrays().poses())
+    assert drive.state == PathState.ARRIVED
     assert drive.duration == pytest.approx(6.0)
     assert drive.estimated[[0, -1], 0] == pytest.approx([0.0, 3.0])
     assert not len(drive.true)
 
 
 def test_the_state_before_the_path_does_not_end_it():
-    [drive] = log((0.0, State.ARRIVED), (2.5, State.FOLLOWING), (8.0, State.STOPPED)).driven(
-        poses(), Recording().poses())
-    assert drive.state == State.STOPPED and drive.duration == pytest.approx(6.0)
+    [drive] = log((0.0, PathState.ARRIVED), (2.5, PathState.FOLLOWING),
+                  (8.0, PathState.STOPPED)).driven(poses(), SampleArrays().poses())
+    assert drive.state == PathState.STOPPED and drive.duration == pytest.approx(6.0)
 
 
 def test_a_refused_path_was_not_driven():
-    assert log((0.0, State.IDLE), (2.25, State.REFUSED)).driven(poses(), poses()) == []
+    assert log((0.0, PathState.IDLE), (2.25, PathState.REFUSED)).driven(poses(), poses()) == []
 
 
 def test_a_new_path_ends_the_one_before():
-    first, second = log((0.0, State.IDLE), (2.25, State.FOLLOWING), (8.0, State.ARRIVED),
-                        paths=(straight(2.0), straight(5.0, 1.5))).driven(poses(), poses())
+    first, second = log((0.0, PathState.IDLE), (2.25, PathState.FOLLOWING),
+                        (8.0, PathState.ARRIVED), paths=(
+                            straight(2.0), straight(5.0, 1.5))).driven(poses(), poses())
     assert first.end_ns < second.begin_ns == stamp(5.0)
-    assert first.state == State.FOLLOWING and second.state == State.ARRIVED
+    assert first.state == PathState.FOLLOWING and second.state == PathState.ARRIVED
 
 
-STOPPED_ONCE = ((0.0, State.IDLE), (2.25, State.FOLLOWING), (4.0, State.STOPPED),
-                (5.0, State.FOLLOWING), (8.0, State.ARRIVED))
+STOPPED_ONCE = ((0.0, PathState.IDLE), (2.25, PathState.FOLLOWING), (4.0, PathState.STOPPED),
+                (5.0, PathState.FOLLOWING), (8.0, PathState.ARRIVED))
 
 
 def test_the_rest_of_a_path_after_a_stop_is_a_part_of_it():
     [drive] = log(*STOPPED_ONCE, paths=(STRAIGHT, straight(4.9, 1.0))).driven(poses(), poses())
-    assert drive.state == State.ARRIVED and drive.resumed == 1
+    assert drive.state == PathState.ARRIVED and drive.resumed == 1
     assert drive.wanted.tolist() == [[0.0, 0.0], [3.0, 0.0]]
     assert drive.duration == pytest.approx(6.0)
     assert drive.estimated[[0, -1], 0] == pytest.approx([0.0, 3.0])
@@ -127,7 +128,7 @@ def test_errors_in_truth_are_those_since_the_path_began():
 
 
 def test_without_truth_the_errors_are_those_of_the_estimate():
-    [drive] = log(*FOLLOWED).driven(poses(y=0.1), Recording().poses())
+    [drive] = log(*FOLLOWED).driven(poses(y=0.1), SampleArrays().poses())
     tree = driven_tree(drive)
     assert tree['in_truth'] is None
     assert 'in truth' not in '\n'.join(driven_lines('path', tree))

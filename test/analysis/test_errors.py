@@ -18,7 +18,7 @@ import pytest
 from smart_tire.analysis.errors import error_groups, ErrorCurve
 from smart_tire.analysis.figure import Curve
 from smart_tire.analysis.result import Comparison
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain
 from support.driving import driven
@@ -46,7 +46,7 @@ def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():
 def test_errors_need_an_overlap_and_a_true_twist():
     assert errors(drive(1.1), drive(1.0))['velocity'][0].curve.y == pytest.approx(0.1)
     assert errors(drive(1.1), drive(1.0, twist=False))['velocity'] == []
-    assert not any(errors(drive(1.0), Recording()).values())
+    assert not any(errors(drive(1.0), SampleArrays()).values())
 
 
 def test_slip_errors_count_where_slip_is_observable():
@@ -59,7 +59,7 @@ def test_slip_errors_count_where_slip_is_observable():
 
 
 def test_uninformative_single_crossings_do_not_count():
-    truth, own = Recording(), Recording()
+    truth, own = SampleArrays(), SampleArrays()
     truth.crossings = [
         Friction(i * NS_PER_S, 'front_left', friction_coefficient=Uncertain(0.5, 0.0),
                  friction_coefficient_single=Uncertain(0.5, 0.0)) for i in range(3)]
@@ -71,7 +71,7 @@ def test_uninformative_single_crossings_do_not_count():
     assert (single.score.count, fused.score.count) == (1, 2)
     assert single.curve.y[0] == pytest.approx(0.2)
     assert fused.normalized == pytest.approx([1.0, 1.0])
-    assert errors(Recording(), truth)['friction'] == []
+    assert errors(SampleArrays(), truth)['friction'] == []
 
 
 def test_errors_without_standard_deviation_are_not_normalized():

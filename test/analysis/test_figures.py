@@ -21,7 +21,7 @@ from smart_tire.analysis.motion_figures import (
     equidistant, path_figure, slip_figure, velocity_figure, wheel_slip_figure, wheel_speed_figure)
 from smart_tire.analysis.result import Result
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, TireSample, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -49,7 +49,7 @@ def estimated():
 
 def measured():
     """Return four seconds of film voltages and wheel speeds."""
-    series = Recording()
+    series = SampleArrays()
     for i in range(1600):
         series.add_sample(TireSample(ns(i / 400), 'front_left', (1.65 + 0.001 * i, 1.65)))
     for i in range(64):
@@ -63,7 +63,7 @@ def result(**changes):
 
 
 def only(crossings=(), slips=()):
-    series = Recording()
+    series = SampleArrays()
     series.crossings = list(crossings)
     for slip in slips:
         series.add_sample(slip)
@@ -83,7 +83,7 @@ def test_what_was_estimated_is_written(tmp_path):
     assert [path.name for path in written] == [
         'slip.png', 'path.png', 'friction.png', 'crossing.png']
     assert all(path.read_bytes().startswith(b'\x89PNG') for path in written)
-    assert write_figures(tmp_path, Result(Recording(), measured()), ROBOT) == []
+    assert write_figures(tmp_path, Result(SampleArrays(), measured()), ROBOT) == []
 
 
 def test_every_axis_has_a_unit_and_every_band_an_explanation():
@@ -98,9 +98,15 @@ def test_every_axis_has_a_unit_and_every_band_an_explanation():
         banded = any(mark.curve.sigma is not None
                      for panel in figure.panels for mark in panel.marks)
         assert banded == ('reports' in figure.caption), figure.name
-    assert all(draw(Result(Recording())) is None for draw in (
+    assert all(draw(Result(SampleArrays())) is None for draw in (
         slip_figure, wheel_slip_figure, path_figure, friction_figure, adhesion_figure,
         ground_figure, velocity_figure, wheel_speed_figure))
+
+
+def test_the_panels_of_the_ground_show_stiffness_and_rolling_resistance():
+    state = GroundState(ns(1.0), *(Uncertain(value, 0.01) for value in (50.0, 0.4, 0.02)))
+    figure = ground_figure(result(estimates=SampleArrays([state])))
+    assert [panel.marks[0].curve.y.tolist() for panel in figure.panels] == [[50.0], [0.02]]
 
 
 def test_each_interval_has_a_slip_panel_and_determines_the_axis():
@@ -130,7 +136,7 @@ def test_filtered_and_smoothed_motion_is_drawn_and_friction_once():
 
 def test_wanted_paths_are_below_the_others():
     wanted = [np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 1.0]])]
-    for truth in (estimated(), Recording()):
+    for truth in (estimated(), SampleArrays()):
         marks = path_figure(result(truth=truth, wanted=wanted)).panels[0].marks
         assert [(mark.label, mark.curve.x.tolist()) for mark in marks[:2]] == [
             ('wanted', path[:, 0].tolist()) for path in wanted]
@@ -139,7 +145,7 @@ def test_wanted_paths_are_below_the_others():
 def test_ground_truth_is_drawn_if_available():
     for draw in (slip_figure, wheel_slip_figure, friction_figure, adhesion_figure,
                  velocity_figure):
-        for truth, expected in ((estimated(), True), (Recording(), False)):
+        for truth, expected in ((estimated(), True), (SampleArrays(), False)):
             figure = draw(result(truth=truth))
             assert ('truth' in labels(figure.panels[0])) == expected
             assert ('Dashed' in figure.caption) == expected
@@ -187,7 +193,7 @@ def test_slip_has_no_line_at_standstill_and_where_it_is_unknown():
 
 
 def test_a_long_recording_has_segments_where_the_wheels_change():
-    inputs = Recording()
+    inputs = SampleArrays()
     for i in range(1200):
         turning = 200 <= i < 250 or 900 <= i < 950
         inputs.add_sample(WheelSample(ns(0.1 * i), (OMEGA + (i % 2 if turning else 0.0),) * 4))

@@ -20,7 +20,7 @@ import pytest
 from smart_tire.analysis.metrics import (
     compared_poses, compared_slips, compared_twist, distance, pose_score, score, slip_scores,
     stamp_score)
-from smart_tire.recording import PoseSeries, SlipSeries
+from smart_tire.estimates import PoseEstimate, SlipEstimate
 
 EPOCH = 1_700_000_000_000_000_000
 
@@ -31,16 +31,16 @@ def ticks(count, rate=100.0):
 
 def poses(pose, twist=None, sigma=0.1, rate=100.0):
     count = len(pose)
-    return PoseSeries(
+    return PoseEstimate(
         ticks(count, rate), np.asarray(pose, float),
         np.full((count, 3), math.nan) if twist is None else np.asarray(twist, float),
-        np.broadcast_to(np.eye(3) * sigma ** 2, (count, 3, 3)), np.full((count, 3), sigma ** 2))
+        np.broadcast_to(np.eye(3) * sigma ** 2, (count, 3, 3)), np.full((count, 3), sigma))
 
 
 def exact(truth):
     """Return the poses with covariances of zero, as those of ground truth."""
-    return replace(truth, pose_covariance=0.0 * truth.pose_covariance,
-                   twist_variance=0.0 * truth.twist_variance)
+    return replace(truth, covariance=0.0 * truth.covariance,
+                   twist_sigma=0.0 * truth.twist_sigma)
 
 
 def posed(estimate, truth):
@@ -143,15 +143,15 @@ def test_errors_of_the_twist_are_found_in_each_component():
 
 def test_poses_that_never_overlap_have_no_score():
     late = poses(circle())
-    late = PoseSeries(late.stamp_ns + 60_000_000_000, late.pose, late.twist,
-                      late.pose_covariance, late.twist_variance)
+    late = PoseEstimate(late.stamp_ns + 60_000_000_000, late.pose, late.twist,
+                        late.covariance, late.twist_sigma)
     assert posed(late, poses(circle())) is None
     assert posed(poses(circle()[:0]), poses(circle())) is None
 
 
 def slips(ratio, sigma=0.1):
     ratio = np.asarray(ratio, float)
-    return SlipSeries(ticks(len(ratio)), ratio, np.full(ratio.shape, sigma))
+    return SlipEstimate(ticks(len(ratio)), ratio, np.full(ratio.shape, sigma), ratio)
 
 
 def slid(estimate, truth, *intervals):
@@ -201,8 +201,9 @@ def test_the_slip_of_a_side_is_the_mean_of_its_measured_wheels():
     stamps = np.arange(4) * 10**8
     ratio = np.tile([0.1, 0.2, math.nan, 0.4], (4, 1))
     ratio[0, 1] = math.nan  # at standstill
-    estimate = SlipSeries(stamps, ratio, np.full((4, 4), 0.1))
-    truth = SlipSeries(stamps, np.tile([0.15, 0.2, 0.9, 0.2], (4, 1)), np.zeros((4, 4)))
+    estimate = SlipEstimate(stamps, ratio, np.full((4, 4), 0.1), ratio)
+    true = np.tile([0.15, 0.2, 0.9, 0.2], (4, 1))
+    truth = SlipEstimate(stamps, true, np.zeros((4, 4)), true)
     scores = slid(estimate, truth)
     assert (scores['left'].error.count, scores['right'].error.count) == (4, 2)
     assert scores['left'].error.mean == pytest.approx(-0.05)

@@ -25,7 +25,8 @@ from smart_tire.analysis.motion_figures import (
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import evaluation, WHOLE
 from smart_tire.analysis.tables import error_tables
-from smart_tire.recording import PoseSeries, Recording, SlipSeries
+from smart_tire.estimates import PoseEstimate, SlipEstimate
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
 from support.driving import driven
 from support.ideal_robot import odometry
@@ -58,7 +59,7 @@ def test_truth_is_the_reference_before_the_camera_and_the_camera_before_none():
 
 def test_with_truth_the_errors_do_not_depend_on_the_camera():
     both, alone = (evaluation(Result(driven(), truth=truth(), camera=one).filtered)
-                   for one in (camera(speed=0.7, slip=0.4), Recording()))
+                   for one in (camera(speed=0.7, slip=0.4), SampleArrays()))
     assert both == alone
 
 
@@ -82,7 +83,7 @@ def test_errors_are_normalized_by_the_sigmas_of_both():
 def series(pose, covariance):
     count = len(pose)
     stamps = np.arange(count) * NS_PER_S // 10
-    return PoseSeries(stamps, pose, np.zeros((count, 3)), covariance, np.zeros((count, 3)))
+    return PoseEstimate(stamps, pose, np.zeros((count, 3)), covariance, np.zeros((count, 3)))
 
 
 def test_the_covariance_of_an_aligned_path_is_that_of_its_scatter():
@@ -110,7 +111,7 @@ def test_the_covariance_of_an_aligned_path_is_that_of_its_scatter():
 
 def test_a_covariance_that_is_not_given_counts_as_zero():
     own, other = (driven(variance=0.01, sigma=0.02) for _ in range(2))
-    unknown = Recording()
+    unknown = SampleArrays()
     for stamp_ns in other.poses().stamp_ns.tolist():
         unknown.add_sample(Odometry(
             stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3,
@@ -122,8 +123,8 @@ def test_a_covariance_that_is_not_given_counts_as_zero():
 
 def slips(ratio, sigma):
     count = len(ratio)
-    return SlipSeries(np.arange(count) * NS_PER_S // 20, np.repeat(np.array(ratio)[:, None], 4, 1),
-                      np.repeat(np.array(sigma)[:, None], 4, 1))
+    ratio, sigma = (np.repeat(np.array(values)[:, None], 4, 1) for values in (ratio, sigma))
+    return SlipEstimate(np.arange(count) * NS_PER_S // 20, ratio, sigma, ratio)
 
 
 @pytest.mark.parametrize('ratio, sigma', [(math.nan, 1.0), (-0.9, 0.51)])
@@ -144,7 +145,7 @@ def test_standstill_of_the_estimates_is_not_compared_with_a_moving_camera():
 
 def with_gap(first, last):
     """Return what the camera sees but from ``first`` to ``last`` [s]."""
-    found = Recording()
+    found = SampleArrays()
     for i in range(80):
         if not first < i / 20 < last:
             stamp_ns = round(i / 20 * NS_PER_S)
@@ -170,13 +171,13 @@ def test_gaps_of_the_camera_are_not_filled():
 def test_the_camera_is_a_third_line_with_its_own_band():
     both = Result(driven(), truth=truth(), camera=camera())
     for draw in DRAWN:
-        figure, alone = draw(both), draw(replace(both, truth=Recording()))
+        figure, alone = draw(both), draw(replace(both, truth=SampleArrays()))
         own = CAMERA if draw is path_figure else f'{CAMERA} ± 2σ'
         assert {TRUTH, own} <= labels(figure), draw.__name__
         assert own in labels(alone) and TRUTH not in labels(alone), draw.__name__
         assert 'the overhead camera' in figure.caption and 'ground truth' in figure.caption
         assert 'ground truth' not in alone.caption
-        assert 'the overhead camera' not in draw(replace(both, camera=Recording())).caption
+        assert 'the overhead camera' not in draw(replace(both, camera=SampleArrays())).caption
     marks = [mark for mark in velocity_figure(both).panels[0].marks if mark.label]
     assert [mark.color for mark in marks] == ['blue', 'green', 'ink']
     assert marks[1].curve.sigma == pytest.approx(0.04) and marks[2].curve.sigma is None

@@ -57,8 +57,8 @@ def errors(run, ground, series):
     speed = poses.twist[:, 0] - run.twist[index, 0]
     position = poses.pose[:, :2] - run.pose[index, :2]
     return {'slip': (slip, slips.sigma[:, :2]),
-            'speed': (speed, np.sqrt(poses.twist_variance[:, 0])),
-            'position': (position, np.sqrt(poses.pose_covariance[:, (0, 1), (0, 1)]))}
+            'speed': (speed, poses.twist_sigma[:, 0]),
+            'position': (position, np.sqrt(poses.covariance[:, (0, 1), (0, 1)]))}
 
 
 @cache

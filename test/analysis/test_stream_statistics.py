@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.summary import input_stats, stream_stats
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import ImuSample, TireSample
 
 EPOCH = 1_700_000_000_000_000_000
@@ -51,7 +51,7 @@ def test_equal_timestamps_have_no_rate(indices):
 
 
 def test_wheels_that_share_a_topic_are_evaluated_separately():
-    inputs = Recording()
+    inputs = SampleArrays()
     for i, stamp in enumerate(stamps(range(100)).tolist()):
         inputs.add_sample(TireSample(stamp, 'front_left', (1.65, 1.65)))
         if i not in (50, 51):

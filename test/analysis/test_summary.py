@@ -21,7 +21,7 @@ from smart_tire.analysis.metrics import Score
 from smart_tire.analysis.result import Comparison
 from smart_tire.analysis.summary import (
     divergence, error_tree, estimates_tree, plain, surfaces, WHOLE)
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import Friction, GROUND_ESTIMATES, GroundState, Odometry, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from support.driving import driven
@@ -81,12 +81,12 @@ def test_the_ground_is_summarized_by_medians():
 
 
 def test_without_estimates_the_tree_is_empty_and_without_truth_there_are_no_errors():
-    assert estimates_tree(Recording()) == {'tire_friction': {}}
-    assert error_tree(Comparison(run(), Recording())) is None
+    assert estimates_tree(SampleArrays()) == {'tire_friction': {}}
+    assert error_tree(Comparison(run(), SampleArrays())) is None
 
 
 def test_errors_are_computed_for_the_available_ground_truth():
-    truth = Recording()
+    truth = SampleArrays()
     truth.add_sample(Odometry(EPOCH, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0),
                               (0.0, 0.0, 0.0), (0.0,) * 36, (-1.0,) * 36))
     truth.add_sample(Odometry(
@@ -130,7 +130,7 @@ def test_given_intervals_replace_the_surfaces():
 
 def poses(speed, yaw_rate=0.5, variance=0.01, x=1.0, covariance=0.01):
     """Return odometry of two instants, the second with these values."""
-    found = Recording()
+    found = SampleArrays()
     for second, v in enumerate((1.0, speed)):
         found.add_sample(Odometry(
             EPOCH + second * SECOND, (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (v, 0.0, 0.0),
@@ -147,7 +147,7 @@ def test_an_impossible_motion_is_divergence(found, wheel_speed):
 
 
 @pytest.mark.parametrize('found, wheel_speed', [
-    (poses(2.9), 1.0), (poses(99.0), 90.0), (poses(1.9), 0.0), (Recording(), 1.0)])
+    (poses(2.9), 1.0), (poses(99.0), 90.0), (poses(1.9), 0.0), (SampleArrays(), 1.0)])
 def test_a_fast_motion_is_no_divergence(found, wheel_speed):
     assert divergence(found, wheel_speed) == ''
     assert '1.0 s on: 2.1 m/s' in divergence(poses(2.1), 0.0)

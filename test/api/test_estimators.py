@@ -20,11 +20,10 @@ from smart_tire import (
     estimate, estimate_friction, estimate_slip, load_params, read_bag, Recording)
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import ESTIMATES
-from smart_tire.api import ImuData, WheelData
-from smart_tire.api.results import estimates_of
+from smart_tire.api import Estimates, ImuData, WheelData
 from smart_tire.bags import Bag
 from smart_tire.errors import ParameterError
-from smart_tire.recording import Recording as Samples
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import FRICTION_QUANTITIES, Odometry, WheelSlip
 from support.arrays import assert_same_arrays
 
@@ -46,7 +45,9 @@ def analyzed(bag, params, tmp_path_factory):
 
 
 def test_estimates_are_those_of_analyze(estimates, analyzed):
-    assert_same_arrays(estimates, estimates_of(Samples(analyzed)), 1e-9)
+    found = SampleArrays(analyzed)
+    assert_same_arrays(estimates, Estimates(found.poses(), found.slips(), found.centers(),
+                                            found.grounds(), found.frictions()), 1e-9)
     assert len(estimates.friction) >= 3
     assert min(map(len, (estimates.pose, estimates.slip, estimates.center))) > 200
 

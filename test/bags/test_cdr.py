@@ -139,7 +139,7 @@ def refuse(data):
 @given(data=st.data(), little=st.booleans())
 @settings(max_examples=20)
 def test_frequent_messages_are_those_of_rosbags(type_name, data, little):
-    read, write = cdr.Decoder(type_name, refuse), cdr.Encoder(type_name)
+    read, write = cdr.LayoutDecoder(type_name, refuse), cdr.LayoutEncoder(type_name)
     for _ in range(2):  # layouts of the first message are used again
         msg = data.draw(messages(type_name))
         raw = bytes(typestore().serialize_cdr(msg, type_name, little_endian=little))
@@ -157,11 +157,11 @@ def named(*names):
 
 
 def test_layouts_of_one_size_are_distinguished_and_their_number_is_bounded():
-    read = cdr.Decoder(JOINTS, refuse)
+    read = cdr.LayoutDecoder(JOINTS, refuse)
     names = [f'{i:04d}' for i in range(3 * LAYOUT_CACHE_SIZE)]
     for name in names + names:
         assert tuple(read(named(name)).name) == (name,)
-    write = cdr.Encoder(JOINTS)
+    write = cdr.LayoutEncoder(JOINTS)
     for name in names:
         write.msg.name, write.msg.position = [name], (0.0,)
         assert write(write.msg) == named(name)
@@ -172,7 +172,7 @@ def test_layouts_of_one_size_are_distinguished_and_their_number_is_bounded():
 @pytest.mark.parametrize('type_name', FREQUENT)
 def test_other_bytes_are_left_to_another_reader(type_name):
     raw = Encoder(type_name)(empty(type_name))
-    read = cdr.Decoder(type_name, lambda data: data)
+    read = cdr.LayoutDecoder(type_name, lambda data: data)
     assert read(raw) is not raw
     for size in range(len(raw)):
         assert read(raw[:size]) == raw[:size]

@@ -16,8 +16,8 @@ from benchmarks.motion import (
     as_truth, Estimate, estimated_at, score_motion, steady_sides, Truth)
 import numpy as np
 import pytest
+from smart_tire.estimates import PoseEstimate, SlipEstimate
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import PoseSeries, SlipSeries
 from smart_tire.samples import NS_PER_S, WheelSlip
 from support.ideal_robot import odometry
 
@@ -28,8 +28,8 @@ PERIOD_NS = NS_PER_S // 100
 def poses(stamps, pose, twist, sigma=math.nan, speed_sigma=math.nan):
     """Return a series of poses and twists, each (n, 3), with constant sigmas."""
     n = len(stamps)
-    return PoseSeries(stamps, pose, twist, np.tile(sigma ** 2 * np.eye(3), (n, 1, 1)),
-                      np.full((n, 3), speed_sigma ** 2))
+    return PoseEstimate(stamps, pose, twist, np.tile(sigma ** 2 * np.eye(3), (n, 1, 1)),
+                        np.full((n, 3), speed_sigma))
 
 
 def straight_run(seconds=10.0, speed=0.5, slip=0.1):
@@ -56,7 +56,8 @@ def estimate_with(truth, slip_error=0.0, slip_sigma=0.1, shift=(0.0, 0.0, 0.0), 
     twist = truth.poses.twist + [speed_error, 0.0, 0.0]
     ratio = truth.ratio + slip_error if ratio is None else ratio
     return Estimate(poses(truth.stamp_ns, truth.poses.pose + off, twist, 0.1, 0.02),
-                    SlipSeries(truth.stamp_ns, ratio, np.full_like(ratio, slip_sigma)), **values)
+                    SlipEstimate(truth.stamp_ns, ratio, np.full_like(ratio, slip_sigma),
+                                 np.full_like(ratio, math.nan)), **values)
 
 
 def figures(estimate, truth, **options):

@@ -22,13 +22,13 @@ import pytest
 from smart_tire.cli import _drive_session, drive
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._drive_session import Session
-from smart_tire.cli._keyboard import Key, StopRequest, Teleoperation
-from smart_tire.cli._path_file import extent, length
+from smart_tire.cli._keyboard import DriveKey, StopRequest, Teleoperation
+from smart_tire.cli._path_file import extent, length, read_plan
 from smart_tire.cli._stack import RobotError
 from smart_tire.cli.demo import border_point
-from smart_tire.cli.drive import PATHS, read_plan
 from smart_tire.cli.main import main
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.path_library import PATHS
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.errors import ParameterError
 from smart_tire.samples import NAN, NS_PER_S, Odometry, PathProgress
 
@@ -152,9 +152,9 @@ def test_paths_begin_ahead_of_the_robot_and_have_a_scale(name):
     assert 1.0 < extent(path) < 5.0
 
 
-@pytest.mark.parametrize('end', [State.ARRIVED, State.STOPPED])
+@pytest.mark.parametrize('end', [PathState.ARRIVED, PathState.STOPPED])
 def test_the_end_of_the_path_is_the_state_after_following(end, dashboard):
-    pilot = Pilot([State.FOLLOWING, State.FOLLOWING, end])
+    pilot = Pilot([PathState.FOLLOWING, PathState.FOLLOWING, end])
     session = session_of(pilot)
     with session.ending():
         assert session.follow('line', LINE, dashboard) == end
@@ -162,15 +162,16 @@ def test_the_end_of_the_path_is_the_state_after_following(end, dashboard):
 
 
 @pytest.mark.parametrize(('end', 'status'), [
-    (State.ARRIVED, 0), (State.STOPPED, 1), (State.REFUSED, 1), (KeyboardInterrupt(), 130)])
+    (PathState.ARRIVED, 0), (PathState.STOPPED, 1), (PathState.REFUSED, 1),
+    (KeyboardInterrupt(), 130)])
 def test_the_exit_status_is_how_a_drive_along_a_path_has_ended(end, status, monkeypatch):
     monkeypatch.setattr(_drive_session, 'REASON_TIME', 0.0)
-    session = session_of(Pilot([State.FOLLOWING, end]))
+    session = session_of(Pilot([PathState.FOLLOWING, end]))
     assert drive._follow(SimpleNamespace(path='line', absolute=True), session, LINE) == status
 
 
 @pytest.mark.parametrize('error', [KeyboardInterrupt(), RobotError('a node died')])
-@pytest.mark.parametrize('before', [(), (State.FOLLOWING,)])
+@pytest.mark.parametrize('before', [(), (PathState.FOLLOWING,)])
 def test_a_path_is_canceled_if_the_program_ends_before_the_robot_arrives(
         before, error, dashboard):
     pilot = Pilot([*before, error])
@@ -181,7 +182,7 @@ def test_a_path_is_canceled_if_the_program_ends_before_the_robot_arrives(
 
 
 def test_a_path_that_cannot_be_canceled_is_reported(dashboard, capsys):
-    pilot = Pilot([State.FOLLOWING, KeyboardInterrupt()], answers=False)
+    pilot = Pilot([PathState.FOLLOWING, KeyboardInterrupt()], answers=False)
     session = session_of(pilot)
     with pytest.raises(KeyboardInterrupt), session.ending():
         session.follow('line', LINE, dashboard)
@@ -225,7 +226,7 @@ def test_clocks_that_certainly_differ_are_warnings(monkeypatch):
 def test_the_keyboard_is_refused_while_a_path_is_followed():
     pilot = Pilot()
     session_of(pilot).refuse_other_driver()
-    pilot.progress = PathProgress(0, NAN, NAN, int(State.FOLLOWING))
+    pilot.progress = PathProgress(0, NAN, NAN, int(PathState.FOLLOWING))
     with pytest.raises(RobotError, match='cancel it first'):
         session_of(pilot).refuse_other_driver()
 
@@ -237,7 +238,7 @@ class Keys:
         self._looks = list(looks)
 
     def pressed(self):
-        return self._looks.pop(0) if self._looks else [Key.QUIT]
+        return self._looks.pop(0) if self._looks else [DriveKey.QUIT]
 
 
 @pytest.fixture
@@ -256,7 +257,7 @@ def test_keys_drive_and_nothing_is_commanded_after_they_were_released(clock):
     pilot = Pilot()
     session = session_of(pilot)
     with session.ending():
-        session.teleoperate(Keys([], [], [Key.FORWARD], *[[] for _ in range(100)]),
+        session.teleoperate(Keys([], [], [DriveKey.FORWARD], *[[] for _ in range(100)]),
                             Teleoperation(0.3))
     speeds = [speed for speed, _ in pilot.commands]
     assert 0.0 < max(speeds) <= 0.3 and speeds[-1] == 0.0
@@ -267,7 +268,7 @@ def test_keys_drive_and_nothing_is_commanded_after_they_were_released(clock):
 def test_the_emergency_stop_ends_the_command(clock):
     pilot = Pilot()
     pilot.emergency_stop = True
-    session_of(pilot).teleoperate(Keys([Key.FORWARD], *[[Key.FORWARD]] * 20), Teleoperation(0.3))
+    session_of(pilot).teleoperate(Keys(*[[DriveKey.FORWARD]] * 21), Teleoperation(0.3))
     assert set(pilot.commands) == {(0.0, 0.0)}
 
 

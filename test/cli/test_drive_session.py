@@ -18,14 +18,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from smart_tire.cli import _drive_session
-from smart_tire.cli._drive_session import follow_resuming, MAX_RESUMPTIONS, Session
-from smart_tire.cli._following import (
-    ANSWER_TIME, EXTRA_TIME, Following, MIN_MEAN_SPEED, MIN_REST, note, OLD_REPORT_TIME,
-    remaining_path, SILENCE_TIME)
+from smart_tire.cli._drive_session import (
+    ANSWER_TIME, EXTRA_TIME, follow_resuming, Following, MAX_RESUMPTIONS, MIN_MEAN_SPEED, MIN_REST,
+    note, OLD_REPORT_TIME, remaining_path, Session, SILENCE_TIME)
 from smart_tire.cli._stack import RobotError
 from smart_tire.control.command_check import check_age
 from smart_tire.control.path_library import figure_eight
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.host_load import HostLoad
 from smart_tire.samples import NAN, NS_PER_S, PathProgress
@@ -46,27 +45,28 @@ def run(*reports, length=1.0):
     return result
 
 
-@pytest.mark.parametrize('end', [State.ARRIVED, State.STOPPED, State.REFUSED, State.IDLE])
+@pytest.mark.parametrize(
+    'end', [PathState.ARRIVED, PathState.STOPPED, PathState.REFUSED, PathState.IDLE])
 def test_the_state_after_following_is_the_result(end):
-    assert run((0.1, State.FOLLOWING), (0.2, State.FOLLOWING)) is None
-    assert run((0.1, State.FOLLOWING), (0.2, end)) == end
+    assert run((0.1, PathState.FOLLOWING), (0.2, PathState.FOLLOWING)) is None
+    assert run((0.1, PathState.FOLLOWING), (0.2, end)) == end
 
 
-@pytest.mark.parametrize('old', [State.ARRIVED, State.STOPPED, State.REFUSED])
+@pytest.mark.parametrize('old', [PathState.ARRIVED, PathState.STOPPED, PathState.REFUSED])
 def test_a_report_about_the_path_before_is_no_result(old):
     assert run((OLD_REPORT_TIME - 0.1, old)) is None
-    assert run((OLD_REPORT_TIME - 0.1, old), (OLD_REPORT_TIME, State.FOLLOWING)) is None
+    assert run((OLD_REPORT_TIME - 0.1, old), (OLD_REPORT_TIME, PathState.FOLLOWING)) is None
     assert run((OLD_REPORT_TIME + 0.1, old)) == old
 
 
 def test_on_a_busy_host_all_times_are_longer():
     following = Following(1.0, BEGIN, patience=10.0)
-    arrived = report(State.ARRIVED)
+    arrived = report(PathState.ARRIVED)
     assert following.end_state(arrived, BEGIN + 10.0 * OLD_REPORT_TIME - 0.1) is None
-    assert following.end_state(arrived, BEGIN + 10.0 * OLD_REPORT_TIME + 0.1) == State.ARRIVED
-    idle = report(State.IDLE)
+    assert following.end_state(arrived, BEGIN + 10.0 * OLD_REPORT_TIME + 0.1) == PathState.ARRIVED
+    idle = report(PathState.IDLE)
     assert Following(1.0, BEGIN, patience=10.0).end_state(idle, BEGIN + 10.0 * ANSWER_TIME) is None
-    assert following.end_state(report(State.FOLLOWING), BEGIN + 15.0) is None
+    assert following.end_state(report(PathState.FOLLOWING), BEGIN + 15.0) is None
     assert following.end_state(None, BEGIN + 15.0 + 10.0 * SILENCE_TIME) is None
     with pytest.raises(RobotError, match='does not report'):
         following.end_state(None, BEGIN + 15.1 + 10.0 * SILENCE_TIME)
@@ -75,22 +75,23 @@ def test_on_a_busy_host_all_times_are_longer():
 def test_the_latest_distance_that_was_reported_is_kept():
     following = Following(2.0, BEGIN)
     assert following.remaining == 2.0
-    for distance, state in ((1.5, State.FOLLOWING), (NAN, State.FOLLOWING), (NAN, State.STOPPED)):
+    for distance, state in ((1.5, PathState.FOLLOWING), (NAN, PathState.FOLLOWING),
+                            (NAN, PathState.STOPPED)):
         following.end_state(PathProgress(0, distance, NAN, int(state)), BEGIN + 1.0)
     assert following.remaining == 1.5
 
 
 def test_a_controller_that_stays_idle_has_not_received_the_path():
-    assert run((ANSWER_TIME - 0.1, State.IDLE)) is None
+    assert run((ANSWER_TIME - 0.1, PathState.IDLE)) is None
     with pytest.raises(RobotError, match='has not received the path'):
-        run((1.0, State.IDLE), (2.0, State.IDLE), (ANSWER_TIME + 0.1, State.IDLE))
+        run((1.0, PathState.IDLE), (2.0, PathState.IDLE), (ANSWER_TIME + 0.1, PathState.IDLE))
 
 
 def test_silence_is_an_error():
-    for first in ((), ((0.2, State.FOLLOWING),)):
+    for first in ((), ((0.2, PathState.FOLLOWING),)):
         since = first[0][0] if first else 0.0
         following = Following(1.0, BEGIN)
-        latest = report(State.FOLLOWING) if first else None
+        latest = report(PathState.FOLLOWING) if first else None
         following.end_state(latest, BEGIN + since)
         assert following.end_state(latest, BEGIN + since + SILENCE_TIME - 0.01) is None
         with pytest.raises(RobotError, match='does not report'):
@@ -99,10 +100,10 @@ def test_silence_is_an_error():
 
 def test_the_time_is_limited_by_a_mean_speed():
     limit = EXTRA_TIME + 2.0 / MIN_MEAN_SPEED
-    steps = [(float(k), State.FOLLOWING) for k in range(int(limit))]
-    assert run(*steps, (limit, State.FOLLOWING), length=2.0) is None
+    steps = [(float(k), PathState.FOLLOWING) for k in range(int(limit))]
+    assert run(*steps, (limit, PathState.FOLLOWING), length=2.0) is None
     with pytest.raises(RobotError, match='not reached within 70 s'):
-        run(*steps, (limit + 0.1, State.FOLLOWING), length=2.0)
+        run(*steps, (limit + 0.1, PathState.FOLLOWING), length=2.0)
 
 
 def test_times_are_those_that_a_user_waits():
@@ -111,7 +112,7 @@ def test_times_are_those_that_a_user_waits():
 
 def test_the_note_omits_unknown_distances():
     assert note(None) == 'waiting for trajectory_controller'
-    assert note(report(State.IDLE)) == 'idle'
+    assert note(report(PathState.IDLE)) == 'idle'
     assert note(PathProgress(0, 1.234, -0.02, 1)) == (
         'following, 1.23 m left, -0.020 m from the path')
 
@@ -144,10 +145,10 @@ class Drives:
 
 
 def test_after_a_stop_for_late_data_the_rest_of_the_path_is_followed():
-    drives = Drives((State.STOPPED, 'late', 3.2, (1.1, 0.1)),
-                    (State.REFUSED, 'late', 2.9, (1.1, 0.1)),
-                    (State.ARRIVED, '', 0.0, (4.0, 0.0)))
-    assert follow_resuming(drives, 'line', LINE, None) == (State.ARRIVED, '')
+    drives = Drives((PathState.STOPPED, 'late', 3.2, (1.1, 0.1)),
+                    (PathState.REFUSED, 'late', 2.9, (1.1, 0.1)),
+                    (PathState.ARRIVED, '', 0.0, (4.0, 0.0)))
+    assert follow_resuming(drives, 'line', LINE, None) == (PathState.ARRIVED, '')
     assert drives.paths[0] == LINE
     for rest in drives.paths[1:]:
         assert rest[0][:2] == (1.1, 0.1)
@@ -157,30 +158,31 @@ def test_after_a_stop_for_late_data_the_rest_of_the_path_is_followed():
 
 @pytest.mark.parametrize('cause', ['motion', 'order', ''])
 def test_a_stop_for_another_reason_is_final(cause):
-    drives = Drives((State.STOPPED, cause, 3.0, (1.0, 0.0)))
-    assert follow_resuming(drives, 'line', LINE, None) == (State.STOPPED, f'because: {cause}')
+    drives = Drives((PathState.STOPPED, cause, 3.0, (1.0, 0.0)))
+    assert follow_resuming(drives, 'line', LINE, None) == (PathState.STOPPED, f'because: {cause}')
 
 
 @pytest.mark.parametrize('late_host, cause, resumed', [
     ('timers late', 'motion', True), ('', 'motion', False), ('timers late', 'order', False)])
 def test_a_stop_for_the_motion_is_caused_by_a_host_that_is_late(late_host, cause, resumed):
-    drives = Drives((State.STOPPED, cause, 3.0, (1.0, 0.0)), (State.ARRIVED, '', 0.0, (4.0, 0.0)))
+    drives = Drives((PathState.STOPPED, cause, 3.0, (1.0, 0.0)),
+                    (PathState.ARRIVED, '', 0.0, (4.0, 0.0)))
     drives.late_host = late_host
     assert follow_resuming(drives, 'line', LINE, None)[0] == (
-        State.ARRIVED if resumed else State.STOPPED)
+        PathState.ARRIVED if resumed else PathState.STOPPED)
 
 
 def test_after_too_many_stops_the_reason_counts_them():
-    drives = Drives(*[(State.STOPPED, 'late', 3.0, (1.0, 0.0))] * (MAX_RESUMPTIONS + 1))
+    drives = Drives(*[(PathState.STOPPED, 'late', 3.0, (1.0, 0.0))] * (MAX_RESUMPTIONS + 1))
     state, reason = follow_resuming(drives, 'line', LINE, None)
-    assert state == State.STOPPED
+    assert state == PathState.STOPPED
     assert reason == 'because: late; stopped 11 times'
 
 
 def test_the_causes_of_the_controller_are_those_of_a_resumption():
     run = Run().start(path((0.0, 0.0), (3.0, 0.0))).for_seconds(2.0)
     run.control.step(run.now_ns + round(0.6 * NS_PER_S))
-    assert run.control.state == State.STOPPED
+    assert run.control.state == PathState.STOPPED
     assert run.control.cause.value == 'late'
     with pytest.raises(LateCommandError) as error:
         check_age('path', NS_PER_S, 4 * NS_PER_S, 0, 2.0)
@@ -229,15 +231,15 @@ def test_the_robot_arrives_on_the_path_after_stops_for_late_data():
         rows += run.rows
         remaining = run.progress[-1].remaining_distance
         run.rows.clear()
-        if run.control.state == State.FOLLOWING:
+        if run.control.state == PathState.FOLLOWING:
             robot = run.robot
-            while run.control.state == State.FOLLOWING:  # blind, until it stops
+            while run.control.state == PathState.FOLLOWING:  # blind, until it stops
                 command = run.control.step(run.now_ns)
                 robot.drive(command.v_x, command.yaw_rate, 0.05)
                 run.now_ns += run.period_ns
             run.for_seconds(1.0)
             poses = remaining_path(poses, remaining, (robot.x, robot.y))
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
     assert distances(planned, np.array(rows)).max() < 0.1
 
 
@@ -283,7 +285,7 @@ def session_of(pilot):
 
 def test_the_reason_is_that_of_the_diagnostics_after_the_stop():
     pilot = Controller()
-    assert session_of(pilot).reason(State.STOPPED) == (LATE_REASON, 'late')
+    assert session_of(pilot).reason(PathState.STOPPED) == (LATE_REASON, 'late')
     assert pilot.looks == 3
 
 
@@ -292,9 +294,10 @@ def test_a_late_host_is_the_only_reason_but_not_for_orders(cause, named):
     pilot = Controller(cause)
     load = HostLoad(0.031, 0.4, 36.0, 2)
     pilot.health['imu_driver'] = {key: str(value) for key, value in load.values.items()}
-    assert session_of(pilot).reason(State.STOPPED) == (str(load) if named else LATE_REASON, cause)
+    assert session_of(pilot).reason(PathState.STOPPED) == (
+        str(load) if named else LATE_REASON, cause)
     pilot.refuse()
-    assert session_of(pilot).reason(State.REFUSED) == ('too old', 'late')
+    assert session_of(pilot).reason(PathState.REFUSED) == ('too old', 'late')
     pilot.health['imu_driver'] = {}
     assert session_of(pilot).late_host == ''
 

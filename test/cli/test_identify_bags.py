@@ -17,11 +17,11 @@ from dataclasses import replace
 from benchmarks.scenarios import CONCRETE, SCENARIOS, sequence
 import numpy as np
 import pytest
-from smart_tire.analysis.identify import KINDS as FUNCTIONS
 from smart_tire.bags import BagWriter
 from smart_tire.cli.calibrate import STEPS_OF
 from smart_tire.cli.main import main, VERBS
 from smart_tire.estimation.streams import INPUTS, SLIP
+from smart_tire.identification.identify import KINDS as FUNCTIONS
 from smart_tire.parameters import (
     load_files, load_robot, NODE_PARAMS, RobotParams, SimulatorParams, specs)
 from smart_tire.simulation.offline import simulate

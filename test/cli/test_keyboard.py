@@ -25,14 +25,14 @@ import termios
 import pytest
 from smart_tire.cli import _keyboard
 from smart_tire.cli._keyboard import (
-    ACCELERATION, BRAKING, FIRST_HOLD, Key, Keyboard, KeyDecoder, MAX_SCALE, MIN_SCALE,
+    ACCELERATION, BRAKING, DriveKey, FIRST_HOLD, Keyboard, KeyDecoder, MAX_SCALE, MIN_SCALE,
     REPEAT_HOLD, SIGNALS, STEP_FACTOR, StopRequest, Teleoperation, YAW_BRAKING, YAW_RATE)
 from smart_tire.errors import ParameterError
 from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
 
-ARROWS = [Key.FORWARD, Key.BACKWARD, Key.RIGHT, Key.LEFT]
+ARROWS = [DriveKey.FORWARD, DriveKey.BACKWARD, DriveKey.RIGHT, DriveKey.LEFT]
 
 
 @pytest.fixture
@@ -62,17 +62,17 @@ def test_a_sequence_may_be_split_anywhere():
     for first in range(len(data)):
         decoder = KeyDecoder()
         keys = decoder.decode(data[:first]) + decoder.decode(data[first:])
-        assert keys == [Key.FORWARD, Key.QUIT, Key.BACKWARD, Key.FASTER]
+        assert keys == [DriveKey.FORWARD, DriveKey.QUIT, DriveKey.BACKWARD, DriveKey.FASTER]
 
 
 def test_a_sequence_that_was_completed_is_not_decoded_again():
     decoder = KeyDecoder()
-    assert decoder.decode(b'\x1b[') == [] and decoder.decode(b'A') == [Key.FORWARD]
-    assert decoder.decode(b'q') == [Key.QUIT] and decoder.decode(b'') == []
+    assert decoder.decode(b'\x1b[') == [] and decoder.decode(b'A') == [DriveKey.FORWARD]
+    assert decoder.decode(b'q') == [DriveKey.QUIT] and decoder.decode(b'') == []
 
 
 def test_escape_before_a_letter_is_no_sequence():
-    assert KeyDecoder().decode(b'\x1bw ') == [Key.FORWARD, Key.STOP]
+    assert KeyDecoder().decode(b'\x1bw ') == [DriveKey.FORWARD, DriveKey.STOP]
 
 
 def press(user, stream, keys):
@@ -90,7 +90,7 @@ def test_keys_arrive_without_enter_and_are_not_echoed(terminal, monkeypatch):
         assert keyboard.pressed() == []
         assert waits == [0.0]  # commands are sent meanwhile
         press(user, stream, b'w ')
-        assert keyboard.pressed() == [Key.FORWARD, Key.STOP]
+        assert keyboard.pressed() == [DriveKey.FORWARD, DriveKey.STOP]
         assert keyboard.pressed() == []
         os.set_blocking(user, False)
         with pytest.raises(BlockingIOError):
@@ -122,7 +122,7 @@ def test_a_closed_terminal_is_the_end(terminal):
     user, stream = terminal
     with Keyboard(stream) as keyboard:
         os.close(user)
-        assert keyboard.pressed() == [Key.QUIT]
+        assert keyboard.pressed() == [DriveKey.QUIT]
 
 
 def test_a_terminal_that_cannot_be_read_is_the_end(terminal, monkeypatch):
@@ -133,7 +133,7 @@ def test_a_terminal_that_cannot_be_read_is_the_end(terminal, monkeypatch):
     with Keyboard(stream) as keyboard:
         press(user, stream, b'w')
         monkeypatch.setattr(_keyboard.os, 'read', fail)
-        assert keyboard.pressed() == [Key.QUIT]
+        assert keyboard.pressed() == [DriveKey.QUIT]
         monkeypatch.undo()
 
 
@@ -178,7 +178,7 @@ def test_times_and_limits_are_those_of_the_document():
     assert (YAW_RATE, MIN_SCALE, MAX_SCALE) == (1.2, 0.2, 3.0)
 
 
-@pytest.mark.parametrize('key', [Key.FORWARD, Key.LEFT])
+@pytest.mark.parametrize('key', [DriveKey.FORWARD, DriveKey.LEFT])
 def test_a_key_is_in_force_until_its_time_is_over_not_longer(key):
     pilot = Teleoperation(10.0)
     pilot.step(0.0)
@@ -193,12 +193,12 @@ def test_a_key_is_in_force_until_its_time_is_over_not_longer(key):
 
 def test_a_held_key_drives_at_the_speed_without_a_gap():
     hand = Hand()
-    assert hand.hold(Key.FORWARD, 3.0) == pytest.approx((SPEED, 0.0))
+    assert hand.hold(DriveKey.FORWARD, 3.0) == pytest.approx((SPEED, 0.0))
     speeds = [speed for speed, _ in hand.commands]
     assert speeds == sorted(speeds)  # no dip before the first repetition
 
 
-@pytest.mark.parametrize('key, sign', [(Key.FORWARD, 1.0), (Key.BACKWARD, -1.0)])
+@pytest.mark.parametrize('key, sign', [(DriveKey.FORWARD, 1.0), (DriveKey.BACKWARD, -1.0)])
 def test_the_speed_decays_to_zero_after_the_last_repetition(key, sign):
     hand = Hand()
     hand.hold(key, 2.0)
@@ -211,15 +211,15 @@ def test_the_speed_decays_to_zero_after_the_last_repetition(key, sign):
 
 def test_a_key_pressed_once_acts_until_the_first_repetition_is_overdue():
     hand = Hand()
-    hand.pilot.press(Key.LEFT, 0.0)
+    hand.pilot.press(DriveKey.LEFT, 0.0)
     assert hand.wait(FIRST_HOLD - PERIOD)[1] == pytest.approx(YAW_RATE)
     assert hand.wait(0.5) == (0.0, 0.0)
 
 
 def test_changes_are_ramps():
     hand = Hand(speed=1.0)
-    hand.hold(Key.FORWARD, 2.0)
-    hand.hold(Key.BACKWARD, 3.0)
+    hand.hold(DriveKey.FORWARD, 2.0)
+    hand.hold(DriveKey.BACKWARD, 3.0)
     speeds = [speed for speed, _ in hand.commands]
     assert speeds[-1] == pytest.approx(-1.0)
     steps = [after - before for before, after in zip([0.0, *speeds], speeds)]
@@ -231,34 +231,34 @@ def test_changes_are_ramps():
 
 def test_the_space_bar_stops_at_once_and_until_the_next_key():
     hand = Hand()
-    hand.hold(Key.FORWARD, 2.0)
-    hand.pilot.press(Key.LEFT, hand.time)
+    hand.hold(DriveKey.FORWARD, 2.0)
+    hand.pilot.press(DriveKey.LEFT, hand.time)
     hand.wait(0.2)
-    hand.pilot.press(Key.STOP, hand.time)
+    hand.pilot.press(DriveKey.STOP, hand.time)
     assert hand.wait(PERIOD) == (0.0, 0.0)
     assert hand.wait(2.0) == (0.0, 0.0)
-    assert hand.hold(Key.FORWARD, 1.0)[0] > 0.0
+    assert hand.hold(DriveKey.FORWARD, 1.0)[0] > 0.0
 
 
 def test_a_held_key_for_turning_keeps_the_speed():
     hand = Hand()
-    hand.hold(Key.FORWARD, 1.0)
-    assert hand.hold(Key.RIGHT, 3.0) == pytest.approx((SPEED, -YAW_RATE))
-    assert hand.hold(Key.FORWARD, 1.5) == pytest.approx((SPEED, 0.0))  # straight again
+    hand.hold(DriveKey.FORWARD, 1.0)
+    assert hand.hold(DriveKey.RIGHT, 3.0) == pytest.approx((SPEED, -YAW_RATE))
+    assert hand.hold(DriveKey.FORWARD, 1.5) == pytest.approx((SPEED, 0.0))  # straight again
 
 
 def test_a_turn_does_not_revive_a_speed_that_has_ended():
     hand = Hand()
-    hand.hold(Key.FORWARD, 1.0)
+    hand.hold(DriveKey.FORWARD, 1.0)
     hand.wait(1.0)
-    assert hand.hold(Key.LEFT, 1.0)[0] == 0.0
+    assert hand.hold(DriveKey.LEFT, 1.0)[0] == 0.0
 
 
 def test_speed_steps_have_limits():
     hand = Hand()
-    hand.pilot.press(Key.FASTER, 0.0)
+    hand.pilot.press(DriveKey.FASTER, 0.0)
     assert hand.pilot.limits == pytest.approx((SPEED * STEP_FACTOR, YAW_RATE * STEP_FACTOR))
-    for key, scale in ((Key.FASTER, MAX_SCALE), (Key.SLOWER, MIN_SCALE)):
+    for key, scale in ((DriveKey.FASTER, MAX_SCALE), (DriveKey.SLOWER, MIN_SCALE)):
         for _ in range(100):
             hand.pilot.press(key, 0.0)
         assert hand.pilot.limits == pytest.approx((SPEED * scale, YAW_RATE * scale))
@@ -268,7 +268,7 @@ def test_speed_steps_have_limits():
 def test_a_pause_of_the_program_is_no_time_to_accelerate():
     pilot = Teleoperation(1.0)
     assert pilot.step(0.0) == (0.0, 0.0)
-    pilot.press(Key.FORWARD, 9.9)
+    pilot.press(DriveKey.FORWARD, 9.9)
     assert pilot.step(10.0)[0] <= 0.1 * ACCELERATION + 1e-9
 
 

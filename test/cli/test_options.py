@@ -21,9 +21,9 @@ import sys
 import pytest
 from smart_tire.bags import BagWriter
 from smart_tire.cli import demo as demo_verb
-from smart_tire.cli._options import (
-    BAGS, check_paths, FIGURES, FILES, OUTPUTS, refuse_existing, refuse_existing_bag,
-    refuse_folder_of_bag, remove, remove_bag)
+from smart_tire.cli._options import BAGS, check_paths, FILES, OUTPUTS
+from smart_tire.cli._outputs import (
+    FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
 from smart_tire.cli.main import main, new_parser
 from smart_tire.errors import ParameterError
 

@@ -23,7 +23,7 @@ from types import SimpleNamespace
 
 import pytest
 from smart_tire.cli import _progress
-from smart_tire.cli._progress import ERASE_LINE, PERIOD, Progress, Rate
+from smart_tire.cli._progress import ERASE_LINE, PERIOD, ProgressLine, Rate
 from smart_tire.cli.main import run_verb
 from smart_tire.cli.record import RecordStatus
 from smart_tire.cli.replay import ReplayStatus
@@ -56,7 +56,7 @@ def timer(monkeypatch):
 
 def test_silence_is_interrupted_by_lines_on_standard_error(tmp_path, clock, timer):
     path = tmp_path / 'shown'
-    with path.open('w') as stream, Progress('think', stream=stream, clock=clock):
+    with path.open('w') as stream, ProgressLine('think', stream=stream, clock=clock):
         for clock.now in (104.0, 108.4):
             signal.raise_signal(signal.SIGALRM)
     assert path.read_text() == 'think: working, 4 s\nthink: working, 8 s\n'
@@ -66,12 +66,12 @@ def test_silence_is_interrupted_by_lines_on_standard_error(tmp_path, clock, time
 def test_the_timer_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(_progress, 'PERIOD', 0.01)
     path = tmp_path / 'shown'
-    with path.open('w') as stream, Progress('think', stream=stream):
+    with path.open('w') as stream, ProgressLine('think', stream=stream):
         wait_for(lambda: path.read_text().count('think: working') >= 2)
 
 
 def test_output_restarts_the_time_without_output(tmp_path, timer):
-    with (tmp_path / 'shown').open('w') as stream, Progress(stream=stream):
+    with (tmp_path / 'shown').open('w') as stream, ProgressLine(stream=stream):
         for number in range(3):
             timer.clear()
             print('result', number, end='', flush=True)
@@ -93,7 +93,7 @@ def read(reader, size):
 def test_on_a_terminal_the_line_is_erased_before_output_and_at_the_end(clock, timer, capsys):
     control, terminal = pty.openpty()
     with os.fdopen(control, 'rb', 0) as reader, os.fdopen(terminal, 'w') as stream:
-        with Progress('think', stream=stream, clock=clock):
+        with ProgressLine('think', stream=stream, clock=clock):
             signal.raise_signal(signal.SIGALRM)
             print('result', end='', flush=True)
             signal.raise_signal(signal.SIGALRM)
@@ -103,7 +103,7 @@ def test_on_a_terminal_the_line_is_erased_before_output_and_at_the_end(clock, ti
 
 def test_the_handler_is_removed_after_an_error(timer):
     before = signal.getsignal(signal.SIGALRM)
-    with pytest.raises(KeyError), Progress('think'):
+    with pytest.raises(KeyError), ProgressLine('think'):
         assert signal.getsignal(signal.SIGALRM) != before
         raise KeyError
     assert signal.getsignal(signal.SIGALRM) == before
@@ -119,7 +119,7 @@ def test_verbs_that_compute_for_long_have_a_heartbeat(verb, monkeypatch):
 
 def test_the_latest_text_is_shown_now_and_then(tmp_path):
     clock, path = iter(range(100)), tmp_path / 'shown'
-    with path.open('w') as stream, Progress(
+    with path.open('w') as stream, ProgressLine(
             timer=False, stream=stream, clock=lambda: next(clock)) as progress:
         for number in range(20):
             progress.show(f'step {number}')
@@ -132,15 +132,15 @@ def test_the_share_is_shown_within_the_width_of_a_terminal(columns, shown):
     control, terminal = pty.openpty()
     with os.fdopen(control, 'rb', 0) as reader, os.fdopen(terminal, 'w') as stream:
         termios.tcsetwinsize(terminal, (20, columns))
-        with Progress('a long name' * 9, timer=False, stream=stream) as progress:
+        with ProgressLine('a long name' * 9, timer=False, stream=stream) as progress:
             progress.share(0.5)
         line = f'{ERASE_LINE}{("a long name" * 9)[:shown]}\r{ERASE_LINE}'
         assert read(reader, len(line)) == line
 
 
 def test_one_progress_within_another_gives_the_timer_back():
-    with Progress('outer'):
-        with Progress('inner'):
+    with ProgressLine('outer'):
+        with ProgressLine('inner'):
             pass
         assert signal.getitimer(signal.ITIMER_REAL)[1] == PERIOD
 

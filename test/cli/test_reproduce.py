@@ -20,7 +20,7 @@ import re
 import pytest
 
 from smart_tire.cli.main import main
-from smart_tire.reproduction import camera_runs, runner
+from smart_tire.papers import camera_runs, runner
 
 pytestmark = pytest.mark.slow
 

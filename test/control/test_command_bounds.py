@@ -22,7 +22,7 @@ import pytest
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_library import figure_eight, line, square
 from smart_tire.control.slip_kinematics import SlipCoefficient, SlipKinematics, VelocityFeedback
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import NS_PER_S, WheelSlip
@@ -47,7 +47,7 @@ def test_every_command_is_bounded_whatever_odometry_and_slip_say(path, stream):
         sample = odometry(now_ns, v_x=v_x, yaw_rate=yaw_rate)
         control.add_odometry(replace(sample, linear=(v_x, v_y, 0.0)), now_ns)
         control.add_slip(WheelSlip(now_ns, slip[:4], slip[:4], (abs(slip[4]),) * 4))
-        if control.state != State.FOLLOWING:
+        if control.state != PathState.FOLLOWING:
             control.add_odometry(odometry(now_ns + 1), now_ns + 1)
             control.follow(path, now_ns)
         command = control.step(now_ns + 1)

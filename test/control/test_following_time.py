@@ -27,7 +27,7 @@ from smart_tire.control.constants import MAX_WAIT
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.path_library import line
 from smart_tire.control.stop_conditions import OdometryCheck
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import NS_PER_S, WheelSample
 from support.ideal_robot import IDEAL, odometry
@@ -82,7 +82,7 @@ class Drive:
         while self._events[0][0] <= end_ns:
             self.now_ns, _, act = heapq.heappop(self._events)
             act()
-            if self.control.state == State.STOPPED:
+            if self.control.state == PathState.STOPPED:
                 return False
         self.now_ns = end_ns
         return True
@@ -139,11 +139,11 @@ def test_after_a_stall_the_robot_drives_on_only_with_odom_that_is_not_too_old(
     drive = Drive(rate, phase).under_way()
     drive.stall(seconds)
     while drive.run(0.01) and drive.now_ns < 5 * NS_PER_S:
-        assert drive.control.state == State.FOLLOWING
+        assert drive.control.state == PathState.FOLLOWING
         if drive.speed:
             assert drive.now_ns - drive.shown_ns <= NS_PER_S // 2 + STEP_NS
     if seconds < 0.5 - 1.0 / rate:
-        assert drive.control.state == State.FOLLOWING
+        assert drive.control.state == PathState.FOLLOWING
 
 
 @pytest.mark.parametrize('rate', RATES)

@@ -17,7 +17,7 @@ import math
 import random
 
 import pytest
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, specs, TrajectoryControllerParams, WheelControllerParams
@@ -147,7 +147,7 @@ def test_path_following_never_fails_with_parameters_at_the_ends_of_their_ranges(
         if params is None:
             continue
         run = Run(params, params.rate).start(SHORT_PATH).for_seconds(max(4.0, 4.0 / params.rate))
-        assert run.control.state in State
+        assert run.control.state in PathState
         fastest = max(params.limits.yaw_rate, params.follower.spin_rate)
         for row in run.log:
             v_x, yaw_rate = row[-2:]

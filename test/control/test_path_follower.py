@@ -141,14 +141,14 @@ def test_numbers_of_progress():
     follower = PathFollower((line(1.0), line(2.0), Spin(2.0)), 0.0, 0.0)
     assert follower.remaining_distance() == 3.0
     follower.step(at(-0.2))
-    assert follower.advance() == (pytest.approx(-3.2), -math.inf)
+    assert follower.advance() == (0, pytest.approx(-3.2), -math.inf)
     follower.step(at(0.1))
     assert follower.remaining_distance() == pytest.approx(2.9)
-    assert follower.advance() == (pytest.approx(-2.9), -math.inf)
+    assert follower.advance() == (0, pytest.approx(-2.9), -math.inf)
     assert not follower.on_last_segment
     turning = PathFollower((Spin(2.0),), 0.0, 0.0)
     turning.step(at(yaw=0.5))
-    assert turning.advance() == (0.0, -1.5)
+    assert turning.advance() == (0, 0.0, -1.5)
     assert turning.on_last_segment
     assert turning.end_segment is None
 

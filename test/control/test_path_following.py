@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from smart_tire.control.path_library import figure_eight, lane_change, line, square
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.parameters.path_following import (
     FrictionLimitParams, MotionLimitParams)
 from smart_tire.samples import GoalPose, GroundState, NAN, PlannedPath
@@ -31,7 +31,7 @@ from support.ideal_robot import distances, IDEAL, path, Run
 def arrived(planned, params=IDEAL, seconds=120.0, **robot):
     """Follow a path to its end; return the log (n, 8)."""
     run = Run(params, **robot).start(planned).until_end(seconds)
-    assert run.control.state == State.ARRIVED, run.control.reason
+    assert run.control.state == PathState.ARRIVED, run.control.reason
     return run.log
 
 
@@ -135,7 +135,7 @@ def test_goals_are_reached(goal, start_yaw):
 def test_a_goal_within_the_tolerance_is_reached_at_once():
     run = Run().start(GoalPose(0, 'odom', (0.04, 0.0, NAN)))
     assert run.step().v_x == 0.0
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
 
 
 @pytest.mark.parametrize('yaw_gain', [0.25, 0.5])
@@ -171,7 +171,7 @@ def test_commands_keep_all_limits(speed, up, down, lateral, yaw_rate, name):
     params = replace(IDEAL, max_speed=speed, rate=20.0, limits=MotionLimitParams(
         acceleration=up, deceleration=down, lateral_acceleration=lateral, yaw_rate=yaw_rate))
     run = Run(params).start(planned).for_seconds(12.0)
-    assert run.control.state in (State.FOLLOWING, State.ARRIVED)
+    assert run.control.state in (PathState.FOLLOWING, PathState.ARRIVED)
     within_limits(run.log, params)
 
 
@@ -184,7 +184,7 @@ def test_accelerations_remain_below_a_share_of_friction(mu):
     run = Run(params)
     run.control.set_ground(GroundState(0, Uncertain(50.0, 1.0), Uncertain(mu, 0.0)))
     log = run.start(figure_eight(0.5)).until_end().log
-    assert run.control.state == State.ARRIVED, run.control.reason
+    assert run.control.state == PathState.ARRIVED, run.control.reason
     within_limits(log[:-1], params, friction=0.5 * (mu + 0.003) * 9.81)  # it fades
     lateral = np.abs(log[:, 6] * log[:, 7]).max()
     assert lateral > 0.7 * 0.8 * 0.5 * mu * 9.81 or log[:, 6].max() > 1.2

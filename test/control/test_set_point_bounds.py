@@ -22,11 +22,11 @@ from smart_tire.control.slip_limits import bounded, TireLoad
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_servo import drive_model, SpeedReference
 from smart_tire.parameters.control import PidParams, TractionParams
-from smart_tire.parameters.robot import FilmParams, RobotParams
+from smart_tire.parameters.robot import RobotParams, TreadFilmParams
 from smart_tire.samples import Friction, NS_PER_S, Odometry, WHEELS, WheelSample
 from smart_tire.uncertain import Uncertain
 
-ROBOT, PARAMS = RobotParams(film=FilmParams(wheels=WHEELS)), TractionParams(enabled=True)
+ROBOT, PARAMS = RobotParams(film=TreadFilmParams(wheels=WHEELS)), TractionParams(enabled=True)
 NOW_NS, PERIOD = 1_000 * NS_PER_S, 0.02
 STEP = PARAMS.min_deceleration * PERIOD / ROBOT.wheel_radius  # rad/s in a control period
 TOP = 20.0  # rad/s, largest set point

@@ -22,16 +22,17 @@ import pytest
 
 from smart_tire.control.constants import CLOCK_JUMP_NS
 from smart_tire.control.ground_motion import Motion
+from smart_tire.control.path_follower import Advance
 from smart_tire.control.path_geometry import PathPoint, Segment
 from smart_tire.control.path_library import figure_eight, square
 from smart_tire.control.stop_conditions import (
     contradict, OdometryCheck, ProgressMonitor, Travel)
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.path_following import ArrivalParams, PathCheckParams
-from smart_tire.parameters.robot import FilmParams, RobotParams
-from smart_tire.parameters.simulation import GroundParams, SimulatorParams
+from smart_tire.parameters.robot import RobotParams, TreadFilmParams
+from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams
 from smart_tire.samples import NAN, NS_PER_S, Odometry, WheelSample, WheelSlip
 from support.cases import long
 
@@ -42,7 +43,7 @@ LINE = Segment(np.array([0.0, 1.0]), np.array([0.0, 0.0]))
 STILL = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 pytestmark = pytest.mark.slow
 
-ROBOT = RobotParams(film=FilmParams(wheels=()))
+ROBOT = RobotParams(film=TreadFilmParams(wheels=()))
 RADIUS, ARM = ROBOT.wheel_radius, 0.5 * ROBOT.track_width
 MAX_SLIP = 0.8
 PATHS = {'eight': figure_eight(0.7), 'square': square(1.0)}
@@ -53,7 +54,7 @@ GROUNDS = {'concrete': (0.47, 52.7, 0.01), 'sand': (0.25, 25.0, 0.11), 'ice': (0
 class Follower:
     """What the monitor reads of a path follower."""
 
-    progress: tuple[float, float] = (0.0, -math.inf)
+    progress: Advance = Advance(0, 0.0, -math.inf)
     point: PathPoint | None = None
     finished: bool = False
     segment: Segment | None = LINE
@@ -71,29 +72,33 @@ def check(monitor, seconds=0.0, motion=STILL, **follower):
 def later(before, after):
     """Return whether ``after`` is progress from ``before``."""
     monitor = ProgressMonitor()
+    before, after = Advance(*before), Advance(*after)
     check(monitor, progress=before)
     check(monitor, 1.9, progress=after)
     return not check(monitor, 2.1, progress=after)
 
 
 @pytest.mark.parametrize(('before', 'after', 'progress'), [
-    ((0.0, -math.inf), (0.021, -math.inf), True),
-    ((0.0, -math.inf), (0.019, -math.inf), False),
-    ((0.0, -math.inf), (-1.0, -math.inf), False),
-    ((0.0, -math.inf), (0.0, -1.0), True),
-    ((0.0, -1.0), (0.0, -0.959), True),
-    ((0.0, -1.0), (0.0, -0.961), False),
-    ((0.0, -1.0), (0.0, -math.inf), False)])
-def test_progress_is_a_distance_or_an_angle(before, after, progress):
+    ((0, 0.0, -math.inf), (0, 0.021, -math.inf), True),
+    ((0, 0.0, -math.inf), (0, 0.019, -math.inf), False),
+    ((0, 0.0, -math.inf), (0, -1.0, -math.inf), False),
+    ((0, 0.0, -math.inf), (0, 0.0, -1.0), True),
+    ((0, 0.0, -1.0), (0, 0.0, -0.959), True),
+    ((0, 0.0, -1.0), (0, 0.0, -0.961), False),
+    ((0, 0.0, -1.0), (0, 0.0, -math.inf), False),
+    ((0, 0.0, -1.0), (1, -0.5, -math.inf), True),
+    ((1, 0.0, -1.0), (0, 0.0, -1.0), False)])
+def test_progress_is_a_maneuver_a_distance_or_an_angle(before, after, progress):
     assert later(before, after) == progress
 
 
 def test_progress_is_counted_from_the_last_mark():
     monitor = ProgressMonitor()
     for seconds in range(6):
-        assert not check(monitor, 1.0 * seconds, progress=(0.015 * seconds, -math.inf))
-    assert not check(monitor, 6.0, progress=(0.0, -math.inf))
-    assert 'no progress for 2 s' in check(monitor, 6.1, progress=(0.0, -math.inf))
+        assert not check(monitor, 1.0 * seconds, progress=Advance(0, 0.015 * seconds, -math.inf))
+    start = Advance(0, 0.0, -math.inf)
+    assert not check(monitor, 6.0, progress=start)
+    assert 'no progress for 2 s' in check(monitor, 6.1, progress=start)
 
 
 def point(offset):
@@ -159,12 +164,13 @@ class Host:
         elif isinstance(sample, WheelSample):
             self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns)
             self.trajectory.add_wheels(sample)
-        if seconds >= 0.5 and self.trajectory.state == State.IDLE:
+        if seconds >= 0.5 and self.trajectory.state == PathState.IDLE:
             self.trajectory.follow(self._path, now_ns)
         if now_ns >= self._due_ns:
             self._due_ns = now_ns + NS_PER_S // 20
             self._command = self.trajectory.step(now_ns)
-        if self.ended is None and self.trajectory.state not in (State.IDLE, State.FOLLOWING):
+        if self.ended is None and self.trajectory.state not in (
+                PathState.IDLE, PathState.FOLLOWING):
             self.ended = seconds
 
     def duty(self, now_ns):
@@ -180,7 +186,7 @@ def drive(path, ground, rate, **host):
     """Return the host after it has followed ``path``, with readings of the wheels at ``rate``."""
     friction, stiffness, drag = GROUNDS[ground]
     made = Host(path, **host)
-    run_closed_loop(SimulatorParams(seed=31, robot=ROBOT, ground=GroundParams(
+    run_closed_loop(SimulatorParams(seed=31, robot=ROBOT, ground=SurfaceParams(
         names=(ground,), friction=(friction,), stiffness=(stiffness,), drag=(drag,), base=ground,
         patches=())), made, 60.0, wheel_rate=rate)
     return made

@@ -22,13 +22,13 @@ from smart_tire.control.slip_limits import slip_band
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TractionParams, WheelControllerParams
-from smart_tire.parameters.robot import FilmParams, RobotParams
+from smart_tire.parameters.robot import RobotParams, TreadFilmParams
 from smart_tire.samples import Friction, GRAVITY, NS_PER_S, Odometry
 from smart_tire.uncertain import Uncertain
 
 RADIUS = RobotParams().wheel_radius
 ROBOT = RobotParams(center_of_mass=(0.0, 0.0, -RADIUS),  # its wheel loads do not change
-                    film=FilmParams(wheels=('front_left', 'front_right')))
+                    film=TreadFilmParams(wheels=('front_left', 'front_right')))
 LOAD = ROBOT.mass * GRAVITY / 4.0
 STIFFNESS = ROBOT.tire.longitudinal_stiffness
 UNKNOWN_FRICTION = 0.4 * STIFFNESS / (3.0 * LOAD)  # critical slip 0.4 +- 0.2: a limit of 0.1

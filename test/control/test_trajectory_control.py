@@ -20,7 +20,7 @@ import pytest
 
 from smart_tire.control.constants import MAX_WAIT, MIN_ADVANCE
 from smart_tire.control.path_library import line
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import GoalPose, NAN, NS_PER_S, WheelSlip
 from support.ideal_robot import IDEAL, odometry, path, Run
@@ -31,11 +31,11 @@ FAR = line(3.0)
 def under_way(planned=FAR, seconds=1.5, params=IDEAL, **robot):
     """Return a run that has followed a path for some time."""
     run = Run(params, **robot).start(planned).for_seconds(seconds)
-    assert run.control.state == State.FOLLOWING, run.control.reason
+    assert run.control.state == PathState.FOLLOWING, run.control.reason
     return run
 
 
-def assert_stopped(run, reason, state=State.STOPPED):
+def assert_stopped(run, reason, state=PathState.STOPPED):
     """Check that the next commands are zero, once, and then none."""
     command = run.control.step(run.now_ns)
     assert (command.stamp_ns, command.v_x, command.yaw_rate) == (run.now_ns, 0.0, 0.0)
@@ -58,11 +58,11 @@ def test_nothing_is_published_without_path():
 def test_following_ends_with_one_command_of_zero():
     run = Run().start(line(0.5))
     commands = []
-    while run.control.state == State.FOLLOWING:
+    while run.control.state == PathState.FOLLOWING:
         commands.append(run.step())
     assert [one.stamp_ns for one in commands] == sorted({one.stamp_ns for one in commands})
     assert (commands[-1].v_x, commands[-1].yaw_rate) == (0.0, 0.0)
-    assert (run.control.state, run.control.reason) == (State.ARRIVED, '')
+    assert (run.control.state, run.control.reason) == (PathState.ARRIVED, '')
     assert run.step() is None
     assert run.control.progress(0).state == 2
 
@@ -79,8 +79,8 @@ def test_progress_is_measured_along_the_path_and_to_the_left():
 
 def test_the_frame_of_paths_and_goals_is_a_parameter():
     params = replace(IDEAL, robot=replace(IDEAL.robot, frame_prefix='r1/', odom_frame='world'))
-    for frame, state in (('r1/world', State.FOLLOWING), ('world', State.REFUSED),
-                         ('odom', State.REFUSED)):
+    for frame, state in (('r1/world', PathState.FOLLOWING), ('world', PathState.REFUSED),
+                         ('odom', PathState.REFUSED)):
         for order in (path((0, 0), (1, 0), frame=frame), GoalPose(0, frame, (1.0, 0.0, NAN))):
             assert Run(params).start(order).control.state == state
 
@@ -107,21 +107,21 @@ def test_the_frame_of_paths_and_goals_is_a_parameter():
 ])
 def test_an_invalid_target_is_refused_and_stops_the_robot(planned, reason):
     idle = Run().start(planned)
-    assert idle.control.state == State.REFUSED
+    assert idle.control.state == PathState.REFUSED
     assert reason in idle.control.reason
     assert idle.step() is None
     run = under_way(seconds=0.5)
     run.start(planned)
-    assert_stopped(run, reason, State.REFUSED)
+    assert_stopped(run, reason, PathState.REFUSED)
     run.start(line(1.0))
-    assert (run.control.state, run.control.reason) == (State.FOLLOWING, '')
+    assert (run.control.state, run.control.reason) == (PathState.FOLLOWING, '')
 
 
 @pytest.mark.parametrize(('planned', 'start', 'state'), [
-    (path((0.99, 0), (2, 0)), (0.0, 0.0), State.FOLLOWING),
-    (path((0, 0), (1000, 0)), (0.0, 0.0), State.FOLLOWING),
-    (path((5.0, -4.9), (6, -4)), (5.0, -4.0), State.FOLLOWING),
-    (path((5.0, -5.1), (6, -4)), (5.0, -4.0), State.REFUSED)])
+    (path((0.99, 0), (2, 0)), (0.0, 0.0), PathState.FOLLOWING),
+    (path((0, 0), (1000, 0)), (0.0, 0.0), PathState.FOLLOWING),
+    (path((5.0, -4.9), (6, -4)), (5.0, -4.0), PathState.FOLLOWING),
+    (path((5.0, -5.1), (6, -4)), (5.0, -4.0), PathState.REFUSED)])
 def test_a_path_may_begin_within_a_distance_from_the_robot_and_be_long(planned, start, state):
     assert Run(x=start[0], y=start[1]).start(planned).control.state == state
 
@@ -140,7 +140,7 @@ def test_a_path_at_one_position_is_a_goal(poses, distance, yaw):
     run, goal = (Run().start(one).until_end() for one in (
         order, GoalPose(0, 'odom', (distance, 0.0, yaw))))
     assert run.rows == goal.rows
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
     assert run.robot.x == pytest.approx(distance if abs(distance) > 0.05 else 0.0, abs=0.01)
     assert_turned(run, 0.0 if math.isnan(yaw) else yaw)
 
@@ -158,7 +158,7 @@ def test_a_goal_nearer_than_the_robot_can_stop_is_reached_after_a_stop(ahead, ya
     x = run.robot.x + ahead
     begin = len(run.rows)
     run.start(path((x, 0.0, yaw))).until_end()
-    assert (run.control.state, run.control.reason) == (State.ARRIVED, '')
+    assert (run.control.state, run.control.reason) == (PathState.ARRIVED, '')
     assert run.robot.x == pytest.approx(x, abs=0.02)
     assert_turned(run, 0.0 if math.isnan(yaw) else yaw)
     speeds = run.log[begin:, 6]
@@ -174,10 +174,10 @@ def test_a_goal_renewed_where_the_robot_is_is_reached(begin, phase, period):
     run, near = Run(lag=0.1, dead_time=2).start(line(1.0)), -phase  # steps
     for _ in range(400):
         near += run.robot.x > begin or near > -phase
-        if near > 0 and near % period == 1 and run.control.state == State.FOLLOWING:
+        if near > 0 and near % period == 1 and run.control.state == PathState.FOLLOWING:
             run.start(path((run.robot.x, 0.0, 1.0)))
         run.step()
-    assert (run.control.state, run.control.reason) == (State.ARRIVED, '')
+    assert (run.control.state, run.control.reason) == (PathState.ARRIVED, '')
     assert_turned(run, 1.0)
 
 
@@ -189,7 +189,7 @@ def test_a_goal_within_the_tolerances_is_no_new_begin(x, yaw, renewed):
     run = Run().start(first).for_seconds(1.0)
     run.start(GoalPose(0, 'odom', (x, 0.0, yaw))).until_end()
     assert (run.rows == Run().start(first).until_end().rows) == renewed
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
     assert math.isnan(yaw) or math.remainder(run.robot.yaw - yaw, math.tau) == pytest.approx(
         0.0, abs=2.0 * run.params.arrival.yaw_tolerance)
 
@@ -209,7 +209,7 @@ def test_a_goal_that_has_ended_is_no_longer_renewed():
     run = Run().start(goal).for_seconds(1.0)
     run.control.cancel('canceled')
     run.for_seconds(1.0).start(goal).until_end()
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
     assert_turned(run, 1.0)
 
 
@@ -217,7 +217,7 @@ def test_a_goal_behind_the_braking_distance_is_driven_to_without_a_stop():
     run = under_way(seconds=2.0)
     x = run.robot.x + 0.8
     run.start(GoalPose(0, 'odom', (x, 0.0, NAN))).until_end()
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
     assert run.log[run.log[:, 1] < x - 0.1, 6][1:].min() > 0.0
 
 
@@ -226,7 +226,7 @@ def test_an_order_replaces_a_goal_that_waits_for_the_stop(order):
     run = under_way(seconds=2.0)
     run.start(GoalPose(0, 'odom', (run.robot.x, 0.0, 3.0))).for_seconds(0.2)
     run.start(order).until_end()
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
     end = order.pose if isinstance(order, GoalPose) else order.poses[-1]
     assert run.robot.x == pytest.approx(end[0], abs=0.03)
 
@@ -235,7 +235,7 @@ def test_a_robot_that_slides_on_is_not_waited_for():
     run = under_way(seconds=2.0)
     run.robot.drive = lambda *_: setattr(run.robot, 'x', run.robot.x + 0.5 / 20)
     run.start(GoalPose(0, 'odom', (run.robot.x, 0.0, NAN))).until_end()
-    assert run.control.state == State.STOPPED
+    assert run.control.state == PathState.STOPPED
     assert 'm from the path' in run.control.reason
     run = under_way(seconds=2.0)
     run.robot.drive = lambda *_: None  # as on a treadmill
@@ -249,21 +249,21 @@ def test_a_path_that_is_renewed_does_not_excuse_a_robot_that_is_blocked(period, 
     run = blocked(0.0)
     run.robot.drive = lambda *_: setattr(run.robot, 'x', run.robot.x + speed / 20)
     for _ in range(round(4.0 / period)):
-        if run.control.state == State.FOLLOWING:
+        if run.control.state == PathState.FOLLOWING:
             run.start(path((run.robot.x, 0.0), (5.0 + run.robot.x, 0.0))).for_seconds(period)
     moves = speed * 2.0 > MIN_ADVANCE
-    assert run.control.state == (State.FOLLOWING if moves else State.STOPPED)
+    assert run.control.state == (PathState.FOLLOWING if moves else PathState.STOPPED)
     assert moves or 'no progress for 2 s' in run.control.reason
 
 
 @pytest.mark.parametrize('yaw_rate, state', [
-    (0.03, State.FOLLOWING), (0.0, State.STOPPED)])
+    (0.03, PathState.FOLLOWING), (0.0, PathState.STOPPED)])
 def test_a_slow_turn_to_a_renewed_goal_is_progress(yaw_rate, state):
     run = blocked(0.0)
     run.robot.drive = lambda *_: setattr(run.robot, 'yaw', run.robot.yaw + yaw_rate / 20)
     for number in range(20):
         goal = GoalPose(0, 'odom', (run.robot.x, 0.0, 2.0 + 0.1 * (number % 2)))
-        if run.control.state == State.FOLLOWING:
+        if run.control.state == PathState.FOLLOWING:
             run.start(goal).for_seconds(0.2)
     assert run.control.state == state
 
@@ -273,7 +273,7 @@ def test_the_time_without_odom_is_not_renewed_with_the_path():
     for tick in range(int(MAX_WAIT) + 2):
         control.follow(FAR, tick * NS_PER_S)
         control.step(tick * NS_PER_S)
-        if control.state != State.FOLLOWING:
+        if control.state != PathState.FOLLOWING:
             break
     assert control.reason.startswith('odom: none for') and tick == int(MAX_WAIT) + 1
 
@@ -316,7 +316,7 @@ def test_a_jump_of_odometry_stops_until_the_next_path(change, reason):
     run.observe()
     run.start(line(1.0))
     assert run.step() is not None
-    assert run.control.state == State.FOLLOWING
+    assert run.control.state == PathState.FOLLOWING
 
 
 def test_time_that_runs_back_stops():
@@ -333,7 +333,7 @@ def test_a_robot_that_is_pushed_off_the_path_stops():
     for _ in range(40):
         run.robot.y += 0.04
         run.step()
-        if run.control.state != State.FOLLOWING:
+        if run.control.state != PathState.FOLLOWING:
             break
     assert 'm from the path, expected at most 0.5 m' in run.control.reason
     assert 0.5 < run.robot.y < 0.6
@@ -350,16 +350,16 @@ def blocked(seconds, planned=FAR, timeout=2.0):
 
 @pytest.mark.parametrize('planned', [FAR, GoalPose(0, 'odom', (0.0, 0.0, 3.0))])
 def test_a_blocked_robot_stops(planned):
-    assert blocked(1.8, planned).control.state == State.FOLLOWING
+    assert blocked(1.8, planned).control.state == PathState.FOLLOWING
     run = blocked(2.3, planned)
-    assert run.control.state == State.STOPPED
+    assert run.control.state == PathState.STOPPED
     assert 'no progress for 2 s' in run.control.reason
     assert run.step() is None
 
 
 def test_a_missed_end_is_not_arrival():
     run = Run(y=0.3).start(path((0.0, 0.0), (0.05, 0.0))).until_end()
-    assert run.control.state == State.STOPPED
+    assert run.control.state == PathState.STOPPED
     assert 'm from the end of the path, expected at most 0.05 m' in run.control.reason
 
 
@@ -378,7 +378,7 @@ def test_a_new_path_backward_first_stops_the_robot():
     run = under_way()
     x = run.robot.x
     run.start(path((x, 0.0, 0.0), (x - 0.5, 0.0, 0.0))).until_end()
-    assert run.control.state == State.ARRIVED
+    assert run.control.state == PathState.ARRIVED
     assert abs(run.log[1:, 6] - run.log[:-1, 6]).max() <= 0.5 / 20 + 1e-9
     assert run.robot.x == pytest.approx(x - 0.5, abs=0.01)
 
@@ -393,7 +393,7 @@ def waiting():
 
 def test_a_path_before_the_first_odometry_waits_for_it(waiting):
     control = waiting
-    assert control.state == State.FOLLOWING
+    assert control.state == PathState.FOLLOWING
     assert control.step(NS_PER_S) is None
     assert math.isnan(control.progress(0).remaining_distance)
     control.add_odometry(odometry(2 * NS_PER_S), 2 * NS_PER_S)
@@ -404,9 +404,9 @@ def test_without_odometry_waiting_ends(waiting):
     control = waiting
     assert control.step(NS_PER_S) is None
     assert control.step(11 * NS_PER_S) is None
-    assert control.state == State.FOLLOWING
+    assert control.state == PathState.FOLLOWING
     assert control.step(11 * NS_PER_S + 1).v_x == 0.0
-    assert control.state == State.STOPPED
+    assert control.state == PathState.STOPPED
     assert 'odom: none for 10 s' in control.reason
 
 
@@ -414,7 +414,7 @@ def test_a_path_that_waited_is_refused_if_it_begins_too_far_away(waiting):
     control = waiting
     control.add_odometry(odometry(0, x=3.0), 0)
     assert control.step(0).v_x == 0.0
-    assert control.state == State.REFUSED
+    assert control.state == PathState.REFUSED
     assert 'begins 3.00 m from the robot' in control.reason
 
 
@@ -450,7 +450,7 @@ def test_late_steps_do_not_accelerate_more():
 
 def test_the_first_step_of_a_path_is_one_period_however_long_the_robot_has_waited():
     run = Run().start(line(0.5))
-    while run.control.state == State.FOLLOWING:
+    while run.control.state == PathState.FOLLOWING:
         run.step()
     run.now_ns += NS_PER_S
     run.observe()
@@ -506,7 +506,7 @@ HOLDING = replace(IDEAL, hold_on_arrival=True)
 def arrived():
     """Return a run that holds after its arrival."""
     run = Run(HOLDING).start(line(0.5)).until_end()
-    assert (run.control.state, run.control.active) == (State.ARRIVED, True)
+    assert (run.control.state, run.control.active) == (PathState.ARRIVED, True)
     return run
 
 
@@ -520,7 +520,7 @@ def test_the_robot_is_held_after_arrival_until_cancelled():
     assert all(stands(run.step()) for _ in range(50))
     run.control.cancel('canceled by the user')
     assert run.step() is None
-    assert (run.control.state, run.control.reason) == (State.STOPPED, 'canceled by the user')
+    assert (run.control.state, run.control.reason) == (PathState.STOPPED, 'canceled by the user')
 
 
 def test_the_hold_goes_on_without_odometry_and_when_an_order_is_refused():
@@ -528,7 +528,7 @@ def test_the_hold_goes_on_without_odometry_and_when_an_order_is_refused():
     run.now_ns += 10 * NS_PER_S
     assert stands(run.control.step(run.now_ns))
     run.start(path((0, 0), (1, 0), frame='map'))
-    assert run.control.state == State.REFUSED
+    assert run.control.state == PathState.REFUSED
     assert stands(run.control.step(run.now_ns + 1))
 
 

@@ -18,7 +18,7 @@ import struct
 from hypothesis import given, settings, strategies as st
 import pytest
 from smart_tire.bags.cdr import empty
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.errors import MessageError
 from smart_tire.messages.path import (
     goal_from_msg, goal_to_msg, path_from_bytes, path_from_msg, path_to_msg, progress_from_msg,
@@ -136,7 +136,7 @@ def test_an_invalid_progress_is_refused(fields):
 
 
 def test_the_states_are_those_of_the_controller():
-    assert list(STATES) == [int(state) for state in State]
+    assert list(STATES) == [int(state) for state in PathState]
 
 
 def serialized(poses=PATH.poses, frame='odom', order='<', count=None):

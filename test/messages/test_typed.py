@@ -24,7 +24,7 @@ import pytest
 from rosbags.typesys import get_types_from_msg
 from smart_tire.bags import SampleDecoder
 from smart_tire.bags.cdr import empty, SampleEncoder
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.errors import MessageError
 from smart_tire.messages import ALL_TOPICS, definitions, find_topic, forms_of, TOPICS, TYPED
 from smart_tire.messages.typed import FORMS
@@ -138,8 +138,8 @@ def test_the_limit_of_the_sample_period_is_valid():
 
 
 def test_states_have_the_names_of_the_controller():
-    assert FORMS[PathProgress].constants == tuple(state.name for state in State)
-    assert [state.value for state in State] == list(range(len(State)))
+    assert FORMS[PathProgress].constants == tuple(state.name for state in PathState)
+    assert [state.value for state in PathState] == list(range(len(PathState)))
 
 
 def test_the_package_builds_what_the_bags_declare():

@@ -26,7 +26,7 @@ import rclpy
 from rclpy.action import ActionClient, ActionServer, GoalResponse
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.host_load import PREFIX
 from smart_tire.messages.path import path_to_msg
 from smart_tire.nodes.compat import message_class
@@ -228,7 +228,7 @@ def test_an_invalid_goal_stops_the_robot_and_its_result_has_the_reason(
         assert goal.result.error_code == getattr(type(goal.result), error)
     assert reason in invalid.result.error_msg
     assert rig.speed == 0.0
-    rig.assert_stopped(State.REFUSED, reason)
+    rig.assert_stopped(PathState.REFUSED, reason)
 
 
 @pytest.mark.parametrize(('stall', 'later', 'follows'), [
@@ -265,7 +265,7 @@ def running(tmp_path_factory: pytest.TempPathFactory, nav2_msgs: None) -> Iterat
         # late, too. The limits themselves are those of tests in virtual time.
         with graph.start(NODE, checks__odom_timeout=8.0, checks__progress_timeout=30.0,
                          transform_max_age=30.0, arrival__xy_tolerance=0.5) as robot.node:
-            robot.until_state(State.IDLE)
+            robot.until_state(PathState.IDLE)
             yield robot
             robot.until_more_progress()  # the latest odom may be old
             client = Client('last', robot)
@@ -322,7 +322,7 @@ def test_a_goal_without_timestamp_is_followed_with_feedback_and_succeeds(robot, 
     distances = [feedback.distance_to_goal for feedback in client.feedback]
     assert 3.0 * SHORT + 0.01 > distances[0] > distances[-1] >= 0.0
     robot.until(lambda: robot.commands[-1] == (0.0, 0.0))
-    robot.until(lambda: robot.progress.state == State.ARRIVED)
+    robot.until(lambda: robot.progress.state == PathState.ARRIVED)
 
 
 def test_a_path_of_one_pose_succeeds_where_the_robot_is(robot, client):
@@ -338,7 +338,7 @@ def test_a_canceled_goal_stops_the_robot_at_once(robot, client):
     client.until(cancel.done)
     assert len(cancel.result().goals_canceling) == 1
     assert client.result(goal) == (GoalStatus.STATUS_CANCELED, 'NONE', '')
-    robot.assert_stopped(State.STOPPED, 'canceled by the client of follow_path')
+    robot.assert_stopped(PathState.STOPPED, 'canceled by the client of follow_path')
 
 
 def test_a_newer_goal_of_the_same_client_replaces_the_path_without_a_stop(robot, client):
@@ -368,7 +368,7 @@ def test_the_newer_of_a_goal_and_a_path_is_followed(robot, client):
     robot.follow(robot.path())
     assert client.result(goal)[2] == REPLACED
     robot.until_more_progress()
-    assert (robot.progress.state, robot.speed > 0.1) == (State.FOLLOWING, True)
+    assert (robot.progress.state, robot.speed > 0.1) == (PathState.FOLLOWING, True)
     assert client.result(client.send(robot.path(SHORT)))[0] == GoalStatus.STATUS_SUCCEEDED
 
 
@@ -438,7 +438,7 @@ def test_a_goal_of_a_second_client_replaces_the_first_without_a_stop(robot, clie
     other.drive()
     other.close()
     robot.until_more_progress()  # the path is followed to its end if the client ends
-    assert (robot.progress.state, robot.speed > 0.1) == (State.FOLLOWING, True)
+    assert (robot.progress.state, robot.speed > 0.1) == (PathState.FOLLOWING, True)
 
 
 def transform(parent: str, child: str, x: float, y: float, yaw: float,
@@ -477,8 +477,8 @@ def test_a_path_in_map_is_followed_where_tf_leads_to_odom(robot, client):
         GoalStatus.STATUS_SUCCEEDED, 'NONE', '')
     assert robot.x > start
     robot.follow(ahead(time.time_ns()))  # on the topic, too
-    robot.until_state(State.FOLLOWING)
-    robot.until_state(State.ARRIVED)
+    robot.until_state(PathState.FOLLOWING)
+    robot.until_state(PathState.ARRIVED)
 
 
 def test_goals_are_rejected_while_another_node_serves_the_action(robot, client):
@@ -497,7 +497,7 @@ def test_goals_are_rejected_while_another_node_serves_the_action(robot, client):
     robot.until(lambda: robot.speed == 0.0)
     until_rejected()
     robot.until_more_progress()
-    assert (robot.speed, robot.progress.state == State.FOLLOWING) == (0.0, False)
+    assert (robot.speed, robot.progress.state == PathState.FOLLOWING) == (0.0, False)
     server.destroy()
     client.until(lambda: client.servers() == 1)  # a new client may send its goal to the other one
     client.arrive()

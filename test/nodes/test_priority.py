@@ -19,8 +19,8 @@ import subprocess
 import sys
 
 import pytest
-from smart_tire.nodes import priority
-from smart_tire.nodes.priority import request_priority
+from smart_tire.nodes import runner
+from smart_tire.nodes.runner import request_priority
 
 pytestmark = pytest.mark.processes
 
@@ -63,7 +63,7 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 
 
 def test_without_permission_the_kernel_refuses_and_one_line_says_what_is_missing():
-    ask = f'from smart_tire.nodes.priority import request_priority as r; print(r({PRIORITY}))'
+    ask = f'from smart_tire.nodes.runner import request_priority as r; print(r({PRIORITY}))'
     result = subprocess.run([sys.executable, '-c', WITHOUT_PERMISSION, '-c', ask],
                             stdout=subprocess.PIPE, text=True, check=True)
     assert result.stdout == (
@@ -103,7 +103,7 @@ def test_a_refusal_is_explained(monkeypatch, error, text):
         if error is not None:
             raise error
 
-    monkeypatch.setattr(priority.os, 'sched_setscheduler', schedule)
+    monkeypatch.setattr(runner.os, 'sched_setscheduler', schedule)
     assert text in request_priority(PRIORITY)
     assert bool(request_priority(PRIORITY)) == bool(text)
     assert asked[0][1:] == (os.SCHED_FIFO, PRIORITY)

@@ -19,7 +19,7 @@ import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.messages.path import path_to_msg
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
@@ -65,13 +65,13 @@ def test_a_path_is_followed_to_its_end_and_then_nothing_is_commanded(node, robot
     assert math.isnan(robot.progress.remaining_distance)
     robot.follow(robot.path(SHORT))
     robot.until(lambda: 0.0 < robot.progress.remaining_distance <= SHORT)
-    assert robot.progress.state == State.FOLLOWING
-    robot.until_state(State.ARRIVED)
+    assert robot.progress.state == PathState.FOLLOWING
+    robot.until_state(PathState.ARRIVED)
     assert robot.x == pytest.approx(SHORT, abs=0.1)
     assert robot.speed == 0.0
     count = len(robot.commands)
     node.run(2.0)
-    assert (len(robot.commands), robot.progress.state) == (count, State.ARRIVED)
+    assert (len(robot.commands), robot.progress.state) == (count, PathState.ARRIVED)
     followed, warning, arrived = node.log.lines[-3:]
     assert followed == 'following path: 7 poses, 0.30 m to drive'
     assert 'no wheel_states: odom is not compared' in warning
@@ -89,11 +89,11 @@ def test_progress_is_published_at_4_hz_with_names_and_frame(node):
 def test_a_path_of_one_pose_where_the_robot_is_ends_at_once_and_farther_away_is_driven_to(
         node, robot):
     robot.follow(robot.path(0.0))
-    robot.until_state(State.ARRIVED)
+    robot.until_state(PathState.ARRIVED)
     assert robot.x == 0.0
     assert 'following path: one pose, 0.00 m to drive' in robot.log()
     robot.follow(PlannedPath(node.now_ns(), 'odom', ((SHORT, 0.0, NAN),)))
-    robot.until_state(State.ARRIVED)
+    robot.until_state(PathState.ARRIVED)
     assert robot.x == pytest.approx(SHORT, abs=0.1)
 
 
@@ -102,7 +102,7 @@ def test_a_goal_is_driven_to_and_replaces_the_path(node, robot, publisher):
     robot.drive()
     order = goal(robot, SHORT)
     node.publish('goal_pose', order, publisher=publisher)
-    robot.until_state(State.ARRIVED)
+    robot.until_state(PathState.ARRIVED)
     assert robot.x == pytest.approx(order.pose[0], abs=0.1)
     assert re.search(rf'following goal_pose: x {order.pose[0]:.2f} m, y 0.00 m, 0.[23]. m to dri',
                      robot.log())
@@ -120,7 +120,7 @@ def test_an_invalid_path_ends_following_with_its_reason(node, robot, change, rea
     robot.drive()
     age = change.pop('age', 0.0)
     robot.follow(robot.path(stamp_ns=node.now_ns() - round(age * 1e9), **change))
-    robot.assert_stopped(State.REFUSED, reason)
+    robot.assert_stopped(PathState.REFUSED, reason)
     robot.drive()
 
 
@@ -131,14 +131,14 @@ def test_bytes_that_are_no_path_are_refused_and_the_node_lives(node, robot):
                         (message(0, NAN), 'poses[1].pose.position is [nan')):
         robot.drive()
         node.publish('path', bad)
-        robot.assert_stopped(State.REFUSED, reason)
+        robot.assert_stopped(PathState.REFUSED, reason)
 
 
 def test_cancel_path_stops_the_robot_and_says_whether_it_followed(node, robot):
     robot.drive()
     answer = node.call('cancel_path')
     assert (answer.success, answer.message) == (True, 'stopped')
-    robot.assert_stopped(State.STOPPED, 'canceled by cancel_path')
+    robot.assert_stopped(PathState.STOPPED, 'canceled by cancel_path')
     answer = node.call('cancel_path')
     assert (answer.success, answer.message) == (False, 'no path is followed')
 
@@ -155,14 +155,14 @@ def test_the_robot_stops_when_odom_is_older_than_its_time_out_at_any_phase(node,
         robot.until(lambda: robot.speed == 0.0)  # noqa: B023
         late_ns = node.now_ns() - robot.sent_ns - 500_000_000  # checks.odom_timeout
         assert 0 < late_ns <= PERIOD_NS + POLL_NS
-    robot.assert_stopped(State.STOPPED, 'stopped: odom: ')
+    robot.assert_stopped(PathState.STOPPED, 'stopped: odom: ')
     health = node.health()
     assert health.message.startswith('stopped: odom')
     assert health.values['state'] == 'stopped'
     assert health.values['reason'] in robot.log()
     robot.is_silent = False
     robot.until_more_progress()
-    assert robot.progress.state == State.STOPPED  # also when odom is back
+    assert robot.progress.state == PathState.STOPPED  # also when odom is back
 
 
 def test_a_stop_for_late_odom_on_a_late_host_names_the_host_only(node, robot):
@@ -171,7 +171,7 @@ def test_a_stop_for_late_odom_on_a_late_host_names_the_host_only(node, robot):
     node.run(0.1)
     assert robot.speed == 0.0
     robot.until_more_progress()
-    assert robot.progress.state == State.STOPPED
+    assert robot.progress.state == PathState.STOPPED
     line, = (line for line in node.log.lines if 'stopped' in line)
     assert re.fullmatch(r'warning: stopped: timers late by [4-7]\d\d ms \(99%\), load \S+ on \S+ '
                         'cores: end other programs', line)
@@ -204,12 +204,12 @@ def test_an_emergency_stop_ends_following_until_a_new_path_after_its_release(nod
     robot.drive()
     node.publish('emergency_stop_active', Bool(data=True))
     assert robot.speed == 0.0  # at once
-    robot.assert_stopped(State.STOPPED, 'emergency stop')
+    robot.assert_stopped(PathState.STOPPED, 'emergency stop')
     robot.follow()
-    robot.assert_stopped(State.REFUSED, 'the emergency stop is active')
+    robot.assert_stopped(PathState.REFUSED, 'the emergency stop is active')
     node.publish('emergency_stop_active', Bool(data=False))
     robot.until_more_progress()
-    assert robot.progress.state == State.REFUSED
+    assert robot.progress.state == PathState.REFUSED
     robot.drive()
 
 
@@ -219,7 +219,7 @@ def test_the_maximum_speed_can_be_changed_while_driving(node, robot):
     robot.until(lambda: robot.speed <= 0.06)
     robot.until_more_progress()
     assert (robot.progress.state, robot.speed) == (
-        State.FOLLOWING, pytest.approx(0.05, abs=0.01))
+        PathState.FOLLOWING, pytest.approx(0.05, abs=0.01))
 
 
 def test_the_same_path_again_is_no_new_begin(robot):
@@ -242,7 +242,7 @@ def test_odometry_that_contradicts_the_wheels_stops_the_robot_within_1_s(node, r
         robot.odom_speed, began_ns = speed, node.now_ns()
         robot.until(lambda: robot.speed == 0.0)
         assert node.now_ns() - began_ns < 1_000_000_000
-        robot.assert_stopped(State.STOPPED, 'in which the wheels rolled')
+        robot.assert_stopped(PathState.STOPPED, 'in which the wheels rolled')
         robot.odom_speed, robot.x = None, robot.shown_x
 
 
@@ -256,10 +256,10 @@ def test_a_second_publisher_of_orders_stops_the_robot_and_both_are_named(node, r
     order()
     robot.until(lambda: robot.speed > 0.1)
     order(b'other')
-    robot.assert_stopped(State.REFUSED, f'refused: 2 publishers on {topic}: /stranger, /test')
+    robot.assert_stopped(PathState.REFUSED, f'refused: 2 publishers on {topic}: /stranger, /test')
     order()  # also refused
     robot.until_more_progress()
-    assert (robot.progress.state, robot.speed) == (State.REFUSED, 0.0)
+    assert (robot.progress.state, robot.speed) == (PathState.REFUSED, 0.0)
     node.run(5.0)
     robot.until_more_progress()
     order()
@@ -278,7 +278,7 @@ def test_refusals_of_a_fast_publisher_are_logged_once_a_second(node, robot):
 def test_after_arrival_the_robot_is_held_by_commands_of_zero_until_a_stop(node, robot, end):
     assert node.set_parameter('hold_on_arrival', True)
     robot.follow(robot.path(SHORT))
-    robot.until_state(State.ARRIVED)
+    robot.until_state(PathState.ARRIVED)
     count = len(robot.commands)
     node.run(5.0)
     assert robot.commands[count:] == [(0.0, 0.0)] * 100
@@ -286,7 +286,7 @@ def test_after_arrival_the_robot_is_held_by_commands_of_zero_until_a_stop(node, 
         assert node.call('cancel_path').success
     else:
         node.publish('emergency_stop_active', Bool(data=True))
-    assert robot.progress.state == State.STOPPED
+    assert robot.progress.state == PathState.STOPPED
     count = len(robot.commands)
     node.run(1.0)
     assert len(robot.commands) == count

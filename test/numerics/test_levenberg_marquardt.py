@@ -15,7 +15,8 @@ import pytest
 
 from smart_tire.estimation.friction.waveform_model import (
     film_index, PerFilm, Shared, WaveformModel)
-from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd, LevenbergMarquardt, Prior
+from smart_tire.numerics.levenberg_marquardt import (
+    gram, inverse_spd, JointPrior, LevenbergMarquardt)
 from smart_tire.parameters import RobotParams
 from support.crossings import crossing_samples, WHEEL
 
@@ -49,7 +50,7 @@ def prior_of(count, slip_sigma=1e-3):
         value[block] = i * ROBOT.film.spacing, 0.0, peak, 0.12 * peak, 0.12 * peak, 0.0, 0.0
         sigma[block] = 0.005, 0.01, 0.5, 0.1, 0.1, 0.03, 0.5
     free = np.flatnonzero(sigma)
-    return Prior(value, np.diag(sigma[free]**-2), free)
+    return JointPrior(value, np.diag(sigma[free]**-2), free)
 
 
 def setup(seed):

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.protocol import tire_payload
 from smart_tire.samples import FRICTION_QUANTITIES
 from smart_tire.simulation.device_emulators import SensorNodeEmulator
@@ -282,7 +282,7 @@ def test_bumps_are_negligible_beyond_their_extent_and_skewed_ones_wider_outside(
 
 @given(st.floats(-3.0, 3.0), st.integers(4, 16))
 def test_counts_are_clipped_and_quantization_errors_at_most_half_a_count(volts, bits):
-    chain = SignalChain(FilmParams(bits=bits))
+    chain = SignalChain(TreadFilmParams(bits=bits))
     counts = chain.counts(np.array([volts, volts + 0.1]))
     assert 0 <= counts[0] <= counts[1] <= chain.max_count == 2**bits - 1
     limited = min(max(volts, -1.65), 1.65)
@@ -290,7 +290,7 @@ def test_counts_are_clipped_and_quantization_errors_at_most_half_a_count(volts, 
 
 
 def test_counts_agree_with_the_radio_payload():
-    chain, counts = SignalChain(FilmParams()), np.arange(1024)
+    chain, counts = SignalChain(TreadFilmParams()), np.arange(1024)
     np.testing.assert_array_equal(chain.counts(chain.volts(counts)), counts)
     np.testing.assert_allclose(
         chain.volts(counts) + 1.65, [tire_payload.volts(code) for code in counts.tolist()])

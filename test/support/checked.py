@@ -21,8 +21,8 @@ from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.recording import CheckedRecording, READ
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.simulation import GroundParams, SimulatorParams
-from smart_tire.recording import Recording
+from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams
+from smart_tire.recording import SampleArrays
 from smart_tire.simulation.offline import Event, simulate
 
 DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0.0),
@@ -37,7 +37,7 @@ Drive = tuple[tuple[float, float, float], ...]
 def clean(seed: int = 1, base: str = 'concrete', drive: Drive = DRIVE,
           wheel_rate: float = 16.0, robot: RobotParams = DEFAULT) -> tuple[Event, ...]:
     """Return the events of a drive, by default with turns, starts, stops and standstill."""
-    ground = GroundParams(base=base, patches=())
+    ground = SurfaceParams(base=base, patches=())
     params = SimulatorParams(seed=seed, ground=ground, robot=robot)
     return tuple(event for event in cached_events(
         f'{params} {drive} {wheel_rate} {DURATION}',
@@ -52,7 +52,7 @@ def changed(topic: str, change: Callable[[Any], Any]) -> list[Event]:
 
 def recording(events: Iterable[Event], robot: RobotParams | None = None) -> CheckedRecording:
     """Return ``events`` as input of the checks."""
-    samples = Recording()
+    samples = SampleArrays()
     for receive_ns, _, sample in events:
         samples.add_sample(sample, receive_ns)
     return CheckedRecording(robot or RobotParams(), samples)

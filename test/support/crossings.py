@@ -89,7 +89,7 @@ def _film_samples(
         stretch_gain=film.gains(WHEEL)[index] * (1.0 + gain_error * rng.standard_normal()),
         release=film.release)
     heights = np.where(distance < 0.0, *rng.uniform(0.10, 0.15, 2))
-    volts = volts - heights * peak * tread_film.bumps(x, film.length, patch).value
+    volts = volts - heights * peak * tread_film.bumps(x, film.length, patch)[0]
     volts = volts + film.noise * rng.standard_normal(len(x)) + film.rest_voltage
     codes = np.clip(np.rint(volts / film.code_voltage), 0, 2**film.bits - 1)
     rail = np.where(codes == 0, -1, np.where(codes == 2**film.bits - 1, 1, 0))

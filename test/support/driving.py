@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample, WheelSlip
 from support.ideal_robot import odometry
 
@@ -104,7 +104,7 @@ def ramp(knots, columns=2):
 def driven(count=400, rate=100.0, *, begin_ns=0, speed=0.5, slip=0.1, sigma=0.02, variance=0.01,
            twist=True):
     """Return ``count`` poses and slips; without ``twist`` the velocity is unknown."""
-    found = Recording()
+    found = SampleArrays()
     for i in range(count):
         stamp_ns = begin_ns + round(i * 1e9 / rate)
         pose = odometry(stamp_ns, i * speed / rate, v_x=speed, variance=variance)

@@ -21,8 +21,8 @@ from smart_tire.drivers.motor_board import CHECK_PERIOD_NS, MotionCheck, Reading
 from smart_tire.models.vehicle.drive import measured_torque
 from smart_tire.parameters import MotorDriverParams, RobotParams, SimulatorParams
 from smart_tire.parameters.control import WheelControllerParams
-from smart_tire.parameters.robot import FilmParams, MotorParams
-from smart_tire.parameters.simulation import DriveParams, GroundParams
+from smart_tire.parameters.robot import MotorParams, TreadFilmParams
+from smart_tire.parameters.simulation import DriveParams, SurfaceParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 from smart_tire.simulation.sensors import Motors
@@ -34,8 +34,8 @@ WHEELS = range(4)
 
 def ground(friction, stiffness=52.7, drag=0.015):
     """Return uniform ground."""
-    return GroundParams(names=('ground',), friction=(friction,), stiffness=(stiffness,),
-                        drag=(drag,), base='ground', patches=())
+    return SurfaceParams(names=('ground',), friction=(friction,), stiffness=(stiffness,),
+                         drag=(drag,), base='ground', patches=())
 
 
 GROUNDS = {'concrete': ground(0.47), 'sand': ground(0.35, 30.0, 0.16), 'ice': ground(0.1),
@@ -66,7 +66,7 @@ def other_robot(seed):
         return value * (1.0 + rng.uniform(-0.2, 0.2))
 
     names = 'torque_constant', 'coulomb_friction', 'axle_friction', 'inertia'
-    return (RobotParams(film=FilmParams(wheels=()), mass=vary(10.9), motor=replace(
+    return (RobotParams(film=TreadFilmParams(wheels=()), mass=vary(10.9), motor=replace(
         motor, **{name: vary(getattr(motor, name)) for name in names})),
         DriveParams(stall_torque=vary(drive.stall_torque), free_speed=vary(drive.free_speed)))
 
@@ -97,7 +97,7 @@ class Drive:
     def __init__(self, command=None, *, surface='concrete', seed=1, robot=None, rate=16.0,
                  duty=None, fault=None, currents=True, slope=0.0, tolerance=0.2,
                  braking_currents=True):
-        robot, drive = robot or (RobotParams(film=FilmParams(wheels=())), DriveParams())
+        robot, drive = robot or (RobotParams(film=TreadFilmParams(wheels=())), DriveParams())
         if surface == 'air':
             robot = replace(robot, mass=0.01)
         params = SimulatorParams(seed=seed, ground=GROUNDS[surface], robot=robot, drive=drive)

@@ -16,8 +16,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
-from smart_tire.reproduction.film_test_stand import FilmTestStand
+from smart_tire.papers.film_files import COLUMNS, write_columns
+from smart_tire.papers.film_test_stand import FilmTestStand
+from smart_tire.papers.hysteresis import TABLE_I, TABLE_I_GAIN
 
 TRUE = {'alpha_gain': TABLE_I.alpha * TABLE_I_GAIN, 'a_gain': TABLE_I.a * TABLE_I_GAIN,
         'b_gain': TABLE_I.b * TABLE_I_GAIN}
@@ -53,3 +54,8 @@ def sines(amplitudes, frequency, cycles, rate):
     time = np.arange(round(len(amplitudes) * cycles / frequency * rate) + 1) / rate
     index = np.minimum((time * frequency / cycles).astype(int), len(amplitudes) - 1)
     return 0.5 * np.asarray(amplitudes)[index] * (1.0 - np.cos(2.0 * np.pi * frequency * time))
+
+
+def write_recording(path, recording):
+    """Write the file that ``read_recording`` reads."""
+    write_columns(path, COLUMNS, (recording.time, recording.input, recording.output))

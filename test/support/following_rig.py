@@ -17,7 +17,7 @@ from pathlib import Path
 import time
 from typing import Any
 
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
 from support.robot_rig import RobotRig
@@ -83,7 +83,7 @@ class FollowingRig(RobotRig):
     def follow(self, length: float = LENGTH) -> None:
         """Publish ``odom``, and a path if none is followed: odom may have been late."""
         self.command()
-        if self.state() != State.FOLLOWING and time.monotonic() > self._ordered + PATIENCE:
+        if self.state() != PathState.FOLLOWING and time.monotonic() > self._ordered + PATIENCE:
             self._ordered = time.monotonic()
             self.graph.publish('path', self.path(length))
 

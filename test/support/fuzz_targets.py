@@ -32,12 +32,12 @@ from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.drivers.tire_receiver import TireStream
 from smart_tire.errors import BagError, FrameError, LinkError, MessageError, ParameterError
-from smart_tire.estimation.film.files import COLUMNS, read_params, read_recording
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.nodes.wheel_controller import WheelController
+from smart_tire.papers.film_files import COLUMNS, read_params, read_recording
 from smart_tire.parameters import load_node, NODE_PARAMS
 from smart_tire.paths import BAG_METADATA, port_url
 from smart_tire.protocol import roboclaw, vectornav, vectornav_ascii, xbee, xsens

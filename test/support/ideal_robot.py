@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
-from smart_tire.control.trajectory_control import State, TrajectoryControl
+from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import NAN, NS_PER_S, Odometry, PlannedPath
@@ -109,7 +109,7 @@ class Run:
         """Advance until the path has ended; return this."""
         for _ in range(round(seconds * self.params.rate)):
             self.step()
-            if self.control.state != State.FOLLOWING:
+            if self.control.state != PathState.FOLLOWING:
                 break
         return self
 

@@ -21,8 +21,8 @@ from smart_tire.calibration.recording import DutyRecord, ImuRecord, Recording, W
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.control import WheelControllerParams
-from smart_tire.parameters.robot import FilmParams
-from smart_tire.parameters.simulation import GroundParams, SensorErrorParams
+from smart_tire.parameters.robot import TreadFilmParams
+from smart_tire.parameters.simulation import SensorErrorParams, SurfaceParams
 from smart_tire.samples import ImuSample, MotorCommand, NS_PER_S, WheelSample
 from smart_tire.simulation.offline import EPOCH_NS, simulate
 from smart_tire.simulation.plant import TIME_STEP
@@ -35,16 +35,16 @@ STARTS = tuple((seconds, sign * rpm) for sign in (1.0, -1.0) for seconds, rpm in
     (1.3, 140.0), (1.1, 40.0)) * 4 + ((1.2, 0.0),))
 LIFTED_STARTS = tuple((1.5, sign * rpm) for sign in (1.0, -1.0)
                       for rpm in (60.0, 150.0, 40.0, 150.0, 60.0, 0.0))
-CONCRETE = GroundParams(base='concrete', patches=())
-AIR = GroundParams(names=('air',), friction=(0.0,), stiffness=(1e-3,), drag=(0.0,), base='air',
-                   patches=())
+CONCRETE = SurfaceParams(base='concrete', patches=())
+AIR = SurfaceParams(names=('air',), friction=(0.0,), stiffness=(1e-3,), drag=(0.0,), base='air',
+                    patches=())
 LIFTED_MASS = 0.01    # kg: nearly no load on wheels off the ground
 RAMP = 20.0           # rad/s2, of the set points
 
 
 def simulator(seed, *, lifted=False, mass=10.9, **errors):
     """Return the simulator without films; ``errors`` are fields of ``SensorErrorParams``."""
-    robot = RobotParams(film=FilmParams(wheels=()), mass=LIFTED_MASS if lifted else mass)
+    robot = RobotParams(film=TreadFilmParams(wheels=()), mass=LIFTED_MASS if lifted else mass)
     return SimulatorParams(seed=seed, ground=AIR if lifted else CONCRETE, robot=robot,
                            errors=SensorErrorParams(**errors))
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import time
 
-from smart_tire.control.trajectory_control import State
+from smart_tire.control.trajectory_control import PathState
 from smart_tire.messages import TOPICS
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
@@ -87,7 +87,7 @@ class Robot:
         """Drive, and do something, until ``condition``."""
         self.graph.until(condition, lambda: (self.step(), do()))
 
-    def until_state(self, state: State) -> None:
+    def until_state(self, state: PathState) -> None:
         """Drive until the progress has ``state``."""
         self.until(lambda: self.progress.state == state)
 
@@ -117,7 +117,7 @@ class Robot:
         self.follow(self.path())
         self.until(lambda: self.speed > 0.1)
 
-    def assert_stopped(self, state: State, reason: str) -> None:
+    def assert_stopped(self, state: PathState, reason: str) -> None:
         """Assert that one command of zero is sent, that ``state`` remains and why is logged."""
         self.until_state(state)
         self.until(lambda: self.speed == 0.0)

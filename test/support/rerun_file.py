@@ -18,7 +18,7 @@ from typing import Any
 
 from rerun.chunk import RrdReader
 
-from smart_tire.view.recorder import TIMELINE
+from smart_tire.view.writer import TIMELINE
 
 
 class RerunFile:

@@ -68,7 +68,7 @@ def films(course: Course, duration: float, *, slip: float = 0.1, total: float = 
             x, slip=slip, total_slip=total, critical_slip=CRITICAL, film_length=film.length,
             contact_length=patch, bending_peak=peak, bending_alpha=film.bending_alpha,
             stretch_gain=film.gains(WHEEL)[i], release=release, reverse=reverse)
-        volts.append(clean - 0.12 * peak * tread_film.bumps(x, film.length, patch).value
+        volts.append(clean - 0.12 * peak * tread_film.bumps(x, film.length, patch)[0]
                      + rng.normal(0.0, noise, len(x)) + film.rest_voltage)
     codes = np.clip(np.rint(np.array(volts).T * 1023.0 / 3.3), 0, 1023)
     return [TireSample(stamp(t), WHEEL, tuple(row)) for t, row in zip(time, codes * 3.3 / 1023.0)]

@@ -27,7 +27,7 @@ from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.samples import NS_PER_S, WheelSlip
 from smart_tire.view.bag import find_bags, show
 from smart_tire.view.camera import IMAGE_PERIOD_NS
-from smart_tire.view.recorder import CAMERA
+from smart_tire.view.writer import CAMERA
 from smart_tire.vision.detection import TagDetector
 from smart_tire.vision.renderer import Renderer
 from support import ideal_robot

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from smart_tire.samples import WHEELS
-from smart_tire.view.layout import Layout, LIVE_SPAN
+from smart_tire.view.layout import LIVE_SPAN, ViewLayout
 from smart_tire.view.viewer import open_stream
 from support.rerun_file import RerunFile
 
@@ -25,7 +25,7 @@ from support.rerun_file import RerunFile
 def views(tmp_path: Path, *, live: bool = False) -> dict[str, dict]:
     """Return name -> components of each view of a blueprint."""
     path = tmp_path / 'layout.rrd'
-    stream = open_stream('a', Layout(('front_left', 'front_right'), live=live).blueprint(),
+    stream = open_stream('a', ViewLayout(('front_left', 'front_right'), live=live).blueprint(),
                          file=path)
     stream.flush()
     stream.disconnect()

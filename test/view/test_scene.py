@@ -25,7 +25,7 @@ from smart_tire.samples import (
     VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
-from smart_tire.view.recorder import Recorder, TRUTH, WHEEL_COLORS
+from smart_tire.view.writer import TRUTH, ViewWriter, WHEEL_COLORS
 from support import ideal_robot
 
 START = 1_700_000_000_000_000_000  # ns; times in the viewer are those since the first sample
@@ -315,12 +315,12 @@ def test_times_count_from_the_first_stamp_also_for_late_samples():
         def send_columns(self, path, indexes, columns):
             self.times += [int(t) for t in indexes[0].times.cast('int64').to_pylist()]
 
-    recorder = Recorder(Stream())
-    track = recorder.line('a', 'a', TRUTH)
-    recorder.begin(START)
-    track.add(START, 1.0)
-    recorder.flush()
-    recorder.begin(START - 5 * MS)
-    track.add(START - 5 * MS, 1.0)
-    recorder.flush()
-    assert recorder.stream.times == [0, -5 * MS]
+    writer = ViewWriter(Stream())
+    buffer = writer.line('a', 'a', TRUTH)
+    writer.begin(START)
+    buffer.add(START, 1.0)
+    writer.flush()
+    writer.begin(START - 5 * MS)
+    buffer.add(START - 5 * MS, 1.0)
+    writer.flush()
+    assert writer.stream.times == [0, -5 * MS]

@@ -25,10 +25,10 @@ from smart_tire.cli.view import FLUSH_PERIOD, LiveFeed
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import build, RobotParams
 from smart_tire.samples import Icr, ImuSample, TireSample
-from smart_tire.view.layout import Layout
-from smart_tire.view.recorder import ViewError
+from smart_tire.view.layout import ViewLayout
 from smart_tire.view.scene import Scene
 from smart_tire.view.viewer import Address, free_port, open_stream, START_TIMEOUT, Viewer
+from smart_tire.view.writer import ViewError
 from support.rolling import films, in_order, slips, steady, WHEEL, wheels
 from support.waiting import PATIENCE
 
@@ -77,7 +77,7 @@ def test_page_and_stream_are_served_on_the_loopback_address_only(viewer):
 def test_live_data_at_full_load_leave_the_process_in_time(viewer):
     """Two instrumented wheels, IMU and slips, with the times at which a robot sends them."""
     params = build(RobotParams, {'film.wheels': [WHEEL, 'front_left']})
-    layout = Layout(params.film.wheels, live=True)
+    layout = ViewLayout(params.film.wheels, live=True)
     stream = open_stream('load', layout.blueprint(), address=viewer.address.stream)
     names = {topic.sample: topic.name for topic in reversed(TOPICS.values())}
     course = steady(120.0)
@@ -105,7 +105,7 @@ def test_live_data_at_full_load_leave_the_process_in_time(viewer):
 def test_a_stopped_viewer_is_noticed_and_frees_its_ports():
     viewer = Viewer(web=True, wait=patiently)
     assert viewer.running
-    stream = open_stream('a', Layout((), live=True).blueprint(), address=viewer.address.stream)
+    stream = open_stream('a', ViewLayout((), live=True).blueprint(), address=viewer.address.stream)
     scene = Scene(stream, RobotParams())
     scene.flush()
     viewer.stop()
@@ -136,4 +136,4 @@ def test_a_port_in_use_is_replaced_by_a_free_one():
 
 def test_a_file_that_cannot_be_written_is_an_error(tmp_path):
     with pytest.raises(ViewError, match='cannot be written'):
-        open_stream('a', Layout((), live=False).blueprint(), file=tmp_path / 'no' / 'a.rrd')
+        open_stream('a', ViewLayout((), live=False).blueprint(), file=tmp_path / 'no' / 'a.rrd')

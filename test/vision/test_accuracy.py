@@ -21,7 +21,7 @@ from smart_tire.bags import Bag
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, ImageParams, SimulatorParams
 from smart_tire.parameters.overhead import OverheadParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import NS_PER_S
 from smart_tire.simulation.offline import simulate
 from smart_tire.vision.renderer import Renderer
@@ -48,7 +48,7 @@ def drive(seed):
 @pytest.mark.parametrize('seed', range(401, 411))
 def test_pose_velocity_and_slip_are_as_accurate_as_stated(seed, tmp_path):
     events, rng = drive(seed), np.random.default_rng([seed, 1])
-    truth = Recording(one for _, name, one in events if name.startswith('ground_truth/'))
+    truth = SampleArrays(one for _, name, one in events if name.startswith('ground_truth/'))
     poses, slips = truth.poses(), truth.slips()
     known = (poses.stamp_ns - START_NS) / NS_PER_S
     middle = 0.5 * (poses.pose.min(0) + poses.pose.max(0)) * (1.0, 1.0, 0.0)
@@ -78,11 +78,11 @@ def test_pose_velocity_and_slip_are_as_accurate_as_stated(seed, tmp_path):
     error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
     assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 0.002
     assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < 0.2
-    normalized = (pose.twist - at(times, poses.twist)) / np.sqrt(pose.twist_variance)
+    normalized = (pose.twist - at(times, poses.twist)) / pose.twist_sigma
     assert 0.5 < np.mean(normalized ** 2) < 1.3  # of one scene
     assert np.mean(np.abs(normalized) < 2.0) >= 0.93
     assert np.abs(normalized).max() < 5.0
-    spread = np.diagonal(pose.pose_covariance, axis1=1, axis2=2)
+    spread = np.diagonal(pose.covariance, axis1=1, axis2=2)
     assert np.abs(error / np.sqrt(spread)).max() < 5.0
     times = (slip.stamp_ns - START_NS) / NS_PER_S
     near = [at(times + shift, poses.twist) for shift in (-0.25, -0.12, 0.0, 0.12, 0.25)]

@@ -19,13 +19,13 @@ import math
 import numpy as np
 import pytest
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.localization import NOT_SQUARE, PoseFit
 from smart_tire.vision.motion import (
-    ISOLATED, JUMP, MIN_IMAGES, Motion, motion_of, OFFSET_PRIOR, pixel_noise, row_time, slips_of,
-    time_offset, unrolled, used, wheel_tracks)
+    CameraMotion, ISOLATED, JUMP, MIN_IMAGES, motion_of, OFFSET_PRIOR, pixel_noise, row_time,
+    slips_of, time_offset, unrolled, used, wheel_tracks)
 from smart_tire.vision.smoothing import smooth
 from support.overhead import (
     camera, corners, fixes_of, imu_samples, PARAMS, START_NS, wheel_samples)
@@ -161,7 +161,7 @@ def test_the_pixel_noise_ignores_outliers():
 @pytest.mark.parametrize('late', [0.08, -0.03])
 def test_the_time_offset_is_found_with_the_gyroscope(late):
     fixes = fixes_of(swinging, late=late)
-    inputs = Recording(imu_samples(lambda t: 0.01 + 0.8 * 1.3 * math.cos(1.3 * t)))
+    inputs = SampleArrays(imu_samples(lambda t: 0.01 + 0.8 * 1.3 * math.cos(1.3 * t)))
     offset, source = time_offset([fixes], inputs, ROBOT)
     assert offset.value == pytest.approx(late, abs=4.0 * offset.sigma)
     assert offset.sigma < 0.004
@@ -173,7 +173,7 @@ def test_the_time_offset_is_found_with_wheels_that_slip():
         turn = 0.5 * ROBOT.track_width / 0.7 * 0.8 * 1.3 * math.cos(1.3 * time)
         return np.array([-turn, turn, -turn, turn]) / ROBOT.wheel_radius
     offset, source = time_offset(
-        [fixes_of(swinging, late=0.08)], Recording(wheel_samples(speeds)), ROBOT)
+        [fixes_of(swinging, late=0.08)], SampleArrays(wheel_samples(speeds)), ROBOT)
     # the body of the test does not lag behind the wheels as it would with mass
     lag = 0.08 - offset.value
     assert 0.0 < lag < 0.02
@@ -184,7 +184,7 @@ def test_the_time_offset_is_found_with_wheels_that_slip():
 @pytest.mark.parametrize('inputs', [[], imu_samples(lambda t: 0.0)])
 def test_a_time_offset_that_nothing_shows_is_uncertain(inputs):
     fixes = fixes_of(lambda t: (0.3 * t, 0.0, 0.0))
-    offset, source = time_offset([fixes], Recording(inputs), ROBOT)
+    offset, source = time_offset([fixes], SampleArrays(inputs), ROBOT)
     assert offset == (0.0, OFFSET_PRIOR)
     assert source.startswith('not estimated')
 
@@ -197,7 +197,7 @@ def straight(time):
 def slips(wheels, fixes=None, robot=ROBOT):
     """Return the slips of a robot that drives backward at 0.4 m/s from 3 s on."""
     found = motion(fixes or fixes_of(straight))
-    return slips_of(found, wheel_tracks(Recording(wheels), robot), robot)
+    return slips_of(found, wheel_tracks(SampleArrays(wheels), robot), robot)
 
 
 def test_slip_is_b3_for_each_wheel_also_in_reverse():
@@ -230,8 +230,8 @@ def steady_slips(wheels, **changes):
     robot = replace(ROBOT, **changes)
     stamps = tuple(START_NS + round((2.0 + k / 15) * NS_PER_S) for k in range(60))
     spread = np.array([[9e-4, 0.0, 1e-3], [0.0, 1.0, 0.0], [1e-3, 0.0, 4e-3]])
-    return slips_of(Motion(stamps, np.zeros((60, 3)), np.tile([0.4, 0.0, 0.2], (60, 1)), *[
-        np.tile(spread, (60, 1, 1))] * 2, 1.0), wheel_tracks(Recording(wheels), robot), robot)
+    return slips_of(CameraMotion(stamps, np.zeros((60, 3)), np.tile([0.4, 0.0, 0.2], (60, 1)), *[
+        np.tile(spread, (60, 1, 1))] * 2, 1.0), wheel_tracks(SampleArrays(wheels), robot), robot)
 
 
 def test_the_sigma_of_slip_is_that_of_velocity_and_radius():

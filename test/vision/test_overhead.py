@@ -25,7 +25,7 @@ from smart_tire.messages.describe import NODE_TABLE
 from smart_tire.messages.header import set_header
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.parameters.overhead import OverheadParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
 from smart_tire.vision.live import LiveLocalizer
 from smart_tire.vision.overhead import NO_TAG, OverheadLocalizer, SCALE, Scale
@@ -66,7 +66,7 @@ def fed(one, messages):
     """Return the result of a localizer after ``messages``."""
     for msg in messages:
         one.add_image(msg)
-    return one.result(Recording())
+    return one.result(SampleArrays())
 
 
 def messages(images):
@@ -265,7 +265,7 @@ def test_a_scale_that_contradicts_the_wheels_is_refused_and_slip_is_not(
     one, way = localizer(renderer), 0.2  # m/s, by the wheels
     one.fixes = fixes_of(lambda time: np.array([share * way * time, 0.0, 0.0]))
     one._stamps = {fix.stamp_ns for fix in one.fixes}
-    found = one.result(Recording(wheel_samples(lambda time: np.full(4, way / RADIUS))))
+    found = one.result(SampleArrays(wheel_samples(lambda time: np.full(4, way / RADIUS))))
     assert found.published == published
     assert len(found.slips) == published
     assert found.refused == ({} if published else {SCALE: 90})

@@ -16,12 +16,12 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.analysis.calibrate_camera import camera_parameters
 from smart_tire.errors import EstimatorError, ParameterError
+from smart_tire.identification.camera import camera_parameters
 from smart_tire.parameters import ImageParams, load_node, RobotParams
 from smart_tire.parameters.calibration_file import identified_text
 from smart_tire.parameters.overhead import OverheadParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.camera import Camera, Intrinsics
 from smart_tire.vision.detection import TagDetector
@@ -178,7 +178,7 @@ def recording(*, icr=0.0, place=(0.05, -0.03), yaw=0.4, seed=0, wheels=True, **l
         return (forward + side) / ROBOT.wheel_radius
 
     fixes = fixes_of(tag, duration=11.0, noise=3e-4, seed=seed)
-    return fixes, Recording([*imu_samples(lambda time: rates(time)[1], 13.0), *(
+    return fixes, SampleArrays([*imu_samples(lambda time: rates(time)[1], 13.0), *(
         wheel_samples(speeds, 13.0) if wheels else ())])
 
 

@@ -31,7 +31,7 @@ from smart_tire.findings import Finding, Level
 from smart_tire.host_load import HostLoad
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Faults, Recording as Samples, Stream
+from smart_tire.recording import Faults, SampleArrays, Stream
 from smart_tire.samples import ImuSample, WheelSample
 from smart_tire.yaml_text import load_own
 
@@ -53,7 +53,7 @@ class CheckedRecording:
     """Input of the checks."""
 
     robot: RobotParams
-    samples: Samples
+    samples: SampleArrays
     faults: Faults = field(default_factory=Faults)
     problems: tuple[str, ...] = ()  # damage of the bag, other message types
     statuses: tuple[tuple[int, NodeStatus], ...] = ()  # timestamps [ns], diagnostics of nodes

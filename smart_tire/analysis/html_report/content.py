@@ -37,9 +37,9 @@ from smart_tire.analysis.tables import (
     consistency_table, friction_error_table, friction_table, ground_table, inputs_table,
     motion_table, pose_table, slip_error_table, slip_table, Table, text, topics_table)
 from smart_tire.bags import match_by_name
+from smart_tire.estimates import SlipEstimate
 from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import value_text
-from smart_tire.recording import SlipSeries
 from smart_tire.samples import Friction, NS_PER_S
 
 ABOUT = (
@@ -187,7 +187,7 @@ def left_out_table(result: Result, inputs: Tree) -> Table:
         *_friction_rows(result.estimates.crossings)], 2)
 
 
-def _slip_rows(slips: SlipSeries) -> list[list[str]]:
+def _slip_rows(slips: SlipEstimate) -> list[list[str]]:
     standstill = np.isnan(slips.ratio)
     unknown = ~standstill & ~(slips.sigma <= MAX_SLIP_SIGMA)
     return [['slip ratios of wheels', reason, f'{part.sum()} ({part.mean():.0%})']

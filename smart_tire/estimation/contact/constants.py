@@ -28,7 +28,7 @@ ORDERS = np.arange(2, 14)  # of Legendre polynomials; 0 is a shift, 1 a scale er
 PHASES = np.linspace(0.0, 240.0, 2401)  # integration variable, frequency times duration; all
 MIN_SHAPE_SIGMA = 1e-4     # of the wheel radius; derived: 1 mV at the steepest edge; CPU time
 MIN_REVERSAL = 0.15        # film lengths rolled back; derived: more than timestamp jitter; stops
-STANDSTILL_SPEED = 0.1     # film lengths per s, slower films sample nothing new; waits
+MIN_FILM_SPEED = 0.1       # film lengths per s, slower films sample nothing new; waits
 
 # -- blocks --------------------------------------------------------------------------------------
 BLOCK_NS = 48_000_000      # of message time, six grid steps, processed together; CPU time

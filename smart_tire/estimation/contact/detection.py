@@ -53,7 +53,7 @@ class CrossingDetector:
         between = 0.5 * (first[0] + second[0]), 0.5 * (first[1] + second[1])
         self._tables = [np.concatenate([
             tread_film.bending(x, film.length, patch, film.bending_alpha,
-                               release).value[np.newaxis], strain])
+                               release)[np.newaxis], strain])
                         for release in (film.release, between)]
         for table in self._tables:
             table[:, -1] = 0.0

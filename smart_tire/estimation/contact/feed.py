@@ -38,7 +38,7 @@ Input = TireSample | WheelSample | ImuSample | Odometry
 
 
 @dataclass
-class Block:
+class SampleBlock:
     """Accepted samples in order of time, and the crossings (wheel, crossing) at their end."""
 
     restarted: bool = False  # the clock was reset: earlier samples are invalid
@@ -85,7 +85,7 @@ class ContactFeed:
         self._buffer.reset()
         self._start()
 
-    def add_sample(self, sample: Sample) -> list[Block]:
+    def add_sample(self, sample: Sample) -> list[SampleBlock]:
         """
         Add a sample; return the blocks that it completes, and the start of the next one.
 
@@ -102,20 +102,20 @@ class ContactFeed:
         if restarted:
             self._resets = self._buffer.resets
             self._start()
-        return self._blocks(closed, Block(restarted))
+        return self._blocks(closed, SampleBlock(restarted))
 
-    def finish(self) -> list[Block]:
+    def finish(self) -> list[SampleBlock]:
         """
         Return the last blocks, with the crossings for which no further samples were awaited.
 
         Call this at the end of all inputs, then ``reset`` before any further sample.
         """
-        blocks, now = self._blocks(self._buffer.finish(), Block()), self.closed_ns
+        blocks, now = self._blocks(self._buffer.finish(), SampleBlock()), self.closed_ns
         if now is not None:
             blocks[-1].crossings += self._sorted(partial(ContactTracker.finish, now_ns=now))
         return blocks
 
-    def _blocks(self, closed: list[ClosedInstant], first: Block) -> list[Block]:
+    def _blocks(self, closed: list[ClosedInstant], first: SampleBlock) -> list[SampleBlock]:
         blocks = [first]
         for instant, samples in closed:
             self.closed_ns = instant
@@ -124,7 +124,7 @@ class ContactFeed:
                 blocks[-1].crossings += self._sorted(partial(ContactTracker.advance,
                                                              now_ns=instant))
                 blocks[-1].end_ns = instant
-                blocks.append(Block())
+                blocks.append(SampleBlock())
         return blocks
 
     def _accept(self, sample: Input) -> bool:

@@ -103,7 +103,7 @@ class SegmentExtractor:
         self._thresholds = np.array(group.thresholds)
         self._length, self._crossing = group.film_length, 2.0 * group.half_crossing
         self._gap_ns = c.GAP_PERIODS * period_ns
-        self._standstill = c.STANDSTILL_SPEED * group.film_length / NS_PER_S  # m/ns
+        self._standstill = c.MIN_FILM_SPEED * group.film_length / NS_PER_S  # m/ns
         self._baseline = np.full(films, baseline)
         self._instants: Instants = np.empty(0, dtype=np.int64)
         self._volts: Array = np.empty((0, films))

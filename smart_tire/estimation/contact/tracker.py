@@ -31,8 +31,9 @@ from smart_tire.estimation.contact.prediction import CrossingAssociator, Predict
 from smart_tire.estimation.contact.records import (
     ActiveSegment, CrossingSamples, FilmCrossing, FilmGroup, FilmSamples, PatchCrossing)
 from smart_tire.estimation.contact.segmentation import FilmSampleBuffer, SegmentExtractor
+from smart_tire.estimation.contact.smoothing import SmoothedTrajectory
 from smart_tire.estimation.contact.trajectory import (
-    Point, ReversalDetector, SmoothedTrajectory, TravelSegment, WheelTrajectory)
+    Point, ReversalDetector, TravelSegment, WheelTrajectory)
 from smart_tire.estimation.reorder_buffer import GRID_NS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample
@@ -153,7 +154,7 @@ class ContactTracker:
 
     def _stands_still(self, position: Point) -> bool:
         before = self._trajectory.interpolate(np.array([position[0] - c.STANDSTILL_NS]))
-        limit = c.STANDSTILL_SPEED * self._group.film_length * c.STANDSTILL_NS / NS_PER_S
+        limit = c.MIN_FILM_SPEED * self._group.film_length * c.STANDSTILL_NS / NS_PER_S
         return abs(position[1] - float(before[0])) < limit
 
     def _assemble(self, completed: list[PredictedCrossing]) -> list[PatchCrossing]:

@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from smart_tire.estimation.contact.feed import Block, ContactFeed
+from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction.constants import MAX_WAIT_NS
 from smart_tire.estimation.friction.output import friction_record, stamp_of
@@ -40,7 +40,6 @@ class EvaluatedCrossing:
     crossing: PatchCrossing
     result: FilmResult | None  # None if no waveform was fitted, or if it is implausible
     state: WheelState
-    surface_changed: bool      # the ground has changed since the crossing before
 
 
 OnCrossing = Callable[[EvaluatedCrossing], None]
@@ -76,7 +75,6 @@ class FrictionEstimator:
         robot = self._params.robot
         self._ground = GroundEstimator(robot, self._params.load_sigma)
         self._pending: list[_Pending] = []
-        self._changes = dict.fromkeys(robot.film.wheels, 0)  # of the ground, at the last crossing
         self._methods = {wheel: WaveformMethod(wheel, robot) for wheel in robot.film.wheels}
         self._friction: dict[str, Uncertain] = dict.fromkeys(robot.film.wheels, UNKNOWN)
 
@@ -106,7 +104,7 @@ class FrictionEstimator:
             found += self._solved(self._feed.closed_ns, last=True)
         return found
 
-    def _process(self, blocks: list[Block]) -> list[Friction | GroundState]:
+    def _process(self, blocks: list[SampleBlock]) -> list[Friction | GroundState]:
         found: list[Friction | GroundState] = []
         for block in blocks:
             if block.restarted:
@@ -155,9 +153,7 @@ class FrictionEstimator:
         friction = friction_record(
             wheel, self._params.robot.tire.contact_length, crossing, result, state)
         self._friction[wheel] = state.friction
-        changes, self._changes[wheel] = self._changes[wheel], self._ground.changes
-        self._on_crossing(EvaluatedCrossing(
-            friction, crossing, result, state, self._ground.changes > changes))
+        self._on_crossing(EvaluatedCrossing(friction, crossing, result, state))
         return friction
 
     def status(self) -> dict[str, str | int | float]:

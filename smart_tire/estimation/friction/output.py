@@ -45,15 +45,15 @@ def stamp_of(crossing: PatchCrossing, result: FilmResult | None) -> int:
 def _of_films(result: FilmResult, state: WheelState, total: Uncertain, contact_length: float
               ) -> dict[str, Uncertain]:
     """Return the quantities that need the films."""
-    films, ratio = result.slips, UNKNOWN
+    films, adhesion = result.slips, UNKNOWN
     if films.normalized_slip_sigma < c.MAX_SIGMA:
-        ratio = Uncertain(min(max(1.0 - films.normalized_slip, 0.0), 1.0),
-                          films.normalized_slip_sigma)
+        adhesion = Uncertain(min(max(1.0 - films.normalized_slip, 0.0), 1.0),
+                             films.normalized_slip_sigma)
     return {'film_slip': Uncertain(films.slip, films.slip_sigma)
             if films.slip_sigma < c.MAX_SIGMA else UNKNOWN,
-            'adhesion_ratio': ratio,
+            'adhesion_ratio': adhesion,
             'adhesion_length': Uncertain(
-                ratio.value * contact_length, ratio.sigma * contact_length),
+                adhesion.value * contact_length, adhesion.sigma * contact_length),
             'stretch_voltage': result.stretch_voltage, 'peak_interval': result.peak_interval,
             'friction_coefficient_single': _single(films, total, state)}
 
@@ -68,10 +68,10 @@ def _single(films: SlipFit, total: Uncertain, state: WheelState) -> Uncertain:
         return UNKNOWN
     covariance = films.covariance
     gain = float(covariance[0, 1] / (covariance[0, 0] + state.slip.sigma ** 2))
-    ratio = films.normalized_slip + gain * (state.slip.value - films.slip)
+    normalized = films.normalized_slip + gain * (state.slip.value - films.slip)
     sigma = math.sqrt(max(float(covariance[1, 1]) - gain * float(covariance[0, 1]), 0.0))
     scale = 3.0 * state.load.value / (state.stiffness.value * total.value)
-    mu, spread = friction_estimate(scale * ratio, scale * sigma, state.friction.value)
+    mu, spread = friction_estimate(scale * normalized, scale * sigma, state.friction.value)
     if not math.isfinite(mu):
         return UNKNOWN
     return Uncertain(mu, math.hypot(spread, *(mu * one.sigma / one.value for one in (

@@ -31,7 +31,7 @@ from smart_tire.estimation.friction.waveform_model import (
     BUMPS, film_index, PerFilm, SHAPE, Shared, WaveformModel)
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
 from smart_tire.numerics.levenberg_marquardt import (
-    FitResult, HUBER_THRESHOLD, inverse_spd, LevenbergMarquardt, Prior, upper_median)
+    FitResult, HUBER_THRESHOLD, inverse_spd, JointPrior, LevenbergMarquardt, upper_median)
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -148,8 +148,8 @@ class WaveformFitter:
             best = min(best, self._solve(samples, solver, prior, p), key=lambda fit: fit.excess)
         return best
 
-    def _solve(self, samples: CrossingSamples, solver: LevenbergMarquardt, prior: Prior, p: Array
-               ) -> WaveformFit:
+    def _solve(self, samples: CrossingSamples, solver: LevenbergMarquardt, prior: JointPrior,
+               p: Array) -> WaveformFit:
         """Fit with the bumps as learned before all parameters: far from the minimum it is fast."""
         rough = solver.run(p, prior.without(BUMPS), c.ROUGH_REDUCTION).point
         return self._evaluate(samples, solver.run(rough, prior))
@@ -179,7 +179,8 @@ class WaveformFitter:
         p[Shared.SLIP], p[Shared.NORM_SLIP] = slip, min(normalized_slip, likely)
         return p
 
-    def _prior(self, samples: CrossingSamples, slips: CrossingSlipPrior, slip: float) -> Prior:
+    def _prior(self, samples: CrossingSamples, slips: CrossingSlipPrior,
+               slip: float) -> JointPrior:
         """Return the prior on all parameters; ``slip`` is that of the start."""
         count, errors = len(samples.films), samples.errors
         value, sigma = np.zeros((2, film_index(count, PerFilm.CENTER) + len(errors.shape_sigmas)))
@@ -201,7 +202,7 @@ class WaveformFitter:
                             BENDING_SIGMA * peak, bump, bump, self._gain_sigma,
                             c.LOG_RECOVERY_SIGMA)
         free = np.flatnonzero(sigma > 0.0)
-        prior = Prior(value, np.diag(sigma[free]**-2), free)
+        prior = JointPrior(value, np.diag(sigma[free]**-2), free)
         shape = prior.rows(np.arange(SHAPE.start, SHAPE.stop))
         prior.precision[shape[:, np.newaxis], shape] = self._shape.prior.precision
         return prior

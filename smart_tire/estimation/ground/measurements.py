@@ -121,9 +121,12 @@ class Measurements:
         self._heading_data = data.imu
         self._inertia_torque = motor.inertia * block_means(self.acceleration).T
         self._moving = block_means(self.rates).T
-        # N m per m/s, (4, blocks): an encoder count of a stationary wheel is a large slip
-        self._torque_by_speed = radius * robot.tire.longitudinal_stiffness / np.maximum(
-            np.abs(radius * self._moving), SLIP_FLOOR)
+        mean = 0.5 * np.abs(np.diff(np.eye(blocks + 1), axis=0))
+        self._difference = mean @ self._speed_errors[1] @ mean.T  # (m/s)^2, of the sides
+        # m^2, (4, blocks): an encoder count of a stationary wheel is a large slip. The robot
+        # follows the mean of its wheels and the difference of its sides, but not the other two
+        self._slip_noise = 2.0 * np.diag(self._difference) * (radius / np.maximum(
+            np.abs(radius * self._moving), SLIP_FLOOR)) ** 2
         self.robot_constants = np.array([
             TIME_STEP, robot.mass, robot.yaw_inertia, 0.5 * robot.wheelbase,
             0.5 * robot.track_width, robot.center_of_mass[2] + radius, SLIP_FLOOR,
@@ -247,12 +250,25 @@ class Measurements:
         found[:, :, 1] += self._products * x[:, FILM_ERRORS][:, wheels]
         return found.reshape(len(x), -1)
 
-    def noise(self, predicted: Array, transient: Array, biases: Array) -> Array:
+    def slip_noise(self, x: Array, predicted: Array) -> Array:
+        """
+        Return the variances [(N m)^2] (4, blocks) of torques by errors of wheel speeds.
+
+        ``predicted`` (STREAMS, blocks). The force of a brush has the slope C_x (1 - f)^(2/3) where
+        it is the share f of the friction.
+        """
+        limit = 0.25 * self._robot.mass * GRAVITY * self._robot.wheel_radius * math.exp(
+            x[Unknown.FRICTION])
+        left = np.maximum(1.0 - np.abs(predicted[TORQUE:]) / limit, 0.0)
+        found: Array = math.exp(2.0 * x[Unknown.STIFFNESS]) * self._slip_noise * np.cbrt(left) ** 4
+        return found
+
+    def noise(self, predicted: Array, transient: Array, biases: Array, slip_noise: Array) -> Array:
         """
         Return the covariances (STREAMS, blocks, blocks) of the block means.
 
         ``predicted`` (STREAMS, blocks), ``transient`` (STREAMS, blocks) its change by a relaxation
-        length, ``biases`` (3,) those of the IMU.
+        length, ``biases`` (3,) those of the IMU, ``slip_noise`` as of the method of that name.
         """
         robot, count = self._robot, len(self.centers)
         imu = np.maximum(self.imu_count, 1)
@@ -262,9 +278,7 @@ class Measurements:
         size = np.vstack([predicted[:1] - biases[0], force[np.newaxis], force[np.newaxis],
                           np.maximum(np.abs(predicted[TORQUE:]), least_torque)])
         change = np.diff(np.eye(count + 1), axis=0) / BLOCK_TIME
-        mean = 0.5 * np.abs(np.diff(np.eye(count + 1), axis=0))
-        common, difference = self._speed_errors
-        difference = mean @ difference @ mean.T
+        common, difference = self._speed_errors[0], self._difference
         effective = robot.motor.inertia + 0.25 * robot.mass * robot.wheel_radius ** 2
         white = np.hypot(TIMING_ERROR * np.gradient(predicted, BLOCK_TIME, axis=1),
                          RELAXATION_ERROR * transient)
@@ -274,8 +288,7 @@ class Measurements:
             white[FORCE_X:TORQUE], robot.imu.accel_noise / np.sqrt(imu))
         white[TORQUE:] = np.sqrt(
             white[TORQUE:] ** 2 + self._torque_noise ** 2 / np.maximum(self.torque_count, 1)
-            + (TRANSIENT_SHARE * effective * self.spread.T) ** 2
-            + (self._torque_by_speed * np.sqrt(np.diag(difference))) ** 2)
+            + (TRANSIENT_SHARE * effective * self.spread.T) ** 2 + slip_noise)
         white[:TORQUE, self.imu_count == 0] = UNMEASURED
         white[TORQUE:, self.torque_count == 0] = UNMEASURED
         white[:, ~self.used] = UNMEASURED

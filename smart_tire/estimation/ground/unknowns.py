@@ -81,6 +81,9 @@ OLD_GROUND = slice(Unknown.OLD_STIFFNESS, Unknown.LATERAL_SHARE)
 SIDES = slice(Unknown.SIDE_STIFFNESS, Unknown.DELAY)
 START = slice(Unknown.START_U, Unknown.GYRO_BIAS)
 MOVED = slice(Unknown.MOVED_LOAD, Unknown.MOVED_LOAD + 1)
+CURVE = (
+    Unknown.STIFFNESS, Unknown.FRICTION, Unknown.OLD_STIFFNESS, Unknown.OLD_FRICTION,
+    Unknown.SIDE_STIFFNESS, Unknown.SIDE_FRICTION, Unknown.FALL)  # of the force over the slip
 OWN = slice(Unknown.BEND_X, Unknown.GYRO_BIAS)  # of each window: not known from the one before
 MOTORS = slice(Unknown.MOTOR_SCALE, Unknown.TORQUE_OFFSET)
 OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.FILM_GAIN)
@@ -125,6 +128,8 @@ TIMING_ERROR = 0.006    # s, of the model: latencies that differ; slow_turn
 RELAXATION_ERROR = 2.0  # of the effect of a relaxation length of half the contact, that of a
 # brush: the carcass adds to it, and close to standstill no such law holds; straight
 MOTOR_SIGMA = 0.5       # of ln of friction and inertia of a drive: data sheet, not measured; gears
+NOISE_SIGMAS = 3.0      # of the effect of errors of wheel speeds on a torque, beyond which its
+# derivatives by the curve of a tire count: below, they are the effect of these errors; straight
 TRANSIENT_SHARE = 0.3   # of the change of acceleration within a wheel period: error of torques
 FILM_SLIP_ERROR = 0.02, 0.002  # relative and absolute error of a film's slip; NEES
 FILM_RATIO_ERROR = 0.04  # relative error of a normalized slip; NEES

@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
-from smart_tire.estimation.ground.measurements import Measurements, Motion
+from smart_tire.estimation.ground.measurements import Measurements, Motion, TORQUE
 from smart_tire.estimation.ground.unknowns import (
-    CONVERGED, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA, MAX_STEP, MOST_ITERATIONS,
-    MOVED, OLD_GROUND, ONE_GROUND, OWN, Prior, Row, SIDES, SIDES_DIFFER, SIZE, Unknown, UNMEASURED)
+    CONVERGED, CURVE, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA, MAX_STEP,
+    MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Prior, Row, SIDES,
+    SIDES_DIFFER, SIZE, Unknown, UNMEASURED)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
@@ -181,15 +182,17 @@ class WindowFit:
             if iteration == 0 or not known:
                 relaxed = measurements.simulate(
                     runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
+                slip_noise = measurements.slip_noise(x, predicted[0])
                 blocks = measurements.noise(
                     predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
-                    x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1])
+                    x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], slip_noise)
                 films = measurements.passage_noise(passages[0], varied.passages[0, :, model.LOAD])
             residual = measurements.values - predicted[0]
             film_residual = measurements.passage_measured - passages[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0,
                                inside)
-            columns = self._columns(x, predicted, residual, measurements, varied, steps)
+            columns = self._columns(
+                x, predicted, residual, measurements, varied, steps, slip_noise)
             film_columns = self._film_columns(x, passages, film_residual, measurements, steps)
             white = whiten(columns, film_columns)
             rows = Rows(white[:, -1], white[:, :SIZE])
@@ -238,14 +241,22 @@ class WindowFit:
         return min(max(likely, sigma), 2.0 * sigma)
 
     def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements,
-                 motion: Motion, steps: Array) -> Array:
+                 motion: Motion, steps: Array, slip_noise: Array) -> Array:
         """
         Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 2).
 
-        The last derivative is that by the friction over the last of the ``steps``.
+        The last derivative is that by the friction over the last of the ``steps``. Errors of the
+        wheel speeds are errors of the slip, in the derivatives as in the residual: their product
+        would pull the stiffness to zero (regression dilution). Of a derivative of a torque counts
+        what exceeds the effect of such errors, ``slip_noise`` (4, blocks) [(N m)^2].
         """
         dynamic = ((predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]).transpose(
             1, 2, 0)
+        limit = NOISE_SIGMAS ** 2 * slip_noise
+        for row in (*CURVE, DYNAMIC):
+            own = dynamic[TORQUE:, :, row]
+            square = np.maximum(own ** 2, limit)
+            own *= np.divide(square - limit, square, out=np.zeros_like(own), where=square > 0.0)
         return np.concatenate([
             dynamic[:, :, :DYNAMIC], measurements.linear(x, predicted[0], motion),
             dynamic[:, :, DYNAMIC:], residual[:, :, np.newaxis]], axis=2)

@@ -32,7 +32,7 @@ from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.odometry import ContinuousPose
 from smart_tire.estimation.slip.state import (
     ACCEL_ERROR_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE,
-    PLANAR_VARIANCE, SLIP_CORRELATION_TIME, State, TRUSTED_STANDSTILL, UNWINDING_TIME)
+    PLANAR_VARIANCE, SLIP_CORRELATION_TIME, SLIP_VELS, State, TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.slip.wheel_lag import WheelLag
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
@@ -57,6 +57,7 @@ class OutputContext(NamedTuple):
     mean: ImuReading | None = None  # over the extrapolation; None: as ``imu``
     share: tuple[float, float] = 1.0, 1.0           # of the acceleration that is motion
     speed_variance: tuple[float, float] = 0.0, 0.0  # (m/s)^2, by the extrapolation
+    hidden: tuple[float, float] = 0.0, 0.0  # (m/s)^2, of slip along and across that nothing shows
 
 
 class EstimatorRecorder(StateRecorder, Protocol):
@@ -374,7 +375,8 @@ class SlipSegment:
         variance = self.filter.blind_rate_variance(
             self._odometry.staleness(now)[1]) if self.filter.blind else self._gyro_variance
         context = OutputContext(instant_ns, now - self._time, reading, variance,
-                                self._odometry.wheel_residual)
+                                self._odometry.wheel_residual,
+                                hidden=self.filter.hidden_variance)
         if self._held:
             context = self._carried(context)
         if self._recorder is not None:
@@ -394,6 +396,10 @@ class SlipSegment:
             speed_variance=(span * white_x, span * white_y))
 
 
+COMMON_SLIP = np.ix_((State.V_X, *SLIP_VELS), (State.V_X, *SLIP_VELS))  # that no wheel shows
+COMMON_SIGNS = np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0))
+
+
 class SlipOutputBuilder:
     """Builds the output records of the slip estimator."""
 
@@ -408,6 +414,11 @@ class SlipOutputBuilder:
     def build(self, context: OutputContext, x: Sequence[float], P: Array
               ) -> list[EstimateRecord]:
         """Return the records for at least the estimated states ``x`` with covariance ``P``."""
+        if any(context.hidden):
+            P = P.copy()
+            along, across = context.hidden
+            P[COMMON_SLIP] += along * COMMON_SIGNS
+            P[State.V_Y, State.V_Y] += across
         x = self._motion.extrapolate(array('d', x), context.mean or context.imu,
                                      context.extrapolation, context.share)
         W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]

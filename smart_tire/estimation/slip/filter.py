@@ -37,10 +37,10 @@ from smart_tire.estimation.slip.kalman import (
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
-    ACCEL_ERROR_SIGMA, BALANCE_SIGMA, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
-    LATERAL_WALK, LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE, SLIP_CHANGE_SHARE,
-    SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, SPEED_WALK, State,
-    STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
+    ACCEL_ERROR_SIGMA, BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep,
+    initial_state, LATERAL_WALK, LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE,
+    SLIP_CHANGE_SHARE, SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA,
+    SPEED_WALK, State, STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
 from smart_tire.samples import Four, GRAVITY, GroundState, Odometry
@@ -72,6 +72,7 @@ class SlipFilter:
         self._common, self._difference = (LearnedVariance(
             sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
             for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
+        self._slip_difference_prior = self._difference.variance
         self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, LEARNING_TIME)
         self._accelerometer = AccelerometerModel(SPEED_WALK), AccelerometerModel(LATERAL_WALK)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
@@ -120,6 +121,20 @@ class SlipFilter:
         turning = 0.5 * (right - left) / speed
         return (UNKNOWN_SLIP_SIGMA ** 2 + self._difference.variance
                 + min(RESISTANCE_SHARE * turning, 1.0) ** 2)
+
+    @property
+    def hidden_variance(self) -> tuple[float, float]:
+        """
+        Return variances [(m/s)^2] of common slip and lateral speed that nothing shows.
+
+        On unknown ground, a difference of the sides beyond its prior shows that tires slide. As
+        part of the noise, these variances would let the accelerometer rule.
+        """
+        beyond = self._difference.variance - self._slip_difference_prior
+        if self.forces.active or beyond < 0.0:
+            return 0.0, 0.0
+        shown = beyond * (0.5 * sum(self._sides)) ** 2
+        return COMMON_SLIP_SHARE ** 2 * shown, shown
 
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""

@@ -32,7 +32,7 @@ from smart_tire.estimation.slip.kalman import FORCES_HELD, KalmanFilter, Learned
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
     LEARNING_TIME, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME,
-    N, SLIP_VELS, State, SUDDEN)
+    N, PUSH_SIGMAS, PUSH_TIME, SLIP_VELS, State, SUDDEN)
 from smart_tire.estimation.slip.tire_forces import TireForces
 from smart_tire.models.tire.brush_tire import (
     LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS_SIGMA)
@@ -112,6 +112,33 @@ class MotorTorques:
             noise.add_square(min(0.5 * (y - last) ** 2, MAX_NIS * noise.variance), dt)
         lasting = 2.0 * (self._offset / self._radius) ** 2 + (FORCE_ERROR * size) ** 2
         return noise.variance + 2.0 * MODEL_TIME / dt * lasting
+
+
+class LastingError:
+    """
+    Lasting error of the lateral balance.
+
+    A push, or a wheel that loses its load, changes the mean innovation within ``PUSH_TIME``,
+    before the correction has made a lateral speed of it. From such a change on, the error is as
+    large as the change, and ends as any lasting error does.
+    """
+
+    def __init__(self) -> None:
+        self._recent, self._mean = 0.0, 0.0  # m/s2, innovations over PUSH_TIME and MODEL_TIME
+        self._level = LearnedVariance(BALANCE_SIGMA, BALANCE_SIGMA, LEARNING_TIME)
+        self._change = 0.0                   # (m/s2)^2
+
+    def variance(self, y: float, dt: float) -> float:
+        """Return its variance [(m/s2)^2] with an innovation ``y`` [m/s2] over ``dt`` [s]."""
+        self._recent -= math.expm1(-dt / PUSH_TIME) * (y - self._recent)
+        kept = math.exp(-dt / MODEL_TIME)
+        self._mean += (1.0 - kept) * (y - self._mean)
+        change, usual = (self._recent - self._mean) ** 2, self._level.variance
+        self._level.add_square(min(change, MAX_NIS * usual), dt)
+        self._change *= kept
+        if change > PUSH_SIGMAS ** 2 * usual:
+            self._change = max(self._change, change)
+        return BALANCE_SIGMA ** 2 + self._change
 
 
 class GroundChange:
@@ -194,6 +221,7 @@ class ForceBalance:
         self._before: Sequence[float] = self._given  # before a change that the filter has found
         self._change = GroundChange(kalman)
         self._torques = MotorTorques(robot)
+        self._across = LastingError()
         self._rolling = [0.0] * 4      # m/s, r w of the wheels at the last step
         self.relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
         self._transient = 0.0          # m/s, of the slip, that forces do not follow yet
@@ -324,13 +352,15 @@ class ForceBalance:
         expected = self._forces.balance(
             x, self._rolling, W, imu.yaw_accel, reading.force_x, reading.force_y)
         shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
-        # the error of the model lasts: as white noise it has the same mean over its time
-        variance = 2.0 * MODEL_TIME / dt * BALANCE_SIGMA ** 2 + imu.force_variance
+        # along x, starts and stops change the innovations as pushes do
+        lasting = BALANCE_SIGMA ** 2, self._across.variance(-expected[1], dt)
         arm_x, arm_y = self._forces.center_arm(x)
-        for error, h, velocity, arm in zip(
-                expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x)):
+        for error, h, velocity, arm, own in zip(
+                expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x), lasting):
             late = float(h[SLIP_VELS[0]] + h[SLIP_VELS[1]]) * self._transient
-            self._correct(-error, h, variance + arm * arm * imu.yaw_accel_variance
+            # an error that lasts: as white noise it has the same mean over its time
+            self._correct(-error, h, 2.0 * MODEL_TIME / dt * own + imu.force_variance
+                          + arm * arm * imu.yaw_accel_variance
                           + 2.0 * self.relaxation / (speed * dt) * late * late,
                           (velocity, shared))
         return True

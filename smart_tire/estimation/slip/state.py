@@ -84,6 +84,7 @@ ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground
 SLOPE_LENGTH = 2.0             # m, correlation length of the slope, assumed; hills
 ACCEL_ERROR_SIGMA = 0.3        # m/s2, slopes, suspension and tilt on unknown ground; field, grass
 UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip there: resistance over stiffness; field, NEES
+COMMON_SLIP_SHARE = 3.0        # common slip there over the difference of the sides; ice
 RESISTANCE_SHARE = 0.5         # rolling resistance over friction there, of concrete to ice; field
 LEARNING_TIME = 10.0           # s of driving, of noises, assumed; ice
 SLIP_LEARNING_TIME = 25.0      # s of driving, of slip and slope, assumed; sand_straight, field
@@ -103,6 +104,10 @@ BALANCE_SIGMA = 0.03          # m/s2, lasting error of the balance, assumed; all
 FORCE_ERROR = 0.07            # of traction forces: torque constant, tire curve, assumed; jumps
 MODEL_TIME = 0.3              # s, a robot length: of lasting errors of the forces, of compared
 # innovations; jumps
+PUSH_TIME = 0.05              # s, in which tires follow a push: mass times speed over their
+# lateral stiffness; pushes, lifted
+PUSH_SIGMAS = 4.0             # of a change of the mean innovation in that time: once in minutes,
+# assumed; pushes, jumps
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
 EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, the

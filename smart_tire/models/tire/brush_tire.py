@@ -97,14 +97,14 @@ def adhesion_ratio(total_slip: ArrayLike, mu: ArrayLike, load: ArrayLike,
     >>> print(f'{adhesion_ratio(0.13, 0.47, 26.7, 52.7):.3f}')
     0.818
     """
-    ratio = 1.0 - normalized_slip(total_slip, critical_slip(mu, load, stiffness))
-    return np.maximum(ratio, 0.0)
+    return np.maximum(
+        1.0 - normalized_slip(total_slip, critical_slip(mu, load, stiffness)), 0.0)
 
 
-def friction_from_adhesion(ratio: ArrayLike, total_slip: ArrayLike, load: ArrayLike,
+def friction_from_adhesion(adhesion: ArrayLike, total_slip: ArrayLike, load: ArrayLike,
                            stiffness: ArrayLike) -> Array:
     """
-    Return the friction coefficient mu [-] from the adhesion ratio: the inverse of B(22).
+    Return the friction coefficient mu [-] from the ``adhesion`` ratio: the inverse of B(22).
 
     ``load`` and ``stiffness`` (C_x) are in N. NaN where the ratio does not determine mu: outside
     (0, 1), without slip, or without load.
@@ -112,11 +112,11 @@ def friction_from_adhesion(ratio: ArrayLike, total_slip: ArrayLike, load: ArrayL
     >>> print(f'{friction_from_adhesion(0.818, 0.13, 26.7, 52.7):.2f}')
     0.47
     """
-    ratio, magnitude = np.asarray(ratio, dtype=float), np.abs(np.asarray(total_slip, dtype=float))
-    load = np.asarray(load, dtype=float)
-    observable = (ratio > 0.0) & (ratio < 1.0) & (magnitude > 0.0) & (load > 0.0)
+    adhesion, load = np.asarray(adhesion, dtype=float), np.asarray(load, dtype=float)
+    magnitude = np.abs(np.asarray(total_slip, dtype=float))
+    observable = (adhesion > 0.0) & (adhesion < 1.0) & (magnitude > 0.0) & (load > 0.0)
     with np.errstate(divide='ignore', invalid='ignore'):
-        mu = np.asarray(stiffness) * magnitude / (3.0 * load * (1.0 - ratio))
+        mu = np.asarray(stiffness) * magnitude / (3.0 * load * (1.0 - adhesion))
     return np.where(observable, mu, np.nan)
 
 

@@ -20,7 +20,7 @@ Charges are given as the overlap integral [m]: B(21)'s displacement over L, inte
 part of the film inside the patch. Times the stretch gain [V/m] it is a voltage. ``x`` [m] is the
 travel of the film's trailing edge past the leading edge of the patch: the film covers
 ``[x, x + film_length]``, the patch ``[0, contact_length]``. Everything is exact and in closed form
-and holds for braking and lateral slip; ``smart_tire.reproduction`` has the formulas of the paper.
+and holds for braking and lateral slip; ``smart_tire.papers`` has the formulas of the paper.
 """
 
 from __future__ import annotations

@@ -9,21 +9,19 @@
 # the License.
 
 """
-Output of a film in the tread during one patch crossing, with derivatives: B(15), Fig. 8.
+Output of a film in the tread during one patch crossing: B(15), Fig. 8.
 
 ``x`` [m] is the travel of the film's trailing edge past the leading edge of the patch: the film
 covers ``[x, x + film_length]``, the patch ``[0, contact_length]``, in the direction of motion. The
 output above rest is ``bending_peak * bending + stretch_gain * slip * overlap - height * bumps``,
-with ``overlap`` from ``strain_charge``. Everything is exact and in closed form; derivatives of
-clipped parts are those on the inner side of the clip.
+with ``overlap`` from ``strain_charge``. Everything is exact and in closed form; derivatives are in
+``film_equations``.
 
 There is no theory of recovery and bumps: their lengths are shares of the film length that fit
 Fig. 11(b), and the shape of the bumps is a spline that must be learned.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,34 +36,6 @@ from smart_tire.models.tire.strain_charge import overlap_integral
 RELEASE_WEIGHTS = {'fig8': (2.0, 0.0), 'state': (0.0, 1.0)}
 RELEASES = tuple(RELEASE_WEIGHTS)
 RECOVERY = 0.25          # film lengths of travel in which the fig8 release decays by e
-
-
-class BendingShape(NamedTuple):
-    """Normalized bending charge n(u) = q_b(u) / q_b(l) and its derivatives; shape of ``u``."""
-
-    value: Array           # -, 0 to 1
-    by_flat_length: Array  # per m of u
-    by_alpha: Array        # per 1/m of alpha
-
-
-class Bending(NamedTuple):
-    """Bending part for a bending peak of 1, and its partial derivatives; (n,) each."""
-
-    value: Array
-    by_position: Array        # per m of x
-    by_contact_length: Array  # per m of L
-    by_alpha: Array           # per 1/m of alpha in B(15)
-    by_recovery: Array        # per m of recovery length
-    by_release: tuple[Array, Array]  # per weight of the two parts of the release
-
-
-class Bumps(NamedTuple):
-    """Bumps of height 1 before and after the contact, and their derivatives; (n,) each."""
-
-    value: Array
-    by_position: Array            # per m of x
-    by_contact_length: Array      # per m of L
-    after: npt.NDArray[np.bool_]  # positions nearer to the bump after the contact
 
 
 def crossing_voltage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike,
@@ -94,63 +64,52 @@ def crossing_voltage(x: ArrayLike, *, slip: ArrayLike, total_slip: ArrayLike,
     x = np.where(reverse, contact_length - film_length - x, x)
     strained = np.asarray(stretch_gain) * overlap_integral(
         x, slip, total_slip, critical_slip, film_length, contact_length)
-    bent = bending(x, film_length, contact_length, bending_alpha, release, recovery).value
+    bent = bending(x, film_length, contact_length, bending_alpha, release, recovery)
     volts: Array = np.asarray(bending_peak) * bent + strained
     return volts
 
 
-def bending_shape(flat_length: Array, film_length: float, alpha: float) -> BendingShape:
+def bending(x: Array, film_length: float, contact_length: float, alpha: float,
+            release: str | tuple[float, float] = 'fig8', recovery: Array | float | None = None
+            ) -> Array:
     """
-    Return the normalized charge of B(15) and its derivatives; that by u is B(16).
+    Return the bending part at the positions ``x`` (n,) [m], for a bending peak of 1, B(15).
 
     Where the contact flattens tread and film they are a beam under tension on two supports:
     ``d4w/dx4 - alpha^2 d2w/dx2 = p_0 / A_3``, B(11) to B(14). The charge is proportional to the
-    difference of the slopes of w at both ends, hence to ``h - tanh(h)`` with ``h = alpha u / 2``.
-    Its size depends on unknown constants of the tread and is a fitted number.
-
-    ``flat_length`` u [m] is the flattened length of a film of length ``film_length`` [m], clipped
-    to [0, l]; ``alpha`` > 0 [1/m] is that of B(14).
-
-    >>> print(bending_shape(np.array([0.005, 0.010, 0.020]), 0.020, 67.0).value.round(3))
-    [0.018 0.141 1.   ]
-    """
-    return BendingShape(*film_equations.over_arrays(
-        film_equations.bending_shape, 3, flat_length, film_length, alpha))
-
-
-def bending(x: Array, film_length: float, contact_length: float, alpha: float,
-            release: str | tuple[float, float] = 'fig8', recovery: Array | float | None = None
-            ) -> Bending:
-    """
-    Return the bending part at the positions ``x`` (n,) [m], for a bending peak of 1, B(15).
+    difference of the slopes of w at both ends, hence to ``h - tanh(h)`` with ``h = alpha u / 2``
+    for the flattened length u. Its size depends on unknown constants of the tread and is a fitted
+    number.
 
     ``alpha`` [1/m] is that of B(14). ``release`` is one of ``RELEASES`` or two weights, of which
     ``RELEASE_WEIGHTS`` are examples; an output other than 0 at the end of the contact decays by e
     in ``recovery`` [m], a number or (n,), by default ``RECOVERY``. Raises ParameterError for an
     unknown release.
 
-    >>> print(bending(np.array([-0.01, 0.01, 0.046]), 0.020, 0.046, 67.0).value.round(3))
+    >>> print(bending(np.array([-0.01, 0.01, 0.046]), 0.020, 0.046, 67.0).round(3))
     [ 0.141  1.    -1.   ]
     """
     if isinstance(release, str):
         release = RELEASE_WEIGHTS[validation.one_of('release', release, RELEASES)]
     recovery = RECOVERY * film_length if recovery is None else recovery
-    value, by_x, by_length, by_alpha, by_recovery, *by_release = film_equations.over_arrays(
-        film_equations.bending, 7, x, film_length, contact_length, alpha, *release, recovery)
-    return Bending(value, by_x, by_length, by_alpha, by_recovery, (by_release[0], by_release[1]))
+    return np.asarray(film_equations.over_arrays(
+        film_equations.bending, 7, x, film_length, contact_length, alpha, *release, recovery)[0])
 
 
-def bumps(x: Array, film_length: float, contact_length: float) -> Bumps:
+def bumps(x: Array, film_length: float, contact_length: float
+          ) -> tuple[Array, npt.NDArray[np.bool_]]:
     """
     Return the bumps of Fig. 11(b) at the positions ``x`` (n,) [m], for a height of 1.
+
+    Second: which positions are nearer to the bump after the contact.
 
     A compliant tread bends the other way just outside the patch. There is no theory of the bumps:
     each is one raised cosine that vanishes while any part of the film is in the patch. The bump
     after the contact moves with its end, the one before does not.
 
-    >>> print(bumps(np.array([-0.03, 0.0, 0.052]), 0.020, 0.046).value.round(3))
+    >>> print(bumps(np.array([-0.03, 0.0, 0.052]), 0.020, 0.046)[0].round(3))
     [1.    0.    0.587]
     """
-    value, slope, after = film_equations.over_arrays(
+    value, _, after = film_equations.over_arrays(
         film_equations.bump, 3, x, film_length, contact_length)
-    return Bumps(value, slope, -slope * after, after > 0.0)
+    return value, after > 0.0

@@ -33,7 +33,7 @@ FRICTION_ERROR = 0.1   # ... and that of the friction of its gear, relative
 SIGNED = 'signed'  # current_sign: positive as a positive duty drives; otherwise as the duty does
 
 
-class Losses(Protocol):
+class DriveLosses(Protocol):
     """Friction and inertia of a drive, as in ``motor.*`` of the robot's parameters."""
 
     @property
@@ -53,7 +53,7 @@ class Losses(Protocol):
         """Return the inertia J of wheel, gear and rotor about the wheel axis [kg m2]."""
 
 
-def torque_errors(losses: Losses) -> tuple[float, float]:
+def torque_errors(losses: DriveLosses) -> tuple[float, float]:
     """
     Return the noise and the lasting error [N m] of a measured motor torque, both sigmas.
 
@@ -66,7 +66,8 @@ def torque_errors(losses: Losses) -> tuple[float, float]:
     return TORQUE_NOISE, math.hypot(TORQUE_OFFSET, FRICTION_ERROR * losses.coulomb_friction)
 
 
-def friction_torque(speed: ArrayLike, load: ArrayLike, losses: Losses, radius: float) -> Array:
+def friction_torque(speed: ArrayLike, load: ArrayLike, losses: DriveLosses,
+                    radius: float) -> Array:
     """
     Return the friction torque [N m] of gear and axle, which has the sign of the wheel speed.
 
@@ -86,7 +87,7 @@ def friction_torque(speed: ArrayLike, load: ArrayLike, losses: Losses, radius: f
 
 
 def traction_force(torque: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, load: ArrayLike,
-                   losses: Losses, radius: float) -> Array:
+                   losses: DriveLosses, radius: float) -> Array:
     """
     Return the traction force F_x [N] of the tread on the robot, positive forward.
 

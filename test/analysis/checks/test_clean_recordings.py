@@ -18,7 +18,7 @@ from smart_tire.analysis.checks.recording import read
 from smart_tire.bags import Bag
 from smart_tire.findings import Level
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.robot import TreadFilmParams
 from support.checked import clean, problems, recording, texts
 from support.real_recordings import real_recording
 
@@ -39,7 +39,7 @@ def test_a_clean_drive_has_no_warnings(seed, base):
                  id='slow', marks=pytest.mark.long),
     pytest.param(1, 'sand', ((0.5, 100.0, 70.0),), 16.0, id='circle', marks=pytest.mark.long)])
 def test_a_drive_that_excites_little_proves_nothing(seed, base, drive, wheel_rate):
-    robot = RobotParams(film=FilmParams(wheels=()))
+    robot = RobotParams(film=TreadFilmParams(wheels=()))
     assert texts(problems(clean(seed, base, drive, wheel_rate, robot), robot)) == ''
 
 

@@ -25,8 +25,8 @@ from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.host_load import HostLoad
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.robot import EncoderParams, FilmParams, ImuParams, TireParams
-from smart_tire.recording import Faults, Recording
+from smart_tire.parameters.robot import EncoderParams, ImuParams, TireParams, TreadFilmParams
+from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import BatterySample, NS_PER_S
 from smart_tire.simulation.offline import EPOCH_NS
 from support.checked import changed, clean, problems, recording, texts
@@ -55,7 +55,7 @@ def scaled(vector, factor):
 
 
 def test_samples_of_a_wheel_that_is_not_configured_are_reported():
-    robot = RobotParams(film=FilmParams(wheels=('rear_left',)))
+    robot = RobotParams(film=TreadFilmParams(wheels=('rear_left',)))
     text = found(messages.check_film_wheels, clean(), robot)
     assert 'WARNING tire_samples of rear_left: no samples' in text
     assert 'WARNING tire_samples of front_right: samples are not used' in text
@@ -69,7 +69,7 @@ def test_another_number_of_films_is_an_error():
 
 @pytest.mark.parametrize('invalid, level', [(1, 'WARNING'), (10, 'ERROR')])
 def test_invalid_messages_are_counted_with_the_first_reason(invalid, level):
-    samples, faults = Recording(), Faults()
+    samples, faults = SampleArrays(), Faults()
     read = SampleDecoder('imu/data', faults)
     sample = clean()[0][2]
     topic, encode = TOPICS['imu/data'], Encoder(TOPICS['imu/data'].type)
@@ -321,7 +321,7 @@ def test_swapped_films_and_another_spacing_are_reported():
     assert found(films.check_order, clean()) == ''
     text = found(films.check_order, with_volts(lambda a, b: (b, a)))
     assert text.startswith('ERROR films of front_right: film 2 enters the patch')
-    robot = RobotParams(film=FilmParams(spacing=0.08))
+    robot = RobotParams(film=TreadFilmParams(spacing=0.08))
     assert 'WARNING films of front_right: film 2 follows film 1 by' in found(
         films.check_order, clean(), robot)
 

@@ -25,7 +25,7 @@ from smart_tire.findings import Level
 from smart_tire.host_load import EXPLAINED, HostLoad, KEYS
 from smart_tire.messages import NodeStatus
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import ImuSample, NS_PER_S, TireSample, WheelSample
 from smart_tire.simulation.offline import EPOCH_NS
 from support.checked import clean, recording, texts
@@ -253,7 +253,7 @@ TIMED = [getattr(messages, f'check_{name}')
 
 def recorded(name):
     """Return the times of a recording on a host that was late, and what nodes have reported."""
-    samples, statuses = Recording(), []
+    samples, statuses = SampleArrays(), []
     with np.load(DATA / f'{name}.npz') as file:
         for stream, sample in SAMPLES.items():
             stamps, delays = 1000 * np.cumsum(file[stream], axis=1, dtype=np.int64)

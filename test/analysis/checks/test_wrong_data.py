@@ -18,13 +18,13 @@ import pytest
 from smart_tire.analysis.checks.recording import READ
 from smart_tire.bags import Bag
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.robot import TreadFilmParams
 from support.checked import clean, DRIVE
 from support.real_recordings import real_recording
 
-ROBOT = RobotParams(film=FilmParams(wheels=()))
+ROBOT = RobotParams(film=TreadFilmParams(wheels=()))
 WARTHOG = RobotParams(wheel_radius=0.30, track_width=1.08, wheelbase=0.8, mass=250.0,
-                      film=FilmParams(wheels=()))
+                      film=TreadFilmParams(wheels=()))
 SHORT = (
     'none', 'gyro in deg/s', 'accelerometer in g', 'accelerometer in cm/s2', 'gravity removed',
     'wheel speeds in m/s', 'wheel speeds in rpm', 'velocities in rpm, positions in rad',

@@ -31,7 +31,7 @@ from smart_tire.analysis.offline import Analysis, analyze, BagContents
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.tables import Table, text
 from smart_tire.parameters import build, SimulatorParams
-from smart_tire.recording import Recording
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import Friction, WheelSlip
 from smart_tire.simulation.offline import simulate
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -209,7 +209,7 @@ def test_every_specification_is_valid_for_plotly_and_every_axis_has_a_unit(repor
 
 def estimated():
     """Return slips of which a quarter is undefined and a quarter unknown, and three crossings."""
-    series = Recording()
+    series = SampleArrays()
     for i, (ratio, sigma) in enumerate(((0.1, 0.5), (0.1, 0.1), (math.nan, 1.0), (1.0, 0.6))):
         series.add_sample(WheelSlip(i, (ratio,) * 4, (0.0,) * 4, (sigma,) * 4))
     series.crossings = [
@@ -239,7 +239,7 @@ def test_a_page_of_pictures_contains_them_and_no_plotly(tmp_path):
 
 
 def test_what_the_reader_warned_of_is_not_left_out_again():
-    assert left_out_table(Result(Recording()), {'odom': {'late': 0, 'rejected': 0}}).rows == []
+    assert left_out_table(Result(SampleArrays()), {'odom': {'late': 0, 'rejected': 0}}).rows == []
     contents = BagContents(skipped=['a is not in the bag', 'file is truncated'],
                            warnings=['file is truncated'])
     assert skipped_lines(contents) == ['a is not in the bag']

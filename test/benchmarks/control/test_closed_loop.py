@@ -13,14 +13,14 @@
 from benchmarks.control.closed_loop import DUTY_DELAY_NS, run_closed_loop
 import pytest
 from smart_tire.parameters import RobotParams, SimulatorParams
-from smart_tire.parameters.robot import FilmParams
-from smart_tire.parameters.simulation import GroundParams
+from smart_tire.parameters.robot import TreadFilmParams
+from smart_tire.parameters.simulation import SurfaceParams
 from smart_tire.samples import NS_PER_S
 from smart_tire.simulation.offline import EPOCH_NS, IMU_DELAY_NS, WHEEL_DELAY_NS
 
 STOPPED = (0.0, 0.0, 0.0, 0.0)
-PARAMS = SimulatorParams(robot=RobotParams(film=FilmParams(wheels=())),
-                         ground=GroundParams(base='concrete', patches=()))
+PARAMS = SimulatorParams(robot=RobotParams(film=TreadFilmParams(wheels=())),
+                         ground=SurfaceParams(base='concrete', patches=()))
 
 
 class StepDuty:

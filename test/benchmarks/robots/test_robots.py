@@ -25,11 +25,11 @@ import numpy as np
 import pytest
 from smart_tire.analysis.pipeline import Pipeline
 from smart_tire.parameters import RobotParams
-from smart_tire.parameters.simulation import DriveParams, GroundParams
+from smart_tire.parameters.simulation import DriveParams, SurfaceParams
 from smart_tire.samples import GRAVITY, Odometry, TireSample
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
 
-CONCRETE = GroundParams(base='concrete', patches=())
+CONCRETE = SurfaceParams(base='concrete', patches=())
 
 
 def driven(kind: type[Plant], duty=(0.4, 0.3, 0.4, 0.3), seconds=0.4):

@@ -70,7 +70,7 @@ def test_lost_samples_reduce_the_coverage():
 
 @pytest.mark.parametrize('make', [
     lambda x, rng: rng.normal(0.0, 0.02, len(x)),
-    lambda x, rng: -0.12 * tread_film.bumps(x, FILM, L).value,
+    lambda x, rng: -0.12 * tread_film.bumps(x, FILM, L)[0],
     lambda x, rng: np.where(np.abs(x) < 0.002, 1.2, 0.0),
     lambda x, rng: np.full(len(x), 0.8),
 ], ids=['noise', 'bumps', 'spike', 'constant'])

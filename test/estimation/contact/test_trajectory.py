@@ -17,8 +17,8 @@ from numpy.polynomial.legendre import legfit
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from smart_tire.estimation.contact.trajectory import (
-    shape_error_sigmas, SmoothedTrajectory, WheelTrajectory)
+from smart_tire.estimation.contact.smoothing import shape_error_sigmas, SmoothedTrajectory
+from smart_tire.estimation.contact.trajectory import WheelTrajectory
 from smart_tire.samples import NS_PER_S
 from support.rolling import along, ROBOT, stamp, steady
 

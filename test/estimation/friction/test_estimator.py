@@ -445,4 +445,3 @@ def test_each_crossing_is_passed_on_with_its_fit():
     assert [crossing.friction for crossing in found] == estimates
     fits = [crossing.result.waveform for crossing in found if crossing.result is not None]
     assert len(fits) >= 3 and all(len(fit.samples.films) == 2 for fit in fits)
-    assert not any(crossing.surface_changed for crossing in found)

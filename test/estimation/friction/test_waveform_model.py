@@ -52,7 +52,7 @@ def expected(one, center, slip, normalized_slip, peak, gain):
         film_length=FILM, contact_length=L, bending_peak=peak,
         bending_alpha=ROBOT.film.bending_alpha, stretch_gain=gain)
     heights = np.where(x < 0.5 * (L - FILM), 0.1, 0.14)
-    return volts - heights * peak * tread_film.bumps(x, FILM, L).value
+    return volts - heights * peak * tread_film.bumps(x, FILM, L)[0]
 
 
 @pytest.mark.parametrize('slip', [0.1, -0.2])

@@ -14,15 +14,21 @@ from dataclasses import replace
 from functools import cache
 import math
 
+from benchmarks.events import inputs_of, truth_of
+from benchmarks.motion import (
+    as_estimate, as_truth, in_motion, slip_errors, speed_errors, steady_sides)
+from benchmarks.robots.draws import draw, FILMS, TORQUES
+from benchmarks.robots.scoring import estimates_of
 from benchmarks.scenarios import SCENARIOS
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.estimator import OutputContext, SlipEstimator, SlipOutputBuilder
 from smart_tire.estimation.slip.filter import SlipFilter
-from smart_tire.estimation.slip.ground import MotorTorques
+from smart_tire.estimation.slip.ground import LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
-from smart_tire.estimation.slip.state import ImuReading, ImuStep, MODEL_TIME, N, State
+from smart_tire.estimation.slip.state import (
+    BALANCE_SIGMA, ImuReading, ImuStep, MODEL_TIME, N, PUSH_TIME, State)
 from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import (
@@ -90,6 +96,110 @@ def test_the_velocity_of_the_robot_stays_when_the_position_of_the_imu_is_given()
     np.testing.assert_allclose(new[rows], old[rows], rtol=1e-9)
     assert np.diag(P)[[State.IMU_X, State.IMU_Y]] == pytest.approx([0.0004, 0.0009])
     assert new[State.V_Y, State.IMU_X] == pytest.approx(0.0, abs=1e-12)
+
+
+def lasting_sigmas(innovations, dt=0.008):
+    """Return the sigmas [m/s2] of the lasting error after each of the innovations [m/s2]."""
+    error = LastingError()
+    return [math.sqrt(error.variance(one, dt)) for one in innovations]
+
+
+def test_a_push_is_a_lasting_error_of_the_balance_within_the_time_of_the_tires():
+    rest, push = [0.02] * 200, [0.5] * 60
+    sigmas = lasting_sigmas(rest + push)
+    assert sigmas[199] == pytest.approx(BALANCE_SIGMA)
+    reached = 200 + round(2.0 * PUSH_TIME / 0.008)
+    assert max(sigmas[200:reached]) > 0.2
+    assert max(sigmas[reached:]) == pytest.approx(0.48 * 0.6, abs=0.06)  # less its own mean
+    released = lasting_sigmas(rest + push + rest)
+    after = int(np.argmax(released[260:])) + 260
+    assert released[after] > 0.2  # the release is a change, too
+    later = round(2.0 * MODEL_TIME / 0.008)  # the change decays by its square
+    assert released[after + later] ** 2 - BALANCE_SIGMA ** 2 == pytest.approx(
+        (released[after] ** 2 - BALANCE_SIGMA ** 2) * math.exp(-2.0), rel=0.1)
+
+
+def test_the_lasting_error_of_a_push_is_the_same_to_either_side():
+    left, right = (lasting_sigmas([0.0] * 50 + [sign * 0.4] * 20) for sign in (1.0, -1.0))
+    assert left == right
+
+
+def test_what_changes_slowly_or_has_always_varied_is_no_push():
+    slow = 0.5 * np.linspace(0.0, 1.0, 1000)  # within 8 s
+    assert max(lasting_sigmas(slow)) == pytest.approx(BALANCE_SIGMA)
+    rng = np.random.default_rng(5)
+    rough = np.convolve(rng.normal(0.0, 1.0, 6000), np.ones(8) / 8.0, 'same')  # ice
+    sigmas = lasting_sigmas(rough)
+    assert np.mean(np.array(sigmas[4000:]) > 2.0 * BALANCE_SIGMA) < 0.02
+
+
+@pytest.mark.parametrize(('row', 'seeds'), [
+    ('pushes', (8604,)), *(pytest.param(row, (8701, 8702, 8703), marks=pytest.mark.long)
+                           for row in ('pushes', 'lifted'))])
+def test_the_lateral_speed_is_consistent_while_something_disturbs_the_robot(row, seeds):
+    squares = []
+    for seed in seeds:
+        one = draw(row, seed)
+        events = one.events()
+        motion = as_truth(truth_of(events), one.true)
+        series = as_estimate(estimates_of(one, inputs_of(events)))
+        age = (motion.stamp_ns - motion.stamp_ns[0]) / NS_PER_S
+        disturbed = np.any([(age > each.begin) & (age < each.end) for each in (
+            *one.traits.pushes, *one.traits.lifts)], axis=0)
+        errors = speed_errors(series, motion, 1, disturbed)
+        squares.append(np.mean((errors.error / errors.sigma) ** 2))
+    assert np.mean(squares) < 5.0  # 42 in pushes, 6 under lifted wheels with a constant sigma
+
+
+@pytest.mark.parametrize('seeds', [
+    (8604,), pytest.param((8831, 8832, 8833, 8834), marks=pytest.mark.long)])
+def test_slip_on_ice_that_nothing_shows_is_within_its_sigma(seeds):
+    """Without films and torques: slips of 0.2 to 0.5 that their difference shows."""
+    slips, speeds = [], []
+    for seed in seeds:
+        one = replace(draw('ice', seed), without=(FILMS, TORQUES))
+        events = one.events()
+        motion = as_truth(truth_of(events), one.true)
+        series = as_estimate(estimates_of(one, inputs_of(events)))
+        steady, (error, sigma) = steady_sides(motion), slip_errors(series, motion)
+        slips.append(np.mean(np.abs(error[steady]) < 2.0 * sigma[steady]))
+        moving = in_motion(motion) & (motion.stamp_ns - motion.stamp_ns[0] > 2 * NS_PER_S)
+        errors = speed_errors(series, motion, 0, moving)
+        speeds.append(np.mean((errors.error / errors.sigma) ** 2))
+    assert np.mean(slips) > 0.9  # 0.83 by the difference of the sides alone
+    assert np.mean(speeds) < 3.0  # 3.8
+
+
+def test_hidden_common_slip_is_an_error_of_slip_and_speed_but_not_of_the_wheels():
+    builder = SlipOutputBuilder(PARAMS)
+    x, P = [0.0] * N, 1e-6 * np.eye(N)
+    x[State.V_X] = 1.0
+    reading = ImuReading(0.0, 0.0, 0.0)
+    context = OutputContext(NS_PER_S, 0.0, reading, 1e-6, (0.0,) * 4)
+
+    def sigmas(hidden):
+        odometry, slip = builder.build(context._replace(hidden=hidden), x, P)[:2]
+        return [*np.sqrt([odometry.twist_covariance[i] for i in (0, 7)]), *slip.sigma]
+    shown, hidden = sigmas((0.0, 0.0)), sigmas((0.09, 0.04))
+    assert hidden[:2] == [pytest.approx(0.3, rel=1e-4), pytest.approx(0.2, rel=1e-4)]
+    assert hidden[2:] == [pytest.approx(0.3, rel=1e-4)] * 4  # of a slip velocity, over 1 m/s
+    assert max(shown) < 0.002
+    assert P[State.V_X, State.V_X] == 1e-6  # that of the filter stays
+
+
+def test_nothing_is_hidden_on_a_ground_that_is_given():
+    slip_filter = SlipFilter(PARAMS)
+    slip_filter._sides = [0.7, 0.7]
+    assert slip_filter.hidden_variance == (0.0, 0.0)  # no more than the prior
+    slip_filter._difference.add_square(0.3 ** 2, math.inf)  # ice
+    along, across = slip_filter.hidden_variance
+    assert along == pytest.approx(9.0 * across)
+    assert across == pytest.approx((0.3 ** 2 - PARAMS.differential_slip_sigma ** 2) * 0.7 ** 2)
+    slip_filter._sides = [-0.7, 0.7]  # in place: slip of the sides is none along the robot
+    assert slip_filter.hidden_variance == (0.0, 0.0)
+    slip_filter._sides = [0.7, 0.7]
+    slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
+    assert slip_filter.hidden_variance == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(('given', 'sigma', 'taken'), [

@@ -19,7 +19,7 @@ import pytest
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.state import SLIP_VELS
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
-from smart_tire.parameters.robot import FilmParams
+from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S, Odometry
 from smart_tire.simulation.offline import simulate
@@ -130,7 +130,7 @@ def test_estimates_are_bounded_and_their_sigmas_grow_while_inputs_are_missing(
 def driven(drive, seed):
     """Return the events of a drive on concrete."""
     return simulate(SimulatorParams(seed=seed, ground=CONCRETE, robot=RobotParams(
-        film=FilmParams(wheels=()))), *DRIVES[drive])
+        film=TreadFilmParams(wheels=()))), *DRIVES[drive])
 
 
 @pytest.mark.parametrize('seed', [1, *(pytest.param(seed, marks=pytest.mark.long)

@@ -13,8 +13,9 @@
 import numpy as np
 import pytest
 
-from smart_tire.models.tire import tread_film
-from smart_tire.models.tire.film_equations import KNOTS, over_arrays, PADDING, spline
+from smart_tire.models.tire import film_equations, tread_film
+from smart_tire.models.tire.film_equations import (
+    bending, bending_shape, KNOTS, over_arrays, PADDING, spline)
 from smart_tire.simulation.films import bump, BUMP_HALF_WIDTHS
 from support.derivatives import derivative
 
@@ -22,6 +23,7 @@ L, FILM, ALPHA = 0.046, 0.020, 67.0  # m, m, 1/m: paper B, Table I
 CRITICAL = 3.0 * 0.47 * 26.7 / 52.7
 CROSSING = {'film_length': FILM, 'contact_length': L, 'bending_peak': 0.83,
             'bending_alpha': ALPHA, 'stretch_gain': 307.5, 'critical_slip': CRITICAL}
+RESULTS = {bending: 7, bending_shape: 3, film_equations.bump: 3}  # of the equations
 
 
 def positions(film=FILM):
@@ -29,32 +31,31 @@ def positions(film=FILM):
     return np.linspace(-film - 0.0313, L + 0.0417, 400)
 
 
-@pytest.mark.parametrize('release', tread_film.RELEASES)
+def equation(number, function, *arguments):
+    """Return a result of an equation over arrays: its value, or a derivative."""
+    return over_arrays(function, RESULTS[function], *arguments)[number]
+
+
+def assert_derivatives(function, arguments, derivatives, **close):
+    """Compare derivatives, number of the argument -> number of the result, with differences."""
+    for argument, result in derivatives.items():
+        def value(changed, argument=argument):
+            return equation(0, function, *arguments[:argument], changed, *arguments[argument + 1:])
+        np.testing.assert_allclose(equation(result, function, *arguments),
+                                   derivative(value, arguments[argument]), **close)
+
+
+@pytest.mark.parametrize('weights', [*tread_film.RELEASE_WEIGHTS.values(), (1.2, 0.3)])
 @pytest.mark.parametrize('film', [FILM, 0.06])
-def test_derivatives_of_the_bending_part_agree_with_finite_differences(release, film):
-    x = positions(film)
-
-    def value(x=x, length=L, alpha=ALPHA, recovery=0.005):
-        return tread_film.bending(x, film, length, alpha, release, recovery).value
-
-    part = tread_film.bending(x, film, L, ALPHA, release, 0.005)
-    close = {'rtol': 1e-5, 'atol': 1e-4}
-    np.testing.assert_allclose(part.by_position, derivative(lambda x: value(x=x), x), **close)
-    np.testing.assert_allclose(part.by_contact_length,
-                               derivative(lambda v: value(length=v), L), **close)
-    np.testing.assert_allclose(part.by_recovery,
-                               derivative(lambda v: value(recovery=v), 0.005), **close)
-    np.testing.assert_allclose(part.by_alpha, derivative(lambda v: value(alpha=v), ALPHA),
-                               atol=1e-7)
+def test_derivatives_of_the_bending_part_agree_with_finite_differences(weights, film):
+    arguments = (positions(film), film, L, ALPHA, *weights, 0.005)
+    assert_derivatives(bending, arguments, {0: 1, 2: 2, 6: 4}, rtol=1e-5, atol=1e-4)
+    assert_derivatives(bending, arguments, {3: 3}, atol=1e-7)
+    assert_derivatives(bending, arguments, {4: 5, 5: 6}, atol=1e-8)
 
 
 def test_derivatives_of_the_bumps_agree_with_finite_differences():
-    x = positions()
-    part = tread_film.bumps(x, FILM, L)
-    np.testing.assert_allclose(part.by_position, derivative(
-        lambda x: tread_film.bumps(x, FILM, L).value, x), atol=2e-3)
-    np.testing.assert_allclose(part.by_contact_length, derivative(
-        lambda v: tread_film.bumps(x, FILM, v).value, L), atol=2e-3)
+    assert_derivatives(film_equations.bump, (positions(), FILM, L), {0: 1}, atol=2e-3)
 
 
 @pytest.mark.parametrize('release', tread_film.RELEASES)
@@ -83,29 +84,18 @@ def test_the_releases_differ_only_after_the_film_begins_to_leave():
 
 
 def test_the_fig8_release_decays_by_e_within_the_recovery_length():
-    bent = tread_film.bending(L + np.array([0.0, 0.004]), FILM, L, ALPHA, 'fig8', 0.004).value
+    bent = tread_film.bending(L + np.array([0.0, 0.004]), FILM, L, ALPHA, 'fig8', 0.004)
     np.testing.assert_allclose(bent, [-1.0, -np.exp(-1.0)])
 
 
 def test_a_release_between_the_conventions_is_given_by_weights():
     x = np.linspace(-FILM - 0.01, L + 0.05, 400)
-    fig8, state = (tread_film.bending(x, FILM, L, ALPHA, name).value
+    fig8, state = (tread_film.bending(x, FILM, L, ALPHA, name)
                    for name in tread_film.RELEASES)
-    half = tread_film.bending(x, FILM, L, ALPHA, (1.0, 0.5)).value
+    half = tread_film.bending(x, FILM, L, ALPHA, (1.0, 0.5))
     np.testing.assert_allclose(half, 0.5 * (fig8 + state), atol=1e-12)
-    end = tread_film.bending(np.array([L]), FILM, L, ALPHA, (1.6, 0.0)).value
+    end = tread_film.bending(np.array([L]), FILM, L, ALPHA, (1.6, 0.0))
     np.testing.assert_allclose(end, -0.6)
-
-
-@pytest.mark.parametrize('weights', [(2.0, 0.0), (0.0, 1.0), (1.2, 0.3)])
-def test_derivatives_by_the_weights_of_the_release_agree_with_finite_differences(weights):
-    x = positions()
-    part = tread_film.bending(x, FILM, L, ALPHA, weights)
-    for k in (0, 1):
-        step = 1e-6 * np.eye(2)[k]
-        high, low = (tread_film.bending(x, FILM, L, ALPHA, tuple(weights + sign * step)).value
-                     for sign in (1.0, -1.0))
-        np.testing.assert_allclose(part.by_release[k], (high - low) / 2e-6, atol=1e-8)
 
 
 def test_a_flat_film_without_slip_shows_the_bending_peak():
@@ -123,9 +113,9 @@ def test_reverse_mirrors_the_position_and_so_repeats_the_signal_in_time():
 
 def test_bumps_peak_one_centimeter_outside_and_vanish_during_the_contact():
     x = np.linspace(-0.06, 0.09, 1501)
-    part = tread_film.bumps(x, FILM, L)
-    bumps, before = part.value, x < 0.5 * (L - FILM)
-    np.testing.assert_array_equal(part.after, x > 0.5 * (L - FILM))
+    bumps, after = tread_film.bumps(x, FILM, L)
+    before = x < 0.5 * (L - FILM)
+    np.testing.assert_array_equal(after, x > 0.5 * (L - FILM))
     assert np.all(bumps[(x >= -FILM) & (x <= L)] == 0.0)
     assert x[before][bumps[before].argmax()] == pytest.approx(-FILM - 0.01, abs=1e-4)
     assert x[~before][bumps[~before].argmax()] == pytest.approx(L + 0.01, abs=1e-4)
@@ -141,7 +131,7 @@ def test_an_unknown_release_is_rejected():
 
 @pytest.mark.parametrize('alpha', [1e-3, 1.0, 67.0, 5e3])
 def test_the_bending_shape_increases_from_zero_to_one(alpha):
-    shape = tread_film.bending_shape(np.linspace(-0.01, FILM + 0.01, 301), FILM, alpha).value
+    shape = equation(0, bending_shape, np.linspace(-0.01, FILM + 0.01, 301), FILM, alpha)
     assert shape[0] == 0.0 and shape[-1] == 1.0 and np.all(np.diff(shape) >= 0.0)
 
 
@@ -149,21 +139,18 @@ def test_the_bending_shape_is_b15_and_for_a_stiff_tread_a_cube():
     u = np.linspace(0.002, FILM, 50)
     grown, whole = np.exp(67.0 * u), FILM - 2.0 / 67.0 * np.tanh(0.5 * 67.0 * FILM)
     printed = u - 2.0 / 67.0 * (grown - 1.0) / (grown + 1.0)
-    np.testing.assert_allclose(tread_film.bending_shape(u, FILM, 67.0).value, printed / whole,
+    np.testing.assert_allclose(equation(0, bending_shape, u, FILM, 67.0), printed / whole,
                                rtol=1e-9)
-    np.testing.assert_allclose(tread_film.bending_shape(u, FILM, 0.01).value, (u / FILM)**3,
-                               rtol=1e-7)
+    np.testing.assert_allclose(equation(0, bending_shape, u, FILM, 0.01), (u / FILM)**3, rtol=1e-7)
 
 
 @pytest.mark.parametrize('alpha', [3.0, 9.9, 10.1, 67.0, 300.0])
 def test_derivatives_of_the_bending_shape_agree_with_finite_differences(alpha):
     u = np.linspace(-0.0047, FILM + 0.0049, 60)
-    part = tread_film.bending_shape(u, FILM, alpha)
-    by_u = derivative(lambda u: tread_film.bending_shape(u, FILM, alpha).value, u)
-    np.testing.assert_allclose(part.by_flat_length, by_u, atol=1e-4)
+    assert_derivatives(bending_shape, (u, FILM, alpha), {0: 1}, atol=1e-4)
     by_alpha = derivative(
-        lambda alpha: tread_film.bending_shape(u, FILM, alpha).value, alpha, 1e-3 * alpha)
-    np.testing.assert_allclose(part.by_alpha, by_alpha, atol=1e-7)
+        lambda alpha: equation(0, bending_shape, u, FILM, alpha), alpha, 1e-3 * alpha)
+    np.testing.assert_allclose(equation(2, bending_shape, u, FILM, alpha), by_alpha, atol=1e-7)
 
 
 def evaluated(coefficients, outside):
@@ -207,10 +194,10 @@ def test_all_lengths_of_the_model_scale_with_the_film():
     x = positions()
     for scale in (0.5, 3.0):
         np.testing.assert_allclose(
-            tread_film.bumps(scale * x, scale * FILM, scale * L).value,
-            tread_film.bumps(x, FILM, L).value, atol=1e-9)
+            tread_film.bumps(scale * x, scale * FILM, scale * L)[0],
+            tread_film.bumps(x, FILM, L)[0], atol=1e-9)
         np.testing.assert_allclose(
-            tread_film.bending(scale * x, scale * FILM, scale * L, ALPHA / scale).value,
-            tread_film.bending(x, FILM, L, ALPHA).value, atol=1e-9)
+            tread_film.bending(scale * x, scale * FILM, scale * L, ALPHA / scale),
+            tread_film.bending(x, FILM, L, ALPHA), atol=1e-9)
         np.testing.assert_allclose(over_arrays(spline, 9, scale * x, scale * FILM)[:5],
                                    over_arrays(spline, 9, x, FILM)[:5], atol=1e-9)

@@ -1,0 +1,138 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Bags as inputs of the verbs: opened with their options, estimated one by one, reported."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from smart_tire.errors import BagError, ParameterError, printable
+from smart_tire.findings import Finding, Level
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.pipeline import BagParams, EstimatorParams
+    from smart_tire.analysis.summary import Tree
+    from smart_tire.bags import Bag, TopicNames
+    from smart_tire.parameters import RobotParams
+
+REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
+ESTIMATED, NOTHING_ESTIMATED, DIVERGED, USAGE = 0, 1, 1, 2  # exit statuses
+
+
+def check_options(args: argparse.Namespace) -> None:
+    """Raise ParameterError if an option of ``--params`` and ``--remap`` is invalid for any bag."""
+    from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.bags import TopicNames
+    EstimatorParams.load(args.params)
+    TopicNames.parse(args.remap)
+
+
+def check_overhead(args: argparse.Namespace) -> None:
+    """Raise ParameterError or BagError if ``--overhead`` cannot be used with these bags."""
+    if args.overhead is not None:
+        from smart_tire.analysis.offline import read_overhead
+        if len(args.bags) > 1:
+            raise ParameterError(f'--overhead is for one bag, {len(args.bags)} are given')
+        read_overhead(args.overhead)
+
+
+@contextmanager
+def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] = REQUIRED,
+             prefix: str = '') -> Iterator[tuple[Bag, BagParams]]:
+    """
+    Open a bag with the options of ``--params`` and ``--remap``; yield it and its parameters.
+
+    Prints the source of the parameters, and the topics and joints that were recognized, with
+    ``prefix`` before each line. Raises BagError if one of the ``required`` topics has to be
+    selected with an option, ParameterError if an option or a parameter is invalid.
+    """
+    from smart_tire.analysis.pipeline import bag_params
+    from smart_tire.bags import Bag, check_inputs, TopicNames
+    with Bag(path, TopicNames.parse(args.remap)) as bag:
+        source = bag_params(bag, args.params)
+        bag.joints = source.params.robot.joints
+        check_inputs(bag, required)
+        for line in (*source.lines(), *bag.notes):
+            print(prefix + line)
+        yield bag, source
+
+
+def bag_settings(paths: Sequence[Path], args: argparse.Namespace,
+                 checked: Collection[Path] = ()) -> tuple[EstimatorParams, TopicNames]:
+    """
+    Return parameters and topic names for bags of one robot; print as ``open_bag`` does.
+
+    Also prints the errors that the checks find in those of the bags that are ``checked``.
+    Raises ParameterError if the bags carry different parameters of the robot.
+    """
+    found = []
+    for path in paths:
+        prefix = f'{path}: ' if len(paths) > 1 else ''
+        with open_bag(path, args, prefix=prefix) as (bag, source):
+            found.append((source.params, bag.names))
+            if path in checked:
+                print_checks(bag, source.params.robot, prefix)
+        if source.params.robot != found[0][0].robot:
+            raise ParameterError(f'{paths[0]} and {path} carry different parameters of the '
+                                 'robot: select one set with --params')
+    return found[0]
+
+
+def each_bag(args: argparse.Namespace, outs: Sequence[Path],
+             work: Callable[[Path, Path, argparse.Namespace], int]) -> int:
+    """Call ``work`` with each bag and its output; return the largest exit status."""
+    status = ESTIMATED
+    for bag, out in zip(args.bags, outs):
+        try:
+            status = max(status, work(bag, out, args))
+        except BagError as error:
+            print(f'smart_tire {args.verb}: {error}', file=sys.stderr)
+            status = USAGE
+    return status
+
+
+def print_errors(errors: Iterable[Finding], prefix: str = '') -> None:
+    """Print the errors that the checks of ``smart_tire doctor`` have found in a recording."""
+    for error in errors:
+        print(f'{prefix}error: {error.text}')
+
+
+def print_checks(bag: Bag, robot: RobotParams, prefix: str = '') -> None:
+    """Read an open bag, and print its errors."""
+    from smart_tire.analysis.checks import findings
+    from smart_tire.analysis.checks.recording import read
+    print_errors((one for one in findings(read(bag, robot)) if one.level is Level.ERROR), prefix)
+
+
+def diverged(bag: Path, summary: Tree) -> int:
+    """Print as the last line that the estimate diverged, if it did; return the exit status."""
+    if summary['diverged'] is None:
+        return ESTIMATED
+    print(f'{bag}: {summary["diverged"]}; correct the errors that "smart_tire doctor" names')
+    return DIVERGED
+
+
+def print_counts(counts: Mapping[str, int]) -> None:
+    """Print the message count of each topic."""
+    width = max((len(str(count)) for count in counts.values()), default=1)
+    for topic, count in sorted(counts.items()):
+        print(f'  {count:{width}} {printable(topic)}')
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Print the warnings of a bag reader."""
+    for warning in warnings:
+        print(f'warning: {printable(warning)}')

@@ -1,0 +1,199 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Files of a film: recordings on a bench (CSV), and the parameters of a calibrated film (YAML)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import csv
+from dataclasses import dataclass
+from io import StringIO
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from smart_tire.arrays import Array
+from smart_tire.errors import ParameterError
+from smart_tire.papers.buckling_film import BucklingFilm
+from smart_tire.papers.hysteresis import DuhemParams, series
+from smart_tire.paths import read_file
+from smart_tire.uncertain import MAX_RELATIVE_SIGMA
+from smart_tire.yaml_text import MAX_SIZE, parse_yaml
+
+COLUMNS = ('time_s', 'deflection_m', 'charge_C')
+PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')  # alpha K, a K, b K with the input gain K
+AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
+MIN_SAMPLES = 20  # of a recording
+MAX_TABLE_SIZE = 1 << 28  # bytes of a CSV file, which is read into memory: 6 million samples
+# of the calibrated range, up to which the covariance of undetermined products describes the error;
+# assumed
+EXTRAPOLATION_FACTOR = 1.5
+
+
+@dataclass(frozen=True)
+class FilmRecording:
+    """Samples of one experiment, in SI units unless other columns are selected."""
+
+    time: Array    # s, increasing
+    input: Array   # m, deflection from the flat film  # noqa: A003
+    output: Array  # C
+
+    def __post_init__(self) -> None:
+        check_series(self.time, input=self.input, output=self.output)
+
+
+def check_series(time: Array, **others: Array) -> None:
+    """Raise ParameterError unless ``time`` increases and all are finite and of equal length."""
+    sizes = {name: series(name, values).size for name, values in {'time': time, **others}.items()}
+    if len(set(sizes.values())) > 1:
+        raise ParameterError(f'the numbers of samples differ: {sizes}')
+    if sizes['time'] < MIN_SAMPLES:
+        raise ParameterError(f'{sizes["time"]} samples, expected at least {MIN_SAMPLES}')
+    decreasing = np.flatnonzero(np.diff(time) <= 0.0)
+    if decreasing.size:
+        row = int(decreasing[0]) + 1
+        raise ParameterError(f'time[{row}] is {time[row]} after {time[row - 1]}, '
+                             'expected increasing times')
+
+
+def header_of(path: Path) -> list[str]:
+    """Return the names of the columns of a CSV file."""
+    with _csv_rows(path) as rows:
+        return [name.strip() for name in next(rows, [])]
+
+
+@contextmanager
+def _csv_rows(path: Path) -> Iterator[Any]:
+    """Yield the reader of a CSV file; raise ParameterError if the file is no text."""
+    try:
+        # decoded as a whole: the error has the position in the file
+        yield csv.reader(StringIO(
+            read_file(path, MAX_TABLE_SIZE).decode('utf-8-sig'), newline=''))
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ParameterError(f'{path}: not a text file ({error})') from error
+
+
+def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
+    """Return the named columns of a CSV file; with ``only``, others are an error."""
+    header = header_of(path)
+    indices = _column_indices(path, header, columns, only)
+    with _csv_rows(path) as rows:
+        next(rows)
+        table = [_numbers(path, rows.line_num, row, len(header)) for row in rows if row]
+    values = np.array(table, dtype=float).reshape(-1, len(header))
+    return [np.ascontiguousarray(values[:, index]) for index in indices]
+
+
+def read_recording(path: Path, columns: Sequence[str] = COLUMNS) -> FilmRecording:
+    """Return the recording in a CSV file; extra columns are allowed if ``columns`` are given."""
+    if len(columns) != len(COLUMNS):
+        raise ParameterError(f'columns are {",".join(columns)}, expected time, input and output')
+    values = read_columns(path, columns, only=tuple(columns) == COLUMNS)
+    try:
+        return FilmRecording(*values)
+    except ParameterError as error:
+        raise ParameterError(f'{path}: {error}') from error
+
+
+def write_columns(path: Path, columns: Sequence[str], values: Sequence[Array]) -> None:
+    """Write arrays (n,) as the columns of a CSV file, with nine digits."""
+    try:
+        np.savetxt(path, np.column_stack(list(values)), fmt='%.9g', delimiter=',',
+                   header=','.join(columns), comments='')
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
+
+
+def _column_indices(path: Path, header: list[str], columns: Sequence[str],
+                    only: bool) -> list[int]:
+    missing = [name for name in columns if header.count(name) != 1]
+    if missing:
+        raise ParameterError(f'{path}: has columns {",".join(header) or "none"}, expected '
+                             f'{missing[0]} once')
+    extra = [name for name in header if name not in columns]
+    if extra and only:
+        raise ParameterError(f'{path}: has column {extra[0]} in addition to {",".join(columns)}; '
+                             'name the columns to read')
+    return [header.index(name) for name in columns]
+
+
+def _numbers(path: Path, line: int, row: list[str], width: int) -> list[float]:
+    if len(row) != width:
+        raise ParameterError(f'{path}: line {line} has {len(row)} fields, expected {width}')
+    try:
+        return [float(field) for field in row]
+    except ValueError as error:
+        raise ParameterError(f'{path}: line {line}: {error}') from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmParams:
+    """Parameters of a calibrated film, the input of ``measure``; see ``PRODUCTS``."""
+
+    film: BucklingFilm | None  # geometry; None: the input is that of the operator itself
+    alpha_gain: float          # 1 / unit of the input
+    a_gain: float              # C / unit of the input
+    b_gain: float              # C / unit of the input
+    low_corner: float   # Hz, 0 if no amplifier was found
+    drift: float        # C/s, in addition to the discharge of the amplifier
+    covariance: Array   # (5, 5), of ``alpha_gain`` to ``drift``
+    span: float         # range of the input in the calibration
+    noise: float        # C, of one sample
+    model_error: float  # C, rms of the residuals without noise
+
+    @property
+    def max_input(self) -> float:
+        """Return the largest valid input, which is limited only if a product is undetermined."""
+        products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
+        determined = np.sqrt(np.diag(self.covariance)[:3]) <= MAX_RELATIVE_SIGMA * np.abs(products)
+        return math.inf if determined.all() else EXTRAPOLATION_FACTOR * self.span
+
+    @property
+    def operator(self) -> DuhemParams:
+        """Return the operator from the normalized input to the charge; raise ParameterError."""
+        return DuhemParams(alpha=self.alpha_gain, a=self.a_gain, b=self.b_gain)
+
+
+def read_params(path: Path) -> FilmParams:
+    """Return the parameters in a file of ``smart_tire identify film``, or raise ParameterError."""
+    try:
+        tree = parse_yaml(read_file(path, MAX_SIZE))
+    except OSError as error:
+        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
+    except ValueError as error:
+        raise ParameterError(f'{path}: not valid YAML: {error}') from error
+    try:
+        return _params(tree)
+    except KeyError as error:
+        raise ParameterError(f'{path}: {error.args[0]} is missing') from error
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f'{path}: {error}') from error
+
+
+def _params(tree: Mapping[str, Any]) -> FilmParams:
+    film = tree['film']
+    values = {name: float(tree[group][name]['value'])
+              for group, names in (('products', PRODUCTS), ('amplifier', AMPLIFIER))
+              for name in names}
+    values.update({name: float(tree[name]) for name in ('span', 'noise', 'model_error')})
+    covariance = np.array(tree['covariance'], dtype=float)
+    if covariance.shape != (5, 5) or not np.isfinite([*values.values(), *covariance.flat]).all():
+        raise ParameterError('products, amplifier, covariance (5 x 5), span, noise and '
+                             'model_error must be finite numbers')
+    return FilmParams(
+        film=None if film is None else BucklingFilm(
+            length=film['length_m'], width=film['width_m'], thickness=film['thickness_m'],
+            convention=film['convention']),
+        covariance=covariance, **values)
