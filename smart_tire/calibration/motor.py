@@ -46,6 +46,7 @@ VISCOUS, AXLE, FEED_FORWARD = 'viscous friction', 'axle friction', 'feed-forward
 RESISTANCE, STALL = 'resistance', 'stall torque'
 IN_STEP = 'readings in step with the motor commands miss the torque in between'
 SEVERAL_SPEEDS = 'requires lifted wheels at several speeds in both directions'
+ACCEL_SCALE = Uncertain(*PRIORS['scale of the accelerometer'].prior)
 MAX_SAMPLING_ERROR = 0.03  # relative; above it, readings are in step with the commands
 
 
@@ -55,7 +56,13 @@ class MotorFit(Found):
 
     balance: tuple[Array, Array] | None = None  # (n,) N m of all wheels: by mass, and as measured
     kappa: float = 1.0                          # measured over true torque
+    sampling_error: float = 0.0                 # relative, of means of torque readings
     duty: tuple[Array, Array] | None = None  # (n,) rad/s and duty, of all wheels in motion
+
+    @property
+    def torques_used(self) -> bool:
+        """Return whether means of the torque readings can be used, with the torque constant."""
+        return self.get(CONSTANT) is not None and self.sampling_error <= MAX_SAMPLING_ERROR
 
     def parameters(self) -> list[Identified]:
         """Return the entries of a parameter file."""
@@ -69,24 +76,25 @@ class MotorFit(Found):
 
 
 def identify_motor(grounds: Sequence[Recording], lifted: Sequence[Recording],
-                   robot: RobotParams) -> MotorFit:
+                   robot: RobotParams, scale: Uncertain = ACCEL_SCALE) -> MotorFit:
     """
     Return the constants of the drives from recordings on the ground and with lifted wheels.
 
-    Raises EstimatorError with the reason if a recording cannot be used at all.
+    ``scale`` is the measured over the true forward acceleration. Raises EstimatorError with the
+    reason if a recording cannot be used at all.
     """
     for recording in (*grounds, *lifted):
         _check_torque(recording)
-    on_ground, off_ground = ([motor_rows(one, robot) for one in some]
-                             for some in (grounds, lifted))
-    found = MotorFit()
-    model = MotorModel(on_ground, off_ground, robot, duty=False)
+    on_ground = [motor_rows(one.scaled(1.0 / scale.value), robot) for one in grounds]
+    off_ground = [motor_rows(one, robot) for one in lifted]
+    model = MotorModel(on_ground, off_ground, robot, duty=False, scale_sigma=scale.sigma)
+    found = MotorFit(sampling_error=model.sampling_error)
     if any(np.isnan(rows.duty).any() for rows in on_ground):
         found.refused[FEED_FORWARD] = between = 'requires motor_commands during straight motion'
     elif not np.nanmedian(np.abs(model.ground.duty), axis=0).all():
         found.refused[FEED_FORWARD] = between = 'the duty is zero while the wheels turn'
     else:
-        driven = MotorModel(on_ground, off_ground, robot, duty=True)
+        driven = MotorModel(on_ground, off_ground, robot, duty=True, scale_sigma=scale.sigma)
         fit = driven.fit()
         _add_feed_forward(found, driven, fit)
         between = _drive_error(driven, fit)

@@ -75,8 +75,11 @@ class MotorModel:
     Raises EstimatorError with the reason if recordings are swapped, too short, or have no signs.
     """
 
-    def __init__(self, grounds: Runs, lifted: Runs, robot: RobotParams, *, duty: bool) -> None:
+    def __init__(self, grounds: Runs, lifted: Runs, robot: RobotParams, *, duty: bool,
+                 scale_sigma: float) -> None:
+        """``scale_sigma`` is the relative standard deviation of measured accelerations."""
         self._robot, self._grounds, self._duty = robot, grounds, duty
+        self._scale_sigma = scale_sigma
         self.ground = _joined(grounds)
         self.lifted = _joined(lifted) if lifted else self.ground.where(np.zeros(0, np.intp))
         self._run = np.repeat(np.arange(len(grounds)), [len(rows.time) for rows in grounds])
@@ -140,8 +143,8 @@ class MotorModel:
         sigma[INERTIA:COMMON] = (
             (WIDE if lifted else PRIORS['motor parameters'].sigma) * motor.inertia,
             PRIORS['viscous friction at top speed'].sigma * load / np.abs(ground.speed).max(),
-            math.hypot(robot.wheel_radius_sigma, PRIORS['scale of the accelerometer'].sigma,
-                       self.sampling_error, self._attenuation()),
+            math.hypot(robot.wheel_radius_sigma, self._scale_sigma, self.sampling_error,
+                       self._attenuation()),
             *(PRIORS[name].sigma for name in ('delay of the torque', 'delay of a command',
                                               'delay of a reading', 'slip in a wheel speed')))
         sigma[COMMON + 4::5] = [  # the force at rest may be that of a slope, or a bias

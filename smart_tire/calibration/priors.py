@@ -59,6 +59,7 @@ PRIORS: Mapping[str, Known] = {
     # rest
     'slope of the ground': Known(0.0, 0.01, 'rad', 'assumed: laboratory floor'),
     # motors; loads are r m g / 4
+    'torque constant': Known(1.0, 1.0, RELATIVE, 'uninformative'),
     'motor parameters': Known(1.0, 0.1, RELATIVE, 'data sheets'),
     'force on one wheel': Known(1.0, 0.03, 'quarter', 'assumed'),
     'viscous friction at top speed': Known(0.0, 0.05, 'load', 'assumed'),

@@ -130,6 +130,10 @@ class Recording:
         """Return the forward specific force [m/s2] (n,) at ``base_link``; IMU at ``imu_x`` [m]."""
         return self.imu.force[:, 0] + imu_x * self.imu.rate[:, 2] ** 2  # without centripetal force
 
+    def scaled(self, factor: float) -> Recording:
+        """Return the recording with the forward specific force times ``factor``."""
+        return replace(self, imu=replace(self.imu, force=self.imu.force * [factor, 1.0, 1.0]))
+
     def moving_intervals(self, min_duration: float, min_speed: float, margin: float,
                          latency: float = 0.0) -> WheelIntervals:
         """

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+import math
 from typing import TypeVar
 
 from smart_tire.errors import EstimatorError
@@ -26,6 +27,12 @@ MIN_ROBUST = 5  # below this number outliers cannot be detected
 MIN_ROWS = 30   # below this number residuals do not determine their noise
 
 Fit = TypeVar('Fit')
+
+
+def differ(first: Uncertain, second: Uncertain) -> bool:
+    """Return whether two values differ significantly."""
+    return abs(first.value - second.value) > CONTRADICTION_SIGMAS * math.hypot(
+        first.sigma, second.sigma)
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,11 @@
 """
 The identifications in their order: each one uses the results of the former ones.
 
-Rest gives noise and mounting of the IMU; turns give a first latency, from which the straight part
-determines latency and C_x together; then the torque constant; at last track and S from turns. A
-recording that contains several of these parts can be given for each of them.
+Rest gives noise and mounting of the IMU; turns give a first latency and the track. One fit of all
+motion (``ground_fit``) determines C_x, latency, scale of the forward acceleration and, where it
+was not measured, position of the IMU together; then follow the torque constant, again this fit
+with the torques, and S from turns. A recording that contains several of these parts can be given
+for each of them.
 """
 
 from __future__ import annotations
@@ -23,36 +25,37 @@ from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TypeVar
 
-import numpy as np
-
 from smart_tire.calibration.geometry import (
     add_rest, combine as combine_geometry, Geometry, identify_geometry,
     LATENCY as WHEEL_LATENCY, NO_POSITIONS, RADIUS, STATIC_IMU)
+from smart_tire.calibration.ground_fit import fit_ground, GroundFit, SCALE
+from smart_tire.calibration.ground_stiffness import stiffness_of
 from smart_tire.calibration.latency import fit_yaw_rate
-from smart_tire.calibration.motor import CONSTANT, identify_motor, INERTIA, MotorFit
+from smart_tire.calibration.motor import (
+    ACCEL_SCALE, CONSTANT as TORQUE_CONSTANT, identify_motor, INERTIA, MotorFit)
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
 from smart_tire.calibration.recording import Recording
-from smart_tire.calibration.results import CONTRADICTION_SIGMAS
-from smart_tire.calibration.sensor_noise import fit_jitter, stationary_intervals
-from smart_tire.calibration.stiffness import identify_stiffness, StiffnessFit
+from smart_tire.calibration.results import differ
+from smart_tire.calibration.sensor_noise import fit_jitter
+from smart_tire.calibration.stiffness import StiffnessCurve
 from smart_tire.calibration.turning import (
     combine as combine_icr, effective_track, IcrFit, identify_icr)
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.ground.unknowns import Unknown
 from smart_tire.parameters import RobotParams, specs
 from smart_tire.parameters.calibration_file import Identified
-from smart_tire.samples import GRAVITY
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 Fit = TypeVar('Fit')
 
-MIN_PART = 6.0          # s, of a recording that is compared with its other part
-WRITTEN_SHARE = 0.5     # of the limit of a latency that is not compared with the configured one
-MAX_SLIDING_SHARE = 0.3    # of the time in motion, beyond the critical slip
+WRITTEN_SHARE = 0.5     # of the limit of a value that is not compared with the configured one
 
 REST, STRAIGHT, TURNS, LIFTED = 'rest', 'straight', 'turns', 'lifted'
 STEPS = (REST, STRAIGHT, TURNS, LIFTED)
 LATENCY, JITTER, TRACK = 'encoder.latency', 'encoder.stamp_jitter', 'effective_track'
 STIFFNESS, STIFFNESS_SIGMA = 'tire.longitudinal_stiffness', 'tire.longitudinal_stiffness_sigma'
+POSITION, POSITION_SIGMA = 'imu.position', 'imu.position_sigma'
+CONSTANT = 'motor.torque_constant'
 Gains = Callable[[RobotParams], Sequence[Identified]]
 
 
@@ -71,7 +74,7 @@ class Calibration:
     found: dict[str, Finding] = field(default_factory=dict)
     kept: dict[str, str] = field(default_factory=dict)  # parameter -> reason
     notes: list[str] = field(default_factory=list)
-    stiffness: StiffnessFit | None = None  # the fits, for figures
+    stiffness: StiffnessCurve | None = None  # the fits, for figures
     motor: MotorFit | None = None
     icr: IcrFit | None = None
 
@@ -103,62 +106,6 @@ class Calibration:
                 self.robot = replace(self.robot, **value)
 
 
-def check_one_ground(recordings: Sequence[Recording], robot: RobotParams,
-                     latency_sigma: float) -> None:
-    """
-    Raise EstimatorError if C_x or drag of the parts of ``recordings`` differ significantly.
-
-    The parts of a recording are its halves, divided at a standstill.
-    """
-    fits = []
-    for part in (part for recording in recordings for part in parts_of(recording, robot)):
-        try:
-            fits.append(identify_stiffness([part], robot, latency_sigma))
-        except EstimatorError:
-            continue  # too little for a value of its own, which the whole may have
-    for name, unit in (('stiffness', 'C_x'), ('drag', 'drag')):
-        values = [getattr(fit, name) for fit in fits]
-        if any(differ(first, second) for i, first in enumerate(values) for second in values[:i]):
-            text = ', '.join(f'{value.value:.3g} ± {value.sigma:.2g}' for value in values)
-            raise EstimatorError(f'the parts of the recordings give {unit} {text} N: several '
-                                 'grounds in one recording, give the part on one ground')
-
-
-def differ(first: Uncertain, second: Uncertain) -> bool:
-    """Return whether two values differ significantly."""
-    return abs(first.value - second.value) > CONTRADICTION_SIGMAS * math.hypot(
-        first.sigma, second.sigma)
-
-
-def parts_of(recording: Recording, robot: RobotParams) -> list[Recording]:
-    """Return the halves of a recording, divided at the standstill next to its middle."""
-    time = recording.wheels.time
-    middle = 0.5 * float(time[0] + time[-1])
-    cuts = [min(max(middle, begin), end) for begin, end in stationary_intervals(
-        recording.wheels, robot)]
-    cut = min(cuts, key=lambda one: abs(one - middle), default=time[0])
-    if min(cut - time[0], time[-1] - cut) < MIN_PART:
-        return []
-    return [_between(recording, -math.inf, cut), _between(recording, cut, math.inf)]
-
-
-def _between(recording: Recording, begin: float, end: float) -> Recording:
-    imu, wheels = recording.imu, recording.wheels
-    return replace(recording, imu=imu.where((imu.time >= begin) & (imu.time <= end)),
-                   wheels=wheels.where((wheels.time >= begin) & (wheels.time <= end)))
-
-
-def check_rolling(fit: StiffnessFit, robot: RobotParams) -> None:
-    """Raise EstimatorError if the wheels slide in much of the straight motion."""
-    load = 0.25 * robot.mass * GRAVITY
-    critical = 3.0 * fit.friction.value * load / fit.stiffness.value
-    moving = np.abs(fit.force) > 0.0
-    share = float(np.mean(np.abs(fit.slip[moving]) > critical)) if moving.any() else 0.0
-    if share > MAX_SLIDING_SHARE:
-        raise EstimatorError(f'the wheels slide in {share:.0%} of the motion, expected at most '
-                             f'{MAX_SLIDING_SHARE:.0%}: accelerate less')
-
-
 @dataclass(frozen=True)
 class Inputs:
     """Recordings of the steps; the same recording may be part of several steps."""
@@ -188,8 +135,17 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
         found.keep(name, imu.kept.get(name) or imu.refused.get(STATIC_IMU, ''))
     _add_jitter(found, inputs)
     latency = _add_turns(found, inputs)
-    found.attempt([STIFFNESS, STIFFNESS_SIGMA], lambda: _add_stiffness(found, inputs, latency))
-    found.attempt(['motor.torque_constant'], lambda: _add_motor(found, inputs))
+    known = found.robot
+    if known.imu.position_sigma == 0.0:
+        found.keep(POSITION, 'given: imu.position_sigma is 0')
+    ground = found.attempt([STIFFNESS, STIFFNESS_SIGMA, POSITION],
+                           lambda: _add_ground(found, inputs, known, latency, torques=False))
+    motor = found.attempt([CONSTANT], lambda: _add_motor(found, inputs, ground))
+    if ground is not None and motor is not None and motor.torques_used:
+        try:  # again from what was known before: no recording counts twice
+            _add_ground(found, inputs, known, latency, torques=True)
+        except EstimatorError as error:
+            found.notes.append(f'C_x is estimated without the motor torques: {error}')
     found.icr = found.attempt(['icr_x'], lambda: combine_icr(
         [identify_icr(one, found.robot) for one in _needed(inputs.turns, 'with turns')]))
     if found.icr is not None:
@@ -198,7 +154,7 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
         found.accept(TURNS, *(found.attempt(
             ['film.stretch_gain'], lambda: gains(found.robot)) or ()))
     found.attempt(['wheel_radius'], lambda: _add_radius(found, inputs))
-    found.keep('imu.position', 'only its distance from the centers of rotation is observable')
+    found.keep(POSITION, 'requires starts and stops, and turns')
     return found
 
 
@@ -256,25 +212,22 @@ def _add_turns(found: Calibration, inputs: Inputs) -> Uncertain | None:
     return latency
 
 
-def _add_stiffness(found: Calibration, inputs: Inputs, latency: Uncertain | None) -> None:
+def _add_ground(found: Calibration, inputs: Inputs, robot: RobotParams,
+                latency: Uncertain | None, *, torques: bool) -> GroundFit:
     """
-    Add C_x, and the latency that the same fit determines.
+    Add C_x, latency of the wheels, and position of the IMU if it was not given; return the fit.
 
     Raises EstimatorError if the ground changes, or if turns contradict the latency.
     """
-    recordings = _needed(inputs.straight, 'of straight starts and stops')
-    sigma = PRIORS[WHEEL_LATENCY].sigma
-    if LATENCY in found.found and latency is not None:
-        sigma = latency.sigma
+    straight = _needed(inputs.straight, 'of straight starts and stops')
     if 'several grounds' in found.kept.get(TRACK, ''):
         raise EstimatorError(f'{found.kept[TRACK]}: C_x is that of a tire on one ground')
-    check_one_ground(recordings, found.robot, sigma)
-    result = identify_stiffness(recordings, found.robot, sigma)
-    check_rolling(result, found.robot)
-    late = Uncertain(found.robot.encoder.latency + result.latency_error.value,
-                     math.hypot(result.latency_error.sigma, PRIORS['IMU latency'].sigma))
-    if latency is not None and abs(late.value - latency.value) > CONTRADICTION_SIGMAS * math.hypot(
-            late.sigma, latency.sigma):
+    recordings = list({id(one): one for one in (*straight, *inputs.turns)}.values())
+    fit = fit_ground(recordings, robot, torques=torques)
+    result, imu = stiffness_of(fit), robot.imu
+    late = Uncertain(fit.latency.value, math.hypot(
+        fit.latency.sigma, PRIORS['IMU latency'].sigma))
+    if latency is not None and differ(late, latency):
         raise EstimatorError(
             f'starts and stops give a latency of {late.value:.3f} ± {late.sigma:.2g} s, turns '
             f'{latency.value:.3f} ± {latency.sigma:.2g} s: the wheels slip in one of them')
@@ -282,19 +235,32 @@ def _add_stiffness(found: Calibration, inputs: Inputs, latency: Uncertain | None
         found.accept(STRAIGHT, Identified(LATENCY, *late, 'fitted together with C_x'))
     C_x, found.stiffness = result.stiffness, result
     found.accept(
-        STRAIGHT, Identified(STIFFNESS, *C_x, f'for a mass of {found.robot.mass:g} kg, on the '
-                             'recorded ground'),
+        STRAIGHT, Identified(STIFFNESS, *C_x, f'for a mass of {robot.mass:g} kg, on the recorded '
+                             'ground'),
         Identified(STIFFNESS_SIGMA, C_x.sigma / C_x.value,
                    note='relative standard error of C_x on that ground'))
+    x, y = fit.estimate(Unknown.IMU_X), fit.estimate(Unknown.IMU_Y)
+    if max(x.sigma, y.sigma) < WRITTEN_SHARE * imu.position_sigma:
+        position = imu.position[0] + x.value, imu.position[1] + y.value, imu.position[2]
+        found.accept(TURNS, Identified(POSITION, position, (x.sigma, y.sigma, 0.0),
+                                       'z unchanged'),
+                     Identified(POSITION_SIGMA, max(x.sigma, y.sigma)))
+    return fit
 
 
-def _add_motor(found: Calibration, inputs: Inputs) -> None:
+def _add_motor(found: Calibration, inputs: Inputs, ground: GroundFit | None) -> MotorFit:
+    scale = ACCEL_SCALE
+    if ground is not None:
+        value, sigma = ground.estimate(SCALE)
+        scale = Uncertain(1.0 + value, math.hypot(sigma, scale.sigma))
     found.motor = fit = identify_motor(
-        _needed(inputs.straight, 'of straight starts and stops'), inputs.lifted, found.robot)
+        _needed(inputs.straight, 'of straight starts and stops'), inputs.lifted, found.robot,
+        scale)
     for item in fit.parameters():
         step = LIFTED if item.name.startswith('motor.') and 'torque' not in item.name else STRAIGHT
         found.accept(step, item)
-    for name, parameter in ((CONSTANT, 'motor.torque_constant'), (INERTIA, 'motor.inertia')):
+    for name, parameter in ((TORQUE_CONSTANT, CONSTANT), (INERTIA, 'motor.inertia')):
         if name in fit.refused:
             found.keep(parameter, fit.refused[name])
     found.notes += fit.notes
+    return fit

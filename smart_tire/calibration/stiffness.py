@@ -71,20 +71,26 @@ class Common(IntEnum):
     ACCEL_SCALE = 4    # relative error of measured accelerations: scale, and pitching of the body
 
 
-@dataclass(frozen=True)
-class StiffnessFit:
-    """Stiffness and the parameters estimated with it, with the data for figures."""
+@dataclass(frozen=True, kw_only=True)
+class StiffnessCurve:
+    """Stiffness, with the data of its figure."""
 
     stiffness: Uncertain      # N, C_x of one wheel
+    slip: Array                 # (n,) -, of the wheels against the fitted speed of the body
+    force: Array                # (n,) N, of one wheel, positive when driving, as measured
+    curve: tuple[Array, Array]  # slip [-] and force [N] of one wheel as fitted
+
+
+@dataclass(frozen=True, kw_only=True)
+class StiffnessFit(StiffnessCurve):
+    """Stiffness and the parameters estimated with it."""
+
     friction: Uncertain       # -, mu, from the bend of the curve
     drag: Uncertain           # N, of all wheels
     latency_error: Uncertain  # s, of the wheel timestamps in addition to the configured latency
     segments: int
     duration: float             # s, of all segments
-    slip: Array                 # (n,) -, of the wheels against the fitted speed of the body
-    force: Array                # (n,) N, of one wheel, positive when driving, as measured
     excess: float               # rms residual over the configured timestamp jitter
-    curve: tuple[Array, Array]  # slip [-] and force [N] of one wheel as fitted
 
     def report(self) -> Found:
         """Return what is printed."""
@@ -340,10 +346,12 @@ def _result(motions: Sequence[_Motion], fit: Fit, wheels: Sequence[tuple[Array, 
         Common.STIFFNESS, Common.FRICTION, Common.DRAG))
     return StiffnessFit(
         # a wrong radius scales all speeds, and thereby the forces
-        Uncertain(stiffness, stiffness * math.hypot(PRIORS['rolling radius'].sigma, C_x.sigma)),
-        Uncertain(friction, friction * mu.sigma),
-        Uncertain(weight * drag.value, weight * drag.sigma), fit.estimate(Common.LATENCY_ERROR),
-        len(motions), sum(float(np.ptp(motion.segment.stamps)) for motion in motions),
-        np.concatenate(slips), np.concatenate(forces),
-        float(np.median(fit.row_sigma)) / max(robot.encoder.stamp_jitter, 1e-4),
-        (fitted[0], fitted[1]))
+        stiffness=Uncertain(stiffness, stiffness * math.hypot(
+            PRIORS['rolling radius'].sigma, C_x.sigma)),
+        friction=Uncertain(friction, friction * mu.sigma),
+        drag=Uncertain(weight * drag.value, weight * drag.sigma),
+        latency_error=fit.estimate(Common.LATENCY_ERROR), segments=len(motions),
+        duration=sum(float(np.ptp(motion.segment.stamps)) for motion in motions),
+        slip=np.concatenate(slips), force=np.concatenate(forces),
+        excess=float(np.median(fit.row_sigma)) / max(robot.encoder.stamp_jitter, 1e-4),
+        curve=(fitted[0], fitted[1]))

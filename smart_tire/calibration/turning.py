@@ -52,6 +52,8 @@ TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate ch
 MIN_TOTAL_YAW = 2.0           # rad, in a recording
 MAX_GROUND_SPREAD = 0.1       # relative, between turns: tires on other ground
 
+BY_IMU = 'lateral acceleration of the IMU'
+
 Turn = tuple[float, float]  # begin and end [s]
 
 
@@ -112,7 +114,7 @@ def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
     reasons = []
     for source, unit, rows_of in (
             ('lateral displacement of the reference', 'm', _displacements),
-            ('lateral acceleration of the IMU', 'm/s2', _accelerations)):
+            (BY_IMU, 'm/s2', _accelerations)):
         try:
             return _fit_icr(source, unit, *rows_of(recording, robot), turns, robot)
         except EstimatorError as error:
@@ -173,7 +175,9 @@ def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn]
     # S depends on the speed: all turns count, and the mean of others would differ by the spread
     mean = float(np.average(value, weights=1.0 / (sigma ** 2 + spread ** 2))) if (
         spread > 0.0) else estimate.value
-    icr = Uncertain(mean, math.hypot(estimate.sigma, spread / math.sqrt(max(len(time), 1))))
+    icr = Uncertain(mean, math.hypot(
+        estimate.sigma, spread / math.sqrt(max(len(time), 1)),
+        robot.imu.position_sigma if source == BY_IMU else 0.0))
     return IcrFit(require('S', icr, scale=robot.wheelbase), source, spread, time, value, sigma,
                   regressor, response, unit)
 

@@ -24,7 +24,7 @@ from smart_tire.calibration.geometry import Geometry
 from smart_tire.calibration.latency import YawRateFit
 from smart_tire.calibration.motor import FEED_FORWARD, MotorFit
 from smart_tire.calibration.reference import RadiusFit
-from smart_tire.calibration.stiffness import StiffnessFit
+from smart_tire.calibration.stiffness import StiffnessCurve
 from smart_tire.calibration.turning import IcrFit
 
 SHOWN_DURATION = 20.0  # s, where the yaw rate changes most, so that the latency is visible
@@ -134,14 +134,14 @@ def motor_figure(found: MotorFit) -> Figure | None:
         f'and inertia require (dashed). {ERRORS}', [panels])
 
 
-def stiffness_figure(found: StiffnessFit) -> Figure | None:
-    """Return force over slip of each interval between wheel samples, fit and slope C_x."""
+def stiffness_figure(found: StiffnessCurve) -> Figure | None:
+    """Return force over slip of each interval, fit and slope C_x."""
     stiffness, force = found.stiffness, np.array([found.force.min(), found.force.max()])
     return _figure(
         'stiffness', 'Stiffness of the tire',
         'Force of one wheel over its slip; the slope at zero is C_x, given with its standard '
         'error.', [[Panel([
-            dots(found.slip, found.force, 'intervals between wheel samples'),
+            dots(found.slip, found.force, 'intervals of the recording'),
             Mark(Curve(*found.curve), 'fit, with rolling drag', 'ink'),
             Mark(Curve(force / stiffness.value, force),
                  f'C_x = {stiffness.value:.1f} ± {stiffness.sigma:.1f} N', 'vermillion',

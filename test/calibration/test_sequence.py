@@ -12,16 +12,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from smart_tire.calibration import geometry, sequence
+from smart_tire.calibration.ground_fit import SCALE
 from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
 from smart_tire.calibration.sequence import calibrate, Inputs
 from smart_tire.errors import EstimatorError
-from smart_tire.parameters import RobotParams
+from smart_tire.estimation.ground.unknowns import Unknown
+from smart_tire.parameters import build, RobotParams
 from smart_tire.uncertain import Uncertain
 
 ROBOT = RobotParams()
@@ -45,29 +46,31 @@ STATIC = SimpleNamespace(
     seconds=9.0, intervals=1, repeated_share=0.0, gyro_bias=[BIAS] * 3,
     roll=Uncertain(0.001, 0.01), pitch=Uncertain(0.0, 0.01),
     gyro_noise=Uncertain(0.0101, 0.0002), accel_noise=Uncertain(0.049, 0.0007))
-STIFFNESS = SimpleNamespace(
-    stiffness=Uncertain(50.0, 2.0), friction=Uncertain(0.5, 0.1), drag=Uncertain(1.6, 0.5),
-    latency_error=Uncertain(-0.002, 0.001), slip=np.full(9, 0.1), force=np.ones(9))
+LATENCY = Uncertain(0.018, 0.001)  # s, of the fit of all motion
 
 
 class Fits:
     """Replacements of all fits that log their calls."""
 
     def __init__(self, monkeypatch):
-        self.calls, self.stiffness, self.latency = [], STIFFNESS, Uncertain(0.02, 0.004)
-        self.static = STATIC
+        self.calls, self.late, self.latency = [], LATENCY, Uncertain(0.02, 0.004)
+        self.static, self.torques_used = STATIC, False
+        self.unknowns = {}  # row -> estimate
         values = {
             'fit_jitter': lambda one, robot: self.log('jitter', robot, Uncertain(0.002, 1e-4)),
             'fit_yaw_rate': lambda one, robot: self.log(
                 'latency', robot, SimpleNamespace(latency=self.latency)),
             'effective_track': lambda fits, radius: self.log(
                 'track', None, Uncertain(0.57, 0.002)),
-            'check_one_ground': lambda some, robot, sigma: None,
-            'identify_stiffness': lambda some, robot, sigma: self.log(
-                ('stiffness', sigma), robot, self.stiffness),
-            'identify_motor': lambda some, lifted, robot: self.log(
-                'motor', robot, SimpleNamespace(parameters=list, refused={
-                    'torque constant': 'too few starts'}, notes=['one motor differs'])),
+            'fit_ground': lambda some, robot, *, torques: self.log(
+                ('torques' if torques else 'ground', len(some)), robot, SimpleNamespace(
+                    latency=self.late, estimate=lambda row: self.unknowns.get(
+                        row, Uncertain(0.0, 1e-6)))),
+            'stiffness_of': lambda fit: SimpleNamespace(stiffness=Uncertain(50.0, 2.0)),
+            'identify_motor': lambda some, lifted, robot, scale: self.log(
+                ('motor', scale), robot, SimpleNamespace(parameters=list, refused={
+                    'torque constant': 'too few starts'}, notes=['one motor differs'],
+                    torques_used=self.torques_used)),
             'identify_icr': lambda one, robot: self.log('icr', robot, SimpleNamespace(
                 parameters=lambda robot: [])),
             'combine_icr': lambda fits: fits[0]}
@@ -101,12 +104,12 @@ def everything():
 
 def test_each_identification_uses_the_results_of_the_former_ones(fits):
     found = calibrate(everything(), ROBOT)
-    assert fits.names == ['rest', 'jitter', 'latency', 'track', 'stiffness', 'motor', 'icr']
+    assert fits.names == ['rest', 'jitter', 'latency', 'track', 'ground', 'motor', 'icr']
     assert fits.robot('jitter').imu.accel_noise == 0.049
     assert fits.robot('latency').encoder.stamp_jitter == 0.002
     assert found.found['effective_track'].value == 0.57
-    assert ('stiffness', 0.004) in [name for name, _ in fits.calls]
-    assert fits.robot('stiffness').encoder.latency == 0.02
+    assert ('ground', 1) in [name for name, _ in fits.calls]  # the same recording counts once
+    assert fits.robot('ground').encoder.latency == 0.02
     assert fits.robot('motor').encoder.latency == pytest.approx(0.018)
     assert fits.robot('icr').tire.longitudinal_stiffness == 50.0
     latency = found.found['encoder.latency']
@@ -130,7 +133,7 @@ def test_without_recordings_all_values_are_kept_with_their_reasons():
             ('tire.longitudinal_stiffness', 'no recording of straight starts and stops'),
             ('effective_track', 'no recording with turns'), ('icr_x', 'no recording with turns'),
             ('motor.torque_constant', 'no recording of straight'),
-            ('wheel_radius', 'requires a pose reference'), ('imu.position', 'only its distance')):
+            ('wheel_radius', 'requires a pose reference'), ('imu.position', 'given')):
         assert found.kept[name].startswith(reason)
 
 
@@ -143,8 +146,7 @@ def test_a_latency_with_a_large_standard_error_is_only_a_prior(fits):
 
 def test_latencies_of_turns_and_starts_that_contradict_refuse_the_stiffness(fits):
     fits.latency = Uncertain(0.04, 0.004)
-    fits.stiffness = SimpleNamespace(**{**vars(STIFFNESS),
-                                        'latency_error': Uncertain(-0.03, 0.001)})
+    fits.late = Uncertain(0.01, 0.001)
     found = calibrate(everything(), ROBOT)
     assert 'tire.longitudinal_stiffness' not in found.found
     assert 'slip in one of them' in found.kept['tire.longitudinal_stiffness']
@@ -182,47 +184,51 @@ def test_turns_on_several_grounds_refuse_track_and_stiffness(fits, monkeypatch):
     found = calibrate(everything(), ROBOT)
     assert 'several grounds' in found.kept['effective_track']
     assert 'several grounds' in found.kept['tire.longitudinal_stiffness']
-    assert 'stiffness' not in fits.names
+    assert 'ground' not in fits.names
 
 
-@pytest.mark.parametrize('name, values, unit', [
-    ('stiffness', ((50.0, 2.0), (62.0, 2.0)), 'C_x'), ('drag', ((1.6, 1.0), (17.0, 2.0)), 'drag')])
-def test_parts_with_different_stiffness_or_drag_are_several_grounds(monkeypatch, name, values,
-                                                                    unit):
-    results = iter([SimpleNamespace(**{**vars(STIFFNESS), name: Uncertain(*value)})
-                    for value in values])
-    monkeypatch.setattr(sequence, 'identify_stiffness', lambda *_, **__: next(results))
-    one = recording(speed=0.0)
-    with pytest.raises(EstimatorError, match=f'{unit} .*several grounds'):
-        sequence.check_one_ground([one], ROBOT, 0.01)
+def test_the_motors_get_the_scale_of_the_accelerometer(fits):
+    fits.unknowns[SCALE] = Uncertain(0.04, 0.012)
+    calibrate(everything(), ROBOT)
+    scale = next(name[1] for name, _ in fits.calls if name[0] == 'motor')
+    assert scale == pytest.approx((1.04, 0.013))
 
 
-def test_equal_parts_and_parts_without_a_value_are_one_ground(monkeypatch):
-    def refuse(*_, **__):
-        raise EstimatorError('too short')
-    for result in (lambda *_, **__: STIFFNESS, refuse):
-        monkeypatch.setattr(sequence, 'identify_stiffness', result)
-        sequence.check_one_ground([recording(speed=0.0)], ROBOT, 0.01)
+def test_torques_refine_the_stiffness_if_they_are_those_of_the_motors(fits):
+    fits.torques_used = True
+    robot = build(RobotParams, {'imu.position_sigma': 0.05})
+    fits.unknowns.update({Unknown.IMU_X: Uncertain(0.01, 0.004),
+                          Unknown.IMU_Y: Uncertain(-0.02, 0.003)})
+    found = calibrate(everything(), robot)
+    assert fits.names[-3:] == ['motor', 'torques', 'icr']
+    # both fits begin with what was known before: nothing counts twice
+    assert fits.robot('torques').imu.position == robot.imu.position
+    assert fits.robot('torques').imu.position_sigma == 0.05
+    assert found.found['imu.position'].value == pytest.approx((0.06, 0.0, 0.1))
+    assert found.found['imu.position'].sigma == (0.004, 0.003, 0.0)
+    assert fits.robot('icr').imu.position_sigma == found.robot.imu.position_sigma == 0.004
 
 
-def test_a_recording_is_divided_at_a_standstill_next_to_its_middle():
-    one = recording()
-    assert sequence.parts_of(one, ROBOT) == []  # never at rest
-    velocity = one.wheels.velocity.copy()
-    velocity[500:520] = 0.0  # 31.25 s
-    stopped = replace(one, wheels=replace(one.wheels, velocity=velocity))
-    first, second = sequence.parts_of(stopped, ROBOT)
-    assert first.wheels.time[-1] == second.wheels.time[0] == 31.25
-    assert first.imu.time[-1] <= 31.25 <= second.imu.time[0]
-    assert len(first.imu.time) + len(second.imu.time) >= len(one.imu.time)
-    assert sequence.parts_of(recording(speed=0.0, seconds=11.0), ROBOT) == []
+def test_a_position_of_the_imu_that_was_given_or_is_not_determined_is_kept(fits):
+    assert 'given' in calibrate(everything(), ROBOT).kept['imu.position']
+    fits.calls.clear()
+    fits.unknowns.update({Unknown.IMU_X: Uncertain(0.01, 0.03),
+                          Unknown.IMU_Y: Uncertain(0.0, 0.003)})
+    robot = build(RobotParams, {'imu.position_sigma': 0.05})
+    found = calibrate(everything(), robot)
+    assert 'turns' in found.kept['imu.position']
+    assert found.robot.imu.position == robot.imu.position
+    assert fits.robot('icr').imu.position_sigma == 0.05
 
 
-def test_wheels_that_slide_while_straight_are_refused():
-    critical = 3.0 * 0.5 * 0.25 * ROBOT.mass * 9.80665 / 50.0
-    slip = np.full(10, 0.5 * critical)
-    rolling = SimpleNamespace(**{**vars(STIFFNESS), 'slip': slip, 'force': np.ones(10)})
-    sequence.check_rolling(rolling, ROBOT)
-    slip[:4] = 1.1 * critical
-    with pytest.raises(EstimatorError, match='slide in 40% of the motion'):
-        sequence.check_rolling(rolling, ROBOT)
+def test_torques_that_contradict_the_fit_are_left_out_with_a_note(fits, monkeypatch):
+    fits.torques_used, ground = True, sequence.fit_ground
+
+    def refused(some, robot, *, torques):
+        if torques:
+            raise EstimatorError('does not converge')
+        return ground(some, robot, torques=torques)
+    monkeypatch.setattr(sequence, 'fit_ground', refused)
+    found = calibrate(everything(), ROBOT)
+    assert found.found['tire.longitudinal_stiffness'].value == 50.0
+    assert any('without the motor torques: does not converge' in note for note in found.notes)

@@ -1,0 +1,107 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Longitudinal stiffness C_x in the fit of all windows, and the reasons that it is refused for.
+
+The stiffness is proportional to the configured mass; it is that of the tire-ground pair.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.calibration.ground_fit import Equations, GroundFit
+from smart_tire.calibration.recording import MIN_ROLLING_SPEED
+from smart_tire.calibration.results import CONTRADICTION_SIGMAS, differ
+from smart_tire.calibration.stiffness import MAX_NOISE_SHARE, StiffnessCurve
+from smart_tire.calibration.straight_segments import MAX_TURN_SHARE, MIN_SEGMENT_INTERVALS
+from smart_tire.errors import EstimatorError
+from smart_tire.estimation.ground import body_model as model
+from smart_tire.estimation.ground.measurements import FORCE_X
+from smart_tire.estimation.ground.unknowns import Unknown
+from smart_tire.estimation.ground.wheel_motion import block_means
+from smart_tire.samples import GRAVITY
+from smart_tire.uncertain import MAX_RELATIVE_SIGMA
+
+MAX_SLIDING_SHARE = 0.3    # of straight motion, beyond the critical slip
+
+
+def stiffness_of(fit: GroundFit) -> StiffnessCurve:
+    """Return the stiffness in a fit; raise EstimatorError with the reason if not observable."""
+    rows = np.concatenate([_straight(one, fit) for one in fit.windows])
+    if len(rows) < MIN_SEGMENT_INTERVALS:
+        raise EstimatorError(f'{len(rows)} intervals of straight motion above '
+                             f'{MIN_ROLLING_SPEED:g} m/s, expected {MIN_SEGMENT_INTERVALS}')
+    slip, force, fitted, sliding = rows.T
+    count = np.median(np.concatenate([one.measurements.imu_count for one in fit.windows]))
+    share = fit.noise / math.sqrt(count) / max(4.0 * float(np.std(force)) / fit.robot.mass, 1e-9)
+    if share > MAX_NOISE_SHARE:
+        raise EstimatorError(
+            f'the accelerometer noise in motion is {share:.0%} of the accelerations, expected at '
+            f'most {MAX_NOISE_SHARE:.0%}: speed changes too little, or the robot vibrates')
+    _check_one_ground(fit)
+    name, size = fit.tension
+    if size > CONTRADICTION_SIGMAS:
+        raise EstimatorError(f'{name} would be {size:.1f} standard deviations from what is known: '
+                             'wheels slide, the ground changes, or the axes of the IMU are wrong')
+    stiffness = fit.positive(Unknown.STIFFNESS)
+    if not stiffness.determined:
+        raise EstimatorError(
+            f'standard error of {stiffness.sigma / stiffness.value:.0%}, expected at most '
+            f'{MAX_RELATIVE_SIGMA:.0%}: speed changes too little on straight lines, below '
+            'critical slip')
+    if np.mean(sliding) > MAX_SLIDING_SHARE:
+        raise EstimatorError(f'the wheels slide in {np.mean(sliding):.0%} of the motion, expected '
+                             f'at most {MAX_SLIDING_SHARE:.0%}: accelerate less')
+    order = np.argsort(slip)
+    return StiffnessCurve(stiffness=stiffness, slip=slip, force=force,
+                          curve=(slip[order], fitted[order]))
+
+
+def _straight(one: Equations, fit: GroundFit) -> Array:
+    """
+    Return the straight motion of a window, by blocks, as rows (n, 4).
+
+    Slip, force of one wheel as measured and as fitted [N], and whether the wheels slide.
+    """
+    measurements, robot = one.measurements, fit.robot
+    states = block_means(one.fit.motion.states[0])
+    rolling = block_means(measurements.rolling) * math.exp(one.fit.x[Unknown.RADIUS])
+    speed = rolling.mean(axis=1)
+    turn = 0.5 * np.abs(rolling[:, 1::2].mean(axis=1) - rolling[:, ::2].mean(axis=1))
+    used = (measurements.used & (np.abs(speed) > MIN_ROLLING_SPEED)
+            & (turn < MAX_TURN_SHARE * np.abs(speed)))
+    tread, loads = (states[:, first:first + 4] for first in (model.FORCE, model.LOADS))
+    fitted = tread.mean(axis=1)
+    predicted = measurements.predict(one.fit.x[np.newaxis], one.fit.motion)[0, FORCE_X]
+    # what the accelerometer measures in addition to the fit is a force, too
+    force = fitted + 0.25 * robot.mass * (measurements.values[FORCE_X] - predicted)
+    limit = math.exp(one.fit.x[Unknown.FRICTION]) * loads.mean(axis=1)
+    direction = np.sign(speed)
+    slip = (speed - states[:, model.U]) / np.where(used, np.abs(speed), 1.0)
+    critical = 3.0 * limit / math.exp(one.fit.x[Unknown.STIFFNESS])
+    return np.column_stack([direction * slip, direction * force, direction * fitted,
+                            np.abs(slip) > critical])[used]
+
+
+def _check_one_ground(fit: GroundFit) -> None:
+    """Raise EstimatorError if C_x or drag of the parts of the recordings differ significantly."""
+    for name, row, nominal in (('C_x', Unknown.STIFFNESS, 1.0),
+                               ('drag', Unknown.RESISTANCE, fit.robot.mass * GRAVITY)):
+        values = [part[row] for part in fit.grounds]
+        if any(differ(first, second) for i, first in enumerate(values) for second in values[:i]):
+            text = ', '.join(f'{nominal * math.exp(one.value):.3g} ± '
+                             f'{nominal * math.exp(one.value) * one.sigma:.2g}' for one in values)
+            raise EstimatorError(f'the parts of the recordings give {name} {text} N: they are not '
+                                 'of one tire on one ground: several grounds in one recording')
