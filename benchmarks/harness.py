@@ -61,6 +61,7 @@ class Benchmark:
     jobs: Callable[[str, Sequence[int], argparse.Namespace], Iterable[Job]]
     tables: Callable[[Rows, argparse.Namespace], Iterable[Table]]
     add_arguments: Callable[[argparse.ArgumentParser], object] = lambda parser: None
+    draw: Callable[[Sequence[Run], Path], object] = lambda runs, folder: None  # figures
 
     def main(self, argv: Sequence[str] | None = None) -> int:
         """Run the benchmark; return the exit status."""
@@ -107,6 +108,7 @@ class Benchmark:
         print_tables(self.notes, tables)
         (args.out / f'{self.name}.md').write_text(
             f'{self.notes}\n' + '\n'.join(map(markdown, tables)), encoding='utf-8')
+        self.draw(runs, args.out)
         print(f'{len(jobs)} jobs; {self.name}.md and results.json in {args.out}')
 
 

@@ -25,6 +25,7 @@ import math
 from benchmarks.harness import (
     Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows)
 from benchmarks.robots.draws import DISTRIBUTIONS, draw, FILMS, ROWS, TORQUES, TUNING_SEED
+from benchmarks.robots.histograms import draw_histograms
 from benchmarks.robots.scoring import LATERAL, run_robot, SLIP, SPEED
 from benchmarks.scoring import Figures, Run
 from rich.table import Table
@@ -100,4 +101,5 @@ def required(name: str) -> Figures:
 
 ROBOTS = Benchmark(
     'robots', 'accuracy on robots drawn at random', NOTES,
-    {name: row.title for name, row in ROWS.items()}, jobs, tables, add_arguments)
+    {name: row.title for name, row in ROWS.items()}, jobs, tables, add_arguments,
+    draw_histograms)

@@ -308,11 +308,12 @@ class Measurements:
         found: NDArray[np.bool_] = (times >= interval[0]) & (times <= interval[1])
         return found
 
-    def passage_noise(self, predicted: Array, loads: Array) -> Array:
+    def passage_noise(self, predicted: Array, transient: Array, loads: Array) -> Array:
         """
         Return the covariance of the passages; ``predicted`` (2 * passages,).
 
-        ``loads`` (passages,) [N]: a normalized slip is that of the load on the wheel.
+        ``transient`` (2 * passages,) is its change by a relaxation length. ``loads`` (passages,)
+        [N]: a normalized slip is that of the load on the wheel.
         """
         times = np.array([one.time for one in self.passages])
         wheels = np.array([one.wheel for one in self.passages])
@@ -334,7 +335,10 @@ class Measurements:
             at = one.by_slips(one.slip, one.ratio)
             measured = np.array([one.slip, one.ratio])
             found[rows, rows] += at @ one.covariance @ at.T + (
-                one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured))
+                one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured)
+                + RELAXATION_ERROR ** 2 * (  # in full sliding, slip / t is that of the ground
+                    np.outer(transient[rows], transient[rows]) if one.sliding
+                    else np.diag(transient[rows] ** 2)))
         return found
 
     def at(self, passages: list[Passage], x: Array, events: Array, states: Array) -> Array:

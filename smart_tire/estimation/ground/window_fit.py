@@ -186,7 +186,9 @@ class WindowFit:
                 blocks = measurements.noise(
                     predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
                     x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], slip_noise)
-                films = measurements.passage_noise(passages[0], varied.passages[0, :, model.LOAD])
+                films = measurements.passage_noise(
+                    passages[0], measurements.passage_values(runs[:1], relaxed)[0] - passages[0],
+                    varied.passages[0, :, model.LOAD])
             residual = measurements.values - predicted[0]
             film_residual = measurements.passage_measured - passages[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0,

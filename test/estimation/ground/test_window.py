@@ -374,7 +374,7 @@ def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_we
 def test_a_passage_in_full_sliding_determines_the_ratio_of_slips_only(measurements):
     sliding = measurements.passages[0]._replace(slip=0.1, ratio=0.9, sliding=True)
     measurements.passages[0] = sliding
-    noise = measurements.passage_noise(np.array([0.5, 1.5]), LOAD)
+    noise = measurements.passage_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
     along, across = np.array([0.1, 0.9]), np.array([0.9, -0.1])
     assert along @ noise @ along > 50.0 * (across @ noise @ across)
     measurements.passages[0] = sliding._replace(sliding=False)
@@ -386,11 +386,26 @@ def test_films_show_the_product_of_both_slips_with_the_same_error_at_any_slip(me
         covariance = np.diag([1e-6, (4e-4 / slip) ** 2])
         measurements.passages[0] = Passage(8.0, 1, slip, ratio, covariance, False)
         measured.append(measurements.passages[0].measured)
-        noise.append(measurements.passage_noise(np.array([0.01, 0.01 * 0.02]), LOAD))
+        noise.append(measurements.passage_noise(
+            np.array([0.01, 0.01 * 0.02]), np.zeros(2), LOAD))
     measurements.passages[0] = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
     assert measured == [(0.004, pytest.approx(0.0016)), (0.004, pytest.approx(-0.0012))]
     for one, ratio in zip(noise, (0.4, -0.3)):  # 4e-4 / 0.01 of a ratio at the predicted slip
         assert math.sqrt(one[1, 1]) == pytest.approx(math.hypot(4e-4, 1e-3 * ratio), rel=0.15)
+
+
+def test_films_weigh_little_in_a_start_but_show_the_ground_in_full_sliding(measurements):
+    transient = np.array([0.01, 0.004])
+    plain = measurements.passage_noise(np.array([0.1, 0.02]), np.zeros(2), LOAD)
+    more = measurements.passage_noise(np.array([0.1, 0.02]), transient, LOAD) - plain
+    assert more == pytest.approx(np.diag([0.02 ** 2, 0.008 ** 2]))  # two relaxation lengths
+    measurements.passages[0] = measurements.passages[0]._replace(slip=0.5, ratio=1.5, sliding=True)
+    plain = measurements.passage_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
+    noise = measurements.passage_noise(np.array([0.5, 1.5]), np.array([0.1, 0.3]), LOAD)
+    measurements.passages[0] = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    across = np.array([1.5, -0.5])  # an error of slip / t
+    assert across @ noise @ across == pytest.approx(across @ plain @ across)
+    assert noise[0, 0] - plain[0, 0] == pytest.approx(0.04)
 
 
 def test_the_lasting_error_of_the_films_bounds_what_many_passages_show(samples):
@@ -812,7 +827,7 @@ def test_the_ground_is_that_of_the_wheels_that_carry(lifted):
 
 def test_a_passage_of_a_wheel_without_load_says_nothing_of_the_ground(measurements):
     values = np.array([0.1, 0.1 * 0.5])
-    loaded, light, none = (measurements.passage_noise(values, load) for load in (
+    loaded, light, none = (measurements.passage_noise(values, 0.0 * values, load) for load in (
         LOAD, 0.5 * LOAD, 0.004 * LOAD))
     ratio = [math.sqrt(one[1, 1]) / 0.1 for one in (loaded, light, none)]
     assert ratio[0] < 0.5 * 0.1 and ratio[2] > 5.0 * 0.5
