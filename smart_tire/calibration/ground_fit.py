@@ -29,7 +29,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.sensor_noise import fit_jitter, motion_noise
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.body_model import W
@@ -140,7 +140,7 @@ def calibration_rows(robot: RobotParams) -> list[Row]:
     return rows
 
 
-def fit_ground(recordings: Sequence[Recording], robot: RobotParams, *,
+def fit_ground(recordings: Sequence[CalibrationRecording], robot: RobotParams, *,
                torques: bool) -> GroundFit:
     """
     Return the fit of ``recordings``; with ``torques`` that of the motors, too.
@@ -187,7 +187,7 @@ def fit_ground(recordings: Sequence[Recording], robot: RobotParams, *,
     return GroundFit(robot, rows, x, covariance, late, robot.imu.accel_noise, windows)
 
 
-def _with_noise(robot: RobotParams, recordings: Sequence[Recording]) -> RobotParams:
+def _with_noise(robot: RobotParams, recordings: Sequence[CalibrationRecording]) -> RobotParams:
     """Return ``robot`` with jitter and vibration of the recordings, where they are observable."""
     jitters = []
     for recording in recordings:
@@ -202,8 +202,9 @@ def _with_noise(robot: RobotParams, recordings: Sequence[Recording]) -> RobotPar
         imu=replace(robot.imu, accel_noise=float(np.fmax(noise, robot.imu.accel_noise))))
 
 
-def _fits(recording: Recording, robot: RobotParams, latency: float, scale: float, prior: Prior,
-          window_fit: WindowFit, *, torques: bool) -> Iterator[tuple[Fit, Measurements]]:
+def _fits(recording: CalibrationRecording, robot: RobotParams, latency: float, scale: float,
+          prior: Prior, window_fit: WindowFit, *,
+          torques: bool) -> Iterator[tuple[Fit, Measurements]]:
     """Yield the fits of the windows of a recording, and their measurements."""
     imu, wheels = recording.imu, recording.wheels
     position = wheels.position

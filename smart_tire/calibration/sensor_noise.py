@@ -31,7 +31,8 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import MOTION_MARGIN, period, Recording, WheelRecord
+from smart_tire.calibration.recording import (
+    CalibrationRecording, MOTION_MARGIN, period, WheelRecord)
 from smart_tire.calibration.results import MIN_ROWS, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.state import (
@@ -65,7 +66,7 @@ class RestFit:
     repeated_share: float       # share of samples equal to the previous one
 
 
-def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
+def fit_rest(recording: CalibrationRecording, robot: RobotParams) -> RestFit:
     """Return the IMU parameters; raise EstimatorError if the robot is never stationary."""
     imu, windows, number = recording.imu, [], []
     values = np.column_stack([imu.rate, imu.force])
@@ -132,7 +133,7 @@ def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
     return Uncertain(roll, sigma), Uncertain(pitch, sigma)
 
 
-def motion_noise(recordings: Sequence[Recording]) -> tuple[Uncertain, Uncertain]:
+def motion_noise(recordings: Sequence[CalibrationRecording]) -> tuple[Uncertain, Uncertain]:
     """
     Return the noise of gyro z [rad/s] and of accelerometer x, y [m/s2] in motion.
 

@@ -38,7 +38,7 @@ from scipy.linalg import block_diag
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import Indices, MIN_ROLLING_SPEED, Recording
+from smart_tire.calibration.recording import CalibrationRecording, Indices, MIN_ROLLING_SPEED
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS, Found
 from smart_tire.calibration.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
@@ -209,7 +209,7 @@ class _Motion:
                                np.zeros(len(self.segment.resting), bool)])
 
 
-def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
+def identify_stiffness(recordings: Sequence[CalibrationRecording], robot: RobotParams,
                        latency_sigma: float = PRIORS['error of the latency'].sigma
                        ) -> StiffnessFit:
     """
@@ -256,7 +256,7 @@ def _refusal(stiffness: Uncertain, separate: Sequence[Uncertain]) -> str:
             'critical slip')
 
 
-def _motions(recording: Recording, robot: RobotParams) -> list[_Motion]:
+def _motions(recording: CalibrationRecording, robot: RobotParams) -> list[_Motion]:
     """Return the straight segments; EstimatorError if there are none, or if they vibrate."""
     segments = straight_segments(recording, robot)
     if not segments:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from smart_tire.calibration import geometry, sequence
 from smart_tire.calibration.ground_fit import SCALE
-from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
 from smart_tire.calibration.sequence import calibrate, Inputs
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.unknowns import Unknown
@@ -36,7 +36,7 @@ def recording(positions=True, vibration=0.0, speed=5.0, seconds=60.0):
     imu = np.arange(0.0, seconds, 0.01)
     time = TIME[seconds > TIME]
     velocity = np.full((len(time), 4), speed)
-    return Recording(
+    return CalibrationRecording(
         ImuRecord(imu, 0.01 * rng.standard_normal((len(imu), 3)),
                   (0.05 + vibration) * rng.standard_normal((len(imu), 3))),
         WheelRecord(time, velocity, np.cumsum(velocity, axis=0) * 0.0625 if positions else None))
