@@ -30,7 +30,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import CalibrationRecording
-from smart_tire.calibration.sensor_noise import fit_jitter, motion_noise
+from smart_tire.calibration.sensor_noise import mean_jitter, motion_noise
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.body_model import W
 from smart_tire.estimation.ground.measurements import FORCE_X, Measurements, WindowData
@@ -39,7 +39,7 @@ from smart_tire.estimation.ground.unknowns import (
     SIZE, Unknown)
 from smart_tire.estimation.ground.window_fit import Fit, WindowFit
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Uncertain, weighted_mean
+from smart_tire.uncertain import Uncertain
 
 SCALE, COUNT = SIZE, SIZE + 1  # relative error of the forward acceleration: not in the live window
 PASSES = 8             # at most
@@ -189,13 +189,10 @@ def fit_ground(recordings: Sequence[CalibrationRecording], robot: RobotParams, *
 
 def _with_noise(robot: RobotParams, recordings: Sequence[CalibrationRecording]) -> RobotParams:
     """Return ``robot`` with jitter and vibration of the recordings, where they are observable."""
-    jitters = []
-    for recording in recordings:
-        try:
-            jitters.append(fit_jitter(recording.wheels, robot))
-        except EstimatorError:
-            continue
-    jitter = weighted_mean(jitters).value if jitters else robot.encoder.stamp_jitter
+    try:
+        jitter = mean_jitter(recordings, robot).value
+    except EstimatorError:
+        jitter = robot.encoder.stamp_jitter
     noise = motion_noise(recordings)[1].value
     return replace(
         robot, encoder=replace(robot.encoder, stamp_jitter=jitter),

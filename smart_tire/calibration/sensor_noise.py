@@ -40,7 +40,7 @@ from smart_tire.estimation.slip.state import (
 from smart_tire.numerics.robust import mad_sigma, noise_level, winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import GRAVITY, LEFT, RIGHT
-from smart_tire.uncertain import Uncertain, UNKNOWN
+from smart_tire.uncertain import Uncertain, UNKNOWN, weighted_mean
 
 WINDOW = 1.0               # s, over which the noise is estimated
 QUIET_QUANTILE = 0.1       # of the windows' noise that serves as reference for quiet ones
@@ -182,6 +182,19 @@ def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
         angle_residual[usable] / increment[usable]
         * _filtered(wheels.time, SLOPE_KERNEL)[usable, None])
     return _common_sigma(errors)
+
+
+def mean_jitter(recordings: Sequence[CalibrationRecording], robot: RobotParams) -> Uncertain:
+    """Return the jitter [s] of recordings; EstimatorError with all reasons if none shows it."""
+    values, reasons = [], []
+    for recording in recordings:
+        try:
+            values.append(fit_jitter(recording.wheels, robot))
+        except EstimatorError as error:
+            reasons.append(str(error))
+    if not values:
+        raise EstimatorError('; '.join(dict.fromkeys(reasons)) or 'no recording in motion')
+    return weighted_mean(values)
 
 
 def _filtered(values: Array, kernel: Array) -> Array:

@@ -36,7 +36,7 @@ from smart_tire.calibration.motor import (
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
 from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.results import differ
-from smart_tire.calibration.sensor_noise import fit_jitter
+from smart_tire.calibration.sensor_noise import mean_jitter
 from smart_tire.calibration.stiffness import StiffnessCurve
 from smart_tire.calibration.turning import (
     combine as combine_icr, effective_track, IcrFit, identify_icr)
@@ -181,18 +181,14 @@ def _add_radius(found: Calibration, inputs: Inputs) -> None:
 
 def _add_jitter(found: Calibration, inputs: Inputs) -> None:
     """Add the timestamp jitter, of turns if possible: there the sides differ in speed."""
-    reasons = []
-    for step, recordings in ((TURNS, inputs.turns), (STRAIGHT, inputs.straight)):
-        values = []
-        for recording in recordings:
-            try:
-                values.append(fit_jitter(recording.wheels, found.robot))
-            except EstimatorError as error:
-                reasons.append(str(error))
-        if values:
-            found.accept(step, Identified(JITTER, *weighted_mean(values)))
-            return
-    found.keep(JITTER, '; '.join(dict.fromkeys(reasons)) or 'no recording in motion')
+    try:
+        found.accept(TURNS, Identified(JITTER, *mean_jitter(inputs.turns, found.robot)))
+    except EstimatorError:
+        # turns add nothing but their reasons
+        jitter = found.attempt([JITTER], lambda: mean_jitter(
+            [*inputs.turns, *inputs.straight], found.robot))
+        if jitter is not None:
+            found.accept(STRAIGHT, Identified(JITTER, *jitter))
 
 
 def _add_turns(found: Calibration, inputs: Inputs) -> Uncertain | None:

@@ -188,11 +188,11 @@ def _near(turn: Turn, time: Array, margin: float = TURN_MARGIN) -> Mask:
 
 
 def _per_turn(turns: Sequence[Turn], time: Array, regressor: Array, response: Array,
-              sigma: Array, margin: float = TURN_MARGIN) -> Array:
+              sigma: Array) -> Array:
     """Return time [s], value and standard error (3, k) of response over regressor in turns."""
     found = []
     for turn in turns:
-        inside = _near(turn, time, margin)
+        inside = _near(turn, time)
         weight = (regressor / sigma)[inside]
         information = float(weight @ weight)
         if information > 0.0 and turn[1] - turn[0] > TURN_MARGIN and inside.sum() > 2:
