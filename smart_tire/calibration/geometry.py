@@ -22,6 +22,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 import math
 from operator import attrgetter
+from typing import TypeVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.rotation import angles, matrix
 from smart_tire.uncertain import Uncertain, weighted_mean
+
+LatencyFit = TypeVar('LatencyFit', YawRateFit, SpeedChangeFit)
 
 LATENCY, JITTER, TRACK = 'wheel latency', 'timestamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, STATIC_IMU = 'rolling radius', 'gyro scale', 'IMU at standstill'
@@ -167,18 +170,16 @@ def _geometry(recording: CalibrationRecording, robot: RobotParams,
 
 
 def _add_latency(found: Geometry, recording: CalibrationRecording, robot: RobotParams) -> None:
-    def by(fit: YawRateFit | SpeedChangeFit) -> YawRateFit | SpeedChangeFit:
+    def by(fit: LatencyFit) -> LatencyFit:
         require(LATENCY, fit.latency, 'yaw rate or speed hardly change with the wheels',
                 factor=found.factor)
         return fit
 
-    turns = found.attempt(LATENCY, lambda: by(fit_yaw_rate(recording, robot)))
-    speeds = found.attempt('speed', lambda: by(fit_speed_changes(recording, robot)))
+    found.yaw_rate_fit = turns = found.attempt(
+        LATENCY, lambda: by(fit_yaw_rate(recording, robot)))
+    found.speed_change_fit = speeds = found.attempt(
+        'speed', lambda: by(fit_speed_changes(recording, robot)))
     reason = found.refused.pop('speed', '')
-    if isinstance(turns, YawRateFit):
-        found.yaw_rate_fit = turns
-    if isinstance(speeds, SpeedChangeFit):
-        found.speed_change_fit = speeds
     # turns have priority: under acceleration the body pitches and lags more behind its wheels
     if turns is not None:
         found.add(LATENCY, turns.latency, 's', '' if speeds is None else (
