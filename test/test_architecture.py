@@ -39,7 +39,7 @@ ONLY_IN = {cell: names(rooms) for cell, rooms, _ in table(TEXT, 'rules')}
 SOURCES = read_sources('smart_tire', 'benchmarks')
 
 # of classes in calibration and estimation/ground that others have, too
-SHARED_NAMES = {'Finding', 'Fit', 'Motion', 'Prior', 'Quantity', 'Recording', 'Rows'}
+SHARED_NAMES = {'Fit', 'Motion', 'Prior', 'Rows'}
 EVERY_ROOM = {'every', 'room'}
 BROAD = {'Exception', 'BaseException'}
 GUARD = 'smart_tire/nodes/base.py'  # no message of another node ends a node: one broad handler

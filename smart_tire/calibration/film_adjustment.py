@@ -113,12 +113,6 @@ class Adjustment:
         return float(self.value[index]), math.sqrt(float(self.covariance[index, index]))
 
 
-def adjust(observations: Sequence[GainObservation], recordings: Sequence[int],
-           robot: RobotParams) -> Adjustment:
-    """Return the adjustment; ``recordings`` holds the recording's number of each observation."""
-    return _Adjuster(observations, recordings, robot).solve()
-
-
 def constant_slip_segments(observations: Sequence[GainObservation],
                            recordings: Sequence[int]) -> NDArray[np.intp]:
     """Return the number of each observation's segment, -1 without gains."""
@@ -139,6 +133,8 @@ def constant_slip_segments(observations: Sequence[GainObservation],
 
 
 class _Adjuster:
+    """Adjusts observations; ``recordings`` holds the recording's number of each of them."""
+
     def __init__(self, observations: Sequence[GainObservation], recordings: Sequence[int],
                  robot: RobotParams) -> None:
         self._observations, self._recordings = observations, recordings
@@ -283,7 +279,7 @@ def iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
             raise EstimatorError(
                 f'{len(observations)} crossings of films could be fitted, of '
                 f'{sum(map(len, recordings))} with known slip; expected at least {MIN_ROBUST}')
-        result = adjust(observations, sources, robot)
+        result = _Adjuster(observations, sources, robot).solve()
         found = GainAdjustment(robot, groups, fitter, result)
         change = result.value / np.sqrt(np.diag(result.covariance))
         robot = _updated(found, observations)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 import math
 
 import numpy as np
@@ -29,7 +30,7 @@ from smart_tire.calibration.film_adjustment import (
     bending_peaks, GainAdjustment, iterate, MIN_SLIP, per_film, relative_position)
 from smart_tire.calibration.film_crossings import CrossingWithSlip, GainObservation
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
-from smart_tire.calibration.results import MIN_ROBUST, MIN_SPREAD, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import Found, MIN_ROBUST, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.robust import mad_sigma, winsorized_mean
 from smart_tire.parameters import RobotParams
@@ -98,13 +99,12 @@ class Waveform:
     fitted: tuple[Array, ...]
 
 
-@dataclass(eq=False)
-class GainFit:
-    """Calibration of the films; ``refused`` has the reasons of what is not observable."""
+@dataclass(eq=False, kw_only=True)
+class GainFit(Found):
+    """Calibration of the films."""
 
     robot: RobotParams  # with all calibrated parameters
     films: list[FilmGain] = field(default_factory=list)
-    refused: dict[str, str] = field(default_factory=dict)
     length: Uncertain | None = None                             # m, of the contact
     places: dict[int, Uncertain] = field(default_factory=dict)  # m, film index -> from film 1
     # recording, wheel -> rad
@@ -151,10 +151,8 @@ class Results:
         fit, index = self._fit, self._index
         value, sigma = self._result.estimate(index.length)
         length = self._robot.tire.contact_length * math.exp(value)
-        try:
-            fit.length = require('contact length', Uncertain(length, sigma * length))
-        except EstimatorError as error:
-            fit.refused['contact length'] = str(error)
+        fit.length = fit.attempt('contact length', lambda: require(
+            'contact length', Uncertain(length, sigma * length)))
 
     def _fill_film(self, wheel: str, film: int) -> None:
         name = f'gain of film {film + 1}, {wheel}'
@@ -168,14 +166,12 @@ class Results:
         index = self._index.gain(wheel, film)
         value, sigma = self._result.estimate(index)
         nominal = self._robot.film.gains(wheel)[film]
-        gain = Uncertain(nominal * (1.0 + value), nominal * sigma)
-        reason = _refusal(observed, informative, gain)
-        if reason:
-            self._fit.refused[name] = reason
+        gain = self._fit.attempt(name, lambda: _checked(
+            Uncertain(nominal * (1.0 + value), nominal * sigma), observed, informative))
         columns = np.array([self._stretch(observation, film)
                             for observation in informative]).reshape(-1, 4).T
         self._fit.films.append(FilmGain(
-            wheel, film, None if reason else gain, None if reason else self._per_slip(gain, index),
+            wheel, film, gain, None if gain is None else self._per_slip(gain, index),
             winsorized_mean(
                 bending_peaks(self._observations, wheel, film), SIGNIFICANT_SIGMAS), *columns))
 
@@ -209,10 +205,10 @@ class Results:
     def _fill_angles(self) -> None:
         for recording in sorted(set(self._recordings)):
             for wheel in self._robot.film.wheels:
-                try:
-                    self._fit.angles[recording, wheel] = self._angle(recording, wheel)
-                except EstimatorError as error:
-                    self._fit.refused[f'angle of film 1, {wheel}'] = str(error)
+                angle = self._fit.attempt(f'angle of film 1, {wheel}',
+                                          partial(self._angle, recording, wheel))
+                if angle is not None:
+                    self._fit.angles[recording, wheel] = angle
 
     def _angle(self, recording: int, wheel: str) -> Uncertain:
         """Return the angle of film 1; raise EstimatorError if not observable."""
@@ -242,12 +238,11 @@ class Results:
         for number, group in enumerate(self._groups):
             start = Uncertain(0.0, 0.0)
             if number:
-                try:
-                    start = self._distance_from_film_1(number)
-                except EstimatorError as error:
-                    self._fit.refused[f'spacing, film 1 to {group[0] + 1}'] = str(error)
+                distance = self._fit.attempt(f'spacing, film 1 to {group[0] + 1}',
+                                             partial(self._distance_from_film_1, number))
+                if distance is None:
                     continue
-                self._fit.places[group[0]] = start
+                self._fit.places[group[0]] = start = distance
             for film in group[1:]:
                 offset = relative_position(self._result, film, group[0])
                 if offset.sigma > LIMITS['film position'].sigma:
@@ -293,22 +288,19 @@ class Results:
             tuple(film.volts for film in samples.films), tuple(self._fitter.volts(observation)))
 
 
-def _refusal(observed: Sequence[GainObservation], informative: Sequence[GainObservation],
-             gain: Uncertain) -> str:
-    """Return the reason why a gain is refused, '' if it is not."""
+def _checked(gain: Uncertain, observed: Sequence[GainObservation],
+             informative: Sequence[GainObservation]) -> Uncertain:
+    """Return a gain; raise EstimatorError with the reason if it is refused."""
     if len(informative) < MIN_ROBUST:
         slip, sigma = max((one.crossing.slip for one in observed), key=lambda slip: abs(slip[0]))
-        return (f'{len(informative)} of {len(observed)} crossings with a slip above {MIN_SLIP:g} '
-                f'and {SIGNIFICANT_SIGMAS:g} times its sigma, expected at least {MIN_ROBUST}; '
-                f'the largest is {slip:.3f} ± {sigma:.3f}: turn, accelerate and brake')
+        raise EstimatorError(
+            f'{len(informative)} of {len(observed)} crossings with a slip above {MIN_SLIP:g} and '
+            f'{SIGNIFICANT_SIGMAS:g} times its sigma, expected at least {MIN_ROBUST}; the largest '
+            f'is {slip:.3f} ± {sigma:.3f}: turn, accelerate and brake')
     if gain.value <= 0.0:
-        return ('negative: the poles of the film, or the direction in which it crosses the patch, '
-                'are swapped')
-    try:
-        require('film gain', gain, 'the slip is not accurate enough; turn left and right')
-    except EstimatorError as error:
-        return str(error)
-    return ''
+        raise EstimatorError('negative: the poles of the film, or the direction in which it '
+                             'crosses the patch, are swapped')
+    return require('film gain', gain, 'the slip is not accurate enough; turn left and right')
 
 
 def identify_gains(recordings: Sequence[Sequence[CrossingWithSlip]],
@@ -320,7 +312,7 @@ def identify_gains(recordings: Sequence[Sequence[CrossingWithSlip]],
     """
     robot = per_film(robot)
     observations, sources, found = iterate(recordings, robot)
-    fit = GainFit(found.robot, crossings=len(observations),
+    fit = GainFit(robot=found.robot, crossings=len(observations),
                   informative=sum(observation.gains for observation in observations),
                   segments=found.result.segments, excess=found.result.slip_variance_ratio)
     Results(fit, observations, sources, found).fill()

@@ -22,22 +22,25 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 import math
 from operator import attrgetter
+from typing import TypeVar
 
 import numpy as np
 
 from smart_tire.calibration.latency import (
     fit_speed_changes, fit_yaw_rate, SpeedChangeFit, YawRateFit)
 from smart_tire.calibration.priors import PRIORS, require
-from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.reference import (
     fit_gyro_scale, fit_radius, RadiusFit, usable_reference)
-from smart_tire.calibration.results import Found, Quantity, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import Found, ReportedQuantity, SIGNIFICANT_SIGMAS
 from smart_tire.calibration.sensor_noise import fit_jitter, fit_rest, motion_noise, RestFit
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.rotation import angles, matrix
 from smart_tire.uncertain import Uncertain, weighted_mean
+
+LatencyFit = TypeVar('LatencyFit', YawRateFit, SpeedChangeFit)
 
 LATENCY, JITTER, TRACK = 'wheel latency', 'timestamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, STATIC_IMU = 'rolling radius', 'gyro scale', 'IMU at standstill'
@@ -77,7 +80,7 @@ class Geometry(Found):
         return items
 
 
-def identify_geometry(recording: Recording, robot: RobotParams) -> Geometry:
+def identify_geometry(recording: CalibrationRecording, robot: RobotParams) -> Geometry:
     """Return all quantities that ``recording`` makes observable, and the reasons of the others."""
     found = _geometry(recording, robot)
     try:
@@ -94,7 +97,7 @@ def identify_geometry(recording: Recording, robot: RobotParams) -> Geometry:
     return found
 
 
-def halves(recording: Recording) -> tuple[Recording, Recording]:
+def halves(recording: CalibrationRecording) -> tuple[CalibrationRecording, CalibrationRecording]:
     """
     Return wheels and reference of both halves; each has all IMU samples.
 
@@ -107,7 +110,7 @@ def halves(recording: Recording) -> tuple[Recording, Recording]:
                              f'{4.0 * MIN_BLOCK:.0f} s to compare its halves')
     ends = np.linspace(wheels.time[0], wheels.time[-1], blocks + 1)[1:-1]
 
-    def half(parity: int) -> Recording:
+    def half(parity: int) -> CalibrationRecording:
         own = np.searchsorted(ends, wheels.time) % 2 == parity
         seen = None if poses is None else poses.where(
             np.searchsorted(ends, poses.time) % 2 == parity)
@@ -115,7 +118,7 @@ def halves(recording: Recording) -> tuple[Recording, Recording]:
     return half(0), half(1)
 
 
-def _with_spread(item: Quantity, parts: Sequence[Geometry]) -> Quantity:
+def _with_spread(item: ReportedQuantity, parts: Sequence[Geometry]) -> ReportedQuantity:
     """Return a quantity with half the difference of its values in the halves as spread."""
     values = [part.get(item.name) for part in parts]
     if not item.parameter or None in values:
@@ -142,14 +145,15 @@ def _keep_insignificant(found: Geometry, parts: Sequence[Geometry], robot: Robot
                 f'{value:.4g} ± {sigma:.2g} {last.unit}, the halves give {pair}'))
 
 
-def _configured(item: Quantity, robot: RobotParams) -> float:
+def _configured(item: ReportedQuantity, robot: RobotParams) -> float:
     if item.parameter == ROTATION:
         return 0.0
     return float(attrgetter(item.parameter if item.parameter != 'effective_track'
                             else 'track_width')(robot))
 
 
-def _geometry(recording: Recording, robot: RobotParams, factor: float = 1.0) -> Geometry:
+def _geometry(recording: CalibrationRecording, robot: RobotParams,
+              factor: float = 1.0) -> Geometry:
     """Return all observable quantities, with ``factor`` times larger standard errors at most."""
     found = Geometry(factor=factor)
     gyro = found.attempt(GYRO_SCALE, lambda: fit_gyro_scale(recording))
@@ -165,19 +169,17 @@ def _geometry(recording: Recording, robot: RobotParams, factor: float = 1.0) -> 
     return found
 
 
-def _add_latency(found: Geometry, recording: Recording, robot: RobotParams) -> None:
-    def by(fit: YawRateFit | SpeedChangeFit) -> YawRateFit | SpeedChangeFit:
+def _add_latency(found: Geometry, recording: CalibrationRecording, robot: RobotParams) -> None:
+    def by(fit: LatencyFit) -> LatencyFit:
         require(LATENCY, fit.latency, 'yaw rate or speed hardly change with the wheels',
                 factor=found.factor)
         return fit
 
-    turns = found.attempt(LATENCY, lambda: by(fit_yaw_rate(recording, robot)))
-    speeds = found.attempt('speed', lambda: by(fit_speed_changes(recording, robot)))
+    found.yaw_rate_fit = turns = found.attempt(
+        LATENCY, lambda: by(fit_yaw_rate(recording, robot)))
+    found.speed_change_fit = speeds = found.attempt(
+        'speed', lambda: by(fit_speed_changes(recording, robot)))
     reason = found.refused.pop('speed', '')
-    if isinstance(turns, YawRateFit):
-        found.yaw_rate_fit = turns
-    if isinstance(speeds, SpeedChangeFit):
-        found.speed_change_fit = speeds
     # turns have priority: under acceleration the body pitches and lags more behind its wheels
     if turns is not None:
         found.add(LATENCY, turns.latency, 's', '' if speeds is None else (
@@ -196,7 +198,7 @@ def _add_latency(found: Geometry, recording: Recording, robot: RobotParams) -> N
         found.kept['encoder.latency'] = NO_POSITIONS
 
 
-def _add_radius(found: Geometry, recording: Recording, robot: RobotParams,
+def _add_radius(found: Geometry, recording: CalibrationRecording, robot: RobotParams,
                 reference_latency: float) -> None:
     def fit() -> RadiusFit:
         poses = usable_reference(recording)
@@ -240,8 +242,8 @@ def _add_track(found: Geometry, robot: RobotParams) -> None:
                   else 'for the rolling radius above', 'effective_track')
 
 
-def add_rest(found: Geometry, rests: Sequence[Recording], moving: Sequence[Recording],
-             robot: RobotParams) -> None:
+def add_rest(found: Geometry, rests: Sequence[CalibrationRecording],
+             moving: Sequence[CalibrationRecording], robot: RobotParams) -> None:
     """
     Add noise and mounting of the IMU from the longest rest.
 

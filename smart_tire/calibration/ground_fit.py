@@ -29,8 +29,8 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import Recording
-from smart_tire.calibration.sensor_noise import fit_jitter, motion_noise
+from smart_tire.calibration.recording import CalibrationRecording
+from smart_tire.calibration.sensor_noise import mean_jitter, motion_noise
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.body_model import W
 from smart_tire.estimation.ground.measurements import FORCE_X, Measurements, WindowData
@@ -39,7 +39,7 @@ from smart_tire.estimation.ground.unknowns import (
     SIZE, Unknown)
 from smart_tire.estimation.ground.window_fit import Fit, WindowFit
 from smart_tire.parameters import RobotParams
-from smart_tire.uncertain import Uncertain, weighted_mean
+from smart_tire.uncertain import Uncertain
 
 SCALE, COUNT = SIZE, SIZE + 1  # relative error of the forward acceleration: not in the live window
 PASSES = 8             # at most
@@ -140,7 +140,7 @@ def calibration_rows(robot: RobotParams) -> list[Row]:
     return rows
 
 
-def fit_ground(recordings: Sequence[Recording], robot: RobotParams, *,
+def fit_ground(recordings: Sequence[CalibrationRecording], robot: RobotParams, *,
                torques: bool) -> GroundFit:
     """
     Return the fit of ``recordings``; with ``torques`` that of the motors, too.
@@ -187,23 +187,21 @@ def fit_ground(recordings: Sequence[Recording], robot: RobotParams, *,
     return GroundFit(robot, rows, x, covariance, late, robot.imu.accel_noise, windows)
 
 
-def _with_noise(robot: RobotParams, recordings: Sequence[Recording]) -> RobotParams:
+def _with_noise(robot: RobotParams, recordings: Sequence[CalibrationRecording]) -> RobotParams:
     """Return ``robot`` with jitter and vibration of the recordings, where they are observable."""
-    jitters = []
-    for recording in recordings:
-        try:
-            jitters.append(fit_jitter(recording.wheels, robot))
-        except EstimatorError:
-            continue
-    jitter = weighted_mean(jitters).value if jitters else robot.encoder.stamp_jitter
+    try:
+        jitter = mean_jitter(recordings, robot).value
+    except EstimatorError:
+        jitter = robot.encoder.stamp_jitter
     noise = motion_noise(recordings)[1].value
     return replace(
         robot, encoder=replace(robot.encoder, stamp_jitter=jitter),
         imu=replace(robot.imu, accel_noise=float(np.fmax(noise, robot.imu.accel_noise))))
 
 
-def _fits(recording: Recording, robot: RobotParams, latency: float, scale: float, prior: Prior,
-          window_fit: WindowFit, *, torques: bool) -> Iterator[tuple[Fit, Measurements]]:
+def _fits(recording: CalibrationRecording, robot: RobotParams, latency: float, scale: float,
+          prior: Prior, window_fit: WindowFit, *,
+          torques: bool) -> Iterator[tuple[Fit, Measurements]]:
     """Yield the fits of the windows of a recording, and their measurements."""
     imu, wheels = recording.imu, recording.wheels
     position = wheels.position

@@ -24,7 +24,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.ground_fit import Equations, GroundFit
 from smart_tire.calibration.recording import MIN_ROLLING_SPEED
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS, differ
-from smart_tire.calibration.stiffness import MAX_NOISE_SHARE, StiffnessCurve
+from smart_tire.calibration.stiffness import check_noise, StiffnessCurve, uncertain
 from smart_tire.calibration.straight_segments import MAX_TURN_SHARE, MIN_SEGMENT_INTERVALS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground import body_model as model
@@ -32,7 +32,6 @@ from smart_tire.estimation.ground.measurements import FORCE_X
 from smart_tire.estimation.ground.unknowns import Unknown
 from smart_tire.estimation.ground.wheel_motion import block_means
 from smart_tire.samples import GRAVITY
-from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 
 MAX_SLIDING_SHARE = 0.3    # of straight motion, beyond the critical slip
 
@@ -45,11 +44,7 @@ def stiffness_of(fit: GroundFit) -> StiffnessCurve:
                              f'{MIN_ROLLING_SPEED:g} m/s, expected {MIN_SEGMENT_INTERVALS}')
     slip, force, fitted, sliding = rows.T
     count = np.median(np.concatenate([one.measurements.imu_count for one in fit.windows]))
-    share = fit.noise / math.sqrt(count) / max(4.0 * float(np.std(force)) / fit.robot.mass, 1e-9)
-    if share > MAX_NOISE_SHARE:
-        raise EstimatorError(
-            f'the accelerometer noise in motion is {share:.0%} of the accelerations, expected at '
-            f'most {MAX_NOISE_SHARE:.0%}: speed changes too little, or the robot vibrates')
+    check_noise(fit.noise / math.sqrt(count), 4.0 * force / fit.robot.mass)
     _check_one_ground(fit)
     name, size = fit.tension
     if size > CONTRADICTION_SIGMAS:
@@ -57,10 +52,7 @@ def stiffness_of(fit: GroundFit) -> StiffnessCurve:
                              'wheels slide, the ground changes, or the axes of the IMU are wrong')
     stiffness = fit.positive(Unknown.STIFFNESS)
     if not stiffness.determined:
-        raise EstimatorError(
-            f'standard error of {stiffness.sigma / stiffness.value:.0%}, expected at most '
-            f'{MAX_RELATIVE_SIGMA:.0%}: speed changes too little on straight lines, below '
-            'critical slip')
+        raise EstimatorError(uncertain(stiffness))
     if np.mean(sliding) > MAX_SLIDING_SHARE:
         raise EstimatorError(f'the wheels slide in {np.mean(sliding):.0%} of the motion, expected '
                              f'at most {MAX_SLIDING_SHARE:.0%}: accelerate less')

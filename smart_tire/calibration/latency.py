@@ -30,7 +30,8 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import period, Recording, side_slip, Signal, WheelIntervals
+from smart_tire.calibration.recording import (
+    CalibrationRecording, period, side_slip, Signal, WheelIntervals)
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay import DelayFit, fit_delay
@@ -67,14 +68,14 @@ class SpeedChangeFit:
     rolled: Array       # (n,) m/s, speed changes of the wheels, without slip
 
 
-def min_interval(recording: Recording) -> float:
+def min_interval(recording: CalibrationRecording) -> float:
     """Return the minimum length [s] of intervals that the IMU resolves."""
     return max(MIN_INTERVAL, IMU_SAMPLES_PER_INTERVAL * period(recording.imu.time))
 
 
-def moving_intervals(recording: Recording, robot: RobotParams, latency: float = 0.0,
+def moving_intervals(recording: CalibrationRecording, robot: RobotParams, latency: float = 0.0,
                      margin: float = MAX_DELAY) -> WheelIntervals:
-    """Return the intervals near motion, see ``Recording.moving_intervals``."""
+    """Return the intervals near motion, see ``CalibrationRecording.moving_intervals``."""
     return recording.moving_intervals(
         min_interval(recording), robot.slip.standstill_speed / robot.wheel_radius, margin, latency)
 
@@ -86,7 +87,7 @@ def yaw_motion(gyro: Signal, begin: Array, end: Array) -> tuple[Array, Array]:
     return gyro.mean(begin, end), change / (end - begin)
 
 
-def fit_yaw_rate(recording: Recording, robot: RobotParams) -> YawRateFit:
+def fit_yaw_rate(recording: CalibrationRecording, robot: RobotParams) -> YawRateFit:
     """Return latency and slope; raise EstimatorError with the reason if not observable."""
     gyro = Signal(recording.imu.time, recording.imu.rate[:, 2])
     intervals = moving_intervals(recording, robot)
@@ -128,7 +129,7 @@ def fit_yaw_rate(recording: Recording, robot: RobotParams) -> YawRateFit:
         difference)
 
 
-def fit_speed_changes(recording: Recording, robot: RobotParams) -> SpeedChangeFit:
+def fit_speed_changes(recording: CalibrationRecording, robot: RobotParams) -> SpeedChangeFit:
     """
     Return latency and radius; raise EstimatorError with the reason if not observable.
 

@@ -31,9 +31,8 @@ from smart_tire.calibration.motor_model import (
     MotorModel, SPEED_GAIN, VISCOUS as VISCOUS_VALUE)
 from smart_tire.calibration.motor_rows import motor_rows
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
-from smart_tire.calibration.recording import Recording
-from smart_tire.calibration.results import (
-    Found, MIN_ROWS, SIGNIFICANT_SIGMAS)
+from smart_tire.calibration.recording import CalibrationRecording
+from smart_tire.calibration.results import Found, MIN_ROWS, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Fit
 from smart_tire.parameters import RobotParams
@@ -75,7 +74,7 @@ class MotorFit(Found):
         return items
 
 
-def identify_motor(grounds: Sequence[Recording], lifted: Sequence[Recording],
+def identify_motor(grounds: Sequence[CalibrationRecording], lifted: Sequence[CalibrationRecording],
                    robot: RobotParams, scale: Uncertain = ACCEL_SCALE) -> MotorFit:
     """
     Return the constants of the drives from recordings on the ground and with lifted wheels.
@@ -151,7 +150,7 @@ def _mean(fit: Fit, rows: slice, factor: Array | float = 1.0) -> Uncertain:
     return fit.combined(factors)
 
 
-def _check_torque(recording: Recording) -> None:
+def _check_torque(recording: CalibrationRecording) -> None:
     torque = recording.wheels.torque
     if torque is None or not np.isfinite(torque).any():
         raise EstimatorError('wheel_states without motor torque: effort is empty, or was the duty '

@@ -29,8 +29,8 @@ from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    covered, DutyRecord, Indices, Mask, MAX_IMU_GAP, MIN_ROLLING_SPEED, MOTION_MARGIN, period,
-    Recording, rotation_increments, Samples)
+    CalibrationRecording, covered, DutyRecord, Indices, Mask, MAX_IMU_GAP, MIN_ROLLING_SPEED,
+    MOTION_MARGIN, period, rotation_increments, Samples)
 from smart_tire.calibration.sensor_noise import stationary_intervals
 from smart_tire.errors import EstimatorError
 from smart_tire.models.tire.brush_tire import linear_tire_force
@@ -109,7 +109,7 @@ class _Windows:
         return np.where(covered(time, self.begin, self.end, max_gap), means, np.nan)
 
 
-def motor_rows(recording: Recording, robot: RobotParams) -> MotorRows:
+def motor_rows(recording: CalibrationRecording, robot: RobotParams) -> MotorRows:
     """
     Return the rows of a recording in which every wheel rotates in one direction.
 
@@ -181,7 +181,7 @@ def _duty(duties: DutyRecord, windows: _Windows) -> tuple[Array, Array, Array]:
             np.where(before == after, before, np.nan))
 
 
-def _rest_force(recording: Recording, robot: RobotParams) -> Uncertain:
+def _rest_force(recording: CalibrationRecording, robot: RobotParams) -> Uncertain:
     """Return the forward specific force [m/s2] at rest: accelerometer bias, slope and tilt."""
     imu, means = recording.imu, []
     for begin, end in stationary_intervals(recording.wheels, robot):
@@ -194,7 +194,7 @@ def _rest_force(recording: Recording, robot: RobotParams) -> Uncertain:
     return Uncertain(float(np.mean(means)), slope / math.sqrt(len(means)))
 
 
-def _centers(recording: Recording, robot: RobotParams, time: Array, n: int) -> Indices:
+def _centers(recording: CalibrationRecording, robot: RobotParams, time: Array, n: int) -> Indices:
     """Return the wheel samples whose window is complete and in motion, with one period around."""
     wheels, imu, step = recording.wheels, recording.imu, period(time)
     increments, valid = rotation_increments(wheels)

@@ -118,7 +118,7 @@ class DutyRecord(Samples):
 
 
 @dataclass(frozen=True)
-class Recording:
+class CalibrationRecording:
     """Input of the calibrations; all times have the same origin."""
 
     imu: ImuRecord
@@ -130,7 +130,7 @@ class Recording:
         """Return the forward specific force [m/s2] (n,) at ``base_link``; IMU at ``imu_x`` [m]."""
         return self.imu.force[:, 0] + imu_x * self.imu.rate[:, 2] ** 2  # without centripetal force
 
-    def scaled(self, factor: float) -> Recording:
+    def scaled(self, factor: float) -> CalibrationRecording:
         """Return the recording with the forward specific force times ``factor``."""
         return replace(self, imu=replace(self.imu, force=self.imu.force * [factor, 1.0, 1.0]))
 

@@ -35,7 +35,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.latency import CHANGE_INTERVAL, MAX_DELAY
 from smart_tire.calibration.priors import PRIORS, require
 from smart_tire.calibration.recording import (
-    PoseRecord, Recording, rotation_increments, side_slip, Signal, WheelRecord)
+    CalibrationRecording, PoseRecord, rotation_increments, side_slip, Signal, WheelRecord)
 from smart_tire.calibration.results import MIN_ROBUST
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay import fit_delay
@@ -63,7 +63,7 @@ class RadiusFit:
     reference_distance: Array  # (n,) m, of the reference along its heading
 
 
-def usable_reference(recording: Recording) -> PoseRecord:
+def usable_reference(recording: CalibrationRecording) -> PoseRecord:
     """Return the reference; raise EstimatorError if there is none or it has no yaw."""
     poses, imu = recording.reference, recording.imu
     if poses is None:
@@ -75,7 +75,7 @@ def usable_reference(recording: Recording) -> PoseRecord:
     return poses
 
 
-def fit_gyro_scale(recording: Recording) -> tuple[Uncertain, float]:
+def fit_gyro_scale(recording: CalibrationRecording) -> tuple[Uncertain, float]:
     """
     Return the gyro rate over the true rate, and the latency of the reference [s].
 

@@ -36,7 +36,7 @@ def differ(first: Uncertain, second: Uncertain) -> bool:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ReportedQuantity:
     """An identified quantity: one line of the report."""
 
     name: str
@@ -56,7 +56,7 @@ class Quantity:
 class Found:
     """Identified quantities, reasons of those not observable, and notes."""
 
-    quantities: list[Quantity] = field(default_factory=list)
+    quantities: list[ReportedQuantity] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)  # name -> why it is not observable
     kept: dict[str, str] = field(default_factory=dict)     # parameter -> why it is not written
     notes: list[str] = field(default_factory=list)
@@ -68,7 +68,7 @@ class Found:
     def add(self, name: str, estimate: Uncertain, unit: str, note: str = '',
             parameter: str = '') -> None:
         """Append a quantity."""
-        self.quantities.append(Quantity(name, estimate, unit, note, parameter))
+        self.quantities.append(ReportedQuantity(name, estimate, unit, note, parameter))
 
     def attempt(self, name: str, fit: Callable[[], Fit]) -> Fit | None:
         """Return what ``fit`` returns; if it fails, store the reason under ``name``."""

@@ -31,7 +31,8 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import MOTION_MARGIN, period, Recording, WheelRecord
+from smart_tire.calibration.recording import (
+    CalibrationRecording, MOTION_MARGIN, period, WheelRecord)
 from smart_tire.calibration.results import MIN_ROWS, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.state import (
@@ -39,7 +40,7 @@ from smart_tire.estimation.slip.state import (
 from smart_tire.numerics.robust import mad_sigma, noise_level, winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import GRAVITY, LEFT, RIGHT
-from smart_tire.uncertain import Uncertain, UNKNOWN
+from smart_tire.uncertain import Uncertain, UNKNOWN, weighted_mean
 
 WINDOW = 1.0               # s, over which the noise is estimated
 QUIET_QUANTILE = 0.1       # of the windows' noise that serves as reference for quiet ones
@@ -65,7 +66,7 @@ class RestFit:
     repeated_share: float       # share of samples equal to the previous one
 
 
-def fit_rest(recording: Recording, robot: RobotParams) -> RestFit:
+def fit_rest(recording: CalibrationRecording, robot: RobotParams) -> RestFit:
     """Return the IMU parameters; raise EstimatorError if the robot is never stationary."""
     imu, windows, number = recording.imu, [], []
     values = np.column_stack([imu.rate, imu.force])
@@ -132,7 +133,7 @@ def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
     return Uncertain(roll, sigma), Uncertain(pitch, sigma)
 
 
-def motion_noise(recordings: Sequence[Recording]) -> tuple[Uncertain, Uncertain]:
+def motion_noise(recordings: Sequence[CalibrationRecording]) -> tuple[Uncertain, Uncertain]:
     """
     Return the noise of gyro z [rad/s] and of accelerometer x, y [m/s2] in motion.
 
@@ -181,6 +182,19 @@ def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
         angle_residual[usable] / increment[usable]
         * _filtered(wheels.time, SLOPE_KERNEL)[usable, None])
     return _common_sigma(errors)
+
+
+def mean_jitter(recordings: Sequence[CalibrationRecording], robot: RobotParams) -> Uncertain:
+    """Return the jitter [s] of recordings; EstimatorError with all reasons if none shows it."""
+    values, reasons = [], []
+    for recording in recordings:
+        try:
+            values.append(fit_jitter(recording.wheels, robot))
+        except EstimatorError as error:
+            reasons.append(str(error))
+    if not values:
+        raise EstimatorError('; '.join(dict.fromkeys(reasons)) or 'no recording in motion')
+    return weighted_mean(values)
 
 
 def _filtered(values: Array, kernel: Array) -> Array:

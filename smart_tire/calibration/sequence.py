@@ -34,9 +34,9 @@ from smart_tire.calibration.latency import fit_yaw_rate
 from smart_tire.calibration.motor import (
     ACCEL_SCALE, CONSTANT as TORQUE_CONSTANT, identify_motor, INERTIA, MotorFit)
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
-from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.results import differ
-from smart_tire.calibration.sensor_noise import fit_jitter
+from smart_tire.calibration.sensor_noise import mean_jitter
 from smart_tire.calibration.stiffness import StiffnessCurve
 from smart_tire.calibration.turning import (
     combine as combine_icr, effective_track, IcrFit, identify_icr)
@@ -60,7 +60,7 @@ Gains = Callable[[RobotParams], Sequence[Identified]]
 
 
 @dataclass(frozen=True)
-class Finding(Identified):
+class StepFinding(Identified):
     """An identified parameter, and the step of the sequence whose recordings it comes from."""
 
     step: str = ''
@@ -71,7 +71,7 @@ class Calibration:
     """Identified values in the order of identification; reasons of the values that are kept."""
 
     robot: RobotParams
-    found: dict[str, Finding] = field(default_factory=dict)
+    found: dict[str, StepFinding] = field(default_factory=dict)
     kept: dict[str, str] = field(default_factory=dict)  # parameter -> reason
     notes: list[str] = field(default_factory=list)
     stiffness: StiffnessCurve | None = None  # the fits, for figures
@@ -96,7 +96,7 @@ class Calibration:
         """Take values, in place of earlier ones; all later identifications use them."""
         for item in items:
             self.found.pop(item.name, None)  # the order is that of the identifications
-            self.found[item.name] = Finding(**vars(item), step=step)
+            self.found[item.name] = StepFinding(**vars(item), step=step)
             self.kept.pop(item.name, None)
             if item.name in specs(RobotParams):
                 group, _, own = item.name.rpartition('.')
@@ -110,10 +110,10 @@ class Calibration:
 class Inputs:
     """Recordings of the steps; the same recording may be part of several steps."""
 
-    rest: Sequence[Recording] = ()
-    straight: Sequence[Recording] = ()
-    turns: Sequence[Recording] = ()
-    lifted: Sequence[Recording] = ()
+    rest: Sequence[CalibrationRecording] = ()
+    straight: Sequence[CalibrationRecording] = ()
+    turns: Sequence[CalibrationRecording] = ()
+    lifted: Sequence[CalibrationRecording] = ()
 
     @property
     def positions(self) -> bool:
@@ -158,7 +158,8 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
     return found
 
 
-def _needed(recordings: Sequence[Recording], what: str) -> Sequence[Recording]:
+def _needed(recordings: Sequence[CalibrationRecording],
+            what: str) -> Sequence[CalibrationRecording]:
     if not recordings:
         raise EstimatorError(f'no recording {what}')
     return recordings
@@ -180,18 +181,14 @@ def _add_radius(found: Calibration, inputs: Inputs) -> None:
 
 def _add_jitter(found: Calibration, inputs: Inputs) -> None:
     """Add the timestamp jitter, of turns if possible: there the sides differ in speed."""
-    reasons = []
-    for step, recordings in ((TURNS, inputs.turns), (STRAIGHT, inputs.straight)):
-        values = []
-        for recording in recordings:
-            try:
-                values.append(fit_jitter(recording.wheels, found.robot))
-            except EstimatorError as error:
-                reasons.append(str(error))
-        if values:
-            found.accept(step, Identified(JITTER, *weighted_mean(values)))
-            return
-    found.keep(JITTER, '; '.join(dict.fromkeys(reasons)) or 'no recording in motion')
+    try:
+        found.accept(TURNS, Identified(JITTER, *mean_jitter(inputs.turns, found.robot)))
+    except EstimatorError:
+        # turns add nothing but their reasons
+        jitter = found.attempt([JITTER], lambda: mean_jitter(
+            [*inputs.turns, *inputs.straight], found.robot))
+        if jitter is not None:
+            found.accept(STRAIGHT, Identified(JITTER, *jitter))
 
 
 def _add_turns(found: Calibration, inputs: Inputs) -> Uncertain | None:

@@ -38,7 +38,7 @@ from scipy.linalg import block_diag
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import Indices, MIN_ROLLING_SPEED, Recording
+from smart_tire.calibration.recording import CalibrationRecording, Indices, MIN_ROLLING_SPEED
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS, Found
 from smart_tire.calibration.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
@@ -209,23 +209,21 @@ class _Motion:
                                np.zeros(len(self.segment.resting), bool)])
 
 
-def identify_stiffness(recordings: Sequence[Recording], robot: RobotParams,
-                       latency_sigma: float = PRIORS['error of the latency'].sigma
-                       ) -> StiffnessFit:
+def identify_stiffness(recordings: Sequence[CalibrationRecording],
+                       robot: RobotParams) -> StiffnessFit:
     """
     Return the stiffness from recordings on the same ground.
 
-    ``latency_sigma`` [s] is the standard deviation of the error of ``encoder.latency``. If
-    recordings differ by more than their standard errors, those are scaled up. Raises
+    If recordings differ by more than their standard errors, those are scaled up. Raises
     EstimatorError with the reason if the stiffness is not observable.
     """
     motions = [_motions(recording, robot) for recording in recordings]
-    fits = [_fit(part, robot, latency_sigma) for part in motions]
+    fits = [_fit(part, robot) for part in motions]
     separate = [part.stiffness for part in fits]
     fit = fits[0]
     if len(fits) > 1:
         try:
-            fit = _fit([one for part in motions for one in part], robot, latency_sigma)
+            fit = _fit([one for part in motions for one in part], robot)
         except EstimatorError as error:
             raise EstimatorError(_refusal(separate[0], separate)) from error
     combined = fit.stiffness
@@ -251,34 +249,44 @@ def _refusal(stiffness: Uncertain, separate: Sequence[Uncertain]) -> str:
     if len(separate) > 1:
         values = ', '.join(f'{item.value:.3g} ± {item.sigma:.2g}' for item in separate)
         return f'the recordings give {values} N: they are not of one tire on one ground'
+    return uncertain(stiffness)
+
+
+def uncertain(stiffness: Uncertain) -> str:
+    """Return the reason why a stiffness with a large standard error is refused."""
     return (f'standard error of {stiffness.sigma / abs(stiffness.value):.0%}, expected at most '
             f'{MAX_RELATIVE_SIGMA:.0%}: speed changes too little on straight lines, below '
             'critical slip')
 
 
-def _motions(recording: Recording, robot: RobotParams) -> list[_Motion]:
+def check_noise(noise: float, acceleration: Array) -> None:
+    """Raise EstimatorError if ``noise`` is large against accelerations (n,), both in m/s2."""
+    share = noise / max(float(np.std(acceleration)), 1e-9)
+    if share > MAX_NOISE_SHARE:
+        raise EstimatorError(
+            f'the accelerometer noise in motion is {share:.0%} of the accelerations, expected at '
+            f'most {MAX_NOISE_SHARE:.0%}: speed changes too little, or the robot vibrates')
+
+
+def _motions(recording: CalibrationRecording, robot: RobotParams) -> list[_Motion]:
     """Return the straight segments; EstimatorError if there are none, or if they vibrate."""
     segments = straight_segments(recording, robot)
     if not segments:
         raise EstimatorError(f'no straight segment of {MIN_SEGMENT_INTERVALS} wheel samples '
                              f'above {MIN_SPEED:g} m/s')
     moving = np.concatenate([segment.force[~segment.stationary] for segment in segments])
-    noise = math.sqrt(float(np.mean([  # of the mean over an interval of the wheels
-        segment.noise ** 2 * len(segment.distance) / len(segment.time) for segment in segments])))
-    share = noise / max(float(np.std(moving)), 1e-9)
-    if share > MAX_NOISE_SHARE:
-        raise EstimatorError(
-            f'the accelerometer noise in motion is {share:.0%} of the accelerations, expected at '
-            f'most {MAX_NOISE_SHARE:.0%}: speed changes too little, or the robot vibrates')
+    check_noise(math.sqrt(float(np.mean([  # of the mean over an interval of the wheels
+        segment.noise ** 2 * len(segment.distance) / len(segment.time)
+        for segment in segments]))), moving)
     return [_Motion.of(segment, robot) for segment in segments]
 
 
-def _fit(motions: Sequence[_Motion], robot: RobotParams, latency_sigma: float) -> StiffnessFit:
+def _fit(motions: Sequence[_Motion], robot: RobotParams) -> StiffnessFit:
     priors, friction = [motion.prior for motion in motions], PRIORS['friction']
     prior = Prior.of(
         (math.log(robot.tire.longitudinal_stiffness), math.log(PRIORS['stiffness'].sigma)),
         PRIORS['drag'].prior, (math.log(friction.value), math.log(friction.sigma)),
-        (0.0, latency_sigma), PRIORS['acceleration on straight lines'].prior,
+        PRIORS['error of the latency'].prior, PRIORS['acceleration on straight lines'].prior,
         *[item for part in priors for item in part])
     ends = np.cumsum([len(Common), *map(len, priors)])
     start = prior.mean.copy()

@@ -24,7 +24,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import (
-    covered, Indices, Mask, MAX_IMU_GAP, period, Recording, Signal, wheel_intervals,
+    CalibrationRecording, covered, Indices, Mask, MAX_IMU_GAP, period, Signal, wheel_intervals,
     WheelIntervals)
 from smart_tire.calibration.sensor_noise import stationary_intervals
 from smart_tire.numerics.robust import noise_level
@@ -69,7 +69,8 @@ class StraightSegment:
         return still[::max(1, round(len(self.time) / len(self.distance)))]
 
 
-def straight_segments(recording: Recording, robot: RobotParams) -> list[StraightSegment]:
+def straight_segments(recording: CalibrationRecording,
+                      robot: RobotParams) -> list[StraightSegment]:
     """Return the straight segments of a recording."""
     intervals = wheel_intervals(recording.wheels, MIN_INTERVAL)
     speed = robot.wheel_radius * intervals.sides.mean(axis=1)
@@ -78,7 +79,7 @@ def straight_segments(recording: Recording, robot: RobotParams) -> list[Straight
             for rows in _contiguous(straight, intervals, speed)]
 
 
-def _is_straight(intervals: WheelIntervals, speed: Array, recording: Recording,
+def _is_straight(intervals: WheelIntervals, speed: Array, recording: CalibrationRecording,
                  robot: RobotParams) -> Mask:
     """Return a mask of intervals that are covered by IMU samples and straight."""
     sides = robot.wheel_radius * intervals.sides
@@ -109,7 +110,7 @@ def _contiguous(straight: Mask, intervals: WheelIntervals, speed: Array) -> Iter
                     yield rows
 
 
-def _segment(intervals: WheelIntervals, speed: Array, recording: Recording,
+def _segment(intervals: WheelIntervals, speed: Array, recording: CalibrationRecording,
              robot: RobotParams) -> StraightSegment:
     stamps = np.append(intervals.begin, intervals.end[-1]) - robot.encoder.latency
     imu, force = recording.imu, recording.forward_force(robot.imu.position[0])
@@ -120,7 +121,7 @@ def _segment(intervals: WheelIntervals, speed: Array, recording: Recording,
                            _stationary(time, recording, robot))
 
 
-def _stationary(time: Array, recording: Recording, robot: RobotParams) -> Mask:
+def _stationary(time: Array, recording: CalibrationRecording, robot: RobotParams) -> Mask:
     """Return a mask of the times at which the robot is stationary."""
     wheels, stationary = recording.wheels, np.zeros(len(time), bool)
     for begin, end in stationary_intervals(wheels, robot, STANDSTILL_SPEED):

@@ -36,7 +36,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     CORRELATION_TIME, moving_intervals, yaw_motion, YawRateFit)
 from smart_tire.calibration.priors import PRIORS, require
-from smart_tire.calibration.recording import Mask, Recording, Signal
+from smart_tire.calibration.recording import CalibrationRecording, Mask, Signal
 from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
 from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
@@ -99,7 +99,7 @@ def turns_of(time: Array, yaw_rate: Array) -> list[Turn]:
             for first, last in zip(edges[:-1], edges[1:]) if sign[first]]
 
 
-def identify_icr(recording: Recording, robot: RobotParams) -> IcrFit:
+def identify_icr(recording: CalibrationRecording, robot: RobotParams) -> IcrFit:
     """
     Return S from the reference, or from the IMU if the reference does not make it observable.
 
@@ -130,7 +130,7 @@ def combine(fits: Sequence[IcrFit]) -> IcrFit:
                    turn_icr=value, turn_sigma=sigma, spread=_spread(value, sigma))
 
 
-def _displacements(recording: Recording, robot: RobotParams) -> tuple[Rows, Prior]:
+def _displacements(recording: CalibrationRecording, robot: RobotParams) -> tuple[Rows, Prior]:
     """Return the regression of the reference's lateral displacement on the change of yaw."""
     poses = usable_reference(recording)
     first, last = poses.intervals(DISPLACEMENT_INTERVAL, MAX_POSE_GAP)
@@ -142,7 +142,7 @@ def _displacements(recording: Recording, robot: RobotParams) -> tuple[Rows, Prio
             Prior.of(None, PRIORS['yaw misalignment of the reference'].prior))
 
 
-def _accelerations(recording: Recording, robot: RobotParams) -> tuple[Rows, Prior]:
+def _accelerations(recording: CalibrationRecording, robot: RobotParams) -> tuple[Rows, Prior]:
     """Return the regression of the lateral specific force on the yaw acceleration."""
     imu, latency = recording.imu, robot.encoder.latency
     intervals = moving_intervals(recording, robot, latency, TURN_MARGIN)
@@ -188,11 +188,11 @@ def _near(turn: Turn, time: Array, margin: float = TURN_MARGIN) -> Mask:
 
 
 def _per_turn(turns: Sequence[Turn], time: Array, regressor: Array, response: Array,
-              sigma: Array, margin: float = TURN_MARGIN) -> Array:
+              sigma: Array) -> Array:
     """Return time [s], value and standard error (3, k) of response over regressor in turns."""
     found = []
     for turn in turns:
-        inside = _near(turn, time, margin)
+        inside = _near(turn, time)
         weight = (regressor / sigma)[inside]
         information = float(weight @ weight)
         if information > 0.0 and turn[1] - turn[0] > TURN_MARGIN and inside.sum() > 2:

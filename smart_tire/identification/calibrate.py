@@ -21,7 +21,7 @@ from smart_tire.analysis.figure import Figure
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film_gains import identify_gains
-from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.sequence import calibrate, Calibration, Inputs, REST, STRAIGHT, TURNS
 from smart_tire.identification.figures import icr_figure, motor_figure, stiffness_figure
 from smart_tire.identification.films import gain_parameters, read_crossings
@@ -61,7 +61,7 @@ def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: boo
                                        names=names)
                   for paths in bags.values() for path in paths}
 
-    def of(step: str) -> list[Recording]:
+    def of(step: str) -> list[CalibrationRecording]:
         return [recordings[path] for path in bags_of(bags, step)]
 
     # film gains only from turns: in starts and stops, the wheel angle between two samples is less

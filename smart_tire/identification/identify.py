@@ -25,7 +25,7 @@ from smart_tire.bags import STANDARD_NAMES, TopicNames
 from smart_tire.calibration import geometry, turning
 from smart_tire.calibration.film_gains import identify_gains
 from smart_tire.calibration.motor import identify_motor
-from smart_tire.calibration.recording import Recording
+from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.results import Found
 from smart_tire.calibration.stiffness import identify_stiffness
 from smart_tire.identification.figures import (
@@ -48,7 +48,7 @@ class Source:
     names: TopicNames = STANDARD_NAMES   # topics with other names in the bags
     lifted: Sequence[Path] = ()          # bags with all wheels off the ground
 
-    def recordings(self, bags: Sequence[Path] | None = None) -> list[Recording]:
+    def recordings(self, bags: Sequence[Path] | None = None) -> list[CalibrationRecording]:
         """Return ``bags``, by default those on the ground, as arrays."""
         return [read_recording(bag, self.robot, self.time_range, self.reference, duties=True,
                                names=self.names) for bag in (self.bags if bags is None else bags)]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Instants
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.recording import (
-    DutyRecord, ImuRecord, PoseRecord, Recording, WheelRecord)
+    CalibrationRecording, DutyRecord, ImuRecord, PoseRecord, WheelRecord)
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.estimates import PoseEstimate
 from smart_tire.estimation.streams import SLIP
@@ -45,7 +45,7 @@ class TimeRange:
 
 def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
                    reference: str = NO_REFERENCE, *, duties: bool = False,
-                   names: TopicNames = STANDARD_NAMES) -> Recording:
+                   names: TopicNames = STANDARD_NAMES) -> CalibrationRecording:
     """
     Return the inputs of a bag, in axes of ``base_link``, and the reference poses.
 
@@ -67,7 +67,7 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
     origin = int(min(imu.stamp_ns[0], wheels.stamp_ns[0]))
     imu, wheels = (stream.where(_in_range(stream.stamp_ns, origin, time_range))
                    for stream in (imu, wheels))
-    return Recording(ImuRecord.of(imu, origin, robot), WheelRecord.of(wheels, origin),
+    return CalibrationRecording(ImuRecord.of(imu, origin, robot), WheelRecord.of(wheels, origin),
                      _pose_record(recording.poses(), origin, time_range) if topic else None,
                      _duty_record(recording.stream(MotorCommand).ordered, origin))
 

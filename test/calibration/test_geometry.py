@@ -19,7 +19,7 @@ import pytest
 from smart_tire.calibration.geometry import (
     add_rest, combine, Geometry, halves, identify_geometry, JITTER, LATENCY, RADIUS, ROTATION,
     STATIC_IMU, TRACK as TRACK_NAME)
-from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
 from smart_tire.parameters import build, RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import GRAVITY
@@ -87,7 +87,7 @@ def test_a_tilt_adds_to_the_configured_mounting():
 def test_a_short_recording_gives_a_reason_for_each_quantity(recording):
     imu, wheels = recording.imu, recording.wheels
     few, early = imu.time < 2.0, wheels.time < 2.0
-    found = identify_geometry(Recording(
+    found = identify_geometry(CalibrationRecording(
         ImuRecord(imu.time[few], imu.rate[few], imu.force[few]),
         WheelRecord(wheels.time[early], wheels.velocity[early], wheels.position[early])), ROBOT)
     assert {LATENCY, RADIUS, TRACK_NAME, JITTER} <= set(found.refused)

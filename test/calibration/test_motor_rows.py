@@ -17,7 +17,8 @@ import math
 import numpy as np
 import pytest
 from smart_tire.calibration.motor_rows import COMMAND_DELAY, motor_rows
-from smart_tire.calibration.recording import DutyRecord, ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import (
+    CalibrationRecording, DutyRecord, ImuRecord, WheelRecord)
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
 
@@ -53,7 +54,7 @@ def recording(*, wheel_rate=16.0, jitter=0.0, seconds=12.0, duties=None, late=0.
     velocity = np.diff(position, axis=0) / np.diff(time)[:, None]
     force = np.zeros((len(imu_time), 3))
     force[:, 0] = RADIUS * acceleration(imu_time)
-    return Recording(
+    return CalibrationRecording(
         ImuRecord(imu_time, np.zeros((len(imu_time), 3)), force),
         WheelRecord(time[1:] + late, velocity, position[1:],
                     INERTIA * four(acceleration(time[1:]))), duties=duties)
@@ -109,7 +110,7 @@ def test_windows_with_a_standstill_a_reversal_or_a_gap_are_left_out():
     stopped = wheels.position.copy()
     stopped[96:] = stopped[96]
     for position in (stopped, np.abs(wheels.position - wheels.position[96])):
-        changed = Recording(run.imu, WheelRecord(
+        changed = CalibrationRecording(run.imu, WheelRecord(
             wheels.time, wheels.velocity, position, wheels.torque))
         rows = motor_rows(changed, ROBOT)
         near = np.abs(rows.time - wheels.time[96]) < 0.25
@@ -117,7 +118,7 @@ def test_windows_with_a_standstill_a_reversal_or_a_gap_are_left_out():
         assert (np.abs(rows.speed) > 1.0).all()
     kept = np.ones(len(wheels.time), bool)
     kept[96:100] = False
-    gap = Recording(run.imu, WheelRecord(
+    gap = CalibrationRecording(run.imu, WheelRecord(
         wheels.time[kept], wheels.velocity[kept], wheels.position[kept], wheels.torque[kept]))
     rows = motor_rows(gap, ROBOT)
     assert not (np.abs(rows.time - wheels.time[98]) < 0.25).any()
@@ -126,7 +127,7 @@ def test_windows_with_a_standstill_a_reversal_or_a_gap_are_left_out():
 def test_values_that_are_not_recorded_are_nan():
     run = recording()
     wheels = WheelRecord(run.wheels.time, run.wheels.velocity, run.wheels.position)
-    rows = motor_rows(Recording(run.imu, wheels), ROBOT)
+    rows = motor_rows(CalibrationRecording(run.imu, wheels), ROBOT)
     assert np.isnan(rows.torque).all() and np.isnan(rows.duty).all()
     assert np.isfinite(rows.force).all()
 
@@ -136,10 +137,10 @@ def test_torques_of_boards_that_are_read_in_turn_are_interpolated():
     torque = run.wheels.torque.copy()
     torque[::2, :2], torque[1::2, 2:] = np.nan, np.nan
     wheels = WheelRecord(run.wheels.time, run.wheels.velocity, run.wheels.position, torque)
-    rows = motor_rows(Recording(run.imu, wheels), ROBOT)
+    rows = motor_rows(CalibrationRecording(run.imu, wheels), ROBOT)
     assert rows.torque == pytest.approx(INERTIA * rows.acceleration, abs=1e-3)
     torque[400:420] = np.nan
-    rows = motor_rows(Recording(run.imu, wheels), ROBOT)
+    rows = motor_rows(CalibrationRecording(run.imu, wheels), ROBOT)
     gap = np.abs(rows.time - run.wheels.time[410]) < 0.2
     assert np.isnan(rows.torque[gap]).all()
     assert np.isfinite(rows.torque[np.abs(rows.time - run.wheels.time[410]) > 0.4]).all()
@@ -150,4 +151,4 @@ def test_too_few_readings_are_refused():
     wheels = WheelRecord(*(getattr(run.wheels, name)[:3] for name in (
         'time', 'velocity', 'position', 'torque')))
     with pytest.raises(EstimatorError, match='3 readings of the wheels'):
-        motor_rows(Recording(run.imu, wheels), ROBOT)
+        motor_rows(CalibrationRecording(run.imu, wheels), ROBOT)

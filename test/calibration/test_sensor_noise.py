@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
 from smart_tire.calibration.sensor_noise import (
     fit_jitter, fit_rest, motion_noise, stationary_intervals)
 from smart_tire.errors import EstimatorError
@@ -42,7 +42,7 @@ def stop_and_go(seed, *, tilt=(0.0, 0.0), legs=4, rest=6.0, drive=4.0, rate=100.
                     gravity + shaking * NOISE[1] * rng.standard_normal((len(time), 3)))
     stamps = time[::10]
     speed = np.where(moving[::10], 5.0, 0.0)[:, None] * np.ones(4)
-    return Recording(imu, WheelRecord(stamps, speed, None))
+    return CalibrationRecording(imu, WheelRecord(stamps, speed, None))
 
 
 def test_bias_and_noise_are_correct_within_their_standard_errors(seeds):

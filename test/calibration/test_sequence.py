@@ -16,9 +16,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from smart_tire.calibration import geometry, sequence
+from smart_tire.calibration import geometry, sensor_noise, sequence
 from smart_tire.calibration.ground_fit import SCALE
-from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
 from smart_tire.calibration.sequence import calibrate, Inputs
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.unknowns import Unknown
@@ -36,7 +36,7 @@ def recording(positions=True, vibration=0.0, speed=5.0, seconds=60.0):
     imu = np.arange(0.0, seconds, 0.01)
     time = TIME[seconds > TIME]
     velocity = np.full((len(time), 4), speed)
-    return Recording(
+    return CalibrationRecording(
         ImuRecord(imu, 0.01 * rng.standard_normal((len(imu), 3)),
                   (0.05 + vibration) * rng.standard_normal((len(imu), 3))),
         WheelRecord(time, velocity, np.cumsum(velocity, axis=0) * 0.0625 if positions else None))
@@ -57,7 +57,6 @@ class Fits:
         self.static, self.torques_used = STATIC, False
         self.unknowns = {}  # row -> estimate
         values = {
-            'fit_jitter': lambda one, robot: self.log('jitter', robot, Uncertain(0.002, 1e-4)),
             'fit_yaw_rate': lambda one, robot: self.log(
                 'latency', robot, SimpleNamespace(latency=self.latency)),
             'effective_track': lambda fits, radius: self.log(
@@ -76,6 +75,8 @@ class Fits:
             'combine_icr': lambda fits: fits[0]}
         for name, value in values.items():
             monkeypatch.setattr(sequence, name, value)
+        monkeypatch.setattr(sensor_noise, 'fit_jitter', lambda one, robot: self.log(
+            'jitter', robot, Uncertain(0.002, 1e-4)))
         monkeypatch.setattr(geometry, 'fit_rest',
                             lambda one, robot: self.log('rest', robot, self.static))
 
@@ -100,6 +101,21 @@ def fits(monkeypatch):
 def everything():
     one = recording()
     return Inputs([one], [one], [one])
+
+
+def test_the_jitter_is_that_of_turns_or_else_of_straight_motion(fits, monkeypatch):
+    def jitter(wheels, robot):
+        if wheels.position is None:
+            raise EstimatorError('no positions')
+        return Uncertain(0.003, 1e-4)
+
+    monkeypatch.setattr(sensor_noise, 'fit_jitter', jitter)
+    good, bad, name = recording(), recording(positions=False), 'encoder.stamp_jitter'
+    for turns, straight, step in (([bad, good], [bad], 'turns'), ([bad], [bad, good], 'straight')):
+        found = calibrate(Inputs((), straight, turns), ROBOT).found[name]
+        assert (found.value, found.step) == (0.003, step)
+    for turns, reason in (([bad], 'no positions'), ([], 'no recording in motion')):
+        assert calibrate(Inputs((), turns, turns), ROBOT).kept[name] == reason
 
 
 def test_each_identification_uses_the_results_of_the_former_ones(fits):

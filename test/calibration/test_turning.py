@@ -17,7 +17,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from smart_tire.calibration.latency import fit_yaw_rate
-from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import (
+    CalibrationRecording, ImuRecord, PoseRecord, WheelRecord)
 from smart_tire.calibration.turning import combine, effective_track, identify_icr
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import build, RobotParams
@@ -115,7 +116,7 @@ def turning(tracks, rates, *, bias=0.0, noise=0.01, latency=0.0, seed=0, positio
     half = 0.5 * np.interp(time, fine, difference)
     angle = np.stack([-half, half, -half, half], axis=1)
     velocity = np.vstack([np.zeros(4), np.diff(angle, axis=0) / 0.0625])
-    return Recording(ImuRecord(imu, rate, np.zeros((len(imu), 3))),
+    return CalibrationRecording(ImuRecord(imu, rate, np.zeros((len(imu), 3))),
                      WheelRecord(time + latency, velocity, angle if positions else None))
 
 

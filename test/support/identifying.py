@@ -17,7 +17,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.signal import oaconvolve
 from smart_tire.bags import BagWriter
-from smart_tire.calibration.recording import ImuRecord, PoseRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import (
+    CalibrationRecording, ImuRecord, PoseRecord, WheelRecord)
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
@@ -70,7 +71,7 @@ def recorded(run, reference_noise=None, seed=0):
         some = slice(None, None, 50)  # 20 Hz
         measured = run.pose[some] + reference_noise * rng.standard_normal(run.pose[some].shape)
         poses = PoseRecord(run.time[some], measured[:, :2], measured[:, 2])
-    return Recording(
+    return CalibrationRecording(
         ImuRecord(seconds_of(imu), np.array([s.rate for s in imu]),
                   np.array([s.acceleration for s in imu])),
         WheelRecord(seconds_of(wheels), np.array([s.velocity for s in wheels]),

@@ -17,7 +17,8 @@ from itertools import accumulate
 import math
 
 import numpy as np
-from smart_tire.calibration.recording import DutyRecord, ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import (
+    CalibrationRecording, DutyRecord, ImuRecord, WheelRecord)
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.control import WheelControllerParams
@@ -175,7 +176,7 @@ def recorded(events):
     imu, imu_time = of(ImuSample)
     wheels, wheel_time = of(WheelSample)
     commands, command_time = of(MotorCommand)
-    return Recording(
+    return CalibrationRecording(
         ImuRecord(imu_time, np.array([sample.rate for sample in imu]),
                   np.array([sample.acceleration for sample in imu])),
         WheelRecord(wheel_time, *(np.array([getattr(sample, name) for sample in wheels])

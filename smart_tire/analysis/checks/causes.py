@@ -41,7 +41,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.latency import min_interval, yaw_motion
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    ImuRecord, Indices, Recording, Signal, WheelRecord)
+    CalibrationRecording, ImuRecord, Indices, Signal, WheelRecord)
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
@@ -121,10 +121,11 @@ def mended(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording
     return found, replace(recording, mended=motion)
 
 
-Mended = tuple[list[Finding], Recording]
+Mended = tuple[list[Finding], CalibrationRecording]
 
 
-def _scaled(motion: Recording, factors: Array | float, order: Indices | None = None) -> Recording:
+def _scaled(motion: CalibrationRecording, factors: Array | float,
+            order: Indices | None = None) -> CalibrationRecording:
     """Return the recording with wheel speeds and positions times ``factors``."""
     wheels, rows = motion.wheels, np.arange(len(WHEELS)) if order is None else order
     position = None if wheels.position is None else wheels.position[:, rows] * factors
@@ -132,7 +133,7 @@ def _scaled(motion: Recording, factors: Array | float, order: Indices | None = N
         wheels.time, wheels.velocity[:, rows] * factors, position, wheels.torque))
 
 
-def _encoders(motion: Recording, robot: RobotParams) -> Mended:
+def _encoders(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """Mend wheels that stand still or turn backwards while their partner turns."""
     order, factors, found = np.arange(len(WHEELS)), np.ones(len(WHEELS)), []
     for wheel, other in stuck_wheels(motion.wheels.velocity):
@@ -146,7 +147,7 @@ def _encoders(motion: Recording, robot: RobotParams) -> Mended:
     return found, _scaled(motion, factors, order) if found else motion
 
 
-def _velocity_unit(motion: Recording, robot: RobotParams) -> Mended:
+def _velocity_unit(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """Mend velocities that are not the rate of change of the positions."""
     ratio, unit, mends_position = velocity_ratio(motion.wheels, robot)
     if ratio == 1.0:
@@ -159,7 +160,7 @@ def _velocity_unit(motion: Recording, robot: RobotParams) -> Mended:
         motion, wheels=mend)
 
 
-def _reversed_side(motion: Recording, robot: RobotParams) -> Mended:
+def _reversed_side(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """Mend one side that is reversed: the yaw rate follows the sum of the sides."""
     sides = sides_of(motion, robot)
     if sides is None or not (sides.opposite or abs(sides.mean) > limits.CLEAR_CORRELATION
@@ -182,7 +183,7 @@ def _signs(side: str) -> Array:
     return signs
 
 
-def _gyro_unit(motion: Recording, robot: RobotParams) -> Mended:
+def _gyro_unit(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """
     Mend a gyro in deg/s.
 
@@ -201,7 +202,7 @@ def _gyro_unit(motion: Recording, robot: RobotParams) -> Mended:
         motion, imu=imu)
 
 
-def _yaw_sign(motion: Recording, robot: RobotParams) -> Mended:
+def _yaw_sign(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """Mend a yaw rate of the opposite sign: swapped sides, reversed wheels, reversed gyro."""
     sides = sides_of(motion, robot)
     if sides is None or not sides.difference < -limits.MIN_CORRELATION:
@@ -221,7 +222,8 @@ def _yaw_sign(motion: Recording, robot: RobotParams) -> Mended:
     return [finding('yaw_sign', 'imu/data')], swapped
 
 
-def _mounting(motion: Recording, robot: RobotParams) -> tuple[float, Recording]:
+def _mounting(motion: CalibrationRecording,
+              robot: RobotParams) -> tuple[float, CalibrationRecording]:
     """Return the yaw [rad] by which the IMU is turned, 0 unless it is clear, and mend it."""
     sides, fit = sides_of(motion, robot), planar_fit(motion, robot)
     if sides is None or fit is None or not fit.determined or abs(fit.angle) < limits.MAX_YAW:
@@ -235,7 +237,7 @@ def _mounting(motion: Recording, robot: RobotParams) -> tuple[float, Recording]:
         motion.imu, rate=motion.imu.rate @ turn.T, force=motion.imu.force @ turn.T))
 
 
-def sides_of(motion: Recording, robot: RobotParams) -> Sides | None:
+def sides_of(motion: CalibrationRecording, robot: RobotParams) -> Sides | None:
     """Return how the yaw rate follows the wheels; None if nothing moves."""
     found = _intervals(motion, robot)
     if found is None:
@@ -250,7 +252,7 @@ def sides_of(motion: Recording, robot: RobotParams) -> Sides | None:
                  and turning < limits.NO_TURN * wheels)
 
 
-def planar_fit(motion: Recording, robot: RobotParams) -> PlanarFit | None:
+def planar_fit(motion: CalibrationRecording, robot: RobotParams) -> PlanarFit | None:
     """Return the regression of the horizontal force; None if nothing moves."""
     found = _intervals(motion, robot)
     if found is None:
@@ -273,7 +275,7 @@ def planar_fit(motion: Recording, robot: RobotParams) -> PlanarFit | None:
                      float(np.sum(fit.residuals ** 2) / max(np.sum(signal ** 2), 1e-12)))
 
 
-def _intervals(motion: Recording, robot: RobotParams
+def _intervals(motion: CalibrationRecording, robot: RobotParams
                ) -> tuple[Array, Array, Array, Array, Array] | None:
     """Return time (n,), wheel speeds (n, 2), yaw rate, its change, force (n, 2); None if few."""
     try:

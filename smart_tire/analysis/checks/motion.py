@@ -33,7 +33,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     fit_speed_changes, moving_intervals, yaw_motion)
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import Mask, Recording, side_slip, Signal
+from smart_tire.calibration.recording import CalibrationRecording, Mask, side_slip, Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
@@ -153,7 +153,7 @@ def _halves(recording: CheckedRecording) -> Iterator[CheckedRecording]:
     total = np.cumsum(np.abs(data.yaw_rate))
     middle = float(data.time[np.searchsorted(total, 0.5 * total[-1])])
     for first in (True, False):
-        yield replace(recording, mended=Recording(
+        yield replace(recording, mended=CalibrationRecording(
             motion.imu.where((motion.imu.time < middle) == first),
             motion.wheels.where((motion.wheels.time < middle) == first)))
 

@@ -24,7 +24,7 @@ from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.stalls import Stalls
 from smart_tire.bags import Bag
 from smart_tire.calibration.latency import fit_yaw_rate, YawRateFit
-from smart_tire.calibration.recording import ImuRecord, Recording, WheelRecord
+from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
@@ -59,7 +59,7 @@ class CheckedRecording:
     statuses: tuple[tuple[int, NodeStatus], ...] = ()  # timestamps [ns], diagnostics of nodes
     live: bool = False              # a few seconds of a running robot
     host: HostLoad | None = None    # of a running robot; reported elsewhere if it is late
-    mended: Recording | None = None  # IMU and wheels without the errors that were found
+    mended: CalibrationRecording | None = None  # IMU and wheels without the errors that were found
 
     def of(self, topic: str) -> list[Stream]:
         """Return the streams of ``topic``, by wheel; films without other numbers of them."""
@@ -100,14 +100,14 @@ class CheckedRecording:
                     if (stream.stamp_ns > 0).any()), default=0)
 
     @cached_property
-    def motion(self) -> Recording | None:
+    def motion(self) -> CalibrationRecording | None:
         """Return IMU, in axes of ``base_link``, and wheels; None without enough of both."""
         if self.mended is not None:
             return self.mended
         imu, wheels = self.imu.ordered, self.wheels.ordered
         if min(len(imu), len(wheels)) < limits.MIN_READINGS:
             return None
-        return Recording(ImuRecord.of(imu, self.origin_ns, self.robot),
+        return CalibrationRecording(ImuRecord.of(imu, self.origin_ns, self.robot),
                          WheelRecord.of(wheels, self.origin_ns))
 
     @cached_property
