@@ -336,9 +336,8 @@ class Measurements:
             measured = np.array([one.slip, one.ratio])
             found[rows, rows] += at @ one.covariance @ at.T + (
                 one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured)
-                + RELAXATION_ERROR ** 2 * (  # in full sliding, slip / t is that of the ground
-                    np.outer(transient[rows], transient[rows]) if one.sliding
-                    else np.diag(transient[rows] ** 2)))
+                + (np.outer(transient[rows], transient[rows]) if one.sliding  # slip / t stays
+                   else np.diag(transient[rows] ** 2)))
         return found
 
     def at(self, passages: list[Passage], x: Array, events: Array, states: Array) -> Array:
