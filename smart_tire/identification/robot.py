@@ -67,9 +67,10 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
     origin = int(min(imu.stamp_ns[0], wheels.stamp_ns[0]))
     imu, wheels = (stream.where(_in_range(stream.stamp_ns, origin, time_range))
                    for stream in (imu, wheels))
-    return CalibrationRecording(ImuRecord.of(imu, origin, robot), WheelRecord.of(wheels, origin),
-                     _pose_record(recording.poses(), origin, time_range) if topic else None,
-                     _duty_record(recording.stream(MotorCommand).ordered, origin))
+    return CalibrationRecording(
+        ImuRecord.of(imu, origin, robot), WheelRecord.of(wheels, origin),
+        _pose_record(recording.poses(), origin, time_range) if topic else None,
+        _duty_record(recording.stream(MotorCommand).ordered, origin))
 
 
 def check_all_measured(robot: RobotParams, quantity: str) -> None:

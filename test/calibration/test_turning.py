@@ -116,8 +116,9 @@ def turning(tracks, rates, *, bias=0.0, noise=0.01, latency=0.0, seed=0, positio
     half = 0.5 * np.interp(time, fine, difference)
     angle = np.stack([-half, half, -half, half], axis=1)
     velocity = np.vstack([np.zeros(4), np.diff(angle, axis=0) / 0.0625])
-    return CalibrationRecording(ImuRecord(imu, rate, np.zeros((len(imu), 3))),
-                     WheelRecord(time + latency, velocity, angle if positions else None))
+    return CalibrationRecording(
+        ImuRecord(imu, rate, np.zeros((len(imu), 3))),
+        WheelRecord(time + latency, velocity, angle if positions else None))
 
 
 def track_of(run):

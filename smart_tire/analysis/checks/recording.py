@@ -108,7 +108,7 @@ class CheckedRecording:
         if min(len(imu), len(wheels)) < limits.MIN_READINGS:
             return None
         return CalibrationRecording(ImuRecord.of(imu, self.origin_ns, self.robot),
-                         WheelRecord.of(wheels, self.origin_ns))
+                                    WheelRecord.of(wheels, self.origin_ns))
 
     @cached_property
     def yaw_rate_fit(self) -> YawRateFit | None:
