@@ -133,10 +133,10 @@ class LastingError:
         self._recent -= math.expm1(-dt / PUSH_TIME) * (y - self._recent)
         kept = math.exp(-dt / MODEL_TIME)
         self._mean += (1.0 - kept) * (y - self._mean)
-        change, usual = (self._recent - self._mean) ** 2, self._level.variance
-        self._level.add_square(min(change, MAX_NIS * usual), dt)
+        change, level = (self._recent - self._mean) ** 2, self._level.variance
+        self._level.add_square(min(change, MAX_NIS * level), dt)
         self._change *= kept
-        if change > PUSH_SIGMAS ** 2 * usual:
+        if change > PUSH_SIGMAS ** 2 * level:
             self._change = max(self._change, change)
         return BALANCE_SIGMA ** 2 + self._change
 
