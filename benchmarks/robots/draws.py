@@ -101,7 +101,7 @@ DISTRIBUTIONS: Mapping[str, Distribution] = {
     'resistance_share': Distribution(
         'uniform', (0.0, 1.0), 1.0, '-', 'PHYSICS D, lateral share'),
     'stiffness_ratio': Distribution(
-        'uniform', (0.6, 1.0), 1.0, '-', 'issue 22, C_y / C_x'),
+        'uniform', (0.6, 1.0), 1.0, '-', 'assumed, C_y / C_x'),
     'fall': Distribution(
         'uniform', (0.0, 0.45), 0.0, '-', 'Magic Formula, C = 1.65: falls to 0.52'),
     'relaxation_length': Distribution(
@@ -109,11 +109,11 @@ DISTRIBUTIONS: Mapping[str, Distribution] = {
     'load_transfer_time': Distribution(
         'uniform', (0.01, 0.06), LOAD_TRANSFER_TIME, 's', 'Plant: 0.02 s'),
     'slope': Distribution(
-        'uniform', (0.0, 0.030), 0.0, 'rad', 'issue 22, rms'),
+        'uniform', (0.0, 0.030), 0.0, 'rad', 'assumed, rms'),
     'center_of_mass': Distribution(
         'uniform', (-1.0, 1.0), 0.0, '-', 'of the range of the row', 2),
     'wheel_radius': Distribution(
-        'uniform', (0.99, 1.01), 1.0, '-', 'issue 22, of the nominal one'),
+        'uniform', (0.99, 1.01), 1.0, '-', 'assumed, of the nominal one'),
     'friction': Distribution(
         'uniform', (0.9, 1.1), 1.0, '-', 'mu of each surface, nominal', 5),
     'stiffness': Distribution(
@@ -129,9 +129,9 @@ DISTRIBUTIONS: Mapping[str, Distribution] = {
     'gain': Distribution(
         'gaussian', (1.0, 0.03), 1.0, '-', 'FilmParams.stretch_gain_tolerance', 4),
     'yaw_inertia': Distribution(
-        'uniform', (0.9, 1.1), 1.0, '-', 'issue 22, of the nominal one'),
+        'uniform', (0.9, 1.1), 1.0, '-', 'assumed, of the nominal one'),
     'mass': Distribution(
-        'uniform', (0.97, 1.03), 1.0, '-', 'issue 22, of the nominal one'),
+        'uniform', (0.97, 1.03), 1.0, '-', 'assumed, of the nominal one'),
     'bump_height': Distribution(
         'uniform', (0.08, 0.18), 0.125, '-', 'paper B, Fig. 11(b): 0.10-0.15', 2),
     'bump_distance': Distribution(

@@ -39,6 +39,9 @@ CONTROL_PERIOD_STEPS = 20     # plant steps between two steps of the speed contr
 MAX_SET_POINT_RATE = 20.0     # rad/s2, of the wheel speeds
 SPEED_KP = 0.1                # s/rad, duty per speed error
 SPEED_KI = 0.5                # 1/rad, duty per integrated speed error
+# Gains relative to those that bring a wheel without load to its set point within a control period:
+# above 2 a slipping wheel oscillates. Robots with wheels of smaller inertia have smaller gains.
+MAX_RELATIVE_GAIN = 1.25      # -, that of the nominal robot
 
 
 def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
@@ -53,7 +56,7 @@ def simulate(params: SimulatorParams, schedule: Schedule, duration: float, *,
     lossy radio, and ``ground_truth/*``. The same seed gives the same events. ``plant`` may differ.
     """
     robot, host = Robot(params, plant), SimulatedHost(params, wheel_rate, start_ns)
-    control = _SpeedControl(_as_function(schedule), params.drive.free_speed)
+    control = _SpeedControl(_as_function(schedule), params)
     duty: Four = (0.0, 0.0, 0.0, 0.0)
     for step in range(round(duration / TIME_STEP)):
         if step % CONTROL_PERIOD_STEPS == 0:
@@ -79,8 +82,11 @@ class _SpeedControl:
     """PI speed control of a schedule, in place of the node wheel_controller."""
 
     def __init__(self, schedule: Callable[[float], tuple[float, float]],
-                 free_speed: float) -> None:
-        self._schedule, self._free_speed = schedule, free_speed
+                 params: SimulatorParams) -> None:
+        drive, period = params.drive, CONTROL_PERIOD_STEPS * TIME_STEP
+        within_period = params.robot.motor.inertia / (drive.stall_torque * period)  # s/rad
+        self._schedule, self._free_speed = schedule, drive.free_speed
+        self._gain = min(1.0, MAX_RELATIVE_GAIN * within_period / SPEED_KP)
         self._set_point = [0.0] * 4  # rad/s
         self._integral = [0.0] * 4   # duty
 
@@ -94,8 +100,9 @@ class _SpeedControl:
         limit = MAX_SET_POINT_RATE * dt
         self._set_point[i] += min(max(scheduled - self._set_point[i], -limit), limit)
         error = self._set_point[i] - speed
-        integral = self._integral[i] + SPEED_KI * error * dt
-        duty = self._set_point[i] / self._free_speed + SPEED_KP * error + integral
+        integral = self._integral[i] + self._gain * SPEED_KI * error * dt
+        duty = (self._set_point[i] / self._free_speed + self._gain * SPEED_KP * error
+                + integral)
         if abs(duty) < 1.0 or error * duty < 0.0:
             self._integral[i] = integral
         return min(max(duty, -1.0), 1.0)

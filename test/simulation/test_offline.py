@@ -77,6 +77,19 @@ def test_wheel_speeds_follow_the_schedule(events):
     np.testing.assert_allclose(rpm.mean(axis=0), [120, 60, 120, 60], rtol=0.01)
 
 
+@pytest.mark.parametrize('inertia', [0.008, 0.004])
+def test_sliding_wheels_follow_the_schedule_without_oscillation(inertia):
+    params = build(SimulatorParams, {
+        'motor.inertia': inertia, 'ground.base': 'concrete', 'ground.names': ['concrete'],
+        'ground.friction': [0.02], 'ground.stiffness': [52.7], 'ground.drag': [0.0],
+        'ground.patches.names': []})
+    speeds = np.array([sample.velocity for sample in of(
+        simulate(params, [(0.5, 120, 60)], 3.0), 'wheel_states')
+        if sample.stamp_ns > EPOCH_NS + 2 * NS_PER_S])
+    np.testing.assert_allclose(speeds, np.broadcast_to([4 * np.pi, 2 * np.pi] * 2, speeds.shape),
+                               atol=1.0)  # jitter of the stamps: .6 rad/s
+
+
 def test_mean_speed_and_position_of_wheels_agree(events):
     states = of(events, 'wheel_states')
     for before, after in zip(states, states[1:]):
