@@ -171,7 +171,7 @@ class WindowFit:
         acting[MOVED] = bool(hypothesis.lifts)
         shown = np.concatenate([[0], acting * np.cumsum(acting)])  # runs by unknown
         for iteration in range(ITERATIONS if known else MOST_ITERATIONS):
-            steps[-1] = self._friction_step(x, covariance)
+            steps[-1] = self._friction_step(x, prior.covariance)
             runs = np.tile(x, (DYNAMIC + 2, 1))
             runs[range(1, DYNAMIC + 2), (*range(DYNAMIC), Unknown.FRICTION)] += steps
             used = runs[np.concatenate([[True], acting])]
@@ -233,8 +233,10 @@ class WindowFit:
         """
         Return the step of ln mu for its secant: up to the mean of its prior, 1 to 2 sigmas.
 
-        A tire that adheres shows less of its friction, the larger it is. The local derivative at a
-        friction that is too low would claim to exclude a larger one, for all windows that follow.
+        ``covariance`` is that before the window: a fit at a friction that is too low has a small
+        one of its own. A tire that adheres shows less of its friction, the larger it is. The local
+        derivative at a friction that is too low would claim to exclude a larger one, for all
+        windows that follow.
         Tires that slide are the other way round: there friction and rolling resistance have the
         same local derivative, and the secant would claim to distinguish them.
         """

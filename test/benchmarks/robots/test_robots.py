@@ -150,9 +150,9 @@ def test_starts_and_stops_with_a_relaxation_length_are_no_changes_of_the_ground(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize('seed', [9039, 9045, 9053])
+@pytest.mark.parametrize('seed', [9039, 9040, 9045, 9053])
 def test_friction_on_straight_starts_and_stops_is_within_four_sigmas(seed):
-    """Three of 60 robots: up to 12 with films that ignore the relaxation of tires."""
+    """Up to 12 with films that ignore the relaxation of tires; 9040: with a short secant."""
     errors = run_robot(draw('straight', seed)).errors[MU]
     known = np.isfinite(errors.error) & np.isfinite(errors.sigma)
     assert np.abs(errors.error[known] / errors.sigma[known]).max(initial=0.0) < 4.0

@@ -573,8 +573,9 @@ def test_the_position_of_the_imu_is_found_where_it_was_not_measured(samples):
 
 def test_the_friction_of_a_crossing_is_unknown_while_the_ground_may_change(ridden):
     _, estimator, found = ridden
-    solution = next(one for one in reversed(found) if one.hypothesis.disturbances
-                    and one.hypothesis.disturbances[-1][1] < one.end - 0.1)
+    solution = min((one for one in found if one.hypothesis.disturbances
+                    and one.hypothesis.disturbances[-1][1] < one.end - 0.1),
+                   key=lambda one: one.fit.covariance[Unknown.FRICTION, Unknown.FRICTION])
     begin, end = solution.hypothesis.disturbances[-1]
 
     def friction(time):
