@@ -445,8 +445,11 @@ class SlipFilter:
         y = arm * W - x[State.V_Y]
         # slip that varies moves the ICRs forward and backward by a share of the wheelbase
         h = self._by_slip(h)
+        # tires that slide share their force as their slip: F_y = F v_y / slip velocity
         sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
-                           * W * self._robot.wheelbase)
+                           * W * self._robot.wheelbase,
+                           0.5 * sum(x[row] for row in SLIP_VELS)
+                           * math.sqrt(self._slopes[0].variance) / self.forces.least_friction)
         variance = sigma ** 2 * 2.0 * SLIP_CORRELATION_TIME / max(duration, 1e-3)
         self.kalman.correct(
             y, h, variance,

@@ -241,6 +241,14 @@ class ForceBalance:
         return self.active and variance < MAX_LN_STIFFNESS ** 2
 
     @property
+    def least_friction(self) -> float:
+        """Return the friction coefficient less two sigmas; infinite without a ``ground_state``."""
+        if not self.active:
+            return math.inf
+        sigma = math.sqrt(self._kalman.P[State.LN_FRICTION, State.LN_FRICTION])
+        return self._given[1] * math.exp(float(self._kalman.x[State.LN_FRICTION]) - 2.0 * sigma)
+
+    @property
     def follows(self) -> bool:
         """Return whether the ground is estimated, after a change that the filter has found."""
         return self._since_change < EXPIRY_TIME

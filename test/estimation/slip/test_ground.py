@@ -13,6 +13,7 @@
 from dataclasses import replace
 from functools import cache
 import math
+from types import SimpleNamespace
 
 from benchmarks.events import inputs_of, truth_of
 from benchmarks.motion import (
@@ -28,7 +29,7 @@ from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.ground import LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, ImuReading, ImuStep, MODEL_TIME, N, PUSH_TIME, State)
+    BALANCE_SIGMA, ImuReading, ImuStep, MODEL_TIME, N, PUSH_TIME, SLIP_CORRELATION_TIME, State)
 from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import (
@@ -200,6 +201,26 @@ def test_nothing_is_hidden_on_a_ground_that_is_given():
     slip_filter._sides = [0.7, 0.7]
     slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
     assert slip_filter.hidden_variance == (0.0, 0.0)
+
+
+def test_tires_that_slide_along_hold_the_lateral_speed_less():
+    """A slope is held by F v_y / slip velocity, with mu two sigmas low in F = mu m g."""
+    def noise(slip, friction=None):
+        slip_filter, found = SlipFilter(PARAMS), []
+        slip_filter.kalman.x[State.SLIP_VEL_L] = slip_filter.kalman.x[State.SLIP_VEL_R] = slip
+        if friction is not None:
+            slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0), friction))
+        slip_filter.kalman = SimpleNamespace(
+            x=slip_filter.kalman.x, correct=lambda *args: found.append(args[2]))
+        slip_filter.correct_lateral(0.0, 2.0 * SLIP_CORRELATION_TIME)
+        return found[0] - PARAMS.lateral_sigma ** 2
+
+    ice = Uncertain(0.1, 0.01)
+    least = 0.1 * math.exp(-2.0 * 0.1)
+    assert noise(0.5) == pytest.approx(0.0)  # ground not given
+    assert noise(0.0, ice) == pytest.approx(0.0)
+    assert noise(0.5, ice) == pytest.approx((0.5 * PARAMS.slope_sigma / least) ** 2)
+    assert noise(-0.5, ice) == noise(0.5, ice)
 
 
 @pytest.mark.parametrize(('given', 'sigma', 'taken'), [
