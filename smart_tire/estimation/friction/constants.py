@@ -64,4 +64,6 @@ MAX_INVERSE_SIGMA = 0.35  # of 1 / mu over that of a likely surface, to be infor
 MIN_RELATIVE_SIGMA = 0.12  # of 1 / mu, informative on every surface; wet tiles
 MAX_MU = 4.0             # far beyond any surface; noisy
 DEVIATIONS = np.linspace(-6.0, 6.0, 301)  # of 1 / mu in the posterior, in sigmas; derived; noisy
+MAX_CONTRADICTION = 13.8  # squared normalized difference of the films from the motion: 1 in 1000,
+#                           beyond which mu is unknown: the ground has just changed; jumps
 MAX_WAIT_NS = 2_000_000_000  # of a crossing for a window of the ground; derived; standstill
