@@ -109,6 +109,10 @@ DONE_SHARE = 0.5      # of the yaw tolerance; the rest is for the rotation that 
 HOLD_GAIN, MAX_HOLD_SPEED = 3.0, 0.1
 PROJECTION_WINDOW = 0.2  # m, and twice the distance driven since; assumed; crossings of a path
 MAX_SETTLING = 1.0       # s, wait for standstill between maneuvers; assumed; test_path_follower
+# After the last command; longer than the time-outs of bases (0.25 to 0.5 s), after which they
+# release the motors and twisted tires unwind; assumed; test_arrival
+RELEASE_TIME = 1.0       # s
+MAX_APPROACHES = 2       # that are repeated; assumed; test_arrival
 MAX_ALIGN_FACTOR = 2.0   # of align_angle, while driving; assumed; test_path_follower
 
 # -- geometry of paths ---------------------------------------------------------------------------

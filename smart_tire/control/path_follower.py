@@ -21,6 +21,7 @@ from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.motion_limits import MotionLimits
 from smart_tire.control.path_geometry import FORWARD, Maneuver, PathPoint, Segment, Spin
 from smart_tire.parameters.control import TrajectoryControllerParams
+from smart_tire.samples import Vector3
 
 
 class SpinControl:
@@ -120,15 +121,11 @@ class PathFollower:
         return maneuver if isinstance(maneuver, Segment) else None
 
     @property
-    def end_segment(self) -> Segment | None:
-        """Last segment."""
-        segments = [one for one in self._maneuvers if isinstance(one, Segment)]
-        return segments[-1] if segments else None
-
-    @property
-    def on_last_segment(self) -> bool:
-        """Whether no segment comes after the present maneuver."""
-        return all(isinstance(one, Spin) for one in self._maneuvers[self._number + 1:])
+    def end(self) -> Vector3:
+        """End of the last segment, x and y [m], and the yaw [rad] after it; NaN if it is any."""
+        *_, segment = (one for one in self._maneuvers if isinstance(one, Segment))
+        last = self._maneuvers[-1]
+        return (*segment.end, last.yaw if isinstance(last, Spin) else math.nan)
 
     def remaining_distance(self) -> float:
         """Return the distance [m] along the path to its end."""

@@ -21,8 +21,9 @@ from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.history import History
 from smart_tire.control.path_follower import Advance, PathFollower
 from smart_tire.parameters.control import TrajectoryControllerParams
+from smart_tire.parameters.path_following import ArrivalParams
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WheelSample
+from smart_tire.samples import LEFT, NS_PER_S, RIGHT, Vector3, WheelSample
 
 Distances = tuple[float, float]  # m: mean of both sides, and half of right - left
 
@@ -118,6 +119,18 @@ def _finite(values: Iterable[float]) -> list[float]:
     return [value for value in values if math.isfinite(value)]
 
 
+def arrival_error(motion: Motion, end: Vector3, arrival: ArrivalParams) -> str:
+    """Return how far the robot is from its ``end`` (x, y, yaw or NaN); empty if it is there."""
+    x, y, yaw = end
+    miss, turn = math.hypot(motion.x - x, motion.y - y), abs(wrap(motion.yaw - yaw))
+    if miss > arrival.xy_tolerance:
+        return f'{miss:.3f} m from the end, expected at most {arrival.xy_tolerance:g} m'
+    if turn > arrival.yaw_tolerance:
+        return f'{turn:.3f} rad from the yaw at the end, expected at most ' + (
+            f'{arrival.yaw_tolerance:g} rad')
+    return ''
+
+
 class ProgressMonitor:
     """
     Watches the distance from the path, and the progress along it.
@@ -133,7 +146,6 @@ class ProgressMonitor:
         self._mark: Advance | None = None  # at ``_mark_ns``
         self._mark_ns = 0
         self._allowed = math.inf  # m, from the path: the robot may begin off it
-        self._checked_end = False
 
     def waiting(self, now_ns: int) -> str:
         """Return the reason to stop while there is no odometry yet; empty if there is none."""
@@ -146,7 +158,7 @@ class ProgressMonitor:
     def check(self, follower: PathFollower, motion: Motion, now_ns: int,
               params: TrajectoryControllerParams) -> str:
         """Return the reason to stop; empty if there is none."""
-        return (self._check_error(follower, params) or self._check_end(follower, motion, params)
+        return (self._check_error(follower, params)
                 or self._check_progress(follower, motion, now_ns, params))
 
     def _check_error(self, follower: PathFollower, params: TrajectoryControllerParams) -> str:
@@ -160,20 +172,6 @@ class ProgressMonitor:
         if error <= max(self._allowed, limit):
             return ''
         return f'{error:.2f} m from the path, expected at most {self._allowed:g} m'
-
-    def _check_end(self, follower: PathFollower, motion: Motion,
-                   params: TrajectoryControllerParams) -> str:
-        """Check the distance from the end once the last segment has been driven."""
-        segment = follower.end_segment
-        driven = follower.finished or (follower.segment is None and follower.on_last_segment)
-        if segment is None or not driven or self._checked_end:
-            return ''
-        self._checked_end = True
-        x, y = segment.end
-        miss, limit = math.hypot(motion.x - x, motion.y - y), params.arrival.xy_tolerance
-        if miss <= limit:
-            return ''
-        return f'{miss:.3f} m from the end of the path, expected at most {limit:g} m'
 
     def _check_progress(self, follower: PathFollower, motion: Motion, now_ns: int,
                         params: TrajectoryControllerParams) -> str:

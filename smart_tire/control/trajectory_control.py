@@ -20,15 +20,16 @@ from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor, wrap
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_follower import Conditions, PathFollower
+from smart_tire.control.path_geometry import Maneuver
 from smart_tire.control.path_plan import (
     check_goal, check_path, check_start, goal_in, plan_goal, plan_path)
 from smart_tire.control.slip_kinematics import SlipKinematics
-from smart_tire.control.stop_conditions import OdometryCheck, ProgressMonitor
+from smart_tire.control.stop_conditions import arrival_error, OdometryCheck, ProgressMonitor
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import (
-    GoalPose, GroundState, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, VelocityCommand,
-    WheelSample, WheelSlip)
+    GoalPose, GroundState, NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, Vector3,
+    VelocityCommand, WheelSample, WheelSlip)
 
 
 class PathState(IntEnum):
@@ -69,6 +70,9 @@ class TrajectoryControl:
         self._target: PlannedPath | GoalPose | None = None
         self._follower: PathFollower | None = None
         self._goal: GoalPose | None = None  # that the follower drives to
+        self._released_ns: int | None = None  # since when the robot is left alone at its end
+        self._approaches = 0                 # that were repeated
+        self._end_pose: Vector3 | None = None  # of the first approach
         self._progress = ProgressMonitor()
         self._stepped_ns: int | None = None
         self._stop_due = False             # a command of zero is to be published
@@ -211,7 +215,12 @@ class TrajectoryControl:
             maneuvers = plan_goal((motion.x, motion.y, motion.yaw), target.pose,
                                   tolerance=params.arrival.xy_tolerance,
                                   reverse_distance=params.arrival.reverse_distance)
-        self._follower = PathFollower(maneuvers, *self._last)
+        self._approaches, self._end_pose = 0, None
+        self._drive(maneuvers)
+
+    def _drive(self, maneuvers: tuple[Maneuver, ...]) -> None:
+        """Begin with ``maneuvers``."""
+        self._follower, self._released_ns = PathFollower(maneuvers, *self._last), None
         self._progress = self._new_monitor()
 
     def _new_monitor(self) -> ProgressMonitor:
@@ -226,7 +235,7 @@ class TrajectoryControl:
         """
         goal, arrival = self._goal, self.params.arrival
         if (goal is None or not isinstance(target, GoalPose) or self._follower is None
-                or self._follower.finished):
+                or self._follower.finished and self._released_ns is None):
             return False
         x, y, yaw = (new - old for new, old in zip(target.pose, goal.pose))
         return math.hypot(x, y) <= arrival.xy_tolerance and (
@@ -253,12 +262,42 @@ class TrajectoryControl:
         self._last = follower.step(Conditions(motion, dt, limits, params, drift))
         if self._target is not None:  # the robot stops before it drives there
             return VelocityCommand(now_ns, *self._compensated(now_ns))
-        reason = self._progress.check(follower, self._motion.motion, now_ns, params)
-        if follower.finished or reason:
-            self._end(PathState.STOPPED if reason else PathState.ARRIVED, reason, Cause.MOTION)
-            self.holding = params.hold_on_arrival and not reason
+        if reason := self._progress.check(follower, self._motion.motion, now_ns, params):
+            self._end(PathState.STOPPED, reason, Cause.MOTION)
             return self._stop(now_ns)
+        if follower.finished:
+            return self._finish(follower, now_ns)
         return VelocityCommand(now_ns, *self._compensated(now_ns))
+
+    def _finish(self, follower: PathFollower, now_ns: int) -> VelocityCommand | None:
+        """
+        Arrive, if the robot is where it was to be once it has come to rest; or approach again.
+
+        Tires that are twisted by a turn move the robot when the motors are released.
+        """
+        params, motion, released_ns = self.params, self._motion.motion, self._released_ns
+        if released_ns is None:
+            released_ns = self._released_ns = now_ns
+        elapsed = (now_ns - released_ns) / NS_PER_S
+        wait = c.RELEASE_TIME if motion.at_rest() else c.RELEASE_TIME + c.MAX_SETTLING
+        if elapsed < wait:
+            zero = params.hold_on_arrival or released_ns == now_ns
+            return VelocityCommand(now_ns, 0.0, 0.0) if zero else None
+        if self._end_pose is None:
+            self._end_pose = self._goal.pose if self._goal is not None else follower.end
+        end = self._end_pose
+        if not (reason := arrival_error(motion, end, params.arrival)):
+            self._end(PathState.ARRIVED)
+            self._stop_due, self.holding = False, params.hold_on_arrival
+        elif self._approaches < c.MAX_APPROACHES:
+            self._approaches += 1
+            self._drive(plan_goal((motion.x, motion.y, motion.yaw), end,
+                                  tolerance=params.arrival.xy_tolerance,
+                                  reverse_distance=params.arrival.reverse_distance))
+            return VelocityCommand(now_ns, 0.0, 0.0)
+        else:
+            self._end(PathState.STOPPED, reason, Cause.MOTION)
+        return self._stop(now_ns)
 
     def _compensated(self, now_ns: int) -> tuple[float, float]:
         """Return the command for the wanted motion of the body, within its bounds."""

@@ -137,6 +137,12 @@ def test_a_turn_in_place_waits_for_a_slow_robot():
     assert PathFollower((Spin(1.0),), 0.09, 0.0).step(at())[1] > 0.0
 
 
+def test_the_end_is_that_of_the_last_segment_with_the_yaw_of_a_turn_after_it():
+    *position, yaw = PathFollower((line(1.0), Spin(2.0), line(2.0)), 0.0, 0.0).end
+    assert (position, math.isnan(yaw)) == ([2.0, 0.0], True)
+    assert PathFollower((line(1.0), Spin(2.0)), 0.0, 0.0).end == (1.0, 0.0, 2.0)
+
+
 def test_numbers_of_progress():
     follower = PathFollower((line(1.0), line(2.0), Spin(2.0)), 0.0, 0.0)
     assert follower.remaining_distance() == 3.0
@@ -145,12 +151,9 @@ def test_numbers_of_progress():
     follower.step(at(0.1))
     assert follower.remaining_distance() == pytest.approx(2.9)
     assert follower.advance() == (0, pytest.approx(-2.9), -math.inf)
-    assert not follower.on_last_segment
     turning = PathFollower((Spin(2.0),), 0.0, 0.0)
     turning.step(at(yaw=0.5))
     assert turning.advance() == (0, 0.0, -1.5)
-    assert turning.on_last_segment
-    assert turning.end_segment is None
 
 
 def test_the_projection_advances_within_its_window():

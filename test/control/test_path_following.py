@@ -132,9 +132,10 @@ def test_goals_are_reached(goal, start_yaw):
     assert np.abs(np.diff(log[:, 3])).sum() < math.pi + 1.6  # no detour at +-pi
 
 
-def test_a_goal_within_the_tolerance_is_reached_at_once():
+def test_a_goal_within_the_tolerance_is_reached_without_driving():
     run = Run().start(GoalPose(0, 'odom', (0.04, 0.0, NAN)))
     assert run.step().v_x == 0.0
+    assert [run.step() for _ in range(20)] == [None] * 20
     assert run.control.state == PathState.ARRIVED
 
 

@@ -17,16 +17,15 @@ from itertools import product
 import math
 
 from benchmarks.control.closed_loop import run_closed_loop
-import numpy as np
 import pytest
 
 from smart_tire.control.constants import CLOCK_JUMP_NS
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.path_follower import Advance
-from smart_tire.control.path_geometry import PathPoint, Segment
+from smart_tire.control.path_geometry import PathPoint
 from smart_tire.control.path_library import figure_eight, square
 from smart_tire.control.stop_conditions import (
-    contradict, OdometryCheck, ProgressMonitor, Travel)
+    arrival_error, contradict, OdometryCheck, ProgressMonitor, Travel)
 from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
@@ -39,7 +38,6 @@ from support.cases import long
 PARAMS = TrajectoryControllerParams(
     checks=PathCheckParams(progress_timeout=2.0, max_cross_track_error=0.5),
     arrival=ArrivalParams(xy_tolerance=0.05))
-LINE = Segment(np.array([0.0, 1.0]), np.array([0.0, 0.0]))
 STILL = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 pytestmark = pytest.mark.slow
 
@@ -57,9 +55,6 @@ class Follower:
     progress: Advance = Advance(0, 0.0, -math.inf)
     point: PathPoint | None = None
     finished: bool = False
-    segment: Segment | None = LINE
-    end_segment: Segment | None = LINE
-    on_last_segment: bool = True
 
     def advance(self):
         return self.progress
@@ -126,19 +121,14 @@ def test_a_begin_off_the_path_allows_more_until_the_robot_is_near():
     assert check(monitor, point=point(0.51))
 
 
-@pytest.mark.parametrize(('x', 'y', 'missed'), [
-    (1.0, 0.049, False), (1.0, -0.051, True), (0.949, 0.0, True), (1.04, 0.04, True)])
-@pytest.mark.parametrize('state', [{'finished': True}, {'segment': None}])
-def test_the_end_is_checked_once_after_the_last_segment(state, x, y, missed):
-    monitor, there = ProgressMonitor(), Motion(x, y, 0.0, 0.0, 0.0, 0.0)
-    assert not check(monitor, motion=there)  # still on the segment
-    assert not check(monitor, motion=there, segment=None, on_last_segment=False)
-    assert ('m from the end of the path' in check(monitor, motion=there, **state)) == missed
-    assert not check(monitor, motion=there, **state)
-
-
-def test_a_path_without_segments_has_no_end():
-    assert not check(ProgressMonitor(), segment=None, end_segment=None, finished=True)
+@pytest.mark.parametrize(('x', 'y', 'yaw', 'error'), [
+    (1.0, 0.049, NAN, ''), (1.0, -0.051, NAN, '0.051 m'), (0.949, 0.0, NAN, '0.051 m'),
+    (1.04, 0.04, 0.5, '0.057 m'), (1.0, 0.0, 0.43, ''), (1.0, 0.0, 0.41, '0.090 rad'),
+    (1.0, 0.0, 0.59, '0.090 rad'), (1.0, 0.0, 0.5 + math.tau, '')])
+def test_a_robot_has_arrived_within_both_tolerances(x, y, yaw, error):
+    there = Motion(x, y, 0.5, 0.0, 0.0, 0.0)
+    found = arrival_error(there, (1.0, 0.0, yaw), PARAMS.arrival)
+    assert found.startswith(error) and bool(found) == bool(error)
 
 
 class Host:

@@ -16,16 +16,19 @@ from dataclasses import replace
 import math
 from unittest import mock
 
+import numpy as np
 import pytest
 
-from smart_tire.control.constants import MAX_WAIT, MIN_ADVANCE
+from smart_tire.control.constants import MAX_WAIT, MIN_ADVANCE, RELEASE_TIME
 from smart_tire.control.path_library import line
+from smart_tire.control.path_plan import plan_goal
 from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import GoalPose, NAN, NS_PER_S, WheelSlip
 from support.ideal_robot import IDEAL, odometry, path, Run
 
 FAR = line(3.0)
+HOLDING = replace(IDEAL, hold_on_arrival=True)
 
 
 def under_way(planned=FAR, seconds=1.5, params=IDEAL, **robot):
@@ -60,6 +63,10 @@ def test_following_ends_with_one_command_of_zero():
     commands = []
     while run.control.state == PathState.FOLLOWING:
         commands.append(run.step())
+    released = commands.index(None)
+    assert set(commands[released:]) == {None}
+    assert len(commands) - released == round(RELEASE_TIME * run.params.rate)
+    commands = commands[:released]
     assert [one.stamp_ns for one in commands] == sorted({one.stamp_ns for one in commands})
     assert (commands[-1].v_x, commands[-1].yaw_rate) == (0.0, 0.0)
     assert (run.control.state, run.control.reason) == (PathState.ARRIVED, '')
@@ -357,10 +364,52 @@ def test_a_blocked_robot_stops(planned):
     assert run.step() is None
 
 
-def test_a_missed_end_is_not_arrival():
+def test_an_end_that_is_missed_is_approached_again():
     run = Run(y=0.3).start(path((0.0, 0.0), (0.05, 0.0))).until_end()
+    assert (run.control.state, run.control.reason) == (PathState.ARRIVED, '')
+    assert math.hypot(run.robot.x - 0.05, run.robot.y) < 0.05
+
+
+@pytest.mark.parametrize('target', [
+    GoalPose(0, 'odom', (0.5, 0.0, 2.0)), path((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, 0.0, 2.0))])
+def test_after_two_repeated_approaches_a_missed_end_is_a_stop_with_the_distance(target):
+    run, released = Run().start(target), set()
+    with mock.patch('smart_tire.control.trajectory_control.plan_goal', wraps=plan_goal) as plan:
+        while run.control.state == PathState.FOLLOWING:
+            run.step()
+            if run.control._released_ns not in {None, *released}:  # it slides at each end
+                released.add(run.control._released_ns)
+                run.robot.y += 0.08
+    assert len(released) == 3
+    assert {call.args[1] for call in plan.call_args_list} == {(0.5, 0.0, 2.0)}
     assert run.control.state == PathState.STOPPED
-    assert 'm from the end of the path, expected at most 0.05 m' in run.control.reason
+    assert 'm from the end, expected at most 0.05 m' in run.control.reason
+
+
+def test_twisted_tires_that_unwind_after_the_last_command_are_seen():
+    run = Run(HOLDING).start(GoalPose(0, 'odom', (0.5, 0.0, 2.0)))
+    held = Run(IDEAL).start(GoalPose(0, 'odom', (0.5, 0.0, 2.0)))
+    for one in (run, held):
+        while one.control._released_ns is None:
+            one.step()
+        one.for_seconds(0.5)
+        one.robot.yaw -= 0.2
+        one.until_end()
+        assert one.control.state == PathState.ARRIVED
+        assert one.robot.yaw == pytest.approx(2.0, abs=0.08)
+
+
+@pytest.mark.parametrize('seeds', [
+    range(10), pytest.param(range(10, 200), marks=pytest.mark.long)])
+def test_no_robot_that_turns_about_another_point_arrives_outside_of_the_tolerance(seeds):
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        distance, bearing, yaw = rng.uniform([0.3, -3.0, -3.0], [3.0, 3.0, 3.0])
+        x, y = distance * math.cos(bearing), distance * math.sin(bearing)
+        run = Run(pivot=float(rng.choice([-1.0, 1.0]) * rng.uniform(0.03, 0.06))).start(
+            GoalPose(0, 'odom', (x, y, yaw))).until_end()
+        assert run.control.state == PathState.ARRIVED, run.control.reason
+        assert math.hypot(run.robot.x - x, run.robot.y - y) < 0.0501
 
 
 def test_a_new_path_replaces_the_old_one_without_stop():
@@ -498,9 +547,6 @@ def test_the_velocity_points_along_the_path_not_the_body(length):
     run, kinematics = compensated(True, 0.1)
     run.start(line(length)).for_seconds(0.2)
     assert kinematics.command.call_args.args[1] < -0.005
-
-
-HOLDING = replace(IDEAL, hold_on_arrival=True)
 
 
 def arrived():

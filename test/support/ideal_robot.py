@@ -25,10 +25,11 @@ from smart_tire.samples import NAN, NS_PER_S, Odometry, PlannedPath
 IDEAL = TrajectoryControllerParams(slip_compensation=False)
 
 
-def odometry(stamp_ns, x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, *, variance=0.0):
+def odometry(stamp_ns, x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, *, v_y=0.0,
+             variance=0.0):
     """Return odometry with the same ``variance`` of all components."""
     covariance = tuple(variance if i % 7 == 0 else 0.0 for i in range(36))
-    return Odometry(stamp_ns, (x, y, 0.0), quaternion(0.0, 0.0, yaw), (v_x, 0.0, 0.0),
+    return Odometry(stamp_ns, (x, y, 0.0), quaternion(0.0, 0.0, yaw), (v_x, v_y, 0.0),
                     (0.0, 0.0, yaw_rate), covariance, covariance)
 
 
@@ -44,6 +45,7 @@ class IdealRobot:
     lag: float = 0.1          # s
     dead_time: int = 0        # steps
     yaw_gain: float = 1.0     # yaw rate over the commanded one
+    pivot: float = 0.0        # m, center of rotation ahead of base_link
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
@@ -60,13 +62,15 @@ class IdealRobot:
             self.v_x += (v_x - self.v_x) * step / self.lag
             self.yaw_rate += (self.yaw_gain * yaw_rate - self.yaw_rate) * step / self.lag
             middle = self.yaw + 0.5 * self.yaw_rate * step
-            self.x += self.v_x * math.cos(middle) * step
-            self.y += self.v_x * math.sin(middle) * step
+            v_y = -self.pivot * self.yaw_rate
+            self.x += (self.v_x * math.cos(middle) - v_y * math.sin(middle)) * step
+            self.y += (self.v_x * math.sin(middle) + v_y * math.cos(middle)) * step
             self.yaw += self.yaw_rate * step
 
     def odometry(self, now_ns):
         """Return the true odometry."""
-        return odometry(now_ns, self.x, self.y, self.yaw, self.v_x, self.yaw_rate)
+        return odometry(now_ns, self.x, self.y, self.yaw, self.v_x, self.yaw_rate,
+                        v_y=-self.pivot * self.yaw_rate)
 
 
 class Run:
