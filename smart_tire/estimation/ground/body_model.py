@@ -15,14 +15,12 @@
 Motion of the robot on brush tires for given wheel speeds.
 
 The robot is a planar rigid body. The state is the velocity (u, v) [m/s] of its center of mass in
-body axes and the yaw rate w [rad/s]. With the slip ``s = (r w_i - v_x, -k v_y) / |r w_i|`` of a
-wheel, ``k = C_y / C_x`` and ``t = C_x |s| / (3 mu F_z)``, its force is
-``C_x (1 - t + t^2 / 3) s`` below full sliding (t < 1) and ``mu F_z s / |s|`` above. The slip of
-a tire follows over its relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``, without
-a singularity at rest; a sliding tire deflects no further. The rolling resistance ``f F_z`` acts
-along the velocity of its center by the lateral share and along its heading by the rest
-(PHYSICS.md D). Loads follow the acceleration of the step before. A lifted wheel has none. Of
-the load that it loses, the wheel across from it gets the share k, the other two -k: with k = -1
+body axes and the yaw rate w [rad/s]. Tire forces are those of ``models/tire/brush_tire``, with a
+slip s that follows over the relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``,
+without a singularity at rest; a sliding tire deflects no further. The rolling resistance
+``f F_z`` acts along the velocity of the wheel center by the lateral share and along its heading by
+the rest (PHYSICS.md D). Loads follow the acceleration of the step before. A lifted wheel has none.
+Of the load that it loses, the wheel across from it gets the share k, the other two -k: with k = -1
 they carry the weight and its moments alone.
 
 Steps are implicit, by the second backward differentiation formula, with the secant slope
@@ -44,8 +42,10 @@ except ImportError:
 
 if cython.compiled:
     from cython.cimports.libc.math import fabs, sqrt
+    from cython.cimports.smart_tire.models.tire.brush_tire import friction_share, secant
 else:
     from numpy import absolute as fabs, maximum as max, minimum as min, sqrt  # noqa: A001, A004
+    from smart_tire.models.tire.brush_tire import friction_share, secant
 
 COMPILED: bool = cython.compiled
 
@@ -104,22 +104,6 @@ def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: c
           a_y: cython.double) -> cython.double:
     """Return the load [N] from that at rest, of all wheels; below 0: they would pull."""
     return level - by_x * a_x - by_y * a_y
-
-
-@cython.cfunc
-@cython.exceptval(check=False)
-def _secant(total: cython.double, stiffness: cython.double, limit: cython.double,
-            fall: cython.double) -> cython.double:
-    """
-    Return |F| / |s| [N] of the brush model; ``limit`` is mu F_z [N].
-
-    Beyond full sliding, t > 1, the friction falls to mu (1 - fall (1 - 1 / t)).
-    """
-    inverse: cython.double = 3.0 * limit / (stiffness * max(total, 1e-9))  # 1 / t
-    t: cython.double = 1.0 / max(inverse, 1.0)
-    inverse = min(inverse, 1.0)
-    left: cython.double = 1.0 - fall * (1.0 - inverse)
-    return left * stiffness * inverse * (1.0 - t + t * t * (1.0 / 3.0))
 
 
 @cython.cfunc
@@ -258,9 +242,11 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             stiff: cython.double = stiffness[i] + after[i % 2] * stiffness[4 + i]
             limit: cython.double = load * (friction[i] + after[i % 2] * friction[4 + i])
             total: cython.double = sqrt(s_x * s_x + s_y * s_y)
-            slope[i] = _secant(total, stiff, limit, fall)
-            # a tire that slides deflects no further
-            kept[i] = min(1.0, 3.0 * limit / (stiff * max(total, 1e-9)))
+            elastic: cython.double = stiff * max(total, 1e-9)  # N, without sliding; t = 1 at ...
+            full: cython.double = 3.0 * limit
+            scale: cython.double = 1.0 / max(elastic, full)
+            kept[i] = full * scale  # a tire that slides deflects no further
+            slope[i] = stiff * secant(elastic * scale, kept[i], fall)
             grip[i] = gain[i] * slope[i]
             drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
             along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
@@ -365,7 +351,8 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
             lateral: cython.double = ratio * (states[n, 1] + (base - com_x) * w) * inverse
             load: cython.double = max(states[n, 10 + wheel], limits[i, 1])
             t: cython.double = sqrt(slip * slip + lateral * lateral) * grip / load
-            kept: cython.double = max(1.0 - fall * (1.0 - 1.0 / max(t, 1.0)), limits[i, 2])
+            kept: cython.double = max(friction_share(1.0 / max(t, 1.0), fall),
+                                      limits[i, 2])
             sums[0] = sums[0] + slip
             sums[1] = sums[1] + min(t / kept, limits[i, 0])
             sums[2] = sums[2] + load

@@ -32,6 +32,7 @@ from smart_tire.estimation.ground.unknowns import (
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
+from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
@@ -245,7 +246,7 @@ class GroundEstimator:
         friction_sigma = _upper(float(errors[1]))
         mu_sigma = math.hypot(friction_sigma, CURVE_ERROR)
         mu, c_x = math.exp(logs[1]), math.exp(logs[0])
-        critical = 3.0 * load * math.exp(logs[2])
+        critical = float(critical_slip(mu, load, c_x))
         known = friction_sigma < MAX_LN_SIGMA and not solution.hypothesis.is_disturbed(time)
         return WheelState(
             Uncertain(slip, float(spread[0])), Uncertain(ratio, float(spread[1])),

@@ -33,6 +33,7 @@ from smart_tire.estimation.ground.unknowns import (
     TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
+from smart_tire.models.tire.brush_tire import slope_at
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
 from smart_tire.models.vehicle.skid_steer import MIN_LOAD, SLIP_FLOOR
 from smart_tire.parameters.robot import RobotParams
@@ -254,14 +255,13 @@ class Measurements:
         """
         Return the variances [(N m)^2] (4, blocks) of torques by errors of wheel speeds.
 
-        ``predicted`` (STREAMS, blocks). The force of a brush has the slope C_x (1 - f)^(2/3) where
-        it is the share f of the friction.
+        ``predicted`` (STREAMS, blocks).
         """
         limit = 0.25 * self._robot.mass * GRAVITY * self._robot.wheel_radius * math.exp(
             x[Unknown.FRICTION])
-        left = np.maximum(1.0 - np.abs(predicted[TORQUE:]) / limit, 0.0)
-        found: Array = math.exp(2.0 * x[Unknown.STIFFNESS]) * self._slip_noise * np.cbrt(left) ** 4
-        return found
+        slope = math.exp(x[Unknown.STIFFNESS]) * slope_at(
+            np.minimum(np.abs(predicted[TORQUE:]) / limit, 1.0))
+        return slope ** 2 * self._slip_noise
 
     def noise(self, predicted: Array, transient: Array, biases: Array, slip_noise: Array) -> Array:
         """
