@@ -74,7 +74,7 @@ class WindowData:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class WindowMotion:
     """Simulated motion of all runs, and the speeds at the passages."""
 
     states: Array   # (runs, n, OUTPUTS)
@@ -153,7 +153,7 @@ class Measurements:
         return heading
 
     def simulate(self, x: Array, start: Array, heading: Array, events: Array,
-                 relaxation: float = 0.0) -> Motion:
+                 relaxation: float = 0.0) -> WindowMotion:
         """
         Return the motion for each row of ``x`` (runs, SIZE).
 
@@ -167,7 +167,7 @@ class Measurements:
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
         model.simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
-        return Motion(states, self.at(self.passages, x, events, states))
+        return WindowMotion(states, self.at(self.passages, x, events, states))
 
     def _parameters(self, x: Array, events: Array) -> Array:
         """Return the parameters of the model (runs, PARAMETERS) from standstill."""
@@ -190,7 +190,7 @@ class Measurements:
         runs[:, model.BEND_X:model.BEND_Y + 1] = x[:, Unknown.BEND_X:Unknown.BEND_Y + 1]
         return runs
 
-    def predict(self, x: Array, motion: Motion) -> Array:
+    def predict(self, x: Array, motion: WindowMotion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
         states, robot = motion.states, self._robot
         arm_x, arm_y = (
@@ -215,7 +215,7 @@ class Measurements:
         found[:, TORQUE:] = scale[:, :, np.newaxis] * torque + x[:, OFFSETS, np.newaxis]
         return found
 
-    def linear(self, x: Array, predicted: Array, motion: Motion) -> Array:
+    def linear(self, x: Array, predicted: Array, motion: WindowMotion) -> Array:
         """
         Return the derivatives (STREAMS, blocks, SIZE - DYNAMIC) by the other unknowns.
 
@@ -242,7 +242,7 @@ class Measurements:
             found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
         return found
 
-    def passage_values(self, x: Array, motion: Motion) -> Array:
+    def passage_values(self, x: Array, motion: WindowMotion) -> Array:
         """Return the measured quantities of the passages (runs, 2 * passages) for ``x``."""
         found = motion.passages[:, :, :2].copy()
         wheels = [one.wheel for one in self.passages]

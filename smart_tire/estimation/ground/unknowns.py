@@ -222,41 +222,41 @@ def _product_error(robot: RobotParams) -> float:
         for peak, gain in zip(film.bending(wheel), film.gains(wheel))), default=1.0)
 
 
-class Prior(NamedTuple):
+class WindowPrior(NamedTuple):
     """Mean and covariance of the unknowns."""
 
     mean: Array        # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
 
-    def of_next_window(self, rows: list[Row]) -> Prior:
+    def of_next_window(self, rows: list[Row]) -> WindowPrior:
         """Return this prior with the unknowns that each window has of its own as in ``rows``."""
         return self.without(OWN, rows)
 
-    def without(self, part: slice, rows: list[Row]) -> Prior:
+    def without(self, part: slice, rows: list[Row]) -> WindowPrior:
         """Return this prior if of the unknowns ``part`` no more is known than in ``rows``."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
         covariance[part], covariance[:, part] = 0.0, 0.0
         for row in range(part.start, part.stop):
             mean[row], covariance[row, row] = rows[row].mean, rows[row].sigma ** 2
-        return Prior(mean, covariance)
+        return WindowPrior(mean, covariance)
 
-    def with_change(self, rows: list[Row]) -> Prior:
+    def with_change(self, rows: list[Row]) -> WindowPrior:
         """Return this prior if the ground changes to an unknown one: the present becomes old."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
         mean[OLD_GROUND] = mean[GROUND]
         covariance[OLD_GROUND] = covariance[GROUND]
         covariance[:, OLD_GROUND] = covariance[:, GROUND]
-        return Prior(mean, covariance).without(GROUND, rows)
+        return WindowPrior(mean, covariance).without(GROUND, rows)
 
-    def after(self, seconds: float, travel: float, rows: list[Row]) -> Prior:
+    def after(self, seconds: float, travel: float, rows: list[Row]) -> WindowPrior:
         """Return this prior after a random walk for ``seconds`` and ``travel`` [m]."""
         variance = [row.walk ** 2 * seconds + row.ground ** 2 * travel for row in rows]
-        return Prior(self.mean, self.covariance + np.diag(variance))
+        return WindowPrior(self.mean, self.covariance + np.diag(variance))
 
 
-def initial(rows: list[Row]) -> Prior:
+def initial(rows: list[Row]) -> WindowPrior:
     """Return the prior on an unknown ground."""
-    return Prior(np.array([row.mean for row in rows]),
+    return WindowPrior(np.array([row.mean for row in rows]),
                  np.diag([row.sigma ** 2 for row in rows]))
 
 
@@ -276,7 +276,7 @@ class Lift(NamedTuple):
 class Hypothesis:
     """What is known before a window."""
 
-    prior: Prior
+    prior: WindowPrior
     x: Array                    # start of the fit
     new: tuple[Interval, Interval] = ONE_GROUND  # s, in which the left and the right side are on
     # GROUND; else they are on OLD_GROUND
@@ -312,8 +312,9 @@ class Hypothesis:
             return self
         to_one = self.one_ground(begin)
         mean, covariance = self.prior
-        prior = Prior(to_one @ mean, to_one @ covariance @ to_one.T).without(OLD_GROUND, rows)
-        return replace(self, new=ONE_GROUND, prior=prior, x=to_one @ self.x)
+        prior = WindowPrior(to_one @ mean, to_one @ covariance @ to_one.T)
+        return replace(self, new=ONE_GROUND, prior=prior.without(OLD_GROUND, rows),
+                       x=to_one @ self.x)
 
     def one_ground(self, time: float) -> Array:
         """

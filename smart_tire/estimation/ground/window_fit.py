@@ -26,33 +26,33 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
-from smart_tire.estimation.ground.measurements import Measurements, Motion, TORQUE
+from smart_tire.estimation.ground.measurements import Measurements, TORQUE, WindowMotion
 from smart_tire.estimation.ground.unknowns import (
     CONVERGED, CURVE, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA, MAX_STEP,
-    MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Prior, Row, SIDES,
-    SIDES_DIFFER, SIZE, Unknown, UNMEASURED)
+    MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES, SIDES_DIFFER,
+    SIZE, Unknown, UNMEASURED, WindowPrior)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
 
-class Rows(NamedTuple):
+class WhitenedRows(NamedTuple):
     """Residuals and derivatives of the measurements, each whitened by its covariance."""
 
     residual: Array    # (rows,)
     jacobian: Array    # (rows, SIZE)
 
 
-class Fit(NamedTuple):
+class WindowEstimate(NamedTuple):
     """Unknowns of a window with their covariance."""
 
     x: Array           # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
     cost: float        # minus twice the logarithm of the evidence, up to a constant
-    motion: Motion     # of one run
+    motion: WindowMotion  # of one run
     varied_x: Array    # (DYNAMIC + 1, SIZE), unknowns with small differences ...
-    varied: Motion     # ... and the motion by them
+    varied: WindowMotion  # ... and the motion by them
     heading: Array     # rad, (n,), by the start of the fit
-    rows: Rows
+    rows: WhitenedRows
     whiten: Whitening
     noise: tuple[Array, Array]  # covariances of blocks and passages
     leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
@@ -128,7 +128,7 @@ class WindowFit:
         self.steps = np.array([row.step for row in rows[:DYNAMIC]])  # (DYNAMIC,)
 
     def fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
-               near: bool = False) -> tuple[Hypothesis, Fit]:
+               near: bool = False) -> tuple[Hypothesis, WindowEstimate]:
         """
         Return the fit; if it contradicts equal sides, with a prior that lets them differ.
 
@@ -143,11 +143,11 @@ class WindowFit:
         covariance = covariance.copy()
         covariance[SIDES] *= math.sqrt(square)
         covariance[:, SIDES] *= math.sqrt(square)
-        wider = replace(hypothesis, prior=Prior(mean, covariance), x=fit.x)
+        wider = replace(hypothesis, prior=WindowPrior(mean, covariance), x=fit.x)
         return wider, self.fit(wider, measurements, leaving, near)
 
     def fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
-            near: bool) -> Fit:
+            near: bool) -> WindowEstimate:
         """
         Return the fit under ``hypothesis``; measurements before ``leaving`` [s] leave the window.
 
@@ -197,7 +197,7 @@ class WindowFit:
                 x, predicted, residual, measurements, varied, steps, slip_noise)
             film_columns = self._film_columns(x, passages, film_residual, measurements, steps)
             white = whiten(columns, film_columns)
-            rows = Rows(white[:, -1], white[:, :SIZE])
+            rows = WhitenedRows(white[:, -1], white[:, :SIZE])
             hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
             covariance = inverse_spd(hessian)
             step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
@@ -211,13 +211,13 @@ class WindowFit:
         other[:, row] = white[:, SIZE]
         by_secant = information + gram(other.T, np.ones(len(final)))
         if (wider := inverse_spd(by_secant))[row, row] > covariance[row, row]:
-            hessian, covariance, rows = by_secant, wider, Rows(final, other)
+            hessian, covariance, rows = by_secant, wider, WhitenedRows(final, other)
             for part in (columns, film_columns):
                 part[..., row] = part[..., SIZE]
             runs[1 + row], shown[1 + row] = runs[-1], shown[-1]
         rows = rows._replace(residual=final)
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
-        varied = Motion(varied.states[shown[:-1]], varied.passages[shown[:-1]])
+        varied = WindowMotion(varied.states[shown[:-1]], varied.passages[shown[:-1]])
         cost = float(final @ final + whiten.penalty.sum()
                      + (x - prior.mean) @ information @ (x - prior.mean)
                      + np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(information)[1])
@@ -226,8 +226,8 @@ class WindowFit:
         left = whiten.information(
             columns, film_columns, measurements.used & (measurements.centers < leaving),
             np.repeat([one.time < leaving for one in measurements.passages], 2).astype(bool))
-        return Fit(x, covariance, cost, motion, runs[:-1], varied, heading, rows, whiten,
-                   (blocks, films), (left[:SIZE, :SIZE], left[:SIZE, -1]))
+        return WindowEstimate(x, covariance, cost, motion, runs[:-1], varied, heading, rows,
+                              whiten, (blocks, films), (left[:SIZE, :SIZE], left[:SIZE, -1]))
 
     def _friction_step(self, x: Array, covariance: Array) -> float:
         """
@@ -245,7 +245,7 @@ class WindowFit:
         return min(max(likely, sigma), 2.0 * sigma)
 
     def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements,
-                 motion: Motion, steps: Array, slip_noise: Array) -> Array:
+                 motion: WindowMotion, steps: Array, slip_noise: Array) -> Array:
         """
         Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 2).
 

@@ -23,8 +23,8 @@ from smart_tire.estimation.ground.estimator import GroundEstimator, HOP_NS
 from smart_tire.estimation.ground.measurements import (
     FORCE_X, Measurements, Passage, TORQUE, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, NEVER, OLD_GROUND, ONE_GROUND, Prior,
-    priors, SIZE, Unknown)
+    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, NEVER, OLD_GROUND, ONE_GROUND, priors,
+    SIZE, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
 from smart_tire.estimation.ground.window_fit import student, Whitening, WindowFit
 from smart_tire.parameters import RobotParams, SimulatorParams
@@ -35,7 +35,7 @@ from smart_tire.simulation.offline import simulate
 
 ROBOT = RobotParams(film=TreadFilmParams(wheels=()))
 LOAD = np.array([0.25 * ROBOT.mass * 9.80665])  # N
-NOTHING = Hypothesis(Prior(np.zeros(SIZE), np.eye(SIZE)), np.zeros(SIZE)).events[np.newaxis]
+NOTHING = Hypothesis(WindowPrior(np.zeros(SIZE), np.eye(SIZE)), np.zeros(SIZE)).events[np.newaxis]
 STIFFNESS, FRICTION, DRAG = 30.0, 0.4, 0.05
 LEGS = [(2.0, 90.0, 90.0), (4.0, 120.0, 70.0), (6.0, 70.0, 120.0), (8.0, 120.0, 60.0)]
 
@@ -235,7 +235,7 @@ def test_one_ground_for_sides_on_two_has_their_difference_as_its_error(ridden):
 def test_sides_on_two_grounds_are_one_with_a_difference_once_they_are_the_past(new):
     rows, random = priors(ROBOT), np.random.default_rng(2)
     root = random.standard_normal((SIZE, SIZE))
-    given = Hypothesis(Prior(random.standard_normal(SIZE), root @ root.T), root[0], new)
+    given = Hypothesis(WindowPrior(random.standard_normal(SIZE), root @ root.T), root[0], new)
     assert given.settled(0.5, rows) is given and given.settled(1.0, rows) is given
     found = given.settled(3.0, rows)
     assert found.new == ONE_GROUND and found.settled(3.0, rows) is found
