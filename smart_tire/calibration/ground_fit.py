@@ -240,7 +240,7 @@ def _equations(part: int, fit: WindowEstimate, measurements: Measurements, x: Ar
     by_scale = np.zeros((*predicted.shape, 1))
     by_scale[FORCE_X, :, 0] = predicted[FORCE_X] - fit.x[Unknown.ACCEL_BIAS_X]
     jacobian = np.column_stack([fit.rows.jacobian, fit.whiten(
-        by_scale, np.zeros((len(measurements.passage_measured), 1)))])
+        by_scale, np.zeros((len(measurements.crossing_measured), 1)))])
     at = np.append(fit.x, 0.0)
     at[CONSTANTS] -= x[CONSTANTS]  # own unknowns have a mean of 0
     residual = fit.rows.residual + jacobian @ at

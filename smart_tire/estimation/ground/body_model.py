@@ -65,7 +65,7 @@ TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR,
 # tread forces along x of the wheels, and their loads
 U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
 LOADS, OUTPUTS = FORCE + 4, FORCE + 8
-# means over a passage; LOSS is the product of the shares of the friction that are left
+# means over a crossing; LOSS is the product of the shares of the friction that are left
 SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)
 
 
@@ -284,16 +284,16 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         u, v, w = new_u, new_v, new_w
 
 
-def average_passages(states: cython.double[:, :, ::1], rolling: cython.double[:, :, ::1],
-                     after: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
-                     wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
-                     runs: cython.double[:, ::1], robot: cython.double[::1],
-                     out: cython.double[:, :, ::1]) -> None:
+def average_crossings(states: cython.double[:, :, ::1], rolling: cython.double[:, :, ::1],
+                      after: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
+                      wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
+                      runs: cython.double[:, ::1], robot: cython.double[::1],
+                      out: cython.double[:, :, ::1]) -> None:
     """
-    Average slip, normalized slip, load and traction force of a wheel over each of m passages.
+    Average slip, normalized slip, load and traction force of a wheel over each of m crossings.
 
     ``states`` (runs, n, OUTPUTS) are those of ``simulate``, ``rolling`` (runs, m, k) is r w [m/s]
-    of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for passages
+    of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for crossings
     on the second ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
     and least share of the friction. ``out`` (runs, m, VALUES) is filled. Raise ValueError where
     shapes disagree.
@@ -323,7 +323,7 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
                  wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
                  p: cython.double[::1], robot: cython.double[::1], out: cython.double[:, ::1]
                  ) -> cython.void:
-    """Average the passages of one run."""
+    """Average the crossings of one run."""
     ratio: cython.double = p[LATERAL_RATIO]
     fall: cython.double = p[FALL]
     com_x: cython.double = p[COM_X]

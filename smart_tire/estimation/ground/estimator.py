@@ -9,7 +9,7 @@
 # the License.
 
 """
-Ground estimator: IMU, wheels and passages of films in, state of the ground out.
+Ground estimator: IMU, wheels and crossings of films in, state of the ground out.
 
 All times are message time; a window ends at multiples of ``HOP_NS``.
 """
@@ -25,7 +25,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground.body_model import LOAD, LOSS
-from smart_tire.estimation.ground.measurements import Passage, WindowData
+from smart_tire.estimation.ground.measurements import MeasuredCrossing, WindowData
 from smart_tire.estimation.ground.unknowns import (
     CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
     MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIDES, SIZE, Unknown)
@@ -44,7 +44,7 @@ HOP_NS = GROUND_STATE_PERIOD_NS  # between two windows
 
 @dataclass(frozen=True, slots=True)
 class WheelState:
-    """Slip, load and ground of a wheel, averaged over a passage of its films."""
+    """Slip, load and ground of a wheel, averaged over a crossing of its films."""
 
     slip: Uncertain = UNKNOWN           # -, B(3)
     normalized_slip: Uncertain = UNKNOWN  # -, |s| / lambda_cr
@@ -69,7 +69,7 @@ class GroundEstimator:
         self._origin_ns: int | None = None
         self._imu: list[tuple[float, ...]] = []
         self._wheels: list[tuple[float, ...]] = []
-        self._passages: list[Passage] = []
+        self._crossings: list[MeasuredCrossing] = []
         self._odometry: Odometry | None = None
         self._imu_seen = False
         self._angles = np.zeros(4)      # rad, integrated where no positions are measured
@@ -136,13 +136,13 @@ class GroundEstimator:
         elif not self._imu_seen:
             self._add_odometry(time, sample)
 
-    def add_passage(self, stamp_ns: int, wheel: str, slip: float, ratio: float, covariance: Array,
-                    sliding: bool) -> None:
-        """Add what the films of ``wheel`` measured: see ``Passage``."""
+    def add_crossing(self, stamp_ns: int, wheel: str, slip: float, ratio: float, covariance: Array,
+                     sliding: bool) -> None:
+        """Add what the films of ``wheel`` measured: see ``MeasuredCrossing``."""
         if self._origin_ns is not None:
             self.films_used += 1
-            self._passages.append(Passage(self._seconds(stamp_ns), WHEELS.index(wheel), slip,
-                                          ratio, covariance, sliding))
+            self._crossings.append(MeasuredCrossing(
+                self._seconds(stamp_ns), WHEELS.index(wheel), slip, ratio, covariance, sliding))
 
     def advance(self, now_ns: int, last: bool = False) -> Solution | None:
         """
@@ -166,7 +166,7 @@ class GroundEstimator:
                 bisect_right(self._wheels, (end, math.inf)) - bisect_right(
                     self._wheels, (begin, math.inf)) < MIN_WHEEL_SAMPLES):
             return None
-        data = WindowData(np.array(self._imu), np.array(self._wheels), self._passages)
+        data = WindowData(np.array(self._imu), np.array(self._wheels), self._crossings)
         before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
         try:
             self.solution = self._window.solve(data, begin, end, end - before)
@@ -299,7 +299,7 @@ class GroundEstimator:
 
     def _forget(self, time: float) -> None:
         """Drop samples before ``time`` [s]."""
-        for rows in (self._imu, self._wheels, self._passages):
+        for rows in (self._imu, self._wheels, self._crossings):
             count = next((i for i, row in enumerate(rows) if row[0] >= time), len(rows))
             del rows[:count]
 

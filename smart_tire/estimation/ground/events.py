@@ -220,8 +220,8 @@ class EventSearch:
         x = np.array(runs)
         start, _ = start_of(main, measurements)
         motion = measurements.simulate(x, start, fit.heading, np.array(at))
-        blocks, films = measurements.predict(x, motion), measurements.passage_values(x, motion)
-        residual = measurements.values - blocks, measurements.passage_measured - films
+        blocks, films = measurements.predict(x, motion), measurements.crossing_values(x, motion)
+        residual = measurements.values - blocks, measurements.crossing_measured - films
         whiten = Whitening(*fit.noise, residual[0][0], residual[1][0], False, ())
         white = whiten(residual[0].transpose(1, 2, 0), residual[1].T)
         for one in main.disturbances:

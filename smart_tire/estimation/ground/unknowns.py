@@ -136,7 +136,7 @@ FILM_RATIO_ERROR = 0.04  # relative error of a normalized slip; NEES
 FILM_SHAPE_ERROR = 0.0026  # of the bending peak, over the stretch at full slip: systematic part of
 # the covariance of waveform fits at small slip, and spread of their means; straight
 LEAST_RATIO = 0.1       # -, on which that share is taken at least
-SLIDING_WEIGHT = 10.0   # of a passage in full sliding: sigma over its slip along slip / t
+SLIDING_WEIGHT = 10.0   # of a crossing in full sliding: sigma over its slip along slip / t
 TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
 # the model cannot: the covariance grows by the square of their ratio; gears, straight
 CURVE_ERROR = 0.03      # of mu: it varies with the slip where the tire is not a brush; NEES
@@ -257,7 +257,7 @@ class WindowPrior(NamedTuple):
 def initial(rows: list[Row]) -> WindowPrior:
     """Return the prior on an unknown ground."""
     return WindowPrior(np.array([row.mean for row in rows]),
-                 np.diag([row.sigma ** 2 for row in rows]))
+                       np.diag([row.sigma ** 2 for row in rows]))
 
 
 ALWAYS, NEVER = (-math.inf, math.inf), (math.inf, math.inf)  # intervals

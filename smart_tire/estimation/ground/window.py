@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.events import disturbance, EventSearch, Rival
-from smart_tire.estimation.ground.measurements import Measurements, Passage, WindowData
+from smart_tire.estimation.ground.measurements import MeasuredCrossing, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
     DECISION_TIME, EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, priors,
     SIZE, TENSION, Unknown, WindowPrior)
@@ -72,7 +72,7 @@ class Solution(NamedTuple):
         fit, events = self.fit, self.hypothesis.events
         runs = np.vstack([fit.x, fit.varied_x])
         values = self.measurements.at(
-            [Passage(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
+            [MeasuredCrossing(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
             np.tile(events, (len(runs), 1)),
             np.concatenate([fit.motion.states, fit.varied.states]))
         steps = np.diagonal(fit.varied_x[1:] - fit.varied_x[0])
