@@ -66,7 +66,7 @@ TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR,
 U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
 LOADS, OUTPUTS = FORCE + 4, FORCE + 8
 # means over a crossing; LOSS is the product of the shares of the friction that are left
-SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)
+SLIP, NORMALIZED, LOAD, TRACTION, LOSS, VALUES = range(6)
 
 
 def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
@@ -119,7 +119,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     gravity: cython.double = robot[GRAVITY]
     steps: cython.double = rolling.shape[0]
     share: cython.double = p[LATERAL_SHARE]
-    ratio: cython.double = p[LATERAL_RATIO]
+    lateral_ratio: cython.double = p[LATERAL_RATIO]
     radius: cython.double = p[RADIUS]
     fall: cython.double = p[FALL]
     relaxation: cython.double = p[RELAXATION]
@@ -238,7 +238,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             slip_x[i] = slip_x[i] * lag * gain[i]
             slip_y[i] = slip_y[i] * lag * gain[i]
             s_x: cython.double = slip_x[i] + gain[i] * (roll[i] - v_x)
-            s_y: cython.double = slip_y[i] + gain[i] * ratio * v_y
+            s_y: cython.double = slip_y[i] + gain[i] * lateral_ratio * v_y
             stiff: cython.double = stiffness[i] + after[i % 2] * stiffness[4 + i]
             limit: cython.double = load * (friction[i] + after[i % 2] * friction[4 + i])
             total: cython.double = sqrt(s_x * s_x + s_y * s_y)
@@ -251,7 +251,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
             along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
                 fabs(v_x), min_speed)
-            across: cython.double = ratio * grip[i] + drag_y
+            across: cython.double = lateral_ratio * grip[i] + drag_y
             uu += along
             uw -= along * y[i]
             vv += across
@@ -274,7 +274,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         out[n, 3], out[n, 4], out[n, 5] = a_x, a_y, rate * new_w - old_w
         for i in range(4):
             s_x = slip_x[i] + gain[i] * (roll[i] - new_u + y[i] * new_w)
-            s_y = slip_y[i] + gain[i] * ratio * (new_v + x[i] * new_w)
+            s_y = slip_y[i] + gain[i] * lateral_ratio * (new_v + x[i] * new_w)
             out[n, 6 + i] = slope[i] * s_x
             out[n, 10 + i] = max(_load(level[i], by_x[i], by_y[i], a_x, a_y)
                                  + one * gets[i] + two * gets[4 + i], 0.0)
@@ -324,7 +324,7 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
                  p: cython.double[::1], robot: cython.double[::1], out: cython.double[:, ::1]
                  ) -> cython.void:
     """Average the crossings of one run."""
-    ratio: cython.double = p[LATERAL_RATIO]
+    lateral_ratio: cython.double = p[LATERAL_RATIO]
     fall: cython.double = p[FALL]
     com_x: cython.double = p[COM_X]
     com_y: cython.double = p[COM_Y]
@@ -348,7 +348,7 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
             inverse: cython.double = 1.0 / rolling[i, k]
             w: cython.double = states[n, 2]
             slip: cython.double = (rolling[i, k] - states[n, 0] + (track - com_y) * w) * inverse
-            lateral: cython.double = ratio * (states[n, 1] + (base - com_x) * w) * inverse
+            lateral: cython.double = lateral_ratio * (states[n, 1] + (base - com_x) * w) * inverse
             load: cython.double = max(states[n, 10 + wheel], limits[i, 1])
             t: cython.double = sqrt(slip * slip + lateral * lateral) * grip / load
             kept: cython.double = max(friction_share(1.0 / max(t, 1.0), fall),

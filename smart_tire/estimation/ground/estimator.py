@@ -136,13 +136,14 @@ class GroundEstimator:
         elif not self._imu_seen:
             self._add_odometry(time, sample)
 
-    def add_crossing(self, stamp_ns: int, wheel: str, slip: float, ratio: float, covariance: Array,
-                     sliding: bool) -> None:
+    def add_crossing(self, stamp_ns: int, wheel: str, slip: float, normalized_slip: float,
+                     covariance: Array, sliding: bool) -> None:
         """Add what the films of ``wheel`` measured: see ``MeasuredCrossing``."""
         if self._origin_ns is not None:
             self.films_used += 1
             self._crossings.append(MeasuredCrossing(
-                self._seconds(stamp_ns), WHEELS.index(wheel), slip, ratio, covariance, sliding))
+                self._seconds(stamp_ns), WHEELS.index(wheel), slip, normalized_slip, covariance,
+                sliding))
 
     def advance(self, now_ns: int, last: bool = False) -> Solution | None:
         """
@@ -232,7 +233,7 @@ class GroundEstimator:
         (values,), (slopes,) = solution.values_at(time, [index])
         covariance = fit.covariance
         spread = np.sqrt(np.einsum('ij,jk,ik->i', slopes, covariance[:DYNAMIC, :DYNAMIC], slopes))
-        slip, ratio, load, force, loss = map(float, values)
+        slip, normalized, load, force, loss = map(float, values)
         x, row = fit.x, np.zeros((3, SIZE))
         stiffness = solution.hypothesis.ground(index % 2, time).start
         friction = stiffness + Unknown.FRICTION - Unknown.STIFFNESS
@@ -249,7 +250,7 @@ class GroundEstimator:
         critical = float(critical_slip(mu, load, c_x))
         known = friction_sigma < MAX_LN_SIGMA and not solution.hypothesis.is_disturbed(time)
         return WheelState(
-            Uncertain(slip, float(spread[0])), Uncertain(ratio, float(spread[1])),
+            Uncertain(slip, float(spread[0])), Uncertain(normalized, float(spread[1])),
             Uncertain(load, load_sigma),
             Uncertain(force, math.hypot(float(spread[3]), MODEL_ERROR * force)),
             Uncertain(c_x, c_x * float(errors[0])),

@@ -27,10 +27,10 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND,
-    Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS,
-    OFFSETS, OLD_GROUND, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR,
-    TRANSIENT_SHARE, Unknown, UNMEASURED)
+    BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_NORMALIZED_ERROR, FILM_SLIP_ERROR, GAINS, GROUND,
+    Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_NORMALIZED, MAX_NORMALIZED, MODEL_ERROR,
+    MODEL_TIME, MOTORS, OFFSETS, OLD_GROUND, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START,
+    TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
 from smart_tire.models.tire.brush_tire import slope_at
@@ -50,18 +50,18 @@ class MeasuredCrossing(NamedTuple):
     time: float        # s, in the middle of the patch
     wheel: int         # index in WHEELS
     slip: float        # -, B(3)
-    ratio: float       # -, t = |s| / lambda_cr
+    normalized_slip: float  # -, t = |s| / lambda_cr
     covariance: Array  # (2, 2)
     sliding: bool      # the whole patch slides: only slip / t is determined
 
     @property
     def measured(self) -> tuple[float, float]:
         """Return the slip, and its product with the normalized slip if that is determined."""
-        return self.slip, self.ratio if self.sliding else self.slip * self.ratio
+        return self.slip, self.normalized_slip * (1.0 if self.sliding else self.slip)
 
-    def by_slips(self, slip: float, ratio: float) -> Array:
-        """Return the derivatives (2, 2) of the measured quantities by slip and ratio."""
-        return np.array([[1.0, 0.0], [0.0, 1.0] if self.sliding else [ratio, slip]])
+    def by_slips(self, slip: float, normalized: float) -> Array:
+        """Return the derivatives (2, 2) of the measured quantities by slip and normalized slip."""
+        return np.array([[1.0, 0.0], [0.0, 1.0] if self.sliding else [normalized, slip]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,20 +320,20 @@ class Measurements:
         lasting = np.exp(-np.abs(times[:, np.newaxis] - times) / MODEL_TIME) * (
             wheels[:, np.newaxis] == wheels)
         slip = predicted[::2]
-        ratio = np.maximum(np.divide(predicted[1::2], slip, out=predicted[1::2].copy(),
-                                     where=self._products & (slip != 0.0)), LEAST_RATIO)
+        normalized = np.maximum(np.divide(predicted[1::2], slip, out=predicted[1::2].copy(),
+                                          where=self._products & (slip != 0.0)), LEAST_NORMALIZED)
         found = np.zeros((len(predicted), len(predicted)))
         found[::2, ::2] = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
                                      + FILM_SLIP_ERROR[1] ** 2)
-        own = FILM_RATIO_ERROR * ratio * np.maximum(
+        own = FILM_NORMALIZED_ERROR * normalized * np.maximum(
             0.25 * self._robot.mass * GRAVITY / loads, 1.0)
         found[1::2, 1::2] = lasting * np.outer(own, own)
         for i, one in enumerate(self.crossings):
-            rows, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], ratio[i])
+            rows, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], normalized[i])
             found[rows] = by_slips @ found[rows]
             found[:, rows] = found[:, rows] @ by_slips.T
-            at = one.by_slips(one.slip, one.ratio)
-            measured = np.array([one.slip, one.ratio])
+            at = one.by_slips(one.slip, one.normalized_slip)
+            measured = np.array([one.slip, one.normalized_slip])
             found[rows, rows] += at @ one.covariance @ at.T + (
                 one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured)
                 + (np.outer(transient[rows], transient[rows]) if one.sliding  # slip / t stays
@@ -360,7 +360,7 @@ class Measurements:
         rolling = (np.exp(radius) * self.rolling[near, wheel[:, np.newaxis]]
                    + delay * self._delayed[near, wheel[:, np.newaxis] % 2])
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
-        limits = np.array([(np.inf if one.sliding else MAX_RATIO, MIN_LOAD, LEAST_FRICTION)
+        limits = np.array([(np.inf if one.sliding else MAX_NORMALIZED, MIN_LOAD, LEAST_FRICTION)
                            for one in crossings])
         begins, ends = (events[:, 2 * (wheel % 2) + one] for one in (0, 1))
         on_new = np.ascontiguousarray((begins <= times) & (times < ends), dtype=float)

@@ -132,10 +132,10 @@ NOISE_SIGMAS = 3.0      # of the effect of errors of wheel speeds on a torque, b
 # derivatives by the curve of a tire count: below, they are the effect of these errors; straight
 TRANSIENT_SHARE = 0.3   # of the change of acceleration within a wheel period: error of torques
 FILM_SLIP_ERROR = 0.02, 0.002  # relative and absolute error of a film's slip; NEES
-FILM_RATIO_ERROR = 0.04  # relative error of a normalized slip; NEES
+FILM_NORMALIZED_ERROR = 0.04  # relative error of a normalized slip; NEES
 FILM_SHAPE_ERROR = 0.0026  # of the bending peak, over the stretch at full slip: systematic part of
 # the covariance of waveform fits at small slip, and spread of their means; straight
-LEAST_RATIO = 0.1       # -, on which that share is taken at least
+LEAST_NORMALIZED = 0.1  # -, on which that share is taken at least
 SLIDING_WEIGHT = 10.0   # of a crossing in full sliding: sigma over its slip along slip / t
 TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
 # the model cannot: the covariance grows by the square of their ratio; gears, straight
@@ -144,7 +144,7 @@ MAX_LN_SIGMA = 0.35     # of ln mu; above, mu is unknown
 
 # bounds
 UNMEASURED = 1e6        # standard deviation of a block without measurement
-MAX_RATIO = 1.5         # normalized slip: beyond, a waveform does not change
+MAX_NORMALIZED = 1.5    # normalized slip: beyond, a waveform does not change
 MAX_LIFTS = 2           # in a window: the model has as many
 LEAST_FRICTION = 0.2    # share of the friction that is left at the largest slip, at least
 

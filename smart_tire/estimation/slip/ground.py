@@ -266,13 +266,13 @@ class ForceBalance:
                     ground.lateral_stiffness_ratio, ground.center_of_mass_x,
                     ground.center_of_mass_y)
         stiffness = ground.stiffness
-        mu, resistance, share, ratio, *center = (
+        mu, resistance, share, lateral, *center = (
             one if math.isfinite(one.value) and math.isfinite(one.sigma) else prior
             for one, prior in zip(reported, self._prior))
-        given = (stiffness.value, mu.value, resistance.value, share.value, ratio.value,
+        given = (stiffness.value, mu.value, resistance.value, share.value, lateral.value,
                  *(one.value for one in center))
         sigmas = (stiffness.sigma / stiffness.value, mu.sigma / mu.value, resistance.sigma,
-                  share.sigma, ratio.sigma / ratio.value, *(one.sigma for one in center))
+                  share.sigma, lateral.sigma / lateral.value, *(one.sigma for one in center))
         covariance = np.diag(np.square(sigmas))
         covariance[0, 1] = covariance[1, 0] = (
             ground.stiffness_friction_correlation * sigmas[0] * sigmas[1])

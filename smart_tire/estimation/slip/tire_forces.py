@@ -89,7 +89,7 @@ class TireForces:
     _friction: cython.double
     _resistance: cython.double
     _share: cython.double
-    _ratio: cython.double
+    _lateral_ratio: cython.double
     _com_x: cython.double
     _com_y: cython.double
 
@@ -117,7 +117,7 @@ class TireForces:
 
         It is C_x [N], mu, rolling resistance, its lateral share, C_y / C_x, center of mass [m].
         """
-        (self._stiffness, self._friction, self._resistance, self._share, self._ratio,
+        (self._stiffness, self._friction, self._resistance, self._share, self._lateral_ratio,
          com_x, com_y) = ground
         if (com_x, com_y) != (self._com_x, self._com_y):
             self._com_x, self._com_y = com_x, com_y
@@ -197,10 +197,10 @@ class TireForces:
         arm_x, arm_y = self._arms(i, x)
         v_x, v_y = x[V_X] + arm_x * W, x[V_Y] + arm_y * W
         inverse = 1.0 / max(abs(rolling), SLIP_FLOOR)
-        lateral = self._ratio * inverse
+        lateral = self._lateral_ratio * inverse
         s_x, s_y = (rolling - v_x) * inverse, -v_y * lateral
         # standard deviation of the slip along itself
-        side = self._ratio * s_y
+        side = self._lateral_ratio * s_y
         spread = inverse * sqrt((s_x * s_x * P[slip, slip] + side * side * P[V_Y, V_Y]) / (
             s_x * s_x + s_y * s_y + 1e-18))
         f_x, f_y, xx, xy, yy, x_by_friction, y_by_friction = force_with_derivatives(

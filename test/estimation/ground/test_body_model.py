@@ -152,7 +152,7 @@ def test_the_means_of_a_crossing_are_those_of_its_wheel():
     t = np.hypot(s_x, s_y) / critical
     kept = np.maximum(1.0 - runs[:, [model.FALL]] * (1.0 - 1.0 / np.maximum(t, 1.0)), 0.2)
     np.testing.assert_allclose(
-        found[:, wheel, model.RATIO], np.minimum(t / kept, 1.5).mean(axis=1))
+        found[:, wheel, model.NORMALIZED], np.minimum(t / kept, 1.5).mean(axis=1))
     np.testing.assert_allclose(found[:, wheel, model.LOSS], kept.prod(axis=1))
 
 

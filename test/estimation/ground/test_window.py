@@ -372,7 +372,7 @@ def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_we
 
 
 def test_a_crossing_in_full_sliding_determines_the_ratio_of_slips_only(measurements):
-    sliding = measurements.crossings[0]._replace(slip=0.1, ratio=0.9, sliding=True)
+    sliding = measurements.crossings[0]._replace(slip=0.1, normalized_slip=0.9, sliding=True)
     measurements.crossings[0] = sliding
     noise = measurements.crossing_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
     along, across = np.array([0.1, 0.9]), np.array([0.9, -0.1])
@@ -400,7 +400,7 @@ def test_films_weigh_little_in_a_start_but_show_the_ground_in_full_sliding(measu
     more = measurements.crossing_noise(np.array([0.1, 0.02]), transient, LOAD) - plain
     assert more == pytest.approx(np.diag(transient ** 2))
     measurements.crossings[0] = measurements.crossings[0]._replace(
-        slip=0.5, ratio=1.5, sliding=True)
+        slip=0.5, normalized_slip=1.5, sliding=True)
     plain = measurements.crossing_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
     noise = measurements.crossing_noise(np.array([0.5, 1.5]), np.array([0.1, 0.3]), LOAD)
     measurements.crossings[0] = MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
