@@ -11,10 +11,10 @@
 """
 Ground as given, with its errors considered: corrections with the forces, and its changes.
 
-The covariance of the errors of the ground with an innovation, over their own one, is the effect of
-a change of the ground on it, through all corrections since (sensitivity of Friedland's separate
-bias filter). The change that explains the innovations best is a least squares fit, its likelihood
-ratio the test of Willsky and Jones.
+With the covariance P of the errors of the ground g and the innovation y, ``P_yg P_gg^-1`` is the
+effect of a change of the ground on the innovation, through all corrections since (sensitivity of
+Friedland's separate bias filter). The change that explains the innovations best is a least squares
+fit, its likelihood ratio the test of Willsky and Jones.
 """
 
 from __future__ import annotations
