@@ -82,6 +82,7 @@ def run(modules, kind, loops):
     pose, twist = array('d', bytes(288)), array('d', bytes(288))
     motion.fill_covariances(P, 0.5, 0.1, 0.02, pose, twist)
     slips = model.wheel_slips(x, P, 0.5, RESIDUAL, (0.0,) * 4, 0.05)
+    numbers.append(correction.is_sound())
     return np.array([*numbers, *expected, *x, *P.ravel(), *pose, *twist, *np.ravel(slips)])
 
 
