@@ -188,8 +188,9 @@ _COMMON = {
 def priors(robot: RobotParams) -> list[Row]:
     """Return the priors of all unknowns in the order of ``Unknown``, for this robot."""
     imu, motor, sigma = robot.imu, robot.motor, robot.center_of_mass_sigma
-    stiffness = Row(math.log(robot.tire.longitudinal_stiffness) - 0.2, LN_STIFFNESS_SIGMA, 0.0,
-                    0.024, 1e-3)
+    tire = robot.tire  # its stiffness as known, on a ground that differs
+    stiffness = Row(math.log(tire.longitudinal_stiffness) - 0.2, math.hypot(
+        LN_STIFFNESS_SIGMA, tire.longitudinal_stiffness_sigma), 0.0, 0.024, 1e-3)
     bias = Row(0.0, math.hypot(imu.accel_bias, GRAVITY * MOUNTING_TILT), 0.0015, 0.0, 1e-4)
     gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
                1e-4)

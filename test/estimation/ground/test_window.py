@@ -628,6 +628,11 @@ def test_the_prior_of_a_changed_ground_keeps_the_old_one_aside():
     assert np.linalg.eigvalsh(changed.covariance).min() > 0.0
 
 
+def test_the_prior_of_the_stiffness_has_the_error_of_the_tire_and_the_spread_of_grounds():
+    tire = replace(ROBOT.tire, longitudinal_stiffness_sigma=0.3)
+    assert priors(replace(ROBOT, tire=tire))[Unknown.STIFFNESS].sigma == pytest.approx(0.5)
+
+
 def test_priors_walk_with_time_and_travel():
     rows = priors(ROBOT)
     prior = initial(rows)
