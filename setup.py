@@ -23,7 +23,7 @@ NODES = [path.stem for path in sorted(Path(PACKAGE, 'nodes').glob('*.py'))
          if '\ndef main() -> int:' in path.read_text(encoding='utf-8')]
 COMPILED = ('smart_tire/estimation/ground/body_model.py',
             'smart_tire/estimation/slip/kalman.py', 'smart_tire/estimation/slip/motion.py',
-            'smart_tire/estimation/slip/tire_forces.py',
+            'smart_tire/estimation/slip/tire_forces.py', 'smart_tire/models/tire/brush_tire.py',
             'smart_tire/models/tire/film_equations.py')
 
 
@@ -61,7 +61,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={PACKAGE: ['analysis/checks/findings.yaml', 'analysis/html_report/page.css',
                             'analysis/html_report/page.html', 'analysis/html_report/page.js',
-                            'cli/verbs.yaml', 'messages/topics.yaml',
+                            'cli/verbs.yaml', 'messages/topics.yaml', 'models/tire/brush_tire.pxd',
                             'parameters/urdf_templates.yaml', 'papers/sections.yaml',
                             'py.typed']},
     ext_modules=[
@@ -69,6 +69,7 @@ setup(
         # for debuggers the files are five times as large; what Cython writes leaves a tuple
         # uninitialized where it returns an error
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
+                  depends=glob(f'{PACKAGE}/models/*/*.pxd'),
                   extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable',
                                       '-Wno-maybe-uninitialized'])
         for path in COMPILED],

@@ -34,12 +34,10 @@ from smart_tire.estimates import (
 from smart_tire.rotation import euler
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, Icr, ImuSample,
-    MotorCommand, NS_PER_S, Odometry, Sample, TireSample, VelocityCommand, WheelSample, WheelSlip)
+    MotorCommand, NS_PER_S, Odometry, PLANAR, PLANAR_COVARIANCE, Sample, TireSample,
+    VelocityCommand, WheelSample, WheelSlip)
 
 UNKNOWN_FOUR = (math.nan,) * 4
-# Rows and columns of x, y and yaw in the 6x6 covariances of ROS.
-PLANAR = (0, 1, 5)
-PLANAR_COVARIANCE = tuple(6 * row + column for row in PLANAR for column in PLANAR)
 PLANAR_VARIANCE = tuple(7 * row for row in PLANAR)
 
 Row = Sequence[float]

@@ -29,6 +29,8 @@ WHEELS = ('front_left', 'front_right', 'rear_left', 'rear_right')
 LEFT = (0, 2)   # indices into WHEELS
 RIGHT = (1, 3)  # indices into WHEELS
 NAN = math.nan
+PLANAR = (0, 1, 5)  # rows of x, y and yaw in the covariances of ROS, 6x6; their entries:
+PLANAR_COVARIANCE = tuple(6 * row + column for row in PLANAR for column in PLANAR)
 GRAVITY = 9.80665  # m/s2, standard acceleration of free fall (ISO 80000-3)
 
 # Bounds of valid measurements of any wheeled robot:

@@ -33,6 +33,7 @@ import numpy as np
 
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.arrays import Array
+from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.parameters import (
     FrictionEstimatorParams, RobotParams, SimulatorParams, SlipEstimatorParams,
     WheelControllerParams)
@@ -146,11 +147,6 @@ class PlantLog:
         time, x, y, yaw, speed = table[:, :5].T
         return TractionHistory(time, x, y, yaw, speed, radius * omega, v_x, v_y, friction,
                                critical(friction, load, stiffness))
-
-
-def critical_slip(friction: Array, load: Array, stiffness: Array) -> Array:
-    """Return the slip at which the whole contact patch of a brush tire slides."""
-    return 3.0 * friction * load / stiffness
 
 
 class TractionStack(RobotStack):

@@ -39,7 +39,7 @@ CONSTANTS: dict[str, tuple[str, Any]] = {
     'timing errors': ('TIMING_ERROR', 0.0),
     'relaxation length': ('RELAXATION_ERROR', 0.0),
     'errors of film slips': ('FILM_SLIP_ERROR', (0.0, 0.0)),
-    'errors of normalized slips': ('FILM_RATIO_ERROR', 0.0),
+    'errors of normalized slips': ('FILM_NORMALIZED_ERROR', 0.0),
     'lasting errors of films': ('FILM_SHAPE_ERROR', 1e-6),
     'noise of derivatives': ('NOISE_SIGMAS', 0.0),
     'transients of torques': ('TRANSIENT_SHARE', 0.0),

@@ -36,10 +36,10 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimates import (
     by_wheel, FrictionEstimate, PoseEstimate, SlipEstimate, Tabular, Truth)
 from smart_tire.paths import find_bag
-from smart_tire.recording import PLANAR, SampleArrays
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
-    Four, Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, Odometry, Sample, TireSample,
+    Four, Friction, FRICTION_QUANTITIES, ImuSample, NS_PER_S, Odometry, PLANAR, Sample, TireSample,
     Vector3, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 

@@ -35,9 +35,9 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.body_model import W
 from smart_tire.estimation.ground.measurements import FORCE_X, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CONVERGED, GROUND, Hypothesis, LENGTH, MAX_GAP, MAX_STEP, OWN, Prior, priors, Row, SETTLING,
-    SIZE, Unknown)
-from smart_tire.estimation.ground.window_fit import Fit, WindowFit
+    CONVERGED, GROUND, Hypothesis, LENGTH, MAX_GAP, MAX_STEP, OWN, priors, Row, SETTLING, SIZE,
+    Unknown, WindowPrior)
+from smart_tire.estimation.ground.window_fit import WindowEstimate, WindowFit
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
@@ -57,7 +57,7 @@ class Equations:
     """Normal equations of a window in the constants, relative to the estimate of the pass."""
 
     part: int          # half of a recording that it belongs to
-    fit: Fit
+    fit: WindowEstimate
     measurements: Measurements
     matrix: Array      # (constants, constants)
     vector: Array      # (constants,)
@@ -158,7 +158,8 @@ def fit_ground(recordings: Sequence[CalibrationRecording], robot: RobotParams, *
         x[[Unknown.DELAY, SCALE]] = 0.0
         off = mean - x
         off[[Unknown.DELAY, SCALE]] += robot.encoder.latency - latency, 1.0 - scale
-        prior = Prior(x[:SIZE].copy(), np.diag(np.where(_OWN, sigma, HELD * sigma)[:SIZE] ** 2))
+        prior = WindowPrior(
+            x[:SIZE].copy(), np.diag(np.where(_OWN, sigma, HELD * sigma)[:SIZE] ** 2))
         windows = []
         for number, recording in enumerate(recordings):
             fits = list(_fits(recording, robot, latency, scale, prior, window_fit,
@@ -200,8 +201,8 @@ def _with_noise(robot: RobotParams, recordings: Sequence[CalibrationRecording]) 
 
 
 def _fits(recording: CalibrationRecording, robot: RobotParams, latency: float, scale: float,
-          prior: Prior, window_fit: WindowFit, *,
-          torques: bool) -> Iterator[tuple[Fit, Measurements]]:
+          prior: WindowPrior, window_fit: WindowFit, *,
+          torques: bool) -> Iterator[tuple[WindowEstimate, Measurements]]:
     """Yield the fits of the windows of a recording, and their measurements."""
     imu, wheels = recording.imu, recording.wheels
     position = wheels.position
@@ -232,14 +233,14 @@ def _fits(recording: CalibrationRecording, robot: RobotParams, latency: float, s
         yield fit, measurements
 
 
-def _equations(part: int, fit: Fit, measurements: Measurements, x: Array, window_fit: WindowFit,
-               sigma: Array) -> Equations:
+def _equations(part: int, fit: WindowEstimate, measurements: Measurements, x: Array,
+               window_fit: WindowFit, sigma: Array) -> Equations:
     """Return the normal equations of a window without its own unknowns."""
     predicted = measurements.predict(fit.x[np.newaxis], fit.motion)[0]
     by_scale = np.zeros((*predicted.shape, 1))
     by_scale[FORCE_X, :, 0] = predicted[FORCE_X] - fit.x[Unknown.ACCEL_BIAS_X]
     jacobian = np.column_stack([fit.rows.jacobian, fit.whiten(
-        by_scale, np.zeros((len(measurements.passage_measured), 1)))])
+        by_scale, np.zeros((len(measurements.crossing_measured), 1)))])
     at = np.append(fit.x, 0.0)
     at[CONSTANTS] -= x[CONSTANTS]  # own unknowns have a mean of 0
     residual = fit.rows.residual + jacobian @ at

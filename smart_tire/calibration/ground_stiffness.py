@@ -31,6 +31,7 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import FORCE_X
 from smart_tire.estimation.ground.unknowns import Unknown
 from smart_tire.estimation.ground.wheel_motion import block_means
+from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.samples import GRAVITY
 
 MAX_SLIDING_SHARE = 0.3    # of straight motion, beyond the critical slip
@@ -79,10 +80,10 @@ def _straight(one: Equations, fit: GroundFit) -> Array:
     predicted = measurements.predict(one.fit.x[np.newaxis], one.fit.motion)[0, FORCE_X]
     # what the accelerometer measures in addition to the fit is a force, too
     force = fitted + 0.25 * robot.mass * (measurements.values[FORCE_X] - predicted)
-    limit = math.exp(one.fit.x[Unknown.FRICTION]) * loads.mean(axis=1)
     direction = np.sign(speed)
     slip = (speed - states[:, model.U]) / np.where(used, np.abs(speed), 1.0)
-    critical = 3.0 * limit / math.exp(one.fit.x[Unknown.STIFFNESS])
+    critical = critical_slip(math.exp(one.fit.x[Unknown.FRICTION]), loads.mean(axis=1),
+                             math.exp(one.fit.x[Unknown.STIFFNESS]))
     return np.column_stack([direction * slip, direction * force, direction * fitted,
                             np.abs(slip) > critical])[used]
 

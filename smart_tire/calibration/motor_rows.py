@@ -159,9 +159,8 @@ def motor_rows(recording: CalibrationRecording, robot: RobotParams) -> MotorRows
 
 def _slip(force: Array, robot: RobotParams) -> Array:
     """Return the slip of the tires at a specific ``force`` [m/s2] (n,), with its sign."""
-    loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
-                         force, np.zeros_like(force), radius=robot.wheel_radius)
-    linear = linear_tire_force(robot.mass * force, PRIORS['friction'].value, loads.T)
+    linear, _ = linear_tire_force(
+        robot.mass * force, PRIORS['friction'].value * normal_loads(robot, force, 0.0).T)
     return linear / robot.tire.longitudinal_stiffness
 
 

@@ -43,7 +43,7 @@ from smart_tire.calibration.results import CONTRADICTION_SIGMAS, Found
 from smart_tire.calibration.straight_segments import (
     MIN_SEGMENT_INTERVALS, MIN_SPEED, straight_segments, StraightSegment)
 from smart_tire.errors import EstimatorError
-from smart_tire.models.tire.brush_tire import axle_slip
+from smart_tire.models.tire.brush_tire import linear_tire_force
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import (
     anticorrelated, Errors, Fit, HAC_TIME, nonlinear_fit, Prior)
@@ -56,6 +56,7 @@ KNOT_INTERVAL = 0.5         # s, of the changes of the accelerometer error
 DRAG_SPEED = 0.02           # m/s, below which drag is linear in the speed
 DIFFERENCE = 1e-6           # of a value, for its derivative
 LOAD_FILTER = 13            # samples, of the acceleration that transfers load
+MAX_FORCE_SHARE = 0.9999    # of friction times load
 MAX_NOISE_SHARE = 0.08      # of accelerations; more noise makes a tire seem too stiff
 MAX_LATENCY_ERROR = 0.04    # s, of the configured latency
 MAX_RESIDUAL = 0.1            # of the rolled distances, of the residuals
@@ -134,8 +135,7 @@ class _Motion:
             slopes, time, axis=0, initial=0.0)])
         window = np.full(LOAD_FILTER, 1.0 / LOAD_FILTER)
         force = np.convolve(np.pad(segment.force, LOAD_FILTER // 2, 'edge'), window, 'valid')
-        loads = normal_loads(robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
-                             force, 0.0, radius=robot.wheel_radius)
+        loads = normal_loads(robot, force, 0.0)
         axles = np.maximum(np.stack([loads[:, :2].sum(axis=1), loads[:, 2:].sum(axis=1)]), 1e-3)
         return cls(segment, robot, hats, lost, np.sort(axles, axis=0),
                    np.flatnonzero(np.abs(segment.speed) > MIN_ROLLING_SPEED))
@@ -165,9 +165,10 @@ class _Motion:
     def _slip(self, common: Array, force: Array) -> tuple[Array, Array]:
         """Return the slip of the tires at a ``force`` over mass [m/s2], and its derivative."""
         stiffness, friction = np.exp(common[[Common.STIFFNESS, Common.FRICTION]])  # of a wheel
-        linear, slope = axle_slip(self.robot.mass * np.abs(force), friction * self.loads)
+        linear, slope = linear_tire_force(
+            self.robot.mass * force, friction * self.loads, MAX_FORCE_SHARE)
         scale = 0.5 / stiffness
-        return scale * linear * np.sign(force), scale * slope * self.robot.mass
+        return scale * linear, scale * slope * self.robot.mass
 
     def residual(self, common: Array, own: Array) -> Array:
         """Return by how much the intervals in motion were too long [s], and speeds at rest."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import math
 
 from smart_tire.control import constants as c
+from smart_tire.models.tire.brush_tire import force_share, normalized_slip_at
 
 
 def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
@@ -105,7 +106,7 @@ class TireLoad:
         """
         if share == 1.0:
             return speed
-        slip = self.critical_slip * (1.0 - (1.0 - share * self._force_share(speed)) ** (1.0 / 3.0))
+        slip = self.critical_slip * float(normalized_slip_at(share * self._force_share(speed)))
         return self.speed / (1.0 - math.copysign(slip, (speed - self.speed) * self.speed))
 
     def slip_share(self, speed: float) -> float:
@@ -115,7 +116,7 @@ class TireLoad:
 
     def _force_share(self, speed: float) -> float:
         """Return the force over that of a sliding wheel, 0 to 1."""
-        return 1.0 - max(1.0 - self.slip_share(speed), 0.0) ** 3
+        return float(force_share(self.slip_share(speed)))
 
 
 @dataclass

@@ -254,9 +254,7 @@ class TractionControl:
     def _loads(self, motion: Expected) -> Four:
         robot = self._robot
         lateral = min(max(motion.v_x * motion.yaw_rate, -GRAVITY), GRAVITY)
-        return four(normal_loads(
-            robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
-            motion.acceleration, lateral, radius=robot.wheel_radius).tolist())
+        return four(normal_loads(robot, motion.acceleration, lateral).tolist())
 
     def _within(self, wanted: Four, motion: Expected, grounds: Sequence[WheelGround]) -> Four:
         """

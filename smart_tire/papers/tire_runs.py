@@ -215,9 +215,7 @@ def stiffness(run: Drive, mu: float) -> AccelerationFit:
     slip, rolling, force = (_blocks(values) for values in (
         ratio, rolling, 0.25 * ROBOT.mass * acceleration))
     force = force - force.mean()
-    loads = normal_loads(
-        ROBOT.mass, ROBOT.center_of_mass, ROBOT.wheelbase, ROBOT.track_width,
-        force / (0.25 * ROBOT.mass), 0.0, radius=ROBOT.wheel_radius)
+    loads = normal_loads(ROBOT, force / (0.25 * ROBOT.mass), 0.0)
     value, lag, rate = ROBOT.tire.longitudinal_stiffness, 0.0, np.zeros(len(slip))
     for _ in range(20):  # sliding part and slope depend weakly on stiffness and lag
         shape = np.mean([brush_tire.brush_force(slip + lag * rate, 0.0, mu, load, value)[0]
@@ -225,8 +223,8 @@ def stiffness(run: Drive, mu: float) -> AccelerationFit:
         # the fitted acceleration: noise of the measured one is part of the residuals, too
         rate = value * shape / (0.25 * ROBOT.mass * rolling)
         shape = shape - shape.mean()
-        adhesion = 1.0 - value * np.abs(slip) / (3.0 * mu * 0.25 * ROBOT.mass * GRAVITY)
-        slope = value * np.maximum(adhesion, 0.0) ** 2 * rate
+        adhesion = brush_tire.adhesion_ratio(slip, mu, 0.25 * ROBOT.mass * GRAVITY, value)
+        slope = value * adhesion ** 2 * rate
         matrix = np.column_stack([shape, slope - slope.mean()])
         change = np.linalg.lstsq(matrix, force - value * shape, rcond=None)[0]
         value, lag = value + float(change[0]), lag + float(change[1])

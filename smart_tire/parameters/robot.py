@@ -121,7 +121,7 @@ class TireParams:
     longitudinal_stiffness: float = param(
         52.7, 'N', 'per unit slip and wheel, C_x of the tire-ground pair', (1e-3, 1e6))
     longitudinal_stiffness_sigma: float = param(
-        0.1, '-', 'relative standard deviation of C_x', (0.0, 2.0))
+        0.1, '-', 'relative standard deviation of C_x; grounds add theirs', (0.0, 2.0))
 
 
 @dataclass(frozen=True, kw_only=True)

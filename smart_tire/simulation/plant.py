@@ -20,8 +20,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
+from smart_tire.models.tire.brush_tire import force_over_slip
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
-from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, linear_loads, SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import DriveParams, PatchParams, SurfaceParams
 from smart_tire.samples import WHEELS
@@ -98,7 +99,7 @@ class Plant:
         self._axle = [scale * motor.axle_friction * robot.wheel_radius
                       for scale in friction_scale]                                    # m
         self._viscous = [scale * motor.viscous_friction for scale in friction_scale]  # N m s/rad
-        self._load_map = self._linear_loads()
+        self._load_map = list(zip(*(values.tolist() for values in linear_loads(robot))))
         self.slip_floor = self._stable_slip_floor()
         self._update_wheels()
 
@@ -151,13 +152,8 @@ class Plant:
 
     @staticmethod
     def tire_slope(total_slip: float, mu: float, load: float, stiffness: float) -> float:
-        """Return ``brush_tire.brush_force`` divided by the slip [N], for plain floats."""
-        limit = mu * load
-        share = stiffness * total_slip
-        if share < 3.0 * limit:
-            t = share / (3.0 * limit)
-            return stiffness * (1.0 - t + t * t / 3.0)
-        return limit / total_slip if total_slip > 0.0 else 0.0
+        """Return the force of a brush tire divided by the slip [N]."""
+        return force_over_slip(total_slip, stiffness, mu * load)
 
     def _step_body(self) -> None:
         """Advance velocity and pose of the body; exact without forces."""
@@ -191,14 +187,6 @@ class Plant:
             self.surface[i] = self._surfaces.at(self.x + cos * x - sin * y,
                                                 self.y + sin * x + cos * y)
             self.load[i] = max(static + per_x * a_x + per_y * a_y, 0.0)
-
-    def _linear_loads(self) -> list[tuple[float, float, float]]:
-        """Return the static load [N] of each wheel and its change per m/s2 along x and y."""
-        robot = self._robot
-        loads = normal_loads(
-            robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
-            [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], radius=robot.wheel_radius)
-        return [(float(static), float(x - static), float(y - static)) for static, x, y in loads.T]
 
     def _stable_slip_floor(self) -> float:
         """Return the denominator [m/s] at which one step cancels the slip of the fastest mode."""

@@ -148,16 +148,16 @@ class CrossingTruth:
         """Return FRICTION_QUANTITIES from the mean values of a crossing."""
         film, length = self._robot.film.length, self._robot.tire.contact_length
         critical = float(brush_tire.critical_slip(friction, load, stiffness))
-        ratio = float(brush_tire.adhesion_ratio(total_slip, friction, load, stiffness))
+        adhesion = float(brush_tire.adhesion_ratio(total_slip, friction, load, stiffness))
         stretch = interval = NAN
         if slip > 0.0 and not math.isnan(self._gain):  # two peaks exist in traction only
-            x_m = float(strain_charge.peak_position(ratio * length, film, length))
+            x_m = float(strain_charge.peak_position(adhesion * length, film, length))
             stretch = self._gain * float(strain_charge.overlap_integral(
                 x_m, slip, total_slip, critical, film, length))
             interval = (length - x_m) / abs(rolling_speed)
         return {
             'friction_coefficient': friction, 'friction_coefficient_single': friction,
-            'adhesion_ratio': ratio, 'adhesion_length': ratio * length,
+            'adhesion_ratio': adhesion, 'adhesion_length': adhesion * length,
             'stretch_voltage': stretch, 'peak_interval': interval,
             'slip': slip, 'film_slip': slip, 'total_slip': total_slip,
             'normal_load': load, 'stiffness': stiffness, 'critical_slip': critical,

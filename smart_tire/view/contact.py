@@ -241,9 +241,7 @@ class ForceLayer:
         """Return the forces (4, 2) [N], forward and to the left, and mu F_z (4,) [N]."""
         robot, (v_x, v_y, _), rate = self._robot, odometry.linear, odometry.angular[2]
         wheel_x, wheel_y = wheel_velocities(v_x, v_y, rate, robot.wheelbase, robot.track_width)
-        loads = normal_loads(
-            robot.mass, robot.center_of_mass, robot.wheelbase, robot.track_width,
-            -rate * v_y, rate * v_x, radius=robot.wheel_radius)
+        loads = normal_loads(robot, -rate * v_y, rate * v_x)
         friction = np.array([self._friction[self.source(wheel)] for wheel in WHEELS])
         s_x, s_y = slip_vector(wheel_x + np.array(slip.slip_velocity), wheel_x, wheel_y,
                                floor=robot.slip.standstill_speed)

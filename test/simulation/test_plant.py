@@ -74,7 +74,7 @@ def test_the_scalar_tire_force_agrees_with_the_brush_tire_model():
     force, _ = brush_tire.brush_force(total, 0.0, mu, load, 52.7)
     scalar = [Plant.tire_slope(*row, 52.7) * row[0] for row in zip(total, mu, load)]
     np.testing.assert_allclose(scalar, force, rtol=1e-12, atol=1e-12)
-    assert Plant.tire_slope(0.0, 0.47, 26.7, 52.7) == 52.7
+    assert Plant.tire_slope(0.0, 0.47, 26.7, 52.7) == pytest.approx(52.7)
     assert Plant.tire_slope(0.0, 0.0, 26.7, 52.7) == 0.0
 
 

@@ -14,9 +14,12 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
+import sys
 from types import ModuleType
+from unittest.mock import patch
 
 import smart_tire
+from smart_tire.models.tire import brush_tire
 
 PACKAGE = Path(smart_tire.__file__).parent
 
@@ -27,10 +30,12 @@ def source(module: ModuleType) -> Path:
 
 
 def load_source(module: ModuleType) -> ModuleType:
-    """Return the module as Python, although it is compiled."""
+    """Return the module as Python, although it is compiled, with the tire forces as Python."""
     spec = importlib.util.spec_from_file_location(f'{module.__name__}_source', source(module))
     assert spec and spec.loader
     loaded = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
+    forces = {} if module is brush_tire else {brush_tire.__name__: load_source(brush_tire)}
+    with patch.dict(sys.modules, forces):
+        spec.loader.exec_module(loaded)
     assert not loaded.COMPILED
     return loaded

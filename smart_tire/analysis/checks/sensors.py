@@ -24,6 +24,7 @@ from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import WheelRecord
 from smart_tire.findings import Finding
+from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import GRAVITY
@@ -183,7 +184,8 @@ def check_stiffness(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a longitudinal stiffness that is implausible for the load."""
     robot = recording.robot
     load, stiffness = 0.25 * robot.mass * GRAVITY, robot.tire.longitudinal_stiffness
-    ratio, critical = stiffness / load, 3.0 * limits.ASSUMED_FRICTION * load / stiffness
+    ratio = stiffness / load
+    critical = float(critical_slip(limits.ASSUMED_FRICTION, load, stiffness))
     if critical > 1.0 or ratio > limits.MAX_STIFFNESS_RATIO:
         yield finding('stiffness_small' if critical > 1.0 else 'stiffness_large',
                       'tire.longitudinal_stiffness', stiffness=stiffness, load=load,

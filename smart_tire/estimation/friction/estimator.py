@@ -125,8 +125,8 @@ class FrictionEstimator:
         self._pending.append(_Pending(wheel, crossing, result))
         if result is not None:
             slips = result.slips
-            self._ground.add_passage(stamp_of(crossing, result), wheel, slips.slip,
-                                     slips.normalized_slip, slips.covariance, result.sliding)
+            self._ground.add_crossing(stamp_of(crossing, result), wheel, slips.slip,
+                                      slips.normalized_slip, slips.covariance, result.sliding)
 
     def _solved(self, now_ns: int, *, last: bool = False) -> list[Friction | GroundState]:
         """Return the estimates of a window up to ``now_ns``, if one is due."""

@@ -21,6 +21,7 @@ from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_method import FilmResult, SlipFit
 from smart_tire.estimation.ground.estimator import WheelState
+from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
@@ -87,7 +88,7 @@ def _single(films: SlipFit, total: Uncertain, state: WheelState) -> Uncertain:
     gain = float(covariance[0, 1] / (covariance[0, 0] + state.slip.sigma ** 2))
     normalized = films.normalized_slip + gain * (state.slip.value - films.slip)
     sigma = math.sqrt(max(float(covariance[1, 1]) - gain * float(covariance[0, 1]), 0.0))
-    scale = 3.0 * state.load.value / (state.stiffness.value * total.value)
+    scale = float(critical_slip(1.0, state.load.value, state.stiffness.value)) / total.value
     mu, spread = friction_estimate(scale * normalized, scale * sigma, state.friction.value)
     if not math.isfinite(mu):
         return UNKNOWN

@@ -15,14 +15,12 @@
 Motion of the robot on brush tires for given wheel speeds.
 
 The robot is a planar rigid body. The state is the velocity (u, v) [m/s] of its center of mass in
-body axes and the yaw rate w [rad/s]. With the slip ``s = (r w_i - v_x, -k v_y) / |r w_i|`` of a
-wheel, ``k = C_y / C_x`` and ``t = C_x |s| / (3 mu F_z)``, its force is
-``C_x (1 - t + t^2 / 3) s`` below full sliding (t < 1) and ``mu F_z s / |s|`` above. The slip of
-a tire follows over its relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``, without
-a singularity at rest; a sliding tire deflects no further. The rolling resistance ``f F_z`` acts
-along the velocity of its center by the lateral share and along its heading by the rest
-(PHYSICS.md D). Loads follow the acceleration of the step before. A lifted wheel has none. Of
-the load that it loses, the wheel across from it gets the share k, the other two -k: with k = -1
+body axes and the yaw rate w [rad/s]. Tire forces are those of ``models/tire/brush_tire``, with a
+slip s that follows over the relaxation length l: ``l s' = (r w_i - v_x, -k v_y) - |r w_i| s``,
+without a singularity at rest; a sliding tire deflects no further. The rolling resistance
+``f F_z`` acts along the velocity of the wheel center by the lateral share and along its heading by
+the rest (PHYSICS.md D). Loads follow the acceleration of the step before. A lifted wheel has none.
+Of the load that it loses, the wheel across from it gets the share k, the other two -k: with k = -1
 they carry the weight and its moments alone.
 
 Steps are implicit, by the second backward differentiation formula, with the secant slope
@@ -44,8 +42,10 @@ except ImportError:
 
 if cython.compiled:
     from cython.cimports.libc.math import fabs, sqrt
+    from cython.cimports.smart_tire.models.tire.brush_tire import friction_share, secant
 else:
     from numpy import absolute as fabs, maximum as max, minimum as min, sqrt  # noqa: A001, A004
+    from smart_tire.models.tire.brush_tire import friction_share, secant
 
 COMPILED: bool = cython.compiled
 
@@ -65,8 +65,8 @@ TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR,
 # tread forces along x of the wheels, and their loads
 U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
 LOADS, OUTPUTS = FORCE + 4, FORCE + 8
-# means over a passage; LOSS is the product of the shares of the friction that are left
-SLIP, RATIO, LOAD, TRACTION, LOSS, VALUES = range(6)
+# means over a crossing; LOSS is the product of the shares of the friction that are left
+SLIP, NORMALIZED, LOAD, TRACTION, LOSS, VALUES = range(6)
 
 
 def simulate(rolling: cython.double[:, ::1], offsets: cython.double[:, :, ::1],
@@ -107,22 +107,6 @@ def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: c
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
-def _secant(total: cython.double, stiffness: cython.double, limit: cython.double,
-            fall: cython.double) -> cython.double:
-    """
-    Return |F| / |s| [N] of the brush model; ``limit`` is mu F_z [N].
-
-    Beyond full sliding, t > 1, the friction falls to mu (1 - fall (1 - 1 / t)).
-    """
-    inverse: cython.double = 3.0 * limit / (stiffness * max(total, 1e-9))  # 1 / t
-    t: cython.double = 1.0 / max(inverse, 1.0)
-    inverse = min(inverse, 1.0)
-    left: cython.double = 1.0 - fall * (1.0 - inverse)
-    return left * stiffness * inverse * (1.0 - t + t * t * (1.0 / 3.0))
-
-
-@cython.cfunc
 def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
                   heading: cython.double[:, ::1], p: cython.double[::1],
                   robot: cython.double[::1], out: cython.double[:, ::1]) -> cython.void:
@@ -135,7 +119,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     gravity: cython.double = robot[GRAVITY]
     steps: cython.double = rolling.shape[0]
     share: cython.double = p[LATERAL_SHARE]
-    ratio: cython.double = p[LATERAL_RATIO]
+    lateral_ratio: cython.double = p[LATERAL_RATIO]
     radius: cython.double = p[RADIUS]
     fall: cython.double = p[FALL]
     relaxation: cython.double = p[RELAXATION]
@@ -254,18 +238,20 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
             slip_x[i] = slip_x[i] * lag * gain[i]
             slip_y[i] = slip_y[i] * lag * gain[i]
             s_x: cython.double = slip_x[i] + gain[i] * (roll[i] - v_x)
-            s_y: cython.double = slip_y[i] + gain[i] * ratio * v_y
+            s_y: cython.double = slip_y[i] + gain[i] * lateral_ratio * v_y
             stiff: cython.double = stiffness[i] + after[i % 2] * stiffness[4 + i]
             limit: cython.double = load * (friction[i] + after[i % 2] * friction[4 + i])
             total: cython.double = sqrt(s_x * s_x + s_y * s_y)
-            slope[i] = _secant(total, stiff, limit, fall)
-            # a tire that slides deflects no further
-            kept[i] = min(1.0, 3.0 * limit / (stiff * max(total, 1e-9)))
+            elastic: cython.double = stiff * max(total, 1e-9)  # N, without sliding; t = 1 at ...
+            full: cython.double = 3.0 * limit
+            scale: cython.double = 1.0 / max(elastic, full)
+            kept[i] = full * scale  # a tire that slides deflects no further
+            slope[i] = stiff * secant(elastic * scale, kept[i], fall)
             grip[i] = gain[i] * slope[i]
             drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
             along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
                 fabs(v_x), min_speed)
-            across: cython.double = ratio * grip[i] + drag_y
+            across: cython.double = lateral_ratio * grip[i] + drag_y
             uu += along
             uw -= along * y[i]
             vv += across
@@ -288,7 +274,7 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         out[n, 3], out[n, 4], out[n, 5] = a_x, a_y, rate * new_w - old_w
         for i in range(4):
             s_x = slip_x[i] + gain[i] * (roll[i] - new_u + y[i] * new_w)
-            s_y = slip_y[i] + gain[i] * ratio * (new_v + x[i] * new_w)
+            s_y = slip_y[i] + gain[i] * lateral_ratio * (new_v + x[i] * new_w)
             out[n, 6 + i] = slope[i] * s_x
             out[n, 10 + i] = max(_load(level[i], by_x[i], by_y[i], a_x, a_y)
                                  + one * gets[i] + two * gets[4 + i], 0.0)
@@ -298,16 +284,16 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         u, v, w = new_u, new_v, new_w
 
 
-def average_passages(states: cython.double[:, :, ::1], rolling: cython.double[:, :, ::1],
-                     after: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
-                     wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
-                     runs: cython.double[:, ::1], robot: cython.double[::1],
-                     out: cython.double[:, :, ::1]) -> None:
+def average_crossings(states: cython.double[:, :, ::1], rolling: cython.double[:, :, ::1],
+                      after: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
+                      wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
+                      runs: cython.double[:, ::1], robot: cython.double[::1],
+                      out: cython.double[:, :, ::1]) -> None:
     """
-    Average slip, normalized slip, load and traction force of a wheel over each of m passages.
+    Average slip, normalized slip, load and traction force of a wheel over each of m crossings.
 
     ``states`` (runs, n, OUTPUTS) are those of ``simulate``, ``rolling`` (runs, m, k) is r w [m/s]
-    of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for passages
+    of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for crossings
     on the second ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
     and least share of the friction. ``out`` (runs, m, VALUES) is filled. Raise ValueError where
     shapes disagree.
@@ -337,8 +323,8 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
                  wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
                  p: cython.double[::1], robot: cython.double[::1], out: cython.double[:, ::1]
                  ) -> cython.void:
-    """Average the passages of one run."""
-    ratio: cython.double = p[LATERAL_RATIO]
+    """Average the crossings of one run."""
+    lateral_ratio: cython.double = p[LATERAL_RATIO]
     fall: cython.double = p[FALL]
     com_x: cython.double = p[COM_X]
     com_y: cython.double = p[COM_Y]
@@ -362,10 +348,11 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
             inverse: cython.double = 1.0 / rolling[i, k]
             w: cython.double = states[n, 2]
             slip: cython.double = (rolling[i, k] - states[n, 0] + (track - com_y) * w) * inverse
-            lateral: cython.double = ratio * (states[n, 1] + (base - com_x) * w) * inverse
+            lateral: cython.double = lateral_ratio * (states[n, 1] + (base - com_x) * w) * inverse
             load: cython.double = max(states[n, 10 + wheel], limits[i, 1])
             t: cython.double = sqrt(slip * slip + lateral * lateral) * grip / load
-            kept: cython.double = max(1.0 - fall * (1.0 - 1.0 / max(t, 1.0)), limits[i, 2])
+            kept: cython.double = max(friction_share(1.0 / max(t, 1.0), fall),
+                                      limits[i, 2])
             sums[0] = sums[0] + slip
             sums[1] = sums[1] + min(t / kept, limits[i, 0])
             sums[2] = sums[2] + load

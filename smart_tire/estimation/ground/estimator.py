@@ -9,7 +9,7 @@
 # the License.
 
 """
-Ground estimator: IMU, wheels and passages of films in, state of the ground out.
+Ground estimator: IMU, wheels and crossings of films in, state of the ground out.
 
 All times are message time; a window ends at multiples of ``HOP_NS``.
 """
@@ -25,13 +25,14 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground.body_model import LOAD, LOSS
-from smart_tire.estimation.ground.measurements import Passage, WindowData
+from smart_tire.estimation.ground.measurements import MeasuredCrossing, WindowData
 from smart_tire.estimation.ground.unknowns import (
     CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
     MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIDES, SIZE, Unknown)
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
+from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
@@ -43,7 +44,7 @@ HOP_NS = GROUND_STATE_PERIOD_NS  # between two windows
 
 @dataclass(frozen=True, slots=True)
 class WheelState:
-    """Slip, load and ground of a wheel, averaged over a passage of its films."""
+    """Slip, load and ground of a wheel, averaged over a crossing of its films."""
 
     slip: Uncertain = UNKNOWN           # -, B(3)
     normalized_slip: Uncertain = UNKNOWN  # -, |s| / lambda_cr
@@ -68,7 +69,7 @@ class GroundEstimator:
         self._origin_ns: int | None = None
         self._imu: list[tuple[float, ...]] = []
         self._wheels: list[tuple[float, ...]] = []
-        self._passages: list[Passage] = []
+        self._crossings: list[MeasuredCrossing] = []
         self._odometry: Odometry | None = None
         self._imu_seen = False
         self._angles = np.zeros(4)      # rad, integrated where no positions are measured
@@ -135,13 +136,14 @@ class GroundEstimator:
         elif not self._imu_seen:
             self._add_odometry(time, sample)
 
-    def add_passage(self, stamp_ns: int, wheel: str, slip: float, ratio: float, covariance: Array,
-                    sliding: bool) -> None:
-        """Add what the films of ``wheel`` measured: see ``Passage``."""
+    def add_crossing(self, stamp_ns: int, wheel: str, slip: float, normalized_slip: float,
+                     covariance: Array, sliding: bool) -> None:
+        """Add what the films of ``wheel`` measured: see ``MeasuredCrossing``."""
         if self._origin_ns is not None:
             self.films_used += 1
-            self._passages.append(Passage(self._seconds(stamp_ns), WHEELS.index(wheel), slip,
-                                          ratio, covariance, sliding))
+            self._crossings.append(MeasuredCrossing(
+                self._seconds(stamp_ns), WHEELS.index(wheel), slip, normalized_slip, covariance,
+                sliding))
 
     def advance(self, now_ns: int, last: bool = False) -> Solution | None:
         """
@@ -165,7 +167,7 @@ class GroundEstimator:
                 bisect_right(self._wheels, (end, math.inf)) - bisect_right(
                     self._wheels, (begin, math.inf)) < MIN_WHEEL_SAMPLES):
             return None
-        data = WindowData(np.array(self._imu), np.array(self._wheels), self._passages)
+        data = WindowData(np.array(self._imu), np.array(self._wheels), self._crossings)
         before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
         try:
             self.solution = self._window.solve(data, begin, end, end - before)
@@ -231,7 +233,7 @@ class GroundEstimator:
         (values,), (slopes,) = solution.values_at(time, [index])
         covariance = fit.covariance
         spread = np.sqrt(np.einsum('ij,jk,ik->i', slopes, covariance[:DYNAMIC, :DYNAMIC], slopes))
-        slip, ratio, load, force, loss = map(float, values)
+        slip, normalized, load, force, loss = map(float, values)
         x, row = fit.x, np.zeros((3, SIZE))
         stiffness = solution.hypothesis.ground(index % 2, time).start
         friction = stiffness + Unknown.FRICTION - Unknown.STIFFNESS
@@ -245,10 +247,10 @@ class GroundEstimator:
         friction_sigma = _upper(float(errors[1]))
         mu_sigma = math.hypot(friction_sigma, CURVE_ERROR)
         mu, c_x = math.exp(logs[1]), math.exp(logs[0])
-        critical = 3.0 * load * math.exp(logs[2])
+        critical = float(critical_slip(mu, load, c_x))
         known = friction_sigma < MAX_LN_SIGMA and not solution.hypothesis.is_disturbed(time)
         return WheelState(
-            Uncertain(slip, float(spread[0])), Uncertain(ratio, float(spread[1])),
+            Uncertain(slip, float(spread[0])), Uncertain(normalized, float(spread[1])),
             Uncertain(load, load_sigma),
             Uncertain(force, math.hypot(float(spread[3]), MODEL_ERROR * force)),
             Uncertain(c_x, c_x * float(errors[0])),
@@ -298,7 +300,7 @@ class GroundEstimator:
 
     def _forget(self, time: float) -> None:
         """Drop samples before ``time`` [s]."""
-        for rows in (self._imu, self._wheels, self._passages):
+        for rows in (self._imu, self._wheels, self._crossings):
             count = next((i for i, row in enumerate(rows) if row[0] >= time), len(rows))
             del rows[:count]
 

@@ -32,7 +32,8 @@ from smart_tire.estimation.ground.unknowns import (
     BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, FREEDOM, GROUND, Hypothesis, Interval, ITERATIONS,
     LENGTH, Lift, MAX_LIFTS, MAX_STEP, MOVED, NEAR, NEVER, OLD_GROUND, ONE_GROUND, SIZE,
     TIME_ERROR, TRIED_EVIDENCE, Unknown)
-from smart_tire.estimation.ground.window_fit import Fit, start_of, student, Whitening, WindowFit
+from smart_tire.estimation.ground.window_fit import (
+    start_of, student, Whitening, WindowEstimate, WindowFit)
 from smart_tire.samples import WHEELS
 
 
@@ -65,7 +66,7 @@ class Rival(NamedTuple):
 
     time: float  # s
     hypothesis: Hypothesis
-    fit: Fit
+    fit: WindowEstimate
 
 
 class EventSearch:
@@ -75,12 +76,13 @@ class EventSearch:
         self._fit, self._rows, self._steps = fit, fit.rows, fit.steps
 
     def disturbed(self, plain: Hypothesis, time: float, measurements: Measurements,
-                  leaving: float) -> tuple[Hypothesis, Fit]:
+                  leaving: float) -> tuple[Hypothesis, WindowEstimate]:
         """Return the fit if the robot is disturbed from ``time`` [s] on."""
         return self._fit.fitted(replace(plain, disturbances=(
             *plain.disturbances, disturbance(time))), measurements, leaving)
 
-    def when(self, main: Hypothesis, fit: Fit, measurements: Measurements) -> float | None:
+    def when(self, main: Hypothesis, fit: WindowEstimate, measurements: Measurements
+             ) -> float | None:
         """Return when [s] something seems to have happened: an event, or a disturbance."""
         times = [measurements.begin, *(measurements.times[-1] - one for one in CANDIDATES)]
         events = self._changes(main, fit.x, [(time, time) for time in times])
@@ -97,8 +99,8 @@ class EventSearch:
         gain, time = max(likely)
         return time if gain > TRIED_EVIDENCE else None
 
-    def rivals(self, plain: Hypothesis, fit: Fit, measurements: Measurements, leaving: float,
-               time: float) -> list[Rival]:
+    def rivals(self, plain: Hypothesis, fit: WindowEstimate, measurements: Measurements,
+               leaving: float, time: float) -> list[Rival]:
         """
         Return the likeliest event of each kind, the likeliest first.
 
@@ -202,7 +204,7 @@ class EventSearch:
             for time in times if last.end < time and len(main.lifts) < MAX_LIFTS
             for wheel in range(len(WHEELS))]
 
-    def _evidence(self, main: Hypothesis, fit: Fit, measurements: Measurements,
+    def _evidence(self, main: Hypothesis, fit: WindowEstimate, measurements: Measurements,
                   events: Sequence[Event]) -> tuple[Array, list[tuple[float, Array]]]:
         """
         Return the whitened residual (rows,), and for each event its evidence and its unknowns.
@@ -218,8 +220,8 @@ class EventSearch:
         x = np.array(runs)
         start, _ = start_of(main, measurements)
         motion = measurements.simulate(x, start, fit.heading, np.array(at))
-        blocks, films = measurements.predict(x, motion), measurements.passage_values(x, motion)
-        residual = measurements.values - blocks, measurements.passage_measured - films
+        blocks, films = measurements.predict(x, motion), measurements.crossing_values(x, motion)
+        residual = measurements.values - blocks, measurements.crossing_measured - films
         whiten = Whitening(*fit.noise, residual[0][0], residual[1][0], False, ())
         white = whiten(residual[0].transpose(1, 2, 0), residual[1].T)
         for one in main.disturbances:

@@ -12,7 +12,7 @@
 Measurements of a window, and what the model of the motion predicts for them.
 
 Block means over ``BLOCK`` steps of yaw rate, of the specific force of the IMU along both axes and
-of the four motor torques; slip and normalized slip of each passage of a wheel's films.
+of the four motor torques; slip and normalized slip of each crossing of a wheel's films.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_RATIO_ERROR, FILM_SLIP_ERROR, GAINS, GROUND,
-    Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_RATIO, MAX_RATIO, MODEL_ERROR, MODEL_TIME, MOTORS,
-    OFFSETS, OLD_GROUND, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START, TIME_STEP, TIMING_ERROR,
-    TRANSIENT_SHARE, Unknown, UNMEASURED)
+    BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_NORMALIZED_ERROR, FILM_SLIP_ERROR, GAINS, GROUND,
+    Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_NORMALIZED, MAX_NORMALIZED, MODEL_ERROR,
+    MODEL_TIME, MOTORS, OFFSETS, OLD_GROUND, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START,
+    TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
+from smart_tire.models.tire.brush_tire import slope_at
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED, friction_torque, torque_errors
 from smart_tire.models.vehicle.skid_steer import MIN_LOAD, SLIP_FLOOR
 from smart_tire.parameters.robot import RobotParams
@@ -40,27 +41,27 @@ from smart_tire.samples import GRAVITY, WHEELS
 
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = TORQUE + len(WHEELS)
-PASSAGE_STEPS = np.arange(-3, 3)  # around a passage, over which its motion is averaged: 0.1 s
+CROSSING_STEPS = np.arange(-3, 3)  # around a crossing, over which its motion is averaged: 0.1 s
 
 
-class Passage(NamedTuple):
+class MeasuredCrossing(NamedTuple):
     """Slip and normalized slip of a film pair in the patch."""
 
     time: float        # s, in the middle of the patch
     wheel: int         # index in WHEELS
     slip: float        # -, B(3)
-    ratio: float       # -, t = |s| / lambda_cr
+    normalized_slip: float  # -, t = |s| / lambda_cr
     covariance: Array  # (2, 2)
     sliding: bool      # the whole patch slides: only slip / t is determined
 
     @property
     def measured(self) -> tuple[float, float]:
         """Return the slip, and its product with the normalized slip if that is determined."""
-        return self.slip, self.ratio if self.sliding else self.slip * self.ratio
+        return self.slip, self.normalized_slip * (1.0 if self.sliding else self.slip)
 
-    def by_slips(self, slip: float, ratio: float) -> Array:
-        """Return the derivatives (2, 2) of the measured quantities by slip and ratio."""
-        return np.array([[1.0, 0.0], [0.0, 1.0] if self.sliding else [ratio, slip]])
+    def by_slips(self, slip: float, normalized: float) -> Array:
+        """Return the derivatives (2, 2) of the measured quantities by slip and normalized slip."""
+        return np.array([[1.0, 0.0], [0.0, 1.0] if self.sliding else [normalized, slip]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,15 +70,15 @@ class WindowData:
 
     imu: Array       # (n, 4): time, yaw rate [rad/s], specific force x, y [m/s2] in base axes
     wheels: Array    # (m, 9): time, angles [rad], motor torques [N m], NaN where not measured
-    passages: list[Passage]
+    crossings: list[MeasuredCrossing]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """Simulated motion of all runs, and the speeds at the passages."""
+class WindowMotion:
+    """Simulated motion of all runs, and the speeds at the crossings."""
 
     states: Array   # (runs, n, OUTPUTS)
-    passages: Array  # (runs, passages, 5): slip, normalized slip, load [N], traction force [N],
+    crossings: Array  # (runs, crossings, 5): slip, normalized slip, load [N], traction force [N],
     # ln of the friction at this slip over that of the tire
 
 
@@ -114,10 +115,10 @@ class Measurements:
         mean_wheels, self.torque_count = sample_means(
             near[np.isfinite(near[:, 5:]).all(axis=1)], self.edges)
         self.values = np.vstack([mean_imu.T, mean_wheels[:, 4:].T])  # (STREAMS, blocks)
-        self.passages = [one for one in data.passages if first < one.time <= end]
-        self.passage_measured = np.array(
-            [value for one in self.passages for value in one.measured])
-        self._products = np.array([not one.sliding for one in self.passages], dtype=bool)
+        self.crossings = [one for one in data.crossings if first < one.time <= end]
+        self.crossing_measured = np.array(
+            [value for one in self.crossings for value in one.measured])
+        self._products = np.array([not one.sliding for one in self.crossings], dtype=bool)
         self._heading_data = data.imu
         self._inertia_torque = motor.inertia * block_means(self.acceleration).T
         self._moving = block_means(self.rates).T
@@ -152,7 +153,7 @@ class Measurements:
         return heading
 
     def simulate(self, x: Array, start: Array, heading: Array, events: Array,
-                 relaxation: float = 0.0) -> Motion:
+                 relaxation: float = 0.0) -> WindowMotion:
         """
         Return the motion for each row of ``x`` (runs, SIZE).
 
@@ -166,7 +167,7 @@ class Measurements:
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
         model.simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
-        return Motion(states, self.at(self.passages, x, events, states))
+        return WindowMotion(states, self.at(self.crossings, x, events, states))
 
     def _parameters(self, x: Array, events: Array) -> Array:
         """Return the parameters of the model (runs, PARAMETERS) from standstill."""
@@ -189,7 +190,7 @@ class Measurements:
         runs[:, model.BEND_X:model.BEND_Y + 1] = x[:, Unknown.BEND_X:Unknown.BEND_Y + 1]
         return runs
 
-    def predict(self, x: Array, motion: Motion) -> Array:
+    def predict(self, x: Array, motion: WindowMotion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
         states, robot = motion.states, self._robot
         arm_x, arm_y = (
@@ -214,7 +215,7 @@ class Measurements:
         found[:, TORQUE:] = scale[:, :, np.newaxis] * torque + x[:, OFFSETS, np.newaxis]
         return found
 
-    def linear(self, x: Array, predicted: Array, motion: Motion) -> Array:
+    def linear(self, x: Array, predicted: Array, motion: WindowMotion) -> Array:
         """
         Return the derivatives (STREAMS, blocks, SIZE - DYNAMIC) by the other unknowns.
 
@@ -241,10 +242,10 @@ class Measurements:
             found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
         return found
 
-    def passage_values(self, x: Array, motion: Motion) -> Array:
-        """Return the measured quantities of the passages (runs, 2 * passages) for ``x``."""
-        found = motion.passages[:, :, :2].copy()
-        wheels = [one.wheel for one in self.passages]
+    def crossing_values(self, x: Array, motion: WindowMotion) -> Array:
+        """Return the measured quantities of the crossings (runs, 2 * crossings) for ``x``."""
+        found = motion.crossings[:, :, :2].copy()
+        wheels = [one.wheel for one in self.crossings]
         found[:, :, 0] *= np.exp(x[:, GAINS])[:, wheels]
         found[:, self._products, 1] *= found[:, self._products, 0]
         found[:, :, 1] += self._products * x[:, FILM_ERRORS][:, wheels]
@@ -254,14 +255,13 @@ class Measurements:
         """
         Return the variances [(N m)^2] (4, blocks) of torques by errors of wheel speeds.
 
-        ``predicted`` (STREAMS, blocks). The force of a brush has the slope C_x (1 - f)^(2/3) where
-        it is the share f of the friction.
+        ``predicted`` (STREAMS, blocks).
         """
         limit = 0.25 * self._robot.mass * GRAVITY * self._robot.wheel_radius * math.exp(
             x[Unknown.FRICTION])
-        left = np.maximum(1.0 - np.abs(predicted[TORQUE:]) / limit, 0.0)
-        found: Array = math.exp(2.0 * x[Unknown.STIFFNESS]) * self._slip_noise * np.cbrt(left) ** 4
-        return found
+        slope = math.exp(x[Unknown.STIFFNESS]) * slope_at(
+            np.minimum(np.abs(predicted[TORQUE:]) / limit, 1.0))
+        return slope ** 2 * self._slip_noise
 
     def noise(self, predicted: Array, transient: Array, biases: Array, slip_noise: Array) -> Array:
         """
@@ -302,72 +302,73 @@ class Measurements:
         return found
 
     def within(self, interval: Interval) -> NDArray[np.bool_]:
-        """Return whether each row of block means and passages lies in ``interval`` [s]."""
+        """Return whether each row of block means and crossings lies in ``interval`` [s]."""
         times = np.concatenate([np.tile(self.centers, STREAMS),
-                                np.repeat([one.time for one in self.passages], 2)])
+                                np.repeat([one.time for one in self.crossings], 2)])
         found: NDArray[np.bool_] = (times >= interval[0]) & (times <= interval[1])
         return found
 
-    def passage_noise(self, predicted: Array, transient: Array, loads: Array) -> Array:
+    def crossing_noise(self, predicted: Array, transient: Array, loads: Array) -> Array:
         """
-        Return the covariance of the passages; ``predicted`` (2 * passages,).
+        Return the covariance of the crossings; ``predicted`` (2 * crossings,).
 
-        ``transient`` (2 * passages,) is its change by a relaxation length. ``loads`` (passages,)
+        ``transient`` (2 * crossings,) is its change by a relaxation length. ``loads`` (crossings,)
         [N]: a normalized slip is that of the load on the wheel.
         """
-        times = np.array([one.time for one in self.passages])
-        wheels = np.array([one.wheel for one in self.passages])
+        times = np.array([one.time for one in self.crossings])
+        wheels = np.array([one.wheel for one in self.crossings])
         lasting = np.exp(-np.abs(times[:, np.newaxis] - times) / MODEL_TIME) * (
             wheels[:, np.newaxis] == wheels)
         slip = predicted[::2]
-        ratio = np.maximum(np.divide(predicted[1::2], slip, out=predicted[1::2].copy(),
-                                     where=self._products & (slip != 0.0)), LEAST_RATIO)
+        normalized = np.maximum(np.divide(predicted[1::2], slip, out=predicted[1::2].copy(),
+                                          where=self._products & (slip != 0.0)), LEAST_NORMALIZED)
         found = np.zeros((len(predicted), len(predicted)))
         found[::2, ::2] = lasting * (FILM_SLIP_ERROR[0] ** 2 * np.outer(slip, slip)
                                      + FILM_SLIP_ERROR[1] ** 2)
-        own = FILM_RATIO_ERROR * ratio * np.maximum(
+        own = FILM_NORMALIZED_ERROR * normalized * np.maximum(
             0.25 * self._robot.mass * GRAVITY / loads, 1.0)
         found[1::2, 1::2] = lasting * np.outer(own, own)
-        for i, one in enumerate(self.passages):
-            rows, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], ratio[i])
+        for i, one in enumerate(self.crossings):
+            rows, by_slips = slice(2 * i, 2 * i + 2), one.by_slips(slip[i], normalized[i])
             found[rows] = by_slips @ found[rows]
             found[:, rows] = found[:, rows] @ by_slips.T
-            at = one.by_slips(one.slip, one.ratio)
-            measured = np.array([one.slip, one.ratio])
+            at = one.by_slips(one.slip, one.normalized_slip)
+            measured = np.array([one.slip, one.normalized_slip])
             found[rows, rows] += at @ one.covariance @ at.T + (
                 one.sliding * SLIDING_WEIGHT ** 2 * np.outer(measured, measured)
                 + (np.outer(transient[rows], transient[rows]) if one.sliding  # slip / t stays
                    else np.diag(transient[rows] ** 2)))
         return found
 
-    def at(self, passages: list[Passage], x: Array, events: Array, states: Array) -> Array:
+    def at(self, crossings: list[MeasuredCrossing], x: Array, events: Array, states: Array
+           ) -> Array:
         """
-        Return slip, normalized slip, load [N], traction force [N], ln loss (runs, passages, 5).
+        Return slip, normalized slip, load [N], traction force [N], ln loss (runs, crossings, 5).
 
         The last one is the logarithm of the friction at this slip over the largest one.
 
         ``x`` (runs, SIZE), ``events`` and ``states`` as in ``simulate``.
         """
-        if not passages:
+        if not crossings:
             return np.empty((len(x), 0, model.VALUES))
-        times, wheel = np.array([(one.time, one.wheel) for one in passages]).T
+        times, wheel = np.array([(one.time, one.wheel) for one in crossings]).T
         wheel = wheel.astype(np.intp)
-        near = np.clip(np.searchsorted(self.times, times)[:, np.newaxis] + PASSAGE_STEPS,
-                       0, len(self.times) - 1)  # (passages, k)
+        near = np.clip(np.searchsorted(self.times, times)[:, np.newaxis] + CROSSING_STEPS,
+                       0, len(self.times) - 1)  # (crossings, k)
         radius, delay = (x[:, row, np.newaxis, np.newaxis]
                          for row in (Unknown.RADIUS, Unknown.DELAY))
         rolling = (np.exp(radius) * self.rolling[near, wheel[:, np.newaxis]]
                    + delay * self._delayed[near, wheel[:, np.newaxis] % 2])
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
-        limits = np.array([(np.inf if one.sliding else MAX_RATIO, MIN_LOAD, LEAST_FRICTION)
-                           for one in passages])
+        limits = np.array([(np.inf if one.sliding else MAX_NORMALIZED, MIN_LOAD, LEAST_FRICTION)
+                           for one in crossings])
         begins, ends = (events[:, 2 * (wheel % 2) + one] for one in (0, 1))
         on_new = np.ascontiguousarray((begins <= times) & (times < ends), dtype=float)
-        found = np.empty((len(x), len(passages), model.VALUES))
-        model.average_passages(
+        found = np.empty((len(x), len(crossings), model.VALUES))
+        model.average_crossings(
             states, rolling, on_new, near, wheel, limits,
             self._parameters(x, events), self.robot_constants, found)
-        found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(PASSAGE_STEPS)
+        found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(CROSSING_STEPS)
         return found
 
 

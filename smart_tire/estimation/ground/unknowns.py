@@ -132,11 +132,11 @@ NOISE_SIGMAS = 3.0      # of the effect of errors of wheel speeds on a torque, b
 # derivatives by the curve of a tire count: below, they are the effect of these errors; straight
 TRANSIENT_SHARE = 0.3   # of the change of acceleration within a wheel period: error of torques
 FILM_SLIP_ERROR = 0.02, 0.002  # relative and absolute error of a film's slip; NEES
-FILM_RATIO_ERROR = 0.04  # relative error of a normalized slip; NEES
+FILM_NORMALIZED_ERROR = 0.04  # relative error of a normalized slip; NEES
 FILM_SHAPE_ERROR = 0.0026  # of the bending peak, over the stretch at full slip: systematic part of
 # the covariance of waveform fits at small slip, and spread of their means; straight
-LEAST_RATIO = 0.1       # -, on which that share is taken at least
-SLIDING_WEIGHT = 10.0   # of a passage in full sliding: sigma over its slip along slip / t
+LEAST_NORMALIZED = 0.1  # -, on which that share is taken at least
+SLIDING_WEIGHT = 10.0   # of a crossing in full sliding: sigma over its slip along slip / t
 TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
 # the model cannot: the covariance grows by the square of their ratio; gears, straight
 CURVE_ERROR = 0.03      # of mu: it varies with the slip where the tire is not a brush; NEES
@@ -144,7 +144,7 @@ MAX_LN_SIGMA = 0.35     # of ln mu; above, mu is unknown
 
 # bounds
 UNMEASURED = 1e6        # standard deviation of a block without measurement
-MAX_RATIO = 1.5         # normalized slip: beyond, a waveform does not change
+MAX_NORMALIZED = 1.5    # normalized slip: beyond, a waveform does not change
 MAX_LIFTS = 2           # in a window: the model has as many
 LEAST_FRICTION = 0.2    # share of the friction that is left at the largest slip, at least
 
@@ -188,8 +188,9 @@ _COMMON = {
 def priors(robot: RobotParams) -> list[Row]:
     """Return the priors of all unknowns in the order of ``Unknown``, for this robot."""
     imu, motor, sigma = robot.imu, robot.motor, robot.center_of_mass_sigma
-    stiffness = Row(math.log(robot.tire.longitudinal_stiffness) - 0.2, LN_STIFFNESS_SIGMA, 0.0,
-                    0.024, 1e-3)
+    tire = robot.tire  # its stiffness as known, on a ground that differs
+    stiffness = Row(math.log(tire.longitudinal_stiffness) - 0.2, math.hypot(
+        LN_STIFFNESS_SIGMA, tire.longitudinal_stiffness_sigma), 0.0, 0.024, 1e-3)
     bias = Row(0.0, math.hypot(imu.accel_bias, GRAVITY * MOUNTING_TILT), 0.0015, 0.0, 1e-4)
     gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
                1e-4)
@@ -222,42 +223,42 @@ def _product_error(robot: RobotParams) -> float:
         for peak, gain in zip(film.bending(wheel), film.gains(wheel))), default=1.0)
 
 
-class Prior(NamedTuple):
+class WindowPrior(NamedTuple):
     """Mean and covariance of the unknowns."""
 
     mean: Array        # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
 
-    def of_next_window(self, rows: list[Row]) -> Prior:
+    def of_next_window(self, rows: list[Row]) -> WindowPrior:
         """Return this prior with the unknowns that each window has of its own as in ``rows``."""
         return self.without(OWN, rows)
 
-    def without(self, part: slice, rows: list[Row]) -> Prior:
+    def without(self, part: slice, rows: list[Row]) -> WindowPrior:
         """Return this prior if of the unknowns ``part`` no more is known than in ``rows``."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
         covariance[part], covariance[:, part] = 0.0, 0.0
         for row in range(part.start, part.stop):
             mean[row], covariance[row, row] = rows[row].mean, rows[row].sigma ** 2
-        return Prior(mean, covariance)
+        return WindowPrior(mean, covariance)
 
-    def with_change(self, rows: list[Row]) -> Prior:
+    def with_change(self, rows: list[Row]) -> WindowPrior:
         """Return this prior if the ground changes to an unknown one: the present becomes old."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
         mean[OLD_GROUND] = mean[GROUND]
         covariance[OLD_GROUND] = covariance[GROUND]
         covariance[:, OLD_GROUND] = covariance[:, GROUND]
-        return Prior(mean, covariance).without(GROUND, rows)
+        return WindowPrior(mean, covariance).without(GROUND, rows)
 
-    def after(self, seconds: float, travel: float, rows: list[Row]) -> Prior:
+    def after(self, seconds: float, travel: float, rows: list[Row]) -> WindowPrior:
         """Return this prior after a random walk for ``seconds`` and ``travel`` [m]."""
         variance = [row.walk ** 2 * seconds + row.ground ** 2 * travel for row in rows]
-        return Prior(self.mean, self.covariance + np.diag(variance))
+        return WindowPrior(self.mean, self.covariance + np.diag(variance))
 
 
-def initial(rows: list[Row]) -> Prior:
+def initial(rows: list[Row]) -> WindowPrior:
     """Return the prior on an unknown ground."""
-    return Prior(np.array([row.mean for row in rows]),
-                 np.diag([row.sigma ** 2 for row in rows]))
+    return WindowPrior(np.array([row.mean for row in rows]),
+                       np.diag([row.sigma ** 2 for row in rows]))
 
 
 ALWAYS, NEVER = (-math.inf, math.inf), (math.inf, math.inf)  # intervals
@@ -276,7 +277,7 @@ class Lift(NamedTuple):
 class Hypothesis:
     """What is known before a window."""
 
-    prior: Prior
+    prior: WindowPrior
     x: Array                    # start of the fit
     new: tuple[Interval, Interval] = ONE_GROUND  # s, in which the left and the right side are on
     # GROUND; else they are on OLD_GROUND
@@ -312,8 +313,9 @@ class Hypothesis:
             return self
         to_one = self.one_ground(begin)
         mean, covariance = self.prior
-        prior = Prior(to_one @ mean, to_one @ covariance @ to_one.T).without(OLD_GROUND, rows)
-        return replace(self, new=ONE_GROUND, prior=prior, x=to_one @ self.x)
+        prior = WindowPrior(to_one @ mean, to_one @ covariance @ to_one.T)
+        return replace(self, new=ONE_GROUND, prior=prior.without(OLD_GROUND, rows),
+                       x=to_one @ self.x)
 
     def one_ground(self, time: float) -> Array:
         """

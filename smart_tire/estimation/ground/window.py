@@ -39,11 +39,11 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.events import disturbance, EventSearch, Rival
-from smart_tire.estimation.ground.measurements import Measurements, Passage, WindowData
+from smart_tire.estimation.ground.measurements import MeasuredCrossing, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    DECISION_TIME, EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, Prior,
-    priors, SIZE, TENSION, Unknown)
-from smart_tire.estimation.ground.window_fit import Fit, WindowFit
+    DECISION_TIME, EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, priors,
+    SIZE, TENSION, Unknown, WindowPrior)
+from smart_tire.estimation.ground.window_fit import WindowEstimate, WindowFit
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -60,7 +60,7 @@ class Solution(NamedTuple):
     end: float         # s
     measurements: Measurements
     hypothesis: Hypothesis
-    fit: Fit           # its covariance is widened by the tension
+    fit: WindowEstimate  # its covariance is widened by the tension
     tension: Tension
 
     def values_at(self, time: float, wheels: Iterable[int]) -> tuple[Array, Array]:
@@ -72,7 +72,7 @@ class Solution(NamedTuple):
         fit, events = self.fit, self.hypothesis.events
         runs = np.vstack([fit.x, fit.varied_x])
         values = self.measurements.at(
-            [Passage(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
+            [MeasuredCrossing(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
             np.tile(events, (len(runs), 1)),
             np.concatenate([fit.motion.states, fit.varied.states]))
         steps = np.diagonal(fit.varied_x[1:] - fit.varied_x[0])
@@ -153,7 +153,7 @@ class GroundWindow:
         return Tension(f'{first.name.lower()}_{most - first}' if most > first else
                        first.name.lower(), sizes[most])
 
-    def _advanced(self, hypothesis: Hypothesis, fit: Fit, measurements: Measurements,
+    def _advanced(self, hypothesis: Hypothesis, fit: WindowEstimate, measurements: Measurements,
                   hop: float) -> Hypothesis:
         """Return the hypothesis before the next window."""
         prior = hypothesis.prior
@@ -161,7 +161,7 @@ class GroundWindow:
         matrix, vector = fit.leaving
         covariance = np.asarray(np.linalg.inv(information + matrix), dtype=np.float64)
         mean: Array = covariance @ (information @ prior.mean + vector)
-        moved = Prior(mean, covariance).after(
+        moved = WindowPrior(mean, covariance).after(
             hop, measurements.travel * hop / (measurements.times[-1] - measurements.begin),
             self._rows)
         middle = int(np.searchsorted(measurements.times, measurements.begin + hop))
@@ -175,14 +175,14 @@ class GroundWindow:
             heading=(float(measurements.times[middle]), float(fit.heading[middle])))
 
 
-def _gain(fit: Fit, other: Fit, unused: NDArray[np.bool_]) -> float:
+def _gain(fit: WindowEstimate, other: WindowEstimate, unused: NDArray[np.bool_]) -> float:
     """Return twice the logarithm of the evidence for ``other`` without the rows ``unused``."""
     inside, others = (float((one.rows.residual ** 2 + one.whiten.penalty)[unused].sum())
                       for one in (fit, other))
     return fit.cost - other.cost - inside + others
 
 
-def _mixed(fit: Fit, other: Fit) -> Fit:
+def _mixed(fit: WindowEstimate, other: WindowEstimate) -> WindowEstimate:
     """
     Return the likelier ``fit`` with the covariance of the mixture of both.
 

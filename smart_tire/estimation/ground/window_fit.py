@@ -26,46 +26,46 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
-from smart_tire.estimation.ground.measurements import Measurements, Motion, TORQUE
+from smart_tire.estimation.ground.measurements import Measurements, TORQUE, WindowMotion
 from smart_tire.estimation.ground.unknowns import (
     CONVERGED, CURVE, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA, MAX_STEP,
-    MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Prior, Row, SIDES,
-    SIDES_DIFFER, SIZE, Unknown, UNMEASURED)
+    MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES, SIDES_DIFFER,
+    SIZE, Unknown, UNMEASURED, WindowPrior)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
 
-class Rows(NamedTuple):
+class WhitenedRows(NamedTuple):
     """Residuals and derivatives of the measurements, each whitened by its covariance."""
 
     residual: Array    # (rows,)
     jacobian: Array    # (rows, SIZE)
 
 
-class Fit(NamedTuple):
+class WindowEstimate(NamedTuple):
     """Unknowns of a window with their covariance."""
 
     x: Array           # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
     cost: float        # minus twice the logarithm of the evidence, up to a constant
-    motion: Motion     # of one run
+    motion: WindowMotion  # of one run
     varied_x: Array    # (DYNAMIC + 1, SIZE), unknowns with small differences ...
-    varied: Motion     # ... and the motion by them
+    varied: WindowMotion  # ... and the motion by them
     heading: Array     # rad, (n,), by the start of the fit
-    rows: Rows
+    rows: WhitenedRows
     whiten: Whitening
-    noise: tuple[Array, Array]  # covariances of blocks and passages
+    noise: tuple[Array, Array]  # covariances of blocks and crossings
     leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
 
 
 class Whitening:
-    """Covariances of blocks (STREAMS, n, n) and passages (m, m) with weights for outliers."""
+    """Covariances of blocks (STREAMS, n, n) and crossings (m, m) with weights for outliers."""
 
-    def __init__(self, blocks: Array, films: Array, residual: Array, passages: Array,
+    def __init__(self, blocks: Array, films: Array, residual: Array, crossings: Array,
                  weighted: bool, disturbances: Sequence[NDArray[np.bool_]]) -> None:
         variance, film_variance = np.diagonal(blocks, axis1=1, axis2=2).copy(), np.diag(films)
         square = residual ** 2 / variance
-        each = np.repeat((passages ** 2 / film_variance).reshape(-1, 2).mean(axis=1), 2)
+        each = np.repeat((crossings ** 2 / film_variance).reshape(-1, 2).mean(axis=1), 2)
         more, film_more = np.zeros_like(square), np.zeros_like(each)  # noise of disturbances
         for rows in disturbances:
             inside, films_inside = rows[:square.shape[1]], rows[square.size:]
@@ -74,7 +74,7 @@ class Whitening:
                     square[:, inside].mean(axis=1, keepdims=True) - 1.0, 0.0)
             if films_inside.any():
                 film_more[films_inside] = max(each[films_inside].mean() - 1.0, 0.0)
-        off = np.zeros(residual.size + len(passages), dtype=bool)
+        off = np.zeros(residual.size + len(crossings), dtype=bool)
         nominal: Array = np.zeros(len(off))
         for rows in disturbances:
             off |= rows
@@ -86,7 +86,7 @@ class Whitening:
         films = films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance)
         all_square = np.concatenate([square.ravel(), each])
         all_growth = 1.0 + np.concatenate([more.ravel(), film_more])
-        growth = np.ones(residual.size + len(passages))
+        growth = np.ones(residual.size + len(crossings))
         if weighted:
             growth = np.where(off, 1.0, np.maximum(
                 (FREEDOM + all_square) / (FREEDOM + 1.0), 1.0))
@@ -102,20 +102,20 @@ class Whitening:
             FREEDOM * (np.log(growth) - 1.0 + 1.0 / growth)
             + _ln_variances(self._block_factor, self._film_factor))
 
-    def __call__(self, blocks: Array, passages: Array) -> Array:
-        """Return blocks (STREAMS, n, k) and passages (m, k), whitened: (rows, k)."""
+    def __call__(self, blocks: Array, crossings: Array) -> Array:
+        """Return blocks (STREAMS, n, k) and crossings (m, k), whitened: (rows, k)."""
         columns = blocks.shape[-1]
         return np.concatenate([
             np.linalg.solve(self._block_factor, blocks).reshape(-1, columns),
-            np.linalg.solve(self._film_factor, passages)])
+            np.linalg.solve(self._film_factor, crossings)])
 
-    def information(self, blocks: Array, passages: Array, leaving: NDArray[np.bool_],
+    def information(self, blocks: Array, crossings: Array, leaving: NDArray[np.bool_],
                     films: NDArray[np.bool_]) -> Array:
         """Return the products (k, k) of the columns of the rows that leave the window."""
         own = self.blocks[:, leaving][:, :, leaving]
         rows = blocks[:, leaving]
         found: Array = np.einsum('sik,sil->kl', rows, np.linalg.solve(own, rows))
-        part = passages[films]
+        part = crossings[films]
         return found + part.T @ np.linalg.solve(self.films[films][:, films], part)
 
 
@@ -128,7 +128,7 @@ class WindowFit:
         self.steps = np.array([row.step for row in rows[:DYNAMIC]])  # (DYNAMIC,)
 
     def fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
-               near: bool = False) -> tuple[Hypothesis, Fit]:
+               near: bool = False) -> tuple[Hypothesis, WindowEstimate]:
         """
         Return the fit; if it contradicts equal sides, with a prior that lets them differ.
 
@@ -143,11 +143,11 @@ class WindowFit:
         covariance = covariance.copy()
         covariance[SIDES] *= math.sqrt(square)
         covariance[:, SIDES] *= math.sqrt(square)
-        wider = replace(hypothesis, prior=Prior(mean, covariance), x=fit.x)
+        wider = replace(hypothesis, prior=WindowPrior(mean, covariance), x=fit.x)
         return wider, self.fit(wider, measurements, leaving, near)
 
     def fit(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
-            near: bool) -> Fit:
+            near: bool) -> WindowEstimate:
         """
         Return the fit under ``hypothesis``; measurements before ``leaving`` [s] leave the window.
 
@@ -177,8 +177,8 @@ class WindowFit:
             used = runs[np.concatenate([[True], acting])]
             varied = measurements.simulate(
                 used, start, heading, np.repeat(events, len(used), axis=0))
-            predicted, passages = (measurements.predict(used, varied)[shown],
-                                   measurements.passage_values(used, varied)[shown])
+            predicted, crossings = (measurements.predict(used, varied)[shown],
+                                    measurements.crossing_values(used, varied)[shown])
             if iteration == 0 or not known:
                 relaxed = measurements.simulate(
                     runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
@@ -186,18 +186,18 @@ class WindowFit:
                 blocks = measurements.noise(
                     predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
                     x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], slip_noise)
-                films = measurements.passage_noise(
-                    passages[0], measurements.passage_values(runs[:1], relaxed)[0] - passages[0],
-                    varied.passages[0, :, model.LOAD])
+                transient = measurements.crossing_values(runs[:1], relaxed)[0] - crossings[0]
+                films = measurements.crossing_noise(
+                    crossings[0], transient, varied.crossings[0, :, model.LOAD])
             residual = measurements.values - predicted[0]
-            film_residual = measurements.passage_measured - passages[0]
+            film_residual = measurements.crossing_measured - crossings[0]
             whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0,
                                inside)
             columns = self._columns(
                 x, predicted, residual, measurements, varied, steps, slip_noise)
-            film_columns = self._film_columns(x, passages, film_residual, measurements, steps)
+            film_columns = self._film_columns(x, crossings, film_residual, measurements, steps)
             white = whiten(columns, film_columns)
-            rows = Rows(white[:, -1], white[:, :SIZE])
+            rows = WhitenedRows(white[:, -1], white[:, :SIZE])
             hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
             covariance = inverse_spd(hessian)
             step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
@@ -211,13 +211,13 @@ class WindowFit:
         other[:, row] = white[:, SIZE]
         by_secant = information + gram(other.T, np.ones(len(final)))
         if (wider := inverse_spd(by_secant))[row, row] > covariance[row, row]:
-            hessian, covariance, rows = by_secant, wider, Rows(final, other)
+            hessian, covariance, rows = by_secant, wider, WhitenedRows(final, other)
             for part in (columns, film_columns):
                 part[..., row] = part[..., SIZE]
             runs[1 + row], shown[1 + row] = runs[-1], shown[-1]
         rows = rows._replace(residual=final)
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
-        varied = Motion(varied.states[shown[:-1]], varied.passages[shown[:-1]])
+        varied = WindowMotion(varied.states[shown[:-1]], varied.crossings[shown[:-1]])
         cost = float(final @ final + whiten.penalty.sum()
                      + (x - prior.mean) @ information @ (x - prior.mean)
                      + np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(information)[1])
@@ -225,9 +225,9 @@ class WindowFit:
         film_columns[:, -1] += film_columns[:, :SIZE] @ at
         left = whiten.information(
             columns, film_columns, measurements.used & (measurements.centers < leaving),
-            np.repeat([one.time < leaving for one in measurements.passages], 2).astype(bool))
-        return Fit(x, covariance, cost, motion, runs[:-1], varied, heading, rows, whiten,
-                   (blocks, films), (left[:SIZE, :SIZE], left[:SIZE, -1]))
+            np.repeat([one.time < leaving for one in measurements.crossings], 2).astype(bool))
+        return WindowEstimate(x, covariance, cost, motion, runs[:-1], varied, heading, rows,
+                              whiten, (blocks, films), (left[:SIZE, :SIZE], left[:SIZE, -1]))
 
     def _friction_step(self, x: Array, covariance: Array) -> float:
         """
@@ -245,7 +245,7 @@ class WindowFit:
         return min(max(likely, sigma), 2.0 * sigma)
 
     def _columns(self, x: Array, predicted: Array, residual: Array, measurements: Measurements,
-                 motion: Motion, steps: Array, slip_noise: Array) -> Array:
+                 motion: WindowMotion, steps: Array, slip_noise: Array) -> Array:
         """
         Return derivatives of the block means and their residual (STREAMS, blocks, SIZE + 2).
 
@@ -265,15 +265,15 @@ class WindowFit:
             dynamic[:, :, :DYNAMIC], measurements.linear(x, predicted[0], motion),
             dynamic[:, :, DYNAMIC:], residual[:, :, np.newaxis]], axis=2)
 
-    def _film_columns(self, x: Array, passages: Array, residual: Array,
+    def _film_columns(self, x: Array, crossings: Array, residual: Array,
                       measurements: Measurements, steps: Array) -> Array:
-        """Return derivatives of the passages and their residual (2 * passages, SIZE + 2)."""
+        """Return derivatives of the crossings and their residual (2 * crossings, SIZE + 2)."""
         found = np.zeros((len(residual), SIZE + 2))
-        dynamic = ((passages[1:] - passages[0]) / steps[:, np.newaxis]).T
+        dynamic = ((crossings[1:] - crossings[0]) / steps[:, np.newaxis]).T
         found[:, :DYNAMIC], found[:, SIZE] = dynamic[:, :-1], dynamic[:, -1]
-        for i, one in enumerate(measurements.passages):
+        for i, one in enumerate(measurements.crossings):
             rows = slice(2 * i, 2 * i + 2 - one.sliding)
-            found[rows, Unknown.FILM_GAIN + one.wheel] = passages[0, rows]
+            found[rows, Unknown.FILM_GAIN + one.wheel] = crossings[0, rows]
             found[2 * i + 1, Unknown.FILM_ERROR + one.wheel] = not one.sliding
         found[:, -1] = residual
         return found

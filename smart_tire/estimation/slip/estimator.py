@@ -38,7 +38,7 @@ from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import (
-    Four, GRAVITY, GroundState, Icr, ImuSample, NS_PER_S, Odometry, Vector3, WheelSample,
+    Four, four, GRAVITY, GroundState, Icr, ImuSample, NS_PER_S, Odometry, Vector3, WheelSample,
     WheelSlip)
 from smart_tire.uncertain import Uncertain
 
@@ -405,7 +405,7 @@ class SlipOutputBuilder:
 
     def __init__(self, params: SlipEstimatorParams) -> None:
         self._standstill_speed = params.robot.slip.standstill_speed
-        self._hidden = _four([0.0 if one else math.nan for one in params.robot.joints.measured])
+        self._hidden = four([0.0 if one else math.nan for one in params.robot.joints.measured])
         self._motion = MotionModel(params.robot)
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
         # of pose and twist in the order of ROS; the planar part is overwritten
@@ -428,7 +428,7 @@ class SlipOutputBuilder:
             x, P, W, context.wheel_residual, self._hidden, self._standstill_speed)
         records: list[EstimateRecord] = [
             self._odometry(context, x, P, twist),
-            WheelSlip(context.instant_ns, *map(_four, zip(*slips)))]
+            WheelSlip(context.instant_ns, *map(four, zip(*slips)))]
         if abs(W) > MIN_YAW_RATE:
             records.append(Icr(context.instant_ns, -twist[1] / W, twist[0] / W))
         return records
@@ -446,8 +446,3 @@ class SlipOutputBuilder:
             context.instant_ns, (x[State.X], x[State.Y], 0.0),
             quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),
             (v_x, v_y, 0.0), (0.0, 0.0, W), tuple(pose), tuple(rates))
-
-
-def _four(values: Sequence[float]) -> Four:
-    a, b, c, d = values
-    return a, b, c, d

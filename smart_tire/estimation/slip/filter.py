@@ -110,8 +110,8 @@ class SlipFilter:
         Return the variance [-] of the common slip; on ice the difference is large, too.
 
         Tires that slide can do so at any slip: it changes by as much as it is. On unknown ground,
-        saturated tires share their force as their slip: that along the drive, against the
-        resistance, is to the lateral and turning one as resistance to friction.
+        the force of saturated tires has the direction of their slip: ``s_common / s_turning =
+        f / mu``, which is ``RESISTANCE_SHARE``, with the rolling resistance f.
         """
         left, right = (self.kalman.x[row] for row in SLIP_VELS)
         speed = slip_speed(*self._sides)

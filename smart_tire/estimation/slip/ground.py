@@ -11,10 +11,10 @@
 """
 Ground as given, with its errors considered: corrections with the forces, and its changes.
 
-The covariance of the errors of the ground with an innovation, over their own one, is the effect of
-a change of the ground on it, through all corrections since (sensitivity of Friedland's separate
-bias filter). The change that explains the innovations best is a least squares fit, its likelihood
-ratio the test of Willsky and Jones.
+With the covariance P of the errors of the ground g and the innovation y, ``P_yg P_gg^-1`` is the
+effect of a change of the ground on the innovation, through all corrections since (sensitivity of
+Friedland's separate bias filter). The change that explains the innovations best is a least squares
+fit, its likelihood ratio the test of Willsky and Jones.
 """
 
 from __future__ import annotations
@@ -266,13 +266,13 @@ class ForceBalance:
                     ground.lateral_stiffness_ratio, ground.center_of_mass_x,
                     ground.center_of_mass_y)
         stiffness = ground.stiffness
-        mu, resistance, share, ratio, *center = (
+        mu, resistance, share, lateral, *center = (
             one if math.isfinite(one.value) and math.isfinite(one.sigma) else prior
             for one, prior in zip(reported, self._prior))
-        given = (stiffness.value, mu.value, resistance.value, share.value, ratio.value,
+        given = (stiffness.value, mu.value, resistance.value, share.value, lateral.value,
                  *(one.value for one in center))
         sigmas = (stiffness.sigma / stiffness.value, mu.sigma / mu.value, resistance.sigma,
-                  share.sigma, ratio.sigma / ratio.value, *(one.sigma for one in center))
+                  share.sigma, lateral.sigma / lateral.value, *(one.sigma for one in center))
         covariance = np.diag(np.square(sigmas))
         covariance[0, 1] = covariance[1, 0] = (
             ground.stiffness_friction_correlation * sigmas[0] * sigmas[1])

@@ -139,7 +139,7 @@ class KalmanFilter:
         """Return whether the state is finite and no variance is negative."""
         x: cython.double[::1] = self._x
         P: cython.double[:, ::1] = self._P
-        for i in range(x.shape[0]):
+        for i in range(len(x)):
             # comparisons with NaN are false
             if not (-INFINITY < x[i] < INFINITY and 0.0 <= P[i, i] < INFINITY):
                 return False

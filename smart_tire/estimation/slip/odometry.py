@@ -25,10 +25,7 @@ from smart_tire.estimation.slip.state import (
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.parameters.tuning import INCREMENTS
 from smart_tire.rotation import euler, quaternion
-from smart_tire.samples import NS_PER_S, Odometry
-
-PLANAR = 0, 1, 5              # rows of x, y and yaw in the covariances of ROS
-PLANAR_ENTRIES = [6 * row + column for row in PLANAR for column in PLANAR]
+from smart_tire.samples import NS_PER_S, Odometry, PLANAR, PLANAR_COVARIANCE
 
 Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
 
@@ -67,7 +64,7 @@ class ContinuousPose:
         x, y = wanted[0] - pose[0], wanted[1] - pose[1]
         turn = math.remainder(wanted[2] - pose[2], math.tau)
         covariance = list(estimate.pose_covariance)
-        for entry, product in zip(PLANAR_ENTRIES, (
+        for entry, product in zip(PLANAR_COVARIANCE, (
                 x * x, x * y, x * turn, x * y, y * y, y * turn, x * turn, y * turn, turn * turn)):
             covariance[entry] += product
         # the constructor: ``replace`` takes three times as long
@@ -149,7 +146,7 @@ def _limited(value: float, limit: float) -> float:
 
 def planar(covariance: Sequence[float]) -> Array:
     """Return the covariance (3, 3) of x, y and yaw in one of ROS, 36 numbers."""
-    return np.array([[covariance[6 * row + column] for column in PLANAR] for row in PLANAR])
+    return np.array([covariance[entry] for entry in PLANAR_COVARIANCE]).reshape(3, 3)
 
 
 def planar_pose(odometry: Odometry) -> Pose:

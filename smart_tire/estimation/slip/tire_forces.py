@@ -15,10 +15,7 @@
 Tire forces on a given ground with their derivatives by the state of the slip filter.
 
 The forces of the ground minus the rolling resistance equal mass times specific force at the center
-of mass: the slope cancels. Tire forces are B(17) to B(22) with a stiffness of its own sideways::
-
-    s = (r w - v_x, -k v_y) / |r w|,  F = C_x s g(t),  t = C_x |s| / (3 mu F_z)
-    g = 1 - t + t^2 / 3 for t < 1, above 1 / (3 t)
+of mass: the slope cancels. Tire forces are those of ``models/tire/brush_tire``.
 
 This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
 """
@@ -33,7 +30,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.state import N, State
 from smart_tire.models.vehicle import skid_steer
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
-from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, normal_loads, SIDE_SIGNS
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, linear_loads, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four
 
@@ -44,68 +41,28 @@ except ImportError:
 
 if cython.compiled:
     from cython.cimports.libc.math import copysign, sqrt
+    from cython.cimports.smart_tire.models.tire.brush_tire import force_with_derivatives
 else:
     from math import copysign, sqrt
+    from smart_tire.models.tire.brush_tire import force_with_derivatives
 
 COMPILED: bool = cython.compiled
 
 # constants and rows of the state that are numbers of C
 cython.declare(
     SLIP_FLOOR=cython.double, MIN_RESISTED_SPEED=cython.double, MIN_LOAD=cython.double,
-    SQRT_3=cython.double, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
+    V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
     ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
     LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
     LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int,
     IMU_X=cython.int, IMU_Y=cython.int)
 SLIP_FLOOR, MIN_LOAD = skid_steer.SLIP_FLOOR, skid_steer.MIN_LOAD
 MIN_RESISTED_SPEED = DRY_FRICTION_SPEED  # below it, rolling resistance is linear, too
-SQRT_3 = 3.0 ** 0.5  # of the points of a Gauss-Hermite quadrature
 V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L, IMU_X, IMU_Y = map(int, (
     State.V_X, State.V_Y, State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y,
     State.SLIP_VEL_L, State.IMU_X, State.IMU_Y))
 (LN_STIFFNESS, LN_FRICTION, RESISTANCE, LATERAL_SHARE, LN_LATERAL, COM_X, COM_Y) = map(
     int, list(State)[State.LN_STIFFNESS:])
-
-
-@cython.ccall
-def brush_force(s_x: cython.double, s_y: cython.double, stiffness: cython.double,
-                limit: cython.double, spread: cython.double = 0.0) -> tuple[
-                    cython.double, cython.double, cython.double, cython.double, cython.double,
-                    cython.double, cython.double]:
-    """
-    Return the force of a brush tire with slip (s_x, s_y) [-] and stiffness [N], with derivatives.
-
-    ``limit`` [N] is mu F_z. The numbers are the force [N] along x and y, its derivatives x by s_x,
-    x by s_y (and y by s_x), y by s_y, and those of x and y by ln mu; the remaining part is linear
-    in C_x. ``spread`` [-] is the standard deviation of the slip along itself: the force is that of
-    a statistical linearization with three points, which beyond the limit is flat.
-
-    >>> print(f'{brush_force(0.1, 0.0, 52.7, 0.47 * 26.7)[0]:.2f} N')
-    4.60 N
-    """
-    square = max(s_x * s_x + s_y * s_y, 1e-18)
-    size = sqrt(square)
-    scale = stiffness / (3.0 * limit)
-    t = scale * size
-    slope, bend = stiffness * (1.0 - t + t * t / 3.0), stiffness * t * (t / 1.5 - 1.0)
-    if t >= 1.0:
-        slope, bend = stiffness / (3.0 * t), -stiffness / (3.0 * t)
-    by_friction = -bend
-    if size > spread > 0.0:
-        low, high = (_saturation(t - scale * SQRT_3 * spread),
-                     _saturation(t + scale * SQRT_3 * spread))
-        slope = slope / 1.5 + limit * (low + high) / (6.0 * size)
-        bend = limit * (high - low) / (2.0 * SQRT_3 * spread) - slope
-    k = bend / square
-    return (slope * s_x, slope * s_y, slope + k * s_x * s_x, k * s_x * s_y, slope + k * s_y * s_y,
-            by_friction * s_x, by_friction * s_y)
-
-
-@cython.cfunc
-def _saturation(t: cython.double) -> cython.double:
-    """Return the force over its limit at the normalized slip ``t``, odd in it."""
-    t = max(-1.0, min(1.0, t))
-    return t * (3.0 - 3.0 * abs(t) + t * t)
 
 
 @cython.cclass
@@ -132,7 +89,7 @@ class TireForces:
     _friction: cython.double
     _resistance: cython.double
     _share: cython.double
-    _ratio: cython.double
+    _lateral_ratio: cython.double
     _com_x: cython.double
     _com_y: cython.double
 
@@ -160,7 +117,7 @@ class TireForces:
 
         It is C_x [N], mu, rolling resistance, its lateral share, C_y / C_x, center of mass [m].
         """
-        (self._stiffness, self._friction, self._resistance, self._share, self._ratio,
+        (self._stiffness, self._friction, self._resistance, self._share, self._lateral_ratio,
          com_x, com_y) = ground
         if (com_x, com_y) != (self._com_x, self._com_y):
             self._com_x, self._com_y = com_x, com_y
@@ -168,12 +125,9 @@ class TireForces:
 
     def _set_center(self, com_x: float, com_y: float) -> None:
         """Set the wheel loads at rest and their derivatives by acceleration [kg]."""
-        robot = self._robot
-        rest, by_x, by_y = normal_loads(
-            robot.mass, (com_x, com_y, robot.center_of_mass[2]), robot.wheelbase,
-            robot.track_width, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], radius=robot.wheel_radius)
-        self._level = rest.tolist()
-        self._by_x, self._by_y = (by_x - rest).tolist(), (by_y - rest).tolist()
+        rest, by_x, by_y = linear_loads(
+            self._robot, (com_x, com_y, self._robot.center_of_mass[2]))
+        self._level, self._by_x, self._by_y = rest.tolist(), by_x.tolist(), by_y.tolist()
 
     @cython.cfunc
     def _arms(self, i: cython.int, x: cython.double[::1]) -> tuple[cython.double, cython.double]:
@@ -243,13 +197,13 @@ class TireForces:
         arm_x, arm_y = self._arms(i, x)
         v_x, v_y = x[V_X] + arm_x * W, x[V_Y] + arm_y * W
         inverse = 1.0 / max(abs(rolling), SLIP_FLOOR)
-        lateral = self._ratio * inverse
+        lateral = self._lateral_ratio * inverse
         s_x, s_y = (rolling - v_x) * inverse, -v_y * lateral
         # standard deviation of the slip along itself
-        side = self._ratio * s_y
+        side = self._lateral_ratio * s_y
         spread = inverse * sqrt((s_x * s_x * P[slip, slip] + side * side * P[V_Y, V_Y]) / (
             s_x * s_x + s_y * s_y + 1e-18))
-        f_x, f_y, xx, xy, yy, x_by_friction, y_by_friction = brush_force(
+        f_x, f_y, xx, xy, yy, x_by_friction, y_by_friction = force_with_derivatives(
             s_x, s_y, self._stiffness, self._friction * load, spread)
         # of the slip by r w at constant velocity; of the forces by r w, v_x and v_y
         sign = copysign(1.0, rolling)

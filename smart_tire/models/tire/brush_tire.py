@@ -8,30 +8,53 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
+# cython: language_level=3, cdivision=True, infer_types=True, show_performance_hints=False
+
 """
 Brush tire model with combined slip and parabolic pressure: B(17) to B(22).
 
-The slip is a vector in the body frame, ``s = (r w - v_x, -v_y) / |r w|``, with the velocity of the
-wheel center. Its magnitude is the total slip; the force on the robot has its direction. These
-functions assume an isotropic tire (C_y = C_x). Arguments broadcast against each other.
+The slip is a vector in the body frame, ``s = (r w - v_x, -k v_y) / |r w|``, with the velocity of
+the wheel center and ``k = C_y / C_x``. Its magnitude is the total slip; the force on the robot has
+its direction. With the normalized slip ``t = C_x |s| / (3 mu F_z)`` it is ``C_x s g(t)``::
 
-The prior of the ground is that of the estimators, which do estimate C_y / C_x.
+    g = 1 - t + t^2 / 3 for t < 1, above 1 / (3 t)
+
+All others take it, its derivatives and its inverse from here. Functions of arrays broadcast their
+arguments. This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
+``brush_tire.pxd`` declares what other compiled modules call; a ``Number`` is one of C, or an array
+(also in place of numbers, where nothing is compiled).
+
+The prior of the ground is that of the estimators.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.uncertain import Uncertain
 
+try:
+    import cython
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
+
+if not cython.compiled:
+    from math import sqrt
+    Number = TypeVar('Number', float, Array)
+    Derivatives = tuple[float, float, float, float, float, float, float]
+
+COMPILED: bool = cython.compiled
+
+MIN_SLIP = 1e-300  # -, keeps the reciprocal of a normalized slip finite
+SQRT_3 = 3.0 ** 0.5  # of the points of a Gauss-Hermite quadrature
 MIN_ROLLING_SPEED = 1e-6  # m/s, keeps the slip of a locked wheel finite; far above critical slip
 MAX_FORCE_SHARE = 0.995  # of friction times load; closer to the limit, force hardly shows the slip
 MAX_ITERATIONS = 30      # of Newton's method, which converges from below
 FORCE_TOLERANCE = 1e-9   # relative
-AXLE_STEPS, MAX_AXLE_SHARE = 4, 0.9999  # of Newton's method and of friction, of ``axle_slip``
 
 # prior of the ground, from ice to rough concrete; tires from C_y = 0.6 C_x (narrow) to isotropic
 LN_STIFFNESS_SIGMA = 0.4                            # ln C_x, about the nominal one
@@ -120,80 +143,156 @@ def friction_from_adhesion(adhesion: ArrayLike, total_slip: ArrayLike, load: Arr
     return np.where(observable, mu, np.nan)
 
 
+def friction_share(inverse: Number, fall: float) -> Number:
+    """
+    Return the friction [-] over that of a tire that begins to slide.
+
+    ``inverse`` is the reciprocal of the normalized slip, at most 1. For t > 1 the friction falls
+    to ``1 - fall`` of its largest value.
+
+    >>> print(f'{friction_share(0.5, 0.2):.2f}')
+    0.90
+    """
+    return 1.0 - fall * (1.0 - inverse)
+
+
+def secant(t: Number, inverse: Number, fall: float) -> Number:
+    """
+    Return the force over ``C_x s`` [-].
+
+    ``t`` is the normalized slip and ``inverse`` its reciprocal, the larger one limited to 1.
+
+    >>> print(f'{secant(0.5, 1.0, 0.2):.3f} {secant(1.0, 0.5, 0.2):.3f}')
+    0.583 0.150
+    """
+    return friction_share(inverse, fall) * inverse * (1.0 - t + t * t * (1.0 / 3.0))
+
+
+def _share(t: Number) -> Number:
+    """Return the force over ``mu F_z`` [-] at the normalized slip ``t``, -1 to 1."""
+    return t * (3.0 - 3.0 * abs(t) + t * t)
+
+
+def force_share(normalized: ArrayLike) -> Array:
+    """
+    Return the force over that of a sliding wheel, F / (mu F_z) [-], at a normalized slip t >= 0.
+
+    ``1 - (1 - t)^3``; 1 from t = 1 on.
+
+    >>> print(force_share(0.5))
+    0.875
+    """
+    share: Array = _share(np.minimum(np.asarray(normalized, dtype=float), 1.0))
+    return share
+
+
+def normalized_slip_at(force: ArrayLike) -> Array:
+    """
+    Return the normalized slip t [-] of a force over that of a sliding wheel, 0 to 1.
+
+    >>> print(normalized_slip_at(0.875))
+    0.5
+    """
+    return 1.0 - np.cbrt(1.0 - np.asarray(force, dtype=float))
+
+
+def slope_at(force: ArrayLike) -> Array:
+    """
+    Return the derivative of the force by the slip over C_x [-]: ``(1 - t)^2``.
+
+    ``force`` is that over the one of a sliding wheel, 0 to 1.
+
+    >>> print(slope_at(0.875))
+    0.25
+    """
+    return (1.0 - normalized_slip_at(force)) ** 2
+
+
+def force_over_slip(slip: float, stiffness: float, limit: float) -> float:
+    """
+    Return ``brush_force`` over the slip [N], of numbers; ``limit`` [N] is mu F_z.
+
+    >>> print(f'{force_over_slip(0.1, 52.7, 0.47 * 26.7):.2f} N')
+    45.67 N
+    """
+    elastic = stiffness * max(slip, MIN_SLIP)
+    scale = 1.0 / max(elastic, 3.0 * limit)
+    return stiffness * secant(elastic * scale, 3.0 * limit * scale, 0.0)
+
+
+def force_with_derivatives(s_x: float, s_y: float, stiffness: float, limit: float,
+                           spread: float = 0.0) -> Derivatives:
+    """
+    Return the force with slip (s_x, s_y) [-] and stiffness [N], with its derivatives.
+
+    ``limit`` [N] is mu F_z. The numbers are the force [N] along x and y, its derivatives x by s_x,
+    x by s_y (and y by s_x), y by s_y, and those of x and y by ln mu; the remaining part is linear
+    in C_x. ``spread`` [-] is the standard deviation of the slip along itself: the force is that of
+    a statistical linearization with three points, which beyond the limit is flat.
+
+    >>> print(f'{force_with_derivatives(0.1, 0.0, 52.7, 0.47 * 26.7)[0]:.2f} N')
+    4.57 N
+    """
+    square = max(s_x * s_x + s_y * s_y, 1e-18)
+    size, full = sqrt(square), 3.0 * limit
+    elastic = stiffness * size
+    scale = 1.0 / max(elastic, full)
+    t, inverse = elastic * scale, full * scale
+    slope: cython.double = stiffness * secant(t, inverse, 0.0)
+    bend: cython.double = stiffness * inverse * t * (t / 1.5 - 1.0)
+    by_friction = -bend
+    if size > spread > 0.0:
+        step, scale = SQRT_3 * spread, stiffness / full
+        low, high = (_share(max(-1.0, min((size - step) * scale, 1.0))),
+                     _share(min((size + step) * scale, 1.0)))
+        slope = slope / 1.5 + limit * (low + high) / (6.0 * size)
+        bend = limit * (high - low) / (2.0 * step) - slope
+    k = bend / square
+    return (slope * s_x, slope * s_y, slope + k * s_x * s_x, k * s_x * s_y, slope + k * s_y * s_y,
+            by_friction * s_x, by_friction * s_y)
+
+
 def brush_force(s_x: ArrayLike, s_y: ArrayLike, mu: ArrayLike, load: ArrayLike,
                 stiffness: ArrayLike) -> tuple[Array, Array]:
     """
     Return the force (F_x, F_y) [N] of the ground on the robot at a wheel.
 
-    ``C_x s (1 - t + t^2 / 3)`` with the normalized slip t of B(22), and ``mu F_z s / |s|`` for
-    t >= 1. ``load`` and ``stiffness`` (C_x) are in N; the force is positive along the slip
-    vector. It dissipates energy: ``F . (v_x - r w, v_y) <= 0``.
+    ``load`` and ``stiffness`` (C_x) are in N; the force is positive along the slip vector. It
+    dissipates energy: ``F . (v_x - r w, v_y) <= 0``.
 
     >>> f_x, f_y = brush_force(0.1, -0.05, 0.47, 26.7, 52.7)
     >>> print(f'{f_x:.2f} {f_y:.2f} N')
     4.49 -2.24 N
     """
     s_x, s_y = np.asarray(s_x, dtype=float), np.asarray(s_y, dtype=float)
-    # 1 - t + t^2/3 = (1 + xi + xi^2) / 3 with xi = 1 - t
-    magnitude = np.hypot(s_x, s_y)
-    xi = adhesion_ratio(magnitude, mu, load, stiffness)
-    limit = np.asarray(mu, dtype=float) * np.asarray(load)
-    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
-        sliding = np.where(magnitude > 0.0, limit / magnitude, 0.0)
-    slope = np.where(xi > 0.0, np.asarray(stiffness) * (1.0 + xi + xi * xi) / 3.0, sliding)
+    inverse = critical_slip(mu, load, stiffness) / np.maximum(np.hypot(s_x, s_y), MIN_SLIP)
+    slope = np.asarray(stiffness) * secant(
+        1.0 / np.maximum(inverse, 1.0), np.minimum(inverse, 1.0), 0.0)
     return slope * s_x, slope * s_y
 
 
-def linear_tire_force(force: ArrayLike, friction: float, loads: ArrayLike) -> Array:
+def linear_tire_force(force: ArrayLike, limits: Array,
+                      most: float = MAX_FORCE_SHARE) -> tuple[Array, Array]:
     """
-    Return C_x times the common slip [N] at which the wheels have the total ``force`` [N].
+    Return C_x times the common slip [N] at which tires have the total ``force`` [N].
 
-    Inverse of the sum of ``brush_force``, B(22), over the wheels, for longitudinal slip
-    and without knowledge of C_x: the force that each wheel would have without sliding. ``loads``
-    [N] has the shape (wheels, ...), where ``force`` has (...); positive when driving. The force is
-    limited to ``MAX_FORCE_SHARE`` of ``friction`` (mu) times load.
+    Inverse of the sum of ``brush_force`` for longitudinal slip without knowledge of C_x: the force
+    that each tire would have without sliding, and its derivative by the total one. ``limits`` [N],
+    friction times load, have the shape (tires, ...), where ``force`` has (...); positive when
+    driving. The force is limited to ``most`` of the sum of the limits.
 
-    >>> print(f'{float(linear_tire_force(20.0, 0.47, [18.0, 18.0, 35.0, 35.0])):.2f} N')
+    >>> linear, _ = linear_tire_force(20.0, 0.47 * np.array([18.0, 18.0, 35.0, 35.0]))
+    >>> print(f'{float(linear):.2f} N')
     6.00 N
     """
-    force = np.asarray(force, dtype=float)
-    limits = friction * np.maximum(np.asarray(loads, dtype=float), 0.0)
-    target = np.minimum(np.abs(force), MAX_FORCE_SHARE * limits.sum(axis=0))
-    # mu F_z (1 - xi^3) with xi = 1 - C_x s / (3 mu F_z): concave, so Newton never overshoots
-    slip = target / len(limits)
-    for _ in range(MAX_ITERATIONS):
-        with np.errstate(divide='ignore', invalid='ignore'):
-            share = np.where(limits > 0.0, slip / (3.0 * limits), 1.0)
-        xi = np.maximum(1.0 - share, 0.0)
-        square = xi * xi  # much faster than a power of three
-        missing = target - (limits * (1.0 - square * xi)).sum(axis=0)
-        slip = slip + missing / np.maximum(square.sum(axis=0), 1e-12)
+    force, limits = np.asarray(force, dtype=float), np.maximum(limits, MIN_SLIP)
+    target = np.minimum(np.abs(force), most * limits.sum(axis=0))
+    linear = target / len(limits)
+    for _ in range(MAX_ITERATIONS):  # the force is concave, so Newton never overshoots
+        t = np.minimum(linear / (3.0 * limits), 1.0)
+        missing = target - (limits * _share(t)).sum(axis=0)
+        slope = np.maximum(((1.0 - t) ** 2).sum(axis=0), 1e-12)
+        linear = linear + missing / slope
         if np.all(missing <= FORCE_TOLERANCE * np.maximum(target, FORCE_TOLERANCE)):
             break
-    return np.asarray(np.copysign(slip, force))
-
-
-def axle_slip(force: Array, limits: Array) -> tuple[Array, Array]:
-    """
-    Return C_x times the slip [N] of two brush tires at a total ``force`` [N], and its derivative.
-
-    ``limits`` (2, m) are friction times load of the axle with less and with more load. Beyond the
-    limit of the first axle, the other one carries the rest; up to there the force is a cubic in
-    the slip, which Newton's method inverts from below.
-
-    >>> linear, _ = axle_slip(np.array([1.0, 6.0]), np.array([[3.0, 3.0], [5.0, 5.0]]))
-    >>> [round(float(one), 2) for one in linear]
-    [0.52, 4.62]
-    """
-    small, large = limits
-    linear = 0.5 * force
-    for _ in range(AXLE_STEPS):
-        first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
-        missing = force - small * (1.0 - first ** 3) - large * (1.0 - second ** 3)
-        linear = linear + missing / np.maximum(first ** 2 + second ** 2, 1e-3)
-    rest = np.clip((force - small) / large, 0.0, MAX_AXLE_SHARE)
-    sliding = 3.0 * large * (1.0 - np.cbrt(1.0 - rest))
-    linear = np.where(sliding > 3.0 * small, sliding, np.minimum(linear, 3.0 * small))
-    first, second = (np.maximum(1.0 - linear / (3.0 * limit), 0.0) for limit in limits)
-    least = (1.0 - MAX_AXLE_SHARE) ** (2.0 / 3.0)
-    return linear, 1.0 / np.maximum(first ** 2 + second ** 2, least)
+    return np.copysign(linear, force), 1.0 / slope

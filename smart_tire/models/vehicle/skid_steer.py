@@ -22,6 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
+from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY
 
 SLIP_FLOOR = 0.05   # m/s, smallest denominator of a slip in force balances; near standstill
@@ -67,26 +68,40 @@ def wheel_velocities(v_x: ArrayLike, v_y: ArrayLike, yaw_rate: ArrayLike, wheelb
             np.asarray(v_y)[..., np.newaxis] + 0.5 * wheelbase * AXLE_SIGNS * rate)
 
 
-def normal_loads(mass: float, com: Sequence[ArrayLike], wheelbase: float, track: float,
-                 a_x: ArrayLike, a_y: ArrayLike, *, radius: float) -> Array:
+def linear_loads(robot: RobotParams, com: Sequence[float] = ()) -> tuple[Array, Array, Array]:
     """
-    Return the wheel loads F_z [N] (..., 4) on level ground.
+    Return the wheel loads [N] (4,) at rest on level ground, and their derivatives [kg] (4,).
 
-    ``mass`` is in kg. ``com`` [m] is the center of mass in ``base_link``, so it lies
-    ``com[2] + radius`` above the ground; ``a_x``, ``a_y`` [m/s2] (...) are its horizontal
-    acceleration in body axes. Four springs of equal stiffness resolve the statically
-    indeterminate case. The load of a lifted wheel is 0.
+    These are by the acceleration of the center of mass along x and y in body axes. ``com`` [m] is
+    its position in ``base_link``, where it is not the one of the parameters; it lies
+    ``com[2] + wheel_radius`` above the ground. Four springs of equal stiffness resolve the
+    statically indeterminate case.
 
-    >>> loads = normal_loads(10.9, (0.0, 0.0, 0.023), 0.26, 0.38, 1.0, 0.0, radius=0.087)
-    >>> print(loads.round(1))
+    >>> from smart_tire.parameters.robot import RobotParams
+    >>> print(linear_loads(RobotParams())[1].round(2))
+    [-2.31 -2.31  2.31  2.31]
+    """
+    com_x, com_y, com_z = com or robot.center_of_mass
+    by_x, by_y = (0.5 * robot.mass / robot.wheelbase * AXLE_SIGNS,
+                  0.5 * robot.mass / robot.track_width * SIDE_SIGNS)
+    height = com_z + robot.wheel_radius
+    return (GRAVITY * (0.25 * robot.mass + com_x * by_x + com_y * by_y),
+            -height * by_x, -height * by_y)
+
+
+def normal_loads(robot: RobotParams, a_x: ArrayLike, a_y: ArrayLike) -> Array:
+    """
+    Return the wheel loads F_z [N] (..., 4) at accelerations [m/s2] (...) as in ``linear_loads``.
+
+    The load of a lifted wheel is 0.
+
+    >>> from smart_tire.parameters.robot import RobotParams
+    >>> print(normal_loads(RobotParams(), 1.0, 0.0).round(1))
     [24.4 24.4 29.  29. ]
     """
-    height = np.asarray(com[2]) + radius
-    pitch = (GRAVITY * np.asarray(com[0]) - height * np.asarray(a_x, dtype=float)) / wheelbase
-    roll = (GRAVITY * np.asarray(com[1]) - height * np.asarray(a_y, dtype=float)) / track
-    loads = mass * (0.25 * GRAVITY + 0.5 * pitch[..., np.newaxis] * AXLE_SIGNS
-                    + 0.5 * roll[..., np.newaxis] * SIDE_SIGNS)
-    carried: Array = np.maximum(loads, 0.0)
+    rest, by_x, by_y = linear_loads(robot)
+    carried: Array = np.maximum(
+        rest + np.multiply.outer(a_x, by_x) + np.multiply.outer(a_y, by_y), 0.0)
     return carried
 
 

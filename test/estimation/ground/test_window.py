@@ -21,10 +21,10 @@ from smart_tire.estimation.ground import window
 from smart_tire.estimation.ground.body_model import LOAD as LOAD_COLUMN
 from smart_tire.estimation.ground.estimator import GroundEstimator, HOP_NS
 from smart_tire.estimation.ground.measurements import (
-    FORCE_X, Measurements, Passage, TORQUE, WindowData)
+    FORCE_X, MeasuredCrossing, Measurements, TORQUE, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, NEVER, OLD_GROUND, ONE_GROUND, Prior,
-    priors, SIZE, Unknown)
+    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, NEVER, OLD_GROUND, ONE_GROUND, priors,
+    SIZE, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
 from smart_tire.estimation.ground.window_fit import student, Whitening, WindowFit
 from smart_tire.parameters import RobotParams, SimulatorParams
@@ -35,7 +35,7 @@ from smart_tire.simulation.offline import simulate
 
 ROBOT = RobotParams(film=TreadFilmParams(wheels=()))
 LOAD = np.array([0.25 * ROBOT.mass * 9.80665])  # N
-NOTHING = Hypothesis(Prior(np.zeros(SIZE), np.eye(SIZE)), np.zeros(SIZE)).events[np.newaxis]
+NOTHING = Hypothesis(WindowPrior(np.zeros(SIZE), np.eye(SIZE)), np.zeros(SIZE)).events[np.newaxis]
 STIFFNESS, FRICTION, DRAG = 30.0, 0.4, 0.05
 LEGS = [(2.0, 90.0, 90.0), (4.0, 120.0, 70.0), (6.0, 70.0, 120.0), (8.0, 120.0, 60.0)]
 
@@ -75,7 +75,7 @@ def torques(samples):
 @pytest.fixture(scope='module')
 def films(samples):
     """Return the estimator and its solutions with torques and films."""
-    return run(samples, passages=true_passages(samples))
+    return run(samples, crossings=true_crossings(samples))
 
 
 @pytest.fixture(scope='module')
@@ -85,23 +85,23 @@ def changed():
     return drive_on, *run(drive_on)
 
 
-def run(samples, robot=ROBOT, passages=()):
+def run(samples, robot=ROBOT, crossings=()):
     """Return the estimator after ``samples``, and its solutions."""
     estimator, found, waiting = GroundEstimator(robot, 0.02), [], sorted(
-        passages, key=lambda one: one[0])
+        crossings, key=lambda one: one[0])
     for sample in samples:
         if not isinstance(sample, (ImuSample, WheelSample)):
             continue
         estimator.add_sample(sample)
         while waiting and waiting[0][0] <= sample.stamp_ns:
-            estimator.add_passage(*waiting.pop(0))
+            estimator.add_crossing(*waiting.pop(0))
         solution = estimator.advance(sample.stamp_ns)
         if solution is not None:
             found.append(solution)
     return estimator, found
 
 
-def true_passages(samples, every=0.6, sigma=(0.003, 0.006), scale=1.0, wheel=1):
+def true_crossings(samples, every=0.6, sigma=(0.003, 0.006), scale=1.0, wheel=1):
     """Return exact film results of a front wheel, from the ground truth."""
     found, due = [], 0.0
     truths = [s for s in samples if type(s).__name__ == 'WheelSlip']
@@ -235,7 +235,7 @@ def test_one_ground_for_sides_on_two_has_their_difference_as_its_error(ridden):
 def test_sides_on_two_grounds_are_one_with_a_difference_once_they_are_the_past(new):
     rows, random = priors(ROBOT), np.random.default_rng(2)
     root = random.standard_normal((SIZE, SIZE))
-    given = Hypothesis(Prior(random.standard_normal(SIZE), root @ root.T), root[0], new)
+    given = Hypothesis(WindowPrior(random.standard_normal(SIZE), root @ root.T), root[0], new)
     assert given.settled(0.5, rows) is given and given.settled(1.0, rows) is given
     found = given.settled(3.0, rows)
     assert found.new == ONE_GROUND and found.settled(3.0, rows) is found
@@ -257,7 +257,7 @@ def test_a_gap_of_the_imu_restarts_the_window_and_keeps_what_was_learned(samples
     begin = samples[0].stamp_ns
     kept = [s for s in samples if not (
         isinstance(s, ImuSample) and 5.0 < (s.stamp_ns - begin) / NS_PER_S < 6.5)]
-    estimator, found = run(kept, passages=true_passages(samples))
+    estimator, found = run(kept, crossings=true_crossings(samples))
     state = estimator.state(found[-1])
     assert abs(math.log(state.stiffness.value / STIFFNESS)) < 0.25
     assert all(np.isfinite(one.fit.x).all() for one in found)
@@ -265,7 +265,7 @@ def test_a_gap_of_the_imu_restarts_the_window_and_keeps_what_was_learned(samples
 
 def test_velocities_serve_where_there_are_no_positions(samples):
     plain = [replace(s, position=None) if isinstance(s, WheelSample) else s for s in samples]
-    estimator, found = run(plain, passages=true_passages(samples))
+    estimator, found = run(plain, crossings=true_crossings(samples))
     assert estimator.state(found[-1]).stiffness.value == pytest.approx(STIFFNESS, rel=0.3)
 
 
@@ -274,19 +274,19 @@ def test_one_encoder_per_side_is_enough(samples):
         return (*values[:2], math.nan, math.nan)
     plain = [replace(s, position=front(s.position), velocity=front(s.velocity), effort=None)
              if isinstance(s, WheelSample) else s for s in samples]
-    _, found = run(plain, passages=true_passages(samples))
+    _, found = run(plain, crossings=true_crossings(samples))
     assert np.isfinite(found[-1].fit.x).all()
     assert math.exp(found[-1].fit.x[Unknown.STIFFNESS]) == pytest.approx(STIFFNESS, rel=0.4)
 
 
 def test_odometry_serves_in_place_of_the_imu_until_there_is_one(samples):
     estimator, found = GroundEstimator(ROBOT, 0.02), []
-    passages = true_passages(samples)
+    crossings = true_crossings(samples)
     for sample in samples:
         if isinstance(sample, (Odometry, WheelSample)):
             estimator.add_sample(sample)
-            while passages and passages[0][0] <= sample.stamp_ns:
-                estimator.add_passage(*passages.pop(0))
+            while crossings and crossings[0][0] <= sample.stamp_ns:
+                estimator.add_crossing(*crossings.pop(0))
             solution = estimator.advance(sample.stamp_ns)
             found += [] if solution is None else [solution]
     assert estimator.state(found[-1]).stiffness.value == pytest.approx(STIFFNESS, rel=0.3)
@@ -297,18 +297,18 @@ def test_odometry_serves_in_place_of_the_imu_until_there_is_one(samples):
     assert len(estimator._imu) == before
 
 
-def test_an_outlying_passage_hardly_matters(samples, films):
-    wild = true_passages(samples)
+def test_an_outlying_crossing_hardly_matters(samples, films):
+    wild = true_crossings(samples)
     wild[5] = (*wild[5][:2], -0.6, 0.95, *wild[5][4:])
     expected, other = (estimator.state(found[-1]).friction_coefficient
-                       for estimator, found in (films, run(samples, passages=wild)))
+                       for estimator, found in (films, run(samples, crossings=wild)))
     assert abs(expected.value - other.value) < expected.sigma
 
 
 def test_the_sides_may_differ(samples):
-    slippery = [(stamp, 'front_left', *rest) for stamp, _, *rest in true_passages(
+    slippery = [(stamp, 'front_left', *rest) for stamp, _, *rest in true_crossings(
         samples, wheel=0, scale=1.8)]
-    _, found = run(samples, passages=[*true_passages(samples), *slippery])
+    _, found = run(samples, crossings=[*true_crossings(samples), *slippery])
     x = found[-1].fit.x
     # of the left side over the mean: half of ln (1 / 1.8), ten sigma of the prior of equal sides
     difference = x[Unknown.SIDE_FRICTION] - x[Unknown.SIDE_STIFFNESS]
@@ -338,8 +338,8 @@ def measurements(samples):
     for sample in samples:
         if isinstance(sample, (ImuSample, WheelSample)):
             estimator.add_sample(sample)
-    passage = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
-    data = WindowData(np.array(estimator._imu), np.array(estimator._wheels), [passage])
+    crossing = MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    data = WindowData(np.array(estimator._imu), np.array(estimator._wheels), [crossing])
     return Measurements(ROBOT, data, 5.5, 6.0, 9.0)
 
 
@@ -371,24 +371,24 @@ def test_covariances_are_positive_definite_and_blocks_without_samples_have_no_we
     assert used[FORCE_X].max() < 1.0 and used[TORQUE:].max() < 1.0
 
 
-def test_a_passage_in_full_sliding_determines_the_ratio_of_slips_only(measurements):
-    sliding = measurements.passages[0]._replace(slip=0.1, ratio=0.9, sliding=True)
-    measurements.passages[0] = sliding
-    noise = measurements.passage_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
+def test_a_crossing_in_full_sliding_determines_the_ratio_of_slips_only(measurements):
+    sliding = measurements.crossings[0]._replace(slip=0.1, normalized_slip=0.9, sliding=True)
+    measurements.crossings[0] = sliding
+    noise = measurements.crossing_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
     along, across = np.array([0.1, 0.9]), np.array([0.9, -0.1])
     assert along @ noise @ along > 50.0 * (across @ noise @ across)
-    measurements.passages[0] = sliding._replace(sliding=False)
+    measurements.crossings[0] = sliding._replace(sliding=False)
 
 
 def test_films_show_the_product_of_both_slips_with_the_same_error_at_any_slip(measurements):
     noise, measured = [], []
     for slip, ratio in ((0.004, 0.4), (0.004, -0.3)):  # hardly any stretch
         covariance = np.diag([1e-6, (4e-4 / slip) ** 2])
-        measurements.passages[0] = Passage(8.0, 1, slip, ratio, covariance, False)
-        measured.append(measurements.passages[0].measured)
-        noise.append(measurements.passage_noise(
+        measurements.crossings[0] = MeasuredCrossing(8.0, 1, slip, ratio, covariance, False)
+        measured.append(measurements.crossings[0].measured)
+        noise.append(measurements.crossing_noise(
             np.array([0.01, 0.01 * 0.02]), np.zeros(2), LOAD))
-    measurements.passages[0] = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    measurements.crossings[0] = MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
     assert measured == [(0.004, pytest.approx(0.0016)), (0.004, pytest.approx(-0.0012))]
     for one, ratio in zip(noise, (0.4, -0.3)):  # 4e-4 / 0.01 of a ratio at the predicted slip
         assert math.sqrt(one[1, 1]) == pytest.approx(math.hypot(4e-4, 1e-3 * ratio), rel=0.15)
@@ -396,23 +396,24 @@ def test_films_show_the_product_of_both_slips_with_the_same_error_at_any_slip(me
 
 def test_films_weigh_little_in_a_start_but_show_the_ground_in_full_sliding(measurements):
     transient = np.array([0.01, 0.004])
-    plain = measurements.passage_noise(np.array([0.1, 0.02]), np.zeros(2), LOAD)
-    more = measurements.passage_noise(np.array([0.1, 0.02]), transient, LOAD) - plain
+    plain = measurements.crossing_noise(np.array([0.1, 0.02]), np.zeros(2), LOAD)
+    more = measurements.crossing_noise(np.array([0.1, 0.02]), transient, LOAD) - plain
     assert more == pytest.approx(np.diag(transient ** 2))
-    measurements.passages[0] = measurements.passages[0]._replace(slip=0.5, ratio=1.5, sliding=True)
-    plain = measurements.passage_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
-    noise = measurements.passage_noise(np.array([0.5, 1.5]), np.array([0.1, 0.3]), LOAD)
-    measurements.passages[0] = Passage(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
+    measurements.crossings[0] = measurements.crossings[0]._replace(
+        slip=0.5, normalized_slip=1.5, sliding=True)
+    plain = measurements.crossing_noise(np.array([0.5, 1.5]), np.zeros(2), LOAD)
+    noise = measurements.crossing_noise(np.array([0.5, 1.5]), np.array([0.1, 0.3]), LOAD)
+    measurements.crossings[0] = MeasuredCrossing(8.0, 1, 0.1, 0.2, 1e-4 * np.eye(2), False)
     across = np.array([1.5, -0.5])  # an error of slip / t
     assert across @ noise @ across == pytest.approx(across @ plain @ across)
     assert noise[0, 0] - plain[0, 0] == pytest.approx(0.1 ** 2)
 
 
-def test_the_lasting_error_of_the_films_bounds_what_many_passages_show(samples):
+def test_the_lasting_error_of_the_films_bounds_what_many_crossings_show(samples):
     weak = [(stamp, wheel, slip, ratio, np.diag([1e-6, (1e-4 / abs(slip)) ** 2]), sliding)
-            for stamp, wheel, slip, ratio, _, sliding in true_passages(samples, every=0.1)]
-    _, few = run(samples, passages=[*weak[::4]])
-    _, many = run(samples, passages=weak)
+            for stamp, wheel, slip, ratio, _, sliding in true_crossings(samples, every=0.1)]
+    _, few = run(samples, crossings=[*weak[::4]])
+    _, many = run(samples, crossings=weak)
     row = Unknown.FILM_ERROR + 1
     sigma = [math.sqrt(found[-1].fit.covariance[row, row]) for found in (few, many)]
     prior = priors(ROBOT)[row].sigma
@@ -627,6 +628,11 @@ def test_the_prior_of_a_changed_ground_keeps_the_old_one_aside():
     assert np.linalg.eigvalsh(changed.covariance).min() > 0.0
 
 
+def test_the_prior_of_the_stiffness_has_the_error_of_the_tire_and_the_spread_of_grounds():
+    tire = replace(ROBOT.tire, longitudinal_stiffness_sigma=0.3)
+    assert priors(replace(ROBOT, tire=tire))[Unknown.STIFFNESS].sigma == pytest.approx(0.5)
+
+
 def test_priors_walk_with_time_and_travel():
     rows = priors(ROBOT)
     prior = initial(rows)
@@ -743,7 +749,7 @@ def test_a_disturbance_has_errors_of_the_size_that_is_seen(measurements):
     inside = measurements.within(interval)
     centers = (measurements.centers >= 7.0) & (measurements.centers <= 8.0)
     assert inside[:measurements.values.size].reshape(shape)[:, centers].all()
-    assert inside.sum() == shape[0] * centers.sum() + 2  # and the passage at 8 s
+    assert inside.sum() == shape[0] * centers.sum() + 2  # and the crossing at 8 s
     blocks, residual = np.tile(np.eye(shape[1]), (shape[0], 1, 1)), np.full(shape, 0.5)
     residual[TORQUE, centers] = 10.0
     plain, aware = (Whitening(blocks, np.eye(2), residual, np.zeros(2), False, rows)
@@ -826,9 +832,9 @@ def test_the_ground_is_that_of_the_wheels_that_carry(lifted):
             assert abs(math.log(value.value / true)) < 3.0 * value.sigma / value.value
 
 
-def test_a_passage_of_a_wheel_without_load_says_nothing_of_the_ground(measurements):
+def test_a_crossing_of_a_wheel_without_load_says_nothing_of_the_ground(measurements):
     values = np.array([0.1, 0.1 * 0.5])
-    loaded, light, none = (measurements.passage_noise(values, 0.0 * values, load) for load in (
+    loaded, light, none = (measurements.crossing_noise(values, 0.0 * values, load) for load in (
         LOAD, 0.5 * LOAD, 0.004 * LOAD))
     ratio = [math.sqrt(one[1, 1]) / 0.1 for one in (loaded, light, none)]
     assert ratio[0] < 0.5 * 0.1 and ratio[2] > 5.0 * 0.5

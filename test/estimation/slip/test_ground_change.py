@@ -10,8 +10,6 @@
 
 """Changes of the ground that the slip filter finds, and what it does about them."""
 
-from collections import namedtuple
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,6 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.ground import GroundChange, MotorTorques
 from smart_tire.estimation.slip.kalman import KalmanFilter
 from smart_tire.estimation.slip.state import GROUND, N, State, SUDDEN
-from smart_tire.estimation.slip.tire_forces import brush_force
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
 from support.torques import required_torque
@@ -108,28 +105,6 @@ def test_the_effect_of_the_ground_fades_but_not_its_error():
         np.exp(-2.0) * before[State.V_X, SUDDEN])
     assert kalman.P[SUDDEN, State.V_X] == pytest.approx(kalman.P[State.V_X, SUDDEN])
     assert kalman.P[GROUND, GROUND] == pytest.approx(before[GROUND, GROUND])
-
-
-TireForce = namedtuple('TireForce', 'x y xx xy yy x_by_friction y_by_friction')
-
-
-def force_of(*arguments):
-    return TireForce(*brush_force(*arguments))
-
-
-@pytest.mark.parametrize(('slip', 'spread'), [(0.1, 0.03), (0.25, 0.1), (0.6, 0.1)])
-def test_the_force_of_an_uncertain_slip_is_the_mean_force(slip, spread):
-    stiffness, limit = 52.7, 5.0  # the tire slides above a slip of 0.285
-    nodes, weights = np.polynomial.hermite_e.hermegauss(25)
-    slips = slip + spread * nodes
-    forces = np.array([brush_force(s, 0.0, stiffness, limit)[0] for s in slips])
-    mean = weights @ forces / weights.sum()
-    slope = weights @ (nodes * forces) / weights.sum() / spread
-    force = force_of(slip, 0.0, stiffness, limit, spread)
-    assert force.x == pytest.approx(mean, rel=0.02)
-    assert force.xx == pytest.approx(slope, abs=0.04 * stiffness)
-    aside = force_of(0.0, slip, stiffness, limit, spread)
-    assert (aside.y, aside.yy, aside.xx) == pytest.approx((force.x, force.xx, force.yy))
 
 
 def torques_of(forces, speeds, loads):

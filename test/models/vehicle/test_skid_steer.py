@@ -10,13 +10,19 @@
 
 """Skid-steer kinematics and wheel loads."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from smart_tire.models.vehicle import skid_steer
+from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY
 
 WHEELBASE, TRACK, RADIUS, MASS = 0.26, 0.38, 0.087, 10.9
 COM = (0.02, -0.01, 0.11)
+ROBOT = RobotParams(wheelbase=WHEELBASE, track_width=TRACK, wheel_radius=RADIUS, mass=MASS,
+                    center_of_mass=COM)
+CENTERED = replace(ROBOT, center_of_mass=(0.0, 0.0, 0.1))
 STILL = 0.05
 
 
@@ -53,7 +59,7 @@ def test_the_velocity_at_the_center_of_rotation_is_zero():
 
 
 def test_loads_balance_weight_and_moments():
-    loads = skid_steer.normal_loads(MASS, COM, WHEELBASE, TRACK, 1.5, -0.8, radius=RADIUS)
+    loads = skid_steer.normal_loads(ROBOT, 1.5, -0.8)
     x = 0.5 * WHEELBASE * skid_steer.AXLE_SIGNS
     y = 0.5 * TRACK * skid_steer.SIDE_SIGNS
     weight = MASS * GRAVITY
@@ -64,14 +70,12 @@ def test_loads_balance_weight_and_moments():
 
 
 def test_load_transfers_to_the_rear_when_accelerating_and_outward_in_a_turn():
-    forward = skid_steer.normal_loads(MASS, (0, 0, 0.1), WHEELBASE, TRACK, 1.0, 0.0, radius=RADIUS)
+    forward = skid_steer.normal_loads(CENTERED, 1.0, 0.0)
     assert forward[0] == forward[1] < forward[2] == forward[3]
-    left_turn = skid_steer.normal_loads(MASS, (0, 0, 0.1), WHEELBASE, TRACK, 0.0, 1.0,
-                                        radius=RADIUS)
+    left_turn = skid_steer.normal_loads(CENTERED, 0.0, 1.0)
     assert left_turn[0] == left_turn[2] < left_turn[1] == left_turn[3]
 
 
 def test_loads_have_the_shape_of_the_accelerations_and_are_not_negative():
-    loads = skid_steer.normal_loads(MASS, COM, WHEELBASE, TRACK, np.linspace(-30.0, 30.0, 7), 0.0,
-                                    radius=RADIUS)
+    loads = skid_steer.normal_loads(ROBOT, np.linspace(-30.0, 30.0, 7), 0.0)
     assert loads.shape == (7, 4) and np.all(loads >= 0.0) and np.any(loads == 0.0)
