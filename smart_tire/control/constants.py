@@ -64,6 +64,8 @@ MAX_DERIVATIVE_SHARE = 0.25
 
 # -- motion in odom ------------------------------------------------------------------------------
 YAW_JUMP = 0.5  # rad, more than the yaw rates explain; assumed; test_ground_motion
+TWIST_WINDOW_NS = 800_000_000  # of poses that contradict the twist; named within 1 s; derived
+MAX_TWIST_ERROR = 0.03, 0.1  # m, rad, in half of it: noise of poses; assumed; test_ground_motion
 EXTRAPOLATION_SIGMA = 0.02  # m/s: 0.2 m/s2 for the age of odom and a period, 0.1 s; ice_unknown
 
 # -- friction of the ground ----------------------------------------------------------------------

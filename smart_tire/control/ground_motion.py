@@ -12,10 +12,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from smart_tire.control import constants as c
+from smart_tire.control.history import History
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.rotation import euler
 from smart_tire.samples import MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
@@ -92,16 +93,82 @@ class LatestMotion:
         return self.motion.after(self.age(now_ns) + lead)
 
 
+class TwistCheck:
+    """
+    Compares the twist in ``odom`` with the changes of its poses, over ``TWIST_WINDOW_NS``.
+
+    Odometry of others may leave its twist at zero, or have it in other units or another frame. A
+    jump of the pose is in one half of the window only.
+    """
+
+    def __init__(self) -> None:
+        # of the poses: distance forward [m] and turned angle [rad]; the same of the twist
+        self._moved = History()
+        self._last: tuple[int, Motion] | None = None
+        self.fault = ''  # what contradicts, empty if nothing does
+
+    def corrected(self, motion: Motion, stamp_ns: int) -> Motion:
+        """Return ``motion`` with a speed or yaw rate of the poses, where the twist contradicts."""
+        last_ns, last = self._last or (stamp_ns, motion)
+        self._last = stamp_ns, motion
+        if stamp_ns < last_ns or stamp_ns - last_ns > c.MAX_GAP_NS:
+            self._moved.clear()
+            last_ns, last = stamp_ns, motion
+        dt, turned = (stamp_ns - last_ns) / NS_PER_S, wrap(motion.yaw - last.yaw)
+        cos, sin = math.cos(last.yaw + 0.5 * turned), math.sin(last.yaw + 0.5 * turned)
+        change = ((motion.x - last.x) * cos + (motion.y - last.y) * sin, turned,
+                  0.5 * dt * (last.v_x + motion.v_x),
+                  0.5 * dt * (last.yaw_rate + motion.yaw_rate))
+        before = self._moved.latest if self._moved.times else (0.0,) * 4
+        self._moved.add(stamp_ns, *(old + new for old, new in zip(before, change)))
+        speed, yaw_rate = (self._contradicted(axis, stamp_ns) for axis in (0, 1))
+        self.fault = ''
+        if speed is None and yaw_rate is None:
+            return motion
+        found = replace(motion, v_x=motion.v_x if speed is None else speed,
+                        yaw_rate=motion.yaw_rate if yaw_rate is None else yaw_rate)
+        self.fault = (
+            f'odom: its twist of {motion.v_x:.2f} m/s and {motion.yaw_rate:.2f} rad/s contradicts '
+            f'its poses, which move by {found.v_x:.2f} m/s and {found.yaw_rate:.2f} rad/s: the '
+            'latter are used')
+        return found
+
+    def _contradicted(self, axis: int, stamp_ns: int) -> float | None:
+        """Return the speed or yaw rate of the poses if both halves of the window contradict."""
+        half = c.TWIST_WINDOW_NS // 2
+        if stamp_ns - self._moved.times[0] < 2 * half:
+            return None
+        marks = [self._moved.at(stamp_ns - part * half) for part in (0, 1, 2)]
+        errors = []
+        for later, earlier in zip(marks, marks[1:]):
+            posed, twisted = (later[row] - earlier[row] for row in (axis, axis + 2))
+            error, least = posed - twisted, c.MAX_TWIST_ERROR[axis]
+            if abs(error) <= max(least, 0.5 * max(abs(posed), abs(twisted))):
+                return None
+            errors.append(error)
+        if errors[0] * errors[1] < 0.0:
+            return None
+        return (marks[0][axis] - self._moved.at(stamp_ns - half // 2)[axis]) * NS_PER_S / (
+            half - half // 2)
+
+
 class MotionMonitor(LatestMotion):
     """
     Latest odometry for following a path.
 
     ``fault`` is the text for the first fault since it was cleared; empty if there is none.
+    ``twist_fault`` is that of a twist that is not used.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.fault = ''
+        self._twist = TwistCheck()
+
+    @property
+    def twist_fault(self) -> str:
+        """Return what contradicts the twist; empty if nothing does."""
+        return self._twist.fault
 
     def add_odometry(self, odometry: Odometry, params: PathCheckParams) -> float:
         """Check and add odometry; return the distance [m] from the last position."""
@@ -110,6 +177,7 @@ class MotionMonitor(LatestMotion):
             self._set_fault(f'odom: pose or twist is not plausible, expected finite numbers up to '
                             f'{MAX_SPEED:g} m/s and {MAX_ANGULAR_RATE:g} rad/s')
             return 0.0
+        motion = self._twist.corrected(motion, odometry.stamp_ns)
         self.motion, self.stamp_ns = motion, odometry.stamp_ns
         if last_ns is None:
             return 0.0

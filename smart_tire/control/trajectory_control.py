@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum, IntEnum
 import math
 
@@ -86,6 +87,11 @@ class TrajectoryControl:
         """Return whether commands are published."""
         return self.state == PathState.FOLLOWING or self.holding
 
+    @property
+    def twist_fault(self) -> str:
+        """Return what contradicts the twist in ``odom``; empty if nothing does."""
+        return self._motion.twist_fault
+
     def follow(self, target: PlannedPath | GoalPose, now_ns: int) -> None:
         """
         Follow a path, or drive to a goal, from now on.
@@ -128,7 +134,11 @@ class TrajectoryControl:
         """Add the latest pose and velocity."""
         self._ground.drive(
             self._motion.add_odometry(odometry, self.params.checks), odometry.stamp_ns)
-        self._odometry_check.add_motion(self._motion.motion, odometry.stamp_ns)
+        motion = self._motion.motion
+        self._odometry_check.add_motion(motion, odometry.stamp_ns)
+        if self._motion.twist_fault:
+            odometry = replace(odometry, linear=(motion.v_x, motion.v_y, 0.0),
+                               angular=(0.0, 0.0, motion.yaw_rate))
         self._kinematics.add_odometry(odometry)
 
     def add_wheels(self, wheels: WheelSample) -> None:

@@ -275,6 +275,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             emergency_stop=self._emergency_stop,
             remaining_distance=progress.remaining_distance,
             cross_track_error=progress.cross_track_error)
+        if twist := self._control.twist_fault:
+            status.warn(twist)
         if state in (PathState.STOPPED, PathState.REFUSED):
             status.warn(f'{state.name.lower()}: {reason}',
                         by_host=self._may_be_host)

@@ -56,6 +56,60 @@ def test_the_pose_is_predicted_from_its_stamp_with_the_delay():
     assert made.initialized
 
 
+def circle(seconds, rate=20.0, v_x=0.5, yaw_rate=0.4, twist=lambda v_x, yaw_rate: (v_x, yaw_rate),
+           jump=lambda time: 0.0):
+    """Return a monitor after a drive on a circle, whose ``twist`` and pose may be wrong."""
+    made = MotionMonitor()
+    for step in range(round(seconds * rate) + 1):
+        time = step / rate
+        motion = Motion(0.0, 0.0, 0.0, v_x, 0.0, yaw_rate).after(0.0)
+        for _ in range(step):
+            motion = motion.after(1.0 / rate)
+        made.add_odometry(odometry(
+            NS_PER_S + round(time * NS_PER_S), motion.x + jump(time), motion.y, motion.yaw,
+            *twist(v_x, yaw_rate)), replace(PARAMS, odom_jump=10.0))
+    return made
+
+
+@pytest.mark.parametrize('rate', [4.0, 20.0, 100.0])
+@pytest.mark.parametrize('twist', [
+    lambda v_x, yaw_rate: (0.0, 0.0), lambda v_x, yaw_rate: (-v_x, yaw_rate),
+    lambda v_x, yaw_rate: (v_x, math.degrees(yaw_rate)), lambda v_x, yaw_rate: (3.0 * v_x, 0.0)])
+def test_a_twist_that_contradicts_the_poses_is_named_and_replaced_within_a_second(rate, twist):
+    made = circle(1.0, rate, twist=twist)
+    assert (made.motion.v_x, made.motion.yaw_rate) == pytest.approx((0.5, 0.4), rel=0.01)
+    given = twist(0.5, 0.4)
+    assert f'twist of {given[0]:.2f} m/s and {given[1]:.2f} rad/s contradicts' in made.twist_fault
+    assert 'move by 0.50 m/s and 0.40 rad/s' in made.twist_fault
+
+
+@pytest.mark.parametrize(('twist', 'speeds'), [
+    (lambda v_x, yaw_rate: (v_x, yaw_rate), (0.5, 0.4)),
+    (lambda v_x, yaw_rate: (0.8 * v_x, 1.3 * yaw_rate), (0.4, 0.52))])
+def test_a_twist_that_agrees_roughly_is_used(twist, speeds):
+    made = circle(3.0, twist=twist)
+    assert (made.motion.v_x, made.motion.yaw_rate) == pytest.approx(speeds)
+    assert not made.twist_fault
+
+
+def test_half_of_a_window_or_a_jump_of_the_pose_contradicts_no_twist():
+    assert not circle(0.75, twist=lambda *_: (0.0, 0.0)).twist_fault
+    for end in (1.0, 1.3, 1.7):  # the jump in the one or the other half, or gone
+        made = circle(end, v_x=0.0, yaw_rate=0.0, jump=lambda time: 0.15 * (time > 0.9))
+        assert not made.twist_fault and made.motion.v_x == 0.0
+        made = circle(end, v_x=0.0, yaw_rate=0.0,  # to and fro
+                      jump=lambda time: 0.15 * (0.7 < time < 1.1))
+        assert not made.twist_fault and made.motion.v_x == 0.0
+
+
+def test_the_twist_is_used_again_after_a_gap_and_when_it_agrees():
+    made = circle(1.0, twist=lambda *_: (0.0, 0.0))
+    assert made.twist_fault
+    last = made.motion
+    made.add_odometry(odometry(made.stamp_ns + 2 * NS_PER_S, last.x, last.y, last.yaw), PARAMS)
+    assert not made.twist_fault and made.motion.v_x == 0.0
+
+
 def test_without_odometry_its_age_is_infinite():
     assert monitor().age(0) == math.inf
     assert not monitor().initialized

@@ -20,12 +20,12 @@ import numpy as np
 import pytest
 
 from smart_tire.control.constants import MAX_WAIT, MIN_ADVANCE, RELEASE_TIME
-from smart_tire.control.path_library import line
+from smart_tire.control.path_library import figure_eight, line
 from smart_tire.control.path_plan import plan_goal
 from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import GoalPose, NAN, NS_PER_S, WheelSlip
-from support.ideal_robot import IDEAL, odometry, path, Run
+from support.ideal_robot import distances, IDEAL, IdealRobot, odometry, path, Run
 
 FAR = line(3.0)
 HOLDING = replace(IDEAL, hold_on_arrival=True)
@@ -592,3 +592,19 @@ def test_only_arrival_begins_a_hold(params):
     run = under_way(params=params)
     run.control.cancel('canceled')
     assert_stopped(run, 'canceled')
+
+
+@pytest.mark.parametrize('factors', [(0.0, 0.0), (-1.0, 1.0), (1.0, 57.3)])
+def test_a_path_is_followed_with_a_twist_that_contradicts_the_poses(factors, monkeypatch):
+    true = IdealRobot.odometry
+
+    def wrong(robot, now_ns):
+        one = true(robot, now_ns)
+        return replace(one, linear=(factors[0] * one.linear[0], 0.0, 0.0),
+                       angular=(0.0, 0.0, factors[1] * one.angular[2]))
+    monkeypatch.setattr(IdealRobot, 'odometry', wrong)
+    run = Run().start(figure_eight(0.5)).for_seconds(3.0)
+    assert 'contradicts its poses' in run.control.twist_fault
+    run.until_end()
+    assert run.control.state == PathState.ARRIVED, run.control.reason
+    assert distances(figure_eight(0.5), run.log).max() < 0.08
