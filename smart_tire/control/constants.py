@@ -103,6 +103,11 @@ DEAD_FORCE = 0.02  # of the force of a side, difference that is left; tuned; sli
 RELIEF, MAX_RELIEF = 0.3, 0.06  # of the other side, which may slide; tuned; ice_unknown, start
 
 # -- motion along a path -------------------------------------------------------------------------
+MAX_DELAY, DELAY_STEP = 0.6, 0.025  # s, that are learned; assumed; test_base_response
+DELAY_ARM = 0.2          # m, times a yaw rate: a speed; half a track; test_base_response
+DELAY_EVIDENCE = 0.1     # (m/s)^2 s, that is kept: four starts to 0.5 m/s, 0.1 s apart; assumed
+DELAY_MARGIN = 5e-3      # (m/s)^2 s, by which another delay must be likelier; assumed
+PREDICTION_STEP = 0.025  # s; below the period of commands; assumed
 LATERAL_SHARE = 0.8   # of friction for lateral acceleration, on a circle; test_motion_limits
 PLANNED_SHARE = 0.85  # of deceleration in plans, the rest is for control; assumed; tracking
 COMMAND_SHARE = 1.1   # of the largest speed and yaw rate, commanded; assumed; test_command_bounds

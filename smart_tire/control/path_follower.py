@@ -38,9 +38,9 @@ class SpinControl:
         self.error = math.inf  # rad
         self._side = 0.0       # sign of the turn
 
-    def step(self, error: float, dt: float, limits: MotionLimits,
-             params: TrajectoryControllerParams) -> float:
+    def step(self, error: float, now: Conditions) -> float:
         """Return the yaw rate [rad/s] to command; ``error`` [rad] is yaw still to turn."""
+        limits, params = now.limits, now.params
         if self._side == 0.0:
             self._side = math.copysign(1.0, error)
         elif abs(error) > 0.75 * math.pi:
@@ -53,7 +53,7 @@ class SpinControl:
         highest = min(follower.spin_rate, limits.yaw_rate)
         stopping = math.sqrt(2.0 * c.PLANNED_SHARE * limits.yaw_acceleration * abs(error))
         if params.slip_compensation:  # its feedback of the reached yaw rate follows with a delay
-            stopping = min(stopping, abs(error) / max(follower.actuation_delay, dt))
+            stopping = min(stopping, abs(error) / max(now.delay, now.dt))
         wanted = min(highest, max(stopping, follower.min_spin_rate))
         return math.copysign(wanted, error)
 
@@ -77,6 +77,7 @@ class Conditions:
     limits: MotionLimits
     params: TrajectoryControllerParams
     drift: float  # rad, from the x axis of the body to its direction of travel, forward
+    delay: float  # s, from a command to the motion
 
 
 class Advance(NamedTuple):
@@ -192,7 +193,7 @@ class PathFollower:
             return self._stop(now)
         if self._spin is None:
             self._spin = SpinControl(self._hold or (motion.x, motion.y))
-        rate = self._spin.step(wrap(yaw - motion.yaw), now.dt, now.limits, now.params)
+        rate = self._spin.step(wrap(yaw - motion.yaw), now)
         speed = self._spin.holding_speed(motion, self._v_x, now.dt, now.limits)
         if self._spin.done and ends:
             self._settling = 0.0

@@ -177,9 +177,13 @@ class SlipKinematics:
             self._window_ns = slip.stamp_ns
         self._window.append((*motion, *left, *right))
 
-    def command(self, v_x: float, yaw_rate: float, now_ns: int,
+    def command(self, v_x: float, yaw_rate: float, now_ns: int, delay: float,
                 params: TrajectoryControllerParams) -> Velocity:
-        """Return v_x [m/s] and yaw rate [rad/s] to command for wanted ones of the body."""
+        """
+        Return v_x [m/s] and yaw rate [rad/s] to command for wanted ones of the body.
+
+        ``delay`` [s] is that of the base.
+        """
         if v_x == yaw_rate == 0.0:
             self._feedback.reset()
             return 0.0, 0.0
@@ -187,7 +191,7 @@ class SlipKinematics:
         if self._motions.times:
             reached_ns, (reached, _, reached_rate) = self._motions.times[-1], self._motions.latest
             added = self._feedback.correction(
-                (reached, reached_rate), reached_ns, params.follower.actuation_delay,
+                (reached, reached_rate), reached_ns, delay,
                 (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
         else:
             added = 0.0, 0.0

@@ -17,6 +17,7 @@ from enum import Enum, IntEnum
 import math
 
 from smart_tire.control import constants as c
+from smart_tire.control.base_response import BaseResponse
 from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor, wrap
 from smart_tire.control.motion_limits import command_share, motion_limits
@@ -66,6 +67,7 @@ class TrajectoryControl:
         self._kinematics = SlipKinematics(params)
         self._ground = GroundKnowledge()
         self._motion = MotionMonitor()
+        self._response = BaseResponse(params.follower.actuation_delay)
         self._odometry_check = OdometryCheck(params.robot)
         # until the first odometry after it; a goal that is too near, until the robot has stopped
         self._target: PlannedPath | GoalPose | None = None
@@ -136,6 +138,7 @@ class TrajectoryControl:
             self._motion.add_odometry(odometry, self.params.checks), odometry.stamp_ns)
         motion = self._motion.motion
         self._odometry_check.add_motion(motion, odometry.stamp_ns)
+        self._response.learn(motion, odometry.stamp_ns)
         if self._motion.twist_fault:
             odometry = replace(odometry, linear=(motion.v_x, motion.v_y, 0.0),
                                angular=(0.0, 0.0, motion.yaw_rate))
@@ -185,6 +188,7 @@ class TrajectoryControl:
 
     def _stop(self, now_ns: int) -> VelocityCommand | None:
         """Return a command of zero, once after following has ended."""
+        self._response.command(0.0, 0.0, now_ns)
         due, self._stop_due = self._stop_due or self.holding, False
         return VelocityCommand(now_ns, 0.0, 0.0) if due else None
 
@@ -260,16 +264,20 @@ class TrajectoryControl:
         limits = motion_limits(params, self._ground.acceleration(params.friction))
         braking = motion.speed() ** 2 / (2.0 * c.PLANNED_SHARE * limits.deceleration)
         distance = math.hypot(goal.pose[0] - motion.x, goal.pose[1] - motion.y)
-        return distance <= braking + motion.speed() * params.follower.actuation_delay
+        return distance <= braking + motion.speed() * self._response.delay
 
     def _follow(self, follower: PathFollower, now_ns: int, dt: float) -> VelocityCommand | None:
         params = self.params
-        motion = self._motion.predicted(now_ns, params.follower.actuation_delay)
+        assert self._motion.stamp_ns is not None
+        self._response.given = params.follower.actuation_delay
+        motion = self._response.predicted(self._motion.motion, self._motion.stamp_ns, now_ns)
         factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
                    else (1.0, 1.0))
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
         drift = self._kinematics.drift(*self._last) if params.slip_compensation else 0.0
-        self._last = follower.step(Conditions(motion, dt, limits, params, drift))
+        self._last = follower.step(
+            Conditions(motion, dt, limits, params, drift, self._response.delay))
+        self._response.command(*self._last, now_ns)
         if self._target is not None:  # the robot stops before it drives there
             return VelocityCommand(now_ns, *self._compensated(now_ns))
         if reason := self._progress.check(follower, self._motion.motion, now_ns, params):
@@ -289,6 +297,7 @@ class TrajectoryControl:
         if released_ns is None:
             released_ns = self._released_ns = now_ns
         elapsed = (now_ns - released_ns) / NS_PER_S
+        self._response.command(0.0, 0.0, now_ns)
         wait = c.RELEASE_TIME if motion.at_rest() else c.RELEASE_TIME + c.MAX_SETTLING
         if elapsed < wait:
             zero = params.hold_on_arrival or released_ns == now_ns
@@ -313,7 +322,7 @@ class TrajectoryControl:
         """Return the command for the wanted motion of the body, within its bounds."""
         command = self._last
         if self.params.slip_compensation:
-            command = self._kinematics.command(*command, now_ns, self.params)
+            command = self._kinematics.command(*command, now_ns, self._response.delay, self.params)
         share = command_share(command, self.params)
         return (share * command[0], share * command[1]) if share else (0.0, 0.0)
 

@@ -29,6 +29,7 @@ from smart_tire.samples import NS_PER_S, WheelSlip
 from support.ideal_robot import odometry, Run
 
 # no check of odometry but that it is finite: the bounds do not rest on any
+DELAY = 0.15  # s
 PARAMS = TrajectoryControllerParams(checks=PathCheckParams(
     odom_jump=10.0, max_cross_track_error=100.0, progress_timeout=600.0))
 PERIOD_NS = 50_000_000
@@ -85,7 +86,7 @@ def test_the_last_bound_holds_whatever_the_kinematics_return(wrong):
 
 def test_a_bounded_command_does_not_wind_up_the_feedback():
     kinematics, wanted, now_ns = SlipKinematics(PARAMS), (0.3, 1.5), NS_PER_S
-    first = kinematics.command(*wanted, now_ns, PARAMS)
+    first = kinematics.command(*wanted, now_ns, DELAY, PARAMS)
     factors = kinematics.factors(*wanted, now_ns)
     assert first[1] == pytest.approx(1.65) and 1.5 * factors[1] > 2.0
     for step in range(1, 60):  # the body moves as the bounded command says
@@ -93,8 +94,8 @@ def test_a_bounded_command_does_not_wind_up_the_feedback():
         reached = first if step > 3 else (0.0, 0.0)
         kinematics.add_odometry(odometry(
             now_ns, v_x=reached[0] / factors[0], yaw_rate=reached[1] / factors[1]))
-        kinematics.command(*wanted, now_ns, PARAMS)
-    slower = kinematics.command(0.3, 0.5, now_ns + PERIOD_NS, PARAMS)
+        kinematics.command(*wanted, now_ns, DELAY, PARAMS)
+    slower = kinematics.command(0.3, 0.5, now_ns + PERIOD_NS, DELAY, PARAMS)
     assert slower[1] == pytest.approx(0.5 * factors[1], abs=0.15)
 
 
@@ -145,10 +146,10 @@ def test_feedback_begins_at_zero_after_standstill():
     kinematics = SlipKinematics(PARAMS)
     for step in range(1, 20):
         kinematics.add_odometry(odometry(step * PERIOD_NS, v_x=0.1))
-        raised = kinematics.command(0.3, 0.0, step * PERIOD_NS, PARAMS)
+        raised = kinematics.command(0.3, 0.0, step * PERIOD_NS, DELAY, PARAMS)
     assert raised[0] > 0.4
-    assert kinematics.command(0.0, 0.0, 20 * PERIOD_NS, PARAMS) == (0.0, 0.0)
-    assert kinematics.command(0.3, 0.0, 21 * PERIOD_NS, PARAMS)[0] < 0.35
+    assert kinematics.command(0.0, 0.0, 20 * PERIOD_NS, DELAY, PARAMS) == (0.0, 0.0)
+    assert kinematics.command(0.3, 0.0, 21 * PERIOD_NS, DELAY, PARAMS)[0] < 0.35
 
 
 @pytest.mark.parametrize('wrong', [math.nan, math.inf, -math.inf])
@@ -158,8 +159,8 @@ def test_odometry_that_is_not_finite_changes_no_command(wrong):
         for one in (kinematics, other):
             one.add_odometry(odometry(step * PERIOD_NS, v_x=0.2, yaw_rate=0.3))
         kinematics.add_odometry(odometry(step * PERIOD_NS + 1, v_x=wrong, yaw_rate=wrong))
-        assert kinematics.command(0.3, 0.4, step * PERIOD_NS + 2, PARAMS) == other.command(
-            0.3, 0.4, step * PERIOD_NS + 2, PARAMS)
+        assert kinematics.command(0.3, 0.4, step * PERIOD_NS + 2, DELAY, PARAMS) == other.command(
+            0.3, 0.4, step * PERIOD_NS + 2, DELAY, PARAMS)
 
 
 def test_feedback_ends_at_its_bound_and_leaves_it_at_once():

@@ -31,7 +31,7 @@ PARAMS = TrajectoryControllerParams(
     follower=FollowerParams(min_look_ahead=0.2, look_ahead_time=0.5, max_look_ahead=0.4,
                             align_angle=0.6),
     arrival=ArrivalParams(approach_speed=0.05, yaw_tolerance=0.1))
-DT = 0.1
+DT, DELAY = 0.1, 0.15
 SPIN_LIMITS = MotionLimits(speed=1.0, acceleration=0.5, deceleration=0.4, lateral=1.0,
                            yaw_rate=0.9, yaw_acceleration=0.5)
 SPIN_PARAMS = TrajectoryControllerParams(
@@ -45,7 +45,7 @@ def line(length=5.0, direction=FORWARD, heading=0.0):
 
 
 def at(x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, drift=0.0):
-    return Conditions(Motion(x, y, yaw, v_x, 0.0, yaw_rate), DT, LIMITS, PARAMS, drift)
+    return Conditions(Motion(x, y, yaw, v_x, 0.0, yaw_rate), DT, LIMITS, PARAMS, drift, DELAY)
 
 
 @pytest.mark.parametrize(('v_x', 'look_ahead'), [(0.2, 0.2), (0.6, 0.3), (0.95, 0.4)])
@@ -170,7 +170,11 @@ def test_the_projection_advances_within_its_window():
 
 def rate(error, *, spin=None, limits=SPIN_LIMITS):
     """Return the rate commanded for a yaw error."""
-    return (spin or SpinControl((0.0, 0.0))).step(error, 0.1, limits, SPIN_PARAMS)
+    return (spin or SpinControl((0.0, 0.0))).step(error, spinning(limits, SPIN_PARAMS))
+
+
+def spinning(limits, params):
+    return replace(at(), limits=limits, params=params)
 
 
 @pytest.mark.parametrize(('error', 'expected'), [
@@ -191,7 +195,10 @@ def test_with_slip_compensation_the_rate_ends_the_turn_no_sooner_than_its_delay(
     fast = MotionLimits(1.0, 0.5, 0.4, 1.0, 0.5, 10.0)
     spin = SpinControl((0.0, 0.0))
     params = replace(SPIN_PARAMS, slip_compensation=True)
-    assert spin.step(0.06, 0.1, fast, params) == pytest.approx(0.4)  # 0.06 rad in 0.15 s
+    now = spinning(fast, params)
+    assert spin.step(0.06, now) == pytest.approx(0.4)  # 0.06 rad in 0.15 s
+    assert spin.step(0.06, replace(now, delay=0.24)) == pytest.approx(0.25)
+    assert spin.step(0.06, replace(now, delay=0.0)) == pytest.approx(0.5)  # limit
 
 
 @pytest.mark.parametrize(('error', 'done'), [(0.049, True), (-0.049, True), (0.051, False)])

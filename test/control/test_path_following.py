@@ -194,3 +194,13 @@ def test_accelerations_remain_below_a_share_of_friction(mu):
 def test_a_path_of_two_poses_may_be_short():
     log = arrived(PlannedPath(0, 'odom', ((0.0, 0.0, NAN), (0.03, 0.0, NAN))))
     assert log[-1, 1] == pytest.approx(0.03, abs=0.005)
+
+
+@pytest.mark.parametrize('dead_time', [4, 7])
+@pytest.mark.parametrize('planned', [lane_change(2.0, 0.6), square(1.0)])
+def test_a_base_that_answers_late_follows_paths_and_arrives(planned, dead_time):
+    """0.2 and 0.35 s, and a lag of 0.1 s, where 0.15 s are given."""
+    log = arrived(planned, dead_time=dead_time)
+    away = distances(planned, log)
+    assert math.sqrt((away ** 2).mean()) < 0.02 and away.max() < 0.06
+    assert math.dist(log[-1, 1:3], planned.poses[-1][:2]) < 0.05

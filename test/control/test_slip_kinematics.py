@@ -27,6 +27,7 @@ START = 1_000 * NS_PER_S
 ZEROS = (0.0,) * 36
 NANS = (math.nan,) * 4
 # bounds that do not act
+DELAY = 0.15  # s
 WIDE = TrajectoryControllerParams(max_speed=5.0, limits=MotionLimitParams(yaw_rate=10.0))
 
 
@@ -46,7 +47,7 @@ class World:
     def drive(self, v_x, yaw_rate, duration, *, estimates=True):
         """Command the wanted velocity; return the one of the body at the end."""
         for _ in range(round(duration / STEP)):
-            command = self.kinematics.command(v_x, yaw_rate, self.now_ns, WIDE)
+            command = self.kinematics.command(v_x, yaw_rate, self.now_ns, DELAY, WIDE)
             self.move(*command)
             if estimates:
                 self.kinematics.add_odometry(self.odometry())
@@ -149,10 +150,10 @@ def test_coefficients_last_for_seconds_and_return_to_the_prior_in_minutes():
 
 def test_the_prior_is_the_calibrated_effective_track():
     calibrated = kinematics(effective_track=0.6)
-    v_x, yaw_rate = calibrated.command(0.5, 0.02, START, WIDE)
+    v_x, yaw_rate = calibrated.command(0.5, 0.02, START, DELAY, WIDE)
     assert yaw_rate == pytest.approx(0.02, rel=0.03)
     assert v_x == pytest.approx(0.5, rel=0.03)
-    plain = kinematics(effective_track=TRACK).command(0.5, 0.02, START, WIDE)
+    plain = kinematics(effective_track=TRACK).command(0.5, 0.02, START, DELAY, WIDE)
     assert plain[1] == pytest.approx(0.02 * (1.0 + (WHEELBASE / TRACK) ** 2), rel=0.03)
 
 
@@ -164,18 +165,18 @@ def test_the_command_is_the_one_of_the_base_with_its_effective_track():
 
 def test_slips_without_motion_of_the_same_time_are_ignored():
     world = World(kinematics(), slip=(0.2, 0.2))
-    before = world.kinematics.command(0.5, 0.0, START, WIDE)
+    before = world.kinematics.command(0.5, 0.0, START, DELAY, WIDE)
     for _ in range(100):
         world.move(0.5, 0.0)
         world.kinematics.add_slip(world.wheel_slip())
-    assert world.kinematics.command(0.5, 0.0, START, WIDE) == before
+    assert world.kinematics.command(0.5, 0.0, START, DELAY, WIDE) == before
     world.kinematics.add_odometry(world.odometry())
     stopped = world.now_ns
     for _ in range(100):  # odometry has stopped: the first slips only belong to it
         world.move(0.5, 0.0)
         world.kinematics.add_slip(world.wheel_slip())
     world.kinematics.add_odometry(replace(world.odometry(), stamp_ns=stopped + 10 ** 9))
-    assert world.kinematics.command(0.5, 0.0, START, WIDE) == before
+    assert world.kinematics.command(0.5, 0.0, START, DELAY, WIDE) == before
 
 
 @pytest.mark.parametrize('change', [
@@ -184,12 +185,12 @@ def test_slips_without_motion_of_the_same_time_are_ignored():
     {'sigma': (math.nan,) * 4}, {'sigma': (math.inf,) * 4}])
 def test_unknown_slips_are_not_learned(change):
     world = World(kinematics(), slip=(0.2, 0.2))
-    before = world.kinematics.command(0.5, 0.3, START, WIDE)
+    before = world.kinematics.command(0.5, 0.3, START, DELAY, WIDE)
     for _ in range(200):
         world.move(0.5, 0.3)
         world.kinematics.add_odometry(world.odometry())
         world.kinematics.add_slip(replace(world.wheel_slip(), **change))
-    assert world.kinematics.command(0.5, 0.3, START, WIDE) == before
+    assert world.kinematics.command(0.5, 0.3, START, DELAY, WIDE) == before
 
 
 def test_one_measured_wheel_of_a_side_is_enough():
@@ -200,7 +201,7 @@ def test_one_measured_wheel_of_a_side_is_enough():
         velocity = (math.nan, *slip.slip_velocity[1:])
         world.kinematics.add_odometry(world.odometry())
         world.kinematics.add_slip(replace(slip, slip_velocity=velocity))
-    v_x, _ = world.kinematics.command(0.5, 0.0, world.now_ns, WIDE)
+    v_x, _ = world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE)
     assert v_x == pytest.approx(0.588, rel=0.02)
 
 
@@ -228,12 +229,12 @@ def test_the_direction_of_travel_is_learned_from_the_lateral_speed(v_x, yaw_rate
 def test_older_odometry_is_ignored_and_another_clock_discards_all():
     world = World(kinematics(), slip=(0.2, 0.2))
     world.drive(0.5, 0.0, 2.0)
-    learned = world.kinematics.command(0.5, 0.0, world.now_ns, WIDE)
+    learned = world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE)
     world.kinematics.add_odometry(replace(world.odometry(), stamp_ns=world.now_ns - 10 ** 8))
-    assert world.kinematics.command(0.5, 0.0, world.now_ns, WIDE) == learned
+    assert world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE) == learned
     world.now_ns -= 10 * NS_PER_S
     world.kinematics.add_odometry(world.odometry())
-    assert world.kinematics.command(0.5, 0.0, world.now_ns, WIDE) == kinematics().command(
-        0.5, 0.0, world.now_ns, WIDE)
+    assert world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE) == kinematics().command(
+        0.5, 0.0, world.now_ns, DELAY, WIDE)
     world.slip = (0.1, 0.1)
     assert world.drive(0.5, 0.0, 2.0)[0] == pytest.approx(0.5, rel=0.02)

@@ -519,9 +519,10 @@ def compensated(enabled, offset=0.0, **robot):
 def test_wanted_velocities_are_compensated_for_slip():
     run, kinematics = compensated(True, y=0.05)
     command = run.start(FAR).step()
-    v_x, yaw_rate, now_ns, _ = kinematics.command.call_args.args
+    v_x, yaw_rate, now_ns, delay, _ = kinematics.command.call_args.args
     assert (command.v_x, command.yaw_rate) == (1.5 * v_x, 2.0 * yaw_rate)
     assert now_ns == command.stamp_ns == run.now_ns - run.period_ns
+    assert delay == IDEAL.follower.actuation_delay
     slip = WheelSlip(0, (0.0,) * 4, (0.0,) * 4, (0.0,) * 4)
     run.control.add_slip(slip)
     kinematics.add_slip.assert_called_once_with(slip)
