@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import cache
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -27,7 +27,7 @@ from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    cdr, definitions, forms_of, OtherJointsError, Topic, wheels_from_msg)
+    cdr, definitions, forms_of, OtherJointsError, Topic, WheelReader)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
 from smart_tire.samples import Sample, TireSamples, WheelSample
@@ -161,7 +161,8 @@ class SampleDecoder:
         self._from_msg, read = form.from_msg, Decoder(form.type)
         self._read = cdr.LayoutDecoder(form.type, read) if form.type in cdr.FIELDS else read
         if form.sample is WheelSample:
-            self._from_msg = partial(wheels_from_msg, joints=joints)
+            reader = WheelReader(joints)
+            self._from_msg, faults.completed = reader, reader.completed
 
     def __call__(self, data: bytes) -> Sequence[Sample]:
         """Return the samples in a message."""
@@ -172,6 +173,8 @@ class SampleDecoder:
         except MessageError as error:
             if not isinstance(error, self._ignored):
                 self._faults.reject(self._topic, error)
+            return ()
+        if sample is None:
             return ()
         return sample.samples if isinstance(sample, TireSamples) else (sample,)
 

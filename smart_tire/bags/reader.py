@@ -280,10 +280,10 @@ class Bag:
         for _, channel, data in self.raw(names) if names else ():
             try:
                 msg = read(data)
+                stamp_ns = stamp_of(msg)
             except MessageError as error:
                 self.faults.reject(channel.topic, error)
             else:
-                stamp_ns = stamp_of(msg)
                 yield from ((stamp_ns, status) for status in statuses_from_msg(msg))
 
     def _samples(self, found: Mapping[str, str], faults: Faults

@@ -26,8 +26,11 @@ Numbers = TypeVar('Numbers', bound=Sequence[float])
 
 
 def stamp_of(msg: Any) -> int:
-    """Return the stamp [ns] of the header of ``msg``."""
+    """Return the stamp [ns] of the header of ``msg``; raise MessageError if it is invalid."""
     stamp = msg.header.stamp
+    if stamp.nanosec >= NS_PER_S:
+        raise MessageError('header.stamp.nanosec is 1e9 or more, expected the nanoseconds of a '
+                           'second')
     return cast(int, stamp.sec * NS_PER_S + stamp.nanosec)
 
 

@@ -121,6 +121,13 @@ def check_columns(recording: CheckedRecording) -> Iterator[Finding]:
         yield finding('no_positions', wheels.name)
 
 
+def check_completed(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield what ``wheel_states`` lacked and was completed from its other fields."""
+    for kind, count in sorted(recording.faults.completed.items()):
+        if count:
+            yield finding(kind, 'wheel_states', count=counted(count, 'message'))
+
+
 def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield rates below what the estimators need, and rates that differ from the nominal one."""
     for stream in recording.regular:

@@ -88,7 +88,21 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def mended_radius(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
-    """Return a unit or radius that contradicts the accelerometer, and the recording without."""
+    """
+    Return a unit or radius that contradicts the accelerometer, and the recording without.
+
+    Also a radius that nobody has given, unless the accelerometer confirms it.
+    """
+    found, mended = _contradicted_radius(recording)
+    known = recording.radius_given or any(
+        one.level in (Level.OK, Level.ERROR) for one in found)
+    if not known and _driving(recording) is not None:
+        found = [finding('radius_assumed', 'wheel_radius',
+                         radius=recording.robot.wheel_radius), *found]
+    return found, mended
+
+
+def _contradicted_radius(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
     data, robot, motion = _driving(recording), recording.robot, recording.motion
     if data is None or motion is None or np.mean(data.mean ** 2) < 0.25 * np.mean(
             data.difference ** 2):

@@ -60,6 +60,7 @@ class CheckedRecording:
     live: bool = False              # a few seconds of a running robot
     host: HostLoad | None = None    # of a running robot; reported elsewhere if it is late
     mended: CalibrationRecording | None = None  # IMU and wheels without the errors that were found
+    radius_given: bool = True       # wheel_radius is not just the default
 
     def of(self, topic: str) -> list[Stream]:
         """Return the streams of ``topic``, by wheel; films without other numbers of them."""
@@ -138,11 +139,12 @@ class CheckedRecording:
             np.abs(time - before), np.abs(after - time)) > limits.REST_MARGIN))
 
 
-def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambda share: None
-         ) -> CheckedRecording:
+def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambda share: None,
+         *, radius_given: bool = True) -> CheckedRecording:
     """Return what the checks need of ``bag``, which is read once."""
     samples = bag.recording(READ, progress, restamp=False)
-    return CheckedRecording(robot, samples, bag.faults, problems_of(bag), tuple(bag.statuses()))
+    return CheckedRecording(robot, samples, bag.faults, problems_of(bag), tuple(bag.statuses()),
+                            radius_given=radius_given)
 
 
 def problems_of(bag: Bag) -> tuple[str, ...]:
