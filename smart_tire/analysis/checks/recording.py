@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+import math
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
 from smart_tire.host_load import HostLoad
-from smart_tire.messages import NodeStatus, TOPICS
+from smart_tire.messages import NANOSEC, NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, SampleArrays, Stream
 from smart_tire.samples import ImuSample, WheelSample
@@ -81,7 +82,28 @@ class CheckedRecording:
     def regular(self) -> list[Stream]:
         """Return the inputs with enough samples for a statistic."""
         return [stream for topic in INPUTS for stream in self.of(topic)
-                if len(stream.ordered) >= limits.MIN_READINGS]
+                if stream.name not in self.invalid_stamps
+                and len(stream.ordered) >= limits.MIN_READINGS]
+
+    @cached_property
+    def invalid_stamps(self) -> dict[str, float]:
+        """
+        Return streams whose timestamps do not advance as the messages are received.
+
+        The value is the mean time between receptions over the median step of the stamps.
+        """
+        found = {}
+        for stream in (one for topic in INPUTS for one in self.of(topic)):
+            if len(stream) < limits.MIN_READINGS or not (stream.stamp_ns > 0).all():
+                continue
+            if NANOSEC in self.faults.reasons.get(stream.topic, ''):
+                found[stream.name] = math.nan
+                continue
+            steps = np.abs(np.diff(stream.stamp_ns))
+            received = float(np.ptp(stream.receive_ns)) / (len(stream) - 1)
+            if float(np.median(steps)) < limits.MIN_STAMP_STEP * received:
+                found[stream.name] = received / max(float(np.median(steps)), 1e-9)
+        return found
 
     @cached_property
     def stamped(self) -> list[Stream]:
@@ -106,7 +128,7 @@ class CheckedRecording:
         if self.mended is not None:
             return self.mended
         imu, wheels = self.imu.ordered, self.wheels.ordered
-        if min(len(imu), len(wheels)) < limits.MIN_READINGS:
+        if self.invalid_stamps or min(len(imu), len(wheels)) < limits.MIN_READINGS:
             return None
         return CalibrationRecording(ImuRecord.of(imu, self.origin_ns, self.robot),
                                     WheelRecord.of(wheels, self.origin_ns))
