@@ -82,11 +82,16 @@ class SqliteFile:
         counts = self._tables.counts()
         return {channel: counts.get(number, 0) for number, channel in self._channels.items()}
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics`` (None: all) in order of receive time."""
+    def messages(self, topics: Collection[str] | None = None, *, as_written: bool = False
+                 ) -> Iterator[Message]:
+        """
+        Yield the messages of ``topics`` (None: all) in order of receive time.
+
+        ``as_written``: in the order of the file, if it is intact.
+        """
         wanted = {number: channel for number, channel in self._channels.items()
                   if topics is None or channel.topic in topics}
-        for number, ns, data in self._tables.messages():
+        for number, ns, data in self._tables.messages(as_written=as_written):
             if (channel := wanted.get(number)) is None:
                 continue
             try:
@@ -132,9 +137,10 @@ class _Database:
         return dict(self._connection.execute(
             f'SELECT topic_id, count(*) FROM messages WHERE {VALID} GROUP BY topic_id'))
 
-    def messages(self) -> Iterator[tuple[int, int, bytes]]:
+    def messages(self, *, as_written: bool) -> Iterator[tuple[int, int, bytes]]:
+        order = 'id' if as_written else 'timestamp, id'
         return self._connection.execute(f"""SELECT topic_id, timestamp, data FROM messages
-                                            WHERE {VALID} ORDER BY timestamp, id""")
+                                            WHERE {VALID} ORDER BY {order}""")
 
     def _read_channels(self) -> dict[int, Channel]:
         columns = {row[1] for row in self._connection.execute('PRAGMA table_info(topics)')}
@@ -202,7 +208,7 @@ class _DamagedDatabase:
     def counts(self) -> dict[int, int]:
         return Counter(number for _, _, number, _ in self._cells)
 
-    def messages(self) -> Iterator[tuple[int, int, bytes]]:
+    def messages(self, *, as_written: bool) -> Iterator[tuple[int, int, bytes]]:
         for ns, _, number, cell in self._cells:
             yield number, ns, self._pages.row(cell)[1][3]
 

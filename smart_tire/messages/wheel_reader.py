@@ -33,6 +33,7 @@ from smart_tire.messages.joint_state import measured_angles, torques, wheel_valu
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import Four, four, MAX_WHEEL_SPEED, NS_PER_S, WheelSample
 
+LEAST_PERIOD_NS = 200_000      # 5 kHz; shorter ones are stamps of another unit
 MERGED_PERIOD_NS = 9_000_000   # messages that follow each other faster are merged ...
 MIN_PERIOD_NS = 16_000_000     # ... to this period; the filter works on a grid of half of it
 WRAPS = (math.tau, 360.0)      # ranges of angles: radians, and degrees by mistake
@@ -90,7 +91,7 @@ class WheelReader:
     def _add(self, stamp_ns: int, velocity: Four | None, angles: Four | None,
              effort: Four | None) -> WheelSample | None:
         quick = (self._heard_ns is not None and self._last is not None
-                 and 0 < stamp_ns - self._heard_ns < MERGED_PERIOD_NS
+                 and LEAST_PERIOD_NS < stamp_ns - self._heard_ns < MERGED_PERIOD_NS
                  and 0 < stamp_ns - self._last[0] < MIN_PERIOD_NS)
         self._heard_ns = stamp_ns
         row = None if velocity is None else np.array(velocity), np.array(

@@ -124,6 +124,12 @@ def check_columns(recording: CheckedRecording) -> Iterator[Finding]:
         yield finding('no_positions', wheels.name)
 
 
+def check_clock_steps(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield clocks that were set while the bag was recorded."""
+    for text in recording.faults.clock_steps:
+        yield finding('clock_set', 'clock', text=text)
+
+
 def check_completed(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield what ``wheel_states`` lacked and was completed from its other fields."""
     for kind, count in sorted(recording.faults.completed.items()):

@@ -199,7 +199,8 @@ def exchanges(velocity: Array) -> Sequence[tuple[int, int] | None]:
     own, other = spread(PARTNERS), {
         EXCHANGES[pairs]: spread(pairs) for pairs in EXCHANGES}
     best = min(other, key=other.__getitem__)
-    if other[best] > limits.EXCHANGED_SHARE ** 2 * own:
+    if max(other[best], limits.STUCK_SHARE * float(np.mean(moving ** 2))) > (
+            limits.EXCHANGED_SHARE ** 2 * own):
         return [None]
     return best
 
