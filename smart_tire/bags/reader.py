@@ -291,24 +291,25 @@ class Bag:
 
     def clock_steps(self, found: Mapping[str, str]) -> ClockSteps:
         """Return the clocks that were set, by the topics ``found``: standard name -> name."""
-        rows: dict[str, array[int]] = {name: array('q') for name in found.values()}
-        for receive_ns, channel, data in self.raw(rows, as_written=True):
-            rows[channel.topic].extend((receive_ns, stamp_in(data)))
-        times = {name: Times(*np.array(row, np.int64).reshape(-1, 2).T)
-                 for name, row in rows.items() if row}
-        sensors = [times[found[name]] for name in CLOCKED if found.get(name) in times]
+        names, rows = list(found.values()), array('q')
+        for receive_ns, channel, data in self.raw(names, as_written=True):
+            rows.extend((names.index(channel.topic), receive_ns, stamp_in(data)))
+        index, received, stamps = np.array(rows, np.int64).reshape(-1, 3).T
+
+        def times() -> dict[str, Times]:
+            return {name: Times(received[index == i], stamps[index == i])
+                    for i, name in enumerate(names) if (index == i).any()}
+        clocked = [one for name, one in times().items()
+                   if name in (found.get(topic) for topic in CLOCKED)]
         turns = WheelTurns.of(self._samples(
             {WHEELS_TOPIC: found[WHEELS_TOPIC]}, Faults())) if WHEELS_TOPIC in found and any(
-                has_pause(one) for one in sensors) else None
-        steps = ClockSteps(host_steps(sensors, turns))
-        by_topic = {}
-        for name, one in times.items():
+                map(has_pause, clocked)) else None
+        steps = ClockSteps(host_steps(clocked, turns))
+        if steps.host:
             correct = Corrector(steps)
-            received = np.array([correct('', int(at))[0] for at in one.receive_ns], np.int64) \
-                if steps.host else one.receive_ns
-            if stepped := stamp_steps(Times(received, one.stamp_ns)):
-                by_topic[name] = stepped
-        return replace(steps, stamps=by_topic)
+            received = np.array([correct('', at)[0] for at in received.tolist()], np.int64)
+        return replace(steps, stamps={
+            name: stepped for name, one in times().items() if (stepped := stamp_steps(one))})
 
     def statuses(self) -> Iterator[tuple[int, NodeStatus]]:
         """Yield the diagnostic statuses of all nodes with their timestamps [ns]."""
