@@ -212,7 +212,8 @@ def _rotation(axes: Array) -> Variant:
     return Variant(turned(axes), (f"gravity is on {'-' if up[axis] < 0.0 else '+'}{'xyz'[axis]}",))
 
 
-NOT_MEASURED = 'is not measured'
+NOT_MEASURED, EXCHANGED = 'is not measured', '{} and {} are exchanged'
+OF_STAMPS = '{}: the clock of its stamps was set {}'
 CLOCK = 'clock was set'
 EMPTY: Mapping[str, Any] = {'velocity': ()}
 WRAPS = {'pi': wrapped(math.tau, -math.pi), '2 pi': wrapped(math.tau, 0.0),
@@ -225,11 +226,15 @@ STRANGE: Mapping[str, Variant] = {
        for k, wheel in enumerate(WHEELS)},
     **{f'{wheel} dead': Variant(signs(*(0.0 if i == k else 1.0 for i in range(4))),
                                 (f'{wheel}: stands still',)) for k, wheel in enumerate(WHEELS)},
-    'front wheels swapped': Variant(order(1, 0, 2, 3), ('front_left and front_right are exchanged',)),
-    'rear wheels swapped': Variant(order(0, 1, 3, 2), ('rear_left and rear_right are exchanged',)),
+    'front wheels swapped': Variant(order(1, 0, 2, 3),
+        (EXCHANGED.format('front_left', 'front_right'),)),
+    'rear wheels swapped': Variant(order(0, 1, 3, 2),
+        (EXCHANGED.format('rear_left', 'rear_right'),)),
     'front and rear exchanged': Variant(order(2, 3, 0, 1)),
-    'diagonal wheels exchanged': Variant(order(3, 1, 2, 0), ('front_left and rear_right are exchanged',)),
-    'order left, left, right, right': Variant(order(0, 2, 1, 3), ('front_right and rear_left are exchanged',)),
+    'diagonal wheels exchanged': Variant(
+        order(3, 1, 2, 0), (EXCHANGED.format('front_left', 'rear_right'),)),
+    'order left, left, right, right': Variant(
+        order(0, 2, 1, 3), (EXCHANGED.format('front_right', 'rear_left'),)),
     'left wheels reversed and swapped': Variant(
         lambda events, robot: order(1, 0, 3, 2)(signs(-1, 1, -1, 1)(events, robot), robot),
         ('left wheels are reversed', 'swap both sides')),
@@ -243,7 +248,8 @@ STRANGE: Mapping[str, Variant] = {
                                 cause=('angular_velocity is constant',)),
     'accelerometer always zero': Variant(message=imu('linear_acceleration', covariance=0.0),
                                          cause=('linear_acceleration is constant',)),
-    'gyro NaN': Variant(message=imu('angular_velocity', value=math.nan), cause=('expected finite',)),
+    'gyro NaN': Variant(message=imu('angular_velocity', value=math.nan),
+                        cause=('expected finite',)),
     'gyro bias of 5 deg/s': Variant(each('imu/data', lambda one, time: replace(
         one, rate=(*one.rate[:2], one.rate[2] + math.radians(5.0)))), ('at rest is',)),
     'gyro saturated': Variant(each('imu/data', lambda one, time: replace(
@@ -269,9 +275,11 @@ STRANGE: Mapping[str, Variant] = {
     'clock set back by 2 s': Variant(clock(-2.0), (CLOCK,)),
     'clock set back by an hour': Variant(clock(-3600.0), (CLOCK,)),
     'clock of the IMU set forward by 2 s': Variant(
-        clock(2.0, ('imu/data',), received=False), ('imu/data: the clock of its stamps was set forward by 2 s',)),
+        clock(2.0, ('imu/data',), received=False),
+        (OF_STAMPS.format('imu/data', 'forward by 2 s'),)),
     'clock of the wheels set back by 1 s': Variant(
-        clock(-1.0, ('wheel_states',), received=False), ('wheel_states: the clock of its stamps was set back by 1 s',)),
+        clock(-1.0, ('wheel_states',), received=False),
+        (OF_STAMPS.format('wheel_states', 'back by 1 s'),)),
     'simulated time': Variant(clock(20.0 - 1.7e9, share=-1.0, received=False)),
     'milliseconds in nanosec': Variant(
         message=stamped(lambda sec, nanosec: (sec, nanosec // 1_000_000), ('imu/data',)),
@@ -280,7 +288,8 @@ STRANGE: Mapping[str, Variant] = {
         message=stamped(lambda sec, nanosec: (sec, nanosec // 1000)),
         cause=('header.stamp.nanosec',)),
     'nanosec cut to 32 bits': Variant(message=stamped(lambda sec, nanosec: (
-        sec, (sec * NS_PER_S + nanosec) & 0xFFFFFFFF), ('imu/data',)), cause=('imu/data', 'nanosec')),
+        sec, (sec * NS_PER_S + nanosec) & 0xFFFFFFFF), ('imu/data',)),
+        cause=('imu/data', 'nanosec')),
     'whole seconds': Variant(message=stamped(lambda sec, nanosec: (sec, 0), ('imu/data',)),
                              cause=('imu/data', 'header.stamp.nanosec')),
     # wheel_states
@@ -392,8 +401,10 @@ def main() -> None:
         if args.only not in name:
             continue
         one = result(events, robot, variant, before, not args.doctor)
-        analyzed = '-' if args.doctor else 'error' if one.error else 'ok' if one.right(reference) else 'WRONG'
-        print(f'| {name} | {one.doctor} | {analyzed} | {one.distance(reference):.1f} |', flush=True)
+        analyzed = ('-' if args.doctor else 'error' if one.error else
+                    'ok' if one.right(reference) else 'WRONG')
+        print(f'| {name} | {one.doctor} | {analyzed} | {one.distance(reference):.1f} |',
+              flush=True)
         if one.doctor != RIGHT:
             for finding in one.found:
                 print(f'    {finding.level.name.lower()} {finding.text}', flush=True)

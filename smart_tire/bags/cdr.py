@@ -158,7 +158,8 @@ class SampleDecoder:
         self._ignored = (OtherJointsError,) if other_joints else ()
         forms = forms_of(topic)
         form = forms[type_name] if type_name else next(iter(forms.values()))
-        self._from_msg, read = form.from_msg, Decoder(form.type)
+        self._from_msg: Callable[[Any], Any] = form.from_msg
+        read = Decoder(form.type)
         self._read = cdr.LayoutDecoder(form.type, read) if form.type in cdr.FIELDS else read
         if form.sample is WheelSample:
             reader = WheelReader(joints)

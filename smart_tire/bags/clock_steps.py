@@ -11,9 +11,10 @@
 """
 Clocks that were set while a bag was recorded: found by times of reception, stamps and wheels.
 
-If the clock of the host is set, the receive times step. They also pause while nothing is received;
-but then the wheels that turn have turned on, at their speed for all of the pause. If the clock of a
-device is set, its stamps step while its messages are received as before, and stay apart.
+If the clock of the host is set, the receive times step. They also pause while nothing is
+received; but then the wheels that turn have turned on, at their speed for all of the pause. If the
+clock of a device is set, its stamps step while its messages are received as before, and stay
+apart.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ MIN_STEP_NS = 100_000_000     # smaller ones are within the lateness of messages
 MIN_PAUSE_NS = 250_000_000    # between receptions of all topics that may be a step forward
 MIN_COUNT = 8                 # messages before and after a step
 WINDOW_NS = 2 * NS_PER_S      # before and after it, in which the delays of a device are constant
+BURST_SHARE = 1.5             # of the messages of a time, if those that waited are among them
 MAX_STEPS = 5                 # more are no clock that was set, but wrong stamps
 MIN_TURN = 0.2                # rad that the wheels must turn between the two explanations
 CLEAR_SHARE = 0.25            # of that angle, within which it agrees with one of them
@@ -153,17 +155,25 @@ def host_steps(topics: Iterable[Times], turns: WheelTurns | None) -> list[ClockS
     received, found, shift = fastest.receive_ns, [], 0
     for k in np.flatnonzero(np.abs(np.diff(received) - period) > MIN_STEP_NS):
         step = int(received[k + 1] - received[k]) - period
-        if step < 0 or step > MIN_PAUSE_NS and turns is not None and _stood(
+        if step < 0 or step > MIN_PAUSE_NS and turns is not None and not _catches_up(
+                received[k + 1:], step, period) and _stood(
                 turns, int(received[k]), int(received[k + 1]), step):
             found.append(ClockStep(int(received[k]) - shift, step))
             shift += step
     return found if len(found) <= MAX_STEPS else []
 
 
+def _catches_up(received: Instants, pause_ns: int, period: int) -> bool:
+    """Return whether messages that waited for ``pause_ns`` are received at once."""
+    window = min(pause_ns, WINDOW_NS)
+    count = int(np.searchsorted(received, received[0] + window))
+    return count > BURST_SHARE * window / period + MIN_COUNT
+
+
 def _stood(turns: WheelTurns, begin: int, end: int, step_ns: int) -> bool:
     """Return whether the wheels did not turn for ``step_ns`` from ``begin`` to ``end``."""
-    before, after = (int(np.searchsorted(turns.receive_ns, one, side)) + shift
-                     for one, side, shift in ((begin, 'right', -1), (end, 'left', 0)))
+    before = int(np.searchsorted(turns.receive_ns, begin, 'right')) - 1
+    after = int(np.searchsorted(turns.receive_ns, end))
     if before < 1 or after + 1 >= len(turns.receive_ns):
         return False
     speed = 0.5 * (turns.speed[before] + turns.speed[after + 1])

@@ -95,7 +95,7 @@ class OpenFiles:
         """Raise BagError if files without metadata.yaml do not continue each other."""
         spans = sorted(((span, file) for file in self.files if (span := file.span())),
                        key=itemgetter(0))
-        for ((begin, end), file), ((start, _), other) in pairwise(spans):
+        for ((_, end), file), ((start, _), other) in pairwise(spans):
             topics, same = ({channel.topic for channel in one.counts()} for one in (file, other))
             if start - end > MAX_SPLIT_NS or end - start > MAX_SPLIT_NS and topics & same:
                 raise BagError(

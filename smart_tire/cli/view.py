@@ -26,7 +26,7 @@ import time
 from typing import TYPE_CHECKING
 import webbrowser
 
-from smart_tire.cli._bags import ESTIMATED, open_bag, print_checks
+from smart_tire.cli._bags import ESTIMATED, open_bag, print_checks, REQUIRED
 from smart_tire.cli._outputs import refuse_existing
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
@@ -72,7 +72,9 @@ def run(args: argparse.Namespace) -> int:
     status = ESTIMATED
     with open_bag(bag, args, required=()) as (opened, source):
         if args.checks:
-            status = print_checks(opened, source)
+            found = print_checks(opened, source)
+            if len(opened.match(REQUIRED)) == len(REQUIRED):  # else there is nothing to estimate
+                status = found
         camera = bool(image_topic(opened))
         family = overhead_params(opened, args.params).overhead.tag_family if camera else None
     return _with_viewer(

@@ -102,8 +102,9 @@ class WheelReader:
             return None
         if self._merged:
             rows, self._merged = [*self._merged, row], []
-            if all(speeds is not None for speeds, _ in rows):
-                velocity = four(np.mean([speeds for speeds, _ in rows], axis=0).tolist())
+            known = [speeds for speeds, _ in rows if speeds is not None]
+            if len(known) == len(rows):
+                velocity = four(np.mean(known, axis=0).tolist())
             if effort is not None:
                 effort = four(np.mean([values for _, values in rows], axis=0).tolist())
         before, self._last = self._last, (

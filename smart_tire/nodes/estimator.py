@@ -131,7 +131,8 @@ class EstimatorNode(SmartTireNode[Params]):
         status.values.update({f'wheel_states.{kind}': count
                               for kind, count in self._completed.items() if count})
         if status.new('zero_velocity', self._completed['zero_velocity']):
-            status.warn('wheel_states: velocity is 0 although the positions change; these are used')
+            status.warn('wheel_states: velocity is 0 although the positions change: these are '
+                        'used')
         self._fill_replay(status)
 
     def _fill_replay(self, status: Status) -> None:

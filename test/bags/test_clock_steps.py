@@ -63,6 +63,17 @@ def test_a_pause_of_stationary_wheels_proves_no_step_forward(wheels):
     assert host_steps([times(2.0)], wheels) == []
 
 
+@pytest.mark.parametrize('stall', [0.5, 1.0, 4.0])
+def test_messages_that_wait_in_a_stall_of_the_recorder_are_no_step(stall):
+    def waiting(one):
+        at = START_NS + 5 * NS_PER_S
+        until = at + round(stall * NS_PER_S)
+        return np.where((one > at) & (one < until), until, one)
+    one, wheels = times(), turns()
+    stalled = WheelTurns(waiting(wheels.receive_ns), wheels.angle, wheels.speed)
+    assert host_steps([Times(waiting(one.receive_ns), one.stamp_ns)], stalled) == []
+
+
 def test_two_steps_are_found():
     one, other = times(2.0, seconds=20.0), times(-1.0, at=12.0, seconds=20.0)
     stepped = Times(one.receive_ns + other.receive_ns - times(seconds=20.0).receive_ns,

@@ -93,19 +93,21 @@ def test_nothing_is_ever_written_into_the_folder_of_a_bag(bag, out, force, capsy
     assert sorted(bag.rglob('*')) == before
 
 
-def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(bag, tmp_path, capsys):
+def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(
+        bag, robot, tmp_path, capsys):
     empty = write_bag(tmp_path / 'empty', [])
-    assert analyze(empty, bag, '--no-figures', '--out', tmp_path / 'out') == 1
+    assert analyze(empty, bag, '--params', robot, '--no-figures', '--out', tmp_path / 'out') == 1
     output = capsys.readouterr().out
     assert f'{empty}: nothing can be estimated' in output
     assert 'imu/data is not in the bag' in output
     assert (tmp_path / 'out' / 'drive' / 'summary.json').exists()
 
 
-def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_path, capsys):
+def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(
+        bag, robot, tmp_path, capsys):
     out, damaged = tmp_path / 'out', tmp_path / 'damaged.mcap'
     damaged.write_text('no bag')
-    assert analyze(damaged, bag, '--no-figures', '--out', out) == 2
+    assert analyze(damaged, bag, '--params', robot, '--no-figures', '--out', out) == 2
     assert 'damaged.mcap: not an MCAP file' in capsys.readouterr().err
     assert (out / 'drive' / 'summary.json').exists()
 
@@ -135,10 +137,28 @@ def test_an_estimate_that_diverges_is_no_result(verb, out, degrees, robot, tmp_p
         assert 'Error in the recording: imu/data' in page and 'diverges from' in page
         return
     summary = json.loads((tmp_path / out / 'summary.json').read_text())
-    assert summary['diverged'] in lines[-1] and [one['where'] for one in summary['findings'] if one['level'] == 'error'] == ['imu/data']
+    assert summary['diverged'] in lines[-1]
+    assert [one['where'] for one in summary['findings'] if one['level'] == 'error'] == [
+        'imu/data']
     assert analyze(degrees, '--no-checks', '--force', *words) == 1
     output = capsys.readouterr().out
     assert 'error: ' not in output and 'the estimate diverges from' in output
+
+
+@pytest.mark.parametrize('verb, out', [('analyze', 'out'), ('report', 'out.html')])
+def test_results_that_the_checks_contradict_are_kept_with_status_four(verb, out, bag, tmp_path):
+    words = [verb, str(bag), '--out', str(tmp_path / out), '--force']
+    words += ['--no-figures'] if verb == 'analyze' else []
+    assert main(words) == 4  # nothing gives the wheel radius
+    if verb == 'analyze':
+        found, = (one for one in json.loads((tmp_path / out / 'summary.json').read_text())[
+            'findings'] if one['level'] == 'error')
+        assert found['where'] == 'wheel_radius' and 'not given' in found['found']
+        assert set(found) == {'level', 'where', 'found', 'expected', 'action'}
+    else:
+        notes = (tmp_path / out).read_text().partition('class="notes"')[2]
+        assert notes.partition('<p>')[2].startswith('Error in the recording: wheel_radius: not')
+    assert main([*words, '--no-checks']) == 0
 
 
 def test_bags_of_the_same_name_in_several_folders_are_named_by_the_folders():

@@ -93,7 +93,7 @@ def check_causes(recording: CheckedRecording) -> Iterator[Finding]:
 
 def mended(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
     """Return the wrong units, axes and signs, and ``recording`` without them."""
-    found, motion = [], recording.motion
+    found, motion = list[Finding](), recording.motion
     gravity, axes, unit = gravity_of(recording), np.eye(3), 1.0
     if gravity is not None:
         axes = matrix(*np.radians(UPRIGHT.get(gravity.axis, (0.0, 0.0, 0.0))))

@@ -203,7 +203,7 @@ def check_publishers(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield two publishers of imu/data, which measure different forces."""
     share = other_share(recording.imu.ordered)
     if share > limits.MAX_OTHER_SHARE:
-        frames = recording.faults.frames.get('imu/data', {})
+        frames = list(recording.faults.frames.get('imu/data', ()))
         yield finding('two_publishers', recording.imu.name, share=share, frames=(
             f' (header.frame_id {" and ".join(frames)})' if len(frames) > 1 else ''))
 

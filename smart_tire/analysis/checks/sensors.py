@@ -21,7 +21,7 @@ import numpy as np
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.checks.stalls import runs
+from smart_tire.analysis.checks.stalls import Mask, runs
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import WheelRecord
 from smart_tire.findings import Finding
@@ -82,7 +82,7 @@ class Gravity:
                           rotation=list(rotation), **values)
 
 
-def frozen(recording: CheckedRecording, field: str) -> tuple[Array, list[tuple[float, float]]]:
+def frozen(recording: CheckedRecording, field: str) -> tuple[Mask, list[tuple[float, float]]]:
     """
     Return a mask of the samples of the IMU in which it is stuck; begins and durations [s] of that.
 
@@ -90,7 +90,7 @@ def frozen(recording: CheckedRecording, field: str) -> tuple[Array, list[tuple[f
     while the wheels change their speeds.
     """
     imu, wheels, robot = recording.imu.ordered, recording.wheels.ordered, recording.robot
-    mask, found = np.zeros(len(imu), bool), []
+    mask, found = np.zeros(len(imu), bool), list[tuple[float, float]]()
     if recording.invalid_stamps or min(len(imu), len(wheels)) < limits.MIN_READINGS:
         return mask, found
     speeds = robot.wheel_radius * np.nan_to_num(wheels['velocity'])
