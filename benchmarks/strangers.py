@@ -324,6 +324,25 @@ STRANGE: Mapping[str, Variant] = {
 ALL: Mapping[str, Variant] = {**VARIANTS, **STRANGE}
 
 
+def combined(one: Variant, other: Variant) -> Variant:
+    """Return the variant with both changes."""
+    def message(topic: str, msg: Any) -> None:
+        for each_message in filter(None, (one.message, other.message)):
+            each_message(topic, msg)
+    return Variant(
+        lambda events, robot: other.change(one.change(events, robot), robot),
+        (*one.cause, *other.cause), lambda robot: other.setting(one.setting(robot)),
+        (*one.also, *other.also), message)
+
+
+PAIRS = tuple(itertools.combinations((
+    'gyro in deg/s', 'accelerometer in g', 'IMU axes -x -y +z', 'rear wheels swapped',
+    'front_right reversed', 'clock set forward by 2 s', 'angles wrapped at pi, no velocities',
+    'velocities always zero', 'rear_left dead'), 2))
+EQUIVALENT = {  # they are also those of two others, or of none
+    ('IMU axes -x -y +z', 'rear wheels swapped'), ('rear wheels swapped', 'rear_left dead')}
+
+
 # --- doors -----------------------------------------------------------------------------------
 
 

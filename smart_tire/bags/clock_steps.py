@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+import math
 
 import numpy as np
 
@@ -180,9 +181,11 @@ def _stood(turns: WheelTurns, begin: int, end: int, step_ns: int) -> bool:
     gap = turns.receive_ns[after] - turns.receive_ns[before]
     turned = turns.angle[after] - turns.angle[before]
     full, none = (speed * time / NS_PER_S for time in (gap, gap - step_ns))
-    wheel = int(np.argmax(np.nan_to_num(np.abs(full - none))))
-    apart = abs(full[wheel] - none[wheel])
-    return bool(apart > MIN_TURN and abs(turned[wheel] - none[wheel]) < CLEAR_SHARE * apart)
+    # modulo a turn: angles that wrap are not continued over a pause
+    apart, off = (np.abs(np.remainder(one - none + math.pi, math.tau) - math.pi)
+                  for one in (full, turned))
+    wheel = int(np.argmax(np.nan_to_num(apart)))
+    return bool(apart[wheel] > MIN_TURN and off[wheel] < CLEAR_SHARE * apart[wheel])
 
 
 def stamp_steps(times: Times) -> list[ClockStep]:

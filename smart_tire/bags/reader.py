@@ -334,12 +334,10 @@ class Bag:
         correct = Corrector(steps) if steps.host or steps.stamps else None
         for receive_ns, channel, data in self.raw(readers, as_written=steps.back):
             standard, read = readers[channel.topic]
-            samples = read(data)
+            ahead_ns = 0
             if correct is not None:
                 receive_ns, ahead_ns = correct(channel.topic, receive_ns)
-                samples = [replace(one, stamp_ns=one.stamp_ns - ahead_ns)
-                           for one in samples] if ahead_ns else samples
-            for sample in samples:
+            for sample in read(data, ahead_ns):
                 yield receive_ns, standard, sample
 
     def _joints_of(self, standard: str, name: str) -> tuple[JointParams, bool]:

@@ -12,7 +12,8 @@
 
 from __future__ import annotations
 
-from benchmarks.strangers import ALL, DRIVE, result, rotations, STRANGE, turned
+from benchmarks.strangers import (
+    ALL, combined, DRIVE, EQUIVALENT, PAIRS, result, rotations, STRANGE, turned)
 from benchmarks.wrong_data import CHANGED, found_in, RIGHT, Variant
 import numpy as np
 import pytest
@@ -62,6 +63,14 @@ def test_no_wrong_estimate_is_without_an_error(name, events, before, reference):
     one = result(events, ROBOT, ALL[name], before)
     assert one.doctor == RIGHT, texts(one)
     assert one.right(reference), one.distance(reference)
+
+
+@pytest.mark.parametrize('names', [
+    pair if pair == PAIRS[10] else pytest.param(pair, marks=pytest.mark.long)
+    for pair in PAIRS if pair not in EQUIVALENT], ids=' + '.join)
+def test_both_causes_are_named(names, events, before):
+    one = result(events, ROBOT, combined(*map(ALL.get, names)), before, doors=False)
+    assert one.doctor == RIGHT, texts(one)
 
 
 @pytest.mark.parametrize('axes', [
