@@ -68,6 +68,7 @@ MAX_SIGMA = 0.3          # relative standard error above which a value says noth
 MAX_SLIP = 0.3           # slip on soft ground: the body is slower than its wheels, not faster
 MIN_SIGNAL = 0.1         # m/s2 or m/s per s, rms: what 0.6 degrees of slope mimic
 MIN_FOLLOWING = 0.95     # correlation of wheels and yaw rate that shows a delay; 0.86 on ice
+MIN_FIRM_FOLLOWING = 0.99  # the same on firm ground; 0.97 on simulated ice
 MIN_YAW_RATE = 0.1       # rad/s rms of a recording with turns
 MAX_YAW = math.radians(25.0)  # of the IMU; forces in real drives are within 10 degrees of x
 CLEAR_CORRELATION = 0.8  # of yaw rate and mean speed, if one side is reversed; 0.86 on ice

@@ -146,9 +146,12 @@ def _units_of(ratio: float, units: Mapping[str, float]) -> list[str]:
 def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps of the wheels that are later or earlier than configured."""
     fit, robot = recording.yaw_rate_fit, recording.robot
-    if fit is None or not correlation(fit.yaw_rate, fit.wheel_difference) > limits.MIN_FOLLOWING:
+    if fit is None:
         return
     error = fit.latency.value - robot.encoder.latency
+    least = limits.MIN_FIRM_FOLLOWING if error < 0.0 else limits.MIN_FOLLOWING
+    if not correlation(fit.yaw_rate, fit.wheel_difference) > least:
+        return  # on ice the body follows its wheels late
     lag = _turning_lag(recording) if error < 0.0 else 0.0
     tolerance = max(limits.SIGMAS * fit.latency.sigma, limits.MIN_LATENCY_ERROR) + lag
     if abs(error) > tolerance and all(
