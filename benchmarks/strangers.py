@@ -29,10 +29,10 @@ from pathlib import Path
 import tempfile
 from typing import Any
 
-import numpy as np
-
 from benchmarks.wrong_data import (
     CHANGED, Events, judged, RIGHT, Variant, VARIANTS, written)
+import numpy as np
+
 from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.recording import read
 from smart_tire.analysis.offline import analyze
@@ -43,13 +43,15 @@ from smart_tire.findings import Finding, Level
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams
-from smart_tire.samples import ImuSample, NS_PER_S, WheelSample, WHEELS
+from smart_tire.samples import ImuSample, NS_PER_S, WHEELS, WheelSample
 from smart_tire.simulation.offline import simulate
 
 DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0.0),
          (15.0, -60.0, -80.0), (19.0, 90.0, 90.0), (22.0, 0.0, 0.0))  # start time [s], rpm
 DURATION = 24.0  # s
 MAX_SIGMAS = 3.0
+BEGIN, END = '<!-- begin variants -->', '<!-- end variants -->'  # of the table in a page
+HEAD = '| variant | doctor | analyze | standard deviations |\n| --- | --- | --- | --- |'
 Change = Callable[[Events, RobotParams], Events]
 
 
@@ -404,6 +406,7 @@ def main() -> None:
     parser.add_argument('--params', action='append', type=Path, default=[], metavar='FILE')
     parser.add_argument('--only', default='', help='a part of the names of the variants')
     parser.add_argument('--doctor', action='store_true', help='without analyze')
+    parser.add_argument('--page', type=Path, metavar='FILE', help='write the table into a page')
     args = parser.parse_args()
     if args.bag is None:
         events, robot = simulated()
@@ -415,18 +418,24 @@ def main() -> None:
                       if isinstance(event[2], (ImuSample, WheelSample))]
     before = result(events, robot, Variant(), [], False).found
     reference = result(events, robot, Variant(), before, not args.doctor)
-    print('| variant | doctor | analyze | sigmas |\n| --- | --- | --- | --- |')
+    rows = [HEAD]
     for name, variant in ALL.items():
         if args.only not in name:
             continue
         one = result(events, robot, variant, before, not args.doctor)
         analyzed = ('-' if args.doctor else 'error' if one.error else
                     'ok' if one.right(reference) else 'WRONG')
-        print(f'| {name} | {one.doctor} | {analyzed} | {one.distance(reference):.1f} |',
-              flush=True)
+        distance = one.distance(reference)
+        rows.append(f'| {name} | {one.doctor} | {analyzed} | '
+                    f'{"-" if math.isinf(distance) else f"{distance:.1f}"} |')
+        print(rows[-1], flush=True)
         if one.doctor != RIGHT:
             for finding in one.found:
                 print(f'    {finding.level.name.lower()} {finding.text}', flush=True)
+    if args.page is not None:
+        before_it, _, rest = args.page.read_text(encoding='utf-8').partition(BEGIN)
+        args.page.write_text('\n'.join((before_it + BEGIN, *rows, END + rest.partition(END)[2])),
+                             encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -145,8 +145,8 @@ def host_steps(topics: Iterable[Times], turns: WheelTurns | None) -> list[ClockS
     """
     Return the steps of the clock of the host.
 
-    ``turns`` tells a step forward from a pause; without it, or while no wheel turns, there is
-    none.
+    ``turns`` distinguishes a step forward from a pause; without it, or while no wheel turns,
+    there is none.
     """
     streams = [one for one in topics if len(one.receive_ns) > 2 * MIN_COUNT]
     if not streams:

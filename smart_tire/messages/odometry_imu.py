@@ -76,7 +76,7 @@ def imu_from_msg(msg: Any) -> ImuSample:
 
 def _measured(msg: Any, field: str, limit: float, unit: str) -> Vector3:
     vector = _bounded_vector('imu/data', field, getattr(msg, field), limit, unit)
-    # some drivers send -1 beside measurements, which are never exactly zero
+    # some drivers send -1 with measurements, which are never exactly zero
     if not any(vector) and getattr(msg, f'{field}_covariance')[0] == NOT_MEASURED:
         raise MessageError(f'imu/data: {field} is not measured: zeros, and covariance -1 '
                            '(REP-145)')

@@ -11,7 +11,7 @@
 """
 JointStates of one topic to wheel samples, each completed by the messages before it.
 
-Many drivers send angles only, or zeros beside them as velocities; joints that turn without end
+Many drivers send angles only, or zeros as velocities with them; joints that turn without end
 may have angles that wrap; simulators send at 1 kHz. A velocity that is missing, or zero although
 the wheel turns, is the difference of two angles over their time. Wrapped angles are continued.
 Of messages in quick succession the mean is taken.

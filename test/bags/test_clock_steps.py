@@ -113,7 +113,7 @@ def test_stamps_that_are_wrong_throughout_are_no_steps():
     assert host_steps([], None) == []
 
 
-def test_a_step_is_told_with_size_and_time():
+def test_a_step_is_described_with_size_and_time():
     steps = ClockSteps([ClockStep(START_NS + 5 * NS_PER_S, 2 * NS_PER_S)], {
         '/imu': [ClockStep(START_NS + 5 * NS_PER_S, 2 * NS_PER_S)],
         '/wheels': [ClockStep(START_NS + 8 * NS_PER_S, -NS_PER_S)]})

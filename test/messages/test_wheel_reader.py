@@ -82,7 +82,7 @@ def test_a_velocity_that_is_missing_is_the_change_of_the_angles(wrap, sign):
     assert np.abs(speeds[10] - sign * ramp(10.5 / 16.0)[1]).max() < 1e-9  # mean of the period
 
 
-def test_a_velocity_of_zero_beside_moving_angles_is_not_used():
+def test_a_velocity_of_zero_is_not_used_if_the_angle_changes():
     read, samples = drive(change=lambda angles, speeds: (angles, 0.0 * speeds))
     assert errors(samples[20:])[1] < 1e-9
     assert read.completed['zero_velocity'] > 55
