@@ -13,7 +13,8 @@ XBee API mode 2 (AP = 2, escaped) and its frames with received data.
 
 Frame: 0x7E, length u16 (big-endian), body, checksum: 0xFF minus the low byte of the body's sum.
 After the start byte, 0x7E, 0x7D, 0x11 and 0x13 are sent as 0x7D and the byte XOR 0x20, so 0x7E on
-the wire always starts a frame. In mode 1 nothing is escaped. Digi, "XBee/XBee-PRO ZigBee RF Modules User Guide", API operation.
+the wire always starts a frame. In mode 1 nothing is escaped.
+Digi, "XBee/XBee-PRO ZigBee RF Modules User Guide", API operation.
 """
 
 from __future__ import annotations
@@ -120,18 +121,13 @@ class XBeeDeframer(Deframer):
         self._needed = 0  # bytes in the buffer, with fewer the frame cannot be complete
 
     def _bodies(self) -> Iterator[bytes]:
-        while not self.escaped:
-            self._discard(max(self._buffer.find(START), 0) if START in self._buffer
-                          else len(self._buffer))
-            if (size := self._plain_size()) > len(self._buffer):
-                return
-            if size:
-                body = bytes(self._buffer[3:size - 1])
-                del self._buffer[:size]
-                yield body
-            else:
-                self.bad_frames += 1
-                self.escaped, self._plain = True, 0
+        mode = None
+        while mode != self.escaped:  # it has changed in the middle of the bytes
+            mode = self.escaped
+            yield from self._escaped_bodies() if mode else self._plain_bodies()
+
+    def _escaped_bodies(self) -> Iterator[bytes]:
+        """Yield the bodies in mode 2, until more bytes are needed or the mode is another."""
         while (start := self._buffer.find(START)) >= 0:
             self._discard(start)
             end = self._buffer.find(START, 1)
@@ -160,12 +156,26 @@ class XBeeDeframer(Deframer):
                 yield body
                 if self._plain >= MIN_PLAIN:
                     self.escaped = False
-                    yield from self._bodies()
                     return
             else:
                 self.bad_frames += 1
                 self._discard(end)  # no frame starts before the next 0x7E
         self._discard(len(self._buffer))
+
+    def _plain_bodies(self) -> Iterator[bytes]:
+        """Yield the bodies in mode 1, until more bytes are needed or a frame is bad."""
+        while not self.escaped:
+            start = self._buffer.find(START)
+            self._discard(len(self._buffer) if start < 0 else start)
+            if (size := self._plain_size()) > len(self._buffer):
+                return
+            if size:
+                body = bytes(self._buffer[3:size - 1])
+                del self._buffer[:size]
+                yield body
+            else:
+                self.bad_frames += 1
+                self.escaped, self._plain = True, 0
 
     def _is_plain(self, size: int) -> bool:
         """Return whether the buffer begins with a frame of mode 1, of a type that is known."""
