@@ -249,7 +249,7 @@ def _origins(used: BagParams, node: str, own: dict[str, Spec]) -> dict[str, str]
         return {}
     known = known_names(NODE_PARAMS.values())
     return {name: file for file in used.origins
-            for name in load_files([Path(file)], node, known, own)}
+            for name in load_files([Path(file)], node, known, own, NODE_PARAMS)}
 
 
 def _known(*blocks: Block | None) -> list[Block]:
