@@ -241,8 +241,8 @@ def test_a_renamed_file_is_no_loss_if_it_has_all_messages(tmp_path, lost):
     bag = tmp_path / 'a'
     file.rename(bag / 'other.mcap')
     if lost:
-        listed = (bag / 'metadata.yaml').read_text()
-        (bag / 'metadata.yaml').write_text(listed.replace('message_count: 20', 'message_count: 21'))
+        metadata = bag / 'metadata.yaml'
+        metadata.write_text(metadata.read_text().replace('count: 20', 'count: 21'))
     with Bag(bag) as opened:
         assert sum(one.messages for one in opened.topics.values()) == 20
         assert bool(opened.losses.lines()) == lost

@@ -228,6 +228,32 @@ def test_held_samples_are_reported():
     assert '50% of the samples repeat' in text and 'only 50 Hz' in text
 
 
+def test_a_simulator_without_noise_holds_no_samples():
+    events = changed('imu/data', lambda one: replace(
+        one, rate=(0.0, 0.0, round(one.rate[2], 1)), acceleration=tuple(
+            float(round(force)) for force in one.acceleration)))
+    imu = recording(events).imu.ordered
+    assert (np.diff(imu.values[:, :6], axis=0) == 0.0).all(axis=1).mean() > 0.5
+    assert found(messages.check_held, [
+        event for event in events if event[0] - events[0][0] < 2 * NS_PER_S]) == ''
+
+
+def test_timestamps_of_a_simulation_are_no_fault():
+    events = [(at, name, replace(sample, stamp_ns=sample.stamp_ns - EPOCH_NS + NS_PER_S))
+              for at, name, sample in clean() if name != 'tire_samples']
+    assert found(messages.check_delays, events) == (
+        'INFO host: timestamps are those of a simulation')
+
+
+@pytest.mark.parametrize('given', [True, False])
+def test_a_radius_that_nobody_has_given_must_be_confirmed(given):
+    straight = recording(clean())
+    assert 'OK wheel_radius' in texts(motion.check_radius(replace(straight, radius_given=given)))
+    few = [event for event in clean() if event[0] - clean()[0][0] < 4 * NS_PER_S]
+    text = texts(motion.check_radius(replace(recording(few), radius_given=given)))
+    assert ('ERROR wheel_radius: not given' in text) != given
+
+
 # --- IMU ------------------------------------------------------------------------------------
 
 
