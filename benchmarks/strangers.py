@@ -228,10 +228,10 @@ STRANGE: Mapping[str, Variant] = {
        for k, wheel in enumerate(WHEELS)},
     **{f'{wheel} dead': Variant(signs(*(0.0 if i == k else 1.0 for i in range(4))),
                                 (f'{wheel}: stands still',)) for k, wheel in enumerate(WHEELS)},
-    'front wheels swapped': Variant(order(1, 0, 2, 3),
-        (EXCHANGED.format('front_left', 'front_right'),)),
-    'rear wheels swapped': Variant(order(0, 1, 3, 2),
-        (EXCHANGED.format('rear_left', 'rear_right'),)),
+    'front wheels swapped': Variant(
+        order(1, 0, 2, 3), (EXCHANGED.format('front_left', 'front_right'),)),
+    'rear wheels swapped': Variant(
+        order(0, 1, 3, 2), (EXCHANGED.format('rear_left', 'rear_right'),)),
     'front and rear exchanged': Variant(order(2, 3, 0, 1)),
     'diagonal wheels exchanged': Variant(
         order(3, 1, 2, 0), (EXCHANGED.format('front_left', 'rear_right'),)),
