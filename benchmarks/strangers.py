@@ -334,7 +334,7 @@ def combined(one: Variant, other: Variant) -> Variant:
     return Variant(
         lambda events, robot: other.change(one.change(events, robot), robot),
         (*one.cause, *other.cause), lambda robot: other.setting(one.setting(robot)),
-        (*one.also, *other.also), message)
+        (*one.also, *other.also), message, one.same_end and other.same_end)
 
 
 PAIRS = tuple(itertools.combinations((
@@ -357,16 +357,17 @@ class Result:
     error: bool                # ``analyze`` names an error
     end: Array | None = None   # x, y [m] and yaw [rad] at the end; None if nothing is estimated
     sigma: Array | None = None
+    same_end: bool = True      # as the unchanged drive
 
     def distance(self, other: Result) -> float:
-        """Return the distance of the ends in standard deviations; infinite without estimate."""
+        """Return the distance of the ends in standard deviations; infinite if it is unknown."""
         if self.end is None or self.sigma is None or other.end is None:
             return math.inf
         return float(np.abs((self.end - other.end) / self.sigma).max())
 
     def right(self, reference: Result) -> bool:
         """Return whether a wrong estimate is named."""
-        return self.error or self.distance(reference) < MAX_SIGMAS
+        return self.error or not self.same_end or self.distance(reference) < MAX_SIGMAS
 
 
 def result(events: Events, robot: RobotParams, variant: Variant, before: list[Finding],
@@ -387,8 +388,8 @@ def result(events: Events, robot: RobotParams, variant: Variant, before: list[Fi
     odom = done.summary and done.summary['estimates'].get('odom')
     if not odom:
         return Result(said, found, error)
-    return Result(said, found, error, *(np.array(list(odom[name].values()), float)
-                                        for name in ('end', 'end_sigma')))
+    end, sigma = (np.array(list(odom[name].values()), float) for name in ('end', 'end_sigma'))
+    return Result(said, found, error, end, sigma, variant.same_end)
 
 
 def simulated() -> tuple[list[Any], RobotParams]:
@@ -425,7 +426,7 @@ def main() -> None:
         one = result(events, robot, variant, before, not args.doctor)
         analyzed = ('-' if args.doctor else 'error' if one.error else
                     'ok' if one.right(reference) else 'WRONG')
-        distance = one.distance(reference)
+        distance = one.distance(reference) if one.same_end else math.inf
         rows.append(f'| {name} | {one.doctor} | {analyzed} | '
                     f'{"-" if math.isinf(distance) else f"{distance:.1f}"} |')
         print(rows[-1], flush=True)

@@ -60,6 +60,7 @@ class Variant:
     setting: Setting = lambda robot: robot
     also: tuple[str, ...] = ()   # parts of texts that are true as well
     message: Callable[[str, Any], None] | None = None  # changes a message of a topic in place
+    same_end: bool = True        # the drive ends where the unchanged one does
 
 
 def _each(topic: str, change: Callable[[Any, RobotParams], Any]) -> Change:
@@ -209,12 +210,12 @@ VARIANTS: Mapping[str, Variant] = {
         _stamped('wheel_states', -2.0), ('timestamps are 2 s behind',), also=('2 s before',)),
     'no stamps of the IMU': Variant(_stamped('imu/data', math.nan), ('timestamps are zero',)),
     # nothing is wrong
-    'first half': Variant(_part(0.0, 0.5)),
-    'second half': Variant(_part(0.5, 1.0)),
-    'first quarter': Variant(_part(0.0, 0.25)),
-    'second quarter': Variant(_part(0.25, 0.5)),
-    'third quarter': Variant(_part(0.5, 0.75)),
-    'last quarter': Variant(_part(0.75, 1.0)),
+    'first half': Variant(_part(0.0, 0.5), same_end=False),
+    'second half': Variant(_part(0.5, 1.0), same_end=False),
+    'first quarter': Variant(_part(0.0, 0.25), same_end=False),
+    'second quarter': Variant(_part(0.25, 0.5), same_end=False),
+    'third quarter': Variant(_part(0.5, 0.75), same_end=False),
+    'last quarter': Variant(_part(0.75, 1.0), same_end=False),
     'no torques': Variant(_each('wheel_states', lambda one, robot: replace(one, effort=None))),
     'no positions': Variant(_each('wheel_states', lambda one, robot: replace(
         one, position=None))),

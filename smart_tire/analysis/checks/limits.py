@@ -58,6 +58,7 @@ MAX_TILT = math.radians(10.0)  # of the mounting and of the ground
 BIAS_SIGMAS = 5.0            # of imu.gyro_bias
 EXCHANGED_SHARE = 0.3        # of the speed difference of the wheels of a side, if exchanged
 STUCK_SHARE = 0.02           # of the speed of the other wheel of its side
+MIN_TORQUE_CORRELATION = 0.2  # of motor torques and acceleration; 0.4 to 0.7 in simulated drives
 MAX_FORCE_WEIGHTS = 3.0      # of the motors over the weight: friction coefficients are below 2
 # C_x / F_z. Below 3 mu, 3 mu F_z / C_x exceeds 1: the patch never slides fully, so that friction
 # is not observable. The other limit is twice the 30 of passenger car tires.

@@ -24,7 +24,7 @@ from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.analysis.checks.stalls import Mask, runs
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import WheelRecord
-from smart_tire.findings import Finding
+from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import GRAVITY, LEFT, NS_PER_S, RIGHT
@@ -264,7 +264,13 @@ def check_torques(recording: CheckedRecording) -> Iterator[Finding]:
     sigma = float(np.std(power)) / math.sqrt(
         len(power) * wheels.period / limits.CORRELATION_TIME)
     if power.mean() < -limits.SIGMAS * sigma:
-        yield finding('absorbed_power', wheels.name, power=-power.mean())
+        # a robot that drives downhill absorbs power, but its torques still accelerate it
+        gain = np.gradient(speed.mean(axis=1), wheels.ordered.stamp_ns / NS_PER_S)[moving]
+        with np.errstate(invalid='ignore', divide='ignore'):  # constant: NaN
+            follows = float(np.corrcoef(gain, torque[moving].sum(axis=1))[0, 1])
+        yield finding('absorbed_power', wheels.name,
+                      Level.ERROR if follows < -limits.MIN_TORQUE_CORRELATION else None,
+                      power=-power.mean())
     force = float(np.quantile(np.abs(torque[moving]).sum(axis=1), 0.9)) / robot.wheel_radius
     limit = limits.MAX_FORCE_WEIGHTS * robot.mass * GRAVITY
     if force > limit:
