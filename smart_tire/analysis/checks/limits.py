@@ -49,7 +49,7 @@ MAX_HELD_TIME = 0.25         # s for which a device of 4 Hz holds a sample; long
 # IMU, wheels and tire
 MIN_FROZEN_TIME = 0.5        # s for which no sensor with noise repeats a value ...
 FROZEN_YAW_RATE = 0.3        # rad/s ... while the wheels change their yaw rate by this much ...
-FROZEN_SPEED = 0.3           # m/s ... or their speed by this much
+FROZEN_SPEED = 0.3           # m/s ... or their speed by this much from a constant acceleration
 MIN_PINNED = 5               # samples in a row at the largest value of a saturated gyro
 SATURATED_SHARE = 0.8        # of the yaw rate over that of the wheels below saturation
 GRAVITY_TOLERANCE = 0.03     # relative: bias and scale error of a consumer-grade accelerometer

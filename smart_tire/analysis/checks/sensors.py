@@ -99,7 +99,10 @@ def frozen(recording: CheckedRecording, field: str) -> tuple[Mask, list[tuple[fl
         field == 'rate') else (0.5 * (left + right), limits.FROZEN_SPEED)
     for begin, end in zip(*runs((np.diff(imu[field], axis=0) == 0.0).all(axis=1))):
         first, last = imu.stamp_ns[begin], imu.stamp_ns[end]
-        inside = motion[(wheels.stamp_ns >= first) & (wheels.stamp_ns <= last)]
+        rows = (wheels.stamp_ns >= first) & (wheels.stamp_ns <= last)
+        inside, time = motion[rows], (wheels.stamp_ns[rows] - first) / NS_PER_S
+        if field == 'acceleration' and len(inside) > 2:  # a constant one is a ramp of the speed
+            inside = inside - np.polyval(np.polyfit(time, inside, 1), time)
         if last - first > limits.MIN_FROZEN_TIME * NS_PER_S and len(inside) > 1 and (
                 np.ptp(inside) > limit):
             mask[begin:end + 1] = True
