@@ -31,10 +31,14 @@ from smart_tire.analysis.checks import findings
 from smart_tire.analysis.checks.recording import CheckedRecording, READ
 from smart_tire.analysis.pipeline import bag_params
 from smart_tire.arrays import Array
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, BagWriter, channel_of, PARAMETERS_KEY, SampleDecoder
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.findings import Finding, Level
+from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import SampleArrays
+from smart_tire.parameters.files import snapshot_text
+from smart_tire.parameters.spec import values_of
+from smart_tire.recording import Faults, SampleArrays
 from smart_tire.rotation import matrix
 from smart_tire.samples import GRAVITY, ImuSample, NS_PER_S, WheelSample
 from smart_tire.simulation.offline import Event
@@ -43,6 +47,7 @@ Events = Sequence[Event]
 Change = Callable[[Events, RobotParams], Events]
 Setting = Callable[[RobotParams], RobotParams]
 RIGHT, SILENT, WRONG = 'right', 'silent', 'wrong'
+CHANGED = 'imu/data', 'wheel_states'  # topics of the variants
 DEGREES, RPM = 180.0 / math.pi, 60.0 / math.tau
 
 
@@ -54,6 +59,8 @@ class Variant:
     cause: tuple[str, ...] = ()  # parts of the texts; all must be found
     setting: Setting = lambda robot: robot
     also: tuple[str, ...] = ()   # parts of texts that are true as well
+    message: Callable[[str, Any], None] | None = None  # changes a message of a topic in place
+    same_end: bool = True        # the drive ends where the unchanged one does
 
 
 def _each(topic: str, change: Callable[[Any, RobotParams], Any]) -> Change:
@@ -180,7 +187,7 @@ VARIANTS: Mapping[str, Variant] = {
     'right wheels reversed, rpm': Variant(
         _wheels(factors=(RPM, -RPM, RPM, -RPM)), ('the right wheels are reversed', 'rpm')),
     'one wheel reversed': Variant(
-        _wheels(factors=(1, 1, 1, -1)), ('front_right and rear_right: turn in opposite',)),
+        _wheels(factors=(1, 1, 1, -1)), ('rear_right: turns in the opposite',)),
     'one wheel stuck': Variant(_wheels(factors=(1, 1, 0, 1)), ('rear_left: stands still',)),
     'mean of the sides': Variant(_each('wheel_states', _mean_of_sides), ('same speed',)),
     'torques reversed': Variant(_each('wheel_states', lambda one, robot: replace(
@@ -203,25 +210,48 @@ VARIANTS: Mapping[str, Variant] = {
         _stamped('wheel_states', -2.0), ('timestamps are 2 s behind',), also=('2 s before',)),
     'no stamps of the IMU': Variant(_stamped('imu/data', math.nan), ('timestamps are zero',)),
     # nothing is wrong
-    'first half': Variant(_part(0.0, 0.5)),
-    'second half': Variant(_part(0.5, 1.0)),
-    'first quarter': Variant(_part(0.0, 0.25)),
-    'second quarter': Variant(_part(0.25, 0.5)),
-    'third quarter': Variant(_part(0.5, 0.75)),
-    'last quarter': Variant(_part(0.75, 1.0)),
+    'first half': Variant(_part(0.0, 0.5), same_end=False),
+    'second half': Variant(_part(0.5, 1.0), same_end=False),
+    'first quarter': Variant(_part(0.0, 0.25), same_end=False),
+    'second quarter': Variant(_part(0.25, 0.5), same_end=False),
+    'third quarter': Variant(_part(0.5, 0.75), same_end=False),
+    'last quarter': Variant(_part(0.75, 1.0), same_end=False),
     'no torques': Variant(_each('wheel_states', lambda one, robot: replace(one, effort=None))),
     'no positions': Variant(_each('wheel_states', lambda one, robot: replace(
         one, position=None))),
 }
 
 
-def found_in(events: Iterable[Event], robot: RobotParams) -> list[Finding]:
-    """Return the warnings and errors on ``events``."""
-    samples = SampleArrays()
-    for receive_ns, _, sample in events:
-        samples.add_sample(sample, receive_ns)
-    return [one for one in findings(CheckedRecording(robot, samples))
+def found_in(events: Iterable[Event], robot: RobotParams, variant: Variant = Variant()
+             ) -> list[Finding]:
+    """Return the warnings and errors on ``events``, sent and received as messages."""
+    samples, faults = SampleArrays(), Faults()
+    read = {topic: SampleDecoder(topic, faults) for topic in CHANGED}
+    for receive_ns, topic, sample in events:
+        received = read[topic](encoded(topic, sample, variant)) if topic in read else (sample,)
+        for one in received:
+            samples.add_sample(one, receive_ns)
+    return [one for one in findings(CheckedRecording(robot, samples, faults))
             if one.level >= Level.WARNING]
+
+
+def encoded(topic: str, sample: Any, variant: Variant) -> bytes:
+    """Return the message of a sample, as ``variant`` changes it."""
+    form = TOPICS[topic]
+    msg = form.to_msg(empty(form.type), sample)
+    if variant.message is not None:
+        variant.message(topic, msg)
+    return Encoder(form.type)(msg)
+
+
+def written(path: Path, events: Iterable[Event], variant: Variant, robot: RobotParams) -> Path:
+    """Write ``events``, in their order, and the parameters of the robot into a bag."""
+    with BagWriter(path, custom_data={
+            PARAMETERS_KEY: snapshot_text({'slip_estimator': values_of(robot)})}) as writer:
+        for receive_ns, topic, sample in events:
+            writer.add_topic(channel_of(f'/{topic}', TOPICS[topic].type))
+            writer.write(f'/{topic}', receive_ns, encoded(topic, sample, variant))
+    return path
 
 
 def judged(variant: Variant, found: Sequence[Finding], before: Sequence[Finding] = ()) -> str:
@@ -250,7 +280,7 @@ def main() -> None:
         before = found_in(events, robot)
         for name, variant in VARIANTS.items():
             changed = variant.setting(robot)
-            found = found_in(variant.change(events, robot), changed)
+            found = found_in(variant.change(events, robot), changed, variant)
             print(f'{path.name:24} {judged(variant, found, before):7} {name}')
             for one in found:
                 print(f'{"":33}{one.level.name.lower()} {one.text}')

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import IntEnum
 
 
@@ -42,6 +42,11 @@ class Finding:
         expected = f' (expected {self.expected})' if self.expected else ''
         return f'{self.where}: {self.found}{expected}' + (
             f'; {self.action}' if self.action else '')
+
+    @property
+    def tree(self) -> dict[str, str]:
+        """Return the finding for a JSON document."""
+        return {**asdict(self), 'level': self.level.name.lower()}
 
 
 def counted(count: int, noun: str) -> str:

@@ -187,6 +187,8 @@ class Faults:
     rejected: Counter[str] = field(default_factory=Counter)  # invalid messages
     reasons: dict[str, str] = field(default_factory=dict)    # why the first one is invalid
     frames: dict[str, Counter[str]] = field(default_factory=dict)  # header.frame_id
+    completed: Counter[str] = field(default_factory=Counter)  # of wheel_states: ``WheelReader``
+    clock_steps: Sequence[str] = ()  # clocks that were set, as text
 
     def reject(self, topic: str, reason: Exception) -> None:
         """Count an invalid message."""

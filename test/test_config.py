@@ -18,7 +18,9 @@ import re
 from config_files import file_text, SIMULATED_PORTS, TITLES
 from parameters_page import MARKER, parameters_text
 import pytest
-from smart_tire.parameters import build, known_names, load_files, NODE_PARAMS, RobotParams, specs
+from smart_tire.errors import ParameterError
+from smart_tire.parameters import (
+    build, known_names, load_files, load_node, NODE_PARAMS, RobotParams, specs)
 import yaml
 
 OTHER_FILES = {'rosbag2_qos.yaml'}  # without parameters: test/nodes/test_qos.py
@@ -93,3 +95,16 @@ def test_blocks_match_nodes_in_any_namespace():
     for path in PATHS:
         for block in yaml.safe_load(path.read_text(encoding='utf-8')):
             assert block.startswith('/**')
+
+
+def test_blocks_for_the_nodes_of_other_packages_are_ignored(tmp_path):
+    path = tmp_path / 'stack.yaml'
+    path.write_text("""
+/**: {ros__parameters: {wheel_radius: 0.1}}
+controller_server: {ros__parameters: {controller_frequency: 20.0, FollowPath: {max_vel_x: 0.5}}}
+local_costmap: {local_costmap: {ros__parameters: {width: 3}}}
+""")
+    assert load_node([path], 'slip_estimator').robot.wheel_radius == 0.1
+    path.write_text('/**: {ros__parameters: {wheel_radios: 0.1}}')
+    with pytest.raises(ParameterError, match='wheel_radios'):
+        load_node([path], 'slip_estimator')

@@ -33,8 +33,8 @@ from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
-    EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS, OVERHEAD,
-    SmoothedSlip, TRUTHS)
+    BagParams, EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS,
+    OVERHEAD, SmoothedSlip, TRUTHS)
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import divergence, evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
@@ -75,10 +75,15 @@ class BagContents:
     notes: list[str] = field(default_factory=list)     # recognized topics and joints
     warnings: list[str] = field(default_factory=list)  # of the reader; also in ``skipped``
     topics: dict[str, BagTopic] = field(default_factory=dict)  # all, by name in the bag
-    errors: list[Finding] = field(default_factory=list)  # of the checks, if requested
+    findings: list[Finding] = field(default_factory=list)  # errors and warnings, if requested
     host: str | None = None  # that the host was late when the bag was recorded
     start_ns: int = 0   # receive time of the first message
     duration_s: float = 0.0
+
+    @property
+    def errors(self) -> list[Finding]:
+        """Return the errors among the findings."""
+        return [one for one in self.findings if one.level is Level.ERROR]
 
 
 @dataclass
@@ -132,14 +137,14 @@ class EstimateWriter:
 
 def analyze(path: Path, out: Path | None, params: EstimatorParams,
             progress: Progress = lambda share: None, *, smooth: bool = False,
-            names: TopicNames = STANDARD_NAMES, source: Tree | None = None,
+            names: TopicNames = STANDARD_NAMES, source: BagParams | None = None,
             checks: bool = False, overhead: Path | None = None) -> Analysis:
     """
     Analyze the bag at ``path``; write the bag ``out``/estimates and ``out``/summary.json.
 
     With ``smooth`` also write the estimates of the RTS smoother to ``out``/smoothed. ``names``
     are the topics with other names in the bag; ``source``, where ``params`` are from, is written
-    to the summary. With ``checks`` the contents have the errors that ``doctor`` finds.
+    to the summary. With ``checks`` the contents have the warnings and errors of ``doctor``.
     ``overhead`` is a bag with the estimates of the overhead camera, instead of those in the first
     bag. The bags of estimates carry ``params``. Nothing is written without ``out`` or if nothing
     can be estimated; existing estimates are replaced. Raises BagError if a bag cannot be read or
@@ -154,7 +159,8 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     with ExitStack() as stack:
         writers = [EstimateWriter(folder, stack, params) for folder in folders]
         slip = (SmoothedSlip if smooth else SlipEstimator)(params.slip)
-        read = partial(_read, path, params, names, checks, overhead)
+        read = partial(_read, path, params, names, checks, source is None or source.radius_given,
+                       overhead)
         held: list[tuple[int, EstimateRecord | None]] = []  # None: the next smoothed motion
         for item in stack.enter_context(closing(prefetch(read))):
             if isinstance(item, BagContents):
@@ -177,7 +183,8 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, slip, source, params.robot.wheel_radius)
+        analysis.summary = _summary(path, analysis, slip, None if source is None else source.tree,
+                                    params.robot.wheel_radius)
         if out is not None:
             _write(out / 'summary.json', analysis.summary)
     return analysis
@@ -201,7 +208,7 @@ def read_overhead(path: Path) -> SampleArrays:
 
 
 def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
-          overhead: Path | None) -> Iterator[StageBatch | BagContents]:
+          radius_given: bool, overhead: Path | None) -> Iterator[StageBatch | BagContents]:
     """Yield the output of the friction stage in batches, and finally the contents of the bag."""
     contents, friction = BagContents(), FrictionEstimator(params.friction)
     cameras: tuple[str, ...] = OVERHEAD
@@ -234,10 +241,10 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
         contents.topics, contents.losses = bag.topics, bag.losses.lines()
         contents.warnings = [*contents.losses, *bag.warnings]
         checked = CheckedRecording(params.robot, contents.inputs, bag.faults, problems_of(bag),
-                                   tuple(bag.statuses()))
+                                   tuple(bag.statuses()), radius_given=radius_given)
         contents.host = next((one.text for one in check_host(checked)), None)
         if checks:  # here the slip stage, in the other process, does not wait for them
-            contents.errors = [one for one in findings(checked) if one.level is Level.ERROR]
+            contents.findings = [one for one in findings(checked) if one.level >= Level.WARNING]
     yield contents
 
 
@@ -314,7 +321,7 @@ def _summary(path: Path, analysis: Analysis, slip: SlipEstimator | SmoothedSlip,
     filtered, *smoothed = map(evaluation, analysis.result.comparisons.values())
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s), 'host': contents.host,
             'parameters': source, 'notes': contents.notes,
-            'errors': [one.text for one in contents.errors],
+            'findings': [one.tree for one in contents.findings],
             'diverged': diverged[0] if diverged else None,
             'inputs': plain(inputs), 'left_out': contents.skipped,
             **filtered}

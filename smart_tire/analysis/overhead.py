@@ -51,7 +51,7 @@ def overhead_params(bag: Bag, files: Sequence[Path], **given: Any) -> OverheadLo
     own = known_names([OverheadLocalizerParams])
     values = values_for(NODE, blocks_in(bag.parameters, f'{bag.path}: parameters in the bag'),
                         own) if bag.parameters else {}
-    values |= load_files(files, NODE, known_names(NODE_PARAMS.values()), own)
+    values |= load_files(files, NODE, known_names(NODE_PARAMS.values()), own, NODE_PARAMS)
     return build(OverheadLocalizerParams, values | given)
 
 

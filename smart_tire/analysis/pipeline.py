@@ -28,7 +28,7 @@ from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import (
     build, FrictionEstimatorParams, known_names, load_node, NODE_PARAMS, RobotParams,
     SlipEstimatorParams)
-from smart_tire.parameters.files import Block, blocks_in, snapshot_text, values_for
+from smart_tire.parameters.files import Block, blocks_in, read_blocks, snapshot_text, values_for
 from smart_tire.parameters.spec import is_known, values_of
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import (
@@ -100,6 +100,7 @@ class BagParams:
     origins: tuple[str, ...] = ()    # files, or nodes whose parameters the bag carries
     overridden: bool = False         # the bag carries parameters, which the files replace
     unknown: tuple[str, ...] = ()    # names in the bag that no node of this version has
+    radius_given: bool = True        # wheel_radius is not the default, which is that of paper B
 
     @property
     def tree(self) -> Tree:
@@ -136,9 +137,10 @@ def bag_params(bag: Bag, files: Sequence[Path] = ()) -> BagParams:
     """
     if files:
         return BagParams(EstimatorParams.load(files), FILES, tuple(map(str, files)),
-                         overridden=bool(bag.parameters))
+                         overridden=bool(bag.parameters), radius_given=any(
+                             _gives_radius(read_blocks(Path(file))) for file in files))
     if not bag.parameters:
-        return BagParams(EstimatorParams(), DEFAULTS)
+        return BagParams(EstimatorParams(), DEFAULTS, radius_given=False)
     where = f'{bag.path}: parameters in the bag'
     try:
         blocks = blocks_in(bag.parameters, where)
@@ -147,7 +149,12 @@ def bag_params(bag: Bag, files: Sequence[Path] = ()) -> BagParams:
         raise ParameterError(f'{error}; give a parameter file with --params') from error
     names = (block.rsplit('/', 1)[-1] for block, _ in blocks)
     return BagParams(params, BAG, tuple(name for name in names if name in NODE_PARAMS),
-                     unknown=tuple(_unknown_names(blocks)))
+                     unknown=tuple(_unknown_names(blocks)), radius_given=_gives_radius(blocks))
+
+
+def _gives_radius(blocks: Sequence[Block]) -> bool:
+    """Return whether ``blocks`` give the slip estimator a wheel radius."""
+    return bool(values_for('slip_estimator', blocks, ['wheel_radius']))
 
 
 def _unknown_names(blocks: Sequence[Block]) -> list[str]:

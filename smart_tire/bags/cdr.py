@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import cache
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -27,10 +27,10 @@ from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    cdr, definitions, forms_of, OtherJointsError, Topic, wheels_from_msg)
+    cdr, definitions, forms_of, OtherJointsError, stamp_of, Topic, WheelReader)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
-from smart_tire.samples import Sample, TireSamples, WheelSample
+from smart_tire.samples import NS_PER_S, Sample, TireSamples, WheelSample
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
 BIG_ENDIAN, LITTLE_ENDIAN = cdr.BYTE_ORDERS
@@ -158,20 +158,27 @@ class SampleDecoder:
         self._ignored = (OtherJointsError,) if other_joints else ()
         forms = forms_of(topic)
         form = forms[type_name] if type_name else next(iter(forms.values()))
-        self._from_msg, read = form.from_msg, Decoder(form.type)
+        self._from_msg: Callable[[Any], Any] = form.from_msg
+        read = Decoder(form.type)
         self._read = cdr.LayoutDecoder(form.type, read) if form.type in cdr.FIELDS else read
         if form.sample is WheelSample:
-            self._from_msg = partial(wheels_from_msg, joints=joints)
+            reader = WheelReader(joints)
+            self._from_msg, faults.completed = reader, reader.completed
 
-    def __call__(self, data: bytes) -> Sequence[Sample]:
-        """Return the samples in a message."""
+    def __call__(self, data: bytes, ahead_ns: int = 0) -> Sequence[Sample]:
+        """Return the samples in a message, whose stamp is ``ahead_ns`` ahead of time."""
         try:
             msg = self._read(data)
+            if ahead_ns:
+                stamp = msg.header.stamp
+                stamp.sec, stamp.nanosec = divmod(stamp_of(msg) - ahead_ns, NS_PER_S)
             self._frames[msg.header.frame_id] += 1
             sample = self._from_msg(msg)
         except MessageError as error:
             if not isinstance(error, self._ignored):
                 self._faults.reject(self._topic, error)
+            return ()
+        if sample is None:
             return ()
         return sample.samples if isinstance(sample, TireSamples) else (sample,)
 

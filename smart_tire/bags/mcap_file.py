@@ -145,14 +145,23 @@ class McapFile:
                                 'statistics', self._listed - found)
         return {channel: self._counts[channel] for channel in self._channels.values()}
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics`` (None: all) in order of receive time."""
+    def messages(self, topics: Collection[str] | None = None, *, as_written: bool = False
+                 ) -> Iterator[Message]:
+        """
+        Yield the messages of ``topics`` (None: all) in order of receive time.
+
+        ``as_written``: in the order of the file.
+        """
         waiting: list[Message] = []
         log_time = itemgetter(0)
         wanted = {number: channel for number, channel in self._channels.items()
                   if topics is None or channel.topic in topics}
-        for block in self._blocks:
+        blocks = sorted(self._blocks, key=_place) if as_written else self._blocks
+        for block in blocks:
             if block.channels and wanted.keys().isdisjoint(block.channels):
+                continue
+            if as_written:
+                yield from self._read(block, topics, wanted)
                 continue
             ready = 0
             while ready < len(waiting) and waiting[ready][0] < block.start_ns:
@@ -433,3 +442,8 @@ class _MessageRun:
             yield Block(min(self._times), max(self._times), self._start, self._end - self._start,
                         frozenset())
         self._times = []
+
+
+def _place(block: Block) -> int:
+    """Return where in the file ``block`` begins [bytes]."""
+    return block.offset if block.chunk is None else block.chunk.start

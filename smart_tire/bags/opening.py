@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from operator import itemgetter
 import os
 from pathlib import Path
 import re
@@ -22,10 +24,12 @@ from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import Losses, Metadata, read_metadata
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
-from smart_tire.paths import BAG_SUFFIXES, open_file
+from smart_tire.paths import BAG_METADATA, BAG_SUFFIXES, open_file
+from smart_tire.samples import NS_PER_S
 
 SQLITE_MAGIC = b'SQLite format 3\x00'
 ROS1_MAGIC = b'#ROSBAG V2.0'
+MAX_SPLIT_NS = 2 * NS_PER_S  # between the files of one recording, and of their overlap
 
 
 class OpenFiles:
@@ -41,6 +45,7 @@ class OpenFiles:
         self.metadata = Metadata()  # content of metadata.yaml
         self.size = 0               # bytes of the files
         self._path, self._warnings, self._losses = path, warnings, losses
+        self._absent: list[Path] = []  # listed in metadata.yaml
         self._decompressed = tempfile.TemporaryDirectory(prefix='smart_tire_')
         try:
             self._open_all()
@@ -66,6 +71,38 @@ class OpenFiles:
             raise errors[0]
         for unreadable in errors:
             self._losses.add(str(unreadable))
+        self._check_renamed()
+        if self._path.is_dir() and not self.metadata.files:
+            self._check_one_recording()
+            for file in self.files:
+                if isinstance(file, SqliteFile) and file.lacks_log and not file.metadata():
+                    self._losses.add(f'{file.path.name}: the recording was interrupted, and its '
+                                     'write-ahead log (-wal) is missing')
+
+    def _check_renamed(self) -> None:
+        """Note the files that are missing as losses, unless others have all messages."""
+        listed = self.metadata.messages
+        renamed = bool(self._absent and listed) and listed <= sum(
+            sum(file.counts().values()) for file in self.files)
+        for path in self._absent:
+            if renamed:
+                self._warnings.append(f'{path}: renamed since it was recorded, no message is '
+                                      'missing')
+            else:
+                self._losses.add(f'{path}: file is missing')
+
+    def _check_one_recording(self) -> None:
+        """Raise BagError if files without metadata.yaml do not continue each other."""
+        spans = sorted(((span, file) for file in self.files if (span := file.span())),
+                       key=itemgetter(0))
+        for ((_, end), file), ((start, _), other) in pairwise(spans):
+            topics, same = ({channel.topic for channel in one.counts()} for one in (file, other))
+            if start - end > MAX_SPLIT_NS or end - start > MAX_SPLIT_NS and topics & same:
+                raise BagError(
+                    f'{self._path}: {len(self.files)} files, which are not of one recording: '
+                    f'{other.path.name} begins {abs(start - end) / NS_PER_S:.4g} s '
+                    f'{"after" if start > end else "before"} the end of {file.path.name}; give '
+                    'one of the files')
 
     def _paths(self) -> list[Path]:
         if not self._path.exists():
@@ -83,8 +120,7 @@ class OpenFiles:
                 self.metadata = metadata
         listed = [self._path / name for name in self.metadata.files]
         found = [path for path in listed if os.path.exists(path)]  # not with 300 characters
-        for path in sorted({*listed} - {*found}):
-            self._losses.add(f'{path}: file is missing')
+        self._absent = sorted({*listed} - {*found})
         paths = found or sorted(
             (path for path in self._path.iterdir() if path.name.endswith(BAG_SUFFIXES)),
             key=_natural_sort_key)
@@ -109,6 +145,8 @@ class OpenFiles:
         if plain.suffix == '.csv':
             raise BagError(f'{path}: a table, expected a bag; write its rows as samples with '
                            'smart_tire.bags.BagWriter.write_sample')
+        if plain.name == BAG_METADATA:
+            raise BagError(f'{path}: describes a bag: give its folder {path.parent}')
         raise BagError(f'{path}: not a bag file (neither MCAP nor sqlite3)')
 
     def _decompress(self, path: Path) -> Path:

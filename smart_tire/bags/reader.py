@@ -17,19 +17,24 @@ whose QoS profiles are written differently in metadata.yaml and in the file.
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 import heapq
-from itertools import islice
+from itertools import chain, islice
 import logging
 import math
 from operator import itemgetter
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
 from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder, SampleEncoder
+from smart_tire.bags.clock_steps import (
+    ClockSteps, Corrector, has_pause, host_steps, NO_STEPS, stamp_steps, Times, WheelTurns)
 from smart_tire.bags.file_bytes import max_unpacked
 from smart_tire.bags.metadata import add_warning, Channel, Losses, Message, Metadata
 from smart_tire.bags.opening import OpenFiles
@@ -37,13 +42,14 @@ from smart_tire.bags.topic_names import (
     candidates, match_by_name, RECOGNIZED, STANDARD_NAMES, TopicNames, WHEELS_TOPIC)
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    find_topic, NodeStatus, resolved_joints, stamp_of, statuses_from_msg, TOPICS)
+    find_topic, NodeStatus, resolved_joints, stamp_in, stamp_of, statuses_from_msg, TOPICS)
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import Four, MotorCommand, NS_PER_S, Sample, WheelSample
 
 DIAGNOSTICS, DIAGNOSTICS_TYPE = 'diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'
 PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS parameter file
+CLOCKED = 'imu/data', WHEELS_TOPIC  # topics whose receptions show a clock that was set
 PROGRESS_MESSAGES = 1000  # between two reports of progress
 MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
 # Of recordings from before wheel_states.effort was a torque; it was the duty of the motors.
@@ -208,9 +214,16 @@ class Bag:
         receive_ns, _, sample = first
         return (receive_ns - sample.stamp_ns) / NS_PER_S if sample.stamp_ns else 0.0
 
-    def raw(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics`` (names as in the bag) in order of receive time."""
-        streams = [file.messages(topics) for file in self._files]
+    def raw(self, topics: Collection[str] | None = None, *, as_written: bool = False
+            ) -> Iterator[Message]:
+        """
+        Yield the messages of ``topics`` (names as in the bag) in order of receive time.
+
+        ``as_written``: in the order of the files.
+        """
+        streams = [file.messages(topics, as_written=as_written) for file in self._files]
+        if as_written:
+            return chain.from_iterable(streams)
         return streams[0] if len(streams) == 1 else heapq.merge(*streams, key=itemgetter(0))
 
     def replayable(self, topics: Collection[str],
@@ -244,11 +257,16 @@ class Bag:
 
         Covers the topics of ``wanted`` that are in the bag, in order of receive time. Efforts of
         ``wheel_states`` that are duties, in a bag from before they were torques, are left out.
+        Times are those of the first clock if clocks were set meanwhile (``clock_steps``).
         With ``restamp`` the receive time replaces a timestamp of zero.
         """
         found = self.match(wanted)
         duties = 'wheel_states' in found and self._ignores_efforts(found['wheel_states'])
-        for receive_ns, standard, sample in self._samples(found, self.faults):
+        steps = self.clock_steps(found)
+        self.faults.clock_steps = tuple(steps.lines(self.span_ns[0]))
+        for line in self.faults.clock_steps:
+            add_warning(self.notes, line)
+        for receive_ns, standard, sample in self._samples(found, self.faults, steps):
             if duties and isinstance(sample, WheelSample):
                 sample = replace(sample, effort=None)
             if restamp and not sample.stamp_ns:
@@ -271,6 +289,28 @@ class Bag:
                 progress((receive_ns - start) / max(1, end - start))
         return found
 
+    def clock_steps(self, found: Mapping[str, str]) -> ClockSteps:
+        """Return the clocks that were set, by the topics ``found``: standard name -> name."""
+        names, rows = list(found.values()), array('q')
+        for receive_ns, channel, data in self.raw(names, as_written=True):
+            rows.extend((names.index(channel.topic), receive_ns, stamp_in(data)))
+        index, received, stamps = np.array(rows, np.int64).reshape(-1, 3).T
+
+        def times() -> dict[str, Times]:
+            return {name: Times(received[index == i], stamps[index == i])
+                    for i, name in enumerate(names) if (index == i).any()}
+        clocked = [one for name, one in times().items()
+                   if name in (found.get(topic) for topic in CLOCKED)]
+        turns = WheelTurns.of(self._samples(
+            {WHEELS_TOPIC: found[WHEELS_TOPIC]}, Faults())) if WHEELS_TOPIC in found and any(
+                map(has_pause, clocked)) else None
+        steps = ClockSteps(host_steps(clocked, turns))
+        if steps.host:
+            correct = Corrector(steps)
+            received = np.array([correct('', at)[0] for at in received.tolist()], np.int64)
+        return replace(steps, stamps={
+            name: stepped for name, one in times().items() if (stepped := stamp_steps(one))})
+
     def statuses(self) -> Iterator[tuple[int, NodeStatus]]:
         """Yield the diagnostic statuses of all nodes with their timestamps [ns]."""
         names = {name for name, topic in self.topics.items()
@@ -280,20 +320,24 @@ class Bag:
         for _, channel, data in self.raw(names) if names else ():
             try:
                 msg = read(data)
+                stamp_ns = stamp_of(msg)
             except MessageError as error:
                 self.faults.reject(channel.topic, error)
             else:
-                stamp_ns = stamp_of(msg)
                 yield from ((stamp_ns, status) for status in statuses_from_msg(msg))
 
-    def _samples(self, found: Mapping[str, str], faults: Faults
-                 ) -> Iterator[tuple[int, str, Sample]]:
+    def _samples(self, found: Mapping[str, str], faults: Faults,
+                 steps: ClockSteps = NO_STEPS) -> Iterator[tuple[int, str, Sample]]:
         readers = {name: (standard, SampleDecoder(
                        standard, faults, *self._joints_of(standard, name), self.types[name]))
                    for standard, name in found.items() if name in self.types}
-        for receive_ns, channel, data in self.raw(readers):
+        correct = Corrector(steps) if steps.host or steps.stamps else None
+        for receive_ns, channel, data in self.raw(readers, as_written=steps.back):
             standard, read = readers[channel.topic]
-            for sample in read(data):
+            ahead_ns = 0
+            if correct is not None:
+                receive_ns, ahead_ns = correct(channel.topic, receive_ns)
+            for sample in read(data, ahead_ns):
                 yield receive_ns, standard, sample
 
     def _joints_of(self, standard: str, name: str) -> tuple[JointParams, bool]:

@@ -24,7 +24,9 @@ from contextlib import closing, ExitStack
 from dataclasses import replace
 from pathlib import Path
 import re
+import shutil
 import sqlite3
+import tempfile
 from typing import Any
 from urllib.parse import quote
 
@@ -37,6 +39,7 @@ import zstandard
 # What is read by SQL. A view or a generated column may be endless, and sqlite evaluates conditions
 # and the expressions of indices while it checks a file.
 COLUMN = r'\s*"?\w+"?(?:\s+(?:ASC|DESC))?\s*'
+WAL_MODE_AT = 18  # byte of the file, 2 in write-ahead mode (sqlite file format, 1.3)
 PLAIN_SCHEMA = re.compile(
     r'CREATE\s+(?:TABLE\s[^()]*\((?:(?!\b(?:CHECK|AS)\b)(?:[^()]|\([\w\s,]*\)))*\)[^()]*'
     rf'|(?:UNIQUE\s+)?INDEX\s[^()]*\({COLUMN}(?:,{COLUMN})*\)\s*)', re.IGNORECASE)
@@ -68,6 +71,14 @@ class SqliteFile:
         """Close the file."""
         self._stack.close()
 
+    @property
+    def lacks_log(self) -> bool:
+        """Return whether the file may have had a write-ahead log, and there is none."""
+        with self.path.open('rb') as file:
+            head = file.read(WAL_MODE_AT + 1)
+        log = _log(self.path)  # an empty one is made by reading
+        return head[WAL_MODE_AT:] == b'\x02' and not (log.exists() and log.stat().st_size)
+
     def metadata(self) -> list[Metadata]:
         """Return the metadata in the file; schemas before version 4 have none."""
         return [metadata_in(text) for text in self._tables.metadata()]
@@ -82,11 +93,16 @@ class SqliteFile:
         counts = self._tables.counts()
         return {channel: counts.get(number, 0) for number, channel in self._channels.items()}
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of ``topics`` (None: all) in order of receive time."""
+    def messages(self, topics: Collection[str] | None = None, *, as_written: bool = False
+                 ) -> Iterator[Message]:
+        """
+        Yield the messages of ``topics`` (None: all) in order of receive time.
+
+        ``as_written``: in the order of the file, if it is intact.
+        """
         wanted = {number: channel for number, channel in self._channels.items()
                   if topics is None or channel.topic in topics}
-        for number, ns, data in self._tables.messages():
+        for number, ns, data in self._tables.messages(as_written=as_written):
             if (channel := wanted.get(number)) is None:
                 continue
             try:
@@ -100,7 +116,7 @@ class _Database:
     """The tables of an intact file; sqlite3.DatabaseError if it is damaged."""
 
     def __init__(self, path: Path, stack: ExitStack) -> None:
-        self._connection = stack.enter_context(closing(_connect(path)))
+        self._connection = stack.enter_context(closing(_connect(path, stack)))
         self._connection.text_factory = lambda text: text.decode(errors='replace')
         if not all(sql is None or isinstance(sql, str) and PLAIN_SCHEMA.fullmatch(sql)
                    for sql, in self._connection.execute('SELECT sql FROM sqlite_master')):
@@ -132,9 +148,10 @@ class _Database:
         return dict(self._connection.execute(
             f'SELECT topic_id, count(*) FROM messages WHERE {VALID} GROUP BY topic_id'))
 
-    def messages(self) -> Iterator[tuple[int, int, bytes]]:
+    def messages(self, *, as_written: bool) -> Iterator[tuple[int, int, bytes]]:
+        order = 'id' if as_written else 'timestamp, id'
         return self._connection.execute(f"""SELECT topic_id, timestamp, data FROM messages
-                                            WHERE {VALID} ORDER BY timestamp, id""")
+                                            WHERE {VALID} ORDER BY {order}""")
 
     def _read_channels(self) -> dict[int, Channel]:
         columns = {row[1] for row in self._connection.execute('PRAGMA table_info(topics)')}
@@ -202,23 +219,41 @@ class _DamagedDatabase:
     def counts(self) -> dict[int, int]:
         return Counter(number for _, _, number, _ in self._cells)
 
-    def messages(self) -> Iterator[tuple[int, int, bytes]]:
+    def messages(self, *, as_written: bool) -> Iterator[tuple[int, int, bytes]]:
         for ns, _, number, cell in self._cells:
             yield number, ns, self._pages.row(cell)[1][3]
+
+
+def _log(path: Path) -> Path:
+    """Return the write-ahead log of a file."""
+    return path.with_name(f'{path.name}-wal')
 
 
 def _is_text(value: Any) -> bool:
     return isinstance(value, str)
 
 
-def _connect(path: Path) -> sqlite3.Connection:
+def _connect(path: Path, stack: ExitStack) -> sqlite3.Connection:
     """
     Return a read-only connection.
 
     In a read-only folder, sqlite opens a file with a write-ahead log only as immutable. The log
-    is ignored then, hence this mode is the second choice.
+    would be ignored then, so that a copy of both is opened.
     """
-    for mode in ('mode=ro', 'immutable=1'):
+    log = _log(path)
+    modes = ['mode=ro', 'immutable=1']
+    if log.is_file() and log.stat().st_size:
+        modes.insert(1, '')
+    for mode in modes:
+        if not mode:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix='smart_tire_')))
+            try:
+                for file in (log, path):
+                    path = Path(shutil.copyfile(file, folder / file.name))
+            except OSError as error:
+                raise sqlite3.DatabaseError(f'{log.name} cannot be used: the folder is read-only, '
+                                            f'and no copy can be made: {error}') from error
+            mode = 'mode=ro'
         connection = sqlite3.connect(f'file:{quote(str(path))}?{mode}', uri=True)
         try:
             connection.execute('PRAGMA trusted_schema = OFF')

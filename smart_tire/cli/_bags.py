@@ -26,10 +26,9 @@ if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import BagParams, EstimatorParams
     from smart_tire.analysis.summary import Tree
     from smart_tire.bags import Bag, TopicNames
-    from smart_tire.parameters import RobotParams
 
 REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
-ESTIMATED, NOTHING_ESTIMATED, DIVERGED, USAGE = 0, 1, 1, 2  # exit statuses
+ESTIMATED, NOTHING_ESTIMATED, DIVERGED, USAGE, CONTRADICTED = 0, 1, 1, 2, 4  # exit statuses
 
 
 def check_options(args: argparse.Namespace) -> None:
@@ -71,24 +70,25 @@ def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] 
 
 
 def bag_settings(paths: Sequence[Path], args: argparse.Namespace,
-                 checked: Collection[Path] = ()) -> tuple[EstimatorParams, TopicNames]:
+                 checked: Collection[Path] = ()) -> tuple[EstimatorParams, TopicNames, int]:
     """
-    Return parameters and topic names for bags of one robot; print as ``open_bag`` does.
+    Return parameters, topic names and exit status for bags of one robot.
 
-    Also prints the errors that the checks find in those of the bags that are ``checked``.
-    Raises ParameterError if the bags carry different parameters of the robot.
+    Prints as ``open_bag`` does, and the errors that the checks find in those of the bags that are
+    ``checked``, which decide the status. Raises ParameterError if the bags carry different
+    parameters of the robot.
     """
-    found = []
+    found, status = [], ESTIMATED
     for path in paths:
         prefix = f'{path}: ' if len(paths) > 1 else ''
         with open_bag(path, args, prefix=prefix) as (bag, source):
             found.append((source.params, bag.names))
             if path in checked:
-                print_checks(bag, source.params.robot, prefix)
+                status = max(status, print_checks(bag, source, prefix))
         if source.params.robot != found[0][0].robot:
             raise ParameterError(f'{paths[0]} and {path} carry different parameters of the '
                                  'robot: select one set with --params')
-    return found[0]
+    return *found[0], status
 
 
 def each_bag(args: argparse.Namespace, outs: Sequence[Path],
@@ -104,23 +104,27 @@ def each_bag(args: argparse.Namespace, outs: Sequence[Path],
     return status
 
 
-def print_errors(errors: Iterable[Finding], prefix: str = '') -> None:
-    """Print the errors that the checks of ``smart_tire doctor`` have found in a recording."""
+def print_errors(errors: Iterable[Finding], prefix: str = '') -> int:
+    """Print the errors that the checks have found in a recording; return the exit status."""
+    status = ESTIMATED
     for error in errors:
         print(f'{prefix}error: {error.text}')
+        status = CONTRADICTED
+    return status
 
 
-def print_checks(bag: Bag, robot: RobotParams, prefix: str = '') -> None:
-    """Read an open bag, and print its errors."""
+def print_checks(bag: Bag, used: BagParams, prefix: str = '') -> int:
+    """Read an open bag, and print its errors; return the exit status."""
     from smart_tire.analysis.checks import findings
     from smart_tire.analysis.checks.recording import read
-    print_errors((one for one in findings(read(bag, robot)) if one.level is Level.ERROR), prefix)
+    found = findings(read(bag, used.params.robot, radius_given=used.radius_given))
+    return print_errors((one for one in found if one.level is Level.ERROR), prefix)
 
 
-def diverged(bag: Path, summary: Tree) -> int:
-    """Print as the last line that the estimate diverged, if it did; return the exit status."""
+def diverged(bag: Path, summary: Tree, status: int) -> int:
+    """Print as the last line that the estimate diverged, if it did, else return ``status``."""
     if summary['diverged'] is None:
-        return ESTIMATED
+        return status
     print(f'{bag}: {summary["diverged"]}; correct the errors that "smart_tire doctor" names')
     return DIVERGED
 

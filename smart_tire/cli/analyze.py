@@ -73,9 +73,9 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
             return NOTHING_ESTIMATED
     with ProgressLine(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
-                           names=opened.names, source=source.tree, checks=args.checks,
+                           names=opened.names, source=source, checks=args.checks,
                            overhead=args.overhead)
-    print_errors(analysis.contents.errors)
+    status = print_errors(analysis.contents.errors)
     if analysis.summary is None:
         print(f'{bag}: nothing can be estimated')
         for text in analysis.contents.skipped:
@@ -90,4 +90,4 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         from smart_tire.analysis.figures import write_figures
         write_figures(out, analysis.result, params.robot)
     print(f'  written to {out}')
-    return diverged(bag, analysis.summary)
+    return diverged(bag, analysis.summary, status)

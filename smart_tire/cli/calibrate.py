@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._bags import bag_settings
-from smart_tire.cli._identified import IDENTIFIED, NOT_IDENTIFIED, report, written
+from smart_tire.cli._identified import NOT_IDENTIFIED, report, written
 from smart_tire.cli._options import STEP_NAMES
 from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
@@ -91,18 +91,19 @@ def identify_only(args: argparse.Namespace, bags: Bags) -> int:
                        if (step == 'lifted') is off] for off in (False, True))
     if not ground:
         raise ParameterError(f'--only {args.only}: no recording on the ground')
-    params, names = bag_settings([*ground, *lifted], args, ground if args.checks else ())
+    params, names, status = bag_settings(
+        [*ground, *lifted], args, ground if args.checks else ())
     return report(args.only, Source(
         ground, params.robot, reference='any' if args.truth else 'none',
         names=names, lifted=lifted), args.out / PARAMETER_FILE,
-        args.out / f'{args.only}.png')
+        args.out / f'{args.only}.png') or status
 
 
 def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
     from smart_tire.identification.calibrate import calibrate_bags, figures
     from smart_tire.analysis.drawing import save_all
-    params, names = bag_settings(
+    params, names, status = bag_settings(
         [path for paths in bags.values() for path in paths], args,
         [path for step, paths in bags.items() if step != 'lifted' for path in paths]
         if args.checks else ())
@@ -118,7 +119,7 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
     write_text(out, result.text)
     drawn = save_all(figures(found), args.out)
     print(f'written to {", ".join(map(str, (out, *drawn)))}')
-    return IDENTIFIED
+    return status
 
 
 def print_calibration(found: Calibration) -> None:

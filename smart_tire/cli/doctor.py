@@ -67,15 +67,16 @@ def _with_parameters(bag: Bag, files: Sequence[Path],
         used = bag_params(bag, files)
     except ParameterError as error:
         yield Finding(Level.ERROR, 'parameters', str(error), action='defaults are used')
-        robot = RobotParams()
+        robot, given = RobotParams(), False
     else:
         yield Finding(Level.INFO, 'parameters', used.origin)
         if used.unknown:
             yield Finding(Level.WARNING, 'parameters', f'unknown to this version: '
                           f'{", ".join(used.unknown)}', action='these are ignored')
-        robot = used.params.robot
+        robot, given = used.params.robot, used.radius_given
     bag.joints = robot.joints
-    recording = read(bag, robot, lambda share: progress.show(f'reading {bag.path}: {share:.0%}'))
+    recording = read(bag, robot, lambda share: progress.show(f'reading {bag.path}: {share:.0%}'),
+                     radius_given=given)
     yield from findings(recording)
     for note in bag.notes:
         where, _, text = note.partition(': ')
@@ -119,9 +120,8 @@ def print_summary(findings: list[Finding], console: Console) -> None:
 def to_json(findings: Iterable[Finding]) -> str:
     """Return the findings as a JSON document."""
     found = list(findings)
-    rows = [{'level': one.level.name.lower(), 'where': one.where, 'found': one.found,
-             'expected': one.expected, 'action': one.action} for one in found]
-    return json.dumps({'level': worst(found).name.lower(), 'findings': rows}, indent=2)
+    return json.dumps({'level': worst(found).name.lower(),
+                       'findings': [one.tree for one in found]}, indent=2)
 
 
 def status_of(findings: Iterable[Finding]) -> int:

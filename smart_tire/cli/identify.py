@@ -48,7 +48,7 @@ def run_bags(args: argparse.Namespace) -> int:
     refuse_existing([out, figure], force=args.force, inputs=[*bags, *args.params])
     from smart_tire.identification.robot import TimeRange
     from smart_tire.identification.identify import Source
-    params, names = bag_settings(bags, args)
+    params, names, _ = bag_settings(bags, args)
     return report(args.kind, Source(
         args.bags, params.robot, TimeRange(args.since, args.until),
         getattr(args, 'reference', 'none'), names, lifted), out, figure)

@@ -72,8 +72,8 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         pass
     with ProgressLine(report_name(bag)) as progress:
         result = analyze(bag, None, source.params, progress.share, names=opened.names,
-                         source=source.tree, checks=args.checks, overhead=args.overhead)
-    print_errors(result.contents.errors)
+                         source=source, checks=args.checks, overhead=args.overhead)
+    status = print_errors(result.contents.errors)
     if result.summary is None:
         print(f'{bag}: nothing can be estimated, no report is written')
         for text in result.contents.skipped:
@@ -84,7 +84,7 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
              ('Software', f'smart_tire {smart_tire.__version__}')]
     write_text(out, html_page(report_of(result, source, report_name(bag), facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
-    return diverged(bag, result.summary)
+    return diverged(bag, result.summary, status)
 
 
 def date_text(stamp_ns: int) -> str:

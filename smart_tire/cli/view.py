@@ -26,7 +26,7 @@ import time
 from typing import TYPE_CHECKING
 import webbrowser
 
-from smart_tire.cli._bags import open_bag, print_checks
+from smart_tire.cli._bags import ESTIMATED, open_bag, print_checks, REQUIRED
 from smart_tire.cli._outputs import refuse_existing
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
@@ -69,13 +69,17 @@ def run(args: argparse.Namespace) -> int:
         return _with_viewer(args, LIVE_NAME, EstimatorParams.load(args.params), tags.tag_family,
                             _show_live)
     bag, estimates = find_bags(args.bag)
+    status = ESTIMATED
     with open_bag(bag, args, required=()) as (opened, source):
         if args.checks:
-            print_checks(opened, source.params.robot)
+            found = print_checks(opened, source)
+            if len(opened.match(REQUIRED)) == len(REQUIRED):  # else there is nothing to estimate
+                status = found
         camera = bool(image_topic(opened))
         family = overhead_params(opened, args.params).overhead.tag_family if camera else None
-    return _with_viewer(args, bag.resolve().name, source.params, family,
-                        partial(_show_bag, args, bag, estimates, source.params, opened.names))
+    return _with_viewer(
+        args, bag.resolve().name, source.params, family,
+        partial(_show_bag, args, bag, estimates, source.params, opened.names)) or status
 
 
 def has_display(environment: Mapping[str, str]) -> bool:

@@ -19,7 +19,7 @@ from typing import Any
 from smart_tire.drivers.clock import Clock, SYSTEM
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import (
-    Command, decode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, SET_DUTY)
+    Command, decode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, SET_DUTY, WIDE)
 from smart_tire.samples import NS_PER_S
 
 REPLY_TIMEOUT = 0.035       # s; a board replies within a few ms, a busy host reads later
@@ -51,6 +51,8 @@ class RoboclawLine:
         self.last_error = ''
         # addresses and read requests, in order, to which a reply may still arrive
         self._late: dict[tuple[int, Command], None] = {}
+        # (address, command) -> the same command with the reply of the firmware, once it is known
+        self._known: dict[tuple[int, Command], Command] = {}
         self.timing = LineTiming()
         self.retried = False     # whether the latest exchange needed more than one attempt
 
@@ -121,7 +123,10 @@ class RoboclawLine:
         self._flush()  # a late reply would be mistaken for the reply to this request
         asked_ns = self._clock.now_ns()
         self._port.write(encode_request(address, command, *values))
+        asked, command = command, self._known.get((address, command), command)
         reply = self._port.read(command.reply_size)
+        if asked in WIDE and (address, asked) not in self._known:
+            command, reply = self._with_width(address, asked, reply)
         if self._late and not (command.reads and _answers(address, command, reply)):
             reply = self._behind_late_replies(reply, command.reply_size)
         try:
@@ -135,10 +140,22 @@ class RoboclawLine:
             raise
         if command.reads:
             self._forget_late(address, command)
-        self.timing.record(command, self._clock.now_ns() - asked_ns)
+        if asked in WIDE:
+            self._known[address, asked] = command
+        self.timing.record(asked, self._clock.now_ns() - asked_ns)
         self.frames_ok += 1
         self.last_ok_ns = self._clock.time_ns()
         return answer
+
+    def _with_width(self, address: int, command: Command, reply: bytes
+                    ) -> tuple[Command, bytes]:
+        """Return the command whose reply this is, by its CRC, and the whole reply."""
+        wide = WIDE[command]
+        if len(reply) == command.reply_size and not _answers(address, command, reply):
+            reply += self._port.read(wide.reply_size - len(reply))
+            if _answers(address, wide, reply):
+                return wide, reply
+        return command, reply
 
     def _behind_late_replies(self, reply: bytes, size: int) -> bytes:
         """

@@ -66,10 +66,16 @@ class FrameReceiver:
         """Return how many bytes did not belong to an intact frame."""
         return self._deframer.skipped_bytes
 
+    def _ignores(self, body: bytes) -> bool:
+        """Return whether an intact frame contains no data, which is no fault."""
+        return False
+
     def _decoded(self, chunk: bytes, receive_ns: int,
                  decode: Callable[[bytes], Item]) -> Iterator[Item]:
         """Yield the decoded frames that ``chunk`` completes; reject those with a FrameError."""
         for body in self._deframer.extract(chunk):
+            if self._ignores(body):
+                continue
             try:
                 item = decode(body)
             except FrameError as error:

@@ -20,7 +20,7 @@ from smart_tire.drivers.sample_stream import FrameReceiver
 from smart_tire.errors import FrameError
 from smart_tire.protocol.tire_payload import (
     decode_batch, MAX_CODE, SEQUENCE_WRAP, TIMER_WRAP_US, TireBatch, volts)
-from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
+from smart_tire.protocol.xbee import decode_receive_packet, is_status, XBeeDeframer
 from smart_tire.samples import BatterySample, NS_PER_S, TireSamples
 
 VOLTS_OF_CODE = tuple(volts(code) for code in range(MAX_CODE + 1))
@@ -164,6 +164,9 @@ class TireStream(FrameReceiver):
                 yield samples
             if (battery := node.battery(batch, receive_ns)) is not None:
                 yield battery
+
+    def _ignores(self, body: bytes) -> bool:
+        return is_status(body)
 
     def _decode(self, body: bytes) -> tuple[SensorNode, TireBatch]:
         packet = decode_receive_packet(body)

@@ -22,12 +22,15 @@ from smart_tire.samples import NS_PER_S, WHEELS
 
 MAX_NAMES = 64         # of a JointState: a humanoid robot has some 40 joints
 MAX_NAME_LENGTH = 255  # characters, as of the names of ROS
+NANOSEC = 'header.stamp.nanosec'
 Numbers = TypeVar('Numbers', bound=Sequence[float])
 
 
 def stamp_of(msg: Any) -> int:
-    """Return the stamp [ns] of the header of ``msg``."""
+    """Return the stamp [ns] of the header of ``msg``; raise MessageError if it is invalid."""
     stamp = msg.header.stamp
+    if stamp.nanosec >= NS_PER_S:
+        raise MessageError(f'{NANOSEC} is 1e9 or more, expected the nanoseconds of a second')
     return cast(int, stamp.sec * NS_PER_S + stamp.nanosec)
 
 

@@ -80,14 +80,14 @@ def wheels_from_msg(msg: Any, topic: str = 'wheel_states', joints: JointParams =
     ``joints`` also match other unambiguous names.
     """
     layout = wheel_layout(names_of(msg, topic), joints, topic, recognize=recognize)
-    velocity = _wheel_values(msg, 'velocity', layout.signs, layout, topic)
+    velocity = wheel_values(msg, 'velocity', layout.signs, layout, topic)
     finite(topic, 'velocity', _measured(velocity, layout))
     bounded(topic, 'velocity', velocity, MAX_WHEEL_SPEED, 'rad/s')
-    return WheelSample(stamp_of(msg), velocity, _positions(msg, layout, topic),
-                       _torques(msg, layout, topic))
+    return WheelSample(stamp_of(msg), velocity, measured_angles(msg, layout, topic),
+                       torques(msg, layout, topic))
 
 
-def _wheel_values(msg: Any, field: str, factors: Four, layout: WheelLayout, topic: str) -> Four:
+def wheel_values(msg: Any, field: str, factors: Four, layout: WheelLayout, topic: str) -> Four:
     """Return the numbers of the wheels times ``factors``; NaN for wheels without a joint."""
     values = _values(msg, field, topic)
     return four([NAN if index is None else factor * values[index]
@@ -99,11 +99,11 @@ def _measured(values: Four, layout: WheelLayout) -> list[float]:
     return [value for value, index in zip(values, layout.indices) if index is not None]
 
 
-def _positions(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
+def measured_angles(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     """Return the angles of the wheels; None if one of those with a joint is not measured."""
     if not len(msg.position):
         return None
-    angles = _wheel_values(msg, 'position', layout.signs, layout, topic)
+    angles = wheel_values(msg, 'position', layout.signs, layout, topic)
     measured = _measured(angles, layout)
     if any(map(isnan, measured)):
         return None
@@ -111,15 +111,15 @@ def _positions(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     return angles
 
 
-def _torques(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
+def torques(msg: Any, layout: WheelLayout, topic: str) -> Four | None:
     """Return the motor torques, NaN where not measured; None if none was measured."""
     if not len(msg.effort):
         return None
-    torques = _wheel_values(msg, 'effort', layout.torque_factors, layout, topic)
-    if any(map(isinf, torques)):
-        raise not_finite_error(topic, 'effort', torques)
-    bounded(topic, 'effort', torques, MAX_WHEEL_TORQUE, 'N m')
-    return None if all(map(isnan, torques)) else torques
+    values = wheel_values(msg, 'effort', layout.torque_factors, layout, topic)
+    if any(map(isinf, values)):
+        raise not_finite_error(topic, 'effort', values)
+    bounded(topic, 'effort', values, MAX_WHEEL_TORQUE, 'N m')
+    return None if all(map(isnan, values)) else values
 
 
 def wheels_to_msg(msg: Any, sample: WheelSample) -> Any:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from math import isfinite, isnan, nan
 from typing import Any
 
+from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
     bounded, finite, not_finite_error, set_header, stamp_of, wheel_of)
 from smart_tire.samples import (
@@ -61,14 +62,25 @@ def _set_quaternion(target: Any, values: Sequence[float]) -> None:
 
 
 def imu_from_msg(msg: Any) -> ImuSample:
-    """Return the sample in an Imu; its orientation is None if not measured, NaN or all zero."""
+    """
+    Return the sample in an Imu; its orientation is None if not measured, NaN or all zero.
+
+    Raises MessageError if the message says that rate or acceleration is not measured.
+    """
     return ImuSample(
         stamp_of(msg),
-        _bounded_vector('imu/data', 'linear_acceleration', msg.linear_acceleration,
-                        MAX_SPECIFIC_FORCE, 'm/s2'),
-        _bounded_vector('imu/data', 'angular_velocity', msg.angular_velocity,
-                        MAX_ANGULAR_RATE, 'rad/s'),
+        _measured(msg, 'linear_acceleration', MAX_SPECIFIC_FORCE, 'm/s2'),
+        _measured(msg, 'angular_velocity', MAX_ANGULAR_RATE, 'rad/s'),
         _orientation(msg))
+
+
+def _measured(msg: Any, field: str, limit: float, unit: str) -> Vector3:
+    vector = _bounded_vector('imu/data', field, getattr(msg, field), limit, unit)
+    # some drivers send -1 with measurements, which are never exactly zero
+    if not any(vector) and getattr(msg, f'{field}_covariance')[0] == NOT_MEASURED:
+        raise MessageError(f'imu/data: {field} is not measured: zeros, and covariance -1 '
+                           '(REP-145)')
+    return vector
 
 
 def _orientation(msg: Any) -> tuple[float, float, float, float] | None:

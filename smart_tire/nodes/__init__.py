@@ -37,6 +37,8 @@ def _exit(number: int, frame: Any) -> None:
     os._exit(0)  # nothing to clean up yet
 
 
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as in smart_tire.cli.main
+
 if sys.argv[0] == '-m' or Path(sys.argv[0]).name in EXECUTABLES:  # ``python -m``, or a script
     for _number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(_number, _exit)

@@ -12,10 +12,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, TypeVar
 
-from smart_tire.messages import resolved_joints, topic_of, TOPICS, wheels_from_msg
+from smart_tire.messages import resolved_joints, topic_of, TOPICS, WheelReader
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.lockstep import Follower
@@ -50,6 +51,7 @@ class EstimatorNode(SmartTireNode[Params]):
                  new_estimator: Callable[[Params], Estimator], outputs: tuple[str, ...]) -> None:
         super().__init__(name, params_class)
         self._new_estimator = new_estimator
+        self._completed: Counter[str] = Counter()  # of wheel_states
         self._publish = {output: self.make_publisher(output) for output in outputs}
         self._topics = {output: self.resolve_topic_name(output) for output in outputs}
         self._follower = Follower(self, self.restart, self.finish)
@@ -78,7 +80,7 @@ class EstimatorNode(SmartTireNode[Params]):
             return on_message
         return self._follower.add_input(self.resolve_topic_name(name), on_message)
 
-    def conversion(self, name: str, joints: JointParams) -> Callable[[Any], Sample]:
+    def conversion(self, name: str, joints: JointParams) -> Callable[[Any], Sample | None]:
         """
         Return the conversion of messages on the topic ``name`` to samples.
 
@@ -86,10 +88,11 @@ class EstimatorNode(SmartTireNode[Params]):
         """
         if name != 'wheel_states':
             return TOPICS[name].from_msg
-        known = {joints.names}
+        known, read = {joints.names}, WheelReader(joints)
+        self._completed = read.completed
 
-        def convert(msg: Any) -> WheelSample:
-            sample = wheels_from_msg(msg, joints=joints)
+        def convert(msg: Any) -> WheelSample | None:
+            sample = read(msg)
             names = resolved_joints(tuple(msg.name), joints).names
             if joints.is_standard and names not in known:
                 known.add(names)
@@ -99,10 +102,11 @@ class EstimatorNode(SmartTireNode[Params]):
 
         return convert
 
-    def on_sample(self, sample: Sample) -> None:
+    def on_sample(self, sample: Sample | None) -> None:
         """Process a sample of any input and publish the estimates that it completes."""
-        for estimate in self.estimator.update(sample):
-            self.publish_estimate(estimate)
+        if sample is not None:
+            for estimate in self.estimator.update(sample):
+                self.publish_estimate(estimate)
 
     def finish(self) -> None:
         """Publish the estimates that await further samples, at the end of a replay."""
@@ -124,6 +128,11 @@ class EstimatorNode(SmartTireNode[Params]):
         status.values.update(self.estimator.status())
         if new := status.new('late', total):
             status.warn(f'{new} messages dropped: older than reorder_window', by_host=True)
+        status.values.update({f'wheel_states.{kind}': count
+                              for kind, count in self._completed.items() if count})
+        if status.new('zero_velocity', self._completed['zero_velocity']):
+            status.warn('wheel_states: velocity is 0 although the positions change: these are '
+                        'used')
         self._fill_replay(status)
 
     def _fill_replay(self, status: Status) -> None:

@@ -58,7 +58,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
                                urgent=kind is not TireSample)  # at least 400 Hz, with the next IMU
         self.call_every(IMU_WAIT, self._choose_odom)
 
-    def on_sample(self, sample: Sample) -> None:
+    def on_sample(self, sample: Sample | None) -> None:
         """Process a sample; import what crossings need with the first one, before the drive."""
         import_for_crossings()
         super().on_sample(sample)

@@ -92,6 +92,10 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
             text = f'{new} restarts from the priors: the state was not finite'
             status.warn(text)
             self.get_logger().warning(text)
+        if new := status.new('clock', int(self.estimator.status()['clock_jumps'])):
+            text = f'the clock of the inputs was set, {new} times: the pose goes on'
+            status.warn(text)
+            self.get_logger().warning(text)
         bias = self.estimator.gyro_bias
         if not self._is_initialized and (
                 bias.sigma < MAX_BIAS_SHARE * self.params.robot.imu.gyro_bias):

@@ -43,7 +43,7 @@ NODE_PARAMS = {node: cls for nodes in FILES.values() for node, cls in nodes.item
 def load_robot(files: Iterable[str | Path]) -> RobotParams:
     """Return the robot of the slip estimator's parameters; raise ParameterError if invalid."""
     return build(RobotParams, load_files(files, 'slip_estimator', known_names(
-        NODE_PARAMS.values()), specs(RobotParams)))
+        NODE_PARAMS.values()), specs(RobotParams), NODE_PARAMS))
 
 
 def load_node(files: Iterable[str | Path], node: str,
@@ -56,7 +56,7 @@ def load_node(files: Iterable[str | Path], node: str,
     own = known_names([NODE_PARAMS[node]])
     given = {name: value for name, value in (values or {}).items() if is_known(name, own)}
     return build(NODE_PARAMS[node], {
-        **load_files(files, node, known_names(NODE_PARAMS.values()), own), **given})
+        **load_files(files, node, known_names(NODE_PARAMS.values()), own, NODE_PARAMS), **given})
 
 
 __all__ = [

@@ -42,11 +42,12 @@ Block = tuple[str, dict[str, Any]]  # name of the node or pattern, flat paramete
 
 
 def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
-               own: Mapping[str, Spec]) -> dict[str, Any]:
+               own: Mapping[str, Spec], nodes: Collection[str] = ()) -> dict[str, Any]:
     """
     Return the flat parameters that ``paths`` set for ``node``; later files and blocks win.
 
-    ``known`` are the parameter names of all nodes of this package; any other name is an error.
+    ``known`` are the parameter names of all nodes of this package; any other name is an error, but
+    with ``nodes``, those of this package, not in blocks for others, such as of Nav2.
     ``own`` are those of this node; others are ignored. Both are results of ``known_names``.
     Raises ParameterError, naming the file, if one is missing, not a parameter file, or has a value
     that is not of the described kind and range.
@@ -54,7 +55,8 @@ def load_files(paths: Iterable[str | Path], node: str, known: Iterable[str],
     known, values = set(known), dict[str, Any]()
     for path in paths:
         for block, parameters in read_blocks(Path(path)):
-            check_names(parameters, known, f'{path}: ')
+            if not nodes or any(_matches(block, one) for one in nodes):
+                check_names(parameters, known, f'{path}: ')
             found = values_for(node, [(block, parameters)], own)
             _check_values(found, own, f'{path}: ')
             values.update(found)

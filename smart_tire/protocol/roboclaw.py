@@ -81,6 +81,8 @@ READ_CURRENTS = Command(49, reply='>hh')     # M1, M2, in CURRENT_RESOLUTION
 READ_ENCODERS = Command(78, reply='>II')     # M1, M2, counts modulo COUNT_WRAP
 READ_SPEEDS = Command(79, reply='>ii')       # M1, M2, counts per second, averaged over 1/300 s
 READ_STATUS = Command(90, reply='>H')        # bit field, STATUS_NORMAL if no bit is set
+READ_STATUS_32 = Command(90, reply='>I')     # the same since firmware 4.2
+WIDE = {READ_STATUS: READ_STATUS_32}         # commands with a longer reply of newer firmware
 
 COMMANDS = {command.code: command for command in (
     SET_TIMEOUT, READ_TIMEOUT, READ_VERSION, READ_BATTERY, SET_DUTY, READ_CURRENTS, READ_ENCODERS,

@@ -82,7 +82,7 @@ def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     summary = json.loads((out / 'summary.json').read_text())
     assert summary == run.summary
     assert list(summary) == [
-        'bag', 'duration_s', 'host', 'parameters', 'notes', 'errors', 'diverged', 'inputs',
+        'bag', 'duration_s', 'host', 'parameters', 'notes', 'findings', 'diverged', 'inputs',
         'left_out', 'estimates', 'against_truth', 'against_camera', 'smoothed']
     assert summary['bag'] == str(drive_bag)
     assert summary['duration_s'] == pytest.approx(12.0, abs=0.1)
@@ -114,7 +114,7 @@ def test_a_bag_of_typed_messages_gives_the_same_estimates(drive, params, tmp_pat
     events = typed(until(drive, 4.0))
     plain = analyze(write_bag(tmp_path / 'plain', standard(events)), tmp_path / 'a', params)
     other = analyze(write_bag(tmp_path / 'typed', events), tmp_path / 'b', params)
-    same = 'parameters', 'errors', 'inputs', 'left_out', 'estimates', 'against_truth'
+    same = 'parameters', 'findings', 'inputs', 'left_out', 'estimates', 'against_truth'
     assert {key: other.summary[key] for key in same} == {key: plain.summary[key] for key in same}
     assert plain.summary['estimates']['tire_friction'] and plain.summary['against_truth']
     assert other.contents.skipped == plain.contents.skipped

@@ -17,12 +17,13 @@ from pathlib import Path
 import tempfile
 
 import pytest
-from smart_tire.bags import BagWriter, channel_of
+from smart_tire.bags import Bag, BagWriter, channel_of
 from smart_tire.bags.mcap_file import McapFile
 from smart_tire.bags.metadata import Losses
 from smart_tire.bags.opening import OpenFiles
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
+from smart_tire.samples import NS_PER_S
 from support.recordings import stream, write_with_rosbags
 from support.special_files import KINDS, special_file
 import zstandard
@@ -204,3 +205,51 @@ def test_what_is_no_bag_is_refused_without_traces(files, opened, tmp_path, monke
                       f'{tmp_path}/empty/c.mcap: cannot be read (Is a directory)']
     bag.close()
     assert not list(traces.iterdir())
+
+
+def written(path, start_ns, count=20, topic='/imu/data'):
+    """Write a bag file of messages each 0.1 s from ``start_ns`` on; return it."""
+    with BagWriter(path.with_suffix('')) as writer:
+        writer.add_topic(channel_of(topic, 'sensor_msgs/msg/Imu'))
+        for k in range(count):
+            writer.write(topic, start_ns + k * NS_PER_S // 10, b'\0\1\0\0')
+    file, = path.with_suffix('').glob('*.mcap')
+    return file.rename(path)
+
+
+@pytest.mark.parametrize('start, topic, allowed', [
+    (2.05, '/imu/data', True), (86400.0, '/imu/data', False), (10.0, '/imu/data', False),
+    (0.0, '/imu/data', True), (-3600.0, '/imu/data', False), (1.0, '/other', True)])
+def test_files_of_several_recordings_in_a_folder_are_refused(tmp_path, start, topic, allowed):
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    begin = 1_700_000_000 * NS_PER_S
+    written(tmp_path / 'a.mcap', begin).rename(folder / 'a.mcap')
+    written(tmp_path / 'b.mcap', begin + round(start * NS_PER_S), topic=topic).rename(
+        folder / 'b.mcap')
+    if allowed:
+        with Bag(folder) as bag:
+            assert sum(one.messages for one in bag.topics.values()) == 40
+    else:
+        with pytest.raises(BagError, match='2 files, which are not of one recording: [ab].mcap'):
+            Bag(folder)
+
+
+@pytest.mark.parametrize('lost', [False, True])
+def test_a_renamed_file_is_no_loss_if_it_has_all_messages(tmp_path, lost):
+    file = written(tmp_path / 'a.mcap', NS_PER_S)
+    bag = tmp_path / 'a'
+    file.rename(bag / 'other.mcap')
+    if lost:
+        metadata = bag / 'metadata.yaml'
+        metadata.write_text(metadata.read_text().replace('count: 20', 'count: 21'))
+    with Bag(bag) as opened:
+        assert sum(one.messages for one in opened.topics.values()) == 20
+        assert bool(opened.losses.lines()) == lost
+        assert any('renamed since' in text for text in opened.warnings) != lost
+
+
+def test_the_metadata_of_a_bag_as_argument_name_its_folder(tmp_path):
+    written(tmp_path / 'a.mcap', NS_PER_S)
+    with pytest.raises(BagError, match='describes a bag: give its folder'):
+        Bag(tmp_path / 'a' / 'metadata.yaml')

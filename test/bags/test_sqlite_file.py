@@ -323,3 +323,48 @@ def test_a_view_that_claims_to_be_a_table_is_none(tmp_path, sql):
                   f"SET type = 'table', rootpage = 2, sql = {sql} WHERE name = 'a'")
     assert contents(path)[:4] == expected
     assert 'file is damaged' in contents(path)[4].reasons[0]
+
+
+@pytest.fixture
+def logged(tmp_path):
+    """Return a bag of an interrupted recording, whose rows are in the write-ahead log."""
+    live, folder = tmp_path / 'live.db3', tmp_path / 'bag'
+    folder.mkdir()
+    db = sqlite3.connect(live, isolation_level=None)
+    db.executescript("""PRAGMA journal_mode=WAL; PRAGMA wal_autocheckpoint=0;
+        CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
+            serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
+        CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,
+            timestamp INTEGER NOT NULL, data BLOB NOT NULL);
+        INSERT INTO topics VALUES (1, '/imu/data', 'sensor_msgs/msg/Imu', 'cdr', '');
+        PRAGMA wal_checkpoint(TRUNCATE);""")
+    for k in range(50):
+        db.execute('INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)', (k, b'x'))
+    for suffix in ('', '-wal'):
+        shutil.copy(f'{live}{suffix}', folder / f'bag_0.db3{suffix}')
+    db.close()
+    return folder
+
+
+def counted(folder):
+    """Return the number of messages of a bag, and what is missing."""
+    with Bag(folder) as bag:
+        return sum(topic.messages for topic in bag.topics.values()), bag.losses.lines()
+
+
+def test_the_write_ahead_log_is_read(logged):
+    assert counted(logged) == (50, [])
+
+
+def test_the_write_ahead_log_is_read_where_sqlite_can_make_no_index_of_it(logged):
+    (logged / 'bag_0.db3-shm').mkdir()  # as in a read-only folder
+    before = sorted(path.name for path in logged.iterdir())
+    assert counted(logged) == (50, [])
+    assert sorted(path.name for path in logged.iterdir()) == before
+
+
+def test_a_write_ahead_log_that_is_gone_is_a_loss(logged):
+    (logged / 'bag_0.db3-wal').unlink()
+    for _ in range(2):  # reading makes an empty one
+        count, (loss,) = counted(logged)
+        assert count == 0 and 'write-ahead log (-wal) is missing' in loss

@@ -36,7 +36,7 @@ def bag(tmp_path_factory):
 def robot(tmp_path):
     """Return a parameter file that fits the drive."""
     path = tmp_path / 'robot.yaml'
-    path.write_text('/**: {ros__parameters: {film: {wheels: [front_left]}}}')
+    path.write_text('/**: {ros__parameters: {wheel_radius: 0.087, film: {wheels: [front_left]}}}')
     return path
 
 
@@ -53,14 +53,14 @@ def test_the_smoother_has_its_own_bag_and_report(bag, robot, tmp_path, capsys):
     assert output.count('position error, rms [m]') == 2 and 'RTS smoother' in output
 
 
-def test_several_bags_have_a_folder_each(bag, tmp_path):
+def test_several_bags_have_a_folder_each(bag, robot, tmp_path):
     other = tmp_path / 'again'
     other.symlink_to(bag / 'drive_0.mcap')
     out = tmp_path / 'out'
     copy = tmp_path / 'copy'
     copy.mkdir()
     (copy / 'copy_0.mcap').write_bytes((bag / 'drive_0.mcap').read_bytes())
-    assert analyze(bag, copy, '--no-figures', '--out', out) == 0
+    assert analyze(bag, copy, '--params', robot, '--no-figures', '--out', out) == 0
     assert sorted(path.name for path in out.iterdir()) == ['copy', 'drive']
     assert sorted(path.name for path in (out / 'copy').iterdir()) == ['estimates', 'summary.json']
 
@@ -93,19 +93,21 @@ def test_nothing_is_ever_written_into_the_folder_of_a_bag(bag, out, force, capsy
     assert sorted(bag.rglob('*')) == before
 
 
-def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(bag, tmp_path, capsys):
+def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(
+        bag, robot, tmp_path, capsys):
     empty = write_bag(tmp_path / 'empty', [])
-    assert analyze(empty, bag, '--no-figures', '--out', tmp_path / 'out') == 1
+    assert analyze(empty, bag, '--params', robot, '--no-figures', '--out', tmp_path / 'out') == 1
     output = capsys.readouterr().out
     assert f'{empty}: nothing can be estimated' in output
     assert 'imu/data is not in the bag' in output
     assert (tmp_path / 'out' / 'drive' / 'summary.json').exists()
 
 
-def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(bag, tmp_path, capsys):
+def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(
+        bag, robot, tmp_path, capsys):
     out, damaged = tmp_path / 'out', tmp_path / 'damaged.mcap'
     damaged.write_text('no bag')
-    assert analyze(damaged, bag, '--no-figures', '--out', out) == 2
+    assert analyze(damaged, bag, '--params', robot, '--no-figures', '--out', out) == 2
     assert 'damaged.mcap: not an MCAP file' in capsys.readouterr().err
     assert (out / 'drive' / 'summary.json').exists()
 
@@ -135,10 +137,28 @@ def test_an_estimate_that_diverges_is_no_result(verb, out, degrees, robot, tmp_p
         assert 'Error in the recording: imu/data' in page and 'diverges from' in page
         return
     summary = json.loads((tmp_path / out / 'summary.json').read_text())
-    assert summary['diverged'] in lines[-1] and summary['errors'] == [error[len('error: '):]]
+    assert summary['diverged'] in lines[-1]
+    assert [one['where'] for one in summary['findings'] if one['level'] == 'error'] == [
+        'imu/data']
     assert analyze(degrees, '--no-checks', '--force', *words) == 1
     output = capsys.readouterr().out
     assert 'error: ' not in output and 'the estimate diverges from' in output
+
+
+@pytest.mark.parametrize('verb, out', [('analyze', 'out'), ('report', 'out.html')])
+def test_results_that_the_checks_contradict_are_kept_with_status_four(verb, out, bag, tmp_path):
+    words = [verb, str(bag), '--out', str(tmp_path / out), '--force']
+    words += ['--no-figures'] if verb == 'analyze' else []
+    assert main(words) == 4  # nothing gives the wheel radius
+    if verb == 'analyze':
+        found, = (one for one in json.loads((tmp_path / out / 'summary.json').read_text())[
+            'findings'] if one['level'] == 'error')
+        assert found['where'] == 'wheel_radius' and 'not given' in found['found']
+        assert set(found) == {'level', 'where', 'found', 'expected', 'action'}
+    else:
+        notes = (tmp_path / out).read_text().partition('class="notes"')[2]
+        assert notes.partition('<p>')[2].startswith('Error in the recording: wheel_radius: not')
+    assert main([*words, '--no-checks']) == 0
 
 
 def test_bags_of_the_same_name_in_several_folders_are_named_by_the_folders():

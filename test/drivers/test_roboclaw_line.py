@@ -22,7 +22,8 @@ from smart_tire.drivers.roboclaw_line import (
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import (
-    encode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, READ_TIMEOUT, SET_DUTY)
+    encode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, READ_STATUS,
+    READ_STATUS_32, READ_TIMEOUT, SET_DUTY)
 from smart_tire.samples import NS_PER_S
 from support.pty_port import PtyPort
 from support.virtual_robot import VirtualClock, VirtualPort
@@ -46,6 +47,7 @@ class ScriptedPort:
         self.unsent = b''
         self.timeouts = []  # of the requests, s
         self.timeout = None
+        self.sizes = []  # of the reads
 
     @property
     def in_waiting(self):
@@ -58,6 +60,7 @@ class ScriptedPort:
         self.pending += self.replies.pop(0) if self.replies else b''
 
     def read(self, size):
+        self.sizes.append(size)
         data, self.pending = self.pending[:size], self.pending[size:]
         return data
 
@@ -288,3 +291,34 @@ def test_a_line_that_accepts_no_bytes_is_an_error_after_the_write_time_out(tmp_p
         for _ in range(10_000):  # not read: the kernel buffer fills
             line.post(128, SET_DUTY, 0, 0)
     port.unplug()
+
+
+STATUS, WIDE_STATUS = (encode_reply(128, command, 0x4000)
+                       for command in (READ_STATUS, READ_STATUS_32))
+
+
+@pytest.mark.parametrize('replies', [[STATUS] * 3, [WIDE_STATUS] * 3, [BAD, WIDE_STATUS] * 2])
+def test_a_status_of_16_or_32_bits_is_read(replies):
+    port, line = ScriptedPort(*replies), RoboclawLine(ReadClock())
+    line.use(port)
+    for _ in range(3 if BAD not in replies else 2):
+        assert line.exchange(128, READ_STATUS) == (0x4000,)
+    assert line.frames_bad == replies.count(BAD) and not port.pending
+
+
+def test_a_known_width_is_kept():
+    port, line = ScriptedPort(STATUS, STATUS[:-1] + b'?', STATUS), RoboclawLine(ReadClock())
+    line.use(port)
+    line.exchange(128, READ_STATUS)
+    port.sizes = []
+    line.exchange(128, READ_STATUS)
+    assert port.sizes == [4, 4]  # the damaged reply and its repetition: no wait for two more bytes
+
+
+def test_each_board_has_its_own_width():
+    other = encode_reply(129, READ_STATUS_32, 0x80000000)
+    port, line = ScriptedPort(STATUS, other, STATUS, other), RoboclawLine(ReadClock())
+    line.use(port)
+    for _ in range(2):
+        assert line.exchange(128, READ_STATUS) == (0x4000,)
+        assert line.exchange(129, READ_STATUS) == (0x80000000,)

@@ -186,11 +186,18 @@ def test_each_sensor_node_has_its_own_wheel_sequence_and_clock():
     assert [node.lost for node in stream.sensor_nodes.values()] == [0, 1]
 
 
+def test_a_status_of_the_radio_module_is_no_bad_frame():
+    stream = TireStream({ADDRESS: 'front_right'})
+    chunk = encode_frame(b'\x8a\x06') + packet(encode_batch(batch(0)))
+    assert len(samples_of(stream, chunk, arrival(1))) == 16
+    assert (stream.frames_ok, stream.frames_bad, stream.bytes_skipped) == (1, 0, 0)
+
+
 @pytest.mark.parametrize(('bad', 'error'), [
     (packet(encode_batch(BATCH), OTHER_ADDRESS), 'unknown sensor node 0013A200DEADBEEF'),
     (packet(b'\x02' + encode_batch(BATCH)[1:]), 'version 02'),
     (packet(encode_batch(BATCH)[:-1]), 'expected 78'),
-    (encode_frame(b'\x8a\x06'), 'XBee'),
+    (encode_frame(b'\x92' + bytes(12)), 'XBee'),
 ])
 def test_unexpected_packets_are_rejected_and_decoding_continues(bad, error):
     stream = TireStream({ADDRESS: 'front_right'})

@@ -220,6 +220,36 @@ def test_an_orientation_that_is_not_measured_is_none(fields):
     assert read('imu/data', **fields).orientation is None
 
 
+IMU = next(sample for sample in SAMPLES if isinstance(sample, ImuSample))
+
+
+@pytest.mark.parametrize('field', ['angular_velocity', 'linear_acceleration'])
+@pytest.mark.parametrize('vector, covariance, measured', [
+    (0.0, -1.0, False), (0.0, 0.0, True), (0.1, -1.0, True)])
+def test_a_rate_or_acceleration_that_is_not_measured_is_refused(
+        field, vector, covariance, measured):
+    msg = TOPICS['imu/data'].to_msg(empty('sensor_msgs/msg/Imu'), IMU)
+    part = getattr(msg, field)
+    part.x, part.y, part.z = 0.0, 0.0, vector
+    setattr(msg, f'{field}_covariance', [covariance, *[0.0] * 8])
+    if measured:
+        assert TOPICS['imu/data'].from_msg(msg).stamp_ns == IMU.stamp_ns
+    else:
+        with pytest.raises(MessageError, match=f'{field} is not measured'):
+            TOPICS['imu/data'].from_msg(msg)
+
+
+@pytest.mark.parametrize('nanosec, valid', [(999_999_999, True), (1_000_000_000, False)])
+def test_more_nanoseconds_than_a_second_has_are_refused(nanosec, valid):
+    msg = TOPICS['imu/data'].to_msg(empty('sensor_msgs/msg/Imu'), IMU)
+    msg.header.stamp.sec, msg.header.stamp.nanosec = 5, nanosec
+    if valid:
+        assert TOPICS['imu/data'].from_msg(msg).stamp_ns == 5_999_999_999
+    else:
+        with pytest.raises(MessageError, match='header.stamp.nanosec is 1e9 or more'):
+            TOPICS['imu/data'].from_msg(msg)
+
+
 def test_noise_of_the_imu_is_a_covariance_and_unknown_noise_is_zero():
     sample = next(sample for sample in SAMPLES if isinstance(sample, ImuSample))
     msg = imu_to_msg(empty('sensor_msgs/msg/Imu'), sample, gyro_noise=0.1, accel_noise=0.2)

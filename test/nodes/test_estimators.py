@@ -133,6 +133,37 @@ def test_late_and_invalid_messages_are_counted_and_the_estimator_continues(slip)
     assert reached(slip) > 1.4
 
 
+@pytest.mark.parametrize('velocity', [(), (0.0,) * 4])
+def test_wheels_without_velocities_are_read_by_their_angles(slip, velocity):
+    for tick in range(250):
+        stamp_ns = START_NS + tick * 10_000_000
+        slip.publish('imu/data', stationary(stamp_ns))
+        if tick % 5 == 0:
+            msg = JointState(name=['front_left', 'front_right', 'rear_left', 'rear_right'],
+                             position=[0.05 * tick] * 4, velocity=velocity)
+            msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(stamp_ns, NS_PER_S)
+            slip.publish('wheel_states', msg)
+        slip.run(0.01)
+    speed = 5.0 * slip.params.robot.wheel_radius  # m/s
+    assert slip.latest('odom').linear[0] == pytest.approx(speed, abs=0.1 * speed)
+    status = slip.health()
+    assert ('velocity is 0 although' in status.message) == bool(velocity)
+    assert int(status.values[
+        f'wheel_states.{"zero" if velocity else "missing"}_velocity']) > 35
+
+
+def test_a_clock_that_is_set_is_in_the_log_and_the_pose_goes_on(slip):
+    stand(slip)
+    slip.estimator._segment.filter.kalman.set_states([0], 7.0, 0.1)
+    slip.run(0.1)
+    stand(slip, start_ns=START_NS + 2 * NS_PER_S)
+    x = slip.latest('odom').position[0]
+    stand(slip, start_ns=START_NS + 3600 * NS_PER_S)
+    assert slip.latest('odom').position[0] == pytest.approx(x, abs=0.01) and x > 0.0
+    slip.health()
+    assert sum('the clock of the inputs was set' in line for line in slip.log.lines) == 1
+
+
 def test_inputs_are_logged_in_one_line_each_and_those_without_messages_are_in_the_diagnostics(
         slip):
     slip.run(3.0)

@@ -11,6 +11,7 @@
 """XBee API mode 2 and the 0x90 frame, against the frames of test/data/frames/xbee.txt."""
 
 from hypothesis import given, strategies as st
+import numpy as np
 import pytest
 from smart_tire.errors import FrameError
 from smart_tire.protocol import xbee
@@ -107,3 +108,61 @@ def test_bytes_without_a_start_byte_are_discarded_at_once():
     deframer = XBeeDeframer()
     assert list(deframer.extract(bytes(1000))) == []
     assert (deframer.skipped_bytes, deframer.bad_frames) == (1000, 0)
+
+
+def plain(body):
+    """Return the frame of API mode 1 with ``body``."""
+    return b'\x7e' + len(body).to_bytes(2, 'big') + body + bytes((0xFF - sum(body) % 256,))
+
+
+def packets(count=400, size=90):
+    """Return bodies of received packets with random data."""
+    rng = np.random.default_rng(5)
+    return [xbee.encode_receive_packet(ReceivePacket(0x13A20040A1B2C3, 0xFFFE, 1, rng.bytes(size)))
+            for _ in range(count)]
+
+
+@pytest.mark.parametrize('chunk', [1, 7, 64, 5000])
+def test_frames_of_mode_1_are_read(chunk):
+    bodies, deframer, found = packets(), XBeeDeframer(), []
+    stream = b''.join(map(plain, bodies))
+    for k in range(0, len(stream), chunk):
+        found += deframer.extract(stream[k:k + chunk])
+    assert set(found) <= set(bodies)
+    assert found[-100:] == bodies[-100:] and len(found) > 380
+    assert not deframer.escaped
+
+
+def test_damage_does_not_change_the_mode():
+    rng, deframer, found = np.random.default_rng(6), XBeeDeframer(), []
+    bodies = packets(2000, 40)
+    for body in bodies:
+        frame = bytearray(xbee.encode_frame(body))
+        if rng.random() < 0.3:
+            frame[rng.integers(len(frame))] ^= 1 << rng.integers(8)
+        found += deframer.extract(bytes(frame))
+        assert deframer.escaped
+    assert len(set(found) & set(bodies)) > 0.6 * len(bodies)
+
+
+def test_mode_2_is_read_again_after_mode_1():
+    deframer, bodies = XBeeDeframer(), packets()
+    list(deframer.extract(b''.join(map(plain, bodies[:200]))))
+    assert not deframer.escaped
+    found = list(deframer.extract(b''.join(map(xbee.encode_frame, bodies[200:]))))
+    assert deframer.escaped and found[-150:] == bodies[-150:]
+
+
+def test_explicit_packets_have_the_same_data():
+    body = bytes.fromhex('91 0013a20040a1b2c3 fffe e8 e8 0011 c105 01') + b'data'
+    assert xbee.decode_receive_packet(body) == ReceivePacket(
+        0x13A20040A1B2C3, 0xFFFE, 1, b'data')
+    with pytest.raises(FrameError, match='has 17 bytes, expected at least 18'):
+        xbee.decode_receive_packet(body[:17])
+
+
+@pytest.mark.parametrize('body, expected', [
+    (b'\x8a\x06', True), (b'\x8b' + bytes(6), True), (b'\x90' + bytes(11), False),
+    (b'\x92' + bytes(11), False)])
+def test_a_status_of_the_module_is_no_data_and_no_fault(body, expected):
+    assert xbee.is_status(body) == expected

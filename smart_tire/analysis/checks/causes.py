@@ -27,6 +27,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+import itertools
 import math
 
 import numpy as np
@@ -36,7 +37,7 @@ from smart_tire.analysis.checks.messages import clock_differences
 from smart_tire.analysis.checks.motion import correlation
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
 from smart_tire.analysis.checks.sensors import (
-    gravity_of, opposite_pairs, stuck_wheels, velocity_ratio)
+    exchanges, gravity_of, opposite_pairs, stuck_wheels, velocity_ratio)
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import min_interval, yaw_motion
 from smart_tire.calibration.priors import PRIORS
@@ -92,7 +93,7 @@ def check_causes(recording: CheckedRecording) -> Iterator[Finding]:
 
 def mended(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
     """Return the wrong units, axes and signs, and ``recording`` without them."""
-    found, motion = [], recording.motion
+    found, motion = list[Finding](), recording.motion
     gravity, axes, unit = gravity_of(recording), np.eye(3), 1.0
     if gravity is not None:
         axes = matrix(*np.radians(UPRIGHT.get(gravity.axis, (0.0, 0.0, 0.0))))
@@ -104,10 +105,7 @@ def mended(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording
                         motion.imu.force @ axes.T / unit)
         wheels = replace(motion.wheels, time=motion.wheels.time + late.get('wheel_states', 0.0))
         motion = replace(motion, imu=imu, wheels=wheels)
-        for step in (_encoders, _velocity_unit, _reversed_side, _gyro_unit, _yaw_sign):
-            one, motion = step(motion, robot)
-            found += one
-        yaw, motion = _mounting(motion, robot)
+        found, motion, yaw = _explained(motion, robot)
         axes = matrix(0.0, 0.0, yaw) @ axes
     rotation = [round(float(angle), 3) + 0.0 for angle in angles(
         axes @ matrix(*recording.robot.imu.rotation))]
@@ -133,18 +131,57 @@ def _scaled(motion: CalibrationRecording, factors: Array | float,
         wheels.time, wheels.velocity[:, rows] * factors, position, wheels.torque))
 
 
-def _encoders(motion: CalibrationRecording, robot: RobotParams) -> Mended:
-    """Mend wheels that stand still or turn backwards while their partner turns."""
-    order, factors, found = np.arange(len(WHEELS)), np.ones(len(WHEELS)), []
+def _explained(motion: CalibrationRecording, robot: RobotParams
+               ) -> tuple[list[Finding], CalibrationRecording, float]:
+    """
+    Return the findings, the recording without them, and the yaw [rad] by which the IMU is turned.
+
+    Which wheels are of one side, and which one of two turns backwards, is decided by what leaves
+    the least to explain.
+    """
+    stuck, motion = _stuck(motion, robot)
+    best: tuple[int, list[Finding], CalibrationRecording, float] | None = None
+    for wheels, changed in _wheel_hypotheses(motion, robot):
+        found, mended = [*stuck, *wheels], changed
+        for step in (_velocity_unit, _reversed_side, _gyro_unit, _yaw_sign):
+            one, mended = step(mended, robot)
+            found += one
+        yaw, mended = _mounting(mended, robot)
+        count = len(found) + (yaw != 0.0)
+        if best is None or count < best[0]:
+            best = count, found, mended, yaw
+    assert best is not None  # there is at least the recording as it is
+    return best[1:]
+
+
+def _stuck(motion: CalibrationRecording, robot: RobotParams) -> Mended:
+    """Mend wheels that stand still while their partner turns."""
+    order, found = np.arange(len(WHEELS)), []
     for wheel, other in stuck_wheels(motion.wheels.velocity):
         order[wheel] = other
         found.append(finding('wheel_stuck', f'wheel_states of {WHEELS[wheel]}',
                              other=WHEELS[other]))
-    for wheel, other in opposite_pairs(motion.wheels.velocity):
-        factors[wheel] = -1.0
-        found.append(finding('wheel_reversed',
-                             f'wheel_states of {WHEELS[other]} and {WHEELS[wheel]}'))
-    return found, _scaled(motion, factors, order) if found else motion
+    return found, _scaled(motion, 1.0, order) if found else motion
+
+
+def _wheel_hypotheses(motion: CalibrationRecording, robot: RobotParams) -> Iterator[Mended]:
+    """Yield exchanged and reversed wheels, and the recording without them; the likeliest first."""
+    for exchanged in exchanges(motion.wheels.velocity):
+        order, found = np.arange(len(WHEELS)), []
+        if exchanged is not None:
+            one, other = exchanged
+            order[[one, other]] = other, one
+            found = [finding('wheels_exchanged', 'wheel_states', one=WHEELS[one],
+                             other=WHEELS[other])]
+        moved = _scaled(motion, 1.0, order) if found else motion
+        pairs = list(opposite_pairs(moved.wheels.velocity))
+        for reversed_wheels in itertools.product(*pairs):
+            factors = np.ones(len(WHEELS))
+            factors[list(reversed_wheels)] = -1.0
+            yield [*found, *(finding(
+                'wheel_reversed', f'wheel_states of {WHEELS[wheel]}', other=WHEELS[
+                    pair[pair[0] == wheel]]) for wheel, pair in zip(reversed_wheels, pairs))], (
+                _scaled(moved, factors) if pairs else moved)
 
 
 def _velocity_unit(motion: CalibrationRecording, robot: RobotParams) -> Mended:

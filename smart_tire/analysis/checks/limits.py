@@ -41,12 +41,24 @@ MAX_DRIFT = 200e-6           # s/s; crystals differ by up to 100e-6
 MIN_DRIFT_CHANGE = 0.010     # s, over the recording
 DRIFT_BLOCKS = 20            # whose smallest delays give the drift
 
+MIN_STAMP_STEP = 0.01        # of the mean time between receptions: stamps of another unit
+MAX_OTHER_SHARE = 0.05       # of the messages from a second publisher
+OTHER_FACTOR = 5.0           # of what it differs by, over the change between its neighbors
+MAX_HELD_TIME = 0.25         # s for which a device of 4 Hz holds a sample; longer: it is stuck
+
 # IMU, wheels and tire
+MIN_FROZEN_TIME = 0.5        # s for which no sensor with noise repeats a value ...
+FROZEN_YAW_RATE = 0.3        # rad/s ... while the wheels change their yaw rate by this much ...
+FROZEN_SPEED = 0.3           # m/s ... or their speed by this much from a constant acceleration
+MIN_PINNED = 5               # samples in a row at the largest value of a saturated gyro
+SATURATED_SHARE = 0.8        # of the yaw rate over that of the wheels below saturation
 GRAVITY_TOLERANCE = 0.03     # relative: bias and scale error of a consumer-grade accelerometer
 REMOVED_GRAVITY = 0.3        # of gravity; a smaller specific force is that without gravity
 MAX_TILT = math.radians(10.0)  # of the mounting and of the ground
 BIAS_SIGMAS = 5.0            # of imu.gyro_bias
+EXCHANGED_SHARE = 0.3        # of the speed difference of the wheels of a side, if exchanged
 STUCK_SHARE = 0.02           # of the speed of the other wheel of its side
+MIN_TORQUE_CORRELATION = 0.2  # of motor torques and acceleration; 0.4 to 0.7 in simulated drives
 MAX_FORCE_WEIGHTS = 3.0      # of the motors over the weight: friction coefficients are below 2
 # C_x / F_z. Below 3 mu, 3 mu F_z / C_x exceeds 1: the patch never slides fully, so that friction
 # is not observable. The other limit is twice the 30 of passenger car tires.
@@ -57,6 +69,7 @@ MAX_SIGMA = 0.3          # relative standard error above which a value says noth
 MAX_SLIP = 0.3           # slip on soft ground: the body is slower than its wheels, not faster
 MIN_SIGNAL = 0.1         # m/s2 or m/s per s, rms: what 0.6 degrees of slope mimic
 MIN_FOLLOWING = 0.95     # correlation of wheels and yaw rate that shows a delay; 0.86 on ice
+MIN_FIRM_FOLLOWING = 0.99  # the same on firm ground; 0.97 on simulated ice
 MIN_YAW_RATE = 0.1       # rad/s rms of a recording with turns
 MAX_YAW = math.radians(25.0)  # of the IMU; forces in real drives are within 10 degrees of x
 CLEAR_CORRELATION = 0.8  # of yaw rate and mean speed, if one side is reversed; 0.86 on ice

@@ -18,24 +18,27 @@ their change over the recording shows clocks that drift against each other.
 from __future__ import annotations
 
 from collections.abc import Iterator
+import math
 import re
 
 import numpy as np
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.checks.stalls import delays, due_ns, least_delays
+from smart_tire.analysis.checks.stalls import delays, due_ns, least_delays, runs
 from smart_tire.analysis.summary import MIN_GAP_PERIODS
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import counted, Finding, Level
 from smart_tire.host_load import other_problems
-from smart_tire.messages import TOPICS
+from smart_tire.messages import NANOSEC, TOPICS
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import NODE_PARAMS
 from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S
 
 RECORDER = 'recorder'  # node of smart_tire record
+STAMP_UNITS = {'milliseconds': 1e6, 'microseconds': 1e3}  # ns
+FIRST_DATE_NS = 946_684_800 * NS_PER_S  # 2000-01-01; earlier timestamps are of a simulation
 NEEDED_FOR = {'imu/data': 'odom and wheel_slip', 'wheel_states': 'all estimates',
               'tire_samples': 'tire_friction'}
 
@@ -121,6 +124,19 @@ def check_columns(recording: CheckedRecording) -> Iterator[Finding]:
         yield finding('no_positions', wheels.name)
 
 
+def check_clock_steps(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield clocks that were set while the bag was recorded."""
+    for text in recording.faults.clock_steps:
+        yield finding('clock_set', 'clock', text=text)
+
+
+def check_completed(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield what ``wheel_states`` lacked and was completed from its other fields."""
+    for kind, count in sorted(recording.faults.completed.items()):
+        if count:
+            yield finding(kind, 'wheel_states', count=counted(count, 'message'))
+
+
 def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield rates below what the estimators need, and rates that differ from the nominal one."""
     for stream in recording.regular:
@@ -163,8 +179,14 @@ def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield timestamps that are zero, run backwards or repeat."""
-    for stream in (one for topic in INPUTS for one in recording.of(topic)):
+    """Yield timestamps that are zero, of another unit, run backwards or repeat."""
+    for name, ratio in recording.invalid_stamps.items():
+        if not math.isnan(ratio):  # else the messages are rejected
+            yield finding('stamp_unit', name, reason=next(
+                (f'{NANOSEC} has {unit}' for unit, factor in STAMP_UNITS.items()
+                 if 0.5 < ratio / factor < 2.0), f'{NANOSEC} does not advance'))
+    for stream in (one for topic in INPUTS for one in recording.of(topic)
+                   if one.name not in recording.invalid_stamps):
         steps = np.diff(stream.stamp_ns)
         zero, back, same = (stream.stamp_ns <= 0).sum(), (steps < 0).sum(), (steps == 0).sum()
         if zero:
@@ -175,6 +197,27 @@ def check_stamps(recording: CheckedRecording) -> Iterator[Finding]:
         if same and not zero:
             yield finding('stamp_repeated', stream.name,
                           count=counted(same, 'repeated timestamp'))
+
+
+def check_publishers(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield two publishers of imu/data, which measure different forces."""
+    share = other_share(recording.imu.ordered)
+    if share > limits.MAX_OTHER_SHARE:
+        frames = list(recording.faults.frames.get('imu/data', ()))
+        yield finding('two_publishers', recording.imu.name, share=share, frames=(
+            f' (header.frame_id {" and ".join(frames)})' if len(frames) > 1 else ''))
+
+
+def other_share(imu: Stream) -> float:
+    """Return the share of the samples that differ from both neighbors, which agree."""
+    if len(imu) < limits.MIN_READINGS:
+        return 0.0
+    force = imu['acceleration']
+    before, after = (np.linalg.norm(one, axis=1) for one in (
+        force[1:-1] - force[:-2], force[2:] - force[1:-1]))
+    around = np.linalg.norm(force[2:] - force[:-2], axis=1)
+    apart = np.minimum(before, after) > limits.OTHER_FACTOR * (around + np.median(around))
+    return float(apart.mean())
 
 
 def check_jitter(recording: CheckedRecording) -> Iterator[Finding]:
@@ -193,6 +236,11 @@ def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
     A recorder that is late on a late host delays all devices, each at least as the promptest.
     """
     medians = _median_delays(recording)
+    if medians and max(medians.values()) - min(medians.values()) <= limits.MAX_DELAY and all(
+            stream.stamp_ns[0] < FIRST_DATE_NS < stream.receive_ns[0]
+            for stream in recording.stamped):
+        yield finding('simulated_time', 'host')
+        return
     common = min(medians.values()) if recording.stalls.late and len(
         {stream.topic for stream in recording.stamped}) > 1 else 0.0
     for stream in recording.stamped:
@@ -265,8 +313,12 @@ def check_held(recording: CheckedRecording) -> Iterator[Finding]:
     imu = recording.imu
     if len(imu.ordered) < limits.MIN_READINGS:
         return
-    share = float((np.diff(imu.ordered.values[:, :6], axis=0) == 0.0).all(axis=1).mean())
-    if share > limits.MAX_MISSED_SHARE:
+    repeated = (np.diff(imu.ordered.values[:, :6], axis=0) == 0.0).all(axis=1)
+    begin, end = runs(repeated)  # a simulator without noise repeats for longer
+    count = end - begin
+    count = count[count * imu.period < limits.MAX_HELD_TIME]
+    share = float(count.sum()) / len(repeated)
+    if share > limits.MAX_MISSED_SHARE and recording.imu.name not in recording.invalid_stamps:
         yield finding('held', imu.name, share=share, rate=(1.0 - share) / imu.period)
 
 

@@ -88,7 +88,21 @@ def check_radius(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def mended_radius(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
-    """Return a unit or radius that contradicts the accelerometer, and the recording without."""
+    """
+    Return a unit or radius that contradicts the accelerometer, and the recording without.
+
+    Also a radius that nobody has given, unless the accelerometer confirms it.
+    """
+    found, mended = _contradicted_radius(recording)
+    known = recording.radius_given or any(
+        one.level in (Level.OK, Level.ERROR) for one in found)
+    if not known and _driving(recording) is not None:
+        found = [finding('radius_assumed', 'wheel_radius',
+                         radius=recording.robot.wheel_radius), *found]
+    return found, mended
+
+
+def _contradicted_radius(recording: CheckedRecording) -> tuple[list[Finding], CheckedRecording]:
     data, robot, motion = _driving(recording), recording.robot, recording.motion
     if data is None or motion is None or np.mean(data.mean ** 2) < 0.25 * np.mean(
             data.difference ** 2):
@@ -132,9 +146,12 @@ def _units_of(ratio: float, units: Mapping[str, float]) -> list[str]:
 def check_latency(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield timestamps of the wheels that are later or earlier than configured."""
     fit, robot = recording.yaw_rate_fit, recording.robot
-    if fit is None or not correlation(fit.yaw_rate, fit.wheel_difference) > limits.MIN_FOLLOWING:
+    if fit is None:
         return
     error = fit.latency.value - robot.encoder.latency
+    least = limits.MIN_FIRM_FOLLOWING if error < 0.0 else limits.MIN_FOLLOWING
+    if not correlation(fit.yaw_rate, fit.wheel_difference) > least:
+        return  # on ice the body follows its wheels late
     lag = _turning_lag(recording) if error < 0.0 else 0.0
     tolerance = max(limits.SIGMAS * fit.latency.sigma, limits.MIN_LATENCY_ERROR) + lag
     if abs(error) > tolerance and all(

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+import math
 from pathlib import Path
 
 import numpy as np
@@ -29,12 +30,13 @@ from smart_tire.errors import EstimatorError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
 from smart_tire.host_load import HostLoad
-from smart_tire.messages import NodeStatus, TOPICS
+from smart_tire.messages import NANOSEC, NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, SampleArrays, Stream
 from smart_tire.samples import ImuSample, WheelSample
 from smart_tire.yaml_text import load_own
 
+STEP_SHARE = 0.7  # of the steps of timestamps that are not larger than the one that counts
 READ = ('imu/data', 'wheel_states', 'tire_samples', 'tire_battery', 'motor_commands',
         'cmd_vel')
 TEXTS: dict[str, dict[str, str]] = load_own(
@@ -60,6 +62,7 @@ class CheckedRecording:
     live: bool = False              # a few seconds of a running robot
     host: HostLoad | None = None    # of a running robot; reported elsewhere if it is late
     mended: CalibrationRecording | None = None  # IMU and wheels without the errors that were found
+    radius_given: bool = True       # wheel_radius is not just the default
 
     def of(self, topic: str) -> list[Stream]:
         """Return the streams of ``topic``, by wheel; films without other numbers of them."""
@@ -80,7 +83,29 @@ class CheckedRecording:
     def regular(self) -> list[Stream]:
         """Return the inputs with enough samples for a statistic."""
         return [stream for topic in INPUTS for stream in self.of(topic)
-                if len(stream.ordered) >= limits.MIN_READINGS]
+                if stream.name not in self.invalid_stamps
+                and len(stream.ordered) >= limits.MIN_READINGS]
+
+    @cached_property
+    def invalid_stamps(self) -> dict[str, float]:
+        """
+        Return streams whose timestamps do not advance as the messages are received.
+
+        The value is the mean time between receptions over the median step of the stamps.
+        """
+        found = {}
+        for stream in (one for topic in INPUTS for one in self.of(topic)):
+            if len(stream) < limits.MIN_READINGS or not (stream.stamp_ns > 0).all():
+                continue
+            if NANOSEC in self.faults.reasons.get(stream.topic, ''):
+                found[stream.name] = math.nan
+                continue
+            received = float(np.median(np.diff(stream.receive_ns)))
+            # repeated messages of a second publisher are less than half
+            step = float(np.quantile(np.abs(np.diff(stream.stamp_ns)), STEP_SHARE))
+            if step < limits.MIN_STAMP_STEP * received:
+                found[stream.name] = received / max(step, 1.0)
+        return found
 
     @cached_property
     def stamped(self) -> list[Stream]:
@@ -105,7 +130,7 @@ class CheckedRecording:
         if self.mended is not None:
             return self.mended
         imu, wheels = self.imu.ordered, self.wheels.ordered
-        if min(len(imu), len(wheels)) < limits.MIN_READINGS:
+        if self.invalid_stamps or min(len(imu), len(wheels)) < limits.MIN_READINGS:
             return None
         return CalibrationRecording(ImuRecord.of(imu, self.origin_ns, self.robot),
                                     WheelRecord.of(wheels, self.origin_ns))
@@ -138,11 +163,12 @@ class CheckedRecording:
             np.abs(time - before), np.abs(after - time)) > limits.REST_MARGIN))
 
 
-def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambda share: None
-         ) -> CheckedRecording:
+def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambda share: None,
+         *, radius_given: bool = True) -> CheckedRecording:
     """Return what the checks need of ``bag``, which is read once."""
     samples = bag.recording(READ, progress, restamp=False)
-    return CheckedRecording(robot, samples, bag.faults, problems_of(bag), tuple(bag.statuses()))
+    return CheckedRecording(robot, samples, bag.faults, problems_of(bag), tuple(bag.statuses()),
+                            radius_given=radius_given)
 
 
 def problems_of(bag: Bag) -> tuple[str, ...]:

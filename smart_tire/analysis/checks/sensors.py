@@ -21,18 +21,21 @@ import numpy as np
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.recording import CheckedRecording, finding
+from smart_tire.analysis.checks.stalls import Mask, runs
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import WheelRecord
-from smart_tire.findings import Finding
+from smart_tire.findings import Finding, Level
 from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
-from smart_tire.samples import GRAVITY
+from smart_tire.samples import GRAVITY, LEFT, NS_PER_S, RIGHT
 
 # Scale errors of accelerometers hide the 2 % between mg and cm/s2.
 FORCE_UNITS = {'g': 1.0 / GRAVITY, 'cm/s2 or mg': 101.0, 'ft/s2': 1.0 / 0.3048}
 SPEED_UNITS = {'rpm': 60.0 / math.tau, 'deg/s': 180.0 / math.pi, 'revolutions/s': 1.0 / math.tau}
 PARTNERS = ((0, 2), (1, 3))  # front and rear wheel of a side
+# Wheels that agree if two are exchanged: one of these pairs
+EXCHANGES = {((0, 3), (1, 2)): ((0, 1), (2, 3)), ((0, 1), (2, 3)): ((1, 2), (0, 3))}
 MIN_TICKS = 30.0  # per revolution, of positions that are not in rad
 
 
@@ -80,10 +83,75 @@ class Gravity:
                           rotation=list(rotation), **values)
 
 
+def frozen(recording: CheckedRecording, field: str) -> tuple[Mask, list[tuple[float, float]]]:
+    """
+    Return a mask of the samples of the IMU in which it is stuck; begins and durations [s] of that.
+
+    ``field`` is that of the samples. A simulator without noise also repeats its values, but not
+    while the wheels change their speeds.
+    """
+    imu, wheels, robot = recording.imu.ordered, recording.wheels.ordered, recording.robot
+    mask, found = np.zeros(len(imu), bool), list[tuple[float, float]]()
+    if recording.invalid_stamps or min(len(imu), len(wheels)) < limits.MIN_READINGS:
+        return mask, found
+    speeds = robot.wheel_radius * np.nan_to_num(wheels['velocity'])
+    left, right = speeds[:, LEFT].mean(axis=1), speeds[:, RIGHT].mean(axis=1)
+    motion, limit = ((right - left) / robot.track_width, limits.FROZEN_YAW_RATE) if (
+        field == 'rate') else (0.5 * (left + right), limits.FROZEN_SPEED)
+    for begin, end in zip(*runs((np.diff(imu[field], axis=0) == 0.0).all(axis=1))):
+        first, last = imu.stamp_ns[begin], imu.stamp_ns[end]
+        rows = (wheels.stamp_ns >= first) & (wheels.stamp_ns <= last)
+        inside, time = motion[rows], (wheels.stamp_ns[rows] - first) / NS_PER_S
+        if field == 'acceleration' and len(inside) > 2:  # a constant one is a ramp of the speed
+            inside = inside - np.polyval(np.polyfit(time, inside, 1), time)
+        if last - first > limits.MIN_FROZEN_TIME * NS_PER_S and len(inside) > 1 and (
+                np.ptp(inside) > limit):
+            mask[begin:end + 1] = True
+            found.append(((first - recording.origin_ns) / NS_PER_S, (last - first) / NS_PER_S))
+    return mask, found
+
+
+def check_constant(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield an IMU that repeats its values while the wheels change their speeds."""
+    seen = []
+    for field, name in (('rate', 'angular_velocity'), ('acceleration', 'linear_acceleration')):
+        if found := frozen(recording, field)[1]:
+            first, duration = found[0]
+            seen.append((name, first, duration))
+    if seen:
+        yield finding('constant', recording.imu.name, field=' and '.join(
+            name for name, *_ in seen), first=seen[0][1], duration=max(one[2] for one in seen))
+
+
+def check_saturated(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield a gyro at the end of its range: it follows the wheels only below that."""
+    motion, robot = recording.motion, recording.robot
+    if motion is None or frozen(recording, 'rate')[1]:
+        return
+    rate, wheels = motion.imu.rate[:, 2], motion.wheels
+    largest = float(np.abs(rate).max())
+    begin, end = runs(np.abs(rate) == largest)
+    long = end - begin >= limits.MIN_PINNED
+    pinned = np.zeros(len(rate), bool)
+    for first, last in zip(begin[long], end[long]):
+        pinned[first:last] = True
+    turning = robot.wheel_radius / robot.track_width * np.abs(np.interp(
+        motion.imu.time, wheels.time, wheels.velocity[:, RIGHT].mean(axis=1)
+        - wheels.velocity[:, LEFT].mean(axis=1)))
+    free = ~pinned & (turning > limits.MIN_YAW_RATE) & (np.abs(rate) < 0.9 * largest)
+    if min(pinned.sum(), free.sum()) < limits.MIN_READINGS:
+        return
+    below, at = (float(np.median(np.abs(rate[one]) / np.maximum(turning[one], 1e-9)))
+                 for one in (free, pinned))
+    if at < limits.SATURATED_SHARE * below:
+        yield finding('saturated', recording.imu.name, value=largest,
+                      share=float(pinned.mean()))
+
+
 def gravity_of(recording: CheckedRecording) -> Gravity | None:
     """Return size and direction of the mean specific force; None for few samples."""
     imu = recording.imu
-    if len(imu.ordered) < limits.MIN_READINGS:
+    if len(imu.ordered) < limits.MIN_READINGS or not imu['acceleration'].any():
         return None
     force = imu.ordered['acceleration'] @ matrix(*recording.robot.imu.rotation).T
     still = recording.stationary
@@ -98,7 +166,10 @@ def gravity_of(recording: CheckedRecording) -> Gravity | None:
 def check_gyro_bias(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield a gyro that turns while the wheels stand still."""
     still, configured = recording.stationary, recording.robot.imu.gyro_bias
-    if recording.motion is None or still.sum() < limits.MIN_READINGS:
+    if recording.motion is None:
+        return
+    still = still & ~frozen(recording, 'rate')[0]
+    if still.sum() < limits.MIN_READINGS:
         return
     largest = float(np.abs(np.median(recording.motion.imu.rate[still], axis=0)).max())
     if largest > limits.BIAS_SIGMAS * configured:
@@ -113,6 +184,29 @@ def stuck_wheels(velocity: Array) -> Iterator[tuple[int, int]]:
                 np.abs(velocity[moving, wheel])
                 < limits.STUCK_SHARE * np.abs(velocity[moving, other])).mean() > 0.5:
             yield wheel, other
+
+
+def exchanges(velocity: Array) -> Sequence[tuple[int, int] | None]:
+    """
+    Return which two wheels may be exchanged, None if the wheels of each side agree.
+
+    Two wheels agree if their speeds differ little, whatever their signs.
+    """
+    moving = velocity[np.abs(velocity).max(axis=1) > limits.MIN_SPEED]
+    if len(moving) < limits.MIN_READINGS:
+        return [None]
+
+    def spread(pairs: Sequence[tuple[int, int]]) -> float:
+        return sum(min(float(np.mean((moving[:, i] - sign * moving[:, k]) ** 2))
+                       for sign in (1.0, -1.0)) for i, k in pairs)
+
+    own, other = spread(PARTNERS), {
+        EXCHANGES[pairs]: spread(pairs) for pairs in EXCHANGES}
+    best = min(other, key=other.__getitem__)
+    if max(other[best], limits.STUCK_SHARE * float(np.mean(moving ** 2))) > (
+            limits.EXCHANGED_SHARE ** 2 * own):
+        return [None]
+    return best
 
 
 def opposite_pairs(velocity: Array) -> Iterator[tuple[int, int]]:
@@ -137,16 +231,18 @@ def velocity_ratio(wheels: WheelRecord, robot: RobotParams) -> tuple[float, str,
     usable = steps < 1.5 * float(np.median(steps))
     rate = (np.diff(wheels.position, axis=0) / steps[:, None])[usable]
     velocity = wheels.velocity[1:][usable]
-    moving = np.abs(rate) > 0.1 * np.abs(rate).max(initial=0.0)
+    moving = np.abs(rate) > 0.1 * np.quantile(np.abs(rate), 0.95) if len(rate) else rate > 0.0
     if moving.sum() < limits.MIN_READINGS:
         return agree
-    ratio = float(np.sum(velocity[moving] * rate[moving]) / np.sum(rate[moving] ** 2))
+    ratio = float(np.median(velocity[moving] / rate[moving]))
     if abs(ratio - 1.0) <= limits.TOLERANCE:
         return agree
     if unit := unit_of(ratio, speed_units(robot), limits.TOLERANCE):
         return ratio, f': velocities in {unit}?', False
     if 0.0 < ratio < math.tau / MIN_TICKS:
-        return ratio, f': positions in ticks, {math.tau / ratio:.0f} per revolution?', True
+        ticks = math.tau / ratio
+        return ratio, (': positions in degrees?' if abs(ticks / 360.0 - 1.0) < limits.TOLERANCE
+                       else f': positions in ticks, {ticks:.0f} per revolution?'), True
     return ratio, '', True
 
 
@@ -172,7 +268,13 @@ def check_torques(recording: CheckedRecording) -> Iterator[Finding]:
     sigma = float(np.std(power)) / math.sqrt(
         len(power) * wheels.period / limits.CORRELATION_TIME)
     if power.mean() < -limits.SIGMAS * sigma:
-        yield finding('absorbed_power', wheels.name, power=-power.mean())
+        # a robot that drives downhill absorbs power, but its torques still accelerate it
+        gain = np.gradient(speed.mean(axis=1), wheels.ordered.stamp_ns / NS_PER_S)[moving]
+        with np.errstate(invalid='ignore', divide='ignore'):  # constant: NaN
+            follows = float(np.corrcoef(gain, torque[moving].sum(axis=1))[0, 1])
+        yield finding('absorbed_power', wheels.name,
+                      Level.ERROR if follows < -limits.MIN_TORQUE_CORRELATION else None,
+                      power=-power.mean())
     force = float(np.quantile(np.abs(torque[moving]).sum(axis=1), 0.9)) / robot.wheel_radius
     limit = limits.MAX_FORCE_WEIGHTS * robot.mass * GRAVITY
     if force > limit:

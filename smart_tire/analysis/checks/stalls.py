@@ -40,6 +40,13 @@ BIN_NS = 10_000_000  # resolution of the time of stalls
 Mask = NDArray[np.bool_]  # (n,) a value for each bin
 
 
+def runs(mask: Mask) -> tuple[Instants, Instants]:
+    """Return begins and ends of the runs in ``mask`` (n,); an end is the index after the run."""
+    begin, end = np.flatnonzero(np.diff(
+        mask.astype(int), prepend=0, append=0)).reshape(-1, 2).T
+    return begin, end
+
+
 def delays(stream: Stream) -> Array:
     """Return reception minus timestamp [s] of each message."""
     return np.asarray((stream.receive_ns - stream.stamp_ns) / NS_PER_S)
@@ -98,8 +105,7 @@ class Stalls:
 
     def spans(self) -> Array:
         """Return begin and duration [s] of the stalls of the host, shape (n, 2)."""
-        edges = np.flatnonzero(np.diff(self.of_host.astype(int), prepend=0, append=0))
-        begin, end = edges.reshape(-1, 2).T
+        begin, end = runs(self.of_host)
         return np.stack([begin, end - begin], axis=1) * BIN_NS / NS_PER_S
 
     def explain(self, begin_ns: Instants, end_ns: Instants) -> Mask:

@@ -86,8 +86,8 @@ def _notes(analysis: Analysis, summary: Tree) -> list[str]:
               'rejected messages': sum(one['rejected'] for one in inputs),
               'late messages': 0 if host else sum(one['late'] for one in inputs)}
     found = [f'{what}: {count}' for what, count in counts.items() if count]
-    return [*(f'{text.capitalize()}.' for text in [host, summary['diverged']] if text),
-            *(f'Error in the recording: {text}.' for text in summary['errors']), *(
+    return [*(f'Error in the recording: {one.text}.' for one in analysis.contents.errors),
+            *(f'{text.capitalize()}.' for text in [host, summary['diverged']] if text), *(
         [f'Of note: {"; ".join(found)}. See "Left out and warnings".'] if found else [])]
 
 
@@ -249,7 +249,7 @@ def _origins(used: BagParams, node: str, own: dict[str, Spec]) -> dict[str, str]
         return {}
     known = known_names(NODE_PARAMS.values())
     return {name: file for file in used.origins
-            for name in load_files([Path(file)], node, known, own)}
+            for name in load_files([Path(file)], node, known, own, NODE_PARAMS)}
 
 
 def _known(*blocks: Block | None) -> list[Block]:

@@ -98,9 +98,16 @@ class SlipEstimator:
 
     def reset(self) -> None:
         """Return to the initial state; counters stay."""
+        self._latest = None
+        self._renew()
+
+    def _renew(self) -> None:
+        """Start again from the priors, at the latest pose and with its variances."""
         self._past.update(self._segment.counters())
         self._handled_resets = self._reorder_buffer.resets
         self._begin()
+        if self._latest is not None:
+            self._segment.filter.set_pose(self._latest)
 
     def _begin(self) -> None:
         if self._recorder is not None:
@@ -110,6 +117,7 @@ class SlipEstimator:
 
     def reset_odometry(self) -> None:
         """Set the pose to the origin of ``odom``; biases and slips stay."""
+        self._latest = None
         self._segment.reset_pose()
 
     @property
@@ -154,7 +162,7 @@ class SlipEstimator:
         delay = self._ground_delay_ns if isinstance(sample, GroundState) else 0
         closed = self._reorder_buffer.push(topic, sample.stamp_ns + delay, sample)
         if self._reorder_buffer.resets != self._handled_resets:
-            self.reset()
+            self._renew()  # the clock was set; the robot is where it was
         return [record for instant_ns, samples in closed
                 for record in self._step(instant_ns, samples)]
 
@@ -163,20 +171,13 @@ class SlipEstimator:
         try:
             records = self._segment.step(instant_ns, samples)
         except (ArithmeticError, ValueError):  # of numpy's linear algebra, too
-            self._restart()
+            self.restarts += 1
+            self._renew()
             return []
         for record in records:
             if isinstance(record, Odometry):
                 self._latest = record
         return records
-
-    def _restart(self) -> None:
-        """Start again from the priors, at the latest pose and with its variances."""
-        self.restarts += 1
-        self._past.update(self._segment.counters())
-        self._begin()
-        if self._latest is not None:
-            self._segment.filter.set_pose(self._latest)
 
 
 class SlipSegment:

@@ -27,7 +27,7 @@ from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams, TireParams, TreadFilmParams
 from smart_tire.recording import Faults, SampleArrays
-from smart_tire.samples import BatterySample, NS_PER_S
+from smart_tire.samples import BatterySample, ImuSample, NS_PER_S, WheelSample
 from smart_tire.simulation.offline import EPOCH_NS
 from support.checked import changed, clean, problems, recording, texts
 
@@ -226,6 +226,55 @@ def test_held_samples_are_reported():
 
     text = found(messages.check_held, changed('imu/data', hold))
     assert '50% of the samples repeat' in text and 'only 50 Hz' in text
+
+
+def test_a_simulator_without_noise_holds_no_samples():
+    events = changed('imu/data', lambda one: replace(
+        one, rate=(0.0, 0.0, round(one.rate[2], 1)), acceleration=tuple(
+            float(round(force)) for force in one.acceleration)))
+    imu = recording(events).imu.ordered
+    assert (np.diff(imu.values[:, :6], axis=0) == 0.0).all(axis=1).mean() > 0.5
+    assert found(messages.check_held, [
+        event for event in events if event[0] - events[0][0] < 2 * NS_PER_S]) == ''
+
+
+def ramps(noise):
+    """Return a drive along ramps of the speed with forces of ``noise`` [m/s2]."""
+    events = []
+    for k in range(1200):
+        stamp_ns, time = EPOCH_NS + 10_000_000 * k, 0.01 * k
+        force = (0.5 if 2.0 <= time < 5.0 else -0.5 if 7.0 <= time < 10.0 else 0.0)
+        speed = 0.5 * (min(max(time - 2.0, 0.0), 3.0) - min(max(time - 7.0, 0.0), 3.0))
+        events.append((stamp_ns, 'imu/data', ImuSample(stamp_ns, (
+            force + noise * RNG.normal(), 0.0, 9.81), (0.0, 0.0, 0.0))))
+        if k % 5 == 0:
+            events.append((stamp_ns, 'wheel_states', WheelSample(
+                stamp_ns, (speed / 0.087,) * 4, None)))
+    return events
+
+
+def test_a_constant_acceleration_without_noise_is_none_that_is_stuck():
+    assert found(sensors.check_constant, ramps(0.0)) == ''
+    stuck = [(at, name, replace(one, acceleration=(0.0, 0.0, 9.81)) if name == 'imu/data' else one)
+             for at, name, one in ramps(0.1)]
+    assert 'ERROR imu/data: linear_acceleration is constant for 12' in found(
+        sensors.check_constant, stuck)
+
+
+def test_timestamps_of_a_simulation_are_no_fault():
+    events = [(at, name, replace(sample, stamp_ns=sample.stamp_ns - EPOCH_NS + NS_PER_S))
+              for at, name, sample in clean() if name != 'tire_samples']
+    assert found(messages.check_delays, events) == (
+        'INFO host: timestamps are those of a simulation')
+
+
+@pytest.mark.parametrize('given', [True, False])
+def test_a_radius_that_nobody_has_given_must_be_confirmed(given):
+    straight = recording(clean())
+    assert 'OK wheel_radius' in texts(motion.check_radius(replace(straight, radius_given=given)))
+    few = [event for event in clean() if event[0] - clean()[0][0] < 4 * NS_PER_S]
+    text = texts(motion.check_radius(replace(recording(few), radius_given=given)))
+    assert ('ERROR wheel_radius: not given' in text) != given
 
 
 # --- IMU ------------------------------------------------------------------------------------
