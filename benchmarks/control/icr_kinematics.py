@@ -51,7 +51,7 @@ class IcrKinematics(SlipKinematics):
         for one in (self._left, self._right, self._ahead):
             one.reset()
 
-    def command(self, v_x: float, yaw_rate: float, now_ns: int,
+    def command(self, v_x: float, yaw_rate: float, now_ns: int, delay: float,
                 params: TrajectoryControllerParams) -> Velocity:
         """Return v_x [m/s] and yaw rate [rad/s] to command for wanted ones of the body."""
         left, right = self._left.value, self._right.value

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+
 import numpy as np
 
 from smart_tire.control import constants as c
