@@ -26,8 +26,8 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores, TypesysEr
 from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
-from smart_tire.messages import (
-    cdr, definitions, forms_of, OtherJointsError, stamp_of, Topic, WheelReader)
+from smart_tire.messages import cdr, definitions, forms_of, OtherJointsError, stamp_of, Topic
+from smart_tire.messages.wheel_reader import WheelReader
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
 from smart_tire.samples import NS_PER_S, Sample, TireSamples, WheelSample

@@ -29,11 +29,10 @@ from smart_tire.messages.path import (
 from smart_tire.messages.topics import (
     ALL_TOPICS, find_topic, forms_of, IMAGES, Topic, topic_of, TOPICS, TYPED)
 from smart_tire.messages.typed import definitions
-from smart_tire.messages.wheel_reader import WheelReader
 
 __all__ = [
     'ALL_TOPICS', 'check_pose_count', 'definitions', 'FIELDS', 'find_topic', 'forms_of', 'IMAGES',
     'imu_mounting_to_msg', 'imu_to_msg', 'LayoutDecoder', 'LayoutEncoder', 'NANOSEC', 'NodeStatus',
     'OtherJointsError', 'path_from_bytes', 'path_from_msg', 'resolved_joints', 'stamp_in',
     'stamp_of', 'statuses_from_msg', 'Topic', 'topic_of', 'TOPICS', 'transform_from_msg',
-    'transform_to_msg', 'TYPED', 'velocity_from_twist', 'WheelReader', 'wheels_from_msg']
+    'transform_to_msg', 'TYPED', 'velocity_from_twist', 'wheels_from_msg']

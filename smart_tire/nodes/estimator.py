@@ -16,7 +16,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, TypeVar
 
-from smart_tire.messages import resolved_joints, topic_of, TOPICS, WheelReader
+from smart_tire.messages import resolved_joints, topic_of, TOPICS
+from smart_tire.messages.wheel_reader import WheelReader
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.lockstep import Follower

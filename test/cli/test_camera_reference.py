@@ -158,8 +158,10 @@ def test_a_wrong_folder_is_one_line(verb, real, tmp_path, capsys):
 
 def test_the_report_names_the_camera_and_contains_its_picture(real, tmp_path):
     bag, camera = real
-    page = tmp_path / 'report.html'
-    assert main(['report', str(bag), '--overhead', str(camera), '--out', str(page)]) == 0
+    page, params = tmp_path / 'report.html', tmp_path / 'robot.yaml'
+    params.write_text('/**: {ros__parameters: {wheel_radius: 0.087}}')
+    assert main(['report', str(bag), '--overhead', str(camera), '--out', str(page),
+                 '--params', str(params)]) == 0
     text = page.read_text(encoding='utf-8')
     assert 'Errors against the overhead camera' in text
     assert 'by the covariances that estimator and camera report, added' in text

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from smart_tire.errors import MessageError
-from smart_tire.messages import WheelReader
+from smart_tire.messages.wheel_reader import WheelReader
 from smart_tire.samples import NS_PER_S, WHEELS
 
 SPEEDS = np.array([5.0, 6.0, 5.0, 6.0])  # rad/s

@@ -141,7 +141,8 @@ class Listener:
 
     def add(self, parent, child, x, y, yaw, *, tilt=0.0, age=0.0, name='/tf'):
         """Receive a transform."""
-        stamp = SimpleNamespace(sec=0, nanosec=round((self.now - age) * 1e9))
+        sec, nanosec = divmod(round((self.now - age) * 1e9), 10**9)
+        stamp = SimpleNamespace(sec=sec, nanosec=nanosec)
         turn = quaternion(tilt, 0.0, yaw)
         self.transforms.add(name, SimpleNamespace(transforms=[SimpleNamespace(
             header=SimpleNamespace(stamp=stamp, frame_id=parent), child_frame_id=child,

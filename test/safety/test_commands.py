@@ -336,12 +336,15 @@ def test_on_a_slope_the_robot_holds_after_arrival_until_the_emergency_stop(robot
 
 
 @played(lambda: FollowingRobot())
-def test_without_the_hold_the_robot_rolls_away(robot):
-    yield from arrive(robot)
-    arrived = robot.x
+def test_without_the_hold_the_robot_rolls_away_and_has_not_arrived(robot):
+    robot.fail(load=SLOPE_LOAD)
+    robot.length = 0.4
+    yield from robot.until(lambda: robot.control.state.name == 'STOPPED')
+    assert 'm from the end, expected at most 0.05 m' in robot.control.reason
+    stopped = robot.x
     yield 2.0
     assert robot.state.still
-    assert robot.x < arrived - 0.06
+    assert robot.x < stopped - 0.06
 
 
 @pytest.mark.parametrize('speed', [0.0, 0.025, -0.3, None])

@@ -34,6 +34,7 @@ from support.waiting import wait_for
 
 SPEED = 0.7      # m/s, 8 rad/s at the wheels
 COMMAND_PERIOD = 0.05  # s
+MAX_START = 10.0  # s, until the wheels turn, unless a trip holds the motors
 PAUSE = 1.5      # s without commands: their time-outs, and the pause that resets a trip
 MIN_DRIVING_DUTY = 0.2  # of every motor while the robot counts as driving
 RELEASE_PERIOD = 0.002  # s between requests to release the emergency stop
@@ -86,14 +87,17 @@ class RobotRig:
 
     def drive(self, v_x: float = SPEED) -> float:
         """Command until the wheels turn at the commanded speed; return a time when they do."""
-        stalls, asked = self.rig.state().stalls, 0.0
+        stalls, asked, paused = self.rig.state().stalls, 0.0, time.monotonic()
 
         def driving() -> bool:
-            nonlocal stalls, asked
+            nonlocal stalls, asked, paused
             asked, state = time.monotonic(), self.rig.state()
-            if state.stalls > stalls:  # boards that did not run look like blocked wheels: a trip
+            # boards that did not run look like blocked wheels: a trip, also for a driver that
+            # did not run itself meanwhile
+            if state.stalls > stalls or asked - paused > MAX_START:
                 stalls = state.stalls
                 self.pause()
+                paused = time.monotonic()
             return min(state.speeds) > 0.8 * v_x / 0.087 and min(state.duty) > MIN_DRIVING_DUTY
 
         self.hold(2.0 * COMMAND_PERIOD, lambda: self.command(v_x))  # until one is in force

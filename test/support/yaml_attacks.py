@@ -55,8 +55,8 @@ ATTACKS = {
     # of the characters
     'NUL': b'/**: {ros__parameters: {mass: \0}}',
     'bell': b'/**: {ros__parameters: {base_frame: "\a"}}',
-    'terminal control': b'"\\e[2J": {ros__parameters: {"\\e[31m": 1}}',
-    'line breaks': b'"a\\nb": {ros__parameters: {"c\\r\\nd\\u2028e": 1}}',
+    'terminal control': b'/**: {ros__parameters: {"\\e[2J\\e[31m": 1}}',
+    'line breaks': b'/**: {ros__parameters: {"a\\nb\\nc\\r\\nd\\u2028e": 1}}',
     'not UTF-8': b'/**: {ros__parameters: {base_frame: \xff\xfe}}',
     'Latin-1': '/**: {ros__parameters: {base_frame: Räder}}'.encode('latin-1'),
     'UTF-16': '/**: {ros__parameters: {mass: 7.0}}'.encode('utf-16'),

@@ -34,7 +34,7 @@ def test_the_command_moves_a_body_with_these_centers_as_wanted(v_x):
         left, right = (half - LEFT) * yaw_rate, (-half - RIGHT) * yaw_rate
         kinematics.add_slip(WheelSlip(
             now_ns, (0.1,) * 4, (left, right, left, right), (0.01,) * 4))
-    speed, rate = kinematics.command(v_x, 0.8, 0, PARAMS)
+    speed, rate = kinematics.command(v_x, 0.8, 0, 0.15, PARAMS)
     assert speed - half * rate == pytest.approx(v_x - 0.8 * LEFT, abs=0.01)
     assert speed + half * rate == pytest.approx(v_x - 0.8 * RIGHT, abs=0.01)
     assert math.tan(kinematics.drift(v_x, 0.8)) == pytest.approx(
