@@ -280,11 +280,11 @@ class TrajectoryControl:
         self._response.command(*self._last, now_ns)
         if self._target is not None:  # the robot stops before it drives there
             return VelocityCommand(now_ns, *self._compensated(now_ns))
+        if follower.finished:
+            return self._finish(follower, now_ns)
         if reason := self._progress.check(follower, self._motion.motion, now_ns, params):
             self._end(PathState.STOPPED, reason, Cause.MOTION)
             return self._stop(now_ns)
-        if follower.finished:
-            return self._finish(follower, now_ns)
         return VelocityCommand(now_ns, *self._compensated(now_ns))
 
     def _finish(self, follower: PathFollower, now_ns: int) -> VelocityCommand | None:

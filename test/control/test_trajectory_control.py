@@ -364,6 +364,12 @@ def test_a_blocked_robot_stops(planned):
     assert run.step() is None
 
 
+def test_the_wait_after_the_last_command_is_no_lack_of_progress():
+    checks = replace(IDEAL.checks, progress_timeout=0.5)
+    run = Run(replace(IDEAL, checks=checks)).start(line(0.5)).until_end()
+    assert (run.control.state, run.control.reason) == (PathState.ARRIVED, '')
+
+
 def test_an_end_that_is_missed_is_approached_again():
     run = Run(y=0.3).start(path((0.0, 0.0), (0.05, 0.0))).until_end()
     assert (run.control.state, run.control.reason) == (PathState.ARRIVED, '')
