@@ -88,10 +88,6 @@ class LatestMotion:
         """Return the age [s] of the latest odometry; infinite if there is none."""
         return math.inf if self.stamp_ns is None else (now_ns - self.stamp_ns) / NS_PER_S
 
-    def predicted(self, now_ns: int, lead: float) -> Motion:
-        """Return the motion ``lead`` [s] after ``now_ns``."""
-        return self.motion.after(self.age(now_ns) + lead)
-
 
 class TwistCheck:
     """

@@ -116,12 +116,6 @@ class PathFollower:
         return self._number >= len(self._maneuvers) and self._settling is None
 
     @property
-    def segment(self) -> Segment | None:
-        """Segment that is followed; None in turns in place."""
-        maneuver = next(iter(self._maneuvers[self._number:]), None)
-        return maneuver if isinstance(maneuver, Segment) else None
-
-    @property
     def end(self) -> Vector3:
         """End of the last segment, x and y [m], and the yaw [rad] after it; NaN if it is any."""
         *_, segment = (one for one in self._maneuvers if isinstance(one, Segment))

@@ -22,7 +22,6 @@ from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor, wrap
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_follower import Conditions, PathFollower
-from smart_tire.control.path_geometry import Maneuver
 from smart_tire.control.path_plan import (
     check_goal, check_path, check_start, goal_in, plan_goal, plan_path)
 from smart_tire.control.slip_kinematics import SlipKinematics
@@ -75,7 +74,7 @@ class TrajectoryControl:
         self._goal: GoalPose | None = None  # that the follower drives to
         self._released_ns: int | None = None  # since when the robot is left alone at its end
         self._approaches = 0                 # that were repeated
-        self._end_pose: Vector3 | None = None  # of the first approach
+        self._end_pose: Vector3 = 0.0, 0.0, NAN  # x, y [m], yaw [rad] or NaN
         self._progress = ProgressMonitor()
         self._stepped_ns: int | None = None
         self._stop_due = False             # a command of zero is to be published
@@ -138,7 +137,8 @@ class TrajectoryControl:
             self._motion.add_odometry(odometry, self.params.checks), odometry.stamp_ns)
         motion = self._motion.motion
         self._odometry_check.add_motion(motion, odometry.stamp_ns)
-        self._response.learn(motion, odometry.stamp_ns)
+        if self.state == PathState.FOLLOWING:
+            self._response.learn(motion, odometry.stamp_ns)
         if self._motion.twist_fault:
             odometry = replace(odometry, linear=(motion.v_x, motion.v_y, 0.0),
                                angular=(0.0, 0.0, motion.yaw_rate))
@@ -188,8 +188,9 @@ class TrajectoryControl:
 
     def _stop(self, now_ns: int) -> VelocityCommand | None:
         """Return a command of zero, once after following has ended."""
-        self._response.command(0.0, 0.0, now_ns)
         due, self._stop_due = self._stop_due or self.holding, False
+        if due:
+            self._response.command(0.0, 0.0, now_ns)
         return VelocityCommand(now_ns, 0.0, 0.0) if due else None
 
     def _check(self, now_ns: int) -> None:
@@ -229,12 +230,14 @@ class TrajectoryControl:
             maneuvers = plan_goal((motion.x, motion.y, motion.yaw), target.pose,
                                   tolerance=params.arrival.xy_tolerance,
                                   reverse_distance=params.arrival.reverse_distance)
-        self._approaches, self._end_pose = 0, None
-        self._drive(maneuvers)
+        follower = PathFollower(maneuvers, *self._last)
+        self._approaches = 0
+        self._end_pose = self._goal.pose if self._goal is not None else follower.end
+        self._drive(follower)
 
-    def _drive(self, maneuvers: tuple[Maneuver, ...]) -> None:
-        """Begin with ``maneuvers``."""
-        self._follower, self._released_ns = PathFollower(maneuvers, *self._last), None
+    def _drive(self, follower: PathFollower) -> None:
+        """Begin to follow."""
+        self._follower, self._released_ns = follower, None
         self._progress = self._new_monitor()
 
     def _new_monitor(self) -> ProgressMonitor:
@@ -281,13 +284,13 @@ class TrajectoryControl:
         if self._target is not None:  # the robot stops before it drives there
             return VelocityCommand(now_ns, *self._compensated(now_ns))
         if follower.finished:
-            return self._finish(follower, now_ns)
+            return self._finish(now_ns)
         if reason := self._progress.check(follower, self._motion.motion, now_ns, params):
             self._end(PathState.STOPPED, reason, Cause.MOTION)
             return self._stop(now_ns)
         return VelocityCommand(now_ns, *self._compensated(now_ns))
 
-    def _finish(self, follower: PathFollower, now_ns: int) -> VelocityCommand | None:
+    def _finish(self, now_ns: int) -> VelocityCommand | None:
         """
         Arrive, if the robot is where it was to be once it has come to rest; or approach again.
 
@@ -302,17 +305,15 @@ class TrajectoryControl:
         if elapsed < wait:
             zero = params.hold_on_arrival or released_ns == now_ns
             return VelocityCommand(now_ns, 0.0, 0.0) if zero else None
-        if self._end_pose is None:
-            self._end_pose = self._goal.pose if self._goal is not None else follower.end
         end = self._end_pose
         if not (reason := arrival_error(motion, end, params.arrival)):
             self._end(PathState.ARRIVED)
             self._stop_due, self.holding = False, params.hold_on_arrival
         elif self._approaches < c.MAX_APPROACHES:
             self._approaches += 1
-            self._drive(plan_goal((motion.x, motion.y, motion.yaw), end,
-                                  tolerance=params.arrival.xy_tolerance,
-                                  reverse_distance=params.arrival.reverse_distance))
+            self._drive(PathFollower(plan_goal(
+                (motion.x, motion.y, motion.yaw), end, tolerance=params.arrival.xy_tolerance,
+                reverse_distance=params.arrival.reverse_distance), *self._last))
             return VelocityCommand(now_ns, 0.0, 0.0)
         else:
             self._end(PathState.STOPPED, reason, Cause.MOTION)

@@ -47,10 +47,9 @@ def test_lateral_velocity_is_to_the_left():
     assert motion.speed() == 0.3
 
 
-def test_the_pose_is_predicted_from_its_stamp_with_the_delay():
+def test_the_age_of_a_pose_is_counted_from_its_stamp():
     made = monitor(odometry(NS_PER_S, v_x=0.5))
     assert made.age(NS_PER_S + NS_PER_S // 5) == pytest.approx(0.2)
-    assert made.predicted(NS_PER_S + NS_PER_S // 5, 0.1).x == pytest.approx(0.15)
     assert made.motion.x == 0.0
     assert not made.fault
     assert made.initialized

@@ -83,7 +83,7 @@ def settled(**motion):
     assert follower.step(at(1.0)) == (0.0, 0.0)
     for count in range(1, 30):
         follower.step(at(1.0, **motion))
-        if follower.segment is None:
+        if follower.advance().number == 1:
             return count
     return None
 
