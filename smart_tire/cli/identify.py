@@ -20,19 +20,12 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from smart_tire.cli._bags import bag_settings
 from smart_tire.cli._identified import report
 from smart_tire.cli._outputs import refuse_existing
 from smart_tire.errors import ParameterError
 from smart_tire.paths import bag_name
-
-if TYPE_CHECKING:
-    from smart_tire.papers.buckling_film import BucklingFilm
-    from smart_tire.papers.film_files import FilmRecording
-
-UNITS = (('s', ('ms', 'us', 'ns')), ('m', ('mm', 'um', 'cm')), ('C', ('pC', 'nC', 'uC')))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -62,15 +55,23 @@ def run_film(args: argparse.Namespace) -> int:
     from smart_tire.identification.figures import fit_figure
     from smart_tire.analysis.drawing import save
     from smart_tire.papers.film_bench import identify_film, write_params
-    from smart_tire.papers.film_files import COLUMNS, PRODUCTS, read_recording
+    from smart_tire.papers.buckling_film import BucklingFilm, FILMS
+    from smart_tire.papers.film_files import (
+        check_units, COLUMNS, MAX_CHARGE, MAX_STEP, PRODUCTS, read_recording)
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
-    if not args.raw:
-        _check_units(columns)
     recording = read_recording(args.data, columns)
-    film = _film(args, recording)
+    film = None if args.raw else BucklingFilm(
+        length=args.length * 1e-3, width=FILMS['25x3'].width, thickness=FILMS['25x3'].thickness,
+        convention=args.convention)
+    if film is not None:
+        try:
+            check_units(columns, (recording.time, recording.input, recording.output),
+                        {'s': MAX_STEP, 'm': film.length, 'C': MAX_CHARGE})
+            film.stroke(max(float(recording.input.max()), 0.0))
+        except ParameterError as error:
+            raise ParameterError(f'{args.data}: {error}; correct file or --length, or give '
+                                 '--raw to identify in the units of the file') from error
     params, fit, notes = identify_film(recording, film)
-    if film is None:
-        notes.insert(0, f'{columns[1]} is used directly as input of the hysteresis')
     write_params(out, params, fit, notes, None if args.gain is None else args.gain * 1e-9)
     save(fit_figure(figure.stem, recording.time, recording.input, recording.output, fit.fitted,
                     input_label=columns[1], output_label=columns[2]), figure)
@@ -85,28 +86,3 @@ def run_film(args: argparse.Namespace) -> int:
         print(f'note: {note}')
     print(f'written to {out} and {figure}')
     return 0
-
-
-def _check_units(columns: list[str]) -> None:
-    """Raise ParameterError if the name of a column ends with another unit than s, m and C."""
-    for column, (unit, others) in zip(columns, UNITS):
-        if column.rpartition('_')[2] in others:
-            raise ParameterError(f'column {column}: expected {unit}; convert it, or give --raw to '
-                                 'identify in the units of the file')
-
-
-def _film(args: argparse.Namespace, recording: FilmRecording) -> BucklingFilm | None:
-    """Return the film on the test stand; None if the input is not a deflection."""
-    from smart_tire.papers.buckling_film import BucklingFilm, FILMS
-    if args.raw:
-        return None
-    film = BucklingFilm(length=args.length * 1e-3, width=FILMS['25x3'].width,
-                        thickness=FILMS['25x3'].thickness, convention=args.convention)
-    largest = float(recording.input.max())
-    try:
-        film.stroke(max(largest, 0.0))
-    except ParameterError as error:
-        if args.columns:
-            return None
-        raise ParameterError(f'deflection of {largest} m: {error}') from error
-    return film

@@ -28,11 +28,16 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
     from smart_tire.identification.figures import measurement_figure
     from smart_tire.analysis.drawing import save
-    from smart_tire.papers.film_files import read_columns, read_params, write_columns
+    from smart_tire.papers.film_files import (
+        check_series, check_units, MAX_CHARGE, MAX_STEP, read_columns, read_params, write_columns)
     from smart_tire.papers.film_measurement import measure
-    params = read_params(args.params)
-    time, charge, *rest = read_columns(args.data, _columns(args), only=False)
+    params, columns = read_params(args.params), _columns(args)
+    time, charge, *rest = read_columns(args.data, columns, only=False)
     try:
+        check_series(time, charge=charge)
+        if params.film is not None:
+            check_units(columns, (time, charge, *rest), {
+                's': MAX_STEP, 'C': MAX_CHARGE, 'm': params.film.length})
         result = measure(time, charge, params, used=args.used)
     except ParameterError as error:
         raise ParameterError(f'{args.data}: {error}') from error
@@ -45,10 +50,16 @@ def run(args: argparse.Namespace) -> int:
     if result.valid_count:
         print(f'{quantity[0]} {result.value[known].min():.4g} to {result.value[known].max():.4g}, '
               f'sigma {np.median(result.sigma[known]):.2g} (median)')
+    if 2 * result.valid_count < known.size:
+        tension = params.film is not None and np.median(charge - charge[0]) > 0.0
+        print('most of the charge is ' + (
+            'above that of the first sample, that of a film under tension: is its sign reversed, '
+            'or was the film not flat at the start?' if tension else
+            f'beyond the calibration, which has at most {params.max_charge:.3g}'))
     if rest and result.valid_count:
         errors = result.value[known] - rest[0][known]
         inside = np.mean(np.abs(errors) <= 2.0 * result.sigma[known])
-        print(f'error against {_columns(args)[2]}: {np.sqrt(np.mean(errors**2)):.2g} rms, '
+        print(f'error against {columns[2]}: {np.sqrt(np.mean(errors**2)):.2g} rms, '
               f'{inside:.1%} within two sigma')
     print(f'written to {out} and {figure}')
     return 0

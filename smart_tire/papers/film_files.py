@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from io import StringIO
 import math
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,11 @@ PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')  # alpha K, a K, b K with the inpu
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
 MIN_SAMPLES = 20  # of a recording
 MAX_TABLE_SIZE = 1 << 28  # bytes of a CSV file, which is read into memory: 6 million samples
+SEPARATORS = ';\t '  # of other tables than CSV
+PREFIXES = {'m': 1e-3, 'u': 1e-6, 'n': 1e-9, 'p': 1e-12, 'µ': 1e-6, 'c': 1e-2}  # of units
+MIN_UNIT_RATIO = 2.0  # of a magnitude over the largest plausible one: less is no other unit
+MAX_STEP = 0.5     # s between samples; assumed: the amplifier loses the charge of slower motion
+MAX_CHARGE = 1e-6  # C; assumed: thirty times the gain of the film of paper A, Table I
 # of the calibrated range, up to which the covariance of undetermined products describes the error;
 # assumed
 EXTRAPOLATION_FACTOR = 1.5
@@ -91,9 +97,34 @@ def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
     indices = _column_indices(path, header, columns, only)
     with _csv_rows(path) as rows:
         next(rows)
-        table = [_numbers(path, rows.line_num, row, len(header)) for row in rows if row]
-    values = np.array(table, dtype=float).reshape(-1, len(header))
-    return [np.ascontiguousarray(values[:, index]) for index in indices]
+        table = [_numbers(path, rows.line_num, row, header, indices) for row in rows if row]
+    return list(np.array(table, dtype=float).reshape(-1, len(indices)).T.copy())
+
+
+def check_units(columns: Sequence[str], values: Sequence[Array], units: Mapping[str, float]
+                ) -> None:
+    """
+    Raise ParameterError if columns are in units with a prefix, such as ms, mm and pC.
+
+    ``units`` are the one that is expected of each column, and the largest plausible magnitude in
+    it; of s, that of the steps. A column is in another unit by the end of its name (``d_mm``,
+    ``Charge [pC]``) or by its magnitude.
+    """
+    wrong = []
+    for column, series_of, (unit, limit) in zip(columns, values, units.items()):
+        others = {prefix + unit: factor for prefix, factor in PREFIXES.items()}
+        named = re.split(r'[^\wµ]|_', column.rstrip(')] '))[-1]
+        largest = float(np.median(np.diff(series_of)) if unit == 's' else
+                        np.abs(series_of).max()) if len(series_of) > 1 else 0.0
+        if named.casefold() in map(str.casefold, others):
+            wrong.append(f'{column} is in {named}, expected {unit}')
+        elif largest > limit:
+            other = next((name for name, factor in others.items() if factor * largest <= limit
+                          and largest >= MIN_UNIT_RATIO * limit), '')
+            wrong.append(f'{column} {"advances by" if unit == "s" else "is up to"} {largest:.3g}, '
+                         f'expected at most {limit:.3g} {unit}' + (f': in {other}?' * bool(other)))
+    if wrong:
+        raise ParameterError('; '.join(wrong))
 
 
 def read_recording(path: Path, columns: Sequence[str] = COLUMNS) -> FilmRecording:
@@ -120,8 +151,11 @@ def _column_indices(path: Path, header: list[str], columns: Sequence[str],
                     only: bool) -> list[int]:
     missing = [name for name in columns if header.count(name) != 1]
     if missing:
-        raise ParameterError(f'{path}: has columns {",".join(header) or "none"}, expected '
-                             f'{missing[0]} once')
+        separator = next((one for one in SEPARATORS if len(header) == 1 and one in header[0]), '')
+        raise ParameterError(
+            f'{path}: has columns {",".join(header) or "none"}, expected {", ".join(missing)} once'
+            + (f'; they are separated by {separator!r}, expected commas' if separator else
+               '; name those to read with --columns'))
     extra = [name for name in header if name not in columns]
     if extra and only:
         raise ParameterError(f'{path}: has column {extra[0]} in addition to {",".join(columns)}; '
@@ -129,13 +163,25 @@ def _column_indices(path: Path, header: list[str], columns: Sequence[str],
     return [header.index(name) for name in columns]
 
 
-def _numbers(path: Path, line: int, row: list[str], width: int) -> list[float]:
-    if len(row) != width:
-        raise ParameterError(f'{path}: line {line} has {len(row)} fields, expected {width}')
+def _numbers(path: Path, line: int, row: list[str], header: list[str], indices: list[int]
+             ) -> list[float]:
+    if len(row) != len(header):
+        raise ParameterError(f'{path}: line {line} has {len(row)} fields, expected {len(header)}')
     try:
-        return [float(field) for field in row]
+        return [float(row[index]) for index in indices]
     except ValueError as error:
-        raise ParameterError(f'{path}: line {line}: {error}') from error
+        texts = [f'{header[index]} is {row[index]!r}' for index in indices
+                 if not _is_number(row[index])]
+        raise ParameterError(
+            f'{path}: line {line}: {", ".join(texts)}, expected numbers') from error
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +205,11 @@ class FilmParams:
         products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
         determined = np.sqrt(np.diag(self.covariance)[:3]) <= MAX_RELATIVE_SIGMA * np.abs(products)
         return math.inf if determined.all() else EXTRAPOLATION_FACTOR * self.span
+
+    @property
+    def max_charge(self) -> float:
+        """Return the largest charge [C] of the calibrated inputs, in magnitude."""
+        return abs(self.a_gain) * (self.span if self.film is None else 1.0)
 
     @property
     def operator(self) -> DuhemParams:

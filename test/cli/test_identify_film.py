@@ -40,19 +40,19 @@ def test_the_fit_is_printed_and_parameters_and_figure_are_written(data, capsys):
     assert data.with_name('data_film.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_other_columns_and_an_output_file_can_be_given(tmp_path, capsys):
+def test_other_columns_and_an_output_file_can_be_given(tmp_path):
     recording = one_loop()
-    write_columns(tmp_path / 'data.csv', ('t', 'volts', 'q'),
-                  (recording.time, 300.0 * recording.input, recording.output))
+    write_columns(tmp_path / 'data.csv', ('t', 'volts', 'q_nC'),
+                  (recording.time, 300.0 * recording.input, 1e9 * recording.output))
     out = tmp_path / 'stage.yaml'
-    assert command('film', tmp_path / 'data.csv', '--columns', 't,volts,q', '--out', out) == 0
-    assert 'volts is used directly as input of the hysteresis' in capsys.readouterr().out
+    assert command('film', tmp_path / 'data.csv', '--columns', 't,volts,q_nC', '--raw',
+                   '--out', out) == 0
     assert read_params(out).film is None
     assert out.with_suffix('.png').exists()
 
 
 def test_an_impossible_deflection_is_rejected(data):
-    with pytest.raises(ParameterError, match='deflection of 0.012.* clamps have met'):
+    with pytest.raises(ParameterError, match='deflection_m is up to 0.012, .* 0.01 m; correct'):
         command('film', data, '--length', '10')
 
 
@@ -63,11 +63,19 @@ def test_a_negative_length_is_a_usage_error(data, capsys):
     assert '--length' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize('columns, text', [
-    ('t_s,d_mm,q_C', 'column d_mm: expected m;'), ('t_s,d_m,q_pC', 'column q_pC: expected C;'),
-    ('t_ms,d_m,q_C', 'column t_ms: expected s;')])
-def test_columns_in_other_units_are_refused(columns, text, tmp_path):
-    (tmp_path / 'data.csv').write_text(columns)
-    with pytest.raises(ParameterError, match=text):
+@pytest.mark.parametrize('columns, factors, text', [
+    ('t_s,d_mm,q_C', (1, 1, 1), 'd_mm is in mm, expected m; correct file'),
+    ('t_ms,Deflection [mm],Charge (pC)', (1, 1, 1), 't_ms is in ms, expected s; '
+     r'Deflection \[mm\] is in mm, expected m; Charge \(pC\) is in pC, expected C; correct file'),
+    ('t,d,q', (1, 1e3, 1), 'd is up to 12, expected at most 0.025 m: in mm\\?; correct file'),
+    ('t,d,q', (1, 1, 1e9), 'q is up to 4.6, expected at most 1e-06 C: in nC\\?; correct file'),
+    ('t,d,q', (1e3, 1e6, 1e12), 't advances by 2, expected at most 0.5 s: in ms\\?; d is up to '
+     '1.2e.04, expected at most 0.025 m: in um\\?; q is up to .*: in pC\\?; correct file')])
+def test_columns_in_other_units_are_refused(columns, factors, text, tmp_path):
+    recording = several_loops()
+    write_columns(tmp_path / 'data.csv', columns.split(','), [
+        factor * one for factor, one in zip(factors, (
+            recording.time, recording.input, recording.output))])
+    with pytest.raises(ParameterError, match=f'data.csv: {text} or --length, or give --raw'):
         command('film', tmp_path / 'data.csv', '--columns', columns)
     assert [path.name for path in tmp_path.iterdir()] == ['data.csv']

@@ -73,3 +73,27 @@ def test_an_invalid_recording_is_rejected_with_its_name(params, tmp_path):
                   (np.arange(30.0), np.full(30, np.nan)))
     with pytest.raises(ParameterError, match=r'data.csv: charge\[0\] is nan'):
         command('film', tmp_path / 'data.csv', '--params', params)
+
+
+@pytest.mark.parametrize('factors, why', [
+    ((1e3, 1.0, 1.0), 'time_s advances by 2, .*in ms'),
+    ((1.0, 1e12, 1.0), 'charge_C is up to .*in pC'),
+    ((1.0, 1.0, 1e3), 'deflection_m is up to 12, .*in mm')])
+def test_other_units_are_refused(params, tmp_path, factors, why):
+    recording = several_loops(2)
+    write_columns(tmp_path / 'data.csv', ('time_s', 'charge_C', 'deflection_m'), [
+        factor * one for factor, one in zip(factors, (
+            recording.time, recording.output, recording.input))])
+    with pytest.raises(ParameterError, match=f'data.csv: {why}\\?$'):
+        command('film', tmp_path / 'data.csv', '--params', params)
+    assert [path.name for path in tmp_path.iterdir()] == ['data.csv']
+
+
+def test_a_reason_is_printed_if_most_samples_are_not_measured(params, tmp_path, capsys):
+    recording = several_loops(2)
+    for name, factor in (('reversed', -1.0), ('beyond', 30.0)):
+        write_columns(tmp_path / f'{name}.csv', ('time_s', 'charge_C'),
+                      (recording.time, factor * recording.output))
+        assert command('film', tmp_path / f'{name}.csv', '--params', params) == 0
+    output = capsys.readouterr().out
+    assert output.count('is its sign reversed') == output.count('beyond the calibration') == 1

@@ -38,7 +38,7 @@ def test_a_round_trip_preserves_the_recording(tmp_path):
 
 
 def test_other_columns_are_read_by_name_in_any_order(tmp_path):
-    path = written(tmp_path, 'u, other, t', [f'{5.0 * t},{7.0},{t}' for t in TIME])
+    path = written(tmp_path, 'u, other, t, note', [f'{5.0 * t},{7.0},{t},good' for t in TIME])
     recording = read_recording(path, ['t', 'u', 'other'])
     np.testing.assert_allclose(recording.time, TIME)
     np.testing.assert_allclose(recording.input, 5.0 * TIME)
@@ -52,7 +52,9 @@ def test_other_columns_are_read_by_name_in_any_order(tmp_path):
     (HEADER, ROWS[:9], '9 samples'),
     (HEADER, [*ROWS, '0.1,0.0,0.0'], r'time\[30\] is 0.1 after 0.29'),
     (HEADER, [*ROWS, '0.3,0.0'], 'line 32 has 2 fields, expected 3'),
-    (HEADER, [*ROWS, '0.3,x,0.0'], "line 32: .*'x'"),
+    (HEADER, [*ROWS, '0.3,x,'], "line 32: deflection_m is 'x', charge_C is '', expected numbers"),
+    ('Time,deflection_m,q', ROWS, 'expected time_s, charge_C once; name those to read'),
+    (HEADER.replace(',', ';'), ROWS, "separated by ';', expected commas"),
     (HEADER, [*ROWS, '0.3,nan,0.0'], r'input\[30\] is nan')])
 def test_an_invalid_file_is_refused_with_line_and_reason(tmp_path, header, rows, reason):
     with pytest.raises(ParameterError, match=f'data.csv: .*{reason}'):
