@@ -31,6 +31,7 @@ COMMENT = '#'
 RECORDED_SPACING = 0.05  # m between poses taken from a bag
 MAX_SIZE = 1 << 26       # bytes of a CSV file: a million poses, thousands of kilometers
 MAX_COORDINATE = 1e5     # m; farther is not driven: probably other units or a map projection
+MAX_AWAY = math.sin(math.radians(15.0))  # of a yaw along the path, from the steps around a pose
 
 Poses = tuple[Vector3, ...]  # m, m, rad: x, y, yaw; yaw is NaN where it is not given
 
@@ -58,9 +59,33 @@ def read_path(path: Path) -> Poses:
         poses: Poses = tuple(_recorded(path))
     else:
         poses = tuple(_rows(path))
+        if _in_degrees(poses):
+            raise ParameterError(
+                f'{path}: yaw is up to {max((yaw for _, _, yaw in poses), key=abs):g}, expected '
+                'rad; in degrees? Convert it, or leave the column out')
     if not any(pose[:2] != poses[0][:2] for pose in poses):
         raise ParameterError(f'{path}: {len(poses)} poses, expected a path of two places or more')
     return poses
+
+
+def _in_degrees(poses: Poses) -> bool:
+    """
+    Return whether the yaws are degrees: those of rad contradict the path, or exceed a turn.
+
+    More than a turn is possible if it was counted on. A robot may turn in place at some poses, and
+    drive backwards.
+    """
+    beyond = any(abs(yaw) > math.tau for _, _, yaw in poses)
+    directions = [math.atan2(b[1] - a[1], b[0] - a[0]) if a[:2] != b[:2] else NAN
+                  for a, b in zip(poses, poses[1:])]
+    rad, degrees = (sorted(
+        min(abs(math.sin(factor * yaw - one)) for one in around if not math.isnan(one))
+        for (_, _, yaw), around in zip(poses, zip([NAN, *directions], [*directions, NAN]))
+        if not all(map(math.isnan, around)) and abs(yaw) > (math.tau if beyond else 0.0))
+        for factor in (1.0, math.radians(1.0)))
+    if beyond:
+        return not rad or rad[len(rad) // 2] > min(degrees[len(rad) // 2], MAX_AWAY)
+    return len(rad) > 2 and rad[len(rad) // 2] > MAX_AWAY > degrees[-1]
 
 
 def _rows(path: Path) -> Iterator[Vector3]:

@@ -64,6 +64,33 @@ def test_errors_name_the_line_and_what_is_expected(tmp_path, text, message):
         read_path(written(tmp_path, text))
 
 
+def arc(unit=1.0, begin=0.0, angle=math.pi, backwards=0.0):
+    """Return the text of an arc to the left; ``unit`` per rad."""
+    return '\n'.join(f'{math.sin(yaw)},{-math.cos(yaw)},{unit * (yaw + backwards)}'
+                     for yaw in (begin + angle * k / 200 for k in range(201)))
+
+
+DEGREES = 180.0 / math.pi
+
+
+@pytest.mark.parametrize('text', [
+    arc(DEGREES), arc(DEGREES, angle=0.01), arc(DEGREES, -0.05, 0.1, math.pi),
+    arc(DEGREES, begin=0.03, angle=0.05), arc(DEGREES, 0.7, 0.2), '0,0,90\n1,0,90\n',
+    '0,0,0\n1,0,0\n1,0,90\n', '0,0,45\n1,1,45\n2,2,45\n', '0,0,180\n-1,0,180\n-2,0,180\n',
+    '0,0,4\n2,0.1,4\n4,0.2,4\n'])
+def test_yaws_in_degrees_are_refused(tmp_path, text):
+    with pytest.raises(ParameterError, match='path.csv: yaw is up to .*in degrees.* Convert it'):
+        read_path(written(tmp_path, text))
+
+
+@pytest.mark.parametrize('text', [
+    arc(), arc(begin=-3.0), arc(angle=20.0), arc(backwards=math.pi), arc(begin=9.0, angle=0.1),
+    '0,0,0\n1,0,1.57\n', '0,0,1.57\n1,0,1.57\n', '0,0,0\n1,0,0\n2,0,0\n3,0,3\n',
+    '0,0,0\n1,0,0\n1,0,1.57\n1,1,1.57\n', '0,0,1\n1,0,2\n1,1,3\n0,1,1\n0,0,2\n'])
+def test_yaws_in_radians_turns_in_place_and_backward_motion_are_read(tmp_path, text):
+    assert len(read_path(written(tmp_path, text))) > 1
+
+
 def test_a_binary_file_is_not_a_path(tmp_path):
     path = tmp_path / 'path.csv'
     path.write_bytes(b'\xff\xfe\x00')
