@@ -48,8 +48,8 @@ def parse_yaml(data: bytes | str) -> Any:
     Return the value of a YAML text: nested dict and list of str, float, int, bool and None.
 
     Dates and merge keys are texts. Raises ValueError with the reason in one line if ``data`` are
-    no YAML in UTF-8, or have aliases, tags, several documents, collections as keys, or more than
-    ``MAX_SIZE`` and ``MAX_DEPTH``.
+    no YAML in UTF-8, or have aliases, tags, several documents, collections as keys, a key twice,
+    or more than ``MAX_SIZE`` and ``MAX_DEPTH``.
     """
     if len(data) > MAX_SIZE:
         raise ValueError(f'{len(data)} bytes, expected at most {MAX_SIZE}')
@@ -66,27 +66,44 @@ def _value(events: Iterable[Any]) -> Any:
     """Return the value that the events of a YAML parser describe."""
     documents: list[Any] = []
     stack = [documents]  # of the items of nested collections, keys and values alternately
+    marks = [list[yaml.Mark]()]  # where these items begin
     for event in events:
         tag = getattr(event, 'tag', None)
         if isinstance(event, yaml.AliasEvent) or tag not in (None, '!'):
             raise ValueError(_at(event.start_mark, 'aliases and tags are not read'))
+        if isinstance(event, yaml.NodeEvent):
+            marks[-1].append(event.start_mark)
         if isinstance(event, yaml.CollectionStartEvent):
             stack.append([])
+            marks.append([])
             if len(stack) > MAX_DEPTH + 1:
                 raise ValueError(_at(event.start_mark, f'more than {MAX_DEPTH} nested levels'))
         elif isinstance(event, yaml.ScalarEvent):
             plain = event.implicit[0] and tag is None  # yaml-cpp marks some texts with !
             stack[-1].append(_scalar(event.value) if plain else event.value)
         elif isinstance(event, yaml.SequenceEndEvent):
+            marks.pop()
             stack[-2].append(stack.pop())
         elif isinstance(event, yaml.MappingEndEvent):
             items = stack.pop()
-            if any(isinstance(key, (list, dict)) for key in items[::2]):
-                raise ValueError('a list or mapping is a key')
-            stack[-1].append(dict(zip(items[::2], items[1::2])))
+            stack[-1].append(_mapping(items[::2], items[1::2], marks.pop()[::2]))
     if len(documents) > 1:
         raise ValueError(f'{len(documents)} documents, expected one')
     return documents[0] if documents else None
+
+
+def _mapping(keys: Iterable[Any], values: Iterable[Any], marks: Iterable[yaml.Mark]
+             ) -> dict[Any, Any]:
+    """Return a mapping; raise ValueError if a key is a collection, or if a value would be lost."""
+    found: dict[Any, Any] = {}
+    lines: dict[Any, int] = {}
+    for key, value, mark in zip(keys, values, marks):
+        if isinstance(key, (list, dict)):
+            raise ValueError('a list or mapping is a key')
+        if key in found:
+            raise ValueError(_at(mark, f'{key} is there twice, first in line {lines[key]}'))
+        found[key], lines[key] = value, mark.line + 1
+    return found
 
 
 def _scalar(text: str) -> Any:

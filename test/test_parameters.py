@@ -304,6 +304,16 @@ def test_names_may_be_nested_or_dotted(tmp_path):
     assert loaded(nested) == loaded(dotted) == {'front.radius': 1.0}
 
 
+@pytest.mark.parametrize(('text', 'said'), [
+    ('/**:\n  ros__parameters: {mass: 7.0}\n/**:\n  ros__parameters: {wheel_radius: 0.1}\n',
+     r'line 3: /\*\* is there twice, first in line 1'),
+    ('/**: {ros__parameters: {imu: {gyro_noise: 0.1}, imu.gyro_noise: 0.2}}\n',
+     'imu.gyro_noise is there twice')])
+def test_a_name_that_is_there_twice_is_refused(tmp_path, text, said):
+    with pytest.raises(ParameterError, match=f'a.yaml: .*{said}'):
+        loaded(written(tmp_path, 'a.yaml', text))
+
+
 def test_a_block_without_parameters_is_empty(tmp_path):
     assert loaded(written(tmp_path, 'a.yaml', 'cart: {ros__parameters: }')) == {}
 

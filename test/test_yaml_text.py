@@ -66,12 +66,17 @@ def test_text_that_attacks_is_refused_by_other_readers_or_harmless(name, tmp_pat
     ('12:30:00', '12:30:00'), ('2001-01-31', '2001-01-31'), ('9' * 100, 10**100 - 1),
     ('9' * 101, '9' * 101), ('|\n a\n b\n', 'a\nb\n'), ('"\\e"', '\x1b'), ('=', '='),
     ('[1, a, [2.0, ]]', [1, 'a', [2.0]]), ('{a: 1, b: {c: [x]}}', {'a': 1, 'b': {'c': ['x']}}),
-    ('{2: a, true: b, ~: c}', {2: 'a', True: 'b', None: 'c'}), ('{a: 1, a: 2}', {'a': 2}),
+    ('{2: a, true: b, ~: c}', {2: 'a', True: 'b', None: 'c'}),
     ('{<<: {a: 1}}', {'<<': {'a': 1}}), ('&x a', 'a'), ('- a\n- b: c\n', ['a', {'b': 'c'}]),
     ('[! 7, ! "7", !<!> 7, ! [7]]', ['7', '7', '7', [7]]),
     (b'\xef\xbb\xbfa: \xc3\xa4', {'a': 'ä'}), ('{a, b: }', {'a': None, 'b': None})])
 def test_each_notation_has_this_value(text, value):
     assert repr(parse_yaml(text)) == repr(value)
+
+
+def test_equal_keys_of_different_mappings_and_values_like_keys_are_read():
+    tree = {'a': {'a': 'a', 'b': ['a', 'a']}, 'b': [{'a': 1}, {'a': 2}]}
+    assert parse_yaml('a: {a: a, b: [a, a]}\nb: [{a: 1}, {a: 2}]') == tree
 
 
 def test_not_a_number_is_read():
@@ -107,6 +112,10 @@ def test_the_bounds_of_depth_and_size_are_exact():
     ('!a a', 'line 1: aliases and tags are not read'),
     ('!!map {}', 'line 1: aliases and tags are not read'),
     ('a: 1\n? [b]\n: 2', 'a list or mapping is a key'),
+    # the first value would be lost in silence: two blocks for one node, a value that was pasted
+    ('a: 1\nb: 2\na: 3', 'line 3: a is there twice, first in line 1'),
+    ('x:\n  a: {b: [1, c]}\n  "a": 1', 'line 3: a is there twice, first in line 2'),
+    ('{0x10: a, 16: b}', 'line 1: 16 is there twice, first in line 1'),
     ('a\n---\nb\n---\nc', '3 documents, expected one'),
     ('a: [\nb: c', 'line 3: did not find expected'), ('\x01', 'unacceptable character'),
     (b'\xff', "'utf-8' codec can't decode byte 0xff in position 0")])

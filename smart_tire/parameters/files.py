@@ -207,19 +207,25 @@ def _walk(path: str, name: str, value: Any) -> list[Block]:
         inner = value['ros__parameters'] or {}
         if not isinstance(inner, Mapping):
             raise ParameterError(f'{path}: ros__parameters of {name} is not a mapping')
-        return [(name, flatten(inner))]
+        return [(name, flatten(inner, where=f'{path}: '))]
     return [block for key, deeper in value.items()
             for block in _walk(path, f'{name.rstrip("/")}/{key}', deeper)]
 
 
-def flatten(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    """Return a nested mapping as a flat one, keys joined by dots."""
+def flatten(tree: Mapping[str, Any], prefix: str = '', where: str = '') -> dict[str, Any]:
+    """
+    Return a nested mapping as a flat one, keys joined by dots.
+
+    Raises ParameterError, with ``where``, if one is there twice, as ``a: {b: 1}`` and ``a.b: 2``.
+    """
     flat: dict[str, Any] = {}
     for key, value in tree.items():
-        if isinstance(value, Mapping):
-            flat.update(flatten(value, f'{prefix}{key}.'))
-        else:
-            flat[f'{prefix}{key}'] = value
+        name = f'{prefix}{key}'
+        inner = (flatten(value, f'{name}.', where) if isinstance(value, Mapping)
+                 else {name: value})
+        for twice in inner.keys() & flat.keys():
+            raise ParameterError(f'{where}{twice} is there twice')
+        flat |= inner
     return flat
 
 
