@@ -126,11 +126,24 @@ def find_bag(path: Path) -> Path:
         return path
     below = sorted(child for child in path.iterdir() if child.is_dir() and is_bag(child))
     if not below:
-        raise BagError(f'{path}: not a rosbag2 directory (contains no .mcap or .db3 file)')
+        raise BagError(no_bag(path))
     if len(below) > 1:
         raise BagError(f'{path} contains {len(below)} bags, expected one: '
                        + ', '.join(map(str, below)))
     return below[0]
+
+
+def no_bag(folder: Path) -> str:
+    """Return why ``folder`` is no bag; one with a ROS 1 bag has a way on."""
+    old = sorted(folder.glob('*.bag'))
+    return of_ros1(old[0]) if old else (
+        f'{folder}: not a rosbag2 directory (contains no .mcap or .db3 file)')
+
+
+def of_ros1(path: Path) -> str:
+    """Return that a file is a ROS 1 bag, and how it is converted."""
+    return (f'{path}: a ROS 1 bag; convert it: rosbags-convert --src {path} '
+            f'--dst {path.with_suffix("")} --dst-storage mcap')
 
 
 def bag_name(path: Path) -> str:

@@ -78,6 +78,13 @@ def test_a_bag_two_levels_below_is_not_found(tmp_path):
         find_bag(tmp_path)
 
 
+def test_a_folder_of_a_ros_1_bag_has_a_way_on(tmp_path):
+    made(tmp_path / 'old', 'b.bag')
+    (tmp_path / 'old' / 'a.bag').touch()
+    with pytest.raises(BagError, match=f'{tmp_path}/old/a.bag: a ROS 1 bag; convert'):
+        find_bag(tmp_path / 'old')
+
+
 def test_a_missing_bag_is_an_error_with_its_path(tmp_path):
     with pytest.raises(BagError, match=r'nowhere: no such file or directory$'):
         find_bag(tmp_path / 'nowhere')

@@ -11,13 +11,13 @@
 """Reading, crash-safe writing and recovery of rosbag2 bags, without ROS."""
 
 from smart_tire.bags.cdr import Decoder, SampleDecoder
-from smart_tire.bags.input_check import check_inputs
+from smart_tire.bags.input_check import check_inputs, contents
 from smart_tire.bags.metadata import Channel, Qos
 from smart_tire.bags.reader import Bag, BagTopic, PARAMETERS_KEY, report_losses
 from smart_tire.bags.topic_names import match_by_name, STANDARD_NAMES, TopicNames
 from smart_tire.bags.writer import BagWriter, channel_of, recover, Recovery
 
 __all__ = [
-    'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs', 'Decoder',
-    'match_by_name', 'PARAMETERS_KEY', 'Qos', 'recover', 'Recovery', 'report_losses',
+    'Bag', 'BagTopic', 'BagWriter', 'Channel', 'channel_of', 'check_inputs', 'contents',
+    'Decoder', 'match_by_name', 'PARAMETERS_KEY', 'Qos', 'recover', 'Recovery', 'report_losses',
     'SampleDecoder', 'STANDARD_NAMES', 'TopicNames']

@@ -19,6 +19,7 @@ from smart_tire.bags.topic_names import candidates, RECOGNIZED, SEPARATOR, WHEEL
 from smart_tire.errors import BagError, printable
 from smart_tire.messages import TOPICS
 
+MAX_LISTED = 12  # topics of a bag
 MAX_CLOCK_DIFFERENCE = 30.0  # s; a recorder on a busy machine may be late by less
 JOINTS_EXAMPLE = """\
   /**:
@@ -52,6 +53,18 @@ def check_inputs(bag: Bag, wanted: Collection[str]) -> None:
         if standard not in found and (message := _topics_message(bag, standard)):
             raise ChoiceError(message)
     _check_clocks(bag, found)
+
+
+def contents(bag: Bag) -> tuple[str, str]:
+    """Return which topics a bag has, and what to do if the inputs are not among them."""
+    listed = [f'{name} ({kind}, {bag.topics[name].messages})' for name, kind in bag.types.items()]
+    if more := len(listed) - MAX_LISTED:
+        listed[MAX_LISTED:] = [f'{more} more'] if more > 0 else []
+    encodings = {topic.channel.encoding for topic in bag.topics.values()} - {'cdr'}
+    return f'the bag has {printable(", ".join(listed) or "no topics")}', (
+        'they are of ROS 1: convert their .bag file with rosbags-convert' if 'ros1' in encodings
+        else 'write their messages as samples, with smart_tire.bags.BagWriter.write_sample'
+        if encodings else 'record this topic, or select it by its name with --remap')
 
 
 def _check_clocks(bag: Bag, found: Mapping[str, str]) -> None:

@@ -24,7 +24,7 @@ from smart_tire.bags.mcap_file import MAGIC as MCAP_MAGIC, McapFile
 from smart_tire.bags.metadata import Losses, Metadata, read_metadata
 from smart_tire.bags.sqlite_file import SqliteFile
 from smart_tire.errors import BagError
-from smart_tire.paths import BAG_METADATA, BAG_SUFFIXES, open_file
+from smart_tire.paths import BAG_METADATA, BAG_SUFFIXES, no_bag, of_ros1, open_file
 from smart_tire.samples import NS_PER_S
 
 SQLITE_MAGIC = b'SQLite format 3\x00'
@@ -125,8 +125,7 @@ class OpenFiles:
             (path for path in self._path.iterdir() if path.name.endswith(BAG_SUFFIXES)),
             key=_natural_sort_key)
         if not paths:
-            raise BagError(f'{self._path}: not a rosbag2 directory (contains no .mcap or .db3 '
-                           'file)')
+            raise BagError(no_bag(self._path))
         return paths
 
     def _open(self, path: Path) -> McapFile | SqliteFile:
@@ -140,8 +139,7 @@ class OpenFiles:
         except BagError as error:
             raise BagError(str(error).replace(str(plain), str(path))) from error
         if head.startswith(ROS1_MAGIC):
-            raise BagError(f'{path}: a ROS 1 bag; convert it: rosbags-convert --src {path} '
-                           f'--dst {path.with_suffix("")} --dst-storage mcap')
+            raise BagError(of_ros1(path))
         if plain.suffix == '.csv':
             raise BagError(f'{path}: a table, expected a bag; write its rows as samples with '
                            'smart_tire.bags.BagWriter.write_sample')

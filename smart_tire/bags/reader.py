@@ -51,6 +51,7 @@ DIAGNOSTICS, DIAGNOSTICS_TYPE = 'diagnostics', 'diagnostic_msgs/msg/DiagnosticAr
 PARAMETERS_KEY = 'smart_tire.parameters'  # of the custom data: text of a ROS parameter file
 CLOCKED = 'imu/data', WHEELS_TOPIC  # topics whose receptions show a clock that was set
 PROGRESS_MESSAGES = 1000  # between two reports of progress
+MAX_TIME_NS = 1 << 62     # of reception, in 2116; a later one is no time
 MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
 # Of recordings from before wheel_states.effort was a torque; it was the duty of the motors.
 MAX_DUTY = 1.0
@@ -129,10 +130,29 @@ class Bag:
     @cached_property
     def span_ns(self) -> tuple[int, int]:
         """Return the receive times of the first and last message [ns]; zeros without messages."""
+        if not self._has_times:
+            times = [receive_ns for receive_ns, _, _ in self.raw()]
+            return min(times), max(times)
+        return self._file_span
+
+    @cached_property
+    def _file_span(self) -> tuple[int, int]:
         spans = [span for file in self._files if (span := file.span()) is not None]
         if not spans:
             return 0, 0
         return min(start for start, _ in spans), max(end for _, end in spans)
+
+    @cached_property
+    def _has_times(self) -> bool:
+        """Return whether the messages have times of reception; add a warning."""
+        start, end = self._file_span
+        if start >= 0 and end < MAX_TIME_NS and (start < end or sum(
+                one.messages for one in self.topics.values()) < MIN_SAMPLES):
+            return True
+        add_warning(self._warnings, 'invalid times of reception ('
+                    + ' to '.join(f'{one} ns' for one in dict.fromkeys((start, end)))
+                    + '): those of header.stamp are used')
+        return False
 
     @cached_property
     def custom_data(self) -> dict[str, str]:
@@ -203,7 +223,7 @@ class Bag:
 
     def type_mismatches(self) -> list[str]:
         """Return the topics with a standard name but another message type."""
-        return [f'{name} is {self.topics[name].channel.type}' for name in self.topics
+        return [f'{name} is {self.types[name]}' for name in self.topics
                 if find_topic(name) is not None and self._has_other_type(name)]
 
     def clock_offset(self, standard: str, name: str) -> float | None:
@@ -219,12 +239,24 @@ class Bag:
         """
         Yield the messages of ``topics`` (names as in the bag) in order of receive time.
 
-        ``as_written``: in the order of the files.
+        ``as_written``: in the order of the files. So they are if times of reception are invalid;
+        those of header.stamp replace them.
         """
+        if not self._has_times:
+            return self._stamped(topics)
         streams = [file.messages(topics, as_written=as_written) for file in self._files]
         if as_written:
             return chain.from_iterable(streams)
         return streams[0] if len(streams) == 1 else heapq.merge(*streams, key=itemgetter(0))
+
+    def _stamped(self, topics: Collection[str] | None) -> Iterator[Message]:
+        """Yield the messages as written, with stamps, or the time before, for invalid times."""
+        (start, end), latest = self._file_span, 0
+        for file in self._files:
+            for receive_ns, channel, data in file.messages(topics, as_written=True):
+                times = (receive_ns, stamp_in(data))[start == end:]
+                latest = next((one for one in times if 0 < one < MAX_TIME_NS), latest)
+                yield latest, channel, data
 
     def replayable(self, topics: Collection[str],
                    renamed: Mapping[str, str] = MappingProxyType({})) -> Iterator[Message]:

@@ -44,7 +44,7 @@ PLAIN_SCHEMA = re.compile(
     r'CREATE\s+(?:TABLE\s[^()]*\((?:(?!\b(?:CHECK|AS)\b)(?:[^()]|\([\w\s,]*\)))*\)[^()]*'
     rf'|(?:UNIQUE\s+)?INDEX\s[^()]*\({COLUMN}(?:,{COLUMN})*\)\s*)', re.IGNORECASE)
 VALID = """topic_id IN (SELECT id FROM topics) AND typeof(timestamp) = 'integer'
-           AND timestamp >= 0 AND typeof(data) = 'blob'"""  # of a message
+           AND typeof(data) = 'blob'"""  # of a message
 
 
 class SqliteFile:
@@ -205,7 +205,7 @@ class _DamagedDatabase:
                  if len(entry) == 2 and all(isinstance(one, int) for one in entry)}
         found, valid = len(self._cells), {
             row: (ns, row, number, cell) for ns, row, number, cell in self._cells
-            if ns >= 0 and number in self.channels and times.get(row, ns) == ns}
+            if number in self.channels and times.get(row, ns) == ns}
         self._cells = sorted(valid.values())
         self.lost = max(len(times.keys() - valid.keys()),
                         self._pages.damaged + found - len(valid))

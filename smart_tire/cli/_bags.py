@@ -69,6 +69,16 @@ def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] 
         yield bag, source
 
 
+def lacks_inputs(bag: Bag) -> bool:
+    """Return whether a bag lacks inputs of the estimators; print what it has instead."""
+    from smart_tire.bags import contents
+    found = bag.match(REQUIRED)
+    if missing := [name for name in REQUIRED if name not in found]:
+        print(f'{bag.path}: nothing can be estimated without {" and ".join(missing)}; '
+              + '; '.join(contents(bag)))
+    return bool(missing)
+
+
 def bag_settings(paths: Sequence[Path], args: argparse.Namespace,
                  checked: Collection[Path] = ()) -> tuple[EstimatorParams, TopicNames, int]:
     """

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smart_tire.cli._bags import (
-    check_options, check_overhead, diverged, each_bag, NOTHING_ESTIMATED, open_bag, print_errors,
-    REQUIRED)
+    check_options, check_overhead, diverged, each_bag, lacks_inputs, NOTHING_ESTIMATED, open_bag,
+    print_errors)
 from smart_tire.cli._outputs import (
     FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
 from smart_tire.cli._progress import ProgressLine
@@ -66,10 +66,7 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     from smart_tire.analysis.tables import lines
     with open_bag(bag, args) as (opened, source):
         params, shown = source.params, opened.notes
-        if missing := [name for name in REQUIRED if name not in opened.match(REQUIRED)]:
-            print(f'{bag}: nothing can be estimated without {" and ".join(missing)}')
-            for name in missing:
-                print(f'  {name} is not in the bag, nor a topic that may be it by another name')
+        if lacks_inputs(opened):
             return NOTHING_ESTIMATED
     with ProgressLine(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,

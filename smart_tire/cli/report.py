@@ -20,7 +20,8 @@ from pathlib import Path
 
 import smart_tire
 from smart_tire.cli._bags import (
-    check_options, check_overhead, diverged, each_bag, NOTHING_ESTIMATED, open_bag, print_errors)
+    check_options, check_overhead, diverged, each_bag, lacks_inputs, NOTHING_ESTIMATED, open_bag,
+    print_errors)
 from smart_tire.cli._outputs import refuse_existing, refuse_folder_of_bag
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
@@ -69,7 +70,8 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     from smart_tire.analysis.html_report.page import html_page
     from smart_tire.analysis.offline import analyze
     with open_bag(bag, args) as (opened, source):
-        pass
+        if lacks_inputs(opened):
+            return NOTHING_ESTIMATED
     with ProgressLine(report_name(bag)) as progress:
         result = analyze(bag, None, source.params, progress.share, names=opened.names,
                          source=source, checks=args.checks, overhead=args.overhead)

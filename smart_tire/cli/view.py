@@ -26,7 +26,8 @@ import time
 from typing import TYPE_CHECKING
 import webbrowser
 
-from smart_tire.cli._bags import ESTIMATED, open_bag, print_checks, REQUIRED
+from smart_tire.cli._bags import (
+    ESTIMATED, lacks_inputs, NOTHING_ESTIMATED, open_bag, print_checks, REQUIRED)
 from smart_tire.cli._outputs import refuse_existing
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
@@ -59,7 +60,8 @@ def run(args: argparse.Namespace) -> int:
     if args.save is not None:
         refuse_existing([args.save], force=args.force, inputs=[*args.params])
     from smart_tire.analysis.overhead import overhead_params
-    from smart_tire.analysis.pipeline import EstimatorParams
+    from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams
+    from smart_tire.messages import TOPICS
     from smart_tire.parameters import load_node
     from smart_tire.view.bag import find_bags, image_topic
     if args.live:
@@ -71,11 +73,11 @@ def run(args: argparse.Namespace) -> int:
     bag, estimates = find_bags(args.bag)
     status = ESTIMATED
     with open_bag(bag, args, required=()) as (opened, source):
-        if args.checks:
-            found = print_checks(opened, source)
-            if len(opened.match(REQUIRED)) == len(REQUIRED):  # else there is nothing to estimate
-                status = found
-        camera = bool(image_topic(opened))
+        camera, found = bool(image_topic(opened)), opened.match(TOPICS)
+        if set(REQUIRED) <= found.keys():
+            status = print_checks(opened, source) if args.checks else ESTIMATED
+        elif not set(ESTIMATES) & found.keys() and lacks_inputs(opened) and not (camera or found):
+            return NOTHING_ESTIMATED
         family = overhead_params(opened, args.params).overhead.tag_family if camera else None
     return _with_viewer(
         args, bag.resolve().name, source.params, family,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+import sqlite3
 
 import pytest
 from smart_tire.bags import Bag, BagWriter, channel_of
@@ -22,7 +23,7 @@ from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.samples import ImuSample, WheelSample
 from support.real_recordings import real_recording
-from support.recordings import START_NS, stream, write_bag
+from support.recordings import START_NS, stream, write_bag, write_with_rosbags
 
 
 def write_raw(path, messages):
@@ -174,7 +175,37 @@ def test_messages_in_another_encoding_have_another_type(tmp_path):
     with Bag(tmp_path / 'bag') as bag:
         assert bag.types == {'/imu/data': f'{IMU} in json'}
         assert bag.match(['imu/data']) == {}
-        assert bag.type_mismatches() == [f'/imu/data is {IMU}']
+        assert bag.type_mismatches() == [f'/imu/data is {IMU} in json']
+
+
+@pytest.mark.parametrize('invalid', [{3: 2 ** 63 - 1}, {3: -1000}, {0: -1000, 3: 2 ** 62},
+                                     dict.fromkeys(range(20), 0)], ids=str)
+def test_stamps_replace_invalid_times_of_reception(tmp_path, invalid):
+    """One time would be the whole span of the bag, and the place of its message."""
+    imu = [sample for _, topic, sample in stream() if topic == 'imu/data'][:20]
+    path = write_with_rosbags(tmp_path / 'bag', [
+        (one.stamp_ns + 5, 'imu/data', one) for one in imu])
+    with sqlite3.connect(next(path.glob('*.db3'))) as database:
+        for k, time_ns in invalid.items():
+            database.execute('UPDATE messages SET timestamp = ? WHERE id = ?', (time_ns, k + 1))
+    database.close()
+    with Bag(path) as bag:
+        read = list(bag.samples(['imu/data']))
+        assert [sample for _, _, sample in read] == imu
+        assert [received for received, _, _ in read] == [
+            one.stamp_ns + 5 * (k not in invalid) for k, one in enumerate(imu)]
+        assert bag.span_ns == (read[0][0], read[-1][0])
+        warning, = bag.warnings
+        assert warning.startswith('invalid times of reception (') and bag.losses.lines() == []
+
+
+def test_the_latest_times_of_reception_are_valid(tmp_path):
+    imu = [sample for _, topic, sample in stream() if topic == 'imu/data'][:20]
+    path = write_bag(tmp_path / 'bag', [
+        (2 ** 62 - 20 + k, 'imu/data', one) for k, one in enumerate(imu)])
+    with Bag(path) as bag:
+        assert bag.span_ns == (2 ** 62 - 20, 2 ** 62 - 1)
+        assert next(bag.raw())[0] == 2 ** 62 - 20 and not bag.warnings
 
 
 def test_the_latest_metadata_counts_and_that_of_the_folder_most(tmp_path):

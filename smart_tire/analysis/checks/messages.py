@@ -62,6 +62,7 @@ def check_host(recording: CheckedRecording) -> Iterator[Finding]:
 
 def check_topics(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield missing inputs; with films expected, missing films are a warning."""
+    has, way_on = recording.contents
     for name in INPUTS:
         films = name == 'tire_samples'
         if (recording.of(name) or recording.faults.rejected[name]
@@ -69,7 +70,9 @@ def check_topics(recording: CheckedRecording) -> Iterator[Finding]:
             continue
         yield finding('input_missing', name, Level.WARNING if films else None,
                       type=TOPICS[name].type, needed=NEEDED_FOR[name],
-                      action='start its driver' if recording.live else 'record this topic')
+                      contents=f'; {has}' * bool(has and not films),
+                      action=way_on if way_on and not films else 'record this topic')
+        has = way_on = ''
 
 
 def check_problems(recording: CheckedRecording) -> Iterator[Finding]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from smart_tire.analysis.checks import limits
 from smart_tire.analysis.checks.stalls import Stalls
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, contents
 from smart_tire.calibration.latency import fit_yaw_rate, YawRateFit
 from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
 from smart_tire.errors import EstimatorError
@@ -63,6 +63,7 @@ class CheckedRecording:
     host: HostLoad | None = None    # of a running robot; reported elsewhere if it is late
     mended: CalibrationRecording | None = None  # IMU and wheels without the errors that were found
     radius_given: bool = True       # wheel_radius is not just the default
+    contents: tuple[str, str] = '', 'start its driver'  # of the bag, and the way on without inputs
 
     def of(self, topic: str) -> list[Stream]:
         """Return the streams of ``topic``, by wheel; films without other numbers of them."""
@@ -168,7 +169,7 @@ def read(bag: Bag, robot: RobotParams, progress: Callable[[float], None] = lambd
     """Return what the checks need of ``bag``, which is read once."""
     samples = bag.recording(READ, progress, restamp=False)
     return CheckedRecording(robot, samples, bag.faults, problems_of(bag), tuple(bag.statuses()),
-                            radius_given=radius_given)
+                            radius_given=radius_given, contents=contents(bag))
 
 
 def problems_of(bag: Bag) -> tuple[str, ...]:
