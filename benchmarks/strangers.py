@@ -81,6 +81,15 @@ def clock(step: float, topics: tuple[str, ...] = CHANGED, share: float = 0.45, *
     return changed
 
 
+def paused(begin: float, end: float) -> Change:
+    """Return a recording without shares of the time."""
+    def changed(events: Events, robot: RobotParams) -> Events:
+        first, last = events[0][0], events[-1][0]
+        return [event for event in events
+                if not begin <= (event[0] - first) / (last - first) < end]
+    return changed
+
+
 def again(topic: str, change: Callable[[Any], Any] = lambda sample: sample, every: int = 1
           ) -> Change:
     """Return the addition of a second publisher of ``topic``."""
@@ -282,6 +291,12 @@ STRANGE: Mapping[str, Variant] = {
     'clock of the wheels set back by 1 s': Variant(
         clock(-1.0, ('wheel_states',), received=False),
         (OF_STAMPS.format('wheel_states', 'back by 1 s'),)),
+    'clock set forward by 2 s at rest': Variant(
+        clock(2.0, share=0.05), ('or the clock was set forward',)),
+    'recording paused at rest': Variant(
+        paused(0.02, 0.06), ('recording was interrupted, or',)),
+    'recording paused in motion': Variant(
+        paused(0.4, 0.48), ('recording was interrupted; ',)),
     'simulated time': Variant(clock(20.0 - 1.7e9, share=-1.0, received=False)),
     'milliseconds in nanosec': Variant(
         message=stamped(lambda sec, nanosec: (sec, nanosec // 1_000_000), ('imu/data',)),

@@ -189,6 +189,8 @@ class Faults:
     frames: dict[str, Counter[str]] = field(default_factory=dict)  # header.frame_id
     completed: Counter[str] = field(default_factory=Counter)  # of wheel_states: ``WheelReader``
     clock_steps: Sequence[str] = ()  # clocks that were set, as text
+    # begin and end [ns] of times without any reception, and whether the wheels turned on
+    pauses: Sequence[tuple[int, int, bool]] = ()
 
     def reject(self, topic: str, reason: Exception) -> None:
         """Count an invalid message."""

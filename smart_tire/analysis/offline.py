@@ -215,9 +215,8 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
     if overhead is not None:
         contents.camera, cameras = read_overhead(overhead), ()
     with Bag(path, names, params.robot.joints) as bag:
-        start, end = bag.span_ns
         batch: list[Received] = []
-        receive_ns = end
+        receive_ns = bag.span_ns[1]
         for count, (receive_ns, topic, sample) in enumerate(
                 bag.samples((*INPUTS, *TRUTHS, *cameras, PATH))):
             if topic in TRUTHS:
@@ -230,11 +229,13 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
                 contents.inputs.add_sample(sample, receive_ns)
                 batch += [(receive_ns, item) for item in forwarded(friction, sample)]
             if count % BATCH_SIZE == 0:
+                start, end = bag.span_ns  # without the steps of its clock, by now
                 yield StageBatch((receive_ns - start) / max(1, end - start), batch)
                 batch = []
         batch += [(receive_ns, item) for item in friction.finish()]
         yield StageBatch(1.0, batch)
         contents.late, contents.faults = friction.late, bag.faults
+        start, end = bag.span_ns
         contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes
         contents.skipped = _skipped(bag, contents, params.friction.robot.film.wheels)

@@ -12,9 +12,9 @@
 Clocks that were set while a bag was recorded: found by times of reception, stamps and wheels.
 
 If the clock of the host is set, the receive times step. They also pause while nothing is
-received; but then the wheels that turn have turned on, at their speed for all of the pause. If the
-clock of a device is set, its stamps step while its messages are received as before, and stay
-apart.
+received; but then the wheels that turn have turned on, at their speed for all of the pause. While
+they stand still, both are possible. If the clock of a device is set, its stamps step while its
+messages are received as before, and stay apart.
 """
 
 from __future__ import annotations
@@ -47,10 +47,20 @@ class ClockStep:
 
 
 @dataclass(frozen=True)
+class Pause:
+    """A time in which no topic was received, by the first clock."""
+
+    begin_ns: int  # of the last reception before it
+    end_ns: int
+    turned: bool   # the wheels turned on; else the clock may have been set forward instead
+
+
+@dataclass(frozen=True)
 class ClockSteps:
     """The steps of the host and of the stamps of topics, each in the order of the recording."""
 
     host: Sequence[ClockStep] = ()
+    pauses: Sequence[Pause] = ()
     stamps: Mapping[str, Sequence[ClockStep]] = field(default_factory=dict)  # by name in the bag
 
     @property
@@ -141,27 +151,33 @@ def has_pause(times: Times) -> bool:
     return bool((np.diff(times.receive_ns) > MIN_PAUSE_NS).any())
 
 
-def host_steps(topics: Iterable[Times], turns: WheelTurns | None) -> list[ClockStep]:
+def host_steps(topics: Iterable[Times], turns: WheelTurns | None) -> ClockSteps:
     """
-    Return the steps of the clock of the host.
+    Return the steps of the clock of the host, and the pauses.
 
     ``turns`` distinguishes a step forward from a pause; without it, or while no wheel turns,
-    there is none.
+    it is a pause.
     """
     streams = [one for one in topics if len(one.receive_ns) > 2 * MIN_COUNT]
     if not streams:
-        return []
+        return NO_STEPS
     fastest = min(streams, key=lambda one: float(np.median(np.diff(one.receive_ns))))
     period = int(np.median(np.diff(fastest.receive_ns)))
-    received, found, shift = fastest.receive_ns, [], 0
+    received, found, pauses, shift = fastest.receive_ns, [], [], 0
     for k in np.flatnonzero(np.abs(np.diff(received) - period) > MIN_STEP_NS):
-        step = int(received[k + 1] - received[k]) - period
-        if step < 0 or step > MIN_PAUSE_NS and turns is not None and not _catches_up(
-                received[k + 1:], step, period) and _stood(
-                turns, int(received[k]), int(received[k + 1]), step):
-            found.append(ClockStep(int(received[k]) - shift, step))
+        begin, end = int(received[k]), int(received[k + 1])
+        step, turned = end - begin - period, None
+        if step > 0:
+            if step <= MIN_PAUSE_NS or _catches_up(received[k + 1:], step, period):
+                continue
+            turned = turns and _turned_on(turns, begin, end, step)
+        if step < 0 or turned is False:
+            found.append(ClockStep(begin - shift, step))
             shift += step
-    return found if len(found) <= MAX_STEPS else []
+        elif not any(((one.receive_ns > begin) & (one.receive_ns < end)).any()
+                     for one in streams):
+            pauses.append(Pause(begin - shift, end - shift, bool(turned)))
+    return ClockSteps(*((found, pauses) if len(found) <= MAX_STEPS else ((), ())))
 
 
 def _catches_up(received: Instants, pause_ns: int, period: int) -> bool:
@@ -171,21 +187,28 @@ def _catches_up(received: Instants, pause_ns: int, period: int) -> bool:
     return count > BURST_SHARE * window / period + MIN_COUNT
 
 
-def _stood(turns: WheelTurns, begin: int, end: int, step_ns: int) -> bool:
-    """Return whether the wheels did not turn for ``step_ns`` from ``begin`` to ``end``."""
+def _turned_on(turns: WheelTurns, begin: int, end: int, step_ns: int) -> bool | None:
+    """
+    Return whether the wheels turned on for ``step_ns`` from ``begin`` to ``end``.
+
+    None if their angles agree with neither.
+    """
     before = int(np.searchsorted(turns.receive_ns, begin, 'right')) - 1
     after = int(np.searchsorted(turns.receive_ns, end))
     if before < 1 or after + 1 >= len(turns.receive_ns):
-        return False
+        return None
     speed = 0.5 * (turns.speed[before] + turns.speed[after + 1])
     gap = turns.receive_ns[after] - turns.receive_ns[before]
     turned = turns.angle[after] - turns.angle[before]
     full, none = (speed * time / NS_PER_S for time in (gap, gap - step_ns))
     # modulo a turn: angles that wrap are not continued over a pause
-    apart, off = (np.abs(np.remainder(one - none + math.pi, math.tau) - math.pi)
-                  for one in (full, turned))
+    apart, off, rest = (np.abs(np.remainder(one + math.pi, math.tau) - math.pi)
+                        for one in (full - none, turned - none, turned - full))
     wheel = int(np.argmax(np.nan_to_num(apart)))
-    return bool(apart[wheel] > MIN_TURN and off[wheel] < CLEAR_SHARE * apart[wheel])
+    limit = CLEAR_SHARE * apart[wheel]
+    if not apart[wheel] > MIN_TURN or min(off[wheel], rest[wheel]) >= limit:
+        return None
+    return bool(off[wheel] >= limit)
 
 
 def stamp_steps(times: Times) -> list[ClockStep]:

@@ -93,6 +93,7 @@ class Bag:
         self.faults = Faults()
         self._warnings: list[str] = []
         self.losses = Losses()
+        self._stepped_span: tuple[int, int] | None = None
         self._opened = OpenFiles(self.path, self._warnings, self.losses)
         self._files = self._opened.files
 
@@ -127,13 +128,19 @@ class Bag:
             self.losses.add(f'{listed} are listed in metadata.yaml, {found} in the files')
         return {topic: BagTopic(channel, counts[topic]) for topic, channel in channels.items()}
 
-    @cached_property
+    @property
     def span_ns(self) -> tuple[int, int]:
-        """Return the receive times of the first and last message [ns]; zeros without messages."""
-        if not self._has_times:
-            times = [receive_ns for receive_ns, _, _ in self.raw()]
-            return min(times), max(times)
-        return self._file_span
+        """
+        Return the receive times of the first and last message [ns]; zeros without messages.
+
+        By the first clock, of the messages that were read, if it was found to be set meanwhile.
+        """
+        return self._stepped_span or (self._file_span if self._has_times else self._stamped_span)
+
+    @cached_property
+    def _stamped_span(self) -> tuple[int, int]:
+        times = [receive_ns for receive_ns, _, _ in self.raw()]
+        return min(times), max(times)
 
     @cached_property
     def _file_span(self) -> tuple[int, int]:
@@ -296,6 +303,7 @@ class Bag:
         duties = 'wheel_states' in found and self._ignores_efforts(found['wheel_states'])
         steps = self.clock_steps(found)
         self.faults.clock_steps = tuple(steps.lines(self.span_ns[0]))
+        self.faults.pauses = [(one.begin_ns, one.end_ns, one.turned) for one in steps.pauses]
         for line in self.faults.clock_steps:
             add_warning(self.notes, line)
         for receive_ns, standard, sample in self._samples(found, self.faults, steps):
@@ -336,10 +344,11 @@ class Bag:
         turns = WheelTurns.of(self._samples(
             {WHEELS_TOPIC: found[WHEELS_TOPIC]}, Faults())) if WHEELS_TOPIC in found and any(
                 map(has_pause, clocked)) else None
-        steps = ClockSteps(host_steps(clocked, turns))
+        steps = host_steps(clocked, turns)
         if steps.host:
             correct = Corrector(steps)
             received = np.array([correct('', at)[0] for at in received.tolist()], np.int64)
+            self._stepped_span = int(received.min()), int(received.max())
         return replace(steps, stamps={
             name: stepped for name, one in times().items() if (stepped := stamp_steps(one))})
 

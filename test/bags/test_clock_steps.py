@@ -12,11 +12,14 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
+
 import numpy as np
 import pytest
+from smart_tire.bags import Bag, BagWriter
 from smart_tire.bags.clock_steps import (
     ClockStep, ClockSteps, Corrector, has_pause, host_steps, stamp_steps, Times, WheelTurns)
-from smart_tire.samples import NS_PER_S
+from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 
 START_NS = 1_700_000_000 * NS_PER_S
 DELAY_NS, PERIOD_NS = 2_000_000, 10_000_000
@@ -43,7 +46,7 @@ def turns(step=0.0, speed=SPEED, at=5.0, rate=16.0):
 
 @pytest.mark.parametrize('step', [0.3, 2.0, 3600.0, 1.5e9, -0.15, -2.0, -3600.0])
 def test_a_step_of_the_clock_of_the_host_is_found_with_its_size(step):
-    found, = host_steps([times(step, jitter=1e-3), times(step, rate=16.0)], turns(step))
+    found, = host_steps([times(step, jitter=1e-3), times(step, rate=16.0)], turns(step)).host
     assert found.step_ns == pytest.approx(step * NS_PER_S, abs=10e6)
     assert found.before_ns == pytest.approx(START_NS + 5.0 * NS_PER_S, abs=20e6)
 
@@ -55,12 +58,45 @@ def test_a_pause_in_which_the_wheels_turn_on_is_none(pause):
     after = wheels.receive_ns > START_NS + 5.0 * NS_PER_S
     moved = WheelTurns(wheels.receive_ns, wheels.angle + SPEED * pause * after[:, np.newaxis],
                        wheels.speed)
-    assert host_steps([times(pause)], moved) == [] and gone.any()
+    steps = host_steps([times(pause)], moved)
+    found, = steps.pauses
+    assert not steps.host and found.turned and gone.any()
+    assert found.end_ns - found.begin_ns == pytest.approx(pause * NS_PER_S, abs=20e6)
 
 
 @pytest.mark.parametrize('wheels', [None, turns(2.0, speed=0.0), turns(2.0, speed=0.01)])
 def test_a_pause_of_stationary_wheels_proves_no_step_forward(wheels):
-    assert host_steps([times(2.0)], wheels) == []
+    steps = host_steps([times(2.0)], wheels)
+    found, = steps.pauses
+    assert not steps.host and not found.turned
+
+
+@pytest.mark.parametrize(('step', 'speed', 'pauses'), [
+    (2.0, SPEED, 0), (3600.0, SPEED, 0), (-2.0, 0.0, 0), (-3600.0, SPEED, 0), (2.0, 0.0, 1)])
+def test_a_bag_lasts_as_long_as_by_the_first_clock(tmp_path, step, speed, pauses):
+    imu, wheels, drive = times(step), times(step, rate=16.0), turns(step, speed)
+    events = [*(('imu/data', *row) for row in zip(
+                  times().stamp_ns.tolist(), imu.receive_ns.tolist(), [ImuSample(
+                      at, (0.0,) * 3, (0.0, 0.0, 9.81)) for at in imu.stamp_ns.tolist()])),
+              *(('wheel_states', *row) for row in zip(
+                  times(rate=16.0).stamp_ns.tolist(), wheels.receive_ns.tolist(), [
+                      WheelSample(at, (speed,) * 4, tuple(angle)) for at, angle in zip(
+                          wheels.stamp_ns.tolist(), drive.angle.tolist())]))]
+    with BagWriter(tmp_path / 'bag') as writer:
+        for topic, _, received, sample in sorted(events, key=itemgetter(1)):
+            writer.write_sample(topic, received, sample)
+    with Bag(tmp_path / 'bag') as bag:
+        list(bag.samples(['imu/data', 'wheel_states']))
+        begin, end = bag.span_ns
+        assert (end - begin) / NS_PER_S == pytest.approx(10.0 + 2.0 * pauses, abs=0.03)
+        assert len(bag.faults.pauses) == pauses
+        assert bool(bag.faults.clock_steps) == (not pauses)
+
+
+def test_a_gap_of_one_topic_is_no_pause():
+    other = times(rate=16.0)
+    assert not host_steps([times(2.0), other], None).pauses
+    assert len(host_steps([times(2.0), times(2.0, rate=16.0)], None).pauses) == 1
 
 
 @pytest.mark.parametrize('stall', [0.5, 1.0, 4.0])
@@ -71,14 +107,15 @@ def test_messages_that_wait_in_a_stall_of_the_recorder_are_no_step(stall):
         return np.where((one > at) & (one < until), until, one)
     one, wheels = times(), turns()
     stalled = WheelTurns(waiting(wheels.receive_ns), wheels.angle, wheels.speed)
-    assert host_steps([Times(waiting(one.receive_ns), one.stamp_ns)], stalled) == []
+    steps = host_steps([Times(waiting(one.receive_ns), one.stamp_ns)], stalled)
+    assert not steps.host and not steps.pauses
 
 
 def test_two_steps_are_found():
     one, other = times(2.0, seconds=20.0), times(-1.0, at=12.0, seconds=20.0)
     stepped = Times(one.receive_ns + other.receive_ns - times(seconds=20.0).receive_ns,
                     one.stamp_ns)
-    first, second = host_steps([stepped], turns(2.0))
+    first, second = host_steps([stepped], turns(2.0)).host
     assert (first.step_ns, second.step_ns) == (2 * NS_PER_S, -NS_PER_S)
     correct = Corrector(ClockSteps([first, second]))
     found = [correct('', at)[0] for at in stepped.receive_ns.tolist()]
@@ -110,11 +147,11 @@ def test_stamps_that_are_wrong_throughout_are_no_steps():
     one = times()
     assert stamp_steps(Times(one.receive_ns, one.stamp_ns // NS_PER_S * NS_PER_S)) == []
     assert stamp_steps(Times(one.receive_ns, np.zeros_like(one.stamp_ns))) == []
-    assert host_steps([], None) == []
+    assert not host_steps([], None).host
 
 
 def test_a_step_is_described_with_size_and_time():
-    steps = ClockSteps([ClockStep(START_NS + 5 * NS_PER_S, 2 * NS_PER_S)], {
+    steps = ClockSteps([ClockStep(START_NS + 5 * NS_PER_S, 2 * NS_PER_S)], stamps={
         '/imu': [ClockStep(START_NS + 5 * NS_PER_S, 2 * NS_PER_S)],
         '/wheels': [ClockStep(START_NS + 8 * NS_PER_S, -NS_PER_S)]})
     assert list(steps.lines(START_NS)) == [

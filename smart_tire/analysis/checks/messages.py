@@ -128,9 +128,15 @@ def check_columns(recording: CheckedRecording) -> Iterator[Finding]:
 
 
 def check_clock_steps(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield clocks that were set while the bag was recorded."""
+    """Yield clocks that were set while the bag was recorded, and times without any reception."""
     for text in recording.faults.clock_steps:
         yield finding('clock_set', 'clock', text=text)
+    for begin_ns, end_ns, turned in recording.faults.pauses:
+        yield finding(
+            'interrupted', 'bag', duration=(end_ns - begin_ns) / NS_PER_S,
+            first=(begin_ns - recording.origin_ns) / NS_PER_S,
+            turned=', while the wheels turned on' * turned, cause='the recording was interrupted'
+            + (not turned) * ', or the clock was set forward while the robot stood still')
 
 
 def check_completed(recording: CheckedRecording) -> Iterator[Finding]:

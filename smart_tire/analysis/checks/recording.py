@@ -116,7 +116,7 @@ class CheckedRecording:
     @cached_property
     def stalls(self) -> Stalls:
         """Return the stalls of the devices and of the host."""
-        return Stalls(self.stamped, self.statuses, self.host)
+        return Stalls(self.stamped, self.statuses, self.host, self.faults.pauses)
 
     @cached_property
     def origin_ns(self) -> int:

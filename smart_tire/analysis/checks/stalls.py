@@ -76,6 +76,8 @@ class Stalls:
     streams: Sequence[Stream]  # with timestamps, as received
     statuses: Sequence[tuple[int, NodeStatus]] = ()  # timestamps [ns], diagnostics of nodes
     host: HostLoad | None = None  # during the whole recording
+    # begin and end [ns] of pauses of the recording, which explain gaps, but are none of the host
+    pauses: Sequence[tuple[int, int, bool]] = ()
 
     @cached_property
     def reported(self) -> HostLoad | None:
@@ -110,7 +112,7 @@ class Stalls:
 
     def explain(self, begin_ns: Instants, end_ns: Instants) -> Mask:
         """Return which of the intervals in time of reception overlap a stall of the host."""
-        count = np.concatenate([[0], np.cumsum(self.of_host)])
+        count = np.concatenate([[0], np.cumsum(self.of_host | self._paused)])
         first, last = (np.clip((one - self.start_ns) // BIN_NS, 0, self._bins - 1)
                        for one in (begin_ns, end_ns))
         return np.asarray(count[last + 1] > count[first])
@@ -130,9 +132,16 @@ class Stalls:
         """Return the bins in which each device stalls; all wheels share the radio."""
         found: dict[str, Mask] = {}
         for stream in self.streams:
-            stalls = self._mask(stalled_intervals(stream))
+            stalls = self._mask(stalled_intervals(stream)) & ~self._paused
             found[stream.topic] = found.get(stream.topic, np.zeros(self._bins, bool)) | stalls
         return found
+
+    @cached_property
+    def _paused(self) -> Mask:
+        """Return the bins of the pauses, and those around until each device is received."""
+        margin = 2 * max((round(one.period * NS_PER_S) for one in self.streams), default=0)
+        return self._mask([(np.array([begin - margin]), np.array([end + margin]))
+                           for begin, end, _ in self.pauses])
 
     @cached_property
     def _reported_late(self) -> Mask:
