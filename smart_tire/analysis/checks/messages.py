@@ -173,10 +173,10 @@ def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
         steps = np.diff(ordered.stamp_ns) / NS_PER_S
         gap = steps > max(limit, MIN_GAP_PERIODS * stream.period)
         gap &= ~recording.stalls.explain(due[:-1], due[1:])
-        if not gap.any():
+        missing = np.sum(np.rint(steps[gap] / stream.period) - 1.0)
+        if missing <= recording.faults.rejected[stream.topic]:  # also without a gap
             continue
         if films:
-            missing = np.sum(np.rint(steps[gap] / stream.period) - 1.0)
             share = missing / (missing + np.sum(~recording.stalls.explain(due, due)))
             limit = limits.MAX_MISSED_SHARE
             yield finding('many_lost_batches' if share > limit else 'lost_batches', stream.name,
