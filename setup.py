@@ -59,7 +59,7 @@ setup(
     maintainer='The smart_tire maintainers',
     maintainer_email='maintainers@smart-tire.example',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['analysis/checks/findings.yaml', 'analysis/html_report/page.css',
+    package_data={PACKAGE: ['checks/findings.yaml', 'analysis/html_report/page.css',
                             'analysis/html_report/page.html', 'analysis/html_report/page.js',
                             'cli/verbs.yaml', 'messages/topics.yaml', 'models/tire/brush_tire.pxd',
                             'parameters/urdf_templates.yaml', 'papers/sections.yaml',

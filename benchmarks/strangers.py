@@ -15,7 +15,8 @@ What recordings of other robots have that is wrong or unusual, and what each doo
 a bag, by default from a simulated drive, and prints a row per variant. ``doctor``: right if the
 warnings and errors that the bag itself does not have name the cause and nothing else. ``analyze``:
 the exit status, and the distance of its end from that of the bag itself in standard deviations; it
-is right if an error is named, or the distance is less than three.
+is right if an error is named, or the distance is less than three. ``live``: whether the checks of
+a running ``slip_estimator`` name the errors of ``doctor``, as its diagnostics do.
 """
 
 from __future__ import annotations
@@ -33,16 +34,19 @@ from benchmarks.wrong_data import (
     CHANGED, Events, judged, RIGHT, Variant, VARIANTS, written)
 import numpy as np
 
-from smart_tire.analysis.checks import findings
-from smart_tire.analysis.checks.recording import read
+from smart_tire.checks import findings
+from smart_tire.checks.recording import read
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import bag_params, BagParams, EstimatorParams, FILES
 from smart_tire.arrays import Array
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, SampleDecoder
 from smart_tire.findings import Finding, Level
+from smart_tire.host_load import HostLoad
+from smart_tire.nodes.live_checks import LiveChecks, PERIOD
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams, SlipEstimatorParams
 from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams
+from smart_tire.recording import Faults
 from smart_tire.samples import ImuSample, NS_PER_S, WHEELS, WheelSample
 from smart_tire.simulation.offline import simulate
 
@@ -50,8 +54,11 @@ DRIVE = ((2.0, 90.0, 90.0), (5.0, 100.0, 60.0), (9.0, 40.0, 80.0), (12.0, 0.0, 0
          (15.0, -60.0, -80.0), (19.0, 90.0, 90.0), (22.0, 0.0, 0.0))  # start time [s], rpm
 DURATION = 24.0  # s
 MAX_SIGMAS = 3.0
+NONE = '-'
+NO_LOAD = HostLoad(0.0, 0.0, 0.0, 1)
 BEGIN, END = '<!-- begin variants -->', '<!-- end variants -->'  # of the table in a page
-HEAD = '| variant | doctor | analyze | standard deviations |\n| --- | --- | --- | --- |'
+HEAD = ('| variant | doctor | live | analyze | standard deviations |\n'
+        '| --- | --- | --- | --- | --- |')
 Change = Callable[[Events, RobotParams], Events]
 
 
@@ -368,6 +375,7 @@ class Result:
     """What ``doctor`` and ``analyze`` say of a recording."""
 
     doctor: str                # RIGHT, SILENT or WRONG
+    live: str                  # likewise, of its errors; NONE if it has none
     found: list[Finding]
     error: bool                # ``analyze`` names an error
     end: Array | None = None   # x, y [m] and yaw [rad] at the end; None if nothing is estimated
@@ -396,15 +404,34 @@ def result(events: Events, robot: RobotParams, variant: Variant, before: list[Fi
         with Bag(path) as bag:
             found = [one for one in findings(read(bag, setting)) if one.level >= Level.WARNING]
         said = judged(variant, found, before)
+        heard = live_errors(path, setting)
+        errors = '\n'.join(one.text for one in found if one.level is Level.ERROR)
+        cause = tuple(part for part in variant.cause if part in errors)
+        live = judged(replace(variant, cause=cause), heard, before) if cause or heard else NONE
         if not doors:
-            return Result(said, found, False)
+            return Result(said, live, found, False)
         done = analyze(path, None, params, source=BagParams(params, FILES), checks=True)
     error = bool(done.contents.errors) or done.summary is None or bool(done.summary['diverged'])
     odom = done.summary and done.summary['estimates'].get('odom')
     if not odom:
-        return Result(said, found, error)
+        return Result(said, live, found, error)
     end, sigma = (np.array(list(odom[name].values()), float) for name in ('end', 'end_sigma'))
-    return Result(said, found, error, end, sigma, variant.same_end)
+    return Result(said, live, found, error, end, sigma, variant.same_end)
+
+
+def live_errors(path: Path, robot: RobotParams) -> list[Finding]:
+    """Return what the diagnostics of ``slip_estimator`` say after the messages of a bag."""
+    faults, checks = Faults(), LiveChecks(robot, lambda work: work(), lambda: 0.0)
+    read = {name: SampleDecoder(name, faults) for name in CHANGED}
+    with Bag(path) as bag:
+        for receive_ns, channel, data in bag.raw(as_written=True):
+            for sample in read[channel.topic.lstrip('/')](data):
+                assert isinstance(sample, ImuSample | WheelSample)
+                checks.add(receive_ns, sample)
+            checks.poll(receive_ns, NO_LOAD, faults.completed)
+        errors = [*checks.poll(receive_ns + round(PERIOD * NS_PER_S), NO_LOAD, faults.completed)]
+    return errors + [Finding(Level.ERROR, topic, reason)
+                     for topic, reason in faults.reasons.items()]
 
 
 def simulated() -> tuple[list[Any], RobotParams]:
@@ -442,10 +469,10 @@ def main() -> None:
         analyzed = ('-' if args.doctor else 'error' if one.error else
                     'ok' if one.right(reference) else 'WRONG')
         distance = one.distance(reference) if one.same_end else math.inf
-        rows.append(f'| {name} | {one.doctor} | {analyzed} | '
+        rows.append(f'| {name} | {one.doctor} | {one.live} | {analyzed} | '
                     f'{"-" if math.isinf(distance) else f"{distance:.1f}"} |')
         print(rows[-1], flush=True)
-        if one.doctor != RIGHT:
+        if one.doctor != RIGHT or one.live not in (RIGHT, NONE):
             for finding in one.found:
                 print(f'    {finding.level.name.lower()} {finding.text}', flush=True)
     if args.page is not None:

@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.analysis.checks import findings
-from smart_tire.analysis.checks.recording import CheckedRecording, READ
+from smart_tire.checks import findings
+from smart_tire.checks.recording import CheckedRecording, READ
 from smart_tire.analysis.pipeline import bag_params
 from smart_tire.arrays import Array
 from smart_tire.bags import Bag, BagWriter, channel_of, PARAMETERS_KEY, SampleDecoder

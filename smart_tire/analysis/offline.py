@@ -27,9 +27,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from smart_tire.analysis.checks import findings
-from smart_tire.analysis.checks.messages import check_host
-from smart_tire.analysis.checks.recording import CheckedRecording, problems_of
+from smart_tire.checks import findings
+from smart_tire.checks.messages import check_host
+from smart_tire.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (

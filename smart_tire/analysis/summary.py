@@ -26,6 +26,7 @@ from smart_tire.analysis.metrics import (
     distance, Intervals, mean, median, pose_score, rms, SIDES, slip_scores, within)
 from smart_tire.analysis.result import Comparison
 from smart_tire.arrays import Instants
+from smart_tire.checks.limits import MIN_GAP_PERIODS
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.recording import SampleArrays, seconds
@@ -34,7 +35,6 @@ from smart_tire.samples import (
 
 Tree = dict[str, Any]
 WHOLE = 'whole recording'
-MIN_GAP_PERIODS = 1.5  # of the median period: one lost message gives 2, jitter rarely 1.5
 MAX_SPEED_RATIO = 3.0     # of the body over its fastest wheel in the recording
 MIN_DIVERGED_SPEED = 2.0  # m/s, so that a robot that slides or is carried has not diverged
 SIGNIFICANT_DIGITS = 6  # more than any estimate has

@@ -125,8 +125,8 @@ def print_errors(errors: Iterable[Finding], prefix: str = '') -> int:
 
 def print_checks(bag: Bag, used: BagParams, prefix: str = '') -> int:
     """Read an open bag, and print its errors; return the exit status."""
-    from smart_tire.analysis.checks import findings
-    from smart_tire.analysis.checks.recording import read
+    from smart_tire.checks import findings
+    from smart_tire.checks.recording import read
     found = findings(read(bag, used.params.robot, radius_given=used.radius_given))
     return print_errors((one for one in found if one.level is Level.ERROR), prefix)
 

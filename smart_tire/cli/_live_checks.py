@@ -85,7 +85,7 @@ class Heard:
 
     def on_message(self, name: str, data: bytes) -> None:
         """Add a message of a topic."""
-        from smart_tire.analysis.checks.recording import READ
+        from smart_tire.checks.recording import READ
         self.size += len(data)
         topic = find_topic(name)
         if topic is None or topic.name not in READ:
@@ -186,8 +186,8 @@ def await_inputs(runner: Any, received: Collection[str]) -> None:
 
 def robot_findings(heard: Heard, files: list[Path]) -> Iterator[Finding]:
     """Yield the findings on the samples of each robot."""
-    from smart_tire.analysis.checks import findings
-    from smart_tire.analysis.checks.recording import CheckedRecording
+    from smart_tire.checks import findings
+    from smart_tire.checks.recording import CheckedRecording
     from smart_tire.parameters import load_robot
     robot = load_robot(files)
     for namespace, one in sorted(heard.robots.items()):

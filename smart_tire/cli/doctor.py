@@ -60,8 +60,8 @@ def _with_parameters(bag: Bag, files: Sequence[Path],
                      progress: ProgressLine) -> Iterator[Finding]:
     """Yield the findings on a bag with the parameters in ``files``, or with its own."""
     from smart_tire.analysis.pipeline import bag_params
-    from smart_tire.analysis.checks import findings
-    from smart_tire.analysis.checks.recording import read
+    from smart_tire.checks import findings
+    from smart_tire.checks.recording import read
     from smart_tire.parameters import RobotParams
     try:
         used = bag_params(bag, files)

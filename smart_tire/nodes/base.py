@@ -393,6 +393,8 @@ class SmartTireNode(Node, Generic[Params]):
         """Return the diagnostic status: counts and ages of inputs, then those of the subclass."""
         status = Status(counts=self._counts)
         self._fill_inputs(status)
+        if not self.now_ns():  # rclpy declares use_sim_time
+            status.warn('use_sim_time is set, but nothing was received on /clock')
         status.host = self.host_load
         status.values.update(status.host.values)
         status.values['publish_errors'] = sum(counter.bad for counter in self.outputs.values())

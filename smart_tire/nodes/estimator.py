@@ -52,7 +52,7 @@ class EstimatorNode(SmartTireNode[Params]):
                  new_estimator: Callable[[Params], Estimator], outputs: tuple[str, ...]) -> None:
         super().__init__(name, params_class)
         self._new_estimator = new_estimator
-        self._completed: Counter[str] = Counter()  # of wheel_states
+        self.completed: Counter[str] = Counter()  # of wheel_states
         self._publish = {output: self.make_publisher(output) for output in outputs}
         self._topics = {output: self.resolve_topic_name(output) for output in outputs}
         self._follower = Follower(self, self.restart, self.finish)
@@ -90,7 +90,7 @@ class EstimatorNode(SmartTireNode[Params]):
         if name != 'wheel_states':
             return TOPICS[name].from_msg
         known, read = {joints.names}, WheelReader(joints)
-        self._completed = read.completed
+        self.completed = read.completed
 
         def convert(msg: Any) -> WheelSample | None:
             sample = read(msg)
@@ -130,10 +130,7 @@ class EstimatorNode(SmartTireNode[Params]):
         if new := status.new('late', total):
             status.warn(f'{new} messages dropped: older than reorder_window', by_host=True)
         status.values.update({f'wheel_states.{kind}': count
-                              for kind, count in self._completed.items() if count})
-        if status.new('zero_velocity', self._completed['zero_velocity']):
-            status.warn('wheel_states: velocity is 0 although the positions change: these are '
-                        'used')
+                              for kind, count in self.completed.items() if count})
         self._fill_replay(status)
 
     def _fill_replay(self, status: Status) -> None:

@@ -24,11 +24,12 @@ from smart_tire.messages import imu_mounting_to_msg, transform_to_msg
 from smart_tire.nodes.compat import installed_class
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.estimator import EstimatorNode
+from smart_tire.nodes.live_checks import LiveChecks
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
-from smart_tire.samples import Odometry, Sample
+from smart_tire.samples import ImuSample, Odometry, Sample, WheelSample
 from std_srvs.srv import Trigger
 
 MAX_BIAS_SHARE = 0.2  # of its prior, standard deviation of the gyro bias once it is determined
@@ -53,6 +54,7 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
     def __init__(self) -> None:
         super().__init__('slip_estimator', SlipEstimatorParams, SlipEstimator,
                          tuple(SLIP.outputs.values()))
+        self.checks = LiveChecks(self.params.robot)
         for name in SLIP.inputs.values():
             self.subscribe(name, self.on_sample, reliability=self.params.reliability,
                            required=name not in HOLDING,
@@ -79,6 +81,12 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
         publisher = self.create_publisher(cls, '/tf_static', publisher_qos('/tf_static'))
         publisher.publish(cls(transforms=[transform]))
 
+    def on_sample(self, sample: Sample | None) -> None:
+        """Process a sample of any input; IMU and wheels are checked as well."""
+        super().on_sample(sample)
+        if isinstance(sample, ImuSample | WheelSample) and (received := self.now_ns()):
+            self.checks.add(received, sample)
+
     def restart(self) -> None:
         """Replace the estimator by a new one, whose gyro bias is unknown."""
         super().restart()
@@ -96,6 +104,10 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
             text = f'the clock of the inputs was set, {new} times: the pose goes on'
             status.warn(text)
             self.get_logger().warning(text)
+        for error in self.checks.poll(self.now_ns(), self.host_load, self.completed):
+            status.error(error.text)
+            if status.new(error.where + error.action, 1):
+                self.get_logger().error(error.text)
         bias = self.estimator.gyro_bias
         if not self._is_initialized and (
                 bias.sigma < MAX_BIAS_SHARE * self.params.robot.imu.gyro_bias):

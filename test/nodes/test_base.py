@@ -18,6 +18,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from rclpy.clock import ClockType
 from rosgraph_msgs.msg import Clock
@@ -27,6 +28,7 @@ from smart_tire.nodes.compat import plain_message
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.motor_driver import MotorDriver
 from smart_tire.nodes.runner import NodeRunner
+from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.nodes.wheel_controller import WheelController
 from support.graph import Process
@@ -106,6 +108,15 @@ def test_messages_that_are_lost_or_not_handed_over_in_the_process_are_reported(i
             message = node.health().message
             assert text in message and 'lost' not in message
         assert node.log.lines.count(f'warning: {text}') == 1
+
+
+def test_simulated_time_without_a_clock_is_in_the_diagnostics(isolated_ros):
+    with virtual(SlipEstimatorNode) as node:
+        assert '/clock' not in node.health().message
+        node.now_ns = lambda: 0  # as rclpy with use_sim_time until /clock is received
+        health = node.health()
+        assert health.message.startswith('use_sim_time is set, but nothing was received on /clock')
+        assert health.level == DiagnosticStatus.WARN
 
 
 def test_errors_take_precedence_over_warnings():

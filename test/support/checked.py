@@ -17,8 +17,8 @@ from functools import lru_cache
 from typing import Any
 
 from benchmarks.events import cached_events
-from smart_tire.analysis.checks import findings
-from smart_tire.analysis.checks.recording import CheckedRecording, READ
+from smart_tire.checks import findings
+from smart_tire.checks.recording import CheckedRecording, READ
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams

@@ -28,8 +28,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.analysis.checks import limits
-from smart_tire.analysis.summary import MIN_GAP_PERIODS
+from smart_tire.checks import limits
 from smart_tire.arrays import Array, Instants
 from smart_tire.host_load import HostLoad, WINDOW_TIME, worst_of
 from smart_tire.messages import NodeStatus
@@ -170,7 +169,8 @@ def stalled_intervals(stream: Stream) -> list[tuple[Instants, Instants]]:
     found = [(due[late], stream.receive_ns[late])]
     if stream.kind is not TireSample:
         due = np.sort(due)
-        gap = np.diff(due) / NS_PER_S > max(limits.MIN_STALL, MIN_GAP_PERIODS * stream.period)
+        gap = np.diff(due) / NS_PER_S > max(
+            limits.MIN_STALL, limits.MIN_GAP_PERIODS * stream.period)
         found.append((due[:-1][gap], due[1:][gap]))
     return found
 

@@ -18,9 +18,9 @@ from pathlib import Path
 from benchmarks.faults import interrupted, stalled
 import numpy as np
 import pytest
-from smart_tire.analysis.checks import findings, limits, messages
-from smart_tire.analysis.checks.recording import CheckedRecording
-from smart_tire.analysis.checks.stalls import due_ns, stalled_intervals, Stalls
+from smart_tire.checks import findings, limits, messages
+from smart_tire.checks.recording import CheckedRecording
+from smart_tire.checks.stalls import due_ns, stalled_intervals, Stalls
 from smart_tire.findings import Level
 from smart_tire.host_load import EXPLAINED, HostLoad, KEYS
 from smart_tire.messages import NodeStatus

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.analysis.checks import limits
-from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.checks.stalls import Mask, runs
+from smart_tire.checks import limits
+from smart_tire.checks.recording import CheckedRecording, finding
+from smart_tire.checks.stalls import Mask, runs
 from smart_tire.arrays import Array
 from smart_tire.calibration.recording import WheelRecord
 from smart_tire.findings import Finding, Level

@@ -23,10 +23,9 @@ import re
 
 import numpy as np
 
-from smart_tire.analysis.checks import limits
-from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.checks.stalls import delays, due_ns, least_delays, runs
-from smart_tire.analysis.summary import MIN_GAP_PERIODS
+from smart_tire.checks import limits
+from smart_tire.checks.recording import CheckedRecording, finding
+from smart_tire.checks.stalls import delays, due_ns, least_delays, runs
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import counted, Finding, Level
 from smart_tire.host_load import other_problems
@@ -171,7 +170,7 @@ def check_gaps(recording: CheckedRecording) -> Iterator[Finding]:
         films = stream.topic == 'tire_samples'
         limit = 0.0 if films else 2.0 / limits.MIN_RATE[stream.topic]
         steps = np.diff(ordered.stamp_ns) / NS_PER_S
-        gap = steps > max(limit, MIN_GAP_PERIODS * stream.period)
+        gap = steps > max(limit, limits.MIN_GAP_PERIODS * stream.period)
         gap &= ~recording.stalls.explain(due[:-1], due[1:])
         missing = np.sum(np.rint(steps[gap] / stream.period) - 1.0)
         if missing <= recording.faults.rejected[stream.topic]:  # also without a gap

@@ -12,8 +12,8 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from smart_tire.analysis.checks import causes, films, messages, motion, sensors
-from smart_tire.analysis.checks.recording import CheckedRecording
+from smart_tire.checks import causes, films, messages, motion, sensors
+from smart_tire.checks.recording import CheckedRecording
 from smart_tire.findings import Finding
 
 Check = Callable[[CheckedRecording], Iterable[Finding]]
@@ -26,11 +26,19 @@ def _checks(*modules: object) -> tuple[Check, ...]:
 
 AS_RECORDED, MENDED = _checks(messages), _checks(sensors, motion, films)
 CHECKS = (*AS_RECORDED, causes.check_causes, *MENDED)
+# of the messages, those that a node does not make itself of each message or each second
+LIVE = (messages.check_completed, messages.check_stamps, messages.check_publishers,
+        messages.check_delays)
 
 
-def findings(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield the findings of all checks, without consequences of errors that were found."""
-    for check in AS_RECORDED:
+def findings(recording: CheckedRecording, as_recorded: Iterable[Check] = AS_RECORDED
+             ) -> Iterator[Finding]:
+    """
+    Yield the findings of all checks, without consequences of errors that were found.
+
+    Of the checks of the messages, ``as_recorded`` are made.
+    """
+    for check in as_recorded:
         yield from check(recording)
     for mend in (causes.mended, motion.mended_radius):
         found, recording = mend(recording)

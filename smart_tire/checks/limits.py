@@ -30,6 +30,7 @@ MIN_RATE = {'imu/data': 20.0, 'wheel_states': 4.0}  # Hz, docs/topics.md; two pe
 RATE_TOLERANCE = 0.2         # relative, from the nominal rate; beyond, it is worth a line
 FILM_RATE_TOLERANCE = 0.02   # relative, from film.sample_rate
 MAX_REJECTED_SHARE = 0.01    # of the messages of a topic; above, it is an error
+MIN_GAP_PERIODS = 1.5        # of the median period: a lost message gives 2, jitter rarely 1.5
 MAX_MISSED_SHARE = 0.05      # of film samples lost, one crossing in twenty; of IMU samples held
 MAX_JITTER = 0.3             # standard deviation of the period over the period
 MAX_DELAY = 0.5              # s, from timestamp to reception, and between those of two inputs

@@ -32,11 +32,11 @@ import math
 
 import numpy as np
 
-from smart_tire.analysis.checks import limits
-from smart_tire.analysis.checks.messages import clock_differences
-from smart_tire.analysis.checks.motion import correlation
-from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.checks.sensors import (
+from smart_tire.checks import limits
+from smart_tire.checks.messages import clock_differences
+from smart_tire.checks.motion import correlation
+from smart_tire.checks.recording import CheckedRecording, finding
+from smart_tire.checks.sensors import (
     exchanges, gravity_of, opposite_pairs, stuck_wheels, velocity_ratio)
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import min_interval, yaw_motion

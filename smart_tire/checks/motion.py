@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.analysis.checks import limits
-from smart_tire.analysis.checks.recording import CheckedRecording, finding
-from smart_tire.analysis.checks.sensors import speed_units
+from smart_tire.checks import limits
+from smart_tire.checks.recording import CheckedRecording, finding
+from smart_tire.checks.sensors import speed_units
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     fit_speed_changes, moving_intervals, yaw_motion)
