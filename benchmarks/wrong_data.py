@@ -27,12 +27,12 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.checks import findings
-from smart_tire.checks.recording import CheckedRecording, READ
 from smart_tire.analysis.pipeline import bag_params
 from smart_tire.arrays import Array
 from smart_tire.bags import Bag, BagWriter, channel_of, PARAMETERS_KEY, SampleDecoder
 from smart_tire.bags.cdr import empty, Encoder
+from smart_tire.checks import findings
+from smart_tire.checks.recording import CheckedRecording, READ
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import TOPICS
 from smart_tire.parameters import RobotParams

@@ -27,9 +27,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from smart_tire.checks import findings
-from smart_tire.checks.messages import check_host
-from smart_tire.checks.recording import CheckedRecording, problems_of
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
@@ -39,6 +36,9 @@ from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import divergence, evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
     Bag, BagTopic, BagWriter, PARAMETERS_KEY, report_losses, STANDARD_NAMES, TopicNames)
+from smart_tire.checks import findings
+from smart_tire.checks.messages import check_host
+from smart_tire.checks.recording import CheckedRecording, problems_of
 from smart_tire.errors import BagError, EstimatorError, SmartTireError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator

@@ -32,17 +32,17 @@ import math
 
 import numpy as np
 
+from smart_tire.arrays import Array
+from smart_tire.calibration.latency import min_interval, yaw_motion
+from smart_tire.calibration.priors import PRIORS
+from smart_tire.calibration.recording import (
+    CalibrationRecording, ImuRecord, Indices, Signal, WheelRecord)
 from smart_tire.checks import limits
 from smart_tire.checks.messages import clock_differences
 from smart_tire.checks.motion import correlation
 from smart_tire.checks.recording import CheckedRecording, finding
 from smart_tire.checks.sensors import (
     exchanges, gravity_of, opposite_pairs, stuck_wheels, velocity_ratio)
-from smart_tire.arrays import Array
-from smart_tire.calibration.latency import min_interval, yaw_motion
-from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.recording import (
-    CalibrationRecording, ImuRecord, Indices, Signal, WheelRecord)
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows

@@ -22,9 +22,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.signal import correlate
 
+from smart_tire.arrays import Array
 from smart_tire.checks import limits
 from smart_tire.checks.recording import CheckedRecording, finding
-from smart_tire.arrays import Array
 from smart_tire.findings import Finding, Level
 from smart_tire.recording import Stream
 from smart_tire.samples import NS_PER_S, WHEELS

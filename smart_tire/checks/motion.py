@@ -26,14 +26,14 @@ from typing import Any
 
 import numpy as np
 
-from smart_tire.checks import limits
-from smart_tire.checks.recording import CheckedRecording, finding
-from smart_tire.checks.sensors import speed_units
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     fit_speed_changes, moving_intervals, yaw_motion)
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import CalibrationRecording, Mask, side_slip, Signal
+from smart_tire.checks import limits
+from smart_tire.checks.recording import CheckedRecording, finding
+from smart_tire.checks.sensors import speed_units
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows

@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.checks import limits
-from smart_tire.checks.stalls import Stalls
 from smart_tire.bags import Bag, contents
 from smart_tire.calibration.latency import fit_yaw_rate, YawRateFit
 from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
+from smart_tire.checks import limits
+from smart_tire.checks.stalls import Stalls
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from smart_tire.arrays import Array
+from smart_tire.calibration.recording import WheelRecord
 from smart_tire.checks import limits
 from smart_tire.checks.recording import CheckedRecording, finding
 from smart_tire.checks.stalls import Mask, runs
-from smart_tire.arrays import Array
-from smart_tire.calibration.recording import WheelRecord
 from smart_tire.findings import Finding, Level
 from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.parameters import RobotParams

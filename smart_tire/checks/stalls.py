@@ -28,8 +28,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from smart_tire.checks import limits
 from smart_tire.arrays import Array, Instants
+from smart_tire.checks import limits
 from smart_tire.host_load import HostLoad, WINDOW_TIME, worst_of
 from smart_tire.messages import NodeStatus
 from smart_tire.recording import Stream

@@ -53,13 +53,18 @@ class FrameReceiver:
         self.frames_ok = 0
         self.last_ok_ns = 0   # host clock, when the latest good frame arrived
         self.rejected = 0     # intact frames with invalid or unexpected content
-        self.last_error = ''  # why the latest one was rejected
+        self._last_error = ''  # why the latest one was rejected
         self._deframer = deframer
 
     @property
     def frames_bad(self) -> int:
         """Return how many frames were damaged or rejected."""
         return self._deframer.bad_frames + self.rejected
+
+    @property
+    def last_error(self) -> str:
+        """Return why frames were damaged, if that is known, or the latest one rejected."""
+        return self._deframer.damage or self._last_error
 
     @property
     def bytes_skipped(self) -> int:
@@ -80,7 +85,7 @@ class FrameReceiver:
                 item = decode(body)
             except FrameError as error:
                 self.rejected += 1
-                self.last_error = str(error)
+                self._last_error = str(error)
                 continue
             self.frames_ok += 1
             self.last_ok_ns = receive_ns

@@ -34,6 +34,7 @@ WINDOW = 30.0        # s of samples; a drive of 24 s shows all kinds (docs/other
 PERIOD = 10.0        # s between two checks, if these are not slow
 MAX_SHARE = 0.02     # of a core
 MIN_SPEED = 0.5      # rad/s of a wheel, which shows motion
+MAX_CHANGE = 0.5     # s, of the delay from stamp to reception: a clock was set
 MAX_SAMPLES = 20_000  # of a topic in the window: more are of no use
 
 Work = Callable[[], None]
@@ -59,11 +60,20 @@ class LiveChecks:
             kind: deque(maxlen=MAX_SAMPLES) for kind in (ImuSample, WheelSample)}
         self._due_ns: int | None = None
         self._moved = True  # the first check may be one at standstill
-        self._busy = False
+        self._busy, self._forgotten_ns = False, 0
 
     def add(self, receive_ns: int, sample: ImuSample | WheelSample) -> None:
-        """Add a sample that was received."""
+        """Add a sample that was received; those before a clock was set are forgotten."""
         kept = self._samples[type(sample)]
+        if kept:
+            last_ns, last = kept[-1]
+            change = receive_ns - last_ns - sample.stamp_ns + last.stamp_ns
+            # stamps that are always wrong are not forgotten: they are to be found
+            if (receive_ns < last_ns or abs(change) > MAX_CHANGE * NS_PER_S) and abs(
+                    receive_ns - self._forgotten_ns) > WINDOW * NS_PER_S:
+                self._forgotten_ns = receive_ns
+                for one in self._samples.values():
+                    one.clear()
         kept.append((receive_ns, sample))
         while kept[0][0] < receive_ns - WINDOW * NS_PER_S:
             kept.popleft()

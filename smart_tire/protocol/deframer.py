@@ -29,6 +29,7 @@ class Deframer(ABC):
         self._buffer = bytearray()
         self.bad_frames = 0     # frames that started but were corrupted or truncated
         self.skipped_bytes = 0  # bytes that belong to no intact frame
+        self.damage = ''        # why frames are bad, if that is known
 
     def extract(self, chunk: bytes) -> Iterator[bytes]:
         """Append ``chunk`` and return an iterator over the bodies that it completes."""

@@ -13,7 +13,7 @@ XBee API mode 2 (AP = 2, escaped) and its frames with received data.
 
 Frame: 0x7E, length u16 (big-endian), body, checksum: 0xFF minus the low byte of the body's sum.
 After the start byte, 0x7E, 0x7D, 0x11 and 0x13 are sent as 0x7D and the byte XOR 0x20, so 0x7E on
-the wire always starts a frame. In mode 1 nothing is escaped.
+the wire always starts a frame. In mode 1 (AP = 1) nothing is escaped; it is named, not read.
 Digi, "XBee/XBee-PRO ZigBee RF Modules User Guide", API operation.
 """
 
@@ -33,7 +33,7 @@ EXPLICIT_PACKET = 0x91  # the same with endpoints, cluster and profile (AO = 1)
 STATUS_TYPES = frozenset((0x88, 0x8A, 0x8B))  # of commands, of the module, of transmissions
 MAX_BODY_LENGTH = 512  # bytes; a ZigBee module sends up to 12 + 255
 
-MIN_PLAIN = 3  # frames; a checksum of one byte agrees by chance in one of 256
+OF_MODE_1 = 'frames are not escaped: set AP = 2 of the coordinator'
 
 _ESCAPE = 0x7D
 _ESCAPE_XOR = 0x20
@@ -109,25 +109,14 @@ class XBeeDeframer(Deframer):
     A frame ends after the bytes that its length demands. It is bad if the length is out of range,
     the checksum wrong, or if another 0x7E precedes its end; that one starts the next frame.
 
-    A frame that is only intact without escapes, and has bytes that mode 2 escapes, is of mode 1.
-    After ``MIN_PLAIN`` of them, without a frame of mode 2 between, ``escaped`` is False and frames
-    end by their lengths, until one is bad.
+    An intact frame with bytes that mode 2 escapes is named in ``damage``, until one has escapes.
     """
 
     def __init__(self) -> None:
         super().__init__()
-        self.escaped = True
-        self._plain = 0   # frames of mode 1 since the latest one with escapes
         self._needed = 0  # bytes in the buffer, with fewer the frame cannot be complete
 
     def _bodies(self) -> Iterator[bytes]:
-        mode = None
-        while mode != self.escaped:  # it has changed in the middle of the bytes
-            mode = self.escaped
-            yield from self._escaped_bodies() if mode else self._plain_bodies()
-
-    def _escaped_bodies(self) -> Iterator[bytes]:
-        """Yield the bodies in mode 2, until more bytes are needed or the mode is another."""
         while (start := self._buffer.find(START)) >= 0:
             self._discard(start)
             end = self._buffer.find(START, 1)
@@ -146,57 +135,15 @@ class XBeeDeframer(Deframer):
             if 1 <= length <= MAX_BODY_LENGTH and _intact(body, content[2 + length:size]):
                 self.skipped_bytes += len(content) - size
                 if len(content) < end - 1:
-                    self._plain = 0
+                    self.damage = ''
+                elif _SPECIAL.search(content[:size]):
+                    self.damage = OF_MODE_1
                 del self._buffer[:end]
                 yield body
-            elif self._is_plain(plain := self._plain_size()):
-                self._plain += 1
-                body = bytes(self._buffer[3:plain - 1])
-                del self._buffer[:plain]
-                yield body
-                if self._plain >= MIN_PLAIN:
-                    self.escaped = False
-                    return
             else:
                 self.bad_frames += 1
                 self._discard(end)  # no frame starts before the next 0x7E
         self._discard(len(self._buffer))
-
-    def _plain_bodies(self) -> Iterator[bytes]:
-        """Yield the bodies in mode 1, until more bytes are needed or a frame is bad."""
-        while not self.escaped:
-            start = self._buffer.find(START)
-            self._discard(len(self._buffer) if start < 0 else start)
-            if (size := self._plain_size()) > len(self._buffer):
-                return
-            if size:
-                body = bytes(self._buffer[3:size - 1])
-                del self._buffer[:size]
-                yield body
-            else:
-                self.bad_frames += 1
-                self.escaped, self._plain = True, 0
-
-    def _is_plain(self, size: int) -> bool:
-        """Return whether the buffer begins with a frame of mode 1, of a type that is known."""
-        return 0 < size <= len(self._buffer) and (
-            self._buffer[3] in STATUS_TYPES | {RECEIVE_PACKET, EXPLICIT_PACKET}
-            and _SPECIAL.search(self._buffer, 1, size) is not None)
-
-    def _plain_size(self) -> int:
-        """
-        Return the size of the frame of mode 1 at the start of the buffer; 0 if it is none.
-
-        If it is incomplete, that of the bytes it needs.
-        """
-        if len(self._buffer) < 3:
-            return 3
-        length = int.from_bytes(self._buffer[1:3], 'big')
-        size = 3 + length + 1
-        if not 1 <= length <= MAX_BODY_LENGTH or size <= len(self._buffer) and not _intact(
-                bytes(self._buffer[3:size - 1]), bytes(self._buffer[size - 1:size])):
-            return 0
-        return size
 
 
 def _intact(body: bytes, checksum: bytes) -> bool:

@@ -19,10 +19,10 @@ from pathlib import Path
 from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader
-from smart_tire.checks import findings
-from smart_tire.checks.recording import read
 from smart_tire.bags import Bag, BagWriter, channel_of, match_by_name, TopicNames
 from smart_tire.bags.cdr import typestore
+from smart_tire.checks import findings
+from smart_tire.checks.recording import read
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import definitions, TOPICS, TYPED

@@ -13,9 +13,9 @@
 from __future__ import annotations
 
 import pytest
+from smart_tire.bags import Bag
 from smart_tire.checks import CHECKS, findings
 from smart_tire.checks.recording import read
-from smart_tire.bags import Bag
 from smart_tire.findings import Level
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import TreadFilmParams

@@ -18,10 +18,10 @@ import math
 from benchmarks.faults import delayed, interrupted
 import numpy as np
 import pytest
-from smart_tire.checks import causes, films, messages, motion, sensors
-from smart_tire.checks.recording import CheckedRecording
 from smart_tire.bags import SampleDecoder
 from smart_tire.bags.cdr import empty, Encoder
+from smart_tire.checks import causes, films, messages, motion, sensors
+from smart_tire.checks.recording import CheckedRecording
 from smart_tire.host_load import HostLoad
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from benchmarks.wrong_data import found_in, judged, RIGHT, SILENT, VARIANTS, WRONG
 import pytest
-from smart_tire.checks.recording import READ
 from smart_tire.bags import Bag
+from smart_tire.checks.recording import READ
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import TreadFilmParams
 from support.checked import clean, DRIVE

@@ -138,6 +138,19 @@ def test_one_check_is_made_at_a_time_and_the_clock_may_be_set_back():
     assert len(works) == 2
 
 
+@pytest.mark.parametrize(('received', 'stamped'), [(-20.0, -20.0), (0.0, 0.6), (0.0, -0.6)])
+def test_samples_before_a_clock_was_set_are_forgotten(received, stamped):
+    checks, sizes = LiveChecks(ROBOT, lambda work: work(), lambda: 0.0), []
+    checks._check = lambda now_ns, samples, *_: sizes.append(len(samples))
+    polled(checks, NS_PER_S)
+    end_ns = filled(checks, 2.0 * WINDOW)
+    for k in range(5):
+        checks.add(end_ns + round(1e9 * received) + k, ImuSample(
+            end_ns + round(1e9 * stamped) + k, (0.0, 0.0, 9.81), (0.0,) * 3))
+    polled(checks, end_ns)
+    assert sizes == [5]
+
+
 def test_the_thread_ends_with_its_check():
     checks, done = LiveChecks(ROBOT), Event()
     in_thread(done.set)
