@@ -119,9 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Threads for matrices as small as these only wait for each other: on a busy machine the
     # calibrations take eight times as long with them. Read when numpy is imported, by a verb.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    for stream in (sys.stdout, sys.stderr):  # a terminal may not be UTF-8
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors='replace')
+    replace_characters()
     words = list(sys.argv[1:] if argv is None else argv)
     if ROS_ARGUMENTS in words:
         words = words[:words.index(ROS_ARGUMENTS)]
@@ -130,6 +128,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         import argcomplete
         argcomplete.autocomplete(parser)
     return execute(parser.parse_args(words))
+
+
+def replace_characters() -> None:
+    """Print ``?`` for what a terminal cannot show that is not UTF-8."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors='replace')
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -243,6 +248,7 @@ class SmartTireCommand:
 
     def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:
         """Run the verb; return the exit status."""
+        replace_characters()
         return execute(args)
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 from importlib import import_module
+from io import BytesIO, TextIOWrapper
 import os
 from pathlib import Path
 import platform
@@ -55,6 +56,22 @@ def test_a_misspelled_node_in_a_parameter_file_is_reported(tmp_path, monkeypatch
     assert main(['drive', '--path', 'square', '--params', str(path)]) == 0
     assert capsys.readouterr().err == (
         f'warning: {path}: slip_estimatr is ignored, did you mean slip_estimator?\n')
+
+
+@pytest.mark.parametrize('of_ros', [False, True])
+def test_a_terminal_that_is_not_utf_8_gets_all_lines(of_ros, verb, monkeypatch):
+    terminal = TextIOWrapper(BytesIO(), 'ascii', 'strict')
+    monkeypatch.setattr(sys, 'stdout', terminal)
+    say = lambda args: print('1 ± 2\nwritten') or 0  # noqa: E731
+    assert verb(say) == 0
+    if of_ros:
+        terminal.reconfigure(errors='strict')
+        parser = argparse.ArgumentParser()
+        SmartTireCommand().add_arguments(parser, 'ros2')
+        assert SmartTireCommand().main(
+            parser=parser, args=parser.parse_args(['recover', 'some_bag'])) == 0
+    terminal.flush()
+    assert terminal.buffer.getvalue() == b'1 ? 2\nwritten\n' * (1 + of_ros)
 
 
 @pytest.mark.parametrize('name', VERBS)
