@@ -61,7 +61,11 @@ def contents(bag: Bag) -> tuple[str, str]:
     if more := len(listed) - MAX_LISTED:
         listed[MAX_LISTED:] = [f'{more} more'] if more > 0 else []
     encodings = {topic.channel.encoding for topic in bag.topics.values()} - {'cdr'}
+    joints = sorted({name for topic in candidates(WHEELS_TOPIC, bag.types)
+                     for names in bag.joint_names(topic) for name in names})
     return f'the bag has {printable(", ".join(listed) or "no topics")}', (
+        'name the joints of the wheels in a parameter file, by joints.*: '
+        + printable(', '.join(joints)) if joints and not bag.suitable(WHEELS_TOPIC) else
         'they are of ROS 1: convert their .bag file with rosbags-convert' if 'ros1' in encodings
         else 'write their messages as samples, with smart_tire.bags.BagWriter.write_sample'
         if encodings else 'record this topic, or select it by its name with --remap')

@@ -218,6 +218,28 @@ def opposite_pairs(velocity: Array) -> Iterator[tuple[int, int]]:
             yield rear, front
 
 
+def check_motion(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield an IMU that moves while the wheels never turn, or does not while they do."""
+    motion, still = recording.motion, recording.stationary
+    if motion is None:
+        return
+    rate, force = motion.imu.rate[:, 2], motion.imu.force
+    speed = motion.wheels.velocity
+    if np.abs(speed).max() < limits.MIN_SPEED:
+        if (turning := float(np.std(rate))) > limits.MIN_CARRIED_RATE:
+            yield finding('wheels_still', 'wheel_states', turning=turning)
+        return
+    if min(still.sum(), (~still).sum()) < limits.MIN_READINGS:
+        return
+    measured = np.column_stack([rate, force])
+    rest, moved = (np.std(measured[mask], axis=0) for mask in (still, ~still))
+    expected = float(np.std(speed[:, RIGHT].mean(axis=1) - speed[:, LEFT].mean(axis=1))
+                     ) * recording.robot.wheel_radius / recording.robot.track_width
+    if (rest > 0.0).any() and (moved <= limits.MAX_STILL_FACTOR * rest).all() and (
+            expected > max(limits.MIN_CARRIED_RATE, 10.0 * moved[0])):
+        yield finding('imu_still', recording.imu.name, expected=expected, turning=moved[0])
+
+
 def velocity_ratio(wheels: WheelRecord, robot: RobotParams) -> tuple[float, str, bool]:
     """
     Return velocity over the rate of change of the positions, 1 if they agree or nothing is known.
@@ -237,6 +259,8 @@ def velocity_ratio(wheels: WheelRecord, robot: RobotParams) -> tuple[float, str,
     ratio = float(np.median(velocity[moving] / rate[moving]))
     if abs(ratio - 1.0) <= limits.TOLERANCE:
         return agree
+    if unit_of(ratio, {'rpm': 60.0}, limits.RATIO_TOLERANCE):
+        return ratio, ': velocities in rpm, positions in revolutions?', True
     if unit := unit_of(ratio, speed_units(robot), limits.TOLERANCE):
         return ratio, f': velocities in {unit}?', False
     if 0.0 < ratio < math.tau / MIN_TICKS:

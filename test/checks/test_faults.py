@@ -335,6 +335,23 @@ def test_late_wheels_contradict_the_configured_latency(late, configured, reporte
     assert (f'timestamps of wheel_states are {late:.1f}'[:-1] in text) is reported
 
 
+def test_an_imu_and_wheels_of_which_only_one_moves_contradict_each_other():
+    still = changed('wheel_states', lambda one: replace(
+        one, velocity=(0.0,) * 4, position=(1.0,) * 4))
+    text = found(sensors.check_motion, still)
+    assert text.startswith('ERROR wheel_states: the wheels never turn, but the IMU does: yaw rate')
+    rest = [sample for at, topic, sample in clean()[:2000] if topic == 'imu/data'][20:120]
+    at_rest = iter(range(10**6))
+    lifted = changed('imu/data', lambda one: replace(
+        rest[next(at_rest) * 37 % len(rest)], stamp_ns=one.stamp_ns))
+    text = found(sensors.check_motion, lifted)
+    assert text.startswith('ERROR imu/data: the IMU does not move, but the wheels turn: yaw rate')
+    both = [(at, topic, other) for (at, topic, sample), (*_, other) in zip(lifted, still)
+            if topic != 'imu/data'] + [event for event in lifted if event[1] == 'imu/data']
+    assert found(sensors.check_motion, sorted(both, key=lambda event: event[0])) == ''
+    assert found(sensors.check_motion, clean()) == ''
+
+
 def test_a_robot_that_stands_is_not_compared():
     events = [event for event in clean() if event[0] < EPOCH_NS + 1_800_000_000]
     assert 'the robot does not drive' in found(motion.check_sides, events)
