@@ -325,11 +325,6 @@ STRANGE: Mapping[str, Variant] = {
         angles(lambda angle: np.degrees(angle) % 360.0), ('positions in degrees',)),
     'angles in degrees, wrapped, no velocities': Variant(
         angles(lambda angle: np.degrees(angle) % 360.0), ('in deg/s',), message=wheels(**EMPTY)),
-    'angles in revolutions, velocities in rpm': Variant(each(
-        'wheel_states', lambda one, time: replace(
-            one, position=tuple(angle / math.tau for angle in one.position),
-            velocity=tuple(speed * 30.0 / math.pi for speed in one.velocity))),
-        ('velocities in rpm, positions in revolutions', ': in rpm')),
     'wheels that never turn': Variant(each('wheel_states', lambda one, time: replace(
         one, position=(0.0,) * 4, velocity=(0.0,) * 4)), ('the wheels never turn',),
         also=('motor torques',)),
