@@ -225,7 +225,8 @@ def check_motion(recording: CheckedRecording) -> Iterator[Finding]:
         return
     rate, force = motion.imu.rate[:, 2], motion.imu.force
     speed = motion.wheels.velocity
-    if np.abs(speed).max() < limits.MIN_SPEED:
+    recorded = recording.wheels.ordered['velocity']  # another unit or radius scales them
+    if max(np.abs(speed).max(), np.abs(recorded).max()) < limits.MIN_SPEED:
         if (turning := float(np.std(rate))) > limits.MIN_CARRIED_RATE:
             yield finding('wheels_still', 'wheel_states', turning=turning)
         return

@@ -33,7 +33,7 @@ from support.checked import clean, recording, texts
 SPANS = [(4.0, 4.6), (7.5, 7.9), (13.0, 13.5), (17.2, 18.2)]  # s
 BUFFER = 0.2  # s of radio batches that a serial port holds
 LATE = HostLoad(0.031, 0.6, 36.0, 2)
-DATA = Path(__file__).parents[2] / 'data' / 'starved'
+DATA = Path(__file__).parents[1] / 'data' / 'starved'
 SAID = 'host: timers late by 31 ms (99%), load 36.0 on 2 cores: end other programs'
 
 
