@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import math
 
-from smart_tire.control.constants import STANDSTILL_SPEED
 from smart_tire.control.slip_kinematics import (
     Motion, SlipCoefficient, SlipKinematics, Velocity)
 from smart_tire.control.trajectory_control import TrajectoryControl
@@ -62,15 +61,14 @@ class IcrKinematics(SlipKinematics):
         """Return commanded over reached speed and yaw rate, for wanted ones of the body."""
         return 1.0, (self._left.value - self._right.value) / self._effective_track
 
-    def drift(self, v_x: float, yaw_rate: float) -> float:
+    def drift(self, v_x: float, yaw_rate: float, yaw: float) -> float:
         """Return the angle [rad] from the x axis of the body to its direction of travel."""
-        return -math.atan(self._ahead.value * yaw_rate / math.copysign(
-            max(abs(v_x), STANDSTILL_SPEED), v_x))
+        return -math.atan(self._ahead.value * yaw_rate / v_x)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:
         """Correct the centers with motion and slip velocities [m/s] of a window."""
-        _, v_y, yaw_rate = motion
+        _, v_y, yaw_rate, *_ = motion
         half, change = 0.5 * self._track * yaw_rate, duration / FADE
         self._left.correct(-yaw_rate, left - half, sigma, change, duration)
         self._right.correct(-yaw_rate, right + half, sigma, change, duration)

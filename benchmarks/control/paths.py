@@ -56,3 +56,20 @@ def reverse_parking(radius: float, lead: float = 1.0) -> PlannedPath:
     curve = zip((x - radius * np.sin(angle)).tolist(), (y + radius * np.cos(angle)).tolist(),
                 angle.tolist())
     return planned([(0.0, 0.0, 0.0), *curve, (lead, y - 0.5 * lead, 0.5 * math.pi)])
+
+
+def two_cusps(radius: float, lead: float = 0.5) -> PlannedPath:
+    """
+    Return a turn by 180 degrees to the left in three arcs of ``radius`` [m].
+
+    The second is driven in reverse. Straights of ``lead`` [m] come before and after it.
+    """
+    x, y, poses = lead, 0.0, [(0.0, 0.0, 0.0)]
+    step = GRID_STEP / radius
+    for first, direction in ((0.0, 1.0), (1.0, -1.0), (2.0, 1.0)):
+        yaw = (first + np.linspace(0.0, 1.0, math.ceil(math.pi / 3.0 / step) + 1)) * math.pi / 3.0
+        side = direction * radius
+        poses += zip((x + side * (np.sin(yaw) - np.sin(yaw[0]))).tolist(),
+                     (y - side * (np.cos(yaw) - np.cos(yaw[0]))).tolist(), yaw.tolist())
+        x, y, _ = poses[-1]
+    return planned([*poses, (x - lead, y, math.pi)])

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 from benchmarks.control.wrong_estimates import Fault
@@ -33,8 +34,8 @@ class RobotStack:
     Estimators and wheel controller; a subclass gives the commands.
 
     Estimates reach the controllers when the last of their inputs is received, as live. Without
-    ``estimated``, motion and slip are the true ones, without error and delay. ``fault`` changes
-    the estimates.
+    ``estimated``, motion and slip are the true ones. ``fault`` changes the estimates, or the true
+    motion and slip that are given in their place.
     """
 
     def __init__(self, estimators: EstimatorParams, wheels: WheelControllerParams, *,
@@ -49,10 +50,8 @@ class RobotStack:
             self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position)
             if self._wheels.traction.params.enabled:
                 self._wheels.traction.add_wheels(sample)
-        if true and not self._estimated:
-            self._distribute(sample, now_ns)
-        elif not true and self._estimated:
-            for estimate in self._fault(self._pipeline.update(sample)):
+        if true != self._estimated:
+            for estimate in self._fault([sample] if true else self._pipeline.update(sample)):
                 self._distribute(estimate, now_ns)
 
     def _distribute(self, estimate: Sample, now_ns: int) -> None:
@@ -71,20 +70,23 @@ class StackParams:
     wheels: WheelControllerParams
     estimated: bool
     control: type[TrajectoryControl] = TrajectoryControl
+    fault: Fault = iter         # of what the controllers are given
+    command_delay: float = 0.0  # s, of the commands to the wheel controller
 
 
 class PathStack(RobotStack):
     """Controller for ``run_closed_loop`` that follows ``path`` after ``STANDSTILL``."""
 
     def __init__(self, params: StackParams, path: PlannedPath) -> None:
-        super().__init__(params.estimators, params.wheels, estimated=params.estimated)
+        super().__init__(params.estimators, params.wheels, estimated=params.estimated,
+                         fault=params.fault)
         self._path, self._timeout = path, params.wheels.cmd_vel_timeout
+        self._delay_ns = round(params.command_delay * NS_PER_S)
         self.trajectory = params.control(params.trajectory)
         self._period_ns = round(NS_PER_S / params.trajectory.rate)
         self._start_ns: int | None = None   # of the path
         self._due_ns = 0                    # next step of the trajectory controller
-        self._command: VelocityCommand | None = None
-        self._command_ns = 0
+        self._commands = deque[tuple[int, VelocityCommand]]()  # and when they are received
         self._ended_ns: int | None = None
         self.poses: list[Odometry] = []     # of the trajectory controller
 
@@ -127,15 +129,16 @@ class PathStack(RobotStack):
         self._due_ns += self._period_ns
         command = self.trajectory.step(now_ns)
         if command is not None:
-            self._command, self._command_ns = command, now_ns
+            self._commands.append((now_ns + self._delay_ns, command))
         if self._ended_ns is None and self.trajectory.state in ENDED:
             self._ended_ns = now_ns
 
     def duty(self, now_ns: int) -> Four:
         """Return the duties of the wheel controller."""
-        command = self._command
-        if command is not None and now_ns - self._command_ns > self._timeout * NS_PER_S:
-            command = None
+        while len(self._commands) > 1 and self._commands[1][0] <= now_ns:
+            self._commands.popleft()
+        command = next((command for received_ns, command in self._commands if (
+            0 <= now_ns - received_ns <= self._timeout * NS_PER_S)), None)
         return self._wheels.follow(command, now_ns, now_ns)[1]
 
     def finished(self, now_ns: int) -> bool:

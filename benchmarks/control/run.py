@@ -19,6 +19,7 @@ from functools import partial
 from itertools import product
 import math
 
+from benchmarks.control import drawn
 from benchmarks.control.scenarios import BEST, CASES, KINEMATICS, OURS, SHORT, TrackingCase
 from benchmarks.control.tracking import run_tracking
 from benchmarks.control.traction import scenarios, traction_runs, TractionScenario
@@ -29,6 +30,7 @@ from benchmarks.scoring import Figures, part_of, Run
 from rich.table import Table
 
 WHEEL_STEPS, TRACTION = 'wheel_steps', 'traction'
+DRAWN, DRAWN_ESTIMATED = 'drawn', 'drawn_estimated'
 DEGREES = 57.29577951308232  # per rad
 
 MAX_SHARE = 1.0              # of the control error of the ideal kinematics
@@ -45,7 +47,10 @@ one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least 0.18
 best look-ahead of each path; icr: filter of the instantaneous centers of rotation; ours:
 slip-compensated. Poses and slips are true or estimated, both. Starts and stops: distance over that
 of full friction, at a stop its inverse; sliding: longest time above critical slip; against,
-beyond: wheels that turn against the command, or faster.
+beyond: wheels that turn against the command, or faster. Robots drawn at random: mean over robots
+of the rms distance of the true pose from the path; won: robots on which another controller has the
+larger one; ratio: ours over that of the other one, on the worst robot. calibrated: ideal, with the
+effective track of tires that adhere; pursuit: regulated pure pursuit.
 """
 STEPS = (Column('rise\n[s]', 'rise.mean', 2), percent('overshoot\n[%] mean', 'overshoot.mean'),
          percent('\nmost', 'overshoot.max'), Column('settling\n[s] mean', 'settling.mean', 2),
@@ -60,15 +65,25 @@ STARTS = (percent('distance\n[%] mean', 'distance'), Column('sliding\n[s] most',
           Column('drift\n[m] most', 'drift.max', 3), Column('turn\n[deg]', 'turn.max', 1, DEGREES),
           Column('against', 'against.max', 0), Column('beyond\n[m/s]', 'beyond.max', 2),
           Column('stopped\n[s]', 'stopped.max', 2))
+DRIVES = (*(milli(f'mean rms [mm]\n{one}', f'{one}.rms') for one in drawn.CONTROLLERS),
+          milli('most\nours', f'{OURS}.rms.max'),
+          *(column for one in drawn.CONTROLLERS[1:] for column in (
+              percent(f'won [%]\n{one}', f'{one}.lost', 0),
+              Column(f'ratio\n{one}', f'{one}.ratio.max', 2))),
+          *(percent(f'arrived [%]\n{one}', f'{one}.arrived', 0) for one in drawn.CONTROLLERS),
+          *(Column(f'time [s]\n{one}', f'{one}.duration') for one in drawn.CONTROLLERS))
 
 
 def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
-    """Return the jobs of the wheel steps, of starts and stops, or of one tracking case."""
+    """Return the jobs of a run of ``CONTROL``: that of one tracking case, or of many."""
     if name == WHEEL_STEPS:
         return [partial(run_steps, ground, readings, seed)
                 for ground, readings, seed in product(GROUNDS, READINGS, seeds)]
     if name == TRACTION:
         return [partial(run_starts, one) for one in scenarios(seeds)]
+    if name in (DRAWN, DRAWN_ESTIMATED):
+        return [partial(drawn.run_drawn, path, seed, estimated=name == DRAWN_ESTIMATED, row=name)
+                for path, seed in product(drawn.PATHS, seeds)]
     return [partial(run_case, replace(CASES[name], kinematics=kinematics), seed)
             for kinematics in KINEMATICS for seed in seeds]
 
@@ -112,9 +127,12 @@ def missed(row: Figures) -> list[str]:
 
 
 def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
-    """Yield the tables of wheel speed steps, path tracking, starts and stops."""
+    """Yield the tables of the runs."""
     for name, title, columns in ((WHEEL_STEPS, 'Wheel speed steps', STEPS),
-                                 (TRACTION, 'Starts and stops', STARTS)):
+                                 (TRACTION, 'Starts and stops', STARTS),
+                                 (DRAWN, 'Robots drawn at random, true pose', DRIVES),
+                                 (DRAWN_ESTIMATED, 'Robots drawn at random, estimated pose',
+                                  DRIVES)):
         own = [(row.partition('/')[2], figures) for row, figures in rows.items()
                if row.startswith(f'{name}/')]
         if own:
@@ -133,4 +151,5 @@ def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
 CONTROL = Benchmark(
     'control', 'wheel speed steps, path tracking, starts and stops', NOTES,
     {WHEEL_STEPS: 'wheel speed steps', TRACTION: 'starts and stops',
+     DRAWN: 'robots drawn at random', DRAWN_ESTIMATED: 'the same with estimated pose',
      **{name: case.title for name, case in CASES.items()}}, jobs, tables)

@@ -21,14 +21,17 @@ from benchmarks.control.robot_stack import PathStack
 from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
 from benchmarks.scoring import Errors, Run
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 from smart_tire.arrays import Array
 from smart_tire.control.trajectory_control import PathState
 from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
 from smart_tire.simulation.plant import Plant
 
 SPACING = 0.001        # m, of the points of the wanted path
-BACKWARD, FORWARD = 0.1, 0.5  # m along the path, in which the next projection is searched
-YAW_STEP = 0.05        # s, the period of the trajectory controller
+# m along the path, between the projections of two positions beyond what the robot moved: twice the
+# distance from a cusp at which it turns back
+REACH = 0.1
+POSE_PERIOD = 0.05     # s, the period of the trajectory controller
 MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
 
 
@@ -56,10 +59,10 @@ def score_tracking(wanted: PlannedPath, truth: Sequence[Odometry], followed: Seq
 
     Control and true are the distances [m] of ``followed``, the pose that the controller was given,
     and of ``truth`` from the path, localization is that between both, yaw the acceleration
-    [rad/s2] over steps of ``YAW_STEP``.
+    [rad/s2] over steps of ``POSE_PERIOD``.
     """
-    control, true = (path_errors(wanted, np.array([one.position[:2] for one in poses]))
-                     for poses in (followed, truth))
+    control, true = (path_errors(wanted, np.array([
+        one.position[:2] for one in sampled(poses)])) for poses in (followed, truth))
     return {'control': Errors.without_sigma(control), 'true': Errors.without_sigma(true),
             'localization': Errors.without_sigma(_localization(truth, followed)),
             'yaw': Errors.without_sigma(_yaw_accelerations(truth))}, (
@@ -70,18 +73,24 @@ def path_errors(wanted: PlannedPath, position: Array) -> Array:
     """
     Return the distances [m] of positions (n, 2), in order, from the path.
 
-    Each is projected near the projection before it, so that crossing parts of the path are not
-    mixed up.
+    Each is projected near the projection before it, so that parts of the path that cross, or meet
+    at a cusp, are not mixed up: of all such sequences, the one with the least sum of squares.
     """
     points = dense_points(wanted)
-    errors, index = np.empty(len(position)), 0
-    back, ahead = round(BACKWARD / SPACING), round(FORWARD / SPACING)
-    for n, (x, y) in enumerate(position):
-        first = max(index - back, 0)
-        part = points[first:index + ahead + 1]
-        distances = np.hypot(part[:, 0] - x, part[:, 1] - y)
-        nearest = int(distances.argmin())
-        errors[n], index = distances[nearest], first + nearest
+    moved = np.hypot(*np.diff(position, axis=0, prepend=position[:1]).T)
+    reaches = np.round((REACH + moved) / SPACING).astype(int).tolist()
+    distances = np.empty((len(position), len(points)), np.float32)
+    sums = np.empty_like(distances)
+    least = np.where(np.arange(len(points)) == 0, 0.0, np.inf)  # it begins at the begin
+    for n, reach in enumerate(reaches):
+        distances[n] = np.hypot(*(points - position[n]).T)
+        sums[n] = least = distances[n] ** 2 + minimum_filter1d(
+            least, 2 * reach + 1, mode='constant', cval=np.inf)
+    index, errors = int(sums[-1].argmin()), np.empty(len(position))
+    for n in range(len(position) - 1, -1, -1):
+        errors[n] = distances[n, index]
+        first = max(index - reaches[n], 0)
+        index = first + int(sums[n - 1, first:index + reaches[n] + 1].argmin())
     return errors
 
 
@@ -95,13 +104,19 @@ def dense_points(wanted: PlannedPath) -> Array:
     return points
 
 
+def sampled(poses: Sequence[Odometry]) -> list[Odometry]:
+    """Return the first of the poses in each ``POSE_PERIOD``."""
+    steps = [round(one.stamp_ns / (POSE_PERIOD * NS_PER_S)) for one in poses]
+    return [one for one, step, last in zip(poses, steps, [-1, *steps]) if step != last]
+
+
 def _yaw_accelerations(truth: Sequence[Odometry]) -> Array:
     """Return the changes of the mean yaw rate [rad/s2]."""
     time = np.array([one.stamp_ns for one in truth], dtype=np.float64) / NS_PER_S
-    step = ((time - time[0]) / YAW_STEP).astype(int)
+    step = ((time - time[0]) / POSE_PERIOD).astype(int)
     count = np.maximum(np.bincount(step), 1)
     mean = np.bincount(step, [one.angular[2] for one in truth]) / count
-    changes: Array = np.diff(mean) / YAW_STEP
+    changes: Array = np.diff(mean) / POSE_PERIOD
     return changes
 
 

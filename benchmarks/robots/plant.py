@@ -79,15 +79,21 @@ class Traits:
     relaxation_length: float = 0.0   # m
     load_transfer_time: float = LOAD_TRANSFER_TIME  # s
     stiffness_scale: Four = NOMINAL  # -, C_x of each tire over that on the surface
+    radius_scale: Four = NOMINAL     # -, of each wheel over the nominal one
     slope: float = 0.0               # rad, standard deviation
     terrain_seed: int = 0
+    direction: float | None = None   # rad, uphill: a plane of ``slope`` instead of hills
     sides: tuple[str, ...] = ()      # surfaces under the left and the right side; (): by position
     pushes: tuple[Push, ...] = ()
     lifts: tuple[Lift, ...] = ()
 
     @property
     def terrain(self) -> Terrain:
-        """Return the hills."""
+        """Return the hills, or the plane."""
+        if self.direction is not None:
+            g_x, g_y = (math.tan(self.slope) * part(self.direction)
+                        for part in (math.cos, math.sin))
+            return lambda x, y: (np.full_like(x, g_x), np.full_like(y, g_y))
         return rolling_hills(self.slope, WAVELENGTHS, self.terrain_seed)
 
 
@@ -113,7 +119,8 @@ class DrawnPlant(Plant):
 
     def _step_wheel(self, i: int, duty: float) -> tuple[float, float]:
         """Advance wheel ``i`` as in ``Plant``, implicit in its speed; return the force [N]."""
-        drive, radius, surface = self._drive, self._robot.wheel_radius, self.surface[i]
+        drive, surface = self._drive, self.surface[i]
+        radius = self.traits.radius_scale[i] * self._robot.wheel_radius
         inertia, back_emf = self._robot.motor.inertia, drive.stall_torque / drive.free_speed
         speed, load = self.wheel_speed[i], self.load[i]
         v_x, v_y = self.wheel_v_x[i], self.wheel_v_y[i]

@@ -34,8 +34,9 @@ class BaseResponse:
     nanoseconds of the message clock.
     """
 
-    def __init__(self, given: float) -> None:
-        """Begin with the ``given`` delay [s]."""
+    def __init__(self, given: float, arm: float) -> None:
+        """Begin with the ``given`` delay [s]; ``arm`` [m] is half of the track."""
+        self._arm = arm
         self.given = given            # may be replaced at run time
         self._commands = History()    # v_x, yaw rate
         self._errors = np.zeros(len(DELAYS))  # (m/s)^2 s
@@ -60,13 +61,13 @@ class BaseResponse:
         elapsed = (stamp_ns - last_ns) / NS_PER_S
         v_x, yaw_rate = np.array([
             self._given(stamp_ns - round(delay * NS_PER_S)) for delay in DELAYS]).T
-        squares = (motion.v_x - v_x) ** 2 + (c.DELAY_ARM * (motion.yaw_rate - yaw_rate)) ** 2
+        squares = (motion.v_x - v_x) ** 2 + (self._arm * (motion.yaw_rate - yaw_rate)) ** 2
         self._errors += elapsed * (squares - squares.min())
         self._errors *= min(1.0, c.DELAY_EVIDENCE / max(float(np.ptp(self._errors)), c.TINY))
         best = int(self._errors.argmin())
         # a robot that is blocked does not follow at any delay
         follows = squares[best] < 0.25 * (
-            motion.v_x ** 2 + (c.DELAY_ARM * motion.yaw_rate) ** 2)
+            motion.v_x ** 2 + (self._arm * motion.yaw_rate) ** 2)
         if follows and np.interp(
                 self.delay, DELAYS, self._errors) > self._errors[best] + c.DELAY_MARGIN:
             self._learned = float(DELAYS[best])
@@ -79,7 +80,7 @@ class BaseResponse:
         yaw rate change by as much as the commands did that are under way.
         """
         beyond_ns = round(max(self.delay - self.given, 0.0) * NS_PER_S)
-        end_ns, step_ns = now_ns + beyond_ns, round(c.PREDICTION_STEP * NS_PER_S)
+        end_ns, step_ns = now_ns + beyond_ns, round(c.DELAY_STEP * NS_PER_S)
         time_ns, found = stamp_ns, motion
         before = self._given(stamp_ns - beyond_ns)
         while beyond_ns and time_ns < end_ns:

@@ -103,11 +103,11 @@ DEAD_FORCE = 0.02  # of the force of a side, difference that is left; tuned; sli
 RELIEF, MAX_RELIEF = 0.3, 0.06  # of the other side, which may slide; tuned; ice_unknown, start
 
 # -- motion along a path -------------------------------------------------------------------------
-MAX_DELAY, DELAY_STEP = 0.6, 0.025  # s, that are learned; assumed; test_base_response
-DELAY_ARM = 0.2          # m, times a yaw rate: a speed; half a track; test_base_response
+# s, that are learned; the step, below the period of commands, also of predictions; assumed;
+# test_base_response
+MAX_DELAY, DELAY_STEP = 0.6, 0.025
 DELAY_EVIDENCE = 0.1     # (m/s)^2 s, that is kept: four starts to 0.5 m/s, 0.1 s apart; assumed
 DELAY_MARGIN = 5e-3      # (m/s)^2 s, by which another delay must be likelier; assumed
-PREDICTION_STEP = 0.025  # s; below the period of commands; assumed
 LATERAL_SHARE = 0.8   # of friction for lateral acceleration, on a circle; test_motion_limits
 PLANNED_SHARE = 0.85  # of deceleration in plans, the rest is for control; assumed; tracking
 COMMAND_SHARE = 1.1   # of the largest speed and yaw rate, commanded; assumed; test_command_bounds
@@ -125,6 +125,9 @@ MAX_ALIGN_FACTOR = 2.0   # of align_angle, while driving; assumed; test_path_fol
 # -- geometry of paths ---------------------------------------------------------------------------
 GRID_STEP = 0.02         # m, between the points of a segment; assumed; test_path_geometry
 SMOOTHING_WINDOW = 0.15  # m, of averages of the direction; tuned; test_path_geometry
+# Points of a grid: m, its largest cells, and of a cell, error of the positions; assumed. Points
+# that are averaged: two stairs of a line that rises by one cell in five; test_path_geometry
+MAX_CELL, CELL_TOLERANCE, SMOOTHED_CELLS = 0.1, 0.05, 9
 MIN_SPACING = 0.002      # m; nearer poses have one position; assumed; test_path_plan
 CHORD_LENGTH = 0.03      # m, about a point, for the angle of a corner; assumed; test_path_plan
 YAW_AGREEMENT, MIN_SPIN = math.radians(30.0), math.radians(10.0)  # rad; assumed; test_path_plan
@@ -144,7 +147,10 @@ TURNING_LENGTH = 0.2  # -, of the turning share, correlation length of tires; tu
 # slip velocity over speed: mean, sigma and range of the prior, firm ground to sand; assumed; sand
 RESISTANCE = 0.01, 0.15, -0.05, 0.5
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow turns on sand
-MAX_COMPLIANCE = 4.0  # over that of the calibrated ground; assumed; ice
+# rad, slip angle on a slope: 4 degrees over C_y of the softest ground; derived. Turning share
+# within which motions are similar, and m/s, of v_y around the model; tuned; drawn
+SLIDE_SIGMA, SIMILAR_TURNING, LATERAL_SPREAD = 0.05, 0.05, 0.01
+MIN_DRIFT_SPEED = 0.05  # m/s, at which the direction of travel is that of a motion; assumed
 
 # -- conditions to stop --------------------------------------------------------------------------
 WINDOW_NS = 500_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz; derived

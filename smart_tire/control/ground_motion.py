@@ -48,6 +48,13 @@ class Motion:
                       self.y + (v_x * sin + self.v_y * cos) * dt,
                       self.yaw + self.yaw_rate * dt, later, self.v_y, self.yaw_rate)
 
+    def since(self, last: Motion) -> tuple[float, float]:
+        """Return the distance forward [m] and the turned angle [rad] from a pose before."""
+        turned = wrap(self.yaw - last.yaw)
+        heading = last.yaw + 0.5 * turned
+        return ((self.x - last.x) * math.cos(heading)
+                + (self.y - last.y) * math.sin(heading), turned)
+
     def speed(self) -> float:
         """Return the magnitude of the velocity [m/s]."""
         return math.hypot(self.v_x, self.v_y)
@@ -110,11 +117,9 @@ class TwistCheck:
         if stamp_ns < last_ns or stamp_ns - last_ns > c.MAX_GAP_NS:
             self._moved.clear()
             last_ns, last = stamp_ns, motion
-        dt, turned = (stamp_ns - last_ns) / NS_PER_S, wrap(motion.yaw - last.yaw)
-        cos, sin = math.cos(last.yaw + 0.5 * turned), math.sin(last.yaw + 0.5 * turned)
-        change = ((motion.x - last.x) * cos + (motion.y - last.y) * sin, turned,
-                  0.5 * dt * (last.v_x + motion.v_x),
-                  0.5 * dt * (last.yaw_rate + motion.yaw_rate))
+        half = 0.5 * (stamp_ns - last_ns) / NS_PER_S
+        change = (*motion.since(last), half * (last.v_x + motion.v_x),
+                  half * (last.yaw_rate + motion.yaw_rate))
         before = self._moved.latest if self._moved.times else (0.0,) * 4
         self._moved.add(stamp_ns, *(old + new for old, new in zip(before, change)))
         speed, yaw_rate = (self._contradicted(axis, stamp_ns) for axis in (0, 1))

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from bisect import bisect
+from collections.abc import Sequence
 
 from smart_tire.control import constants as c
 
@@ -37,6 +38,11 @@ class History:
         self._values.append(values)
         old = max(min(bisect(self.times, time_ns - c.HISTORY_NS) - 1, len(self.times) - 2), 0)
         del self.times[:old], self._values[:old]
+
+    @property
+    def values(self) -> Sequence[tuple[float, ...]]:
+        """Return all values that are kept, by their times."""
+        return self._values
 
     @property
     def first(self) -> tuple[float, ...]:

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -29,7 +30,7 @@ class SpinControl:
     Yaw rate of one turn in place; ``done`` once the yaw error is small, and remains so.
 
     Wheels that turn in place slide in all directions: the speed keeps the robot at ``hold``
-    (x, y) [m], ahead and behind only.
+    (x, y) [m], ahead and behind only, and not while it slides away although the wheels drive back.
     """
 
     def __init__(self, hold: tuple[float, float]) -> None:
@@ -64,6 +65,8 @@ class SpinControl:
         ahead = (x - motion.x) * math.cos(motion.yaw) + (y - motion.y) * math.sin(motion.yaw)
         bound = min(c.MAX_HOLD_SPEED, limits.speed)
         wanted = min(max(c.HOLD_GAIN * ahead, -bound), bound)
+        if wanted * last > 0.0 and wanted * motion.v_x < 0.0 and not motion.at_rest():
+            wanted = 0.0
         change = min(limits.acceleration, limits.deceleration) * dt
         return min(max(wanted, last - change), last + change)
 
@@ -76,8 +79,14 @@ class Conditions:
     dt: float  # s, until the next step
     limits: MotionLimits
     params: TrajectoryControllerParams
-    drift: float  # rad, from the x axis of the body to its direction of travel, forward
+    # rad, from the x axis of the body to the direction of travel with v_x, yaw rate and yaw
+    drift: Callable[[float, float, float], float]
     delay: float  # s, from a command to the motion
+
+
+def no_drift(v_x: float, yaw_rate: float, yaw: float) -> float:
+    """Return 0: without compensation of slip, the direction of travel is the x axis."""
+    return 0.0
 
 
 class Advance(NamedTuple):
@@ -101,7 +110,7 @@ class PathFollower:
     """
 
     def __init__(self, maneuvers: tuple[Maneuver, ...], v_x: float, yaw_rate: float) -> None:
-        self._maneuvers, self._number = maneuvers, 0
+        self.maneuvers, self._number = maneuvers, 0
         self._distance: float | None = None  # m, arc length reached in the segment
         self._spin: SpinControl | None = None
         self._hold: tuple[float, float] | None = None  # m, where the robot turns in place
@@ -113,18 +122,18 @@ class PathFollower:
     @property
     def finished(self) -> bool:
         """Whether all maneuvers have been driven, and the robot is at rest."""
-        return self._number >= len(self._maneuvers) and self._settling is None
+        return self._number >= len(self.maneuvers) and self._settling is None
 
     @property
     def end(self) -> Vector3:
         """End of the last segment, x and y [m], and the yaw [rad] after it; NaN if it is any."""
-        *_, segment = (one for one in self._maneuvers if isinstance(one, Segment))
-        last = self._maneuvers[-1]
+        *_, segment = (one for one in self.maneuvers if isinstance(one, Segment))
+        last = self.maneuvers[-1]
         return (*segment.end, last.yaw if isinstance(last, Spin) else math.nan)
 
     def remaining_distance(self) -> float:
         """Return the distance [m] along the path to its end."""
-        ahead = sum(one.length for one in self._maneuvers[self._number:])
+        ahead = sum(one.length for one in self.maneuvers[self._number:])
         return max(ahead - (self._distance or 0.0), 0.0)
 
     def advance(self) -> Advance:
@@ -143,7 +152,7 @@ class PathFollower:
         elif self._settling is not None:
             command = self._stop(now)
         else:
-            command = self._drive(now, self._maneuvers[self._number])
+            command = self._drive(now, self.maneuvers[self._number])
         self._v_x, self._yaw_rate = command
         return command
 
@@ -155,9 +164,9 @@ class PathFollower:
         if not now.motion.at_rest() and self._settling <= c.MAX_SETTLING:
             return
         self._settling, self._spin, self._distance, self.point = None, None, None, None
-        if not self._maneuvers:
+        if not self.maneuvers:
             return
-        maneuver, tolerance = self._maneuvers[self._number], now.params.arrival.yaw_tolerance
+        maneuver, tolerance = self.maneuvers[self._number], now.params.arrival.yaw_tolerance
         if isinstance(maneuver, Segment):
             self._hold = maneuver.end
         if isinstance(maneuver, Segment) or abs(wrap(maneuver.yaw - now.motion.yaw)) <= tolerance:
@@ -209,8 +218,14 @@ class PathFollower:
         follower, limits = now.params.follower, now.limits
         look_ahead = min(max(abs(self._v_x) * follower.look_ahead_time,
                              follower.min_look_ahead), follower.max_look_ahead)
+        # with the yaw rate of the path where the yaw will have followed, half the look-ahead on,
+        # not the last one, which depends on the drift itself
+        speed = max(abs(self._v_x), c.MIN_DRIFT_SPEED)
+        ahead = min(point.distance + 0.5 * look_ahead, segment.length)
+        drift = now.drift(segment.direction * speed, speed * segment.point(
+            ahead, *segment.end).curvature, now.motion.yaw)
         yaw = (point.heading - math.atan2(point.lateral, look_ahead)
-               - now.drift - (0.0 if segment.direction == FORWARD else math.pi))
+               - drift - (0.0 if segment.direction == FORWARD else math.pi))
         error = wrap(yaw - now.motion.yaw)
         if self._must_align(error, follower.align_angle):
             return self._turn(now, yaw, ends=False)

@@ -50,11 +50,13 @@ class Segment:
     """
     Part of a path that is driven without stop; arrays (n,) are on a uniform grid of arc length.
 
-    The path is the polygon through the given points. Direction and curvature are those of the
-    polygon after two moving averages over ``SMOOTHING_WINDOW``, which are shorter near the ends.
+    The path is the polygon through the given points, of which those on a grid, as of planners
+    without smoother, are averaged. Direction and curvature are those of the polygon after two
+    moving averages over ``SMOOTHING_WINDOW``, which are shorter near the ends.
     """
 
     def __init__(self, x: Array, y: Array, direction: int = FORWARD) -> None:
+        x, y = without_stairs(x, y)
         lengths = np.hypot(np.diff(x), np.diff(y))
         arc = np.concatenate([[0.0], np.cumsum(lengths)])
         self.length = float(arc[-1])
@@ -116,3 +118,24 @@ def moving_average(values: Array, half: int) -> Array:
     total = np.concatenate([[0.0], np.cumsum(values)])
     means: Array = (total[index + reach + 1] - total[index - reach]) / (2 * reach + 1)
     return means
+
+
+def without_stairs(x: Array, y: Array) -> tuple[Array, Array]:
+    """
+    Return points (n,) of a grid averaged twice over ``SMOOTHED_CELLS``; others as they are.
+
+    They are continued by their reflection at the ends, which remain where they are.
+    """
+    steps = np.abs(np.stack([np.diff(x), np.diff(y)]))
+    cell = max(float(np.median(steps.max(axis=0))), c.TINY)
+    off_grid = np.abs(steps - cell * np.round(steps / cell)).max(axis=0) > c.CELL_TOLERANCE * cell
+    # the robot and its goal are not on it
+    if cell > (1.0 + c.CELL_TOLERANCE) * c.MAX_CELL or off_grid[1:-1].any():
+        return x, y
+    reach = min(c.SMOOTHED_CELLS // 2, x.size - 1)
+    for _ in range(2):
+        x, y = (moving_average(np.concatenate([
+            2.0 * values[0] - values[reach:0:-1], values,
+            2.0 * values[-1] - values[-2:-reach - 2:-1]]), reach)[reach:values.size + reach]
+            for values in (x, y))
+    return x, y

@@ -11,22 +11,29 @@
 """
 Inverse kinematics that compensate slip: docs/theory.md, "Slip-compensated kinematics".
 
-Three coefficients that carry over from the present motion to the next one are learned from the
-estimated slip; feedback of the reached velocity removes what they leave.
+Two coefficients that carry over from the present motion to the next one are learned from the
+estimated slip, and the lateral speed from similar motions; feedback of the reached velocity
+removes what they leave.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
+import numpy as np
+
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.control import constants as c
 from smart_tire.control.history import History
 from smart_tire.control.motion_limits import command_share
 from smart_tire.parameters.control import TrajectoryControllerParams
-from smart_tire.samples import LEFT, NS_PER_S, Odometry, RIGHT, WheelSlip
+from smart_tire.rotation import euler
+from smart_tire.samples import (
+    LEFT, MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry, RIGHT, WheelSlip)
 
 Velocity = tuple[float, float]  # v_x [m/s], yaw rate [rad/s]
-Motion = tuple[float, float, float]  # v_x, v_y [m/s], yaw rate [rad/s]
+Motion = Sequence[float]  # v_x, v_y [m/s], yaw rate [rad/s], cosine and sine of the yaw
 
 
 class SlipCoefficient:
@@ -75,6 +82,48 @@ class SlipCoefficient:
         self._variance *= 1.0 - gain * regressor
         share = min(duration / c.SPREAD_TIME, 1.0)
         self._spread2 += share * (innovation * innovation - self._spread2)
+
+
+class LateralMotion:
+    """
+    Lateral speed of the body, by regression over similar motions of the last ``HISTORY_NS``.
+
+    ``v_y = -c |v_x| v_x yaw_rate + |v_x| (b_y cos yaw - b_x sin yaw)``: slip angles of tires that
+    bear the lateral acceleration, and the weight on a slope, along b in ``odom``.
+    """
+
+    def __init__(self, compliance: float) -> None:
+        """Begin with the expected ``compliance`` c [s2/m], on level ground."""
+        self._prior = np.array([compliance, 0.0, 0.0])
+        self._weights = np.diag(1.0 / np.array([compliance, c.SLIDE_SIGMA, c.SLIDE_SIGMA]))
+        self._known = History()  # turning share, motion
+
+    def reset(self) -> None:
+        """Discard all motions."""
+        self._known.clear()
+
+    def add(self, motion: Motion, turning: float, stamp_ns: int) -> None:
+        """Add a motion with its turning share."""
+        self._known.add(stamp_ns, turning, *motion)
+
+    def expected(self, v_x: float, yaw_rate: float, yaw: float, turning: float) -> float:
+        """Return the lateral speed [m/s] to be expected of a motion with its turning share."""
+        coefficients = self._prior
+        if self._known.times:
+            shares, known_v_x, v_y, known_rate, cos, sin = np.array(self._known.values).T
+            terms = _lateral_terms(known_v_x, known_rate, cos, sin)
+            weight = np.exp(-0.5 * np.abs(shares - turning) / c.SIMILAR_TURNING) / c.LATERAL_SPREAD
+            coefficients = coefficients + np.linalg.lstsq(
+                np.vstack([(weight * terms).T, self._weights]),
+                np.append(weight * (v_y - self._prior @ terms), np.zeros(3)), rcond=None)[0]
+        return float(coefficients @ _lateral_terms(v_x, yaw_rate, math.cos(yaw), math.sin(yaw)))
+
+
+def _lateral_terms(v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike) -> Array:
+    """Return what the coefficients of the lateral speed are multiplied with (3, n)."""
+    v_x, yaw_rate = np.asarray(v_x), np.asarray(yaw_rate)
+    speed = np.abs(v_x)
+    return np.stack([-speed * v_x * yaw_rate, -speed * sin, speed * cos])
 
 
 class VelocityFeedback:
@@ -130,22 +179,20 @@ class SlipKinematics:
         self._feedback = VelocityFeedback()
         self._track, self._wheelbase = robot.track_width, robot.wheelbase
         self._effective_track, self._fade_time = params.effective_track, params.friction.fade_time
-        compliance = 0.25 * robot.mass / robot.tire.longitudinal_stiffness
         self._resistance = SlipCoefficient(*c.RESISTANCE)
         self._widening = SlipCoefficient(
             _prior_widening(params), c.WIDENING_SIGMA, 0.0, c.MAX_WIDENING)
-        self._compliance = SlipCoefficient(  # s2/m, slip angle over v_x and yaw rate
-            compliance, compliance, 0.0, c.MAX_COMPLIANCE * compliance)
+        self._lateral = LateralMotion(0.25 * robot.mass / robot.tire.longitudinal_stiffness)
         self.reset()
 
     def reset(self) -> None:
         """Discard everything learned and received."""
-        for one in (self._resistance, self._widening, self._compliance):
+        for one in (self._resistance, self._widening, self._lateral):
             one.reset()
         self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
         self._turning = 0.0                             # turning share that they belong to
-        self._motions = History()                       # v_x, v_y, yaw rate
+        self._motions = History()                       # ``Motion``
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
 
@@ -157,8 +204,10 @@ class SlipKinematics:
             if stamp_ns > times[-1] - c.CLOCK_JUMP_NS:
                 return
             self.reset()
-        motion = odometry.linear[0], odometry.linear[1], odometry.angular[2]
-        if all(map(math.isfinite, motion)):
+        yaw = euler(odometry.orientation)[2]
+        motion = *odometry.linear[:2], odometry.angular[2], math.cos(yaw), math.sin(yaw)
+        if all(abs(value) <= limit for value, limit in zip(
+                motion, (MAX_SPEED, MAX_SPEED, MAX_ANGULAR_RATE, 1.0, 1.0))):
             self._motions.add(stamp_ns, *motion)
 
     def add_slip(self, slip: WheelSlip) -> None:
@@ -189,9 +238,9 @@ class SlipKinematics:
             return 0.0, 0.0
         speed, turn = self.factors(v_x, yaw_rate, now_ns)
         if self._motions.times:
-            reached_ns, (reached, _, reached_rate) = self._motions.times[-1], self._motions.latest
+            reached, _, reached_rate, *_ = self._motions.latest
             added = self._feedback.correction(
-                (reached, reached_rate), reached_ns, delay,
+                (reached, reached_rate), self._motions.times[-1], delay,
                 (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
         else:
             added = 0.0, 0.0
@@ -208,10 +257,14 @@ class SlipKinematics:
         return (1.0 + self._resistance.after(aged),
                 (1.0 + widening) * self._track / self._effective_track)
 
-    def drift(self, v_x: float, yaw_rate: float) -> float:
-        """Return the angle [rad] from the x axis of the body to its direction of travel."""
-        compliance = self._compliance.after(self._change(v_x, yaw_rate))
-        return -math.atan(compliance * abs(v_x) * yaw_rate)
+    def drift(self, v_x: float, yaw_rate: float, yaw: float) -> float:
+        """
+        Return the angle [rad] from the x axis of the body to its direction of travel.
+
+        In reverse it is that of the opposite direction; ``v_x`` is not zero.
+        """
+        return math.atan(self._lateral.expected(
+            v_x, yaw_rate, yaw, self._turning_share(v_x, yaw_rate)) / v_x)
 
     def _change(self, v_x: float, yaw_rate: float) -> float:
         """Return the change of the turning share from the one learned last, over its length."""
@@ -225,25 +278,24 @@ class SlipKinematics:
     def _learn(self) -> None:
         """Correct the coefficients with the means of the window, and empty it."""
         count, stamp_ns, last_ns = len(self._window), self._window_ns, self._learned_ns
-        v_x, v_y, yaw_rate, left, left_sigma, right, right_sigma = (
+        *motion, left, left_sigma, right, right_sigma = (
             sum(column) / count for column in zip(*self._window))
         self._window.clear()
         self._learned_ns = stamp_ns
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
-        self._correct((v_x, v_y, yaw_rate), left, right, 0.5 * (left_sigma + right_sigma),
-                      duration)
+        self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
+        self._lateral.add(motion, self._turning, stamp_ns)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:
         """Correct the coefficients, ``duration`` [s] after the last time, with slip velocities."""
-        v_x, v_y, yaw_rate = motion
+        v_x, _, yaw_rate, *_ = motion
         aged = duration / self._fade_time
         change = aged + self._change(v_x, yaw_rate)
         self._turning = self._turning_share(v_x, yaw_rate)
         self._resistance.correct(v_x, 0.5 * (left + right), sigma, aged, duration)
         self._widening.correct(
             0.5 * self._track * yaw_rate, 0.5 * (right - left), sigma, change, duration)
-        self._compliance.correct(-abs(v_x) * v_x * yaw_rate, v_y, 0.0, change, duration)
 
 
 def _prior_widening(params: TrajectoryControllerParams) -> float:

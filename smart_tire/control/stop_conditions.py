@@ -77,11 +77,8 @@ class OdometryCheck:
         """Add a pose; the twist is not used."""
         self._odom.elapsed(stamp_ns)
         last, self._motion = self._motion if self._odom.times else None, motion
-        last = last or motion
-        turned = wrap(motion.yaw - last.yaw)
-        heading = last.yaw + 0.5 * turned
-        self._odom.extend(stamp_ns, (motion.x - last.x) * math.cos(heading)
-                          + (motion.y - last.y) * math.sin(heading), self._arm * turned)
+        forward, turned = motion.since(last or motion)
+        self._odom.extend(stamp_ns, forward, self._arm * turned)
 
     def fault(self, max_slip: float) -> str:
         """Return the contradiction; empty if there is none, or no wheels are measured."""
@@ -95,8 +92,8 @@ class OdometryCheck:
         if not contradict(wheels, odom, max_slip):
             return ''
         return (f'odom: {self._described(odom)} in {(end_ns - begin_ns) / NS_PER_S:.1f} s, in '
-                f'which the wheels rolled {self._described(wheels)}, expected at most a slip of '
-                f'{max_slip:g} (checks.max_slip)')
+                f'which the wheels rolled {self._described(wheels)}: the robot slides, or odom is '
+                f'wrong; expected at most a slip of {max_slip:g} (checks.max_slip)')
 
     def _described(self, distances: Distances) -> str:
         return f'{distances[0]:.2f} m and {distances[1] / self._arm:.2f} rad'

@@ -21,7 +21,7 @@ from smart_tire.control.base_response import BaseResponse
 from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor, wrap
 from smart_tire.control.motion_limits import command_share, motion_limits
-from smart_tire.control.path_follower import Conditions, PathFollower
+from smart_tire.control.path_follower import Conditions, no_drift, PathFollower
 from smart_tire.control.path_plan import (
     check_goal, check_path, check_start, goal_in, plan_goal, plan_path)
 from smart_tire.control.slip_kinematics import SlipKinematics
@@ -66,7 +66,8 @@ class TrajectoryControl:
         self._kinematics = SlipKinematics(params)
         self._ground = GroundKnowledge()
         self._motion = MotionMonitor()
-        self._response = BaseResponse(params.follower.actuation_delay)
+        self._response = BaseResponse(
+            params.follower.actuation_delay, 0.5 * params.robot.track_width)
         self._odometry_check = OdometryCheck(params.robot)
         # until the first odometry after it; a goal that is too near, until the robot has stopped
         self._target: PlannedPath | GoalPose | None = None
@@ -277,7 +278,7 @@ class TrajectoryControl:
         factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
                    else (1.0, 1.0))
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
-        drift = self._kinematics.drift(*self._last) if params.slip_compensation else 0.0
+        drift = self._kinematics.drift if params.slip_compensation else no_drift
         self._last = follower.step(
             Conditions(motion, dt, limits, params, drift, self._response.delay))
         self._response.command(*self._last, now_ns)

@@ -22,6 +22,7 @@ from smart_tire.control.ground_motion import Motion
 from smart_tire.samples import NS_PER_S
 
 START, PERIOD = 5 * NS_PER_S, 0.05
+ARM = 0.2  # m, half of the track
 
 
 def velocity(time):
@@ -34,7 +35,7 @@ class Base:
     """A base with dead time and a gain, whose odometry comes at ``rate`` [Hz]."""
 
     def __init__(self, delay, given=0.15, rate=20.0, gain=1.0, noise=0.0, commands=velocity):
-        self.response, self.delay, self.gain = BaseResponse(given), delay, gain
+        self.response, self.delay, self.gain = BaseResponse(given, ARM), delay, gain
         self._rate, self._noise, self._commands = rate, noise, commands
         self._rng = np.random.default_rng(1)
         self.steps = 0
@@ -80,7 +81,7 @@ def test_it_is_learned_again_after_a_change_and_not_forgotten_while_nothing_chan
 
 
 def test_without_commands_and_after_gaps_nothing_is_learned():
-    response = BaseResponse(0.15)
+    response = BaseResponse(0.15, ARM)
     for step in range(200):  # driven by another source
         response.learn(Motion(0.0, 0.0, 0.0, math.sin(0.1 * step), 0.0, 0.0),
                        START + step * NS_PER_S // 20)
@@ -90,7 +91,7 @@ def test_without_commands_and_after_gaps_nothing_is_learned():
 
 
 def test_a_robot_that_is_blocked_has_no_delay():
-    response = BaseResponse(0.15)
+    response = BaseResponse(0.15, ARM)
     for step in range(100):
         stamp = START + step * NS_PER_S // 20
         response.learn(Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), stamp)
@@ -99,7 +100,7 @@ def test_a_robot_that_is_blocked_has_no_delay():
 
 
 def test_with_the_given_delay_the_twist_is_kept_over_it():
-    response, motion = BaseResponse(0.2), Motion(1.0, 2.0, 0.3, 0.4, 0.1, 0.5)
+    response, motion = BaseResponse(0.2, ARM), Motion(1.0, 2.0, 0.3, 0.4, 0.1, 0.5)
     response.command(0.9, 0.0, START)
     later = START + NS_PER_S // 10
     assert response.predicted(motion, START, later) == motion.after(0.1 + 0.2)

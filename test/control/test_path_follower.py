@@ -14,13 +14,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from smart_tire.control.constants import MIN_DRIFT_SPEED
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.motion_limits import MotionLimits
-from smart_tire.control.path_follower import Conditions, PathFollower, SpinControl
+from smart_tire.control.path_follower import Conditions, no_drift, PathFollower, SpinControl
 from smart_tire.control.path_geometry import FORWARD, REVERSE, Segment, Spin
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import ArrivalParams, FollowerParams
@@ -44,7 +46,7 @@ def line(length=5.0, direction=FORWARD, heading=0.0):
                    np.array([0.0, length * math.sin(heading)]), direction)
 
 
-def at(x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, drift=0.0):
+def at(x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, drift=no_drift):
     return Conditions(Motion(x, y, yaw, v_x, 0.0, yaw_rate), DT, LIMITS, PARAMS, drift, DELAY)
 
 
@@ -56,6 +58,21 @@ def test_the_curvature_is_that_of_pursuit_on_the_tangent(v_x, look_ahead, y, yaw
     x_body = look_ahead * math.cos(yaw) - y * math.sin(yaw)
     y_body = -y * math.cos(yaw) - look_ahead * math.sin(yaw)
     assert rate / speed == pytest.approx(2.0 * y_body / (x_body ** 2 + y_body ** 2), rel=1e-6)
+
+
+@pytest.mark.parametrize('direction', [FORWARD, REVERSE])
+@pytest.mark.parametrize('v_x, speed, curvature', [
+    (0.0, MIN_DRIFT_SPEED, 0.1), (0.6, 0.6, 0.15), (0.95, 0.95, 0.2)])
+def test_the_drift_is_that_of_the_path_half_a_look_ahead_on(direction, v_x, speed, curvature):
+    s = np.linspace(0.0, 2.0, 401)  # its curvature is its length, in 1/m^2
+    step = 0.5 * (s[1:] + s[:-1])
+    x, y = (np.append(0.0, np.cumsum(part(0.5 * step ** 2) * s[1]))
+            for part in (np.cos, np.sin))
+    drift = Mock(return_value=0.0)
+    yaw = 0.0 if direction == FORWARD else math.pi
+    PathFollower((Segment(x, y, direction),), direction * v_x, 0.0).step(at(yaw=yaw, drift=drift))
+    assert drift.call_args.args == (
+        direction * speed, pytest.approx(speed * curvature, rel=0.1), yaw)
 
 
 def test_on_a_circle_the_curvature_is_that_of_the_path():
@@ -128,7 +145,7 @@ def test_a_turn_that_misses_its_yaw_is_repeated():
 def test_the_direction_of_travel_is_that_of_the_path(direction):
     yaw = (0.0 if direction == FORWARD else math.pi) - 0.1
     follower = PathFollower((line(direction=direction),), direction * 0.3, 0.0)
-    assert follower.step(at(1.0, 0.0, yaw, drift=0.1))[1] == pytest.approx(0.0)
+    assert follower.step(at(1.0, 0.0, yaw, drift=lambda *motion: 0.1))[1] == pytest.approx(0.0)
 
 
 def test_a_turn_in_place_waits_for_a_slow_robot():
@@ -219,6 +236,19 @@ def test_a_turn_keeps_its_side_at_half_a_revolution():
     spin = SpinControl((0.0, 0.0))
     assert rate(-3.1, spin=spin) < 0.0
     assert rate(3.1, spin=spin) < 0.0
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.parametrize('v_x, last, held', [
+    (-0.03, 0.06, False),  # it slides away from its position although the wheels drive back
+    (-0.01, 0.06, True), (0.03, 0.06, True), (-0.03, 0.0, True), (-0.03, -0.06, True)])
+def test_wheels_do_not_hold_a_robot_that_slides(side, v_x, last, held):
+    spin, last = SpinControl((0.0, 0.0)), side * last
+    motion = Motion(-0.02 * side, 0.0, 0.0, side * v_x, 0.0, 0.0)
+    speed = spin.holding_speed(motion, last, 0.02, SPIN_LIMITS)
+    change = 0.02 * min(SPIN_LIMITS.acceleration, SPIN_LIMITS.deceleration)
+    wanted = side * 0.06 if held else 0.0
+    assert speed == pytest.approx(min(max(wanted, last - change), last + change))
 
 
 @pytest.mark.parametrize(('x', 'y', 'yaw', 'expected'), [

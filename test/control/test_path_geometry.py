@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from smart_tire.control.constants import GRID_STEP
-from smart_tire.control.path_geometry import moving_average, Segment
+from smart_tire.control.path_geometry import moving_average, Segment, without_stairs
 from smart_tire.control.path_library import figure_eight
 
 
@@ -96,3 +96,49 @@ def test_a_moving_average_is_symmetric_and_shorter_near_the_ends():
     assert moving_average(np.array([0.0, 3.0, 0.0, 0.0, 6.0]), 1).tolist() == [0, 1, 1, 2, 6]
     line = np.arange(9.0)
     assert moving_average(line, 3) == pytest.approx(line)
+
+
+def on_grid(x, y, cell):
+    """Return the centers of the cells that a curve of dense points crosses, eight-connected."""
+    cells = np.round(np.column_stack([x, y]) / cell)
+    cells = cells[np.append(True, np.any(np.diff(cells, axis=0) != 0.0, axis=1))]
+    kept, index = [cells[0]], 1
+    while index < len(cells):
+        offset = index + 1 < len(cells) and np.abs(cells[index + 1] - kept[-1]).max() == 1.0
+        index += int(offset)
+        kept.append(cells[index])
+        index += 1
+    return cell * np.array(kept).T
+
+
+@pytest.mark.parametrize('cell', [0.025, 0.05, 0.1])
+@pytest.mark.parametrize('heading', [0.05, 0.17, 0.4, -2.0])
+def test_the_stairs_of_a_grid_are_no_curves(cell, heading):
+    s = np.linspace(0.0, 3.0, 2001)
+    x, y = on_grid(s * math.cos(heading), s * math.sin(heading), cell)
+    segment = Segment(x, y)
+    ends = segment.x[[0, -1]], segment.y[[0, -1]]
+    assert ends == (pytest.approx(x[[0, -1]]), pytest.approx(y[[0, -1]]))
+    offset = segment.y * math.cos(heading) - segment.x * math.sin(heading)
+    assert np.abs(offset).max() < 0.8 * cell
+    assert np.abs(segment.curvature).max() < 0.2 / cell
+
+
+def test_a_curve_on_a_grid_keeps_its_shape():
+    angle = np.linspace(0.0, math.pi, 2001)
+    segment = Segment(*on_grid(np.sin(angle), 1.0 - np.cos(angle), 0.05))
+    radius = np.hypot(segment.x, segment.y - 1.0)
+    assert np.abs(radius - 1.0).max() < 0.05
+    assert np.median(segment.curvature) == pytest.approx(1.0, rel=0.1)
+
+
+def test_points_that_are_on_no_grid_or_on_a_coarse_one_are_not_averaged():
+    s = np.linspace(0.0, 3.0, 61)
+    for x, y in ((s, 0.1 * np.sin(s)), (np.array([0.0, 1.0, 2.0, 3.0]), np.array(
+            [0.0, 0.0, 1.0, 1.0]))):
+        assert without_stairs(x, y) == (x, y)
+    stairs = np.arange(12.0) * 0.05, np.floor(np.arange(12.0) / 4.0) * 0.05
+    assert not np.array_equal(without_stairs(*stairs)[1], stairs[1])
+    # the robot and its goal are not on the grid of the others
+    off = (stairs[0] + 0.01 * (np.arange(12) == 0) - 0.02 * (np.arange(12) == 11), stairs[1])
+    assert not np.array_equal(without_stairs(*off)[1], off[1])

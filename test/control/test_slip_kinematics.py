@@ -19,6 +19,7 @@ import pytest
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import MotionLimitParams
+from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
 
 TRACK, WHEELBASE = 0.38, 0.26
@@ -38,9 +39,11 @@ class World:
     No brush model: the kinematics must learn what it is.
     """
 
-    def __init__(self, kinematics, *, slip=(0.0, 0.0), track=0.57, icr_x=0.0, base_track=TRACK,
-                 sigma=0.01):
-        self.kinematics, self.slip, self.track, self.icr_x = kinematics, slip, track, icr_x
+    def __init__(self, kinematics, *, slip=(0.0, 0.0), track=0.57, lateral=None, base_track=TRACK,
+                 sigma=0.01, yaw=0.0):
+        self.kinematics, self.slip, self.track, self.yaw = kinematics, slip, track, yaw
+        # v_y of speed, yaw rate and yaw
+        self.lateral = lateral or (lambda v_x, yaw_rate, yaw: 0.0)
         self.base_track, self.sigma = base_track, sigma
         self.now_ns, self.motion = START, (0.0, 0.0)
 
@@ -60,12 +63,14 @@ class World:
         self.rolling = v_x - half, v_x + half
         left, right = (speed * (1.0 - slip) for speed, slip in zip(self.rolling, self.slip))
         self.motion = 0.5 * (left + right), (right - left) / self.track
+        self.yaw += STEP * self.motion[1]
         self.now_ns += round(STEP * NS_PER_S)
 
     def odometry(self):
         v_x, yaw_rate = self.motion
-        return Odometry(self.now_ns, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0),
-                        (v_x, -self.icr_x * yaw_rate, 0.0), (0.0, 0.0, yaw_rate), ZEROS, ZEROS)
+        return Odometry(self.now_ns, (0.0,) * 3, quaternion(0.0, 0.0, self.yaw),
+                        (v_x, self.lateral(*self.motion, self.yaw), 0.0), (0.0, 0.0, yaw_rate),
+                        ZEROS, ZEROS)
 
     def wheel_slip(self):
         half = 0.5 * TRACK * self.motion[1]
@@ -218,12 +223,50 @@ def test_uncertain_slips_change_little():
 
 @pytest.mark.parametrize('v_x, yaw_rate', [(0.5, 0.5), (0.5, -0.5), (-0.5, 0.5)])
 def test_the_direction_of_travel_is_learned_from_the_lateral_speed(v_x, yaw_rate):
-    icr_x = math.copysign(0.03, v_x)  # the body slides outward, behind the direction of travel
-    world = World(kinematics(), icr_x=icr_x)
+    # the body slides outward, behind the direction of travel
+    world = World(kinematics(), lateral=lambda v_x, rate, yaw: -0.12 * abs(v_x) * v_x * rate)
     world.drive(v_x, yaw_rate, 3.0)
-    offset = world.kinematics.drift(v_x, yaw_rate)
-    assert offset == pytest.approx(math.atan(-icr_x * yaw_rate / v_x), rel=0.15)
-    assert world.kinematics.drift(v_x, 0.0) == 0.0
+    offset = world.kinematics.drift(v_x, yaw_rate, world.yaw)
+    assert offset == pytest.approx(math.atan(-0.12 * abs(v_x) * yaw_rate), rel=0.15)
+    # with a fifth of the weight, half of it may be that of a slope
+    assert abs(world.kinematics.drift(v_x, 0.0, world.yaw)) < 0.5 * abs(offset)
+
+
+SLIDE = 0.06, -0.03  # rad, slip angles along x and y of odom that a slope causes
+
+
+def slide(v_x, yaw_rate, yaw):
+    return abs(v_x) * (SLIDE[1] * math.cos(yaw) - SLIDE[0] * math.sin(yaw))
+
+
+@pytest.mark.parametrize('v_x', [0.5, -0.5])
+@pytest.mark.parametrize('yaw', [0.0, 1.2, 2.5, -1.6])
+def test_a_slide_on_a_slope_is_known_after_a_second_in_both_directions(v_x, yaw):
+    world = World(kinematics(), lateral=slide, yaw=yaw)
+    world.drive(v_x, 0.0, 1.0)
+    for other in (v_x, -v_x):  # downhill remains downhill
+        assert world.kinematics.drift(other, 0.0, yaw) == pytest.approx(
+            math.atan(slide(v_x, 0.0, yaw) / other), rel=0.05, abs=1e-3)
+
+
+def test_a_slide_that_was_learned_in_a_curve_is_that_of_every_heading():
+    world = World(kinematics(), lateral=lambda v_x, yaw_rate, yaw: (
+        slide(v_x, yaw_rate, yaw) - 0.05 * abs(v_x) * v_x * yaw_rate))
+    world.drive(0.5, 1.4, 3.0)
+    for yaw in (0.0, 1.2, 2.5, -1.6):
+        assert world.kinematics.drift(0.5, 1.4, yaw) == pytest.approx(
+            math.atan(slide(0.5, 1.4, yaw) / 0.5 - 0.05 * 0.5 * 1.4), abs=0.01)
+
+
+def test_motions_of_another_turning_share_or_of_long_ago_are_not_used():
+    world = World(kinematics(), lateral=slide)
+    world.drive(0.02, 0.8, 3.0)  # nearly in place
+    assert abs(world.kinematics.drift(0.5, 0.0, 0.0)) < 0.2 * abs(SLIDE[1])
+    world.drive(0.5, 0.0, 1.0)
+    known = world.kinematics.drift(0.5, 0.0, world.yaw)
+    world.lateral = lambda v_x, yaw_rate, yaw: 0.0
+    world.drive(0.5, 0.0, 3.5)
+    assert abs(world.kinematics.drift(0.5, 0.0, world.yaw)) < 0.01 * abs(known)
 
 
 def test_older_odometry_is_ignored_and_another_clock_discards_all():

@@ -535,13 +535,6 @@ def test_wanted_velocities_are_compensated_for_slip():
     assert kinematics.add_odometry.call_args.args[0].position[1] == 0.05
 
 
-def test_the_drift_is_that_of_the_latest_command():
-    run, kinematics = compensated(True, y=0.05)
-    run.start(FAR).for_seconds(1.0)
-    wanted = [call.args[:2] for call in kinematics.command.call_args_list]
-    assert [call.args for call in kinematics.drift.call_args_list] == [(0.0, 0.0), *wanted[:-1]]
-
-
 def test_without_compensation_the_wanted_velocity_is_commanded():
     run, kinematics = compensated(False, offset=0.3)
     assert run.start(FAR).for_seconds(1.0).robot.y == 0.0
