@@ -56,8 +56,10 @@ PRIORS: Mapping[str, Known] = {
     'ground speed over wheel speed': Known(1.0, 0.1, RELATIVE, 'assumed: slip in turns'),
     'delay of body roll': Known(0.0, 0.03, 's', 'assumed: natural frequency of 5 Hz'),
     'lateral effects of the squared yaw rate': Known(0.0, 0.2, 'm', 'assumed: y of the IMU'),
+    # recordings of robots whose IMU was not measured
+    'position of the IMU': Known(0.0, 1.0, 'm', 'uninformative: somewhere on the robot'),
     # rest
-    'slope of the ground': Known(0.0, 0.01, 'rad', 'assumed: laboratory floor'),
+    'slope of the ground': Known(0.0, 0.03, 'rad', 'assumed: yards; benchmarks.robots, hills'),
     # motors; loads are r m g / 4
     'torque constant': Known(1.0, 1.0, RELATIVE, 'uninformative'),
     'motor parameters': Known(1.0, 0.1, RELATIVE, 'data sheets'),
