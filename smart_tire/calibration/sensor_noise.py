@@ -18,7 +18,8 @@ same heading: the standard error of the tilt includes both.
 
 The jitter is seen in motion. Over a few samples angles are a parabola in time. A timestamp error
 causes the same error in time on both sides, whatever their speeds; fluctuations of the speeds
-differ between the sides.
+differ between the sides, but for starts and stops, which are left out. Messages at more than
+100 Hz, which the reader merges by the distance of their timestamps, do not show the jitter.
 """
 
 from __future__ import annotations
@@ -50,6 +51,8 @@ RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0  # of a parabo
 SLOPE_KERNEL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0
 MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
 MAX_WINDOW = 0.5   # s of five samples: over longer times the speed is not linear in time
+MAX_SPEED_CHANGE = 0.2  # relative, in five samples: less is timestamp errors
+MAX_MERGED_SHARE = 0.05  # of the samples: those that are left are late ones
 
 
 @dataclass(frozen=True)
@@ -171,10 +174,16 @@ def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
     sides = [wheels.position[:, side].mean(axis=1) for side in (LEFT, RIGHT)]
     increment, angle_residual = (np.stack([_filtered(side, kernel) for side in sides], axis=1)
                                  for kernel in (SLOPE_KERNEL, RESIDUAL_KERNEL))
+    merged = float(np.mean(np.diff(wheels.time) > 1.5 * step))
+    if merged > MAX_MERGED_SHARE:
+        raise EstimatorError(f'{merged:.0%} of the messages are merged or lost')
     gaps = np.lib.stride_tricks.sliding_window_view(np.diff(wheels.time), 4)
     count = math.tau / robot.encoder.counts_per_revolution
     usable = (np.abs(gaps - step).max(axis=1) < 0.5 * step) & (
         np.abs(increment).min(axis=1) > MIN_COUNTS * count)
+    change = np.abs(increment[4:] - increment[:-4])
+    usable[:2] = usable[-2:] = False
+    usable[2:-2] &= (change < MAX_SPEED_CHANGE * np.abs(increment[2:-2])).all(axis=1)
     if usable.sum() < MIN_ROWS:
         raise EstimatorError(f'{int(usable.sum())} samples with both sides in motion, expected at '
                              f'least {MIN_ROWS}')
