@@ -45,7 +45,6 @@ SCALE, COUNT = SIZE, SIZE + 1  # relative error of the forward acceleration: not
 PASSES = 25             # at most
 HELD = 1e-3            # of the sigma of its prior: a constant, in the fit of one window
 END_MARGIN = 0.1       # s, at both ends of a recording: errors of the latency
-MIN_WINDOW = 1.5       # s: half a window, of the last one of a recording
 
 _OWN = np.zeros(COUNT, bool)  # unknowns that each window has of its own
 _OWN[OWN] = _OWN[Unknown.SLOPE_X:Unknown.SLOPE_Y + 1] = True
@@ -217,7 +216,7 @@ def _fits(recording: CalibrationRecording, robot: RobotParams, latency: float, s
     begin = max(imu.time[0], wheels.time[0] - robot.encoder.latency) + SETTLING + END_MARGIN
     last = min(imu.time[-1], wheels.time[-1] - robot.encoder.latency) - END_MARGIN
     hypothesis = Hypothesis(prior, prior.mean, heading=(float(data.imu[0, 0]), 0.0))
-    count = math.ceil((last - begin - MIN_WINDOW) / LENGTH)
+    count = math.ceil((last - begin) / LENGTH - 0.5)
     for first in begin + LENGTH * np.arange(count):
         end = min(first + LENGTH, last)
         spans = [rows[(rows[:, 0] > first - SETTLING) & (rows[:, 0] < end), 0]

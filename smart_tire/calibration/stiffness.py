@@ -24,7 +24,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.ground_fit import Equations, GroundFit, SCALE
 from smart_tire.calibration.recording import MIN_ROLLING_SPEED
-from smart_tire.calibration.results import CONTRADICTION_SIGMAS, differ, Found
+from smart_tire.calibration.results import CONTRADICTION_SIGMAS, differ, Found, MIN_ROBUST
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import FORCE_X
@@ -38,7 +38,6 @@ from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain
 MAX_SLIDING_SHARE = 0.3  # of straight motion, beyond the critical slip
 MAX_NOISE_SHARE = 0.08   # of accelerations; more noise makes a tire seem too stiff
 MAX_TURN_SHARE = 0.05    # of the speed: half the difference of the sides
-MIN_BLOCKS = 6           # of straight motion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,9 +77,9 @@ class StiffnessFit:
 def stiffness_of(fit: GroundFit) -> StiffnessFit:
     """Return the stiffness in a fit; raise EstimatorError with the reason if not observable."""
     rows = np.concatenate([_straight(one, fit) for one in fit.windows])
-    if len(rows) < MIN_BLOCKS:
+    if len(rows) < MIN_ROBUST:
         raise EstimatorError(f'{len(rows)} intervals of straight motion above '
-                             f'{MIN_ROLLING_SPEED:g} m/s, expected {MIN_BLOCKS}')
+                             f'{MIN_ROLLING_SPEED:g} m/s, expected {MIN_ROBUST}')
     slip, force, fitted, sliding = rows.T
     count = np.median(np.concatenate([one.measurements.imu_count for one in fit.windows]))
     share = fit.noise / math.sqrt(count) / max(float(np.std(4.0 * force / fit.robot.mass)), 1e-9)

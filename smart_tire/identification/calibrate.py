@@ -86,7 +86,7 @@ def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: boo
             found.refuse(name, 'in proportion to the mass, which is not given')
     moving = dict.fromkeys([*bags_of(bags, STRAIGHT), *bags_of(bags, TURNS)])
     for name, why in refusals(params.slip, found.found, [
-            read_recorded(path, params.slip, names, reference) for path in moving]).items():
+            read_recorded(path, params.slip, reference, names) for path in moving]).items():
         found.refuse(name, why)
     return CalibrationFile(found, _text(found, bags, params, date))
 

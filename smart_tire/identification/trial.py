@@ -27,7 +27,7 @@ import numpy as np
 
 from smart_tire.analysis.metrics import compared_poses, rms
 from smart_tire.arrays import Array
-from smart_tire.bags import Bag, TopicNames
+from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.estimates import PoseEstimate
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.filter import SlipFilter
@@ -35,7 +35,7 @@ from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.kalman import KalmanFilter
 from smart_tire.estimation.slip.state import initial_state, State
 from smart_tire.estimation.streams import SLIP
-from smart_tire.identification.robot import reference_topic
+from smart_tire.identification.robot import NO_REFERENCE, reference_topic
 from smart_tire.parameters import build, SlipEstimatorParams, specs
 from smart_tire.parameters.calibration_file import Identified, Value
 from smart_tire.parameters.spec import values_of
@@ -71,8 +71,8 @@ class Score(NamedTuple):
                          if ours > (1.0 + MAX_LOSS) * theirs)
 
 
-def read_recorded(path: Path, params: SlipEstimatorParams, names: TopicNames,
-                  reference: str) -> Recorded:
+def read_recorded(path: Path, params: SlipEstimatorParams, reference: str = NO_REFERENCE,
+                  names: TopicNames = STANDARD_NAMES) -> Recorded:
     """Return what a bag has for a trial; ``reference`` as in ``read_recording``."""
     samples: list[ImuSample | WheelSample] = []
     poses = SampleArrays()

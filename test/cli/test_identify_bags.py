@@ -132,7 +132,8 @@ def test_s_is_printed_per_turn_and_the_reference_is_used_on_request_only(
 
 def test_calibrate_only_identifies_the_same(turns, out, placed, tmp_path, capsys):
     assert identify('icr', out, turns, *placed) == 0
-    words = ['calibrate', *placed, '--only', 'icr', '--bags', turns, '--out', str(tmp_path / 'all')]
+    words = ['calibrate', *placed, '--only', 'icr', '--bags', turns, '--out',
+             str(tmp_path / 'all')]
     assert main(words) == 0
     assert out.read_text(encoding='utf-8') == (tmp_path / 'all/robot.yaml').read_text(
         encoding='utf-8')
