@@ -52,7 +52,7 @@ _POWERS = np.stack([np.ones_like(SPAN), SPAN, SPAN ** 2])
 RESIDUAL_KERNEL = (SPAN == 0.0) - np.linalg.pinv(_POWERS)[:, 0]  # of the sample in the middle
 MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
 MAX_WINDOW = 0.5   # s of five samples: over longer times the speed is not linear in time
-MAX_SPEED_CHANGE = 0.2  # relative, in five samples: less is timestamp errors
+MAX_SPEED_CHANGE = 0.1  # relative, in five samples: less is timestamp errors
 MAX_MERGED_SHARE = 0.05  # of the samples: those that are left are late ones
 
 
