@@ -42,10 +42,11 @@ from smart_tire.parameters.spec import values_of
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import ImuSample, Odometry, WheelSample
 
-MAX_LOSS = 0.05  # relative, of a figure: less is chance
-FIGURES = ('rms innovation of the rotation of wheels', 'rms innovation of the lateral speed',
-           'distance of the ends of path and reference')
-UNITS = 'rad', 'm/s', 'm'
+# relative losses: a right latency of 23 ms makes innovations on straight lines larger by 12 %, as
+# wheels are compared with an older state (benchmarks.calibration, guided); of the end, chance
+FIGURES = (('rms innovation of the rotation of wheels', 'rad', 0.25),
+           ('rms innovation of the lateral speed', 'm/s', 0.25),
+           ('distance of the ends of path and reference', 'm', 0.05))
 Innovations = tuple[list[float], list[float]]
 UNUSED = 'tire.', 'motor.', 'film.', 'pid.', 'effective_track'  # without a known ground
 
@@ -67,8 +68,8 @@ class Score(NamedTuple):
     def worse_than(self, other: Score) -> str:
         """Return in which figures this is worse, '' if it is in none."""
         return ', '.join(f'{what} {ours:.3g} {unit} with it, {theirs:.3g} {unit} without'
-                         for what, unit, ours, theirs in zip(FIGURES, UNITS, self, other)
-                         if ours > (1.0 + MAX_LOSS) * theirs)
+                         for (what, unit, loss), ours, theirs in zip(FIGURES, self, other)
+                         if ours > (1.0 + loss) * theirs)
 
 
 def read_recorded(path: Path, params: SlipEstimatorParams, reference: str = NO_REFERENCE,
