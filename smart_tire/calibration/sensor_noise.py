@@ -12,9 +12,8 @@
 Noise, bias and mounting of the IMU at standstill, and jitter of the ``wheel_states`` timestamps.
 
 The robot is stationary while the wheels do not rotate and the IMU is about as quiet as ever: after
-a stop the body may settle, and it may be pushed. On level ground the tilt cannot be separated from
-the accelerometer bias, and not from the slope of the ground if the robot always stops with the
-same heading: the standard error of the tilt includes both.
+a stop the body may settle, and it may be pushed. The tilt cannot be separated from the
+accelerometer bias and from the slope of the ground: its standard error includes both.
 
 The jitter is seen in motion. Over a few samples angles are a parabola in time. A timestamp error
 causes the same error in time on both sides, whatever their speeds; fluctuations of the speeds
@@ -130,9 +129,8 @@ def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
     """Return roll and pitch [rad] from the specific forces (n, 3) of n standstills."""
     x, y, z = (force / np.linalg.norm(force, axis=1)[:, None]).T
     tilts = np.stack([np.arctan2(y, z), -np.arcsin(x)], axis=1)
-    slope = (float(tilts.std(axis=0, ddof=1).max()) if len(tilts) >= MIN_SPREAD
-             else PRIORS['slope of the ground'].sigma)
-    sigma = math.hypot(robot.imu.accel_bias / GRAVITY, slope / math.sqrt(len(tilts)))
+    # standstills close to each other are on the same slope
+    sigma = math.hypot(robot.imu.accel_bias / GRAVITY, PRIORS['slope of the ground'].sigma)
     roll, pitch = tilts.mean(axis=0).tolist()
     return Uncertain(roll, sigma), Uncertain(pitch, sigma)
 

@@ -58,14 +58,14 @@ class Recorded(NamedTuple):
     reference: PoseEstimate | None
 
 
-class Score(NamedTuple):
+class TrialScore(NamedTuple):
     """How well the estimator predicts what it measures next, and follows the path."""
 
     rotation: float  # rad, rms innovation of the rotation of the wheels between two samples
     lateral: float   # m/s, of the lateral speed about the centers of rotation
     end: float       # m, distance of the end of the path from that of the reference
 
-    def worse_than(self, other: Score) -> str:
+    def worse_than(self, other: TrialScore) -> str:
         """Return in which figures this is worse, '' if it is in none."""
         return ', '.join(f'{what} {ours:.3g} {unit} with it, {theirs:.3g} {unit} without'
                          for (what, unit, loss), ours, theirs in zip(FIGURES, self, other)
@@ -110,7 +110,7 @@ def refusals(params: SlipEstimatorParams, found: Mapping[str, Identified],
             refused.update(dict.fromkeys(own, f'{", ".join(map(str, own.values()))} was '
                                               f'identified, but tried on the recordings {worse}'))
         else:
-            params, best = tried, Score(*map(min, score, best))
+            params, best = tried, TrialScore(*map(min, score, best))
     return refused
 
 
@@ -118,7 +118,7 @@ def _with(params: SlipEstimatorParams, values: Mapping[str, Value]) -> SlipEstim
     return build(SlipEstimatorParams, {**values_of(params), **values})
 
 
-def _score(params: SlipEstimatorParams, recordings: Sequence[Recorded]) -> Score:
+def _score(params: SlipEstimatorParams, recordings: Sequence[Recorded]) -> TrialScore:
     """Return the score of all recordings."""
     innovations: Innovations = [], []
     end = 0.0
@@ -132,7 +132,7 @@ def _score(params: SlipEstimatorParams, recordings: Sequence[Recorded]) -> Score
             error = compared_poses(estimates.poses(), reference).error
             end += float(np.linalg.norm(error[-1, :2])) if len(error) else 0.0
     wheels, lateral = (rms(np.array(one)) if one else 0.0 for one in innovations)
-    return Score(wheels / params.robot.wheel_radius, lateral, end)
+    return TrialScore(wheels / params.robot.wheel_radius, lateral, end)
 
 
 class _Kalman(KalmanFilter):

@@ -15,13 +15,13 @@ from __future__ import annotations
 from smart_tire.estimates import PoseEstimate
 from smart_tire.identification import trial
 from smart_tire.identification.robot import ANY_REFERENCE
-from smart_tire.identification.trial import Recorded, refusals, Score
+from smart_tire.identification.trial import Recorded, refusals, TrialScore
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.parameters.calibration_file import Identified
 from support.identifying import turning_run, write_run
 
 PARAMS = SlipEstimatorParams()
-GOOD = Score(0.010, 0.004, 0.2)
+GOOD = TrialScore(0.010, 0.004, 0.2)
 LATE, ROLLING, SIGMA = 'encoder.latency', 'wheel_radius', 'wheel_radius_sigma'
 
 
