@@ -23,6 +23,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.ground_fit import Equations, GroundFit, SCALE
+from smart_tire.calibration.motor_rows import MAX_SLIP
 from smart_tire.calibration.recording import MIN_ROLLING_SPEED
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS, differ, Found, MIN_ROBUST
 from smart_tire.errors import EstimatorError
@@ -129,7 +130,7 @@ def _straight(one: Equations, fit: GroundFit) -> Array:
     critical = critical_slip(math.exp(one.fit.x[Unknown.FRICTION]), loads.mean(axis=1),
                              math.exp(one.fit.x[Unknown.STIFFNESS]))
     return np.column_stack([direction * slip, direction * force, direction * fitted,
-                            np.abs(slip) > critical])[used]
+                            np.abs(slip) > np.minimum(critical, MAX_SLIP)])[used]
 
 
 def _check_one_ground(fit: GroundFit) -> None:
