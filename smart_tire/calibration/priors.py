@@ -66,6 +66,7 @@ PRIORS: Mapping[str, Known] = {
     # rest
     'slope of the ground': Known(0.03, 'rad', 'assumed: yards; benchmarks.robots, hills'),
     # motors; loads are r m g / 4
+    'slope against that at rest': Known(0.01, 'rad', 'assumed: starts and stops at one place'),
     'torque constant': Known(1.0, RELATIVE, 'uninformative'),
     'motor parameters': Known(0.1, RELATIVE, 'data sheets'),
     'force on one wheel': Known(0.03, 'quarter', 'assumed', 1.0),
