@@ -100,7 +100,12 @@ class BagParams:
     origins: tuple[str, ...] = ()    # files, or nodes whose parameters the bag carries
     overridden: bool = False         # the bag carries parameters, which the files replace
     unknown: tuple[str, ...] = ()    # names in the bag that no node of this version has
-    radius_given: bool = True        # wheel_radius is not the default, which is that of paper B
+    given: frozenset[str] = frozenset()  # names that the slip estimator has not by default
+
+    @property
+    def radius_given(self) -> bool:
+        """Return whether wheel_radius is not the default, which is that of paper B."""
+        return 'wheel_radius' in self.given
 
     @property
     def tree(self) -> Tree:
@@ -137,10 +142,10 @@ def bag_params(bag: Bag, files: Sequence[Path] = ()) -> BagParams:
     """
     if files:
         return BagParams(EstimatorParams.load(files), FILES, tuple(map(str, files)),
-                         overridden=bool(bag.parameters), radius_given=any(
-                             _gives_radius(read_blocks(Path(file))) for file in files))
+                         overridden=bool(bag.parameters), given=frozenset().union(
+                             *(_given(read_blocks(Path(file))) for file in files)))
     if not bag.parameters:
-        return BagParams(EstimatorParams(), DEFAULTS, radius_given=False)
+        return BagParams(EstimatorParams(), DEFAULTS)
     where = f'{bag.path}: parameters in the bag'
     try:
         blocks = blocks_in(bag.parameters, where)
@@ -149,12 +154,12 @@ def bag_params(bag: Bag, files: Sequence[Path] = ()) -> BagParams:
         raise ParameterError(f'{error}; give a parameter file with --params') from error
     names = (block.rsplit('/', 1)[-1] for block, _ in blocks)
     return BagParams(params, BAG, tuple(name for name in names if name in NODE_PARAMS),
-                     unknown=tuple(_unknown_names(blocks)), radius_given=_gives_radius(blocks))
+                     unknown=tuple(_unknown_names(blocks)), given=_given(blocks))
 
 
-def _gives_radius(blocks: Sequence[Block]) -> bool:
-    """Return whether ``blocks`` give the slip estimator a wheel radius."""
-    return bool(values_for('slip_estimator', blocks, ['wheel_radius']))
+def _given(blocks: Sequence[Block]) -> frozenset[str]:
+    """Return the names of the parameters that ``blocks`` give the slip estimator."""
+    return frozenset(values_for('slip_estimator', blocks, known_names([SlipEstimatorParams])))
 
 
 def _unknown_names(blocks: Sequence[Block]) -> list[str]:

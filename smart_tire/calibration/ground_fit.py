@@ -42,10 +42,9 @@ from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
 
 SCALE, COUNT = SIZE, SIZE + 1  # relative error of the forward acceleration: not in the live window
-PASSES = 8             # at most
+PASSES = 25             # at most
 HELD = 1e-3            # of the sigma of its prior: a constant, in the fit of one window
 END_MARGIN = 0.1       # s, at both ends of a recording: errors of the latency
-MIN_WINDOW = 1.5       # s: half a window, of the last one of a recording
 
 _OWN = np.zeros(COUNT, bool)  # unknowns that each window has of its own
 _OWN[OWN] = _OWN[Unknown.SLOPE_X:Unknown.SLOPE_Y + 1] = True
@@ -125,7 +124,6 @@ class GroundFit:
 def calibration_rows(robot: RobotParams) -> list[Row]:
     """Return the priors, wide where the recordings shall determine a value."""
     rows = [*priors(robot), Row(*PRIORS['acceleration on straight lines'].prior, 0.0, 0.0, 1e-3)]
-    level = PRIORS['slope of the ground'].sigma
     wide = {
         Unknown.STIFFNESS: Uncertain(math.log(robot.tire.longitudinal_stiffness),
                                      math.log(PRIORS['stiffness'].sigma)),
@@ -133,8 +131,8 @@ def calibration_rows(robot: RobotParams) -> list[Row]:
         Unknown.RADIUS: Uncertain(0.0, PRIORS['rolling radius'].sigma),
         Unknown.TORQUE_SCALE: Uncertain(0.0, PRIORS['torque constant'].sigma),
         Unknown.MOTOR_INERTIA: Uncertain(0.0, PRIORS['motor parameters'].sigma),
-        **dict.fromkeys((Unknown.SLOPE_X, Unknown.SLOPE_Y, Unknown.BEND_X, Unknown.BEND_Y),
-                        Uncertain(0.0, level))}
+        **dict.fromkeys((Unknown.SLOPE_X, Unknown.SLOPE_Y), Uncertain(
+            0.0, PRIORS['slope of the ground'].sigma))}
     for row, (mean, sigma) in wide.items():
         rows[row] = rows[row]._replace(mean=mean, sigma=sigma)
     return rows
@@ -152,7 +150,7 @@ def fit_ground(recordings: Sequence[CalibrationRecording], robot: RobotParams, *
     rows = calibration_rows(robot)
     mean, sigma = (np.array([getattr(row, name) for row in rows]) for name in ('mean', 'sigma'))
     window_fit, x, covariance = WindowFit(robot, rows[:SIZE]), mean.copy(), np.diag(sigma ** 2)
-    latency, scale, step = robot.encoder.latency, 1.0, math.inf
+    latency, scale, step, gain = robot.encoder.latency, 1.0, math.inf, 1.0
     for _ in range(PASSES):
         # relative to what the data are corrected by
         x[[Unknown.DELAY, SCALE]] = 0.0
@@ -172,8 +170,9 @@ def fit_ground(recordings: Sequence[CalibrationRecording], robot: RobotParams, *
         matrix = np.diag(weight) + sum(one.matrix for one in windows)
         own = np.linalg.inv(matrix)
         change = own @ (weight * off[CONSTANTS] + sum(one.vector for one in windows))
-        step = float(change @ matrix @ change)
-        change *= min(1.0, MAX_STEP / max(float(np.abs(change).max()), 1e-9))
+        before, step = step, float(change @ matrix @ change)
+        gain *= 0.5 if step > before else 1.0
+        change *= min(gain, MAX_STEP / max(float(np.abs(change).max()), 1e-9))
         x[CONSTANTS] += change
         covariance = np.diag(sigma ** 2)
         covariance[np.ix_(CONSTANTS, CONSTANTS)] = own
@@ -217,7 +216,7 @@ def _fits(recording: CalibrationRecording, robot: RobotParams, latency: float, s
     begin = max(imu.time[0], wheels.time[0] - robot.encoder.latency) + SETTLING + END_MARGIN
     last = min(imu.time[-1], wheels.time[-1] - robot.encoder.latency) - END_MARGIN
     hypothesis = Hypothesis(prior, prior.mean, heading=(float(data.imu[0, 0]), 0.0))
-    count = math.ceil((last - begin - MIN_WINDOW) / LENGTH)
+    count = math.ceil((last - begin) / LENGTH - 0.5)
     for first in begin + LENGTH * np.arange(count):
         end = min(first + LENGTH, last)
         spans = [rows[(rows[:, 0] > first - SETTLING) & (rows[:, 0] < end), 0]

@@ -187,7 +187,7 @@ def _rest_force(recording: CalibrationRecording, robot: RobotParams) -> Uncertai
         chosen = (imu.time > begin + MOTION_MARGIN) & (imu.time < end - MOTION_MARGIN)
         if chosen.any():
             means.append(float(imu.force[chosen, 0].mean()))
-    slope = GRAVITY * PRIORS['slope of the ground'].sigma
+    slope = GRAVITY * PRIORS['slope against that at rest'].sigma
     if not means:
         return Uncertain(0.0, math.hypot(slope, robot.imu.accel_bias))
     return Uncertain(float(np.mean(means)), slope / math.sqrt(len(means)))

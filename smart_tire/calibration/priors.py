@@ -30,10 +30,15 @@ RELATIVE = 'relative'
 class Known(NamedTuple):
     """A value with its standard deviation, where it comes from, and the fit that needs it."""
 
-    value: float
     sigma: float
     unit: str
     origin: str  # data sheet, derived, or assumed; and why
+    mean: float | None = None  # None: 1 of a relative value, 0 of others
+
+    @property
+    def value(self) -> float:
+        """Return the value."""
+        return float(self.unit == RELATIVE) if self.mean is None else self.mean
 
     @property
     def prior(self) -> tuple[float, float]:
@@ -43,75 +48,71 @@ class Known(NamedTuple):
 
 PRIORS: Mapping[str, Known] = {
     # latency and track
-    'radius difference of the sides': Known(0.0, 0.05, RELATIVE, 'assumed: tire pressure'),
-    'share of side slip lost in turns': Known(0.3, 0.3, '-', 'assumed'),
-    'acceleration of the body': Known(1.0, 0.1, RELATIVE, 'pitching of 0.6 degrees at 1 m/s2'),
-    'wheel latency': Known(0.0, 0.03, 's', 'half a period of encoders at 16 Hz'),
-    'IMU latency': Known(0.0, 0.001, 's', 'assumed: its filter and sampling'),
+    'radius difference of the sides': Known(0.05, RELATIVE, 'assumed: tire pressure', 0.0),
+    'share of side slip lost in turns': Known(0.3, '-', 'assumed', 0.3),
+    'acceleration of the body': Known(0.1, RELATIVE, 'pitching of 0.6 degrees at 1 m/s2'),
+    'wheel latency': Known(0.03, 's', 'half a period of encoders at 16 Hz'),
+    'IMU latency': Known(0.001, 's', 'assumed: its filter and sampling'),
     # reference
-    'slip of free rolling': Known(0.0, 0.01, '-', 'assumed: its variation'),
-    'lateral offset of the reference': Known(0.0, 0.3, 'track', 'assumed'),
-    'yaw misalignment of the reference': Known(0.0, 0.05, 'rad', 'assumed'),
+    'slip of free rolling': Known(0.01, '-', 'assumed: its variation'),
+    'lateral offset of the reference': Known(0.3, 'track', 'assumed'),
+    'yaw misalignment of the reference': Known(0.05, 'rad', 'assumed'),
     # centers of rotation
-    'ground speed over wheel speed': Known(1.0, 0.1, RELATIVE, 'assumed: slip in turns'),
-    'delay of body roll': Known(0.0, 0.03, 's', 'assumed: natural frequency of 5 Hz'),
-    'lateral effects of the squared yaw rate': Known(0.0, 0.2, 'm', 'assumed: y of the IMU'),
+    'ground speed over wheel speed': Known(0.1, RELATIVE, 'assumed: slip in turns'),
+    'delay of body roll': Known(0.03, 's', 'assumed: natural frequency of 5 Hz'),
+    'lateral effects of the squared yaw rate': Known(0.2, 'm', 'assumed: y of the IMU'),
+    # recordings of robots whose IMU was not measured
+    'position of the IMU': Known(1.0, 'm', 'uninformative: somewhere on the robot'),
     # rest
-    'slope of the ground': Known(0.0, 0.01, 'rad', 'assumed: laboratory floor'),
+    'slope of the ground': Known(0.03, 'rad', 'assumed: yards; benchmarks.robots, hills'),
     # motors; loads are r m g / 4
-    'torque constant': Known(1.0, 1.0, RELATIVE, 'uninformative'),
-    'motor parameters': Known(1.0, 0.1, RELATIVE, 'data sheets'),
-    'force on one wheel': Known(1.0, 0.03, 'quarter', 'assumed'),
-    'viscous friction at top speed': Known(0.0, 0.05, 'load', 'assumed'),
-    'offset of a measured torque': Known(0.0, 0.01, 'load', 'assumed'),
-    'delay of the torque': Known(0.0, 0.01, 's', 'assumed: against the IMU'),
-    'delay of a command': Known(0.003, 0.002, 's', 'assumed: radio and boards'),
-    'delay of a reading': Known(0.002, 0.002, 's', 'assumed: boards are read in turn'),
-    'slip in a wheel speed': Known(1.0, 0.2, RELATIVE, 'assumed: stiffness as configured'),
-    'scale of the accelerometer': Known(1.0, 0.005, RELATIVE, 'data sheets of MEMS sensors'),
-    'mean of torque readings': Known(0.0, 0.2, 'of the accelerating torque', 'simulations: 16 Hz'),
-    'inertia without motor_commands': Known(1.0, 0.04, RELATIVE, 'simulations: 16 of 50 Hz'),
+    'slope against that at rest': Known(0.01, 'rad', 'assumed: starts and stops at one place'),
+    'torque constant': Known(1.0, RELATIVE, 'uninformative'),
+    'motor parameters': Known(0.1, RELATIVE, 'data sheets'),
+    'force on one wheel': Known(0.03, 'quarter', 'assumed', 1.0),
+    'viscous friction at top speed': Known(0.05, 'load', 'assumed'),
+    'offset of a measured torque': Known(0.01, 'load', 'assumed'),
+    'delay of the torque': Known(0.01, 's', 'assumed: against the IMU'),
+    'delay of a command': Known(0.002, 's', 'assumed: radio and boards', 0.003),
+    'delay of a reading': Known(0.002, 's', 'assumed: boards are read in turn', 0.002),
+    'slip in a wheel speed': Known(0.2, RELATIVE, 'assumed: stiffness as configured'),
+    'scale of the accelerometer': Known(0.005, RELATIVE, 'data sheets of MEMS sensors'),
+    'mean of torque readings': Known(0.2, 'of the accelerating torque', 'simulations: 16 Hz'),
+    'inertia without motor_commands': Known(0.04, RELATIVE, 'simulations: 16 of 50 Hz'),
     # stiffness
-    'drag': Known(0.015, 0.15, 'weight', 'firm ground, and up to deep sand'),
-    'friction': Known(0.45, 2.0, 'factor per sigma', 'assumed: grounds'),
-    'stiffness': Known(1.0, 100.0, 'factor per sigma', 'uninformative'),
-    'rolling radius': Known(1.0, 0.02, RELATIVE, 'real robots roll with 0.95 to 0.97 of theirs'),
-    'error of the latency': Known(0.0, 0.01, 's', 'assumed'),
-    'acceleration on straight lines': Known(0.0, 0.05, RELATIVE, 'pitching of 0.3 deg at 1 m/s2'),
-    'bias of the accelerometer': Known(0.0, 0.15, 'm/s2', 'data sheets: turn-on, and mounting'),
-    'g times the slope of a segment': Known(0.0, 0.1, 'm/s2', 'assumed'),
-    'changes of that': Known(0.0, 0.02, 'm/s2 per root of s', 'assumed'),
-    'force balance': Known(0.0, 0.03, 'm/s2', 'assumed: as of the slip filter'),
-    'speed at rest': Known(0.0, 0.001, 'm/s', 'assumed: flexing tires'),
+    'friction': Known(2.0, 'factor per sigma', 'assumed: grounds', 0.45),
+    'stiffness': Known(100.0, 'factor per sigma', 'uninformative', 1.0),
+    'rolling radius': Known(0.02, RELATIVE, 'real robots roll with 0.95 to 0.97 of theirs'),
+    'acceleration on straight lines': Known(0.05, RELATIVE, 'pitching of 0.3 deg at 1 m/s2', 0.0),
     # films
-    'change of slip': Known(0.0, 0.0005, 'over a contact length', 'steady motion; assumed'),
-    'estimated change of slip': Known(1.0, 0.5, RELATIVE, 'assumed'),
-    'initial film gain': Known(1.0, 0.5, RELATIVE, 'uninformative: a first fit'),
-    'initial contact length': Known(1.0, 0.1, RELATIVE, 'measured by hand'),
-    'refined film gain': Known(1.0, 0.2, RELATIVE, 'fits close to the solution'),
-    'refined contact length': Known(1.0, 0.05, RELATIVE, 'fits close to the solution'),
-    'slip that is fitted': Known(0.0, 1.0, '-', 'uninformative'),
-    'slip that is adjusted later': Known(0.0, 1e-5, '-', 'exact: its error enters there'),
-    'ln of alpha K': Known(0.0, 5.0, '-', 'uninformative: film on a stand'),
-    'latency of films': Known(0.0, 0.003, 's', 'assumed: against the wheels'),
-    'length of a film': Known(1.0, 0.005, RELATIVE, '0.1 mm of 20 mm'),
-    'film gain': Known(1.0, 10.0, RELATIVE, 'uninformative'),
-    'ln of the contact length': Known(0.0, 1.0, '-', 'uninformative'),
-    'ln of alpha': Known(0.0, 0.3, '-', 'paper: shape of bending'),
-    'film position': Known(0.0, 1.0, 'm', 'uninformative')}
+    'change of slip': Known(0.0005, 'over a contact length', 'steady motion; assumed'),
+    'estimated change of slip': Known(0.5, RELATIVE, 'assumed'),
+    'initial film gain': Known(0.5, RELATIVE, 'uninformative: a first fit'),
+    'initial contact length': Known(0.1, RELATIVE, 'measured by hand'),
+    'refined film gain': Known(0.2, RELATIVE, 'fits close to the solution'),
+    'refined contact length': Known(0.05, RELATIVE, 'fits close to the solution'),
+    'slip that is fitted': Known(1.0, '-', 'uninformative'),
+    'slip that is adjusted later': Known(1e-5, '-', 'exact: its error enters there'),
+    'ln of alpha K': Known(5.0, '-', 'uninformative: film on a stand'),
+    'latency of films': Known(0.003, 's', 'assumed: against the wheels'),
+    'length of a film': Known(0.005, RELATIVE, '0.1 mm of 20 mm'),
+    'film gain': Known(10.0, RELATIVE, 'uninformative'),
+    'ln of the contact length': Known(1.0, '-', 'uninformative'),
+    'ln of alpha': Known(0.3, '-', 'paper: shape of bending'),
+    'film position': Known(1.0, 'm', 'uninformative')}
 
 LIMITS: Mapping[str, Known] = {
     'wheel latency': PRIORS['wheel latency'],
     'rolling radius': PRIORS['rolling radius'],
-    'effective track': Known(1.0, 0.1, RELATIVE, 'spread of grounds; field'),
-    'track of turns': Known(1.0, 0.05, RELATIVE, 'benchmarks.calibration, demo'),
-    'gyro scale': Known(1.0, 0.05, '-', 'data sheets: uncalibrated'),
-    'S': Known(0.0, 0.2, 'wheelbase', 'axles limit its range'),
-    'feed-forward': Known(1.0, 0.05, RELATIVE, 'data sheet: free speed'),
-    'viscous friction': Known(0.0, 0.2, 'Coulomb friction', 'assumed: at top speed'),
-    'film gain': Known(1.0, 0.1, RELATIVE, 'production tolerance'),
-    'contact length': Known(1.0, 0.1, RELATIVE, 'measured by hand'),
-    'film position': Known(0.0, 0.003, 'm', 'placed by hand')}
+    'effective track': Known(0.1, RELATIVE, 'spread of grounds; field'),
+    'track of turns': Known(0.05, RELATIVE, 'benchmarks.calibration, demo'),
+    'gyro scale': Known(0.05, '-', 'data sheets: uncalibrated', 1.0),
+    'S': Known(0.2, 'wheelbase', 'axles limit its range'),
+    'feed-forward': Known(0.05, RELATIVE, 'data sheet: free speed'),
+    'viscous friction': Known(0.2, 'Coulomb friction', 'assumed: at top speed'),
+    'film gain': Known(0.1, RELATIVE, 'production tolerance'),
+    'contact length': Known(0.1, RELATIVE, 'measured by hand'),
+    'film position': Known(0.003, 'm', 'placed by hand')}
 
 
 def require(name: str, estimate: Uncertain, cause: str = '', *, factor: float = 1.0,

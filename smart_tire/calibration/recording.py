@@ -23,6 +23,7 @@ from scipy.interpolate import make_interp_spline
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.plausibility import speed_spikes
+from smart_tire.estimation.slip.state import MAX_SAMPLE_GAP
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import seconds, Stream
 from smart_tire.rotation import matrix
@@ -32,9 +33,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 Record = TypeVar('Record', bound='Samples')
 
-MAX_POSITION_GAP = 2.0    # s; over longer gaps the change of position is not a mean speed
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
-OTHER_OF_SIDE = [2, 3, 0, 1]  # of each wheel, for one that is not measured
 MAX_IMU_GAP = 0.05        # s between IMU samples; over longer gaps they are not integrated
 MIN_ROLLING_SPEED = 0.1   # m/s at the circumference; at lower speeds static friction may act
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
@@ -79,7 +78,7 @@ class WheelRecord(Samples):
     @classmethod
     def of(cls, wheels: Stream, origin_ns: int) -> WheelRecord:
         """Return the samples of a stream; a wheel not measured moves like that of its side."""
-        velocity, angles = (np.where(np.isnan(one), one[:, OTHER_OF_SIDE], one)
+        velocity, angles = (np.where(np.isnan(one), np.roll(one, 2, axis=1), one)
                             for one in (wheels['velocity'], wheels['position']))
         torques = wheels['effort']
         return cls(seconds(wheels.stamp_ns, origin_ns), velocity,
@@ -216,7 +215,7 @@ def rotation_increments(wheels: WheelRecord) -> tuple[Array, Mask]:
     """
     gap = np.diff(wheels.time)
     if wheels.position is not None:
-        angle, complete = np.diff(wheels.position, axis=0), gap <= MAX_POSITION_GAP
+        angle, complete = np.diff(wheels.position, axis=0), gap <= MAX_SAMPLE_GAP
     else:
         angle = wheels.velocity[1:] * gap[:, None]
         complete = gap <= MAX_GAP_PERIODS * float(np.median(gap))

@@ -38,6 +38,7 @@ from smart_tire.calibration.recording import (
     CalibrationRecording, PoseRecord, rotation_increments, side_slip, Signal, WheelRecord)
 from smart_tire.calibration.results import MIN_ROBUST
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.slip.state import MIN_YAW_RATE
 from smart_tire.numerics.delay import fit_delay
 from smart_tire.numerics.least_squares import anticorrelated, Errors, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
@@ -47,7 +48,6 @@ from smart_tire.uncertain import Uncertain
 DISTANCE_INTERVAL = 2.0  # s of motion per interval: several lengths of a robot
 MAX_POSE_GAP = 0.5       # s between poses of an interval
 DELAY_STEP = 0.05        # s, of the search for the latency of the reference
-MIN_YAW_RATE = 0.05      # rad/s; slower intervals do not make the scale observable
 CLEAR_YAW = 1.0          # rad of yaw in a recording that a gyro bias does not explain
 MAX_PIVOT_SHARE = 0.1    # of the angle of an interval from turns in place
 LAGS = 2                 # intervals whose slips and poses may be correlated

@@ -12,13 +12,13 @@
 Noise, bias and mounting of the IMU at standstill, and jitter of the ``wheel_states`` timestamps.
 
 The robot is stationary while the wheels do not rotate and the IMU is about as quiet as ever: after
-a stop the body may settle, and it may be pushed. On level ground the tilt cannot be separated from
-the accelerometer bias, and not from the slope of the ground if the robot always stops with the
-same heading: the standard error of the tilt includes both.
+a stop the body may settle, and it may be pushed. The tilt cannot be separated from the
+accelerometer bias and from the slope of the ground: its standard error includes both.
 
 The jitter is seen in motion. Over a few samples angles are a parabola in time. A timestamp error
 causes the same error in time on both sides, whatever their speeds; fluctuations of the speeds
-differ between the sides.
+differ between the sides, but for starts and stops, which are left out. Messages at more than
+100 Hz, which the reader merges by the distance of their timestamps, do not show the jitter.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    CalibrationRecording, MOTION_MARGIN, period, WheelRecord)
+    CalibrationRecording, MAX_GAP_PERIODS, MOTION_MARGIN, period, WheelRecord)
 from smart_tire.calibration.results import MIN_ROWS, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.state import (
@@ -42,14 +42,17 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import GRAVITY, LEFT, RIGHT
 from smart_tire.uncertain import Uncertain, UNKNOWN, weighted_mean
 
-WINDOW = 1.0               # s, over which the noise is estimated
 QUIET_QUANTILE = 0.1       # of the windows' noise that serves as reference for quiet ones
 ROLLING_SPEED = 0.1        # rad/s, of wheels in motion
 
-RESIDUAL_KERNEL = np.array([3.0, -12.0, 18.0, -12.0, 3.0]) / 35.0  # of a parabola in five samples
-SLOPE_KERNEL = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10.0
+SPAN = np.arange(-2.0, 3.0)  # samples, of a parabola
+SLOPE_KERNEL = SPAN / (SPAN @ SPAN)
+_POWERS = np.stack([np.ones_like(SPAN), SPAN, SPAN ** 2])
+RESIDUAL_KERNEL = (SPAN == 0.0) - np.linalg.pinv(_POWERS)[:, 0]  # of the sample in the middle
 MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
 MAX_WINDOW = 0.5   # s of five samples: over longer times the speed is not linear in time
+MAX_SPEED_CHANGE = 0.1  # relative, in five samples: less is timestamp errors
+MAX_MERGED_SHARE = 0.05  # of the samples: those that are left are late ones
 
 
 @dataclass(frozen=True)
@@ -73,14 +76,14 @@ def fit_rest(recording: CalibrationRecording, robot: RobotParams) -> RestFit:
     fresh = np.append(True, (np.diff(values, axis=0) != 0.0).any(axis=1))
     for interval, (begin, end) in enumerate(stationary_intervals(recording.wheels, robot)):
         begin += IMU_WINDOW if interval else 0.0  # settled if the recording begins stationary
-        for first in np.arange(begin, end - MOTION_MARGIN - WINDOW, WINDOW):
-            rows = values[fresh & (imu.time >= first) & (imu.time < first + WINDOW)]
+        for first in np.arange(begin, end - MOTION_MARGIN - IMU_WINDOW, IMU_WINDOW):
+            rows = values[fresh & (imu.time >= first) & (imu.time < first + IMU_WINDOW)]
             if len(rows) >= MIN_SPREAD:
                 windows.append(rows)
                 number.append(interval)
     if not windows:
         raise EstimatorError('the robot is never stationary for '
-                             f'{IMU_WINDOW + WINDOW + MOTION_MARGIN:g} s')
+                             f'{2.0 * IMU_WINDOW + MOTION_MARGIN:g} s')
     spread = np.array([rows.std(axis=0) for rows in windows])
     quiet = (spread <= OUTLIER_SIGMAS * np.maximum(
         np.quantile(spread, QUIET_QUANTILE, axis=0), 1e-9)).all(axis=1)
@@ -94,7 +97,7 @@ def fit_rest(recording: CalibrationRecording, robot: RobotParams) -> RestFit:
                          _standard_error(per_stop, MIN_SPREAD)], axis=0)
     roll, pitch = _tilt(per_stop[:, 3:], robot)
     return RestFit(
-        WINDOW * len(windows), len(per_stop),
+        IMU_WINDOW * len(windows), len(per_stop),
         [Uncertain(*pair) for pair in zip(means.mean(axis=0)[:3].tolist(), bias_sigma.tolist())],
         roll, pitch, _of_axes(noise[2:3], freedom), _of_axes(noise[3:5], freedom),
         float(1.0 - fresh.mean()))
@@ -126,9 +129,8 @@ def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
     """Return roll and pitch [rad] from the specific forces (n, 3) of n standstills."""
     x, y, z = (force / np.linalg.norm(force, axis=1)[:, None]).T
     tilts = np.stack([np.arctan2(y, z), -np.arcsin(x)], axis=1)
-    slope = (float(tilts.std(axis=0, ddof=1).max()) if len(tilts) >= MIN_SPREAD
-             else PRIORS['slope of the ground'].sigma)
-    sigma = math.hypot(robot.imu.accel_bias / GRAVITY, slope / math.sqrt(len(tilts)))
+    # standstills close to each other are on the same slope
+    sigma = math.hypot(robot.imu.accel_bias / GRAVITY, PRIORS['slope of the ground'].sigma)
     roll, pitch = tilts.mean(axis=0).tolist()
     return Uncertain(roll, sigma), Uncertain(pitch, sigma)
 
@@ -144,9 +146,9 @@ def motion_noise(recordings: Sequence[CalibrationRecording]) -> tuple[Uncertain,
     for recording in recordings:
         imu, wheels = recording.imu, recording.wheels
         speed = np.abs(wheels.velocity).max(axis=1)
-        for begin in np.arange(wheels.time[0], wheels.time[-1] - WINDOW, WINDOW):
-            first, last = np.searchsorted(wheels.time, (begin, begin + WINDOW))
-            inside = (imu.time >= begin) & (imu.time < begin + WINDOW)
+        for begin in np.arange(wheels.time[0], wheels.time[-1] - IMU_WINDOW, IMU_WINDOW):
+            first, last = np.searchsorted(wheels.time, (begin, begin + IMU_WINDOW))
+            inside = (imu.time >= begin) & (imu.time < begin + IMU_WINDOW)
             if last > first and speed[first:last].min() > ROLLING_SPEED:
                 rows = np.column_stack([imu.rate[inside, 2], imu.force[inside, :2]])
                 fresh = np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))
@@ -171,10 +173,16 @@ def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
     sides = [wheels.position[:, side].mean(axis=1) for side in (LEFT, RIGHT)]
     increment, angle_residual = (np.stack([_filtered(side, kernel) for side in sides], axis=1)
                                  for kernel in (SLOPE_KERNEL, RESIDUAL_KERNEL))
+    merged = float(np.mean(np.diff(wheels.time) > MAX_GAP_PERIODS * step))
+    if merged > MAX_MERGED_SHARE:
+        raise EstimatorError(f'{merged:.0%} of the messages are merged or lost')
     gaps = np.lib.stride_tricks.sliding_window_view(np.diff(wheels.time), 4)
     count = math.tau / robot.encoder.counts_per_revolution
     usable = (np.abs(gaps - step).max(axis=1) < 0.5 * step) & (
         np.abs(increment).min(axis=1) > MIN_COUNTS * count)
+    change = np.abs(increment[4:] - increment[:-4])
+    usable[:2] = usable[-2:] = False
+    usable[2:-2] &= (change < MAX_SPEED_CHANGE * np.abs(increment[2:-2])).all(axis=1)
     if usable.sum() < MIN_ROWS:
         raise EstimatorError(f'{int(usable.sum())} samples with both sides in motion, expected at '
                              f'least {MIN_ROWS}')
@@ -204,7 +212,8 @@ def _filtered(values: Array, kernel: Array) -> Array:
 def _common_sigma(errors: Array) -> Uncertain:
     """Return the standard deviation of the common part of two columns of errors (n, 2)."""
     common, differential = (mad_sigma(errors @ sign) for sign in ((1, 1), (1, -1)))
-    kept = float(RESIDUAL_KERNEL[2])  # variance of the residual over that of independent errors
+    # variance of the residual over that of independent errors
+    kept = float(RESIDUAL_KERNEL @ RESIDUAL_KERNEL)
     variance = (common ** 2 - differential ** 2) / 4.0 / kept
     # standard error of a variance by the median absolute deviation of n / 2 independent errors
     variance_sigma = (common ** 2 + differential ** 2) / 4.0 / kept * (

@@ -29,7 +29,6 @@ from smart_tire.calibration.geometry import (
     add_rest, combine as combine_geometry, Geometry, identify_geometry,
     LATENCY as WHEEL_LATENCY, NO_POSITIONS, RADIUS, STATIC_IMU)
 from smart_tire.calibration.ground_fit import fit_ground, GroundFit, SCALE
-from smart_tire.calibration.ground_stiffness import stiffness_of
 from smart_tire.calibration.latency import fit_yaw_rate
 from smart_tire.calibration.motor import (
     ACCEL_SCALE, CONSTANT as TORQUE_CONSTANT, identify_motor, INERTIA, MotorFit)
@@ -37,7 +36,7 @@ from smart_tire.calibration.priors import LIMITS, PRIORS, require
 from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.results import differ
 from smart_tire.calibration.sensor_noise import mean_jitter
-from smart_tire.calibration.stiffness import StiffnessCurve
+from smart_tire.calibration.stiffness import stiffness_of, StiffnessFit
 from smart_tire.calibration.turning import (
     combine as combine_icr, effective_track, IcrFit, identify_icr)
 from smart_tire.errors import EstimatorError
@@ -74,7 +73,7 @@ class Calibration:
     found: dict[str, StepFinding] = field(default_factory=dict)
     kept: dict[str, str] = field(default_factory=dict)  # parameter -> reason
     notes: list[str] = field(default_factory=list)
-    stiffness: StiffnessCurve | None = None  # the fits, for figures
+    stiffness: StiffnessFit | None = None  # the fits, for figures
     motor: MotorFit | None = None
     icr: IcrFit | None = None
 
@@ -91,6 +90,11 @@ class Calibration:
         """Keep the value of a parameter, unless it has been identified."""
         if name not in self.found:
             self.kept.setdefault(name, reason)
+
+    def refuse(self, name: str, reason: str) -> None:
+        """Keep the value of a parameter although it has been identified."""
+        if self.found.pop(name, None) is not None:
+            self.kept[name] = reason
 
     def accept(self, step: str, *items: Identified) -> None:
         """Take values, in place of earlier ones; all later identifications use them."""
@@ -147,7 +151,7 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
         except EstimatorError as error:
             found.notes.append(f'C_x is estimated without the motor torques: {error}')
     found.icr = found.attempt(['icr_x'], lambda: combine_icr(
-        [identify_icr(one, found.robot) for one in _needed(inputs.turns, 'with turns')]))
+        [identify_icr(one, _placed(found)) for one in _needed(inputs.turns, 'with turns')]))
     if found.icr is not None:
         found.accept(TURNS, *found.icr.parameters(found.robot))
     if gains is not None:
@@ -156,6 +160,15 @@ def calibrate(inputs: Inputs, robot: RobotParams, gains: Gains | None = None) ->
     found.attempt(['wheel_radius'], lambda: _add_radius(found, inputs))
     found.keep(POSITION, 'requires starts and stops, and turns')
     return found
+
+
+def _placed(found: Calibration) -> RobotParams:
+    """Return the robot with the standard error of its IMU along x, where it is identified."""
+    position = found.found.get(POSITION)
+    if position is None or not isinstance(position.sigma, tuple):
+        return found.robot
+    return replace(found.robot, imu=replace(
+        found.robot.imu, position_sigma=position.sigma[0]))
 
 
 def _needed(recordings: Sequence[CalibrationRecording],
@@ -230,18 +243,18 @@ def _add_ground(found: Calibration, inputs: Inputs, robot: RobotParams,
             f'{latency.value:.3f} ± {latency.sigma:.2g} s: the wheels slip in one of them')
     if inputs.positions and late.sigma <= WRITTEN_SHARE * LIMITS[WHEEL_LATENCY].sigma:
         found.accept(STRAIGHT, Identified(LATENCY, *late, 'fitted together with C_x'))
-    C_x, found.stiffness = result.stiffness, result
-    found.accept(
-        STRAIGHT, Identified(STIFFNESS, *C_x, f'for a mass of {robot.mass:g} kg, on the recorded '
-                             'ground'),
-        Identified(STIFFNESS_SIGMA, C_x.sigma / C_x.value,
-                   note='relative standard error of C_x on that ground'))
+    found.stiffness = result
+    found.accept(STRAIGHT, *result.parameters())
     x, y = fit.estimate(Unknown.IMU_X), fit.estimate(Unknown.IMU_Y)
-    if max(x.sigma, y.sigma) < WRITTEN_SHARE * imu.position_sigma:
+    sigma = max(x.sigma, y.sigma)
+    if sigma < WRITTEN_SHARE * imu.position_sigma:
+        # of the wheels' center; if nothing is given, base_link may be off it
+        off = LIMITS['S'].sigma * robot.wheelbase * (
+            imu.position_sigma >= PRIORS['position of the IMU'].sigma)
         position = imu.position[0] + x.value, imu.position[1] + y.value, imu.position[2]
-        found.accept(TURNS, Identified(POSITION, position, (x.sigma, y.sigma, 0.0),
-                                       'z unchanged'),
-                     Identified(POSITION_SIGMA, max(x.sigma, y.sigma)))
+        found.accept(TURNS, Identified(POSITION, position, (
+            math.hypot(x.sigma, off), y.sigma, 0.0), 'z unchanged'),
+            Identified(POSITION_SIGMA, sigma))
     return fit
 
 

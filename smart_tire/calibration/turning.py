@@ -178,7 +178,9 @@ def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn]
     icr = Uncertain(mean, math.hypot(
         estimate.sigma, spread / math.sqrt(max(len(time), 1)),
         robot.imu.position_sigma if source == BY_IMU else 0.0))
-    return IcrFit(require('S', icr, scale=robot.wheelbase), source, spread, time, value, sigma,
+    require('S', icr, f'imu.position_sigma is {robot.imu.position_sigma:.2g} m' if (
+        source == BY_IMU and robot.imu.position_sigma) else '', scale=robot.wheelbase)
+    return IcrFit(icr, source, spread, time, value, sigma,
                   regressor, response, unit)
 
 

@@ -23,7 +23,7 @@ from smart_tire.errors import BagError, ParameterError, printable
 from smart_tire.findings import Finding, Level
 
 if TYPE_CHECKING:
-    from smart_tire.analysis.pipeline import BagParams, EstimatorParams
+    from smart_tire.analysis.pipeline import BagParams
     from smart_tire.analysis.summary import Tree
     from smart_tire.bags import Bag, TopicNames
 
@@ -80,7 +80,7 @@ def lacks_inputs(bag: Bag) -> bool:
 
 
 def bag_settings(paths: Sequence[Path], args: argparse.Namespace,
-                 checked: Collection[Path] = ()) -> tuple[EstimatorParams, TopicNames, int]:
+                 checked: Collection[Path] = ()) -> tuple[BagParams, TopicNames, int]:
     """
     Return parameters, topic names and exit status for bags of one robot.
 
@@ -92,10 +92,10 @@ def bag_settings(paths: Sequence[Path], args: argparse.Namespace,
     for path in paths:
         prefix = f'{path}: ' if len(paths) > 1 else ''
         with open_bag(path, args, prefix=prefix) as (bag, source):
-            found.append((source.params, bag.names))
+            found.append((source, bag.names))
             if path in checked:
                 status = max(status, print_checks(bag, source, prefix))
-        if source.params.robot != found[0][0].robot:
+        if source.params.robot != found[0][0].params.robot:
             raise ParameterError(f'{paths[0]} and {path} carry different parameters of the '
                                  'robot: select one set with --params')
     return *found[0], status

@@ -87,14 +87,15 @@ def steps_of(args: argparse.Namespace) -> list[str]:
 def identify_only(args: argparse.Namespace, bags: Bags) -> int:
     """Identify the kind ``--only``, as ``smart_tire identify`` does; return the exit status."""
     from smart_tire.identification.identify import Source
+    from smart_tire.identification.robot import known
     ground, lifted = ([path for step, paths in bags.items() for path in paths
                        if (step == 'lifted') is off] for off in (False, True))
     if not ground:
         raise ParameterError(f'--only {args.only}: no recording on the ground')
-    params, names, status = bag_settings(
+    used, names, status = bag_settings(
         [*ground, *lifted], args, ground if args.checks else ())
     return report(args.only, Source(
-        ground, params.robot, reference='any' if args.truth else 'none',
+        ground, known(used.params.robot, used.given), reference='any' if args.truth else 'none',
         names=names, lifted=lifted), args.out / PARAMETER_FILE,
         args.out / f'{args.only}.png') or status
 
@@ -103,12 +104,12 @@ def identify(args: argparse.Namespace, bags: Bags) -> int:
     """Identify from ``bags``, print a table, write parameter file and figures."""
     from smart_tire.identification.calibrate import calibrate_bags, figures
     from smart_tire.analysis.drawing import save_all
-    params, names, status = bag_settings(
+    used, names, status = bag_settings(
         [path for paths in bags.values() for path in paths], args,
         [path for step, paths in bags.items() if step != 'lifted' for path in paths]
         if args.checks else ())
-    result = calibrate_bags(bags, params, f'{date.today():%Y-%m-%d}', truth=args.truth,
-                            names=names)
+    result = calibrate_bags(bags, used.params, f'{date.today():%Y-%m-%d}', truth=args.truth,
+                            names=names, given=used.given)
     found = result.calibration
     print_calibration(found)
     if not found.found:

@@ -39,11 +39,11 @@ def run_bags(args: argparse.Namespace) -> int:
     lifted = getattr(args, 'lifted', [])
     figure, bags = out.with_suffix('.png'), [*args.bags, *lifted]
     refuse_existing([out, figure], force=args.force, inputs=[*bags, *args.params])
-    from smart_tire.identification.robot import TimeRange
+    from smart_tire.identification.robot import known, TimeRange
     from smart_tire.identification.identify import Source
-    params, names, _ = bag_settings(bags, args)
+    used, names, _ = bag_settings(bags, args)
     return report(args.kind, Source(
-        args.bags, params.robot, TimeRange(args.since, args.until),
+        args.bags, known(used.params.robot, used.given), TimeRange(args.since, args.until),
         getattr(args, 'reference', 'none'), names, lifted), out, figure)
 
 

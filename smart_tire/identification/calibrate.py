@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,10 +22,13 @@ from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.calibration.film_gains import identify_gains
 from smart_tire.calibration.recording import CalibrationRecording
-from smart_tire.calibration.sequence import calibrate, Calibration, Inputs, REST, STRAIGHT, TURNS
+from smart_tire.calibration.sequence import (
+    calibrate, Calibration, CONSTANT, Inputs, REST, STIFFNESS, STIFFNESS_SIGMA, STRAIGHT, TURNS)
 from smart_tire.identification.figures import icr_figure, motor_figure, stiffness_figure
 from smart_tire.identification.films import gain_parameters, read_crossings
-from smart_tire.identification.robot import ANY_REFERENCE, NO_REFERENCE, read_recording, TimeRange
+from smart_tire.identification.robot import (
+    ANY_REFERENCE, known, NO_REFERENCE, read_recording, TimeRange)
+from smart_tire.identification.trial import read_recorded, refusals
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.calibration_file import Identified, identified_text
 from smart_tire.parameters.files import value_text
@@ -34,6 +37,7 @@ from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 MIXED = 'mixed'  # a recording with rest, straight starts and stops, and turns
 PARTS = (REST, STRAIGHT, TURNS)  # of a mixed recording
 TIRE_SAMPLES = 'tire_samples'
+BY_MASS = (STIFFNESS, STIFFNESS_SIGMA, CONSTANT, f'{CONSTANT}_sigma')
 
 Bags = Mapping[str, Sequence[Path]]  # step -> bags; MIXED: of all parts
 
@@ -47,16 +51,18 @@ class CalibrationFile:
 
 
 def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: bool = False,
-                   names: TopicNames = STANDARD_NAMES) -> CalibrationFile:
+                   names: TopicNames = STANDARD_NAMES, given: Collection[str] = tuple(specs(
+                       RobotParams))) -> CalibrationFile:
     """
     Return the parameters identified from ``bags``, and the text of a file with them.
 
     ``params`` are the present values: the prior, and the value of what cannot be identified.
     ``date`` is written into the file. ``names`` are the topics with other names in the bags;
-    pose references in the bags are used with ``truth`` only. Raises BagError if a bag cannot be
-    read, EstimatorError if it lacks IMU or wheels.
+    pose references in the bags are used with ``truth`` only. Parameters that are not ``given`` are
+    those of another robot. What makes the estimates of the recordings worse is refused. Raises
+    BagError if a bag cannot be read, EstimatorError if it lacks IMU or wheels.
     """
-    robot, reference = params.robot, ANY_REFERENCE if truth else NO_REFERENCE
+    robot, reference = known(params.robot, given), ANY_REFERENCE if truth else NO_REFERENCE
     recordings = {path: read_recording(path, robot, TimeRange(), reference, duties=True,
                                        names=names)
                   for paths in bags.values() for path in paths}
@@ -75,6 +81,13 @@ def calibrate_bags(bags: Bags, params: EstimatorParams, date: str, *, truth: boo
 
     found = calibrate(Inputs(**{step: of(step) for step in (*PARTS, 'lifted')}), robot,
                       gains if films else None)
+    if 'mass' not in given:
+        for name in BY_MASS:
+            found.refuse(name, 'in proportion to the mass, which is not given')
+    moving = dict.fromkeys([*bags_of(bags, STRAIGHT), *bags_of(bags, TURNS)])
+    for name, why in refusals(params.slip, found.found, [
+            read_recorded(path, params.slip, reference, names) for path in moving]).items():
+        found.refuse(name, why)
     return CalibrationFile(found, _text(found, bags, params, date))
 
 

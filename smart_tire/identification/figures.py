@@ -24,7 +24,7 @@ from smart_tire.calibration.geometry import Geometry
 from smart_tire.calibration.latency import YawRateFit
 from smart_tire.calibration.motor import FEED_FORWARD, MotorFit
 from smart_tire.calibration.reference import RadiusFit
-from smart_tire.calibration.stiffness import StiffnessCurve
+from smart_tire.calibration.stiffness import StiffnessFit
 from smart_tire.calibration.turning import IcrFit
 
 SHOWN_DURATION = 20.0  # s, where the yaw rate changes most, so that the latency is visible
@@ -134,7 +134,7 @@ def motor_figure(found: MotorFit) -> Figure | None:
         f'and inertia require (dashed). {ERRORS}', [panels])
 
 
-def stiffness_figure(found: StiffnessCurve) -> Figure | None:
+def stiffness_figure(found: StiffnessFit) -> Figure | None:
     """Return force over slip of each interval, fit and slope C_x."""
     stiffness, force = found.stiffness, np.array([found.force.min(), found.force.max()])
     return _figure(

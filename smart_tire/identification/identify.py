@@ -24,10 +24,11 @@ from smart_tire.analysis.figure import Figure
 from smart_tire.bags import STANDARD_NAMES, TopicNames
 from smart_tire.calibration import geometry, turning
 from smart_tire.calibration.film_gains import identify_gains
+from smart_tire.calibration.ground_fit import fit_ground
 from smart_tire.calibration.motor import identify_motor
 from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.results import Found
-from smart_tire.calibration.stiffness import identify_stiffness
+from smart_tire.calibration.stiffness import stiffness_of
 from smart_tire.identification.figures import (
     gains_figure, geometry_figure, icr_figure, motor_figure, stiffness_figure)
 from smart_tire.identification.films import gain_parameters, gain_report, read_crossings
@@ -56,7 +57,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Identification:
-    """What a kind has identifiedand its figure."""
+    """What a kind has identified, and its figure."""
 
     found: Found                  # of the report
     parameters: list[Identified]  # of the parameter file
@@ -93,7 +94,7 @@ def _motor(source: Source) -> Identification:
 
 def _stiffness(source: Source) -> Identification:
     check_all_measured(source.robot, 'stiffness')
-    fit = identify_stiffness(source.recordings(), source.robot)
+    fit = stiffness_of(fit_ground(source.recordings(), source.robot, torques=False))
     return Identification(fit.report(), fit.parameters(), stiffness_figure(fit))
 
 

@@ -12,7 +12,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 import math
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Instants
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
+from smart_tire.calibration.priors import LIMITS, PRIORS
 from smart_tire.calibration.recording import (
     CalibrationRecording, DutyRecord, ImuRecord, PoseRecord, WheelRecord)
 from smart_tire.errors import BagError, EstimatorError
@@ -55,7 +57,7 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
     With ``duties`` also those in ``motor_commands``, if they are recorded.
     """
     with Bag(path, names, robot.joints) as bag:
-        topic = _reference(bag, reference)
+        topic = reference_topic(bag, reference)
         wanted = (*SLIP.inputs.values(), *([topic] if topic else []),
                   *(['motor_commands'] if duties else []))
         recording = bag.recording(wanted)
@@ -73,6 +75,31 @@ def read_recording(path: Path, robot: RobotParams, time_range: TimeRange,
         _duty_record(recording.stream(MotorCommand).ordered, origin))
 
 
+def known(robot: RobotParams, given: Collection[str]) -> RobotParams:
+    """
+    Return the robot with what is known of it if only the parameters ``given`` are.
+
+    Its defaults are those of another robot: the IMU may be anywhere, the center of mass as far
+    from ``base_link`` as the center of rotation, and the yaw inertia is in proportion to mass and
+    squared dimensions.
+    """
+    if 'imu.position' not in given and 'imu.position_sigma' not in given:
+        robot = replace(robot, imu=replace(
+            robot.imu, position_sigma=PRIORS['position of the IMU'].sigma))
+    if not {'center_of_mass', 'center_of_mass_sigma'} & set(given):
+        robot = replace(robot, center_of_mass_sigma=tuple(
+            LIMITS['S'].sigma * size for size in (robot.wheelbase, robot.track_width)))
+    if 'yaw_inertia' not in given:
+        default = RobotParams()
+        robot = replace(robot, yaw_inertia=default.yaw_inertia * _inertia_scale(
+            robot) / _inertia_scale(default))
+    return robot
+
+
+def _inertia_scale(robot: RobotParams) -> float:
+    return robot.mass * (robot.track_width ** 2 + robot.wheelbase ** 2)
+
+
 def check_all_measured(robot: RobotParams, quantity: str) -> None:
     """Raise EstimatorError if a wheel is not measured: its force is unknown."""
     if not all(robot.joints.measured):
@@ -80,7 +107,7 @@ def check_all_measured(robot: RobotParams, quantity: str) -> None:
                              'not measured (empty joints.*)')
 
 
-def _reference(bag: Bag, requested: str) -> str | None:
+def reference_topic(bag: Bag, requested: str) -> str | None:
     """Return the topic of the reference poses, or None."""
     if requested == NO_REFERENCE:
         return None

@@ -74,7 +74,7 @@ def tilted(roll, yaw=0.0):
 
 
 def test_a_tilt_is_written_only_if_bias_and_slope_cannot_explain_it():
-    for roll, written in ((0.02, False), (0.05, True)):
+    for roll, written in ((0.08, False), (0.12, True)):
         assert (ROTATION in [item.name for item in tilted(roll)]) is written
 
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from smart_tire.calibration import ground_fit
 from smart_tire.calibration.ground_fit import fit_ground, SCALE
-from smart_tire.calibration.ground_stiffness import stiffness_of
+from smart_tire.calibration.stiffness import stiffness_of
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.unknowns import Unknown
 from smart_tire.parameters import build, RobotParams, SimulatorParams

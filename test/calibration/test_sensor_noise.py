@@ -114,6 +114,36 @@ def test_the_jitter_is_correct_within_its_standard_error(jitter, rate, seeds):
     assert_consistent(found, jitter, 0.4, 1.6)
 
 
+def rolled(speed, jitter, *, rate=16.0, seconds=60.0, seed=1):
+    """Return wheels whose sides roll at ``speed`` [rad/s] (n, 2), a function of time [s]."""
+    time = np.arange(0.0, seconds, 1e-3)
+    angle = np.cumsum(speed(time), axis=0) * 1e-3
+    step = round(1e3 / rate)
+    stamps = time[::step] + jitter * np.random.default_rng(seed).standard_normal(
+        len(time[::step]))
+    return WheelRecord(stamps, speed(time)[::step][:, [0, 1, 0, 1]],
+                       angle[::step][:, [0, 1, 0, 1]])
+
+
+def starts_and_stops(time):
+    """Return speeds that change by 9 rad/s within half a second, at any time in turn."""
+    phase = 2.0 * (time % 2.05)
+    mean = 6.0 + 9.0 * np.clip(phase - 0.7, 0.0, 1.0) - 9.0 * np.clip(phase - 2.9, 0.0, 1.0)
+    return np.column_stack([mean, 1.1 * mean])
+
+
+def test_common_changes_of_speed_are_no_jitter():
+    found = fit_jitter(rolled(starts_and_stops, 0.0003, seconds=120.0, seed=3), ROBOT)
+    assert found.value == pytest.approx(0.0003, abs=3.0 * found.sigma)
+
+
+def test_messages_that_the_reader_merges_show_no_jitter():
+    wheels = rolled(lambda time: np.full((len(time), 2), 9.0), 0.0013, rate=100.0)
+    early = np.append(False, np.diff(wheels.time) < 0.009)
+    with pytest.raises(EstimatorError, match='merged or lost'):
+        fit_jitter(wheels.where(~early), ROBOT)
+
+
 EXACT = build(RobotParams, {'encoder.stamp_jitter': 0.0})
 
 

@@ -23,6 +23,7 @@ from smart_tire.calibration.sequence import calibrate, Inputs
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground.unknowns import Unknown
 from smart_tire.parameters import build, RobotParams
+from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Uncertain
 
 ROBOT = RobotParams()
@@ -65,7 +66,9 @@ class Fits:
                 ('torques' if torques else 'ground', len(some)), robot, SimpleNamespace(
                     latency=self.late, estimate=lambda row: self.unknowns.get(
                         row, Uncertain(0.0, 1e-6)))),
-            'stiffness_of': lambda fit: SimpleNamespace(stiffness=Uncertain(50.0, 2.0)),
+            'stiffness_of': lambda fit: SimpleNamespace(parameters=lambda: [
+                Identified('tire.longitudinal_stiffness', 50.0, 2.0),
+                Identified('tire.longitudinal_stiffness_sigma', 0.04)]),
             'identify_motor': lambda some, lifted, robot, scale: self.log(
                 ('motor', scale), robot, SimpleNamespace(parameters=list, refused={
                     'torque constant': 'too few starts'}, notes=['one motor differs'],

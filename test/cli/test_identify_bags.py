@@ -105,8 +105,22 @@ def test_unobservable_quantities_are_reported_with_the_reason(turns, out, capsys
     assert 'nothing could be identified' in output and not out.exists()
 
 
-def test_s_is_printed_per_turn_and_the_reference_is_used_on_request_only(turns, out, capsys):
-    for words, source in ((['--truth'], 'of the reference'), ([], 'acceleration of the IMU')):
+@pytest.fixture
+def placed(tmp_path):
+    """Return the option for a parameter file with the position of the IMU."""
+    file = tmp_path / 'placed.yaml'
+    file.write_text('/**: {ros__parameters: {imu.position: [0.05, 0.02, 0.1]}}', encoding='utf-8')
+    return ['--params', str(file)]
+
+
+def test_s_by_an_imu_whose_position_is_not_given_is_refused(turns, out, capsys):
+    assert identify('icr', out, turns) == 1
+    assert 'imu.position_sigma is 1 m' in capsys.readouterr().err
+
+
+def test_s_is_printed_per_turn_and_the_reference_is_used_on_request_only(
+        turns, out, placed, capsys):
+    for words, source in ((['--truth'], 'of the reference'), (placed, 'acceleration of the IMU')):
         assert identify('icr', out, turns, *words, '--force') == 0
         output = capsys.readouterr().out
         assert 'turn at' in output and 'spread over all turns' in output and source in output
@@ -116,9 +130,10 @@ def test_s_is_printed_per_turn_and_the_reference_is_used_on_request_only(turns, 
         assert out.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_calibrate_only_identifies_the_same(turns, out, tmp_path, capsys):
-    assert identify('icr', out, turns) == 0
-    words = ['calibrate', '--only', 'icr', '--bags', turns, '--out', str(tmp_path / 'all')]
+def test_calibrate_only_identifies_the_same(turns, out, placed, tmp_path, capsys):
+    assert identify('icr', out, turns, *placed) == 0
+    words = ['calibrate', *placed, '--only', 'icr', '--bags', turns, '--out',
+             str(tmp_path / 'all')]
     assert main(words) == 0
     assert out.read_text(encoding='utf-8') == (tmp_path / 'all/robot.yaml').read_text(
         encoding='utf-8')
@@ -132,7 +147,7 @@ def test_calibrate_only_identifies_the_same(turns, out, tmp_path, capsys):
 def test_the_stiffness_is_identified_from_starts_and_stops(out, tmp_path, capsys):
     bag = written(tmp_path / 'run', SCENARIOS['straight'].events(21), SLIP.inputs.values())
     assert identify('stiffness', out, bag) == 0
-    assert 'straight segments' in capsys.readouterr().out
+    assert 'measured over true' in capsys.readouterr().out
     values, _ = read(out, 'slip_estimator')
     sigma = values['tire.longitudinal_stiffness_sigma']
     assert values['tire.longitudinal_stiffness'] == pytest.approx(52.7, rel=3.0 * sigma)

@@ -20,7 +20,7 @@ from smart_tire.analysis.drawing import save_all
 from smart_tire.calibration.geometry import Geometry, identify_geometry, LATENCY, RADIUS
 from smart_tire.errors import BagError, EstimatorError
 from smart_tire.identification.figures import geometry_figure
-from smart_tire.identification.robot import ANY_REFERENCE, read_recording, TimeRange
+from smart_tire.identification.robot import ANY_REFERENCE, known, read_recording, TimeRange
 from smart_tire.parameters import build, RobotParams
 from support.identifying import turning_run, write_run
 
@@ -35,6 +35,20 @@ def run():
 @pytest.fixture(scope='module')
 def bag(run, tmp_path_factory):
     return write_run(tmp_path_factory.mktemp('identified') / 'run', run, 'ground_truth/odom')
+
+
+def test_what_is_not_given_is_unknown_and_what_is_given_stays():
+    robot = build(RobotParams, {'mass': 30.0, 'track_width': 0.6, 'wheelbase': 0.5})
+    alone = known(robot, {'mass', 'track_width', 'wheelbase'})
+    assert alone.imu.position_sigma == 1.0
+    assert alone.center_of_mass_sigma == pytest.approx((0.1, 0.12))
+    assert alone.yaw_inertia == pytest.approx(
+        0.35 * 30.0 / 10.9 * (0.6 ** 2 + 0.5 ** 2) / (0.38 ** 2 + 0.26 ** 2))
+    given = {'imu.position', 'center_of_mass', 'yaw_inertia'}
+    assert known(robot, given) == robot
+    assert known(robot, {'imu.position_sigma', 'center_of_mass_sigma', 'yaw_inertia'}) == robot
+    default = known(RobotParams(), ())
+    assert default.yaw_inertia == pytest.approx(RobotParams().yaw_inertia)
 
 
 def test_only_the_given_time_range_is_read(bag):

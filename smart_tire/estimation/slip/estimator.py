@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 from typing import Any, NamedTuple, Protocol
 
@@ -79,7 +79,8 @@ class SlipEstimator:
     ``recorder`` receives what the RTS smoother needs.
     """
 
-    new_filter: type[SlipFilter] = SlipFilter
+    new_filter: Callable[
+        [SlipEstimatorParams, EstimatorRecorder | None], SlipFilter] = SlipFilter
 
     def __init__(self, params: SlipEstimatorParams,
                  recorder: EstimatorRecorder | None = None) -> None:
