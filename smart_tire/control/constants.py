@@ -62,6 +62,13 @@ LINE_DELAY = 0.005     # s, of a duty or a reading on the serial line; assumed; 
 # the true acceleration; readings give its mean of the past, with noise; derived; test_drive_model
 MAX_DERIVATIVE_SHARE = 0.25
 
+# -- motors -------------------------------------------------------------------------------------
+MAX_MOTOR_DELAY = 0.6  # s, that is found; assumed; test_motor_response
+MOTOR_EVIDENCE = 0.1   # s, squared duties times time, that is kept: two steps by 0.7; assumed
+MOTOR_MARGIN = 0.002    # s, by which another delay must be likelier; assumed; test_motor_response
+MODEL_ERROR = 0.2      # of a duty, by supply and heat: motor_tolerance of motor_driver; assumed
+DUTY_ERROR = 0.05      # -, by friction and mean speeds; assumed; test_motor_response
+
 # -- motion in odom ------------------------------------------------------------------------------
 YAW_JUMP = 0.5  # rad, more than the yaw rates explain; assumed; test_ground_motion
 TWIST_WINDOW_NS = 800_000_000  # of poses that contradict the twist; named within 1 s; derived
