@@ -259,11 +259,12 @@ class Pid:
         Take away what is left of a load that has ended.
 
         All are duties. While a torque beyond the ``error`` of the model accelerates the wheel in
-        the direction of the integral, the latter is at most the ``load`` and the error.
+        the direction of the integral, the latter is at most the ``load`` and the error. A load
+        below zero is no load, but a wheel that slides, and accelerates without the robot.
         """
         sign = math.copysign(1.0, self._integral)
-        if sign * inertial > error:
-            self._integral = sign * min(abs(self._integral), max(sign * load + error, 0.0))
+        if sign * inertial > error and sign * load > -error:
+            self._integral = sign * min(abs(self._integral), sign * load + error)
 
     def duty(self, feed_forward: float, error: float, slope: float, dt: float, *,
              current: bool = True) -> float:

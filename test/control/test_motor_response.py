@@ -151,4 +151,5 @@ def test_only_a_torque_that_accelerates_with_the_integral_ends_its_load(sign):
     assert left(0.3, 0.0) == pytest.approx(0.1)    # the error remains
     assert left(0.3, 0.25) == pytest.approx(0.35)  # of the load that is left
     assert left(0.3, 2.0) == left(0.09, 0.0) == left(-0.3, 0.0) == pytest.approx(0.5)
-    assert left(0.3, -1.0) == 0.0                  # a load cannot reverse the integral
+    assert left(0.3, -0.09) == pytest.approx(0.01)
+    assert left(0.3, -0.11) == pytest.approx(0.5)  # the wheel slides
