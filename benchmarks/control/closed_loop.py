@@ -51,7 +51,8 @@ class WheelHost:
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
         """Take the wheel speeds."""
         if isinstance(sample, WheelSample):
-            self.control.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position)
+            self.control.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position,
+                                     sample.effort)
 
     def elapsed(self, now_ns: int) -> float:
         """Return the time [s] since the first duty; 0 before."""

@@ -47,7 +47,8 @@ class RobotStack:
         """Process a message received at ``now_ns``."""
         true = topic.startswith('ground_truth/')
         if isinstance(sample, WheelSample):
-            self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position)
+            self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position,
+                                     sample.effort)
             if self._wheels.traction.params.enabled:
                 self._wheels.traction.add_wheels(sample)
         if true != self._estimated:

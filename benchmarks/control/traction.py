@@ -328,7 +328,7 @@ SCENARIOS = tuple(
         ('other_ice', 'mu 0.1, unknown, other robot', UNKNOWN, ICE)))
 CONCRETE = ground(0.47, 52.7, 0.015)
 HOSTILE = TractionScenario(
-    name='concrete', title='concrete', films=False, ground=CONCRETE,
+    name='concrete', title='concrete', ground=CONCRETE,
     legs=legs(('wait', 1.5, 0.0, 0.0), ('start', 1.5, 1.0, 0.0), ('stop', 2.5, 0.0, 0.0)))
 RATES = (16.0, 100.0)  # Hz
 

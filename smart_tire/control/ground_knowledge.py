@@ -161,8 +161,8 @@ class ShownFriction:
         robot = self._robot
         inertia = robot.mass + len(WHEELS) * robot.motor.inertia / robot.wheel_radius ** 2
         excess = (self._force - inertia * acceleration) / (robot.mass * GRAVITY)
-        excess = math.copysign(1.0, v_x) * min(max(excess, -c.MAX_RESISTANCE), c.MAX_RESISTANCE)
-        self._resistance += period / (period + time_constant) * (excess - self._resistance)
+        self._resistance += period / (period + time_constant) * (
+            math.copysign(1.0, v_x) * excess - self._resistance)
 
     def learn_friction(self, acceleration: float, v_x: float, direction: int, aimed: float,
                        period: float) -> None:

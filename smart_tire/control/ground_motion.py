@@ -19,7 +19,7 @@ from smart_tire.control import constants as c
 from smart_tire.control.history import History
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.rotation import euler
-from smart_tire.samples import MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
+from smart_tire.samples import GRAVITY, MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
 
 
 @dataclass(frozen=True)
@@ -271,14 +271,14 @@ class GroundSpeed(LatestMotion):
         later = min(max(self.age(stamp_ns), -longest), longest)
         return self.motion.v_x + self._acceleration * later
 
-    def expected(self, now_ns: int, lead: float, onset: Onset, bound: float) -> Expected:
+    def expected(self, now_ns: int, lead: float, onset: Onset) -> Expected:
         """
         Return the motion ``lead`` [s] after ``now_ns``; there must be an estimate.
 
-        The acceleration is the measured one, at most ``bound`` [m/s2], and that expected from the
-        ``onset`` of a change until an estimate can show it.
+        The acceleration is the measured one, at most g, and that expected from the ``onset`` of a
+        change until an estimate can show it.
         """
-        measured = min(max(self._acceleration, -bound), bound)
+        measured = min(max(self._acceleration, -GRAVITY), GRAVITY)
         horizon = max(self.age(now_ns) + lead, 0.0)
         since = -self.age(onset.time_ns)
         weight = math.exp(-max(since, 0.0) / onset.settling)

@@ -165,4 +165,4 @@ def _share(excess: float) -> float:
     """Return the share of its force that a side may have, for its ``excess`` of force."""
     if excess < -c.DEAD_FORCE:
         return max(1.0 + c.RELIEF * (excess + c.DEAD_FORCE), 1.0 - c.MAX_RELIEF)
-    return min(max(1.0 - excess + c.DEAD_FORCE, c.MIN_FORCE_SHARE), 1.0)
+    return min(max(1.0 - excess + c.DEAD_FORCE, 0.0), 1.0)

@@ -173,12 +173,10 @@ class TractionControl:
     def _predicted_limit(self, wanted: Four, now_ns: int, period: float, sides: Sequence[Side]
                          ) -> tuple[Four, Expected, list[WheelGround]]:
         """Return limited rolling speeds [m/s], and the motion and the ground for them."""
-        bound = GRAVITY * (1.0 if sides[0].known is None else c.MAX_RESISTANCE + max(
-            sum(side.friction) for side in sides))
-        motion = self._motion.expected(
-            now_ns, period + self.params.lead, self._onset, bound)
+        motion = self._motion.expected(now_ns, period + self.params.lead, self._onset)
         grounds = [self._wheel_ground(sides[i % 2], load)
-                   for i, load in enumerate(self._loads(motion))]
+                   for i, load in enumerate(
+                     normal_loads(self._robot, motion.acceleration, 0.0).tolist())]
         return self._within(wanted, motion, grounds), motion, grounds
 
     def _wheel_ground(self, side: Side, load: float) -> WheelGround:
@@ -198,8 +196,7 @@ class TractionControl:
             friction = min(side.friction.value, shown)
             confirmed = min(shown / measured.friction.value, 1.0)
             slip, sigma = measured.slip_per_load
-            slip = max(slip * load, measured.friction.value * per_friction / c.MAX_STIFFENING)
-            mean, sigma = fused(critical, Uncertain(confirmed * slip, sigma * load))
+            mean, sigma = fused(critical, Uncertain(confirmed * slip * load, sigma * load))
             critical = Uncertain(critical.value + weight * (mean - critical.value), sigma)
         bound = max(critical.value - params.sigmas * critical.sigma, 0.0)
         return WheelGround(min(params.share * bound, params.max_slip),
@@ -250,11 +247,6 @@ class TractionControl:
     def _report(self, reason: str, limiting: bool = False, slip: float = math.nan) -> None:
         self.state = TractionState(reason, limiting, slip, self._shown.value,
                                    self.state.limited_steps + limiting)
-
-    def _loads(self, motion: Expected) -> Four:
-        robot = self._robot
-        lateral = min(max(motion.v_x * motion.yaw_rate, -GRAVITY), GRAVITY)
-        return four(normal_loads(robot, motion.acceleration, lateral).tolist())
 
     def _within(self, wanted: Four, motion: Expected, grounds: Sequence[WheelGround]) -> Four:
         """

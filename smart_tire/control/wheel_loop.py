@@ -64,7 +64,8 @@ class WheelLoop:
 
     def add_wheels(self, sample: WheelSample, received_ns: int) -> None:
         """Add a reading of the wheels."""
-        self.control.add_reading(sample.velocity, received_ns, sample.stamp_ns, sample.position)
+        self.control.add_reading(sample.velocity, received_ns, sample.stamp_ns, sample.position,
+                                 sample.effort)
         if self._params.traction.enabled:
             self.control.traction.add_wheels(sample)
 

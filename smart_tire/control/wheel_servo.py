@@ -48,6 +48,12 @@ class DriveModel:
     acceleration: float   # share of the duty for accelerations, 0 to 1
     wheel_time_constant: float  # s, of a wheel with its own inertia only
     stall_torque: float   # N m, T
+    free_gain: float      # s/rad, duty per wheel speed without load, 1 / w_0
+
+    @property
+    def inertia(self) -> float:
+        """Return J_eff [kg m2]."""
+        return self.time_constant * self.stall_torque * self.speed_gain
 
     def slipping(self) -> DriveModel:
         """Return the model of a wheel at the limit of friction."""
@@ -111,7 +117,8 @@ def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
     speed_gain = pid.feed_forward + motor.viscous_friction / stall
     inertia = motor.inertia + mass * radius ** 2
     return DriveModel(speed_gain, friction / stall, inertia / (stall * speed_gain),
-                      pid.acceleration, motor.inertia / (stall * speed_gain), stall)
+                      pid.acceleration, motor.inertia / (stall * speed_gain), stall,
+                      pid.feed_forward)
 
 
 class SpeedReference:
@@ -246,6 +253,18 @@ class Pid:
     def compensate(self, change: float) -> None:
         """Make up for a ``change`` of the feed-forward duty by its parameters."""
         self._integral -= change
+
+    def unload(self, inertial: float, load: float, error: float) -> None:
+        """
+        Take away what is left of a load that has ended.
+
+        All are duties. While a torque beyond the ``error`` of the model accelerates the wheel in
+        the direction of the integral, the latter is at most the ``load`` and the error. A load
+        below zero is no load, but a wheel that slides, and accelerates without the robot.
+        """
+        sign = math.copysign(1.0, self._integral)
+        if sign * inertial > error and sign * load > -error:
+            self._integral = sign * min(abs(self._integral), sign * load + error)
 
     def duty(self, feed_forward: float, error: float, slope: float, dt: float, *,
              current: bool = True) -> float:

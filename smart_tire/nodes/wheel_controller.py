@@ -100,7 +100,10 @@ class WheelController(SmartTireNode[WheelControllerParams]):
             emergency_stop=control.emergency_stop,
             commanded=selected is not None and not control.emergency_stop,
             command_input=selected[0] if selected else '',
-            reading_rate=control.reading_rate)
+            reading_rate=control.reading_rate, motor_delay=control.motor_delay[0])
+        if control.motor_delay[1]:
+            status.warn(f'motors follow their duty {control.motor_delay[0]:.2f} s late: the gains '
+                        'of the speed control are reduced')
         if control.emergency_stop:
             status.warn('emergency stop')
         if not control.has_measurement(self.steady_ns()):

@@ -24,7 +24,7 @@ from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.control import PidParams
 
 MODEL = DriveModel(speed_gain=0.05, friction=0.03, time_constant=0.1, acceleration=1.0,
-                   wheel_time_constant=0.02, stall_torque=4.0)
+                   wheel_time_constant=0.02, stall_torque=4.0, free_gain=0.05)
 FORWARD = TireLoad(speed=10.0, torque=0.5, critical_slip=0.3, speed_sigma=0.0, command=20.0)
 REVERSE = TireLoad(speed=-10.0, torque=0.5, critical_slip=0.3, speed_sigma=0.0, command=20.0)
 
@@ -40,6 +40,8 @@ def test_the_model_follows_from_motor_and_mass():
     assert model.acceleration == 0.7
     assert model.wheel_time_constant == pytest.approx(0.01 / (4.0 * 0.06))
     assert model.stall_torque == 4.0
+    assert model.free_gain == 0.05
+    assert model.inertia == pytest.approx(0.01 + 2.0 * 0.1 ** 2)
     assert model.load_speed(0.48) == pytest.approx(2.0)
     assert model.slipping() == replace(
         model, time_constant=model.wheel_time_constant, acceleration=1.0)

@@ -170,12 +170,6 @@ def test_the_limit_is_at_most_the_maximum():
     assert traction.state.slip_limit == 0.3
 
 
-def test_no_ground_makes_the_tire_stiffer_than_it_is():
-    traction = control(ground(0.01, mu=1.0))
-    traction.limit((100.0,) * 4, NOW_NS, 0.0)
-    assert min(tire.critical_slip for tire in traction.tires) > 3.0 * LOAD / STIFFNESS / 1.4
-
-
 @pytest.mark.parametrize('v_x', [1.0, -1.0])
 def test_the_standard_deviation_of_the_speed_counts(v_x, monkeypatch):
     limited = [abs(speed) for speed in rolling(control(odometry(

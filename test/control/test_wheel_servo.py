@@ -28,7 +28,7 @@ LIMITS = (20.0, 40.0)  # rad/s2, of acceleration and deceleration
 STEP = 0.05
 STEP_NS = round(STEP * NS_PER_S)
 EXACT = DriveModel(speed_gain=0.05, friction=0.0, time_constant=0.1, acceleration=1.0,
-                   wheel_time_constant=0.02, stall_torque=4.0)
+                   wheel_time_constant=0.02, stall_torque=4.0, free_gain=0.05)
 SLOW = replace(EXACT, acceleration=0.0)
 
 

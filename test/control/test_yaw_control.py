@@ -41,9 +41,9 @@ def test_no_force_is_taken_for_a_small_difference():
     assert shares(0.021)[1] < 1.0
 
 
-def test_some_force_remains_on_both_sides():
-    assert shares(10.0) == pytest.approx((0.94, 0.2))
-    assert shares(-10.0) == pytest.approx((0.2, 0.94))
+def test_a_side_is_not_driven_backward_and_the_other_one_keeps_most_of_its_force():
+    assert shares(10.0) == pytest.approx((0.94, 0.0))
+    assert shares(-10.0) == pytest.approx((0.0, 0.94))
 
 
 def test_the_heading_is_restored_and_forgotten_at_the_end_of_the_limit():

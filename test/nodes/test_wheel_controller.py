@@ -236,6 +236,21 @@ def test_traction_control_is_switched_on_and_off_at_run_time(controller):
     assert set_points(controller)[0] == wanted
 
 
+def test_motors_that_follow_their_duty_late_are_reported(controller):
+    """Torques of 5 N m (duty - 0.045 s/rad speed) of the duty 0.2 s before."""
+    for step in range(120):
+        stamp_ns = controller.now_ns()
+        controller.publish('cmd_vel', VelocityCommand(stamp_ns, 1.2 * (step // 20 % 2), 0.0))
+        sent = [ZERO] * 5 + [one.duty for one in controller.samples('motor_commands')
+                             if one.stamp_ns <= stamp_ns - 0.2 * NS_PER_S]
+        controller.publish('wheel_states', WheelSample(
+            stamp_ns, (2.0,) * 4, effort=tuple(5.0 * (one - 0.09) for one in sent[-1])))
+        controller.run(PERIOD)
+    health = controller.health()
+    assert 0.15 < float(health.values['motor_delay']) < 0.25
+    assert 'motors follow their duty 0.' in health.message
+
+
 def test_parameters_have_ros_descriptions(controller):
     radius, limit, center, reliability = controller.describe_parameters(
         ['wheel_radius', 'pid.limit', 'center_of_mass', 'reliability'])
