@@ -54,3 +54,16 @@ def weighted_mean(estimates: Sequence[Uncertain]) -> Uncertain:
     squares = sum(w * (item.value - value) ** 2 for w, item in zip(weights, estimates))
     birge = math.sqrt(max(1.0, squares / max(len(estimates) - 1, 1)))
     return Uncertain(value, birge / math.sqrt(sum(weights)))
+
+
+def log_normal(mean: float, sigma: float) -> Uncertain:
+    """
+    Return the mean of a log-normal quantity, from ``mean`` and ``sigma`` of its logarithm.
+
+    Its standard deviation is half the way to the upper limit of 95 %: most are close, some far.
+
+    >>> print('{:.3f} +- {:.3f}'.format(*log_normal(math.log(0.02), 1.0)))
+    0.033 +- 0.057
+    """
+    value = math.exp(mean + 0.5 * sigma ** 2)
+    return Uncertain(value, 0.5 * (math.exp(mean + 2.0 * sigma) - value))

@@ -213,8 +213,8 @@ class TwoPeakMethod:
 class PrintedSlipFilter(SlipFilter):
     """Slip filter with B(7) as printed."""
 
-    def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float,
-                           slip_held: bool) -> float:
+    def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float
+                           ) -> float:
         """Correct with the mean of both distances, with lambda', and with their difference."""
         mix = np.array([[0.5, 0.5], [-1.0, 1.0]])
         y, H = mix @ y, mix @ H
@@ -223,7 +223,7 @@ class PrintedSlipFilter(SlipFilter):
             if value < 0.0 if abs(own) >= abs(other) else value > 0.0:
                 y[0] += 0.5 * dt * self.kalman.x[slip]
                 H[0, slip] -= 0.5 * dt
-        return super()._correct_distances(y, H, mix @ R @ mix.T, sides, dt, slip_held)
+        return super()._correct_distances(y, H, mix @ R @ mix.T, sides, dt)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
                         change: list[float], W: float, *, continued: bool = True) -> None:

@@ -37,7 +37,7 @@ from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Odometry, WHEELS, WheelSample
-from smart_tire.uncertain import Uncertain, UNKNOWN
+from smart_tire.uncertain import log_normal, Uncertain, UNKNOWN
 
 HOP_NS = GROUND_STATE_PERIOD_NS  # between two windows
 
@@ -210,7 +210,9 @@ class GroundEstimator:
             self.end_ns, stiffness=stiffness,
             friction_coefficient=Uncertain(
                 friction, friction * friction_sigma) if known else UNKNOWN,
-            rolling_resistance=scaled(Unknown.RESISTANCE, side_resistance),
+            rolling_resistance=log_normal(
+                float(x[Unknown.RESISTANCE]),
+                math.hypot(float(sigma[Unknown.RESISTANCE]), side_resistance)),
             lateral_share=Uncertain(
                 share, share * (1.0 - share) * float(sigma[Unknown.LATERAL_SHARE])),
             lateral_stiffness_ratio=scaled(Unknown.LATERAL_RATIO),

@@ -26,7 +26,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.models.tire.brush_tire import (
-    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS_SIGMA)
+    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS)
 from smart_tire.models.vehicle.drive import torque_errors
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import MOUNTING_TILT, RobotParams
@@ -189,8 +189,8 @@ def priors(robot: RobotParams) -> list[Row]:
     """Return the priors of all unknowns in the order of ``Unknown``, for this robot."""
     imu, motor, sigma = robot.imu, robot.motor, robot.center_of_mass_sigma
     tire = robot.tire  # its stiffness as known, on a ground that differs
-    stiffness = Row(math.log(tire.longitudinal_stiffness) - 0.2, math.hypot(
-        LN_STIFFNESS_SIGMA, tire.longitudinal_stiffness_sigma), 0.0, 0.024, 1e-3)
+    stiffness = Row(math.log(tire.longitudinal_stiffness) + LN_STIFFNESS.value, math.hypot(
+        LN_STIFFNESS.sigma, tire.longitudinal_stiffness_sigma), 0.0, 0.024, 1e-3)
     bias = Row(0.0, math.hypot(imu.accel_bias, GRAVITY * MOUNTING_TILT), 0.0015, 0.0, 1e-4)
     gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
                1e-4)

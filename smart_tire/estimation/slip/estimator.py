@@ -26,13 +26,15 @@ from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import GRID_NS, MAX_JUMP_NS, ReorderBuffer
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.inputs import (
-    ImuInput, SpikeFilter, StationaryInterval, WheelOdometry, WheelSpeeds, ZeroVelocityDetector)
+    ImuInput, merged, SpikeFilter, StationaryInterval, WheelOdometry, WheelSpeeds,
+    ZeroVelocityDetector)
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.odometry import ContinuousPose
 from smart_tire.estimation.slip.state import (
-    ACCEL_ERROR_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS, MIN_YAW_RATE,
-    PLANAR_VARIANCE, SLIP_CORRELATION_TIME, SLIP_VELS, State, TRUSTED_STANDSTILL, UNWINDING_TIME)
+    DROPOUT_ACCEL_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS,
+    MIN_WHEEL_PERIOD, MIN_YAW_RATE, PLANAR_VARIANCE, SLIP_CORRELATION_TIME, SLIP_VELS, State,
+    TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.slip.wheel_lag import WheelLag
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
@@ -55,8 +57,6 @@ class OutputContext(NamedTuple):
     rate_variance: float  # (rad/s)^2, of that yaw rate beyond the bias
     wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
     mean: ImuReading | None = None  # over the extrapolation; None: as ``imu``
-    share: tuple[float, float] = 1.0, 1.0           # of the acceleration that is motion
-    speed_variance: tuple[float, float] = 0.0, 0.0  # (m/s)^2, by the extrapolation
     hidden: tuple[float, float] = 0.0, 0.0  # (m/s)^2, of slip along and across that nothing shows
 
 
@@ -198,6 +198,8 @@ class SlipSegment:
         self._standstill = ZeroVelocityDetector(
             params.robot.imu.gyro_noise, params.robot.imu.accel_noise)
         self._stationary = False
+        self._wheel_time = -math.inf          # s, of the last wheel sample that was used
+        self._close: list[WheelSample] = []   # the ones since
         self._lag = WheelLag()
         # samples that are newer than the state: time [s], sample, reading without spikes
         self._held: deque[tuple[float, ImuSample, ImuReading]] = deque()
@@ -308,12 +310,17 @@ class SlipSegment:
             reading, dt,
             # by the yaw angle of a random walk of both speeds
             2.0 * age * variance / self._robot.track_width ** 2,
-            2.0 * SLIP_CORRELATION_TIME * ACCEL_ERROR_SIGMA ** 2)
+            2.0 * SLIP_CORRELATION_TIME * DROPOUT_ACCEL_SIGMA ** 2)
         self._time = now
         self.filter.predict(now, step, blind=True)
 
     def _correct_wheels(self, time: float, sample: WheelSample) -> None:
-        """Use a wheel sample of ``time`` [s], latency removed."""
+        """Use a wheel sample of ``time`` [s], latency removed, with those that were too close."""
+        self._close.append(sample)
+        if 0.0 < time - self._wheel_time < MIN_WHEEL_PERIOD:
+            return
+        self._wheel_time, sample = time, merged(self._close)
+        self._close.clear()
         wheels = self._odometry.add_sample(time, sample)
         if wheels is None:
             self._dropped['wheel_states'] += 1
@@ -391,11 +398,8 @@ class SlipSegment:
         """Return the context with the readings since the state."""
         readings = [reading for *_, reading in self._held]
         mean = ImuReading(*(sum(column) / len(readings) for column in zip(*readings)))
-        latest, span = context.imu._replace(yaw_rate=readings[-1].yaw_rate), context.extrapolation
-        white_x, white_y = self.filter.accel_density
         return context._replace(
-            imu=latest, mean=mean, share=self.filter.accel_share,
-            speed_variance=(span * white_x, span * white_y))
+            imu=context.imu._replace(yaw_rate=readings[-1].yaw_rate), mean=mean)
 
 
 COMMON_SLIP = np.ix_((State.V_X, *SLIP_VELS), (State.V_X, *SLIP_VELS))  # that no wheel shows
@@ -422,7 +426,7 @@ class SlipOutputBuilder:
             P[COMMON_SLIP] += along * COMMON_SIGNS
             P[State.V_Y, State.V_Y] += across
         x = self._motion.extrapolate(array('d', x), context.mean or context.imu,
-                                     context.extrapolation, context.share)
+                                     context.extrapolation)
         W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
         x_imu, y_imu = self._x_imu + x[State.IMU_X], self._y_imu + x[State.IMU_Y]
         twist = x[State.V_X] + y_imu * W, x[State.V_Y] - x_imu * W, W
@@ -442,8 +446,6 @@ class SlipOutputBuilder:
         fill_covariances(P, W, self._x_imu + x[State.IMU_X], self._y_imu + x[State.IMU_Y], pose,
                          rates)
         rates[35] += context.rate_variance
-        rates[0] += context.speed_variance[0]
-        rates[7] += context.speed_variance[1]
         return Odometry(
             context.instant_ns, (x[State.X], x[State.Y], 0.0),
             quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),

@@ -11,8 +11,8 @@
 """
 Kalman filter for slip, pose and sensor biases of a skid-steer robot.
 
-The IMU drives the prediction, B(5); rolled distances, ICR kinematics, standstill and, where the
-ground is known, the balance of forces are the corrections, B(6) to B(8). Three choices:
+The IMU drives the prediction, B(5); rolled distances, ICR kinematics, standstill and the balance
+of forces are the corrections, B(6) to B(8). Three choices:
 
 - The slip of a side is represented by its slip velocity ``r w - v_x`` [m/s]. Wheel speeds are then
   linear in the state, for locked and for spinning wheels too. B(3) is derived on output.
@@ -29,7 +29,6 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.accelerometer import AccelerometerModel
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import (
@@ -37,10 +36,9 @@ from smart_tire.estimation.slip.kalman import (
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
-    ACCEL_ERROR_SIGMA, BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep,
-    initial_state, LATERAL_WALK, LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, RESISTANCE_SHARE,
-    SLIP_CHANGE_SHARE, SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA,
-    SPEED_WALK, State, STEADY_SIGMAS, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SLIP_SIGMA, UNKNOWN_SPEED)
+    BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
+    LEARNING_TIME, MAX_NIS, MAX_SAMPLE_GAP, MIN_SIGMA, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME,
+    SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, State, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
 from smart_tire.samples import Four, GRAVITY, GroundState, Odometry
@@ -74,8 +72,8 @@ class SlipFilter:
             for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
         self._slip_difference_prior = self._difference.variance
         self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, LEARNING_TIME)
-        self._accelerometer = AccelerometerModel(SPEED_WALK), AccelerometerModel(LATERAL_WALK)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
+        self._wheel_time = -math.inf         # s, of the last wheel sample
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
         self._step = 0.0          # m/s, of the slip of a side by a change at the last wheel sample
@@ -94,9 +92,8 @@ class SlipFilter:
         """Return what was learned, for diagnostics."""
         x, radius = self.kalman.x, self._robot.wheel_radius
         return {
-            'ground': 'given' if self.forces.active else 'unknown',
+            'ground': 'given' if self.forces.given else 'prior',
             'rolling_radius': round(radius * (1.0 + x[State.RADIUS]), 6),
-            'accelerometer_share': round(min(self.accel_share), 3),
             'effective_track': round(
                 self._robot.track_width + x[State.ICR_L] + x[State.ICR_R], 4),
             'icr_x': round(x[State.ICR_X], 4),
@@ -109,31 +106,24 @@ class SlipFilter:
         """
         Return the variance [-] of the common slip; on ice the difference is large, too.
 
-        Tires that slide can do so at any slip: it changes by as much as it is. On unknown ground,
-        the force of saturated tires has the direction of their slip: ``s_common / s_turning =
-        f / mu``, which is ``RESISTANCE_SHARE``, with the rolling resistance f.
+        Tires that slide can do so at any slip: it changes by as much as it is, and at most by the
+        speed of the wheels.
         """
-        left, right = (self.kalman.x[row] for row in SLIP_VELS)
-        speed = slip_speed(*self._sides)
-        if self.forces.active:
-            return (self._common.variance + self._difference.variance
-                    + (0.5 * (left + right) / speed) ** 2)
-        turning = 0.5 * (right - left) / speed
-        return (UNKNOWN_SLIP_SIGMA ** 2 + self._difference.variance
-                + min(RESISTANCE_SHARE * turning, 1.0) ** 2)
+        slip = 0.5 * sum(self.kalman.x[row] for row in SLIP_VELS) / slip_speed(*self._sides)
+        return (self._common.variance + self._difference.variance
+                + min(abs(slip), 1.0) ** 2)
 
     @property
     def hidden_variance(self) -> tuple[float, float]:
         """
         Return variances [(m/s)^2] of common slip and lateral speed that nothing shows.
 
-        On unknown ground, a difference of the sides beyond its prior shows that tires slide. As
-        part of the noise, these variances would let the accelerometer rule.
+        A difference of the sides beyond its prior shows that tires slide; the balance of forces
+        limits their slip where friction is known better than its prior. As part of the noise,
+        these variances would let the accelerometer rule.
         """
-        beyond = self._difference.variance - self._slip_difference_prior
-        if self.forces.active or beyond < 0.0:
-            return 0.0, 0.0
-        shown = beyond * (0.5 * sum(self._sides)) ** 2
+        beyond = max(self._difference.variance - self._slip_difference_prior, 0.0)
+        shown = beyond * (0.5 * sum(self._sides)) ** 2 * self.forces.friction_ignorance
         return COMMON_SLIP_SHARE ** 2 * shown, shown
 
     def reset_pose(self) -> None:
@@ -181,12 +171,9 @@ class SlipFilter:
         """
         kalman, motion, self.blind = self.kalman, self.motion, blind
         self.forces.age(step.dt)
-        noise = Noise(self._slope_sigmas(), math.sqrt(self._common_variance),
+        roll, pitch = (math.sqrt(one.variance) for one in self._slopes)
+        noise = Noise((roll, pitch), math.sqrt(self._common_variance),
                       math.sqrt(self._difference.variance), self._icr_walk)
-        if not self.forces.active:
-            noise = noise._replace(accel_share=self.accel_share,
-                                   accel_density=self.accel_density)
-        self._compare_accelerations(step)
         x = kalman.x
         left, right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
         after, F, Q = motion.predict(x, step, noise)
@@ -199,45 +186,14 @@ class SlipFilter:
         self._history.add_step(time, step.dt, new_left - left, new_right - right)
         self._time = time
 
-    @property
-    def accel_share(self) -> tuple[float, float]:
-        """Return the shares [-] of the acceleration in x and y that are motion."""
-        if self.forces.active:
-            return 1.0, 1.0
-        return self._accelerometer[0].share, self._accelerometer[1].share
-
-    @property
-    def accel_density(self) -> tuple[float, float]:
-        """Return the densities [(m/s2)^2 s] of the white noise of the acceleration."""
-        return self._accelerometer[0].density, self._accelerometer[1].density
-
-    def _compare_accelerations(self, step: ImuStep) -> None:
-        """Compare with the wheels; in y they give the centripetal one, and roll is an error."""
-        x = self.kalman.x
-        W = step.mean.yaw_rate - x[State.GYRO_BIAS_Z]
-        along, across = self._accelerometer
-        along.add_acceleration(
-            step.mean.force_x - self.motion.steady_force(x, W)[0], step.dt)
-        across.add_acceleration(step.mean.force_y - x[State.ACCEL_BIAS_Y]
-                                - W * 0.5 * sum(self._sides), step.dt)
-
-    def _slope_sigmas(self) -> tuple[float, float]:
-        """
-        Return the standard deviations [rad] of roll and pitch.
-
-        Without a known ground they are those of all errors of the accelerometer, so that the
-        wheels rule beyond tenths of a second.
-        """
-        if self.forces.active:
-            roll, pitch = (math.sqrt(one.variance) for one in self._slopes)
-            return roll, pitch
-        slip = self._common_variance * (slip_speed(*self._sides) / SLIP_CORRELATION_TIME) ** 2
-        sigma = math.sqrt(ACCEL_ERROR_SIGMA ** 2 + slip) / GRAVITY
-        return sigma, sigma
-
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
-        """Correct with the balance of forces after a step of ``dt`` [s]."""
-        self._balanced = self.forces.correct(imu, residual, dt)
+        """
+        Correct with the balance of forces after a step of ``dt`` [s].
+
+        Without wheels the speed becomes so uncertain that the forces are no linear function of it.
+        """
+        self._balanced = (self._time - self._wheel_time < MAX_SAMPLE_GAP
+                          and self.forces.correct(imu, residual, dt))
         if self._balanced:
             x, P = self.kalman.x, self.kalman.P
             for slope, row in zip(self._slopes, SLOPES):
@@ -284,6 +240,7 @@ class SlipFilter:
 
         ``independent`` sides were measured each; otherwise both carry their mean.
         """
+        self._wheel_time = time
         kalman, lag, dt = self.kalman, self._time - time, wheels.duration
         x = kalman.x
         W = gyro_z - x[State.GYRO_BIAS_Z]
@@ -307,13 +264,10 @@ class SlipFilter:
         R = self._wheel_covariance(wheels, sides, independent and not self.blind)
         self._add_slip_change(sides, R, dt, lag)
         moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
-        for model, speed in zip(self._accelerometer, (
-                0.5 * sum(sides), (self._x_imu + x[State.IMU_X] - x[State.ICR_X]) * W)):
-            model.add_speed(speed, dt, learn=moving and not self.blind)
         if not moving:
             left, both, right = kalman.covariance(H, R)  # of y
             self._add_sliding(y, H, 0.25 * (left + both + both + right), dt)
-        nis = self._correct_distances(y, H, R, sides, dt, moving and not self.forces.active)
+        nis = self._correct_distances(y, H, R, sides, dt)
         if moving:
             self.nis.add_square(nis, dt)  # stationary wheels have no noise
             self._wheel_noise.add_square(self._wheel_noise.variance * min(nis, MAX_NIS), dt)
@@ -358,15 +312,13 @@ class SlipFilter:
 
         A change is slip until the tire has rolled its relaxation length, which its force takes to
         follow. It has happened at some time of the period: of a way ``w`` in relaxation lengths,
-        ``(1 - exp(-w)) / w`` of it are still slip. On unknown ground the accelerometer, which must
-        show it, has larger errors.
+        ``(1 - exp(-w)) / w`` of it are still slip.
         """
-        noise, since = STEADY_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt, 0.5 * dt + lag
+        noise, since = OUTLIER_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt, 0.5 * dt + lag
         steps = []
         for now, before in zip(sides, self._sides):
             way = max(0.5 * (abs(now) + abs(before)) * dt / self.forces.relaxation, MIN_SIGMA)
-            share = -math.expm1(-way) / way if self.forces.active else SLIP_CHANGE_SHARE
-            steps.append(share * max(abs(now - before) - noise, 0.0))
+            steps.append(-math.expm1(-way) / way * max(abs(now - before) - noise, 0.0))
         self._step = max(steps)
         self._sides = sides
         if any(steps):
@@ -386,17 +338,16 @@ class SlipFilter:
             g[list(TRAVELS)] = innovation / (0.5 * dt) * (0.5 * dt - H[0, State.V_X])
             self.kalman.add_noise(np.outer(g, g))
 
-    def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float,
-                           slip_held: bool) -> float:
+    def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float
+                           ) -> float:
         """Correct with the innovations of both rolled distances; return the NIS over 2."""
-        return self.kalman.correct_jointly(y, H, R, GYRO_HELD, slip_held)
+        return self.kalman.correct_jointly(y, H, R, GYRO_HELD)
 
     def _learn_slip(self, W: float, dt: float, independent: bool) -> None:
         """
         Learn the spread of slip and slope from the slip about the ICR kinematics.
 
-        The gyroscope shows the slip difference, the forces the common slip. Without them, common
-        slip beyond its spread is that of an accelerometer on a slope.
+        The gyroscope shows the slip difference, the forces the common slip.
         """
         x, P = self.kalman.x, self.kalman.P
         speed = slip_speed(*self.motion.rolling_rates(x, W))
@@ -409,8 +360,7 @@ class SlipFilter:
         self._mean_difference += gain * (0.5 * (right - left) / speed - self._mean_difference)
         if independent:
             self._difference.add_square(2.0 * self._mean_difference ** 2, dt)
-        if self.forces.active:
-            self._common.add_square(common, dt)
+        self._common.add_square(common, dt)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
                         change: list[float], W: float, *, continued: bool = True) -> None:

@@ -9,12 +9,13 @@
 # the License.
 
 """
-Ground as given, with its errors considered: corrections with the forces, and its changes.
+The ground with its errors considered: corrections with the forces, and changes of the ground.
 
-With the covariance P of the errors of the ground g and the innovation y, ``P_yg P_gg^-1`` is the
-effect of a change of the ground on the innovation, through all corrections since (sensitivity of
-Friedland's separate bias filter). The change that explains the innovations best is a least squares
-fit, its likelihood ratio the test of Willsky and Jones.
+Its values and their errors are those of the prior until a ``GroundState`` gives others. With the
+covariance P of the errors of the ground g and the innovation y, ``P_yg P_gg^-1`` is the effect of
+a change of the ground on the innovation, through all corrections since (sensitivity of Friedland's
+separate bias filter). The change that explains the innovations best is a least squares fit, its
+likelihood ratio the test of Willsky and Jones.
 """
 
 from __future__ import annotations
@@ -30,27 +31,19 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import FORCES_HELD, KalmanFilter, LearnedVariance
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading,
-    LEARNING_TIME, MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME,
+    BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading, LEARNING_TIME,
+    MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME,
     N, PUSH_SIGMAS, PUSH_TIME, SLIP_VELS, State, SUDDEN)
 from smart_tire.estimation.slip.tire_forces import TireForces
 from smart_tire.models.tire.brush_tire import (
-    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS_SIGMA)
+    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS)
 from smart_tire.models.vehicle.drive import torque_errors, traction_force
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, GroundState
-from smart_tire.uncertain import Uncertain
+from smart_tire.uncertain import log_normal, Uncertain
 
 RELATIVE = [row - GROUND.start for row in (
     State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL)]  # errors of the ground as given
-# mu, rolling resistance, its lateral share and C_y / C_x where they are not given
-UNKNOWN_GROUND = (math.exp(LN_FRICTION.value), math.exp(LN_RESISTANCE.value),
-                  0.5 + 0.25 * LATERAL_SHARE.value, math.exp(LN_LATERAL_RATIO.value))
-# of the errors of another ground; the center of mass stays
-GROUND_SIGMAS = (LN_STIFFNESS_SIGMA, LN_FRICTION.sigma,
-                 UNKNOWN_GROUND[1] * math.expm1(LN_RESISTANCE.sigma), 0.25 * LATERAL_SHARE.sigma,
-                 LN_LATERAL_RATIO.sigma, 0.0, 0.0)
-SPREAD = np.diag(np.square(GROUND_SIGMAS[:3]))
 FOLLOWED = FORCES_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0
 
@@ -114,38 +107,62 @@ class MotorTorques:
         return noise.variance + 2.0 * MODEL_TIME / dt * lasting
 
 
+def ground_prior(robot: RobotParams) -> tuple[Uncertain, ...]:
+    """Return C_x, mu, rolling resistance, its lateral share, C_y / C_x and center of mass."""
+    tire = robot.tire
+    logs = (LN_STIFFNESS.value + math.log(tire.longitudinal_stiffness), math.hypot(
+        LN_STIFFNESS.sigma, tire.longitudinal_stiffness_sigma)), LN_FRICTION, LN_LATERAL_RATIO
+    stiffness, friction, lateral = (
+        Uncertain(math.exp(mean), sigma * math.exp(mean)) for mean, sigma in logs)
+    share = Uncertain(0.5 + 0.25 * LATERAL_SHARE.value, 0.25 * LATERAL_SHARE.sigma)
+    return (stiffness, friction, log_normal(*LN_RESISTANCE), share, lateral,
+            *map(Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
+
+
 class LastingError:
     """
-    Lasting error of the lateral balance.
+    Lasting error of the balance along one axis.
 
-    A push, or a wheel that loses its load, changes the mean innovation within ``PUSH_TIME``,
-    before the correction has made a lateral speed of it. From such a change on, the error is as
-    large as the change, and ends as any lasting error does.
+    Its ``variance`` [(m/s2)^2] is learned from the mean innovation over ``MODEL_TIME``: of slopes,
+    suspension, and of a tire and a robot that are not those of the model. A push, or a wheel that
+    loses its load, changes the mean innovation within ``PUSH_TIME``, before the correction has
+    made a speed of it. From such a change on, the error is as large as the change, ``push``
+    [(m/s2)^2], and ends as any lasting error does.
     """
 
     def __init__(self) -> None:
         self._recent, self._mean = 0.0, 0.0  # m/s2, innovations over PUSH_TIME and MODEL_TIME
-        self._level = LearnedVariance(BALANCE_SIGMA, BALANCE_SIGMA, LEARNING_TIME)
-        self._change = 0.0                   # (m/s2)^2
+        self._usual, self._lasting = (LearnedVariance(
+            BALANCE_SIGMA, BALANCE_SIGMA, LEARNING_TIME) for _ in range(2))
+        self.push = 0.0
 
-    def variance(self, y: float, dt: float) -> float:
-        """Return its variance [(m/s2)^2] with an innovation ``y`` [m/s2] over ``dt`` [s]."""
+    @property
+    def variance(self) -> float:
+        """Return the variance [(m/s2)^2] without that of a push."""
+        return self._lasting.variance
+
+    def add_innovation(self, y: float, dt: float) -> None:
+        """Add an innovation ``y`` [m/s2] over ``dt`` [s]."""
         self._recent -= math.expm1(-dt / PUSH_TIME) * (y - self._recent)
         kept = math.exp(-dt / MODEL_TIME)
         self._mean += (1.0 - kept) * (y - self._mean)
-        change, level = (self._recent - self._mean) ** 2, self._level.variance
-        self._level.add_square(min(change, MAX_NIS * level), dt)
-        self._change *= kept
-        if change > PUSH_SIGMAS ** 2 * level:
-            self._change = max(self._change, change)
-        return BALANCE_SIGMA ** 2 + self._change
+        change, usual = (self._recent - self._mean) ** 2, self._usual.variance
+        self._usual.add_square(min(change, MAX_NIS * usual), dt)
+        self.push *= kept
+        if change > PUSH_SIGMAS ** 2 * usual:
+            self.push = max(self.push, change)
+
+    def learn(self, explained: float, dt: float) -> None:
+        """Learn from the mean innovation, with the variance ``explained`` by white errors."""
+        self._lasting.add_square(
+            min(max(self._mean ** 2 - explained, 0.0), MAX_NIS * self.variance), dt)
 
 
 class GroundChange:
     """The likelihood ratio of a change in the last ``MODEL_TIME``."""
 
-    def __init__(self, kalman: KalmanFilter) -> None:
-        self._kalman = kalman
+    def __init__(self, kalman: KalmanFilter, spread: Array) -> None:
+        self._kalman, self._spread = kalman, spread  # (3, 3), of the change
         self._restart()
 
     def _restart(self) -> None:
@@ -155,9 +172,9 @@ class GroundChange:
     def _forget_interval(self) -> None:
         self._new_vector, self._new_matrix = [0.0] * 3, [0.0] * 9
 
-    def age(self, dt: float) -> None:
-        """Let ``dt`` [s] pass: the errors have an effect since the last ``MODEL_TIME`` only."""
-        self._kalman.fade_ground(math.exp(-dt / MODEL_TIME))
+    def age(self, dt: float, time: float) -> None:
+        """Let ``dt`` [s] pass: the errors have an effect since the last ``time`` [s] only."""
+        self._kalman.fade_ground(math.exp(-dt / time))
 
     def add_innovation(self, covariance: Sequence[float], y: float, variance: float) -> None:
         """Add an innovation ``y`` with its ``covariance`` (3,) with the errors of the ground."""
@@ -183,8 +200,8 @@ class GroundChange:
             self._vector += inverse @ self._new_vector
             self._matrix += inverse @ np.reshape(self._new_matrix, (3, 3)) @ inverse
         self._forget_interval()
-        ratio = np.eye(3) + SPREAD @ self._matrix
-        change = np.linalg.solve(ratio, SPREAD @ self._vector)
+        ratio = np.eye(3) + self._spread @ self._matrix
+        change = np.linalg.solve(ratio, self._spread @ self._vector)
         if self._vector @ change - np.linalg.slogdet(ratio)[1] < EVIDENCE:
             return None
         self._restart()
@@ -209,19 +226,19 @@ class GroundChange:
 
 
 class ForceBalance:
-    """Ground as given by ``GroundState``, and the corrections by the balance of forces."""
+    """The ground, from its prior on, and the corrections by the balance of forces."""
 
     def __init__(self, robot: RobotParams, kalman: KalmanFilter) -> None:
         self._kalman, self._forces = kalman, TireForces(robot, kalman.P)
-        self._prior = [
-            Uncertain(value, sigma * (value if row in RELATIVE else 1.0))
-            for row, (value, sigma) in enumerate(zip(UNKNOWN_GROUND, GROUND_SIGMAS[1:]), 1)]
-        self._prior += map(Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma)
-        self._given: Sequence[float] = (1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)  # in the order of State
-        self._before: Sequence[float] = self._given  # before a change that the filter has found
-        self._change = GroundChange(kalman)
+        self._prior = ground_prior(robot)
+        self._prior_variances = np.square(_sigmas(self._prior))
+        kalman.P[GROUND, GROUND] = np.diag(self._prior_variances)
+        self._set_given([one.value for one in self._prior])
+        self._before = self._given  # before a change that the filter has found
+        self._spread = np.diag(self._prior_variances[:3])
+        self._change = GroundChange(kalman, self._spread)
         self._torques = MotorTorques(robot)
-        self._across = LastingError()
+        self._along, self._across = LastingError(), LastingError()
         self._rolling = [0.0] * 4      # m/s, r w of the wheels at the last step
         self.relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
         self._transient = 0.0          # m/s, of the slip, that forces do not follow yet
@@ -230,23 +247,27 @@ class ForceBalance:
         self.changes = 0               # of the ground, found by the filter
 
     @property
-    def active(self) -> bool:
-        """Return whether the ground is known."""
-        return self._silent < 2.0 * EXPIRY_TIME
+    def given(self) -> bool:
+        """Return whether the ground is that of a ``ground_state``."""
+        return self._silent < EXPIRY_TIME
 
     @property
     def certain(self) -> bool:
         """Return whether the ground is known so well that the forces show the lateral speed."""
         variance = float(self._kalman.P[State.LN_STIFFNESS, State.LN_STIFFNESS])
-        return self.active and variance < MAX_LN_STIFFNESS ** 2
+        return variance < MAX_LN_STIFFNESS ** 2
 
     @property
     def least_friction(self) -> float:
-        """Return the friction coefficient less two sigmas; infinite without a ``ground_state``."""
-        if not self.active:
-            return math.inf
+        """Return the friction coefficient less two standard deviations."""
         sigma = math.sqrt(self._kalman.P[State.LN_FRICTION, State.LN_FRICTION])
         return self._given[1] * math.exp(float(self._kalman.x[State.LN_FRICTION]) - 2.0 * sigma)
+
+    @property
+    def friction_ignorance(self) -> float:
+        """Return the share [-] of the prior variance of the friction that is left."""
+        variance = float(self._kalman.P[State.LN_FRICTION, State.LN_FRICTION])
+        return variance / LN_FRICTION.sigma ** 2
 
     @property
     def follows(self) -> bool:
@@ -255,24 +276,21 @@ class ForceBalance:
 
     def set_ground(self, ground: GroundState) -> None:
         """
-        Take the ground as given, with the errors that are reported.
+        Take the ground as given, with its errors; what is not known has those of the prior.
 
         After a change that this filter has found, one as before that contradicts its own estimate,
         or is less certain, is not that of the new ground yet.
         """
+        if not self.given:  # they were those of the prior
+            self._along, self._across = LastingError(), LastingError()
         self._silent = 0.0
         self._torques.set_ground(ground)
-        reported = (ground.friction_coefficient, ground.rolling_resistance, ground.lateral_share,
-                    ground.lateral_stiffness_ratio, ground.center_of_mass_x,
-                    ground.center_of_mass_y)
-        stiffness = ground.stiffness
-        mu, resistance, share, lateral, *center = (
-            one if math.isfinite(one.value) and math.isfinite(one.sigma) else prior
-            for one, prior in zip(reported, self._prior))
-        given = (stiffness.value, mu.value, resistance.value, share.value, lateral.value,
-                 *(one.value for one in center))
-        sigmas = (stiffness.sigma / stiffness.value, mu.sigma / mu.value, resistance.sigma,
-                  share.sigma, lateral.sigma / lateral.value, *(one.sigma for one in center))
+        reported = (ground.stiffness, ground.friction_coefficient, ground.rolling_resistance,
+                    ground.lateral_share, ground.lateral_stiffness_ratio,
+                    ground.center_of_mass_x, ground.center_of_mass_y)
+        taken = [one if math.isfinite(one.value) and math.isfinite(one.sigma) else prior
+                 for one, prior in zip(reported, self._prior)]
+        given, sigmas = [one.value for one in taken], _sigmas(taken)
         covariance = np.diag(np.square(sigmas))
         covariance[0, 1] = covariance[1, 0] = (
             ground.stiffness_friction_correlation * sigmas[0] * sigmas[1])
@@ -287,14 +305,14 @@ class ForceBalance:
         self._change.replace(change, covariance)
 
     def age(self, dt: float) -> None:
-        """Let the ground become unknown while ``ground_state`` is silent; ``dt`` [s] passed."""
+        """Let the errors grow to the prior while ``ground_state`` is silent; ``dt`` [s] passed."""
         self._silent += dt
         self._since_change += dt
-        if self.active and self._silent > EXPIRY_TIME:
+        if not self.given:
             share = min(dt / EXPIRY_TIME, 1.0)
-            for row, sigma in enumerate(GROUND_SIGMAS, int(State.LN_STIFFNESS)):
+            for row, prior in enumerate(self._prior_variances, int(State.LN_STIFFNESS)):
                 variance = float(self._kalman.P[row, row])
-                self._kalman.P[row, row] += share * max(sigma ** 2 - variance, 0.0)
+                self._kalman.P[row, row] += share * max(float(prior) - variance, 0.0)
 
     def find_change(self, imu: ImuInput, torques: Four | None, wheels: WheelSpeeds, step: float
                     ) -> None:
@@ -305,8 +323,8 @@ class ForceBalance:
         of its speed since the last sample.
         """
         self._transient = max(self._transient, step)
-        if not self.active or imu.reading is None:
-            return
+        if not self.given or imu.reading is None:
+            return  # the friction of the motors is part of it, and a prior does not change
         if torques is not None and min(map(abs, self._rolling)) >= MIN_SLIP_SPEED:
             self._correct_torques(imu.reading, torques, wheels, step)
         # the tires follow a change of speed between two samples before it is measured
@@ -315,7 +333,7 @@ class ForceBalance:
             return
         covariance = self._kalman.P[GROUND, GROUND].copy()
         covariance[:3], covariance[:, :3] = 0.0, 0.0
-        covariance[:3, :3] = SPREAD
+        covariance[:3, :3] = self._spread
         self._before = self._given
         self._change.replace(np.pad(change, (0, len(covariance) - 3)), covariance)
         self._add_to_ground(change)
@@ -329,7 +347,7 @@ class ForceBalance:
                          max(resistance + change[2], 0.0), *others))
 
     def _set_given(self, given: Sequence[float]) -> None:
-        self._given = given
+        self._given = given  # in the order of State
         self._forces.set_ground(given)
 
     def _correct(self, y: float, h: Array, variance: float, shared: tuple[int, float] = (0, 0.0)
@@ -346,31 +364,34 @@ class ForceBalance:
         """
         Correct with the balance along x and y at the last IMU reading, after a step of ``dt`` [s].
 
-        Return False if it does not hold: ground unknown, or robot too slow.
+        Return False if it does not hold: the robot is too slow.
         """
         reading, x = imu.reading, self._kalman.x
         assert reading is not None
-        self._change.age(dt)
+        # a prior is that of all grounds: its errors last
+        self._change.age(dt, MODEL_TIME if self.given else EXPIRY_TIME)
         W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
         self._rolling = self._forces.rolling_speeds(x, W, residual)
         speed = max(0.25 * sum(map(abs, self._rolling)), MIN_SLIP_SPEED)
         self._transient *= math.exp(-speed * dt / self.relaxation)
-        if not self.active or min(map(abs, self._rolling)) < MIN_SLIP_SPEED:
+        if min(map(abs, self._rolling)) < MIN_SLIP_SPEED:
             return False
         expected = self._forces.balance(
             x, self._rolling, W, imu.yaw_accel, reading.force_x, reading.force_y)
         shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
-        # along x, starts and stops change the innovations as pushes do
-        lasting = BALANCE_SIGMA ** 2, self._across.variance(-expected[1], dt)
         arm_x, arm_y = self._forces.center_arm(x)
-        for error, h, velocity, arm, own in zip(
-                expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x), lasting):
+        for error, h, velocity, arm, lasting in zip(
+                expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x),
+                (self._along, self._across)):
+            lasting.add_innovation(-error, dt)
             late = float(h[SLIP_VELS[0]] + h[SLIP_VELS[1]]) * self._transient
+            white = (imu.force_variance + arm * arm * imu.yaw_accel_variance
+                     + 2.0 * self.relaxation / (speed * dt) * late * late)
+            # along x, starts and stops change the innovations as pushes do
+            own = lasting.variance + (lasting.push if velocity == State.V_Y else 0.0)
             # an error that lasts: as white noise it has the same mean over its time
-            self._correct(-error, h, 2.0 * MODEL_TIME / dt * own + imu.force_variance
-                          + arm * arm * imu.yaw_accel_variance
-                          + 2.0 * self.relaxation / (speed * dt) * late * late,
-                          (velocity, shared))
+            self._correct(-error, h, 2.0 * MODEL_TIME / dt * own + white, (velocity, shared))
+            lasting.learn(0.5 * dt / MODEL_TIME * white, dt)
         return True
 
     def _correct_torques(self, reading: ImuReading, torques: Four, wheels: WheelSpeeds,
@@ -388,6 +409,12 @@ class ForceBalance:
             h, y = self._forces.H[side], measured[side] + measured[side + 2] - expected
             self._correct(y, h, (h[SLIP_VELS[side]] * self._transient) ** 2
                           + self._torques.variance(side, y, size, step, wheels.duration))
+
+
+def _sigmas(ground: Sequence[Uncertain]) -> list[float]:
+    """Return the standard deviations (7,) of the states of a ground."""
+    return [one.sigma / one.value if row in RELATIVE else one.sigma
+            for row, one in enumerate(ground)]
 
 
 def _difference(given: Sequence[float], other: Sequence[float]) -> Array:

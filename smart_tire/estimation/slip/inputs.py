@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradicted
@@ -26,7 +26,7 @@ from smart_tire.estimation.slip.state import (
     RESIDUAL_GAIN, SPEED_WALK, TURN_TIME, TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
-from smart_tire.samples import Four, ImuSample, WheelSample
+from smart_tire.samples import Four, four, ImuSample, WheelSample
 
 
 class Period:
@@ -357,6 +357,17 @@ class ZeroVelocityDetector:
             return False
         return all(_standard_deviation(column) < limit
                    for column, limit in zip(zip(*recent), self._limits))
+
+
+def merged(samples: Sequence[WheelSample]) -> WheelSample:
+    """Return the last of some samples, with the mean of their velocities and torques."""
+    last = samples[-1]
+    if len(samples) == 1:
+        return last
+    effort = None if any(one.effort is None for one in samples) else four(
+        map(_mean, zip(*(one.effort for one in samples if one.effort is not None))))
+    return replace(last, velocity=four(map(_mean, zip(*(one.velocity for one in samples)))),
+                   effort=effort)
 
 
 def _dot(row: Sequence[float], vector: Sequence[float]) -> float:

@@ -50,13 +50,13 @@ LOOPS = COMPILED  # over the covariance, otherwise numpy: loops in Python would 
 # constants and rows of the state that are numbers of C
 cython.declare(
     INFINITY=cython.double, OUTLIER_SIGMAS=cython.double, MIN_SHARE=cython.double, X=cython.int,
-    Y=cython.int, YAW=cython.int, GYRO_BIAS_Z=cython.int, SLIP_VEL_L=cython.int,
-    SLIP_VEL_R=cython.int, LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int)
+    Y=cython.int, YAW=cython.int, GYRO_BIAS_Z=cython.int, LN_STIFFNESS=cython.int,
+    LN_FRICTION=cython.int, RESISTANCE=cython.int)
 INFINITY, OUTLIER_SIGMAS = math.inf, state.OUTLIER_SIGMAS
 MIN_SHARE = 1e-9  # of a variance that is left given other states; numerical
-X, Y, YAW, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
-    State.X, State.Y, State.YAW, State.GYRO_BIAS_Z, State.SLIP_VEL_L, State.SLIP_VEL_R,
-    State.LN_STIFFNESS, State.LN_FRICTION, State.RESISTANCE))
+X, Y, YAW, GYRO_BIAS_Z, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
+    State.X, State.Y, State.YAW, State.GYRO_BIAS_Z, State.LN_STIFFNESS, State.LN_FRICTION,
+    State.RESISTANCE))
 
 IDENTITY = np.eye(N)
 CONSIDERED = (np.arange(N) >= ESTIMATED).astype(float)  # (N,), 1 for states never corrected
@@ -207,18 +207,16 @@ class KalmanFilter:
         total = variance + _dot(h, g) + 2.0 * covariance * h[row]
         g[row] += covariance
         self.ground = [g[LN_STIFFNESS], g[LN_FRICTION], g[RESISTANCE]]
-        self._apply(g, y, max(total, _least_variance(y)), held, False)
+        self._apply(g, y, max(total, _least_variance(y)), held)
         return total
 
     def correct_jointly(self, y: cython.double[::1], H: cython.double[:, ::1],
-                        R: cython.double[:, ::1], held: cython.double[::1],
-                        slip_held: cython.bint) -> float:
+                        R: cython.double[:, ::1], held: cython.double[::1]) -> float:
         """
         Correct with two innovations ``y`` with Jacobian ``H`` (2, n); return the NIS over 2.
 
-        First with ``y[0]``, then with the part of ``y[1]`` that is not correlated with it. With
-        ``slip_held`` the mean of both slip velocities is considered, only their difference is
-        corrected. NIS: normalized innovation squared.
+        First with ``y[0]``, then with the part of ``y[1]`` that is not correlated with it. NIS:
+        normalized innovation squared.
         """
         g: cython.double[::1] = self._G[0]
         other: cython.double[::1] = self._G[1]
@@ -231,8 +229,8 @@ class KalmanFilter:
         new = y[1] - share * y[0]
         for i in range(g.shape[0]):
             other[i] -= share * g[i]
-        self._apply(g, y[0], first, held, slip_held)
-        self._apply(other, new, second, held, slip_held)
+        self._apply(g, y[0], first, held)
+        self._apply(other, new, second, held)
         return 0.5 * (y[0] * y[0] / first + new * new / second)
 
     @cython.ccall
@@ -259,7 +257,7 @@ class KalmanFilter:
 
     @cython.cfunc
     def _apply(self, g: cython.double[::1], y: cython.double, variance: cython.double,
-               held: cython.double[::1], slip_held: cython.bint) -> cython.void:
+               held: cython.double[::1]) -> cython.void:
         """Correct with an innovation ``y``; ``g``, its covariance with ``x``, is overwritten."""
         x: cython.double[::1] = self._x
         P: cython.double[:, ::1] = self._P
@@ -268,8 +266,6 @@ class KalmanFilter:
         for i in range(g.shape[0]):
             g[i] *= scale
             d[i] = held[i] * g[i]
-        if slip_held:
-            d[SLIP_VEL_L] = d[SLIP_VEL_R] = 0.5 * (g[SLIP_VEL_L] + g[SLIP_VEL_R])
         if held[YAW] and self._recorder is None:  # the smoother needs the gains of all states
             self._hold_position(d)
         for i in range(g.shape[0]):

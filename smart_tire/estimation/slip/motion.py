@@ -71,8 +71,6 @@ class Noise(NamedTuple):
     slip_common: float       # -, of the slip of both sides
     slip_difference: float   # -, of half the difference
     icr: float               # m per sqrt(rad), random walk of the ICRs
-    accel_share: tuple[float, float] = 1.0, 1.0    # -, of the acceleration in x, y that is motion
-    accel_density: tuple[float, float] = 0.0, 0.0  # (m/s2)^2 s, white noise of it
 
 
 @cython.ccall
@@ -145,13 +143,12 @@ class MotionModel:
         return (x[ACCEL_BIAS_X] - W * x[V_Y] - GRAVITY * x[PITCH],
                 x[ACCEL_BIAS_Y] + W * x[V_X] + GRAVITY * x[ROLL])
 
-    def extrapolate(self, x: array[float], imu: ImuReading, dt: cython.double,
-                    share: tuple[float, float] = (1.0, 1.0)) -> array[float]:
-        """Return the state after ``dt``, with the ``share`` of the acceleration that is motion."""
-        share_x, share_y = share
+    def extrapolate(self, x: array[float], imu: ImuReading, dt: cython.double
+                    ) -> array[float]:
+        """Return the state after ``dt`` [s]."""
         moved = x[:]
         W: cython.double = imu.yaw_rate - moved[GYRO_BIAS_Z]
-        self._move(x, moved, W, imu.force_x, imu.force_y, dt, share_x, share_y)
+        self._move(x, moved, W, imu.force_x, imu.force_y, dt)
         return moved
 
     def wheel_slips(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
@@ -200,8 +197,7 @@ class MotionModel:
         dt: cython.double = step.dt
         yaw_rate, force_x, force_y = step.mean
         W: cython.double = yaw_rate - old[GYRO_BIAS_Z]
-        share_x, share_y = noise.accel_share
-        way: cython.double = self._move(old, new, W, force_x, force_y, dt, share_x, share_y)
+        way: cython.double = self._move(old, new, W, force_x, force_y, dt)
         roll_sigma, pitch_sigma = noise.slope
         self._predict_slope(old, new, W, dt, way, ROLL, roll_sigma)
         self._predict_slope(old, new, W, dt, way, PITCH, pitch_sigma)
@@ -209,9 +205,8 @@ class MotionModel:
         gyro: cython.double = step.gyro_variance * dt
         speed: cython.double = step.accel_variance * dt
         Q[YAW, YAW] = gyro
-        white_x, white_y = noise.accel_density
-        Q[V_X, V_X] = speed + white_x * dt + gyro * old[V_Y] * old[V_Y]
-        Q[V_Y, V_Y] = speed + white_y * dt + gyro * old[V_X] * old[V_X]
+        Q[V_X, V_X] = speed + gyro * old[V_Y] * old[V_Y]
+        Q[V_Y, V_Y] = speed + gyro * old[V_X] * old[V_X]
         Q[GYRO_BIAS_Z, GYRO_BIAS_Z] = self._gyro_walk * dt
         Q[ACCEL_BIAS_X, ACCEL_BIAS_X] = self._accel_walk * dt
         Q[ACCEL_BIAS_Y, ACCEL_BIAS_Y] = Q[ACCEL_BIAS_X, ACCEL_BIAS_X]
@@ -220,8 +215,8 @@ class MotionModel:
 
     @cython.cfunc
     def _move(self, x: cython.double[::1], moved: cython.double[::1], W: cython.double,
-              force_x: cython.double, force_y: cython.double, dt: cython.double,
-              share_x: cython.double, share_y: cython.double) -> cython.double:
+              force_x: cython.double, force_y: cython.double, dt: cython.double
+              ) -> cython.double:
         """
         Write pose and velocity after ``dt`` to ``moved``; return the way of base_link [m].
 
@@ -229,8 +224,7 @@ class MotionModel:
         """
         F: cython.double[:, ::1] = self._F
         steady_x, steady_y = self.steady_force(x, W)
-        a_x, a_y = share_x * (force_x - steady_x), share_y * (force_y - steady_y)
-        by_x, by_y = share_x * dt, share_y * dt
+        a_x, a_y = force_x - steady_x, force_y - steady_y
         x_imu, y_imu = self._x_imu + x[IMU_X], self._y_imu + x[IMU_Y]
         b_x = x[V_X] + 0.5 * a_x * dt + y_imu * W  # m/s, of base_link
         b_y = x[V_Y] + 0.5 * a_y * dt - x_imu * W
@@ -247,10 +241,10 @@ class MotionModel:
         F[Y, GYRO_BIAS_Z] = (-s * y_imu + c * x_imu) * dt
         F[X, IMU_X], F[Y, IMU_X] = s * W * dt, -c * W * dt
         F[X, IMU_Y], F[Y, IMU_Y] = c * W * dt, s * W * dt
-        F[YAW, GYRO_BIAS_Z], F[V_X, ACCEL_BIAS_X], F[V_Y, ACCEL_BIAS_Y] = -dt, -by_x, -by_y
-        F[V_X, V_Y], F[V_Y, V_X] = W * by_x, -W * by_y
-        F[V_X, GYRO_BIAS_Z], F[V_Y, GYRO_BIAS_Z] = -x[V_Y] * by_x, x[V_X] * by_y
-        F[V_X, PITCH], F[V_Y, ROLL] = GRAVITY * by_x, -GRAVITY * by_y
+        F[YAW, GYRO_BIAS_Z], F[V_X, ACCEL_BIAS_X], F[V_Y, ACCEL_BIAS_Y] = -dt, -dt, -dt
+        F[V_X, V_Y], F[V_Y, V_X] = W * dt, -W * dt
+        F[V_X, GYRO_BIAS_Z], F[V_Y, GYRO_BIAS_Z] = -x[V_Y] * dt, x[V_X] * dt
+        F[V_X, PITCH], F[V_Y, ROLL] = GRAVITY * dt, -GRAVITY * dt
         return sqrt(b_x * b_x + b_y * b_y) * dt
 
     @cython.cfunc

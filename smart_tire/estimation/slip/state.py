@@ -78,14 +78,9 @@ ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: ef
 # process noise
 BIAS_WALK_SHARE = 0.002        # of the turn-on biases of the IMU, per sqrt(s), assumed; field
 SLIP_CORRELATION_TIME = 1.0    # s, of slip and lateral speed beyond the ICR kinematics; all rows
-SLIP_CHANGE_SHARE = 0.2        # of a change of a side's speed becomes slip on unknown ground,
-# assumed; field
 ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground changes; jumps
 SLOPE_LENGTH = 2.0             # m, correlation length of the slope, assumed; hills
-ACCEL_ERROR_SIGMA = 0.3        # m/s2, slopes, suspension and tilt on unknown ground; field, grass
-UNKNOWN_SLIP_SIGMA = 0.08      # -, common slip there: resistance over stiffness; field, NEES
-COMMON_SLIP_SHARE = 3.0        # common slip there over the difference of the sides; ice
-RESISTANCE_SHARE = 0.5         # rolling resistance over friction there, of concrete to ice; field
+COMMON_SLIP_SHARE = 3.0        # common slip over the difference of the sides, mu unknown; ice
 LEARNING_TIME = 10.0           # s of driving, of noises, assumed; ice
 SLIP_LEARNING_TIME = 25.0      # s of driving, of slip and slope, assumed; sand_straight, field
 
@@ -95,12 +90,12 @@ MAX_NIS = OUTLIER_SIGMAS * OUTLIER_SIGMAS  # of an innovation that a level is le
 SPEED_SIGMA = 0.003           # m/s, of a side, beyond quantization and stamps, or of a robot that
 # stands, assumed; learned
 MAX_STATIONARY_WHEEL_SPEED = OUTLIER_SIGMAS * SPEED_SIGMA
-STEADY_SIGMAS = 2.0           # of a change of measured speed; a smaller one is noise; ice
 UNKNOWN_SPEED = 100.0         # m/s, sigma of a side difference that is not measured
 
-# forces on a given ground
+# balance of forces
 MIN_SLIP_SPEED = 0.1          # m/s, of wheels; below, forces and noise do not follow slip ratios
-BALANCE_SIGMA = 0.03          # m/s2, lasting error of the balance, assumed; all rows
+BALANCE_SIGMA = 0.03          # m/s2, least lasting error of the balance, which is learned; all
+# rows
 FORCE_ERROR = 0.07            # of traction forces: torque constant, tire curve, assumed; jumps
 MODEL_TIME = 0.3              # s, a robot length: of lasting errors of the forces, of compared
 # innovations; jumps
@@ -110,8 +105,8 @@ PUSH_SIGMAS = 4.0             # of a change of the mean innovation in that time:
 # assumed; pushes, jumps
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
-EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, the
-# ground ends after it within the same time; after a change, an old one is refused; jumps
+EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, its
+# errors grow to the prior after it; after a change, an old one is refused; jumps
 EVIDENCE = 8.0                # twice the log likelihood ratio of a change of the ground; jumps
 
 # IMU and wheels
@@ -121,11 +116,13 @@ IMU_WINDOW = 1.0              # s, of the vibration level, and of the mean yaw r
 # which is the gyro bias; assumed
 TURN_TIME = 0.2               # s, in which tires build up the slip of a turn: 10 cm; field
 DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; field
+DROPOUT_ACCEL_SIGMA = 0.3     # m/s2, of the acceleration of a robot whose IMU is missing, over
+# the correlation time of slip; dropouts
 IMU_DROPOUT = 0.1             # s without IMU samples (or 3 periods), then predict by the wheels
-LATERAL_WALK = 0.1            # m/s per sqrt(s), least random walk of the lateral speed, which has
-# no starts and stops, assumed; spin_reverse, asphalt
 SPEED_WALK = 0.2              # m/s per sqrt(s), least random walk of the speed of a side between
 # messages, without positions: robots start and stop within seconds; lost messages, learned
+MIN_WHEEL_PERIOD = 0.03       # s, of wheel samples that are used; those between are merged: the
+# noise of stamps makes speeds of shorter periods; wheels at 200 Hz
 MAX_SAMPLE_GAP = 2.0          # s; after a longer gap positions are not differenced
 RESIDUAL_GAIN = 0.5           # of a new sample in the smoothed difference of a wheel and its side:
 # the counts of single samples differ by one; without, single wheels are 7 % worse; demo
@@ -187,7 +184,6 @@ def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:
     x[State.ICR_X], sigma[State.ICR_X] = params.icr_x, params.icr_x_sigma * robot.wheelbase
     sigma[State.RADIUS] = max(robot.wheel_radius_sigma, 1e-9)
     sigma[[State.IMU_X, State.IMU_Y]] = max(robot.imu.position_sigma, 1e-9)
-    sigma[GROUND] = 0.0
     mean, spread = (share * robot.track_width for share in ICR_SHARES)
     for row in ICRS:
         x[row], sigma[row] = mean, spread

@@ -78,7 +78,7 @@ def run(modules, kind, loops):
     H[0, State.TRAVEL_L] = H[1, State.TRAVEL_R] = 1.0
     H[:, State.RADIUS] = 0.03, 0.02
     numbers.append(correction.correct_jointly(
-        np.array([0.1, -0.3]), H, 1e-6 * np.array([[2.0, 1.0], [1.0, 3.0]]), GYRO_HELD, True))
+        np.array([0.1, -0.3]), H, 1e-6 * np.array([[2.0, 1.0], [1.0, 3.0]]), GYRO_HELD))
     pose, twist = array('d', bytes(288)), array('d', bytes(288))
     motion.fill_covariances(P, 0.5, 0.1, 0.02, pose, twist)
     slips = model.wheel_slips(x, P, 0.5, RESIDUAL, (0.0,) * 4, 0.05)
@@ -121,7 +121,7 @@ def test_a_correction_does_not_move_the_position_by_what_it_shares_with_held_sta
     H = np.zeros((2, N))
     H[0, [State.TRAVEL_L, State.GYRO_BIAS_Z]] = 1.0, 0.2
     H[1, [State.TRAVEL_R, State.GYRO_BIAS_Z]] = 1.0, -0.2
-    correction.correct_jointly(np.array([0.1, -0.3]), H, 1e-4 * np.eye(2), GYRO_HELD, False)
+    correction.correct_jointly(np.array([0.1, -0.3]), H, 1e-4 * np.eye(2), GYRO_HELD)
     assert np.array(correction.x)[:2] == pytest.approx(x[:2], abs=1e-9)
     assert abs(correction.x[State.V_X] - x[State.V_X]) > 1e-3
     assert correction.P[0, 0] == pytest.approx(P[0, 0])

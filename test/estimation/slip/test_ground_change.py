@@ -23,6 +23,7 @@ from support.torques import required_torque
 
 ROBOT = RobotParams()
 PERIOD = 0.0625  # s, of the wheels
+SPREAD = np.diag(np.square([0.4, 0.6, 0.04]))  # of ln C_x, ln mu and rolling resistance
 
 
 def correlated():
@@ -39,7 +40,7 @@ def correlated():
 def found(rise, samples=40, seed=3, sign=1.0):
     """Return what is found in forces [m/s2] after a rise of the rolling resistance."""
     kalman, _ = correlated()
-    change, rng = GroundChange(kalman), np.random.default_rng(seed)
+    change, rng = GroundChange(kalman, SPREAD), np.random.default_rng(seed)
     effect = np.array([0.3, 0.1, -9.81])
     for i in range(samples):
         y = effect[2] * rise + 0.3 * rng.standard_normal()
@@ -65,7 +66,7 @@ def test_noise_is_no_change():
 
 def test_innovations_without_weight_and_old_ones_are_no_evidence():
     kalman, _ = correlated()
-    change = GroundChange(kalman)
+    change = GroundChange(kalman, SPREAD)
 
     def add():
         for _ in range(20):
@@ -87,7 +88,7 @@ def test_the_state_moves_with_a_new_ground_and_has_its_errors():
     before = kalman.P.copy()
     move, errors = np.array([0.3, -0.2, 0.05, 0.0, 0.1, 0.0, 0.001]), np.diag(
         np.square([0.5, 0.7, 0.04, 0.2, 0.1, 0.003, 0.003]))
-    GroundChange(kalman).replace(move, errors)
+    GroundChange(kalman, SPREAD).replace(move, errors)
     assert kalman.x[:GROUND.start] == pytest.approx(
         (effect @ move)[:GROUND.start], rel=0.01, abs=1e-4)
     assert list(kalman.x[GROUND]) == [0.0] * 7
@@ -100,7 +101,7 @@ def test_the_state_moves_with_a_new_ground_and_has_its_errors():
 def test_the_effect_of_the_ground_fades_but_not_its_error():
     kalman, _ = correlated()
     before = kalman.P.copy()
-    GroundChange(kalman).age(0.6)
+    GroundChange(kalman, SPREAD).age(0.6, 0.3)
     assert kalman.P[State.V_X, SUDDEN] == pytest.approx(
         np.exp(-2.0) * before[State.V_X, SUDDEN])
     assert kalman.P[SUDDEN, State.V_X] == pytest.approx(kalman.P[State.V_X, SUDDEN])
