@@ -48,7 +48,7 @@ FIGURES = (('rms innovation of the rotation of wheels', 'rad', 0.25),
            ('rms innovation of the lateral speed', 'm/s', 0.25),
            ('distance of the ends of path and reference', 'm', 0.05))
 Innovations = tuple[list[float], list[float]]
-UNUSED = 'tire.', 'motor.', 'film.', 'pid.', 'effective_track'  # without a known ground
+UNUSED = 'motor.', 'film.', 'pid.', 'effective_track'  # without a ground_state
 
 
 class Recorded(NamedTuple):

@@ -84,8 +84,10 @@ def test_parameters_may_not_add_up_to_a_loss(monkeypatch):
 
 def test_what_the_estimator_does_not_use_is_not_tried(monkeypatch):
     log = tried(monkeypatch, lambda params: GOOD)
-    refusals(PARAMS, found(tire__longitudinal_stiffness=90.0, effective_track=0.6), [])
+    refusals(PARAMS, found(motor__torque_constant=0.9, effective_track=0.6), [])
     assert log == [PARAMS, PARAMS]
+    refusals(PARAMS, found(tire__longitudinal_stiffness=90.0), [])
+    assert log[-1].robot.tire.longitudinal_stiffness == 90.0
 
 
 def test_a_latency_is_refused_if_it_is_wrong_only():
