@@ -37,7 +37,7 @@ from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
-    LEARNING_TIME, MAX_NIS, MAX_SAMPLE_GAP, MIN_SIGMA, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME,
+    LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME,
     SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, State, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
@@ -73,7 +73,6 @@ class SlipFilter:
         self._slip_difference_prior = self._difference.variance
         self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, LEARNING_TIME)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
-        self._wheel_time = -math.inf         # s, of the last wheel sample
         self._mean_difference = 0.0  # -, half of that of both slips about the ICRs
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
         self._step = 0.0          # m/s, of the slip of a side by a change at the last wheel sample
@@ -187,13 +186,8 @@ class SlipFilter:
         self._time = time
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
-        """
-        Correct with the balance of forces after a step of ``dt`` [s].
-
-        Without wheels the speed becomes so uncertain that the forces are no linear function of it.
-        """
-        self._balanced = (self._time - self._wheel_time < MAX_SAMPLE_GAP
-                          and self.forces.correct(imu, residual, dt))
+        """Correct with the balance of forces after a step of ``dt`` [s]."""
+        self._balanced = self.forces.correct(imu, residual, dt)
         if self._balanced:
             x, P = self.kalman.x, self.kalman.P
             for slope, row in zip(self._slopes, SLOPES):
@@ -240,7 +234,6 @@ class SlipFilter:
 
         ``independent`` sides were measured each; otherwise both carry their mean.
         """
-        self._wheel_time = time
         kalman, lag, dt = self.kalman, self._time - time, wheels.duration
         x = kalman.x
         W = gyro_z - x[State.GYRO_BIAS_Z]
@@ -262,7 +255,7 @@ class SlipFilter:
         H = self._by_slip(H)
         # the yaw rate by the wheels is no measurement of their difference
         R = self._wheel_covariance(wheels, sides, independent and not self.blind)
-        self._add_slip_change(sides, R, dt, lag)
+        self._add_slip_change(sides, self._wheel_covariance(wheels, sides, True), dt, lag)
         moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
         if not moving:
             left, both, right = kalman.covariance(H, R)  # of y

@@ -224,9 +224,9 @@ class KalmanFilter:
         first = max(first, _least_variance(y[0]))
         scale = 1.0 / sqrt(first)
         root = both * scale
-        second = max(second, _least_variance(y[1])) - root * root
         share = root * scale
         new = y[1] - share * y[0]
+        second = max(second - root * root, _least_variance(new))
         for i in range(g.shape[0]):
             other[i] -= share * g[i]
         self._apply(g, y[0], first, held)

@@ -103,6 +103,8 @@ PUSH_TIME = 0.05              # s, in which tires follow a push: mass times spee
 # lateral stiffness; pushes, lifted
 PUSH_SIGMAS = 4.0             # of a change of the mean innovation in that time: once in minutes,
 # assumed; pushes, jumps
+MAX_SLIP_SIGMA = 1.0          # sigma of slip and speed over the speed, beyond which forces, which
+# saturate, are not used, assumed; gaps, a start in motion
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
 EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, its
