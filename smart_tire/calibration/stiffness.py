@@ -98,7 +98,7 @@ def stiffness_of(fit: GroundFit) -> StiffnessFit:
         raise EstimatorError(
             f'standard error of {stiffness.sigma / stiffness.value:.0%}, expected at most '
             f'{MAX_RELATIVE_SIGMA:.0%}: speed changes too little on straight lines, below '
-            'critical slip')
+            'critical slip, or the axes of the IMU are wrong')
     if np.mean(sliding) > MAX_SLIDING_SHARE:
         raise EstimatorError(f'the wheels slide in {np.mean(sliding):.0%} of the motion, expected '
                              f'at most {MAX_SLIDING_SHARE:.0%}: accelerate less')

@@ -186,8 +186,9 @@ class SlipFilter:
         self._time = time
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
-        """Correct with the balance of forces after a step of ``dt`` [s]."""
-        self._balanced = self.forces.correct(imu, residual, dt)
+        """Correct with the balance of forces after a step of ``dt`` [s], unless wheels are locked."""
+        rolling = min(map(abs, self._sides)) >= self._robot.slip.standstill_speed
+        self._balanced = rolling and self.forces.correct(imu, residual, dt)
         if self._balanced:
             x, P = self.kalman.x, self.kalman.P
             for slope, row in zip(self._slopes, SLOPES):
