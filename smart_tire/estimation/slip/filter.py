@@ -186,7 +186,7 @@ class SlipFilter:
         self._time = time
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
-        """Correct with the balance of forces after a step of ``dt`` [s], unless wheels are locked."""
+        """Correct with the balance of forces after a step of ``dt`` [s] unless wheels lock."""
         rolling = min(map(abs, self._sides)) >= self._robot.slip.standstill_speed
         self._balanced = rolling and self.forces.correct(imu, residual, dt)
         if self._balanced:
