@@ -303,7 +303,8 @@ def test_smoothed_slip_is_more_accurate(analyzed):
     filtered, better = (tree['against_truth'] for tree in (summary, summary['smoothed']))
     for side in ('left', 'right'):
         errors = [tree['slip'][WHOLE][side]['error'] for tree in (filtered, better)]
-        assert errors[1]['rms'] < 0.8 * errors[0]['rms']
+        # a part of both, at the start, is the error of the prior of the ground
+        assert errors[1]['rms'] < 0.85 * errors[0]['rms']
         assert errors[1]['within_two'] > 0.9
 
 
