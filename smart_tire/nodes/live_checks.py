@@ -99,9 +99,11 @@ class LiveChecks:
         samples = SampleArrays()
         for receive_ns, sample in received:
             samples.add_sample(sample, receive_ns)
-        found = findings(CheckedRecording(
-            self._robot, samples, Faults(completed=completed), live=True, host=host), LIVE)
-        self.errors = [one for one in found if one.level is Level.ERROR]
-        spent = (self._cpu_time() - begin) / MAX_SHARE
-        self._due_ns = now_ns + round(max(PERIOD, spent) * NS_PER_S)
-        self._busy = False
+        try:
+            found = findings(CheckedRecording(
+                self._robot, samples, Faults(completed=completed), live=True, host=host), LIVE)
+            self.errors = [one for one in found if one.level is Level.ERROR]
+        finally:  # an error of a check does not end those of later samples
+            spent = (self._cpu_time() - begin) / MAX_SHARE
+            self._due_ns = now_ns + round(max(PERIOD, spent) * NS_PER_S)
+            self._busy = False

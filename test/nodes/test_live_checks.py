@@ -158,3 +158,20 @@ def test_the_thread_ends_with_its_check():
     polled(checks, NS_PER_S)
     polled(checks, filled(checks, PERIOD, factor=1.0 / 9.81))
     wait_for(lambda: checks.errors)
+
+
+def test_an_error_of_a_check_does_not_end_those_of_later_samples(monkeypatch):
+    made = []
+
+    def failing(*_):
+        made.append(1)
+        raise ArithmeticError('a check')
+    monkeypatch.setattr('smart_tire.checks.findings', failing)
+    checks, now_ns = LiveChecks(ROBOT, lambda work: work(), lambda: 0.0), 100 * NS_PER_S
+    assert checks.poll(now_ns, NO_LOAD, Counter()) == ()  # the first one is due later
+    for count in (1, 2):
+        now_ns += round(PERIOD * NS_PER_S)
+        checks.add(now_ns, WheelSample(now_ns, (1.0,) * 4))
+        with pytest.raises(ArithmeticError):
+            checks.poll(now_ns, NO_LOAD, Counter())
+        assert len(made) == count
