@@ -14,7 +14,8 @@ Slip estimator on recordings of other robots, whole and from the middle of a dri
 Nothing is fitted: parameters are those of the data sheets and the wheel lag of the recording, and
 the methods it is compared with are given the same. These are path by wheels and gyroscope, heading
 by the gyroscope alone, forward speed by the wheels, no lateral speed and no slip. True velocities
-are derivatives of the true poses over ``DERIVATIVE_WINDOW``.
+are derivatives of the true poses over ``DERIVATIVE_WINDOW``. Their standard errors, by the scatter
+of these poses, are part of the sigmas that errors are compared with: stamps of lidars jitter.
 """
 
 from __future__ import annotations
@@ -71,11 +72,13 @@ class RecordedTruth:
     stamp_ns: Instants
     pose: Array   # (n, 3), yaw unwrapped
     twist: Array  # (n, 3), v_x, v_y, yaw rate
+    sigma: Array  # (n, 3), standard errors of the twist
 
     def after(self, begin_ns: int) -> RecordedTruth:
         """Return the part from ``begin_ns`` on."""
         later = self.stamp_ns >= begin_ns
-        return RecordedTruth(self.stamp_ns[later], self.pose[later], self.twist[later])
+        return RecordedTruth(*(series[later] for series in (
+            self.stamp_ns, self.pose, self.twist, self.sigma)))
 
 
 def recording_jobs(folder: Path) -> list[Job]:
@@ -116,15 +119,19 @@ def truth_from(stamp_ns: Instants, pose: Array) -> RecordedTruth:
     """Return poses with velocities by linear fits over ``DERIVATIVE_WINDOW``."""
     time = (stamp_ns - stamp_ns[0]) / NS_PER_S
     pose = np.column_stack([pose[:, :2], np.unwrap(pose[:, 2])])
-    rates = np.full((len(time), 3), math.nan)
+    twist, sigma = np.full((2, len(time), 3), math.nan)
     half = 0.5 * max(DERIVATIVE_WINDOW, 4.5 * float(np.median(np.diff(time))))
     for i, t in enumerate(time):
         a, b = np.searchsorted(time, [t - half, t + half])
         if b - a >= 4 and time[b - 1] - time[a] > 1.3 * half:
             tau = time[a:b] - time[a:b].mean()
-            rates[i] = tau @ pose[a:b] / (tau @ tau)
-    return RecordedTruth(stamp_ns, pose, np.column_stack(
-        [rotated(rates[:, :2], -pose[:, 2]), rates[:, 2]]))
+            moved = pose[a:b] - pose[a:b].mean(axis=0)
+            moved[:, :2] = rotated(moved[:, :2], -pose[i, 2])
+            twist[i] = tau @ moved / (tau @ tau)
+            # a steady acceleration is no scatter
+            _, squares, *_ = np.linalg.lstsq(np.vander(tau, 3), moved)
+            sigma[i] = np.sqrt(squares / max(b - a - 3, 1) / (tau @ tau)) if len(squares) else 0.0
+    return RecordedTruth(stamp_ns, pose, twist, sigma)
 
 
 def score_recording(name: str, row: str, samples: list[Sample], truth: RecordedTruth) -> Run:
@@ -151,11 +158,14 @@ def _errors(name: str, method: str, samples: list[Sample], truth: RecordedTruth,
     pose[~ok], base[~ok] = math.nan, math.nan
     v_x, v_y, yaw_rate = truth.twist.T
     mean_only = name.startswith('husky')  # only the mean wheel speed is known
-    half = 0.0 * yaw_rate if mean_only else 0.5 * known['track_width'] * yaw_rate
+    lever = 0.0 if mean_only else 0.5 * known['track_width']
+    half = lever * yaw_rate
     with np.errstate(invalid='ignore', divide='ignore'):
         true = np.clip((sides - np.column_stack([v_x - half, v_x + half])) / sides, -1.0, 1.0)
+        true_sigma = np.hypot(truth.sigma[:, :1], lever * truth.sigma[:, 2:]) / sides
     slip = at(stamps, slips.stamp_ns, slips.ratio)[:, :2]
-    slip_sigma = at(stamps, slips.stamp_ns, slips.sigma)[:, :2]
+    slip_sigma = np.hypot(at(stamps, slips.stamp_ns, slips.sigma)[:, :2], true_sigma)
+    sigma = np.hypot(sigma[:, :2], truth.sigma[:, :2])
     if mean_only:
         slip = np.repeat(slip.mean(axis=1), 2).reshape(-1, 2)
     valid = (np.abs(sides) > MIN_ROLLING_SPEED) & ok[:, np.newaxis]

@@ -95,6 +95,21 @@ def test_ratios_are_to_the_baseline_of_the_same_times():
     assert lines['largest ratio: smoothed']['v_x.ratio'] == 1.0
 
 
+def test_standard_errors_of_velocities_are_those_of_late_stamps_along_the_motion():
+    """A robot at 1.5 m/s on a straight line at 40 degrees, whose poses are up to 20 ms late."""
+    rng, yaw = np.random.default_rng(4), 0.7
+    time = STAMPS / NS_PER_S + rng.normal(0.0, 0.02, len(STAMPS))
+    truth = truth_from(STAMPS, np.column_stack(
+        [1.5 * time * np.cos(yaw), 1.5 * time * np.sin(yaw), np.full(len(time), yaw)]))
+    inner = slice(10, -10)
+    error, sigma = truth.twist[inner] - [1.5, 0.0, 0.0], truth.sigma[inner]
+    # six poses of 10 Hz; errors have a t distribution with three degrees of freedom
+    assert np.std(error[:, 0]) == pytest.approx(0.03 / (0.1 * np.sqrt(17.5)), rel=0.15)
+    assert np.median(np.abs(error[:, 0]) / sigma[:, 0]) == pytest.approx(0.765, rel=0.15)
+    assert np.abs(sigma[:, 1:]).max() < 1e-9
+
+
 def test_velocities_need_poses_on_both_sides():
     truth = truth_from(STAMPS[:3], np.zeros((3, 3)))
-    assert isinstance(truth, RecordedTruth) and np.isnan(truth.twist).all()
+    assert isinstance(truth, RecordedTruth)
+    assert np.isnan(truth.twist).all() and np.isnan(truth.sigma).all()
