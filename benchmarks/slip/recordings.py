@@ -77,8 +77,8 @@ class RecordedTruth:
     def after(self, begin_ns: int) -> RecordedTruth:
         """Return the part from ``begin_ns`` on."""
         later = self.stamp_ns >= begin_ns
-        return RecordedTruth(*(series[later] for series in (
-            self.stamp_ns, self.pose, self.twist, self.sigma)))
+        return RecordedTruth(
+            self.stamp_ns[later], self.pose[later], self.twist[later], self.sigma[later])
 
 
 def recording_jobs(folder: Path) -> list[Job]:

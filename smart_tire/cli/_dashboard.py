@@ -22,13 +22,14 @@ from rich.table import Table
 from rich.text import Text
 
 from smart_tire.host_load import worst_of
-from smart_tire.samples import WHEELS
+from smart_tire.samples import NS_PER_S, Sample, WHEELS
 
 if TYPE_CHECKING:
     from smart_tire.nodes.pilot import Pilot
 
 RPM = 60.0 / math.tau
 TABLE_PERIOD = 10.0  # s between two tables without a terminal
+MAX_AGE = 1.0        # s; older values are gray, with their age
 
 
 class Dashboard:
@@ -52,7 +53,7 @@ class Dashboard:
     def show(self, phase: str, status: Pilot, note: str = '') -> None:
         """Show ``status``, the name of the current ``phase`` of the drive, and a ``note``."""
         now = time.monotonic() - self._start
-        shown = Group(*_host_lines(status), _header(now, phase, status, note), _table(status),
+        shown = Group(*_warnings(status), _header(now, phase, status, note), _table(status),
                       _radio_line(status))
         if self._console.is_terminal:
             self._live.update(shown, refresh=True)
@@ -65,7 +66,8 @@ def _header(now: float, phase: str, status: Pilot, note: str) -> Text:
     text = Text(f'{now:5.1f} s  {phase:16}', style='bold')
     if status.odometry is not None:
         v, W = status.odometry.linear[0], status.odometry.angular[2]
-        text.append(f'  v {v:+.2f} m/s  yaw rate {W:+.2f} rad/s', style='not bold')
+        text.append('  ')
+        text.append(_aged(f'v {v:+.2f} m/s  yaw rate {W:+.2f} rad/s', status.odometry, status))
     if note:
         text.append(f'\n{note}', style='not bold')
     return text
@@ -80,16 +82,24 @@ def _table(status: Pilot) -> Table:
     return table
 
 
-def _row(index: int, wheel: str, status: Pilot) -> tuple[str, ...]:
-    speed = '' if status.wheels is None else f'{status.wheels.velocity[index] * RPM:.1f}'
-    slip = '' if status.slip is None else _value(
-        status.slip.ratio[index], status.slip.sigma[index])
+def _row(index: int, wheel: str, status: Pilot) -> tuple[Text | str, ...]:
+    speed = '' if status.wheels is None else _aged(
+        f'{status.wheels.velocity[index] * RPM:.1f}', status.wheels, status)
+    slip = '' if status.slip is None else _aged(_value(
+        status.slip.ratio[index], status.slip.sigma[index]), status.slip, status)
     friction = status.friction.get(wheel)
     if friction is None:
         return speed, slip, '', '', ''
-    fused, single = (_value(*quantity) for quantity in (
+    fused, single = (_aged(_value(*quantity), friction, status) for quantity in (
         friction.friction_coefficient, friction.friction_coefficient_single))
     return speed, slip, fused, single, str(status.crossings[wheel])
+
+
+def _aged(text: str, sample: Sample, status: Pilot) -> Text:
+    """Return ``text``; gray, with its age, if the sample it is from is old."""
+    age = (status.now_ns() - sample.stamp_ns) / NS_PER_S
+    return Text(f'{text} ({age:.0f} s)' if age > MAX_AGE else text,
+                style='bright_black' if age > MAX_AGE else 'not bold')
 
 
 def _value(value: float, sigma: float) -> str:
@@ -104,7 +114,8 @@ def _radio_line(status: Pilot) -> Text:
                 f'{simulator.get("batches_dropped", "-")} dropped by the simulator', style='dim')
 
 
-def _host_lines(status: Pilot) -> list[Text]:
-    """Return a line if this host is late."""
+def _warnings(status: Pilot) -> list[Text]:
+    """Return a line if this host is late, and one if the motors are stopped."""
     host = worst_of(status.health.values())
-    return [Text(f'host late: {host}', style='yellow')] if host is not None and host.late else []
+    lines = [f'host late: {host}'] if host is not None and host.late else []
+    return [Text(line, style='yellow') for line in [*lines, status.stopped] if line]

@@ -92,6 +92,21 @@ class Session:
                                      f'{START_TIMEOUT:.0f} s')
                 self.spin()
 
+    def refuse_other_robot(self, nodes: Sequence[str]) -> None:
+        """Raise RobotError if a node with the name of one of ``nodes`` runs."""
+        from smart_tire.nodes.compat import node_names
+        space, found = self.pilot.get_namespace().rstrip('/'), list[str]()
+
+        def heard() -> bool:
+            others = node_names(self.pilot)
+            found[:] = [name for name in nodes if f'{space}/{name}' in others]
+            return bool(found)
+        self.wait(heard, DISCOVERY_TIME)
+        if found:
+            raise RobotError(
+                f'a robot runs in ROS_DOMAIN_ID {os.environ["ROS_DOMAIN_ID"]} ({found[0]}): end '
+                'it, or unset ROS_DOMAIN_ID; nodes that were killed are heard for 20 s')
+
     def refuse_other_driver(self) -> None:
         """Raise RobotError while a path is followed: two sources of commands stop the motors."""
         self.wait(lambda: self.pilot.progress is not None, REPORT_TIME)
@@ -249,15 +264,22 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
     ``params`` are parameter files of all nodes, ``arguments`` more of single ones.
     """
     from smart_tire.nodes.runner import NodeRunner
+    given = os.environ.get('ROS_DOMAIN_ID')
     environment = isolated_environment() if simulated else dict(os.environ)
     os.environ.update(environment)  # the pilot is in this process
+    if simulated:
+        print('on this machine only; in another terminal:\n  export {} {}\n  smart_tire status'
+              .format(*(f'{name}={environment[name]}' for name in (
+                  'ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE'))), flush=True)
     with Stack(out / 'logs', environment) as stack:
-        for node in nodes if simulated else ():
-            stack.node(node, params, *arguments.get(node, ()))
         with NodeRunner(pilot, params_arguments(params) if simulated else None) as runner:
             session = Session(stack, runner, stopped)
             try:
                 if simulated:
+                    if given:
+                        session.refuse_other_robot(nodes)
+                    for node in nodes:
+                        stack.node(node, params, *arguments.get(node, ()))
                     session.await_nodes()
                 yield session
             except RobotError as error:  # may be due to other programs

@@ -17,6 +17,7 @@ Even with ``--force`` only files that the program itself writes are deleted, by 
 from __future__ import annotations
 
 from collections.abc import Iterable
+import fcntl
 import os
 from pathlib import Path
 import re
@@ -26,6 +27,21 @@ from smart_tire.paths import BAG_METADATA
 
 # of analysis/figures.py and, for followed paths, analysis/drive_report.py
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
+
+
+def lock(folder: Path) -> None:
+    """
+    Create ``folder``, and lock it until this process ends.
+
+    Raises ParameterError if another process has it, or if it cannot be created.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        fcntl.flock(os.open(folder, os.O_RDONLY), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise ParameterError(f'another run writes to {folder}: choose another --out') from error
+    except OSError as error:
+        raise ParameterError(f'{folder}: cannot be written ({error.strerror})') from error
 
 
 def refuse_existing(paths: Iterable[Path], *, force: bool, inputs: Iterable[Path] = ()) -> None:
@@ -66,12 +82,12 @@ def remove_bag(folder: Path) -> None:
         remove(folder, _bag_files(folder))
 
 
-def remove(folder: Path, names: Iterable[str]) -> None:
-    """Delete files of ``folder``, and the folder itself if it is empty then."""
+def remove(folder: Path, names: Iterable[str], *, keep: bool = False) -> None:
+    """Delete files of ``folder``, and the folder itself if it is empty then, unless ``keep``."""
     try:
         for name in names:
             (folder / name).unlink(missing_ok=True)
-        if folder.is_dir() and not any(folder.iterdir()):
+        if not keep and folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
     except OSError as error:
         raise ParameterError(f'{folder}: cannot be replaced ({error.strerror})') from error

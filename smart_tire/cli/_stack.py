@@ -19,6 +19,7 @@ import os
 from pathlib import Path
 import random
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -41,6 +42,8 @@ START_TIMEOUT = 60.0      # s until all nodes run, on a busy machine
 ODOM_TIMEOUT = 1.0        # s, more than for a robot: other programs may slow the nodes down
 SPIN_TIME = 0.25          # s between two looks at the processes
 PORTS = ('tire_radio', 'imu', 'motors')
+DOMAINS = range(1, 102)   # 0 is the default of others; higher ids overlap ephemeral ports
+FIRST_PORT, PORTS_PER_DOMAIN = 7410, 250  # UDP, of discovery; RTPS specification 9.6.1.1
 RECORDER, VIEWER = 'recorder', 'viewer'  # names of their processes
 ANNOUNCED = 'viewer: '  # start of the line that "view" prints when the viewer runs
 
@@ -50,10 +53,27 @@ class RobotError(SmartTireError):
 
 
 def isolated_environment() -> dict[str, str]:
-    """Return an environment that restricts DDS to this machine and to a random domain."""
-    domain = str(random.SystemRandom().randint(1, 101))  # higher ids overlap ephemeral ports
-    return {**os.environ, 'ROS_DOMAIN_ID': os.environ.get('SMART_TIRE_DOMAIN_ID', domain),
+    """
+    Return an environment that restricts DDS to this machine.
+
+    Its domain is that of ``ROS_DOMAIN_ID`` if it is set, otherwise one that nobody here uses.
+    """
+    return {**os.environ, 'ROS_DOMAIN_ID': os.environ.get('ROS_DOMAIN_ID') or str(free_domain()),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1'}
+
+
+def free_domain() -> int:
+    """Return a random domain whose first participant on this machine does not exist."""
+    domains = list(DOMAINS)
+    random.SystemRandom().shuffle(domains)
+    for domain in domains:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', FIRST_PORT + PORTS_PER_DOMAIN * domain))
+            except OSError:
+                continue
+            return domain
+    raise RobotError(f'all of the {len(domains)} ROS domains are in use: set ROS_DOMAIN_ID')
 
 
 def end_with_parent() -> None:

@@ -26,7 +26,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._outputs import (
-    FIGURES, refuse_existing, refuse_existing_bag, remove, remove_bag)
+    FIGURES, lock, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters
 from smart_tire.launching import CAMERA
@@ -95,6 +95,7 @@ LEGS = (
 def run(args: argparse.Namespace) -> int:
     """Run the demo; return 0 if no node failed, no topic stayed silent and the robot arrived."""
     out: Path = args.out
+    lock(out)
     refuse_existing_bag(out / 'bag', force=args.force)
     refuse_existing([out / name for name in (*FILES, 'figures', 'logs')], force=args.force)
     if args.view:
@@ -121,7 +122,7 @@ def _prepare(out: Path, seed: int, *, camera: bool = False) -> Path:
     remove_bag(out / 'bag')
     remove(out / 'figures', FIGURES)
     remove_traces(out)
-    remove(out, FILES)
+    remove(out, FILES, keep=True)  # it is locked
     return write_parameters(out, FILES[0], seed, {
         'robot_simulator': {'truth_log': str((out / 'conversions.csv').resolve())},
         'wheel_controller': {'traction.enabled': False},

@@ -25,7 +25,8 @@ from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._keyboard import Keyboard, StopRequest
 from smart_tire.cli._options import confirmed
-from smart_tire.cli._outputs import refuse_existing, refuse_existing_bag, remove, remove_bag
+from smart_tire.cli._outputs import (
+    lock, refuse_existing, refuse_existing_bag, remove, remove_bag)
 from smart_tire.cli._stack import NODES
 from smart_tire.errors import ParameterError
 
@@ -104,10 +105,10 @@ def _announce(args: argparse.Namespace, poses: Poses) -> None:
 def _remove_results(out: Path) -> None:
     """Delete the results of an earlier drive."""
     from smart_tire.cli._stack import remove_traces
+    lock(out)
     remove_bag(out / 'bag')
     remove_traces(out)
-    remove(out, FILES)
-    out.mkdir(parents=True, exist_ok=True)
+    remove(out, FILES, keep=True)  # it is locked
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from std_srvs.srv import Trigger
 
 COMMAND_PERIOD = 0.05  # s: several commands within the time-out of wheel_controller
 CANCEL_SERVICE = 'cancel_path'
+STOPPED = 'motors stopped'  # in the diagnostics of motor_driver
 
 
 class Pilot(SmartTireNode[WheelControllerParams]):
@@ -52,6 +53,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self.friction: dict[str, Friction] = {}      # wheel -> latest estimate
         self.crossings: dict[str, int] = {}           # wheel -> number of patch crossings
         self.health: dict[str, dict[str, str]] = {}  # node -> its diagnostics
+        self.stopped = ''  # what motor_driver says while it stops the motors
         self.progress: PathProgress | None = None     # since the latest ``follow``
         self.emergency_stop = False
         self._publish_velocity: Callable[[Any], None] | None = None
@@ -148,4 +150,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
 
     def _on_diagnostics(self, msg: Any) -> None:
         for status in statuses_from_msg(msg):
-            self.health[status.name.rpartition('/')[2]] = status.values
+            name = status.name.rpartition('/')[2]
+            self.health[name] = status.values
+            if name == 'motor_driver':
+                self.stopped = status.message if STOPPED in status.message else ''

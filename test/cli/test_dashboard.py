@@ -12,19 +12,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import io
 from types import SimpleNamespace
 
 from rich.console import Console
 
-from smart_tire.cli._dashboard import Dashboard
-from smart_tire.samples import Friction, NAN, WheelSample, WheelSlip
+from smart_tire.cli._dashboard import _aged, Dashboard
+from smart_tire.samples import Friction, NAN, NS_PER_S, Odometry, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain
 
 
 def robot_status(**known):
     return SimpleNamespace(**{'odometry': None, 'wheels': None, 'slip': None, 'friction': {},
-                              'crossings': {}, 'health': {}, **known})
+                              'crossings': {}, 'health': {}, 'stopped': '',
+                              'now_ns': lambda: 0, **known})
 
 
 def moving():
@@ -55,6 +57,27 @@ def test_a_terminal_gets_a_table_with_a_row_per_wheel():
 def test_without_a_terminal_the_table_is_printed():
     text = shown(moving(), terminal=False)
     assert '\x1b' not in text and 'front_left' in text and '+0.47 ± 0.05' in text
+
+
+def test_an_old_value_has_its_age_and_is_gray():
+    status = moving()
+    status.slip = replace(status.slip, stamp_ns=39 * NS_PER_S)
+    status.odometry = Odometry(-NS_PER_S, *(4 * [(0.0,) * 4]), (0.0,) * 36, (0.0,) * 36)
+    for now, shown_age, gray in ((1.0, False, False), (1.1, True, True), (40.0, True, True)):
+        status.now_ns = lambda now=now: round(now * NS_PER_S)
+        text = shown(status, terminal=False)
+        assert (f'120.0 ({now:.0f} s)' in text) is shown_age
+        assert (f'+0.47 ± 0.05 ({now:.0f} s)' in text) is shown_age
+        assert '+0.11 ± 0.01' in text and f'+0.11 ± 0.01 ({now:.0f} s' not in text
+        assert f'yaw rate +0.00 rad/s ({now + 1.0:.0f} s)' in text
+        (cell,) = {cell.style for cell in (_aged('', status.wheels, status),)}
+        assert (cell == 'bright_black') is gray
+
+
+def test_motors_that_are_stopped_are_shown_with_the_reason():
+    assert 'motors' not in shown(robot_status(), terminal=False)
+    text = shown(robot_status(stopped='motors stopped: emergency stop'), terminal=False)
+    assert 'motors stopped: emergency stop' in text
 
 
 def test_a_note_is_shown_with_the_phase():

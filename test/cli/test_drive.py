@@ -49,7 +49,7 @@ class Pilot:
         self.odometry = Odometry(0, (1.0, 2.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3,
                                  (0.0,) * 36, (0.0,) * 36)
         self.wheels = self.slip = self.progress = None
-        self.friction, self.crossings, self.health = {}, {}, {}
+        self.friction, self.crossings, self.health, self.stopped = {}, {}, {}, ''
         self.emergency_stop = False
         self.states, self.answers = list(states), answers
         self.paths, self.commands, self.canceled = [], [], 0

@@ -117,6 +117,24 @@ def test_the_note_omits_unknown_distances():
         'following, 1.23 m left, -0.020 m from the path')
 
 
+@pytest.mark.parametrize('running, heard', [
+    (['/motor_driver'], 'motor_driver'), (['/b/motor_driver', '/others'], ''), ([], '')])
+def test_a_second_robot_in_a_domain_is_refused(running, heard, monkeypatch):
+    """Its name may be heard late; that of a robot in another namespace is no conflict."""
+    from smart_tire.nodes import compat
+    waits = iter([[], [], running])
+    monkeypatch.setattr(compat, 'node_names', lambda node: next(waits, running))
+    monkeypatch.setattr(_drive_session, 'DISCOVERY_TIME', 60.0 if heard else 0.05)
+    monkeypatch.setenv('ROS_DOMAIN_ID', '57')
+    session = Session(SimpleNamespace(check_alive=lambda: None), SimpleNamespace(
+        node=SimpleNamespace(get_namespace=lambda: '/'), spin=lambda seconds: None))
+    if heard:
+        with pytest.raises(RobotError, match=f'a robot runs in ROS_DOMAIN_ID 57 .{heard}.: end'):
+            session.refuse_other_robot(['imu_driver', 'motor_driver'])
+    else:
+        session.refuse_other_robot(['imu_driver', 'motor_driver'])
+
+
 LATE_REASON = 'odom: 1.04 s old, expected at most 1 s'
 LINE = ((0.0, 0.0, NAN), (2.0, 0.0, NAN), (4.0, 0.0, NAN))
 

@@ -23,7 +23,7 @@ from smart_tire.bags import BagWriter
 from smart_tire.cli import demo as demo_verb
 from smart_tire.cli._options import BAGS, check_paths, FILES, OUTPUTS
 from smart_tire.cli._outputs import (
-    FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
+    FIGURES, lock, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
 from smart_tire.cli.main import main, new_parser
 from smart_tire.errors import ParameterError
 
@@ -255,3 +255,25 @@ def test_a_wrong_path_is_reported_before_anything_slow_is_imported(words, demo):
     assert done.stdout == '2 []\n'
     assert 'nonsuch: ' in done.stderr
     assert 'no such file or directory' in done.stderr.lower()
+
+
+def test_a_folder_has_one_run_at_a_time(here):
+    """Also after the results of an earlier one, all that was in it, have been deleted."""
+    first = ('import pathlib, sys\nfrom smart_tire.cli._outputs import lock, remove\n'
+             'out = pathlib.Path("out")\nlock(out)\n(out / "a").touch()\n'
+             'remove(out, ["a"], keep=True)\nprint("ready", flush=True)\nsys.stdin.read()')
+    second = ('import pathlib\nfrom smart_tire.cli._outputs import lock\n'
+              'lock(pathlib.Path("out"))')
+    with subprocess.Popen([sys.executable, '-c', first], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == 'ready\n'
+        other = subprocess.run([sys.executable, '-c', second], capture_output=True, text=True)
+        process.stdin.close()
+    assert 'another run writes to out: choose another --out' in other.stderr
+    assert subprocess.run([sys.executable, '-c', second]).returncode == 0
+
+
+def test_a_folder_that_cannot_be_locked_is_named(here):
+    Path('file').touch()
+    with pytest.raises(ParameterError, match='file/out: cannot be written'):
+        lock(Path('file', 'out'))

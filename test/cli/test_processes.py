@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 import signal
@@ -20,7 +21,8 @@ import sys
 
 import pytest
 
-from smart_tire.cli._stack import isolated_environment, Stack
+from smart_tire.cli import _stack
+from smart_tire.cli._stack import isolated_environment, RobotError, Stack
 from support.waiting import wait_for
 
 pytestmark = pytest.mark.processes
@@ -85,8 +87,39 @@ def test_children_end_if_the_parent_is_killed(tmp_path, module):
     wait_for(gone)
 
 
-def test_dds_is_restricted_to_this_machine_and_a_random_domain(monkeypatch):
+def test_dds_is_restricted_to_this_machine_and_the_domain_of_the_user(monkeypatch):
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')  # of the user, for a robot
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
     environment = isolated_environment()
     assert environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
-    assert 0 < int(environment['ROS_DOMAIN_ID']) <= 101
+    assert environment['ROS_DOMAIN_ID'] == '42'
+
+
+@pytest.mark.parametrize('given', [None, ''])
+def test_without_one_the_domain_is_one_that_no_process_here_uses(given, monkeypatch):
+    monkeypatch.setattr(_stack, 'DOMAINS', range(7, 10))
+    monkeypatch.delenv('ROS_DOMAIN_ID')
+    if given is not None:
+        monkeypatch.setenv('ROS_DOMAIN_ID', given)
+    taken = set[int]()
+
+    class Socket(contextlib.AbstractContextManager):
+
+        def __init__(self, family, kind):
+            assert kind == _stack.socket.SOCK_DGRAM
+
+        def __exit__(self, *_):
+            return None
+
+        def bind(self, address):
+            domain, rest = divmod(address[1] - 7400, 250)  # RTPS 9.6.1.1
+            assert rest == 10  # of the first participant
+            if domain in taken:
+                raise OSError
+    monkeypatch.setattr(_stack.socket, 'socket', Socket)
+    for free in ({7, 8, 9}, {8}):
+        taken = {7, 8, 9} - free
+        assert {int(isolated_environment()['ROS_DOMAIN_ID']) for _ in range(50)} == free
+    taken = {7, 8, 9}
+    with pytest.raises(RobotError, match='all of the 3 ROS domains are in use'):
+        isolated_environment()

@@ -15,6 +15,7 @@ from __future__ import annotations
 from functools import partial
 import math
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
@@ -137,3 +138,17 @@ def test_wheel_speeds_are_commanded_until_the_emergency_stop_or_the_release(isol
         node.release()
         assert_silent()
         assert samples == [IMU] and not has_publisher(node)
+
+
+def test_what_motor_driver_says_is_kept_while_it_stops_the_motors(isolated_ros):
+    def report(name, message):
+        node._on_diagnostics(DiagnosticArray(status=[DiagnosticStatus(
+            name=f'/robot/{name}', message=message)]))
+
+    with NodeRunner(Pilot, []) as runner:
+        node = runner.node
+        report('motor_driver', 'motors stopped: no motor command for 0.25 s')
+        report('wheel_controller', 'ok')  # says nothing of it
+        assert node.stopped == 'motors stopped: no motor command for 0.25 s'
+        report('motor_driver', 'its host is late')
+        assert node.stopped == ''
