@@ -5,16 +5,21 @@ ifdef ROS_DISTRO
 PYTHON ?= python3
 VENV := .venv-$(ROS_DISTRO)
 EXTRAS := [test,view,camera]
+CORE_EXTRAS :=
 else
 SUPPORTED := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
 PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
 	do "$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
 VENV := .venv
 EXTRAS := [ros,test,lint,view,camera]
+CORE_EXTRAS := [ros]
 endif
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off
 READY := $(VENV)/ready
+# What "make demo" needs: without viewer, camera and tests.
+CORE := $(VENV)/ready-core
+DEMO_NEEDS := $(if $(or $(VIEW),$(CAMERA),$(wildcard $(READY))),$(READY),$(CORE))
 LOG = $(VENV)/install.log
 
 # $(call step,TEXT,COMMAND) prints what is done, every five seconds the last line of its log, and
@@ -67,7 +72,8 @@ setup: $(READY)
 COMPILED := smart_tire/estimation/ground/body_model.py smart_tire/estimation/slip/kalman.py smart_tire/estimation/slip/motion.py smart_tire/estimation/slip/tire_forces.py smart_tire/models/tire/brush_tire.py smart_tire/models/tire/film_equations.py
 REMOVE_EXTENSIONS := find smart_tire -name '*.so' -delete
 
-$(READY): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml $(COMPILED) $(wildcard smart_tire/models/*/*.pxd)
+$(CORE): EXTRAS := $(CORE_EXTRAS)
+$(READY) $(CORE): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml $(COMPILED) $(wildcard smart_tire/models/*/*.pxd)
 	@$(REMOVE_EXTENSIONS)
 ifdef ROS_DISTRO
 	@echo 'Installing into $(VENV), on top of ROS $(ROS_DISTRO); log: $(LOG)'
@@ -80,13 +86,14 @@ else
 	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
 	@$(PYTHON) -m venv $(VENV)
 	$(call step,1/2 setuptools,$(PIP) --constraint constraints.txt cython setuptools)
-	$(call step,2/2 smart_tire with rclpy and libraries: takes a few minutes,$(PIP) \
+	$(call step,2/2 smart_tire with rclpy and libraries ($(if $(filter $@,$(CORE)),0.7,1.7) GB): \
+		takes a few minutes,$(PIP) \
 		--constraint constraints.txt --no-build-isolation --use-pep517 \
 		--editable '.$(EXTRAS)')
 endif
-	@touch $@
+	@touch $@ $(CORE)
 
-demo: $(READY)
+demo: $(DEMO_NEEDS)
 	$(BIN)/smart_tire demo --force $(if $(VIEW),--view) $(if $(CAMERA),--camera)
 
 bench: $(READY)
