@@ -21,7 +21,7 @@ from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.samples import (
-    Four, Friction, GroundState, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand,
+    Four, GroundState, NS_PER_S, Odometry, PlannedPath, Sample, VelocityCommand,
     WheelSample, WheelSlip)
 
 STANDSTILL = 3.0   # s, before the path is set, in which the estimators settle
@@ -49,8 +49,6 @@ class RobotStack:
         if isinstance(sample, WheelSample):
             self._wheels.add_reading(sample.velocity, now_ns, sample.stamp_ns, sample.position,
                                      sample.effort)
-            if self._wheels.traction.params.enabled:
-                self._wheels.traction.add_wheels(sample)
         if true != self._estimated:
             for estimate in self._fault([sample] if true else self._pipeline.update(sample)):
                 self._distribute(estimate, now_ns)
@@ -58,8 +56,8 @@ class RobotStack:
     def _distribute(self, estimate: Sample, now_ns: int) -> None:
         if isinstance(estimate, Odometry):
             self._wheels.traction.add_odometry(estimate)
-        elif isinstance(estimate, Friction):
-            self._wheels.traction.add_friction(estimate)
+        elif isinstance(estimate, GroundState):
+            self._wheels.traction.set_ground(estimate)
 
 
 @dataclass(frozen=True)

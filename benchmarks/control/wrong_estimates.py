@@ -17,7 +17,7 @@ from dataclasses import replace
 from functools import partial
 import math
 
-from smart_tire.samples import Friction, Odometry, Sample, WHEELS
+from smart_tire.samples import GroundState, Odometry, Sample
 from smart_tire.uncertain import Uncertain
 
 LOAD = 26.7  # N, of a wheel of the robot
@@ -29,12 +29,12 @@ def wrong_friction(estimates: Iterable[Sample], *, mu: float, critical: float,
     """Yield ``estimates`` with this friction and critical slip instead of the estimated ones."""
     stiffness = 3.0 * mu * LOAD / critical  # N
     for one in estimates:
-        if isinstance(one, Friction):
+        if isinstance(one, GroundState):
             continue
         yield one
         if isinstance(one, Odometry):
-            yield Friction(one.stamp_ns, WHEELS[0], Uncertain(mu, sigma),
-                           stiffness=Uncertain(stiffness, sigma * stiffness))
+            yield GroundState(one.stamp_ns, Uncertain(stiffness, sigma * stiffness),
+                              Uncertain(mu, sigma))
 
 
 def wrong_speed(estimates: Iterable[Sample], *, scale: float = 1.0, offset: float = 0.0) -> (

@@ -63,6 +63,7 @@ LINE_DELAY = 0.005     # s, of a duty or a reading on the serial line; assumed; 
 MAX_DERIVATIVE_SHARE = 0.25
 
 # -- motors -------------------------------------------------------------------------------------
+MAX_TORQUE = 1e3       # N m, of a plausible motor; assumed; test_motor_response
 MAX_MOTOR_DELAY = 0.6  # s, that is found; assumed; test_motor_response
 MOTOR_EVIDENCE = 0.1   # s, squared duties times time, that is kept: 0.7 for 0.2 s; assumed
 MOTOR_MARGIN = 0.002   # s, by which another delay must be likelier; assumed; test_motor_response
@@ -73,38 +74,19 @@ DUTY_ERROR = 0.05      # -, by friction and mean speeds; assumed; test_motor_res
 YAW_JUMP = 0.5  # rad, more than the yaw rates explain; assumed; test_ground_motion
 TWIST_WINDOW_NS = 800_000_000  # of poses that contradict the twist; named within 1 s; derived
 MAX_TWIST_ERROR = 0.03, 0.1  # m, rad, in half of it: noise of poses; assumed; test_ground_motion
-EXTRAPOLATION_SIGMA = 0.02  # m/s: 0.2 m/s2 for the age of odom and a period, 0.1 s; ice_unknown
 
 # -- friction of the ground ----------------------------------------------------------------------
 # -: wet ice 0.02; rubber on asphalt 0.8 to 0.9 (Wong, Theory of Ground Vehicles, table 1.3), above
 # 1 only for soft compounds; wrong_estimates
 MIN_FRICTION, MAX_FRICTION = 1e-3, 1.2
 MIN_GROUND_STIFFNESS, MAX_GROUND_STIFFNESS = 1.0, 1e6  # N, C_x of any tire; wrong_estimates
-# Relative, of friction and critical slip: 5 mm of an unknown center of mass over half a wheelbase.
-MIN_RELATIVE_SIGMA = 0.04  # derived; test_set_point_bounds
+# Relative, of friction: 5 mm of an unknown center of mass over half a wheelbase.
+MIN_RELATIVE_SIGMA = 0.04  # derived; test_ground_knowledge
 PRIOR_SIGMA = 0.15         # -, friction of unknown ground; assumed; slippery_unknown
-PRIOR_RELATIVE_SIGMA = 1.6  # its critical slip: other curves and loads; tuned; slippery_unknown
 MAX_FADE_LENGTHS = 3.0     # distances or times of fading, of a measurement; assumed; 5 % remain
-MIN_STIFFNESS = 0.57       # the softest: 30 N of 52.7 N; friction.soft; ice_unknown
-# Force over friction at the slip aimed at on the softest ground (brush model): a larger share is
-# no sign of less friction; derived; slippery_unknown
-SOFT_SHARE = 0.77
-REACHED_SHARE = 0.7  # of the slip aimed at, from which it is evidence; assumed; turns on ice
-DROP_TIME = 0.3  # s, in which friction that the slip contradicts is forgotten; tuned; ice_unknown
-# Rolling resistance of soft ground over the weight; share of the acceleration that a wrong mass
-# resembles; simulated sand (0.15); sand_unknown, split
-SOFT_RESISTANCE, MASS_ERROR = 0.06, 0.6
-RAISE_SHARE = 0.36  # force over friction, to which friction is raised there; tuned; sand_unknown
-MAX_TORQUE = 1e3      # N m, of a plausible motor; assumed; test_ground_knowledge
-MIN_SPEED = 0.1       # m/s, at which the resistance is learned; assumed; soft_unknown
 
 # -- traction control ----------------------------------------------------------------------------
-MIN_SHARE = 0.5        # of a slip limit, for the longitudinal slip; assumed; turns
-ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; split, ice_unknown
-MAX_ONSET_WEIGHT = 0.3  # of an onset, below which estimates show the friction; tuned; ice_unknown
-DEAD_SHARE = 0.5   # of the commanded yaw rate: a smaller deviation is slip; tuned; turns
-DEAD_FORCE = 0.02  # of the force of a side, difference that is left; tuned; slippery, 3 % shorter
-RELIEF, MAX_RELIEF = 0.3, 0.06  # of the other side, which may slide; tuned; ice_unknown, start
+ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; split, sand_unknown
 
 # -- motion along a path -------------------------------------------------------------------------
 # s, that are learned; the step, below the period of commands, also of predictions; assumed;

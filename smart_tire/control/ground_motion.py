@@ -220,10 +220,7 @@ class Onset:
 class Expected(Motion):
     """Motion at a later time, with its forward acceleration."""
 
-    v_x_sigma: float     # m/s
     acceleration: float  # m/s2; that expected at an onset until estimates show it
-    measured: float      # m/s2, acceleration that estimates show
-    unseen: float        # -, weight of the acceleration expected at an onset, 1 to 0
 
 
 class GroundSpeed(LatestMotion):
@@ -232,7 +229,7 @@ class GroundSpeed(LatestMotion):
     def __init__(self) -> None:
         super().__init__()
         self.distance = 0.0  # m, traveled
-        self._v_x_sigma, self._acceleration = 0.0, 0.0
+        self._acceleration = 0.0  # m/s2
         self._anchor: tuple[int, float] | None = None  # time and speed of the latest difference
 
     def add_odometry(self, odometry: Odometry, time_constant: float) -> bool:
@@ -249,8 +246,6 @@ class GroundSpeed(LatestMotion):
         else:
             self._anchor = None
         self.motion, self.stamp_ns = motion, stamp_ns
-        variance = odometry.twist_covariance[0]
-        self._v_x_sigma = math.sqrt(variance) if 0.0 <= variance < math.inf else 0.0
         self._differentiate(stamp_ns, motion.v_x, time_constant)
         return True
 
@@ -264,12 +259,6 @@ class GroundSpeed(LatestMotion):
             self._acceleration += elapsed / (elapsed + time_constant) * (
                 slope - self._acceleration)
             self._anchor = stamp_ns, v_x
-
-    def speed_at(self, stamp_ns: int) -> float:
-        """Return the forward speed [m/s] at a recent time, 0 without an estimate."""
-        longest = c.MAX_GAP_NS / NS_PER_S
-        later = min(max(self.age(stamp_ns), -longest), longest)
-        return self.motion.v_x + self._acceleration * later
 
     def expected(self, now_ns: int, lead: float, onset: Onset) -> Expected:
         """
@@ -285,7 +274,4 @@ class GroundSpeed(LatestMotion):
         unseen = min(max(horizon + min(since, 0.0), 0.0), horizon)
         acceleration = weight * onset.acceleration + (1.0 - weight) * measured
         mean = measured + unseen / horizon * (acceleration - measured) if horizon else measured
-        return Expected(
-            **vars(self.motion.after(horizon, mean)), acceleration=acceleration,
-            v_x_sigma=math.hypot(self._v_x_sigma, c.EXTRAPOLATION_SIGMA), measured=measured,
-            unseen=weight)
+        return Expected(**vars(self.motion.after(horizon, mean)), acceleration=acceleration)

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Limits of wheel speeds by slip: bands, bounds for any estimates, tires, shares of the sides."""
+"""Limits of wheel speeds by slip: bands, bounds for any estimates, tires, yaw control."""
 
 from __future__ import annotations
 
@@ -41,16 +41,6 @@ def slip_band(speed: float, slip: float, floor: float) -> tuple[float, float]:
     return low, max(speed / (1.0 - slip), speed + floor)
 
 
-def share_within(start: float, wanted: float, band: tuple[float, float]) -> float:
-    """Return the largest share of the way to ``wanted`` that is within ``band``, 0 to 1."""
-    low, high = band
-    way = wanted - start
-    room = high - start if way > 0.0 else low - start
-    if way == 0.0 or room / way >= 1.0:
-        return 1.0
-    return max(room / way, 0.0)
-
-
 def bounded(set_point: float, command: float, latest: float, step: float) -> float:
     """
     Return the set point of a wheel within its bounds, whatever the estimates are.
@@ -79,7 +69,6 @@ class TireLoad:
     speed: float          # rad/s, of the wheel if it rolled without slip
     torque: float         # N m, of the force on a sliding wheel: mu F_z r
     critical_slip: float  # -
-    speed_sigma: float    # rad/s, standard deviation of ``speed``
     command: float        # rad/s, commanded wheel speed; the feed-forward does not leave it
 
     def slips(self, speed: float, set_point: float) -> bool:
@@ -90,7 +79,7 @@ class TireLoad:
         """
         Return the torque [N m] of the tire force against a wheel at ``speed`` [rad/s], B(22).
 
-        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.0, command=20.0)
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, command=20.0)
         >>> tire.torque_at(10.0)
         0.4375
         """
@@ -100,7 +89,7 @@ class TireLoad:
         """
         Return the speed [rad/s] at which a wheel has a ``share`` of its force at ``speed``.
 
-        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, speed_sigma=0.1, command=20.0)
+        >>> tire = TireLoad(9.0, torque=0.5, critical_slip=0.2, command=20.0)
         >>> round(tire.torque_at(tire.with_share(10.0, 0.5)) / tire.torque_at(10.0), 9)
         0.5
         """
@@ -112,7 +101,7 @@ class TireLoad:
     def slip_share(self, speed: float) -> float:
         """Return the slip of a wheel at ``speed`` [rad/s] over the critical slip, 0 or more."""
         return abs(speed - self.speed) / (
-            max(abs(speed), c.STANDSTILL_WHEEL_SPEED) * self.critical_slip + self.speed_sigma)
+            max(abs(speed), c.STANDSTILL_WHEEL_SPEED) * self.critical_slip)
 
     def _force_share(self, speed: float) -> float:
         """Return the force over that of a sliding wheel, 0 to 1."""
@@ -147,22 +136,4 @@ class YawControl:
         bandwidth = 0.5 / max(delay, 2.0 * c.LINE_DELAY)
         moment = bandwidth * (deviation + 0.25 * bandwidth * self.heading)  # critically damped
         excess = direction * moment / (self.arm * max(force, c.TINY))  # of the right side
-        return _share(-excess), _share(excess)
-
-
-def yaw_deviation(yaw_rate: float, commanded: float) -> float:
-    """
-    Return by how much a yaw rate [rad/s] deviates from a commanded one, less the dead zone.
-
-    >>> yaw_deviation(0.2, 0.0), yaw_deviation(0.3, 0.5), yaw_deviation(0.2, 0.5)
-    (0.2, 0.0, -0.05)
-    """
-    error, dead = yaw_rate - commanded, c.DEAD_SHARE * abs(commanded)
-    return math.copysign(max(abs(error) - dead, 0.0), error) if abs(error) > dead else 0.0
-
-
-def _share(excess: float) -> float:
-    """Return the share of its force that a side may have, for its ``excess`` of force."""
-    if excess < -c.DEAD_FORCE:
-        return max(1.0 + c.RELIEF * (excess + c.DEAD_FORCE), 1.0 - c.MAX_RELIEF)
-    return min(max(1.0 - excess + c.DEAD_FORCE, 0.0), 1.0)
+        return min(max(1.0 + excess, 0.0), 1.0), min(max(1.0 - excess, 0.0), 1.0)

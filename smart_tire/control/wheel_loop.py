@@ -66,8 +66,6 @@ class WheelLoop:
         """Add a reading of the wheels."""
         self.control.add_reading(sample.velocity, received_ns, sample.stamp_ns, sample.position,
                                  sample.effort)
-        if self._params.traction.enabled:
-            self.control.traction.add_wheels(sample)
 
     def set_wheel_conflict(self, reason: str) -> None:
         """Stop the motors if several nodes publish readings."""

@@ -33,7 +33,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
 
     Subscribes to ``cmd_vel`` (or ``cmd_vel_inputs``), ``wheel_states``, ``emergency_stop_active``
     and ``motors_enabled``; with ``traction.enabled`` also to ``odom`` and
-    ``tire_friction``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
+    ``ground_state``. Publishes ``wheel_commands``, ``motor_commands`` and ``/diagnostics``.
 
     Parameters: ``rate``, ``cmd_vel_inputs``, ``cmd_vel_priorities``, ``cmd_vel_timeouts``,
     ``cmd_vel_types``, ``cmd_vel_timeout``, ``cmd_vel_max_age``, ``effective_track``,
@@ -87,7 +87,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self._estimates_subscribed = True
         traction = self._loop.control.traction
         for name, on_estimate in (('odom', traction.add_odometry),
-                                  ('tire_friction', traction.add_friction)):
+                                  ('ground_state', traction.set_ground)):
             self.subscribe(name, on_estimate, reliability=self.params.reliability, announced=True)
 
     def _on_motors_enabled(self, enabled: bool) -> None:

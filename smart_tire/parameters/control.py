@@ -57,16 +57,17 @@ class PidParams:
 @dataclass(frozen=True, kw_only=True)
 class TractionParams(GroundParams):
     """
-    Traction control: limits the wheel speeds to a share of the critical slip.
+    Traction control: limits the slip of each wheel to its critical slip.
 
-    The defaults are tuned on simulated starts and stops (``benchmarks/control/traction.py``).
+    That is the one for the lower bound of the friction in ``ground_state``. Defaults are tuned on
+    simulated starts and stops (``benchmarks/control/traction.py``).
     """
 
     enabled: bool = param(False, '-', 'limit the slip of each wheel')
-    share: float = param(
-        0.88, '-', 'slip aimed at over the lower bound of the critical slip', (0.1, 1.0))
+    unknown: float = param(
+        0.3, '-', 'friction coefficient of unknown ground, +- 0.15', (0.01, 2.0))
     sigmas: float = param(
-        0.25, '-', 'standard deviations of critical slip and speed that the slip limit is lower',
+        1.2, '-', 'standard deviations from the friction coefficient to its lower bound',
         (0.0, 5.0))
     max_slip: float = param(0.6, '-', 'maximum slip limit on any ground', (0.02, 0.9))
     floor: float = param(

@@ -77,8 +77,7 @@ class GroundParams:
     """Friction of unknown ground, and how fast a measurement of the ground loses its weight."""
 
     unknown: float = param(
-        0.2, '-', 'friction coefficient of unknown ground, until it is estimated or shown',
-        (0.01, 2.0))
+        0.2, '-', 'friction coefficient of unknown ground, until it is estimated', (0.01, 2.0))
     fade_distance: float = param(
         2.0, 'm', 'distance in which the weight of measured ground decreases to 1/e', (0.05, 1e3))
     fade_time: float = param(

@@ -22,11 +22,11 @@ from smart_tire.control.slip_limits import bounded, TireLoad
 from smart_tire.control.traction import TractionControl
 from smart_tire.control.wheel_servo import drive_model, SpeedReference
 from smart_tire.parameters.control import PidParams, TractionParams
-from smart_tire.parameters.robot import RobotParams, TreadFilmParams
-from smart_tire.samples import Friction, NS_PER_S, Odometry, WHEELS, WheelSample
+from smart_tire.parameters.robot import RobotParams
+from smart_tire.samples import GroundState, NS_PER_S, Odometry
 from smart_tire.uncertain import Uncertain
 
-ROBOT, PARAMS = RobotParams(film=TreadFilmParams(wheels=WHEELS)), TractionParams(enabled=True)
+ROBOT, PARAMS = RobotParams(), TractionParams(enabled=True)
 NOW_NS, PERIOD = 1_000 * NS_PER_S, 0.02
 STEP = PARAMS.min_deceleration * PERIOD / ROBOT.wheel_radius  # rad/s in a control period
 TOP = 20.0  # rad/s, largest set point
@@ -55,21 +55,14 @@ def odometry(rng, now_ns):
 def ground(rng, now_ns):
     stiffness, mu = (Uncertain(number(rng, 0.0, high), number(rng, 0.0, high))
                      for high in (100.0, 1.2))
-    return Friction(now_ns - rng.randrange(-10**8, 10**9), rng.choice(WHEELS), mu,
-                    stiffness=stiffness)
-
-
-def wheels(rng, now_ns):
-    return WheelSample(now_ns - rng.randrange(10**8), four(rng), None,
-                       rng.choice((None, four(rng, -5.0, 5.0))))
+    return GroundState(now_ns - rng.randrange(-10**8, 10**9), stiffness, mu)
 
 
 def receive(rng, traction, now_ns, count=4):
     """Give up to ``count`` arbitrary estimates to traction control."""
     for _ in range(rng.randrange(count + 1)):
         traction.add_odometry(odometry(rng, now_ns))
-        rng.choice((lambda: traction.add_friction(ground(rng, now_ns)),
-                    lambda: traction.add_wheels(wheels(rng, now_ns))))()
+        traction.set_ground(ground(rng, now_ns))
 
 
 streams = st.randoms(use_true_random=True)
@@ -119,13 +112,12 @@ def test_the_bound_contains_command_and_zero_and_leaves_what_is_within(
 
 
 @settings(deadline=None)
-@given(*[st.floats(-2.0 * TOP, 2.0 * TOP)] * 3, st.floats(0.0, 1e3), st.floats(1e-3, 3.0),
-       st.floats(0.0, 5.0))
+@given(*[st.floats(-2.0 * TOP, 2.0 * TOP)] * 3, st.floats(0.0, 1e3), st.floats(1e-3, 3.0))
 def test_the_feed_forward_of_a_slipping_wheel_does_not_leave_the_command(
-        before, set_point, ground, torque, critical, sigma):
+        before, set_point, ground, torque, critical):
     """Else the wheel has the input that it would have without traction control."""
     model, limits = drive_model(PidParams(), ROBOT), (40.0, 60.0)
-    tire = TireLoad(ground, torque, critical, sigma, command=12.0)
+    tire = TireLoad(ground, torque, critical, command=12.0)
     found = SpeedReference(before, 0).advance(set_point, PERIOD, 0, model, limits, tire)
     without = SpeedReference(before, 0).advance(set_point, PERIOD, 0, model, limits)
     assert found == without or min(0.0, without) <= found <= max(12.0, without)

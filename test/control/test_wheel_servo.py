@@ -237,7 +237,7 @@ LIGHT = replace(EXACT, acceleration=0.6)
 
 def test_a_wheel_at_the_limit_of_slip_gets_the_torque_of_its_tire_and_its_own_inertia():
     reference = SpeedReference(10.0, 0)
-    tire = TireLoad(speed=10.0, torque=0.5, critical_slip=0.3, speed_sigma=0.0, command=20.0)
+    tire = TireLoad(speed=10.0, torque=0.5, critical_slip=0.3, command=20.0)
     applied = reference.advance(11.0, STEP, 0, LIGHT, LIMITS, tire)
     assert reference.velocity == pytest.approx(11.0)
     load = tire.torque_at(11.0) / (4.0 * 0.05)
@@ -253,12 +253,12 @@ def test_a_wheel_at_the_limit_of_slip_gets_the_torque_of_its_tire_and_its_own_in
 def test_a_slipping_wheel_brakes_faster_unless_the_limit_is_that_of_the_robot(torque, speed):
     """The tire slows the robot with torque / (4 N m * 0.05 s/rad * 0.08 s): 40 rad/s2."""
     reference = SpeedReference(4.0, 0)
-    reference.advance(-1.0, STEP, 0, LIGHT, LIMITS, TireLoad(3.5, torque, 0.3, 0.0, 0.0))
+    reference.advance(-1.0, STEP, 0, LIGHT, LIMITS, TireLoad(3.5, torque, 0.3, 0.0))
     assert reference.velocity == pytest.approx(speed)
 
 
 def test_a_wheel_that_does_not_slip_yet_accelerates_with_the_robot():
-    tire = TireLoad(speed=12.0, torque=0.5, critical_slip=0.3, speed_sigma=0.0, command=20.0)
+    tire = TireLoad(speed=12.0, torque=0.5, critical_slip=0.3, command=20.0)
     with_tire, without = SpeedReference(10.0, 0), SpeedReference(10.0, 0)
     assert with_tire.advance(14.0, STEP, 0, LIGHT, LIMITS, tire) == without.advance(
         14.0, STEP, 0, LIGHT, LIMITS)
