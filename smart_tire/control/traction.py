@@ -142,7 +142,7 @@ class TractionControl:
         loads = normal_loads(self._robot, motion.acceleration, 0.0)
         tires = tuple(
             TireLoad((motion.v_x - 0.5 * side * self._rolling_track * motion.yaw_rate) / radius,
-                     radius * friction * load, max(critical, c.TINY), set_point)
+                     radius * least * load, max(critical, c.TINY), set_point)
             for side, load, critical, set_point in zip(
                 SIDE_SIGNS.tolist(), loads.tolist(),
                 critical_slip(least, loads, stiffness).tolist(), set_points))

@@ -67,7 +67,7 @@ class TractionParams(GroundParams):
     unknown: float = param(
         0.3, '-', 'friction coefficient of unknown ground, +- 0.15', (0.01, 2.0))
     sigmas: float = param(
-        1.2, '-', 'standard deviations from the friction coefficient to its lower bound',
+        1.1, '-', 'standard deviations from the friction coefficient to its lower bound',
         (0.0, 5.0))
     max_slip: float = param(0.6, '-', 'maximum slip limit on any ground', (0.02, 0.9))
     floor: float = param(

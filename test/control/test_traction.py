@@ -301,6 +301,28 @@ def test_a_stop_begins_at_the_set_points_from_before_the_limit_was_active():
     assert rolling(traction, STOPPED) == pytest.approx([1.0 / 1.1] * 4)
 
 
+def test_a_limit_after_a_pause_of_odom_is_a_new_start():
+    traction = control(params=replace(PARAMS, unknown=0.2, lead=0.05), v_x=0.0)
+    for age in (0, 1):  # s; the second is without limit
+        traction.limit(FAST, NOW_NS + age * NS_PER_S, 0.0)
+    traction.add_odometry(odometry(0.0, stamp_ns=NOW_NS + 2 * NS_PER_S))
+    assert rolling(traction, FAST, NOW_NS + 2 * NS_PER_S)[0] == pytest.approx(
+        0.2 * GRAVITY * 0.05 + 0.02)
+
+
+def test_the_heading_before_a_pause_of_the_limit_is_forgotten():
+    found = []
+    for yaw_rate in (0.0, 0.3):
+        traction, stamp_ns = control(params=replace(EXPECTED, unknown=0.2)), NOW_NS
+        for command, rate in [(FAST, yaw_rate)] * 20 + [((1.0 / RADIUS,) * 4, 0.0)] + [
+                (FAST, 0.0)] * 2:
+            stamp_ns += 10_000_000
+            traction.add_odometry(odometry(stamp_ns=stamp_ns, yaw_rate=rate))
+            speeds = traction.limit(command, stamp_ns, 0.01)
+        found.append(speeds)
+    assert found[0] == pytest.approx(found[1])
+
+
 @pytest.mark.parametrize('noise', [-0.02, 0.02])
 def test_an_error_of_the_speed_at_standstill_does_not_delay_a_start(noise):
     params = replace(PARAMS, unknown=0.2, lead=0.05)
@@ -350,6 +372,13 @@ def test_wheels_have_the_load_of_their_tires_while_they_are_limited():
     assert load.critical_slip == pytest.approx(0.2 * PER_FRICTION)
     traction.limit((1.05 / RADIUS,) * 4, NOW_NS, 0.0)
     assert traction.tires == (None,) * 4
+
+
+def test_the_feed_forward_is_that_of_the_lower_bound_of_the_friction():
+    traction = control()
+    traction.limit(FAST, NOW_NS, 0.0)
+    assert traction.tires[0].torque == pytest.approx(
+        (PRIOR.value - PRIOR.sigma) * LOAD * RADIUS)
 
 
 def test_it_can_be_switched_at_run_time_in_the_wheel_controller():
