@@ -104,8 +104,8 @@ def test_a_start_and_a_stop_on_ice_that_no_film_has_measured_use_most_of_the_fri
 
 
 @pytest.mark.long
-@pytest.mark.xfail(strict=True, reason='until ground_state has the friction; then the estimated '
-                   'speed errs by half of the critical slip')
+@pytest.mark.xfail(strict=True, reason='until ground_state has the friction; then by the error '
+                   'of the estimated speed, half of the critical slip')
 @pytest.mark.parametrize('rate', [16.0, 100.0])
 def test_wheels_do_not_slide_on_ice_that_no_film_has_measured(rate):
     start, stop = scores_of('ice_unknown', rate=rate)
