@@ -19,10 +19,12 @@ import time
 from benchmarks.events import has_efforts, without_efforts
 from benchmarks.motion import as_estimate, Estimate
 from benchmarks.scoring import mean
-from benchmarks.slip.odometry import as_inputs, gyro_odometry, wheel_odometry
+from smart_tire.analysis.dead_reckoning import (
+    as_inputs, gyro_odometry, GYRO_WHEELS, wheel_odometry, WHEELS_ONLY)
 from smart_tire.analysis.pipeline import SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.parameters import SlipEstimatorParams
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, Sample, WheelSample
 
 NIS_PERIOD = 0.1  # s, between two values of the innovation statistic
@@ -31,18 +33,19 @@ LIVE_TORQUE, SMOOTHED_TORQUE = 'live_torque', 'smoothed_torque'  # only if torqu
 METHODS = {
     LIVE: 'live', SMOOTHED: 'smoothed',
     LIVE_TORQUE: 'live, with torque', SMOOTHED_TORQUE: 'smoothed, with torque',
-    'wheels': 'wheels', 'gyro': 'gyro + wheels'}
+    'wheels': WHEELS_ONLY, 'gyro': GYRO_WHEELS}
 
 
 def compare_methods(samples: Sequence[Sample], params: SlipEstimatorParams
                     ) -> dict[str, Estimate]:
     """Return the estimates of ``METHODS`` from ``samples`` in order of reception."""
-    inputs, plain = as_inputs(samples, params.robot), without_efforts(samples)
+    inputs = as_inputs(SampleArrays(samples), params.robot)
+    plain = without_efforts(samples)
     return {
         LIVE: live_estimate(plain, params), SMOOTHED: smoothed_estimate(plain, params),
         **({LIVE_TORQUE: live_estimate(samples, params),
             SMOOTHED_TORQUE: smoothed_estimate(samples, params)} if has_efforts(samples) else {}),
-        'wheels': wheel_odometry(inputs), 'gyro': gyro_odometry(inputs)}
+        'wheels': Estimate(*wheel_odometry(inputs)), 'gyro': Estimate(*gyro_odometry(inputs))}
 
 
 def live_estimate(samples: Iterable[Sample], params: SlipEstimatorParams) -> Estimate:

@@ -29,13 +29,14 @@ from pathlib import Path
 from benchmarks.harness import Column, Job, percent, Rows
 from benchmarks.scoring import Errors, Figures, part_of, Run
 import numpy as np
+from smart_tire.analysis.dead_reckoning import as_inputs, gyro_odometry
 from smart_tire.analysis.metrics import rotated
 from smart_tire.analysis.pipeline import smooth
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
-from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.parameters import build, RobotParams, SlipEstimatorParams
 from smart_tire.recording import at, SampleArrays
-from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
+from smart_tire.samples import NS_PER_S, Sample
 
 TRUTH = 'ground_truth/odom'
 TOPICS = ('imu/data', 'wheel_states', TRUTH)
@@ -45,7 +46,6 @@ WINDOW = 2.0             # s, of displacements where the true path is only chain
 MIN_ROLLING_SPEED = 0.3  # m/s, for slip
 CUT_SHARE = 0.4          # of the distance, where a cut recording begins
 IMU_POSITION_SHARE = 0.25  # sigma of the IMU's x over the wheelbase: its place is not known
-REST_TIME = 1.0          # s at the start with stationary wheels, for the baseline's gyro bias
 
 WARTHOG = {'wheel_radius': 0.30, 'track_width': 1.08, 'wheelbase': 1.05}
 HUSKY = {'wheel_radius': 0.1651, 'track_width': 0.555, 'wheelbase': 0.540}
@@ -137,23 +137,24 @@ def truth_from(stamp_ns: Instants, pose: Array) -> RecordedTruth:
 def score_recording(name: str, row: str, samples: list[Sample], truth: RecordedTruth) -> Run:
     """Return the errors of live and smoothed estimates, and of the baseline."""
     known, lag, _ = RECORDINGS[name]
-    both = smooth(build(SlipEstimatorParams, {
+    params = build(SlipEstimatorParams, {
         **known, 'imu.position': [0.0, 0.0, 0.0], 'encoder.latency': lag,
-        'imu.position_sigma': IMU_POSITION_SHARE * known['wheelbase']}), samples)
+        'imu.position_sigma': IMU_POSITION_SHARE * known['wheelbase']})
+    base = baseline(samples, truth.stamp_ns, params.robot)
     errors: dict[str, Errors] = {}
-    for method, series in zip(METHODS, both):
-        errors |= _errors(name, method, samples, truth, series)
+    for method, series in zip(METHODS, smooth(params, samples)):
+        errors |= _errors(name, method, base, truth, series)
     return Run(row, 0, errors)
 
 
-def _errors(name: str, method: str, samples: list[Sample], truth: RecordedTruth,
+def _errors(name: str, method: str, reckoned: tuple[Array, Array, Array], truth: RecordedTruth,
             estimates: SampleArrays) -> dict[str, Errors]:
     """Return the errors of a method, and of the baseline at the same times."""
-    known, lag, chained = RECORDINGS[name]
+    known, _, chained = RECORDINGS[name]
     poses, slips, stamps = estimates.poses(), estimates.slips(), truth.stamp_ns
     pose, twist = at(stamps, poses.stamp_ns, poses.pose), at(stamps, poses.stamp_ns, poses.twist)
     sigma = np.sqrt(at(stamps, poses.stamp_ns, poses.twist_sigma ** 2))
-    base, wheels, sides = baseline(samples, stamps, known['wheel_radius'], lag)
+    base, wheels, sides = reckoned[0].copy(), *reckoned[1:]
     ok = np.isfinite(pose[:, 0]) & np.isfinite(base[:, 0]) & np.isfinite(truth.twist[:, 0])
     pose[~ok], base[~ok] = math.nan, math.nan
     v_x, v_y, yaw_rate = truth.twist.T
@@ -180,27 +181,13 @@ def _errors(name: str, method: str, samples: list[Sample], truth: RecordedTruth,
             | {f'{method}.{BASELINE}.{what}': one for what, one in others.items()})
 
 
-def baseline(samples: list[Sample], stamps: Instants, radius: float, lag: float
+def baseline(samples: list[Sample], stamps: Instants, robot: RobotParams
              ) -> tuple[Array, Array, Array]:
     """Return poses (n, 3), forward speed (n,) and side speeds (n, 2) at ``stamps``."""
-    imu = [one for one in samples if isinstance(one, ImuSample)]
-    imu_ns, rate = np.array([one.stamp_ns for one in imu]), np.array([one.rate[2] for one in imu])
-    readings = [one for one in samples if isinstance(one, WheelSample)]
-    wheel_ns = np.array([one.stamp_ns for one in readings])
-    wheel_ns = wheel_ns - round(lag * NS_PER_S + 0.5 * float(np.median(np.diff(wheel_ns))))
-    speed = radius * np.array([one.velocity for one in readings])
-    sides = np.column_stack([np.nanmean(speed[:, [0, 2]], 1), np.nanmean(speed[:, [1, 3]], 1)])
-    moving = np.flatnonzero(np.abs(sides).max(axis=1) > 0.01)
-    rest = imu_ns < (wheel_ns[moving[0]] if len(moving) else imu_ns[-1]) - NS_PER_S // 4
-    if rest.any() and imu_ns[rest][-1] - imu_ns[0] > REST_TIME * NS_PER_S:
-        rate = rate - rate[rest].mean()
-    dt = np.diff(imu_ns, prepend=imu_ns[0]) / NS_PER_S
-    yaw = np.cumsum(rate * dt)
-    v = np.nan_to_num(at(imu_ns, wheel_ns, sides).mean(axis=1))
-    poses = np.column_stack([np.cumsum(v * np.cos(yaw) * dt), np.cumsum(v * np.sin(yaw) * dt),
-                             yaw])
-    return (at(stamps, imu_ns, poses), at(stamps, imu_ns, v[:, np.newaxis])[:, 0],
-            at(stamps, wheel_ns, sides))
+    inputs = as_inputs(SampleArrays(samples), robot)
+    poses, _ = gyro_odometry(inputs)
+    pose, twist = (at(stamps, poses.stamp_ns, values) for values in (poses.pose, poses.twist))
+    return pose, twist[:, 0], at(stamps, inputs.wheel_ns, inputs.rolling)
 
 
 def path_errors(truth: RecordedTruth, pose: Array) -> dict[str, Errors]:

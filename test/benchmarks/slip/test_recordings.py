@@ -18,6 +18,7 @@ from benchmarks.slip.recordings import (
 import numpy as np
 import pytest
 from smart_tire.analysis.metrics import rotated
+from smart_tire.parameters import build, RobotParams
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 
 STAMPS = np.arange(600) * (NS_PER_S // 10)
@@ -67,7 +68,7 @@ def test_wheels_and_gyroscope_follow_a_circle(circle):
                for stamp, turn in zip(stamps, rate)]
     samples += [WheelSample(stamp, (5.0 if turn else 0.0,) * 4)
                 for stamp, turn in zip(stamps, rate)]
-    pose, speed, sides = baseline(samples, STAMPS, 0.1, 0.0)
+    pose, speed, sides = baseline(samples, STAMPS, build(RobotParams, {'wheel_radius': 0.1}))
     inside = slice(30, 590)
     assert speed[inside] == pytest.approx(np.full(560, 0.5))
     assert sides[inside] == pytest.approx(np.full((560, 2), 0.5))

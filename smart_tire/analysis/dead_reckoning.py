@@ -9,20 +9,20 @@
 # the License.
 
 """
-Dead reckoning by wheels, and by gyroscope and wheels, for comparison.
+Dead reckoning by wheels, and by gyroscope and wheels: the baselines of all estimates.
 
-The methods get the best possible inputs: angles instead of speeds, speeds by central differences
-(not causal), the gyroscope bias from the initial standstill.
+They get the best possible inputs: angles instead of speeds, speeds by central differences (not
+causal), the gyroscope bias from the initial standstill, and the configured delay of the wheels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 import math
 
-from benchmarks.motion import Estimate, side_means
 import numpy as np
+
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
 from smart_tire.estimates import PoseEstimate, SlipEstimate
@@ -30,12 +30,13 @@ from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import at, SampleArrays
 from smart_tire.rotation import matrix
-from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
+from smart_tire.samples import ImuSample, LEFT, NS_PER_S, RIGHT, WheelSample
 
+GYRO_WHEELS, WHEELS_ONLY = 'gyroscope + wheels', 'wheels only'
 STANDSTILL_MARGIN = 0.3        # s, before the first motion, excluded from the standstill
 MIN_STANDSTILL_DURATION = 0.5  # s, for the estimation of biases
 MAX_STANDSTILL_SPEED = 0.01    # m/s, of a stationary wheel
-MAX_GAP = 5.0              # s, bridged by linear interpolation
+MAX_GAP = 5.0                  # s, bridged by linear interpolation
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ class Inputs:
     robot: RobotParams
     imu_ns: Instants
     rate: Array         # (n,) rad/s about z of base_link
-    wheel_ns: Instants     # corrected for the known latency
+    wheel_ns: Instants  # corrected for the known latency
     travel: Array       # (m, 2) m, rolled distance of left and right side
-    stationary: int      # number of IMU samples before the robot first moves
+    stationary: int     # number of IMU samples before the robot first moves
 
     @property
     def rolling(self) -> Array:
@@ -56,20 +57,38 @@ class Inputs:
         return np.asarray(np.gradient(self.travel, time, axis=0))
 
 
-def as_inputs(samples: Iterable[Sample], robot: RobotParams) -> Inputs:
-    """Return the inputs among ``samples``; raise EstimatorError for too few of them."""
-    recording = SampleArrays(samples)
+def baselines(recording: SampleArrays, robot: RobotParams) -> Mapping[str, PoseEstimate]:
+    """Return the poses of both methods by name; none if a recording has too few samples."""
+    try:
+        inputs = as_inputs(recording, robot)
+    except EstimatorError:
+        return {}
+    return {GYRO_WHEELS: gyro_odometry(inputs)[0], WHEELS_ONLY: wheel_odometry(inputs)[0]}
+
+
+def as_inputs(recording: SampleArrays, robot: RobotParams) -> Inputs:
+    """Return the inputs in ``recording``; raise EstimatorError for too few of them."""
     imu, wheels = recording.stream(ImuSample).ordered, recording.stream(WheelSample).ordered
+    angles, speeds = (_side_means(wheels[name]) for name in ('position', 'velocity'))
+    if np.isnan(angles).any():
+        known = np.isfinite(speeds).all(axis=1)
+        wheels, speeds = wheels.where(known), speeds[known]
+        angles = _integrated(wheels.stamp_ns, speeds)
     if len(imu) < 2 or len(wheels) < 3:
         raise EstimatorError('too few samples of the IMU or the wheels')
     wheel_ns = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
-    angles = wheels['position']
-    if np.isnan(angles).any():
-        angles = _integrated(wheel_ns, wheels['velocity'])
-    travel = robot.wheel_radius * side_means(angles)
+    travel = robot.wheel_radius * angles
     rotation = matrix(*robot.imu.rotation)
     return Inputs(robot, imu.stamp_ns, (imu['rate'] @ rotation.T)[:, 2], wheel_ns, travel,
                   _stationary_count(imu.stamp_ns, wheel_ns, travel))
+
+
+def _side_means(values: Array) -> Array:
+    """Return the means (n, 2) of the wheels of each side of ``values`` (n, 4) that are known."""
+    sides = values[:, [LEFT, RIGHT]]
+    with np.errstate(invalid='ignore'):
+        means: Array = np.nansum(sides, axis=2) / np.isfinite(sides).sum(axis=2)
+    return means
 
 
 def _integrated(stamp_ns: Instants, velocity: Array) -> Array:
@@ -88,7 +107,7 @@ def _stationary_count(imu_ns: Instants, wheel_ns: Instants, travel: Array) -> in
     return count if long_enough else 0
 
 
-def wheel_odometry(inputs: Inputs) -> Estimate:
+def wheel_odometry(inputs: Inputs) -> tuple[PoseEstimate, SlipEstimate]:
     """Return the odometry of a differential drive with the track of the wheels."""
     travel, rolling, track = inputs.travel, inputs.rolling, inputs.robot.track_width
     difference = travel[:, 1] - travel[:, 0]
@@ -97,7 +116,7 @@ def wheel_odometry(inputs: Inputs) -> Estimate:
     return _dead_reckoning(inputs, inputs.wheel_ns, yaw, travel.mean(axis=1), rate, rolling)
 
 
-def gyro_odometry(inputs: Inputs) -> Estimate:
+def gyro_odometry(inputs: Inputs) -> tuple[PoseEstimate, SlipEstimate]:
     """Return dead reckoning by gyroscope heading and mean wheel distance."""
     stamps = inputs.imu_ns
     bias = inputs.rate[:inputs.stationary].mean() if inputs.stationary else 0.0
@@ -112,7 +131,7 @@ def gyro_odometry(inputs: Inputs) -> Estimate:
 
 
 def _dead_reckoning(inputs: Inputs, stamps: Instants, yaw: Array, distance: Array, rate: Array,
-                    rolling: Array) -> Estimate:
+                    rolling: Array) -> tuple[PoseEstimate, SlipEstimate]:
     """Return the estimate for travel of ``distance`` [m] with heading ``yaw`` [rad] along arcs."""
     turn = np.diff(yaw)
     chord = np.diff(distance) * np.sinc(0.5 * turn / math.pi)
@@ -126,4 +145,4 @@ def _dead_reckoning(inputs: Inputs, stamps: Instants, yaw: Array, distance: Arra
     ground = np.column_stack([v_x - half * rate, v_x + half * rate])
     ratio, velocity = (values[:, [0, 1, 0, 1]] for values in (
         slip_ratio(rolling, ground, inputs.robot.slip.standstill_speed), rolling - ground))
-    return Estimate(poses, SlipEstimate(stamps, ratio, np.full_like(ratio, math.nan), velocity))
+    return poses, SlipEstimate(stamps, ratio, np.full_like(ratio, math.nan), velocity)
