@@ -20,13 +20,15 @@ from pathlib import Path
 
 import numpy as np
 
+from smart_tire.analysis.dead_reckoning import baselines
 from smart_tire.analysis.drawing import save
 from smart_tire.analysis.driven_paths import (
     driven_lines, driven_tree, DrivenPath, Grounds, load_grounds, PATH_TOPICS, PathLog)
 from smart_tire.analysis.figures import write_figures
 from smart_tire.analysis.metrics import Intervals, score as score_of, stamp_score
 from smart_tire.analysis.motion_figures import path_figure, tracking_figure
-from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, OVERHEAD, TRUTHS
+from smart_tire.analysis.pipeline import (
+    bag_params, ESTIMATES, EstimatorParams, INPUTS, OVERHEAD, TRUTHS)
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import errors_in, evaluation, plain, Tree
 from smart_tire.analysis.tables import error_tables, estimate_tables
@@ -85,8 +87,9 @@ def read_run(path: Path, intervals: Intervals | None = None) -> Run:
             if topic in part_of:
                 part_of[topic].add_sample(sample)
         counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
-        result = Result(estimates, inputs, truth, camera, wanted=log.wanted(),
-                        intervals=intervals or {})
+        result = Result(estimates, inputs, truth, camera,
+                        dead_reckoning=baselines(inputs, bag_params(bag).params.robot),
+                        wanted=log.wanted(), intervals=intervals or {})
         host = worst_of(status.values for _, status in bag.statuses())
         return Run(path, result, log, bag.span_ns, counts, np.array(ages).reshape(-1, 2), host)
 

@@ -21,7 +21,7 @@ from smart_tire.analysis.figure import (
     Curve, Figure, interrupted, limits, Mark, observable, Panel, REPORTED, SOURCES, TIME_LABEL,
     TRUTH)
 from smart_tire.analysis.friction_metrics import column, is_informative, Matches, stamps_of
-from smart_tire.analysis.metrics import Compared, Score, score
+from smart_tire.analysis.metrics import Compared, ComparedPoses, Score, score
 from smart_tire.analysis.result import Comparison
 from smart_tire.arrays import Array
 from smart_tire.recording import seconds
@@ -58,27 +58,28 @@ class ErrorCurve:
         return np.zeros(0) if self.curve.sigma is None else self.curve.sigma
 
 
-def position_error(found: Comparison, origin_ns: int) -> ErrorCurve:
+def position_error(poses: ComparedPoses, origin_ns: int) -> ErrorCurve:
     """Return the distance from the reference position; its sigma is along the longest axis."""
-    poses = found.poses
-    longest = np.sqrt(np.linalg.eigvalsh(poses.covariance[:, :2, :2])[:, -1])
+    sigma = np.full(len(poses.stamp_ns), np.nan)
+    known = np.isfinite(poses.covariance).all(axis=(1, 2))
+    sigma[known] = np.sqrt(np.linalg.eigvalsh(poses.covariance[known, :2, :2])[:, -1])
     return ErrorCurve('position', 'm', Curve(
-        seconds(poses.stamp_ns, origin_ns), np.linalg.norm(poses.error[:, :2], axis=1), longest))
+        seconds(poses.stamp_ns, origin_ns), np.linalg.norm(poses.error[:, :2], axis=1), sigma))
 
 
-def pose_errors(found: Comparison, origin_ns: int) -> list[ErrorCurve]:
-    """Return the errors of x, y and heading, with the reference aligned at the start."""
-    return _columns(POSE_NAMES, found.poses, origin_ns)
+def pose_errors(poses: ComparedPoses, origin_ns: int) -> list[ErrorCurve]:
+    """Return the errors of x, y and heading, with the reference aligned."""
+    return _columns(POSE_NAMES, poses, origin_ns)
 
 
-def error_groups(found: Comparison, origin_ns: int) -> dict[str, list[ErrorCurve]]:
+def error_groups(found: Comparison) -> dict[str, list[ErrorCurve]]:
     """Return the errors of all quantities by group; slip where it is observable."""
     slips = _columns([(f'slip {wheel.replace("_", " ")}', '') for wheel in WHEELS], found.slips,
-                     origin_ns)
-    return {'pose': pose_errors(found, origin_ns),
-            'velocity': _columns(TWIST_NAMES, found.twist, origin_ns),
+                     found.origin_ns)
+    return {'pose': pose_errors(found.poses, found.origin_ns),
+            'velocity': _columns(TWIST_NAMES, found.twist, found.origin_ns),
             'slip': [replace(one, curve=observable(one.curve)[0]) for one in slips],
-            'friction': _friction_errors(found.matches, origin_ns)}
+            'friction': _friction_errors(found.matches, found.origin_ns)}
 
 
 def _friction_errors(matches: Matches, origin_ns: int) -> list[ErrorCurve]:

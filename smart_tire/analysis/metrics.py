@@ -34,6 +34,8 @@ from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WHEELS
 # count.
 MIN_DISTANCE_STEP = 0.05
 RELATIVE_POSE_INTERVAL_NS = NS_PER_S  # over which relative pose errors are taken
+RELATIVE_POSE_DISTANCE = 1.0  # m, estimated, over which the drift per meter is taken
+START, SE2, NONE = ALIGNMENTS = 'start', 'se2', 'none'  # of a reference with an estimate
 SIDES = {'left': LEFT, 'right': RIGHT}
 TWIST = 'v_x', 'v_y', 'yaw_rate'
 Intervals = Mapping[str, Sequence[tuple[int, int]]]  # name -> time intervals [ns]
@@ -84,7 +86,7 @@ class SlipScore:
 
 @dataclass(frozen=True)
 class PoseScore:
-    """Errors of pose, aligned with the reference at the start, and of twist."""
+    """Errors of pose, aligned with the reference, and of twist."""
 
     duration_s: float
     distance_m: float              # of the path of the reference
@@ -93,6 +95,8 @@ class PoseScore:
     position_max_m: float
     end_percent_of_distance: float
     position_normalized_rms: float  # 1 if consistent
+    position_within_two: float     # share of the errors along x and y below 2 sigma: 0.95
+    drift_per_meter_m: float       # rms error of the displacement within one meter of path
     yaw: Score                     # rad
     yaw_end_rad: float
     relative_position_rms_m: float     # of the displacement within one second
@@ -101,7 +105,7 @@ class PoseScore:
 
 
 def score(error: Array, sigma: Array) -> Score:
-    """Return the score of the finite values of ``error``."""
+    """Return the score of the finite values of ``error``; a sigma that is NaN is unknown."""
     known = np.isfinite(error)
     error, sigma = error[known], sigma[known]
     if not len(error):
@@ -109,8 +113,9 @@ def score(error: Array, sigma: Array) -> Score:
     with np.errstate(divide='ignore', invalid='ignore'):
         normalized = np.abs(error) / sigma
     normalized[error == 0.0] = 0.0
+    normalized = normalized[~np.isnan(sigma)]
     return Score(len(error), float(np.mean(error)), rms(error), rms(normalized),
-                 float(np.mean(normalized <= 1.0)), float(np.mean(normalized <= 2.0)))
+                 mean(normalized <= 1.0), mean(normalized <= 2.0))
 
 
 def mean(values: Array) -> float:
@@ -177,32 +182,38 @@ def within(stamp_ns: Instants, intervals: Sequence[tuple[int, int]] | None) -> N
     return inside
 
 
-def compared_poses(estimate: PoseEstimate, truth: PoseEstimate) -> ComparedPoses:
+def compared_poses(estimate: PoseEstimate, truth: PoseEstimate, align: str = START
+                   ) -> ComparedPoses:
     """
     Return x, y and yaw where the estimate is known.
 
-    The path of the reference is transformed so that both start at the same pose, because its frame
-    is unrelated to ``odom``.
+    The path of the reference is transformed, because its frame is unrelated to ``odom``: so that
+    both start at the same pose (``START``), or that the sum of the squared distances is least
+    (``SE2``), which leaves the covariance of the errors unknown. ``NONE`` is for equal frames.
     """
     estimated = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
     known = np.isfinite(estimated[:, 0])
     stamps, estimated, true = truth.stamp_ns[known], estimated[known], truth.pose[known]
     covariance = at(stamps, estimate.stamp_ns, estimate.covariance)
     if len(stamps):
-        true, spread = _aligned(true, truth.covariance[known], estimated[0])
+        if align == START:
+            true, spread = aligned(true, estimated[0], truth.covariance[known])
+        else:
+            true, spread = (_fitted(true, estimated), np.full_like(covariance, math.nan)
+                            ) if align == SE2 else (true, _given(truth.covariance[known]))
+            true[:, 2] += math.tau * np.round(median(estimated[:, 2] - true[:, 2]) / math.tau)
         covariance = covariance + spread
     return ComparedPoses(stamps, estimated, true,
                          np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), covariance)
 
 
-def _aligned(poses: Array, covariance: Array, start: Array) -> tuple[Array, Array]:
+def aligned(poses: Array, start: Array, covariance: Array) -> tuple[Array, Array]:
     """
     Return poses (n, 3) transformed so that they begin at ``start``, and their covariances.
 
-    An error of the first pose moves and turns all of them. A covariance that is not given, which
-    begins with -1 in ROS, counts as zero.
+    An error of the first pose moves and turns all of them.
     """
-    given = np.where(covariance[:, :1, :1] >= 0.0, covariance, 0.0)
+    given = _given(covariance)
     turn = start[2] - poses[0, 2]
     moved = rotated(poses[:, :2] - poses[0, :2], turn)
     own = np.eye(3)
@@ -211,6 +222,20 @@ def _aligned(poses: Array, covariance: Array, start: Array) -> tuple[Array, Arra
     first[:, 0, 2], first[:, 1, 2] = -moved[:, 1], moved[:, 0]
     spread = own @ given @ own.T + first @ given[0] @ first.transpose(0, 2, 1)
     return np.column_stack([moved + start[:2], poses[:, 2] + turn]), spread
+
+
+def _given(covariance: Array) -> Array:
+    """Return covariances; one that is not given, which begins with -1 in ROS, counts as zero."""
+    return np.where(covariance[:, :1, :1] >= 0.0, covariance, 0.0)
+
+
+def _fitted(poses: Array, others: Array) -> Array:
+    """Return ``poses`` (n, 3) moved and turned to the least squared distances from ``others``."""
+    centers = [one[:, :2].mean(axis=0) for one in (poses, others)]
+    (x, y), (u, v) = ((one[:, :2] - center).T for one, center in zip((poses, others), centers))
+    turn = math.atan2(float(x @ v - y @ u), float(x @ u + y @ v))
+    return np.column_stack([rotated(poses[:, :2] - centers[0], turn) + centers[1],
+                            poses[:, 2] + turn])
 
 
 def rotated(points: Array, angle: float | Array) -> Array:
@@ -230,7 +255,7 @@ def distance(position: Array) -> float:
     return total
 
 
-def pose_score(poses: ComparedPoses, twist: Compared) -> PoseScore | None:
+def pose_score(poses: ComparedPoses, twist: Compared | None = None) -> PoseScore | None:
     """Return the errors of pose and twist; None if estimate and reference do not overlap."""
     if len(poses.stamp_ns) < 2:
         return None
@@ -242,15 +267,16 @@ def pose_score(poses: ComparedPoses, twist: Compared) -> PoseScore | None:
         float(np.ptp(poses.stamp_ns)) / NS_PER_S, length, rms(distances), end,
         float(distances.max()), 100.0 * end / length if length else math.nan,
         _normalized(error[:, :2], poses.covariance[:, :2, :2]),
+        score(error[:, :2].ravel(), poses.sigma[:, :2].ravel()).within_two, _drift(poses),
         score(error[:, 2], poses.sigma[:, 2]), float(error[-1, 2]), step_position, step_yaw,
         {name: score(*columns) for name, *columns in zip(TWIST, twist.error.T, twist.sigma.T)}
-        if len(twist.stamp_ns) else None)
+        if twist is not None and len(twist.stamp_ns) else None)
 
 
 def _normalized(error: Array, covariance: Array) -> float:
     """Return the rms of errors (n, 2) normalized by their covariances; NaN if all singular."""
-    determinant = np.linalg.det(covariance)
-    regular = np.isfinite(determinant) & (determinant > 0.0)
+    regular = np.isfinite(covariance).all(axis=(1, 2))
+    regular[regular] = np.linalg.det(covariance[regular]) > 0.0
     error, covariance = error[regular], covariance[regular]
     if not len(error):
         return math.nan
@@ -258,14 +284,33 @@ def _normalized(error: Array, covariance: Array) -> float:
     return math.sqrt(float(np.mean(squares)) / error.shape[1])
 
 
+def _drift(poses: ComparedPoses) -> float:
+    """Return the rms error [m] of displacements over ``RELATIVE_POSE_DISTANCE``, one by one."""
+    steps = np.linalg.norm(np.diff(poses.estimated[:, :2], axis=0), axis=1)
+    rows, travel = [0], 0.0
+    for row, step in enumerate(steps.tolist(), 1):
+        travel += step
+        if travel >= RELATIVE_POSE_DISTANCE:
+            rows.append(row)
+            travel = 0.0
+    return rms(np.linalg.norm(_change_errors(*(
+        (pose[rows[:-1]], pose[rows[1:]]) for pose in (poses.estimated, poses.true)))[:, :2],
+        axis=1))
+
+
+def _change_errors(*pairs: tuple[Array, Array]) -> Array:
+    """Return the difference between estimated and true changes of the pose, in body axes."""
+    estimated, true = (np.column_stack([
+        rotated(later[:, :2] - pose[:, :2], -pose[:, 2]), later[:, 2] - pose[:, 2]])
+        for pose, later in pairs)
+    return estimated - true
+
+
 def _relative_errors(poses: ComparedPoses) -> tuple[float, float]:
     """Return rms relative pose errors [m], [rad] over one second, in body axes."""
     later = poses.stamp_ns + RELATIVE_POSE_INTERVAL_NS
-    moved = []
-    for pose in (poses.estimated, poses.true):
-        change = at(later, poses.stamp_ns, pose) - pose
-        moved.append(np.column_stack([rotated(change[:, :2], -pose[:, 2]), change[:, 2]]))
-    error = moved[0] - moved[1]
+    error = _change_errors(*((pose, at(later, poses.stamp_ns, pose))
+                             for pose in (poses.estimated, poses.true)))
     error = error[np.isfinite(error[:, 0])]
     return rms(np.linalg.norm(error[:, :2], axis=1)), rms(error[:, 2])
 

@@ -18,14 +18,16 @@ from itertools import cycle
 
 import numpy as np
 
+from smart_tire.analysis.dead_reckoning import GYRO_WHEELS
 from smart_tire.analysis.driven_paths import DrivenPath, Grounds, track
 from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
 from smart_tire.analysis.figure import (
     Curve, ellipse, Figure, GAP, interrupted, Limits, limits, Mark, MAX_GAP, MAX_POINTS,
     MAX_SLIP_SIGMA, observable, PAIR, Panel, reference_caption, reference_marks, REPORTED,
     share_outside, SOURCES, TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
-from smart_tire.analysis.metrics import compared_poses, ComparedPoses, measured, SIDES
-from smart_tire.analysis.result import Result
+from smart_tire.analysis.metrics import (
+    aligned, compared_poses, ComparedPoses, measured, SIDES)
+from smart_tire.analysis.result import Comparison, Result
 from smart_tire.arrays import Array
 from smart_tire.estimates import PoseEstimate
 from smart_tire.recording import SampleArrays, seconds
@@ -37,6 +39,8 @@ SIDE_COLORS = {'left': 'blue', 'right': 'vermillion'}
 WHEEL_COLORS = dict(zip(WHEELS, ('blue', 'vermillion', 'sky', 'orange')))
 WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
 AREA_COLORS = 'sky', 'orange', 'vermillion', 'blue'
+RUN_COLORS = 'orange', 'blue', 'vermillion', 'sky', 'green'
+BASELINE_COLOR = 'purple'
 ESTIMATE = 'estimate ± 2σ'
 NONE = Curve(np.empty(0), np.empty(0))
 
@@ -146,39 +150,56 @@ def _shown_slip(curves: Sequence[SlipCurve], spans: Sequence[tuple[float, float]
 
 
 def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
-    """
-    Return the path and, with a reference, position and heading ``errors``; None without poses.
+    """Return the path and, with a reference, its ``errors``; None without poses."""
+    first = result.filtered.estimates.poses()
+    return paths_figure(
+        result.comparisons, [(name, compared_poses(first, one.poses()))
+                             for name, one in result.references.items()],
+        result.wanted, errors=errors)
 
-    Ellipses show two standard deviations of the position at about equal distances.
+
+def paths_figure(runs: Mapping[str, Comparison], references: Sequence[tuple[str, ComparedPoses]],
+                 wanted: Sequence[Array] = (), *, errors: bool = True) -> Figure | None:
     """
-    poses = {label: one.estimates.poses() for label, one in result.comparisons.items()}
-    first = next(iter(poses.values()))
+    Return the paths of ``runs`` by label and, with a reference, position and heading ``errors``.
+
+    Ellipses show two standard deviations of the position at about equal distances. The baseline is
+    that of the first run. None if this has no poses.
+    """
+    poses = {label: one.estimates.poses() for label, one in runs.items()}
+    (head, first), *_ = poses.items()
     if not len(first.stamp_ns):
         return None
-    colors = dict(zip(poses, PAIR[::-1] if len(poses) > 1 else PAIR))
-    found = {name: compared_poses(first, one.poses()) for name, one in result.references.items()}
-    references = {name: _reference_path(one) for name, one in found.items() if len(one.stamp_ns)}
-    marks = [*wanted_marks(result.wanted)]
+    colors = dict(zip(poses, PAIR if len(poses) == 1 else cycle(RUN_COLORS)))
+    drawn = [(name, _reference_path(one)) for name, one in references if len(one.stamp_ns)]
+    base = runs[head].baselines.get(GYRO_WHEELS)
+    marks = [*wanted_marks(wanted)]
+    if base is not None:
+        path, _ = aligned(base.estimated, first.pose[0], np.zeros_like(base.covariance))
+        marks.append(_path(path, GYRO_WHEELS, BASELINE_COLOR))
     for label, one in poses.items():
         marks += [_ellipses(one.pose[:, :2], one.covariance, colors[label]),
                   _path(one.pose, label, colors[label])]
-    marks += reference_marks(references)
+    marks += [mark for name, curve in drawn for mark in reference_marks({name: curve})]
     marks += [_dot(first.pose[:1], 'start'), _dot(first.pose[-1:], 'end', 'shade')]
     panel = Panel(marks, 'x [m]', 'y [m]', equal=True)
+    names = dict.fromkeys(name for name, _ in drawn)
     caption = ('Path in the frame odom, which starts at (0, 0)'
-               + (', references aligned at the start' if references else '')
-               + f'.{reference_caption(references)} '
+               + (', references aligned at the start' if drawn else '')
+               + f'.{reference_caption(names)} '
                'Ellipses: two standard deviations of the position; they contain 86 % of Gaussian '
                'errors.')
     rows: list[list[Panel | None]] = [[panel]]
-    if errors and result.filtered.name in references:
-        curves = [(position_error(one, result.origin_ns), pose_errors(one, result.origin_ns)[2])
-                  for one in result.comparisons.values()]
-        rows = [[panel, error_panel(several, colors, bottom=bottom)]
+    if errors and drawn and runs[head].name in names:
+        compared = [(one.poses, one.origin_ns) for one in runs.values()]
+        compared += [] if base is None else [(base, runs[head].origin_ns)]
+        curves = [(position_error(*one), pose_errors(*one)[2]) for one in compared]
+        shown = {**colors, GYRO_WHEELS: BASELINE_COLOR}
+        rows = [[panel, error_panel(several, shown, bottom=bottom)]
                 for several, bottom in zip(zip(*curves), (0.0, None))]
         caption += (
-            f' Right: errors against {SOURCES[result.filtered.name]}; shaded: 2σ, where σ is the '
-            f'standard deviation {REPORTED[result.filtered.name]} (of the position: along the '
+            f' Right: errors against {SOURCES[runs[head].name]}; shaded: 2σ, where σ is the '
+            f'standard deviation {REPORTED[runs[head].name]} (of the position: along the '
             'longest axis of its ellipse). If it is right, about 95 % of the heading errors are '
             'inside.')
     return Figure('path', 'Path of the robot in the plane, estimate and reference', caption,

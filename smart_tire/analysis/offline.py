@@ -27,6 +27,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from smart_tire.analysis.dead_reckoning import baselines
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
@@ -44,6 +45,7 @@ from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, topic_of
+from smart_tire.parameters import RobotParams
 from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
@@ -103,13 +105,15 @@ class Analysis:
     smoothed: SampleArrays | None = None  # None if not requested
     summary: Tree | None = None     # None if nothing was estimated
     picture: Path | None = None     # a camera frame with the path, if one was drawn
+    robot: RobotParams = field(default_factory=RobotParams)
 
     @cached_property
     def result(self) -> Result:
         """Return the estimates and what they are compared with, for figures and tables."""
         contents = self.contents
         return Result(self.estimates, contents.inputs, contents.truth, contents.camera,
-                      self.smoothed, contents.paths.wanted())
+                      self.smoothed, baselines(contents.inputs, self.robot),
+                      contents.paths.wanted())
 
 
 class EstimateWriter:
@@ -153,7 +157,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     names_out = ('estimates', 'smoothed') if smooth else ('estimates',)
     folders = [None if out is None else out / name for name in names_out]
     _check_folders(path, (out, *folders))
-    analysis = Analysis()
+    analysis = Analysis(robot=params.robot)
     if overhead is not None and (picture := overhead.parent / PICTURE).is_file():
         analysis.picture = picture
     with ExitStack() as stack:

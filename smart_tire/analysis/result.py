@@ -15,15 +15,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+import math
 
 import numpy as np
 
 from smart_tire.analysis.figure import CAMERA, Curve, Segments, segments, TRUTH
 from smart_tire.analysis.friction_metrics import match, Matches, stamps_of
 from smart_tire.analysis.metrics import (
-    Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals)
+    Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals, START)
 from smart_tire.arrays import Array
-from smart_tire.recording import SampleArrays, seconds
+from smart_tire.estimates import PoseEstimate
+from smart_tire.recording import at, SampleArrays, seconds
 
 FILTERED, SMOOTHED = 'filtered', 'smoothed'
 
@@ -35,11 +37,24 @@ class Comparison:
     estimates: SampleArrays
     reference: SampleArrays
     name: str = TRUTH  # of the reference: TRUTH or CAMERA
+    origin_ns: int = 0  # timestamp at which the time axes are zero
+    dead_reckoning: Mapping[str, PoseEstimate] = field(default_factory=dict)  # by method
+    align: str = START  # one of ``ALIGNMENTS``
 
     @cached_property
     def poses(self) -> ComparedPoses:
-        """Return x, y and yaw, with the reference aligned at the start."""
-        return compared_poses(self.estimates.poses(), self.reference.poses())
+        """Return x, y and yaw."""
+        return compared_poses(self.estimates.poses(), self.reference.poses(), self.align)
+
+    @cached_property
+    def baselines(self) -> Mapping[str, ComparedPoses]:
+        """Return x, y and yaw of dead reckoning by method, at the times of the estimates."""
+        stamps, reference = self.estimates.poses().stamp_ns, self.reference.poses()
+        unknown = np.full((len(stamps), 3, 3), math.nan)
+        return {name: found for name, one in self.dead_reckoning.items() if len((
+            found := compared_poses(PoseEstimate(
+                stamps, *(at(stamps, one.stamp_ns, rows) for rows in (one.pose, one.twist)),
+                unknown, unknown[:, 0]), reference, self.align)).stamp_ns)}
 
     @cached_property
     def twist(self) -> Compared:
@@ -66,6 +81,7 @@ class Result:
     truth: SampleArrays = field(default_factory=SampleArrays)
     camera: SampleArrays = field(default_factory=SampleArrays)  # of the overhead camera
     smoothed: SampleArrays | None = None
+    dead_reckoning: Mapping[str, PoseEstimate] = field(default_factory=dict)  # by method
     wanted: Sequence[Array] = ()  # paths (n, 2) m that were to be followed
     intervals: Intervals = field(default_factory=dict)  # evaluated separately
 
@@ -101,7 +117,8 @@ class Result:
         labeled = {'estimate': self.estimates} if self.smoothed is None else {
             FILTERED: self.estimates, SMOOTHED: self.smoothed}
         name, reference = next(iter(self.references.items()), (TRUTH, self.truth))
-        return {label: Comparison(one, reference, name) for label, one in labeled.items()}
+        return {label: Comparison(one, reference, name, self.origin_ns, self.dead_reckoning)
+                for label, one in labeled.items()}
 
     @property
     def filtered(self) -> Comparison:

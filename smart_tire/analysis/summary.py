@@ -138,6 +138,8 @@ def error_tree(found: Comparison, intervals: Intervals | None = None) -> Tree | 
     tree: Tree = {}
     if (pose := pose_score(found.poses, found.twist)) is not None:
         tree['pose'] = pose
+        if found.baselines:
+            tree['baselines'] = {name: pose_score(one) for name, one in found.baselines.items()}
     if len(found.slips.stamp_ns):
         tree['slip'] = {WHOLE: slip_scores(found.slips),
                         **{name: slip_scores(found.slips, interval)

@@ -51,10 +51,12 @@ GROUND: Columns = (
 POSE: Columns = (
     ('position error, rms [m]', 'position_rms_m', '.3f'),
     ('position error, rms / σ [-]', 'position_normalized_rms', '.2f'),
+    ('position error, in 2 σ', 'position_within_two', '.0%'),
     ('position error, largest [m]', 'position_max_m', '.3f'),
     ('position error at the end [m]', 'position_end_m', '.3f'),
     ('position error at the end [% of distance]', 'end_percent_of_distance', '.2f'),
     ('distance of the reference [m]', 'distance_m', '.2f'),
+    ('displacement in one meter, rms error [m]', 'drift_per_meter_m', '.4f'),
     ('heading error, rms [rad]', 'yaw.rms', '.4f'),
     ('heading error at the end [rad]', 'yaw_end_rad', '.4f'),
     ('displacement in one second, rms error [m]', 'relative_position_rms_m', '.4f'),
@@ -148,7 +150,7 @@ def error_tables(summary: Tree) -> list[Table]:
     reference, tree = errors_in(summary)
     found = []
     if 'pose' in tree:
-        found += [pose_table(tree['pose'], reference), twist_table(tree['pose']['twist'] or {})]
+        found += [pose_table(tree, reference), twist_table(tree['pose']['twist'] or {})]
     if 'slip' in tree:
         found.append(slip_error_table(tree['slip'], tuple(SIDES), reference))
     if 'friction' in tree:
@@ -205,10 +207,11 @@ def ground_table(estimates: Tree) -> Table:
         for label, name, form in GROUND] if ground else [])
 
 
-def pose_table(pose: Tree, reference: str = TRUTH) -> Table:
-    """Return the errors of the path."""
-    return Table(f'Errors of the path; {reference} aligned at the start', ['error', 'value'],
-                 [[heading, *_cells(pose, [(heading, key, form)])]
+def pose_table(tree: Tree, reference: str = TRUTH) -> Table:
+    """Return the errors of the path, next to those of dead reckoning."""
+    methods = {'estimate': tree['pose'], **tree.get('baselines', {})}
+    return Table(f'Errors of the path; {reference} aligned at the start', ['error', *methods],
+                 [[heading, *(_cells(one, [(heading, key, form)])[0] for one in methods.values())]
                   for heading, key, form in POSE])
 
 

@@ -30,7 +30,7 @@ def drive(speed, **options):
 
 
 def errors(own, truth):
-    return error_groups(Comparison(own, truth), 0)
+    return error_groups(Comparison(own, truth))
 
 
 def test_pose_errors_grow_along_the_path_and_keep_the_standard_deviations():

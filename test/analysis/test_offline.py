@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from smart_tire.analysis.html_report.content import report_of
+from smart_tire.analysis.dead_reckoning import GYRO_WHEELS, WHEELS_ONLY
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import (
     BagParams, ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS)
@@ -127,6 +128,10 @@ def test_slip_and_friction_are_near_the_truth(analyzed):
     truth = analyzed[1].summary['against_truth']
     assert truth['pose']['distance_m'] > 5.0
     assert truth['pose']['position_rms_m'] < 0.2
+    gyro, wheels = (truth['baselines'][name] for name in (GYRO_WHEELS, WHEELS_ONLY))
+    assert gyro['distance_m'] == truth['pose']['distance_m'] == wheels['distance_m']
+    assert gyro['yaw']['rms'] < 0.1 < 1.0 < wheels['yaw']['rms']
+    assert gyro['position_within_two'] is gyro['yaw']['within_two'] is None
     for side in ('left', 'right'):
         slip = truth['slip'][WHOLE][side]
         assert slip['estimated_mean'] == pytest.approx(slip['true_mean'], abs=0.05)
@@ -189,7 +194,7 @@ def test_ground_truth_without_twist_gives_no_errors_of_speeds(bag_of, drive, par
                   drive, 'imu/data', 'wheel_states', TRUTHS[0])[:1000]]
     run = analyze(bag_of(tmp_path / 'bag', events), tmp_path / 'out', params)
     assert run.summary['against_truth']['pose']['twist'] is None
-    assert list(run.summary['against_truth']) == ['pose']
+    assert list(run.summary['against_truth']) == ['pose', 'baselines']
     assert 'ground_truth/odom has no twist' in skipped(run)
     assert 'ground_truth/wheel_slip is missing: no errors of slips' in skipped(run)
 

@@ -188,7 +188,7 @@ def test_tables_and_errors_name_the_camera():
     tables = error_tables(evaluation(result.filtered))
     assert tables[0].title == 'Errors of the path; camera aligned at the start'
     assert 'mean camera' in tables[-1].head
-    groups = error_groups(result.filtered, 0)
+    groups = error_groups(result.filtered)
     for figure in (error_figure('a', 'A', groups['slip'], CAMERA),
                    histogram_figure(groups, CAMERA)):
         assert 'camera' in figure.caption and 'truth' not in figure.caption

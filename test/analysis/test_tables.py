@@ -23,6 +23,7 @@ FRICTION = {'crossings': 10, 'found': 9, 'informative': 8, 'informative_share': 
             'fused_median_relative_error': 0.05, 'within_one': None, 'within_two': 0.9}
 POSE = {'position_rms_m': 0.5, 'position_end_m': 0.75, 'position_max_m': 0.8,
         'end_percent_of_distance': 3.0, 'distance_m': 25.0, 'position_normalized_rms': None,
+        'position_within_two': 0.9, 'drift_per_meter_m': 0.02,
         'yaw': SCORE, 'yaw_end_rad': -0.1, 'relative_position_rms_m': 0.01,
         'relative_yaw_rms_rad': 0.02, 'twist': dict.fromkeys(('v_x', 'v_y', 'yaw_rate'), SCORE)}
 ESTIMATES = {
@@ -36,7 +37,8 @@ SUMMARY = {
     'left_out': ['tire_samples is not in the bag'],
     'inputs': {'imu/data': {'messages': 8000, 'rate_hz': 100.0, 'gaps': 2, 'missing': 3,
                             'longest_gap_s': 0.5, 'late': 1, 'rejected': 0}},
-    'estimates': ESTIMATES, 'against_truth': {'pose': POSE}}
+    'estimates': ESTIMATES, 'against_truth': {'pose': POSE, 'baselines': {
+        'wheels only': {**POSE, 'position_rms_m': 9.5, 'position_within_two': None}}}}
 
 
 def test_an_unknown_value_is_a_dash():
@@ -57,10 +59,11 @@ def test_columns_are_aligned_and_a_table_without_rows_has_no_text():
                                                     '0.200'],
     ['yaw', 'at', 'the', 'end', '[rad]', '0.500', '0.030'], ['left', '0.1000', '-'],
     ['front', 'left', '20', '15', '0.450', '0.460', '0.030'],
-    ['position', 'error,', 'rms', '[m]', '0.500'],
-    ['position', 'error', 'at', 'the', 'end', '[%', 'of', 'distance]', '3.00'],
-    ['heading', 'error,', 'rms', '[rad]', '0.0200'],
-    ['yaw', 'rate', '[rad/s]', '+0.0100', '0.0200', '1.10', '70%', '95%']], ids=lambda row: row[0])
+    ['error', 'estimate', 'wheels', 'only'], ['position', 'error,', 'rms', '[m]', '0.500', '9.500'],
+    ['position', 'error,', 'in', '2', 'σ', '90%', '-'],
+    ['position', 'error', 'at', 'the', 'end', '[%', 'of', 'distance]', '3.00', '3.00'],
+    ['heading', 'error,', 'rms', '[rad]', '0.0200', '0.0200'],
+    ['yaw', 'rate', '[rad/s]', '+0.0100', '0.0200', '1.10', '70%', '95%']], ids=' '.join)
 def test_the_text_has_inputs_estimates_and_errors(expected):
     assert next(lines(SUMMARY)) == 'field/run_3: 80.0 s'
     assert expected in [line.split() for line in lines(SUMMARY)]
@@ -74,7 +77,7 @@ def test_a_late_host_comes_before_gaps_and_late_messages():
 
 def test_of_smoothed_estimates_only_what_differs_is_repeated():
     smoothed = {'estimates': {**ESTIMATES, 'odom': {**ESTIMATES['odom'], 'distance_m': 26.0}},
-                'against_truth': {'pose': POSE}}
+                'against_truth': SUMMARY['against_truth']}
     filtered, repeated = '\n'.join(lines({**SUMMARY, 'smoothed': smoothed})).split('RTS smoother')
     assert '26.00' in repeated and '25.10' in filtered
     assert 'Friction' not in repeated and 'Errors' not in repeated

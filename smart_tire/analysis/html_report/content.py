@@ -99,7 +99,9 @@ def _tiles(summary: Tree) -> list[tuple[str, str, str]]:
     if pose := against.get('pose'):
         tiles.append(('position error at the end', f'{text(pose["position_end_m"], ".2f")} m',
                       f'{text(pose["end_percent_of_distance"], ".2f")} % of the distance, by '
-                      f'{SOURCES[reference]}'))
+                      f'{SOURCES[reference]}' + ''.join(
+                          f'; {name}: {text(base["position_end_m"], ".2f")} m'
+                          for name, base in against.get('baselines', {}).items())))
         tiles.append(('heading error at the end', f'{text(pose["yaw_end_rad"], ".3f")} rad', ''))
     if slip := against.get('slip'):
         tiles += [(f'slip error, {side} side', text(slip[WHOLE][side]['error']['rms'], '.3f'),
@@ -149,9 +151,9 @@ def _errors(result: Result, summary: Tree) -> Section:
     if not against:
         return Section('errors', 'Errors', 'Errors', [
             'Neither ground truth nor an overhead camera overlaps the estimates.'])
-    groups = error_groups(result.filtered, result.origin_ns)
+    groups = error_groups(result.filtered)
     return Section('errors', 'Errors', f'Errors against {SOURCES[reference]}', _known(
-        pose_table(against['pose'], reference) if 'pose' in against else None,
+        pose_table(against, reference) if 'pose' in against else None,
         consistency_table([one for errors in groups.values() for one in errors]),
         histogram_figure(groups, reference),
         slip_error_table(against['slip'], None, reference) if 'slip' in against else None,
