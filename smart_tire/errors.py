@@ -8,7 +8,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Exceptions of this package, derived from built-in ones."""
+"""Exceptions of this package, derived from built-in ones, and parts of their texts."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 MAX_TEXT = 500    # characters of an error, assumed: a few lines of a terminal
 MAX_REASON = 200  # characters of the reason why a message is rejected
@@ -25,6 +28,12 @@ def printable(text: str, limit: int = MAX_TEXT) -> str:
         line = _shortened(''.join(letter if letter.isprintable() else ascii(letter)[1:-1]
                                   for letter in ' '.join(line.splitlines())), limit)
     return line
+
+
+def did_you_mean(name: str, known: Iterable[str], otherwise: str = '') -> str:
+    """Return the most similar of ``known`` as the end of a sentence, or ``otherwise``."""
+    near = get_close_matches(name, list(known), n=1)
+    return f', did you mean {near[0]}?' if near else otherwise
 
 
 def _shortened(text: str, limit: int) -> str:

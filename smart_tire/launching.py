@@ -18,7 +18,6 @@ installed and tested without it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-import difflib
 import math
 import os
 from pathlib import Path
@@ -26,7 +25,7 @@ import re
 import signal
 from typing import Any
 
-from smart_tire.errors import ParameterError
+from smart_tire.errors import did_you_mean, ParameterError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.files import has_block_for
 from smart_tire.yaml_text import load_own
@@ -229,6 +228,5 @@ def _given(context: Any) -> list[str]:
 
 
 def _unknown(name: str, names: list[str]) -> str:
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f'did you mean {near[0]}:=?' if near else f'expected one of {", ".join(names)}'
-    return f'unknown argument {name}:=, {hint}'
+    return f'unknown argument {name}:=' + did_you_mean(
+        name, names, f', expected one of {", ".join(names)}').replace('?', ':=?')

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from smart_tire.cli._bags import print_counts, print_warnings, REQUIRED
 from smart_tire.cli._progress import ProgressLine, Rate
-from smart_tire.errors import BagError
+from smart_tire.errors import BagError, did_you_mean
 from smart_tire.estimation.streams import INPUTS
 
 if TYPE_CHECKING:
@@ -107,7 +107,8 @@ def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) ->
         check_inputs(bag, REQUIRED)
     found = {topic: find(bag, topic, topics) for topic in topics}
     if absent := [topic for topic, name in found.items() if name is None]:
-        raise BagError(f'{bag.path} has no {", ".join(absent)}; its topics: {listed(bag)}')
+        raise BagError(f'{bag.path} has no {", ".join(absent)}' + did_you_mean(
+            absent[0], bag.topics, f'; its topics: {listed(bag)}'))
     names = [name for name in found.values() if name is not None]
     if everything:
         names += without_commands(bag, clock=clock)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 
-from smart_tire.errors import ParameterError
+from smart_tire.errors import did_you_mean, ParameterError
 from smart_tire.messages.describe import columns, describe, Described, topic_lines, TOPIC_NAMES
 
 
@@ -36,5 +36,6 @@ def run(args: argparse.Namespace) -> int:
 def _described(name: str) -> Described:
     topic = describe(name)
     if topic is None:
-        raise ParameterError(f'{name}: no topic of this package; known: {", ".join(TOPIC_NAMES)}')
+        raise ParameterError(f'{name}: no topic of this package' + did_you_mean(
+            name, TOPIC_NAMES, f'; known: {", ".join(TOPIC_NAMES)}'))
     return topic

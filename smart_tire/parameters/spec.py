@@ -21,12 +21,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-import difflib
 from fnmatch import fnmatchcase
 import math
 from typing import Any, TypeVar
 
-from smart_tire.errors import ParameterError
+from smart_tire.errors import did_you_mean, ParameterError
 
 Params = TypeVar('Params')
 ANY_NAME = '*'    # in the place of the names of a ``named`` field
@@ -226,9 +225,7 @@ def unknown_name_error(name: str, known: Iterable[str], where: str = '') -> Para
     if name.startswith(QOS_OVERRIDES):
         return ParameterError(f'{where}{name}: qualities of service are fixed; for publishers '
                               'that offer best effort only set reliability')
-    near = difflib.get_close_matches(name, list(known), n=1)
-    hint = f', did you mean {near[0]}?' if near else ''
-    return ParameterError(f'{where}unknown parameter {name}{hint}')
+    return ParameterError(f'{where}unknown parameter {name}{did_you_mean(name, known)}')
 
 
 def build(cls: type[Params], values: Mapping[str, Any]) -> Params:

@@ -34,7 +34,10 @@ def test_fields_publisher_and_subscribers_of_topics_are_printed(capsys):
 
 
 def test_an_unknown_topic_is_a_usage_error_that_lists_the_known_ones(capsys):
-    assert main(['topics', 'odom', 'odometry']) == 2
+    assert main(['topics', 'odom', 'voltage']) == 2
     out, err = capsys.readouterr()
     assert out == ''
-    assert 'odometry: no topic of this package; known: imu/data, ' in err
+    assert 'voltage: no topic of this package; known: imu/data, ' in err
+    assert main(['topics', 'wheel_slp']) == 2
+    assert 'wheel_slp: no topic of this package, did you mean wheel_slip?' in (
+        capsys.readouterr().err)
