@@ -162,13 +162,19 @@ endif
 # bench_output/check/.
 ALONE := long and (processes or safety)
 check: export SELECTION := -m 'not ($(ALONE))' --cov --cov-report=term --cov-fail-under=92
-check: test current site
+check: $(VENV)/ready-evo test current site
 	$(BIN)/python -m pytest -m '$(ALONE)'
 	$(BIN)/python test/fuzz.py --seconds 60
 	$(BIN)/python test/safety/stop_times.py --runs 1
 	$(BIN)/python -m benchmarks.slip --quick --force --out bench_output/check/slip
 	$(BIN)/python -m benchmarks.friction --quick --force --out bench_output/check/friction
 	$(BIN)/python -m benchmarks.control --quick --force --out bench_output/check/control
+
+# A test compares exported paths with it; without it the test is skipped.
+$(VENV)/ready-evo: $(READY)
+	@echo 'Installing evo into $(VENV)'
+	@$(PIP) $(if $(ROS_DISTRO),,--constraint constraints.txt) 'evo; python_version >= "3.11"'
+	@touch $@
 
 # Regenerate files derived from the source; fail if one of them was outdated.
 GENERATED := config/*.yaml config/security/policy.xml urdf/smart_tire.urdf docs/topics.md \

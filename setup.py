@@ -98,6 +98,8 @@ setup(
         ],
         'view': ['rerun-sdk>=0.24'],  # smart_tire view
         'pandas': ['pandas'],         # results as data frames
+        'parquet': ['pandas', 'pyarrow'],
+        'evo': ['evo; python_version >= "3.11"'],  # a test compares with it
         # smart_tire overhead; opencv from 4.12 on needs a newer numpy than ROS Jazzy has
         'camera': ['filterpy>=2.0', 'opencv-python-headless>=4.7,<4.12'],
         'docs': ['furo', 'ipykernel', 'latex2mathml', 'myst-nb', 'pandas', 'sphinx'],

@@ -27,6 +27,7 @@ from smart_tire.errors import BagError, ParameterError
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 BAG_METADATA = 'metadata.yaml'
+SUMMARY = 'summary.json'  # of an analysis, next to its bags
 SIMULATED = 'simulated:'  # scheme of the ports of simulated devices
 LOCK_SUFFIX = '.lock'     # of the file of the link of a simulated port
 MAX_LOCK_BYTES = 256      # of its text: process and terminal
@@ -131,6 +132,11 @@ def find_bag(path: Path) -> Path:
         raise BagError(f'{path} contains {len(below)} bags, expected one: '
                        + ', '.join(map(str, below)))
     return below[0]
+
+
+def is_analysis(folder: Path) -> bool:
+    """Return whether ``folder`` is the output folder of ``smart_tire analyze``."""
+    return (folder / SUMMARY).is_file() and (folder / 'estimates').is_dir()
 
 
 def no_bag(folder: Path) -> str:

@@ -40,7 +40,7 @@ MAX_GAP = 5.0                  # s, bridged by linear interpolation
 
 
 @dataclass(frozen=True)
-class Inputs:
+class ReckoningInputs:
     """Sensor samples sorted by timestamp, without duplicates."""
 
     robot: RobotParams
@@ -66,7 +66,7 @@ def baselines(recording: SampleArrays, robot: RobotParams) -> Mapping[str, PoseE
     return {GYRO_WHEELS: gyro_odometry(inputs)[0], WHEELS_ONLY: wheel_odometry(inputs)[0]}
 
 
-def as_inputs(recording: SampleArrays, robot: RobotParams) -> Inputs:
+def as_inputs(recording: SampleArrays, robot: RobotParams) -> ReckoningInputs:
     """Return the inputs in ``recording``; raise EstimatorError for too few of them."""
     imu, wheels = recording.stream(ImuSample).ordered, recording.stream(WheelSample).ordered
     angles, speeds = (_side_means(wheels[name]) for name in ('position', 'velocity'))
@@ -79,7 +79,7 @@ def as_inputs(recording: SampleArrays, robot: RobotParams) -> Inputs:
     wheel_ns = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
     travel = robot.wheel_radius * angles
     rotation = matrix(*robot.imu.rotation)
-    return Inputs(robot, imu.stamp_ns, (imu['rate'] @ rotation.T)[:, 2], wheel_ns, travel,
+    return ReckoningInputs(robot, imu.stamp_ns, (imu['rate'] @ rotation.T)[:, 2], wheel_ns, travel,
                   _stationary_count(imu.stamp_ns, wheel_ns, travel))
 
 
@@ -107,7 +107,7 @@ def _stationary_count(imu_ns: Instants, wheel_ns: Instants, travel: Array) -> in
     return count if long_enough else 0
 
 
-def wheel_odometry(inputs: Inputs) -> tuple[PoseEstimate, SlipEstimate]:
+def wheel_odometry(inputs: ReckoningInputs) -> tuple[PoseEstimate, SlipEstimate]:
     """Return the odometry of a differential drive with the track of the wheels."""
     travel, rolling, track = inputs.travel, inputs.rolling, inputs.robot.track_width
     difference = travel[:, 1] - travel[:, 0]
@@ -116,7 +116,7 @@ def wheel_odometry(inputs: Inputs) -> tuple[PoseEstimate, SlipEstimate]:
     return _dead_reckoning(inputs, inputs.wheel_ns, yaw, travel.mean(axis=1), rate, rolling)
 
 
-def gyro_odometry(inputs: Inputs) -> tuple[PoseEstimate, SlipEstimate]:
+def gyro_odometry(inputs: ReckoningInputs) -> tuple[PoseEstimate, SlipEstimate]:
     """Return dead reckoning by gyroscope heading and mean wheel distance."""
     stamps = inputs.imu_ns
     bias = inputs.rate[:inputs.stationary].mean() if inputs.stationary else 0.0
@@ -130,8 +130,8 @@ def gyro_odometry(inputs: Inputs) -> tuple[PoseEstimate, SlipEstimate]:
                            rate[known], rolling[known])
 
 
-def _dead_reckoning(inputs: Inputs, stamps: Instants, yaw: Array, distance: Array, rate: Array,
-                    rolling: Array) -> tuple[PoseEstimate, SlipEstimate]:
+def _dead_reckoning(inputs: ReckoningInputs, stamps: Instants, yaw: Array, distance: Array,
+                    rate: Array, rolling: Array) -> tuple[PoseEstimate, SlipEstimate]:
     """Return the estimate for travel of ``distance`` [m] with heading ``yaw`` [rad] along arcs."""
     turn = np.diff(yaw)
     chord = np.diff(distance) * np.sinc(0.5 * turn / math.pi)

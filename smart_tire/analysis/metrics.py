@@ -35,7 +35,7 @@ from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WHEELS
 MIN_DISTANCE_STEP = 0.05
 RELATIVE_POSE_INTERVAL_NS = NS_PER_S  # over which relative pose errors are taken
 RELATIVE_POSE_DISTANCE = 1.0  # m, estimated, over which the drift per meter is taken
-START, SE2, NONE = ALIGNMENTS = 'start', 'se2', 'none'  # of a reference with an estimate
+START, SE2, UNALIGNED = ALIGNMENTS = 'start', 'se2', 'none'  # of a reference with an estimate
 SIDES = {'left': LEFT, 'right': RIGHT}
 TWIST = 'v_x', 'v_y', 'yaw_rate'
 Intervals = Mapping[str, Sequence[tuple[int, int]]]  # name -> time intervals [ns]
@@ -118,7 +118,7 @@ def score(error: Array, sigma: Array) -> Score:
                  mean(normalized <= 1.0), mean(normalized <= 2.0))
 
 
-def mean(values: Array) -> float:
+def mean(values: Array | NDArray[np.bool_]) -> float:
     """Return the mean; NaN without values."""
     return float(np.mean(values)) if len(values) else math.nan
 
@@ -189,7 +189,7 @@ def compared_poses(estimate: PoseEstimate, truth: PoseEstimate, align: str = STA
 
     The path of the reference is transformed, because its frame is unrelated to ``odom``: so that
     both start at the same pose (``START``), or that the sum of the squared distances is least
-    (``SE2``), which leaves the covariance of the errors unknown. ``NONE`` is for equal frames.
+    (``SE2``), which leaves the covariance of the errors unknown; ``UNALIGNED`` is for one frame.
     """
     estimated = at(truth.stamp_ns, estimate.stamp_ns, estimate.pose)
     known = np.isfinite(estimated[:, 0])
@@ -213,15 +213,21 @@ def aligned(poses: Array, start: Array, covariance: Array) -> tuple[Array, Array
 
     An error of the first pose moves and turns all of them.
     """
-    given = _given(covariance)
-    turn = start[2] - poses[0, 2]
-    moved = rotated(poses[:, :2] - poses[0, :2], turn)
+    given, carried_poses = _given(covariance), carried(poses, poses[0], start)
+    moved = carried_poses[:, :2] - start[:2]
     own = np.eye(3)
-    own[:2, :2] = rotated(np.eye(2), turn).T
+    own[:2, :2] = rotated(np.eye(2), start[2] - poses[0, 2]).T
     first = np.repeat(own[None], len(poses), axis=0)  # minus the derivative by the first pose
     first[:, 0, 2], first[:, 1, 2] = -moved[:, 1], moved[:, 0]
     spread = own @ given @ own.T + first @ given[0] @ first.transpose(0, 2, 1)
-    return np.column_stack([moved + start[:2], poses[:, 2] + turn]), spread
+    return carried_poses, spread
+
+
+def carried(poses: Array, first: Array, second: Array) -> Array:
+    """Return ``poses`` (n, 3) moved and turned as from the pose ``first`` to ``second``."""
+    turn = second[2] - first[2]
+    return np.column_stack([rotated(poses[:, :2] - first[:2], turn) + second[:2],
+                            poses[:, 2] + turn])
 
 
 def _given(covariance: Array) -> Array:
@@ -234,8 +240,7 @@ def _fitted(poses: Array, others: Array) -> Array:
     centers = [one[:, :2].mean(axis=0) for one in (poses, others)]
     (x, y), (u, v) = ((one[:, :2] - center).T for one, center in zip((poses, others), centers))
     turn = math.atan2(float(x @ v - y @ u), float(x @ u + y @ v))
-    return np.column_stack([rotated(poses[:, :2] - centers[0], turn) + centers[1],
-                            poses[:, 2] + turn])
+    return carried(poses, np.append(centers[0], 0.0), np.append(centers[1], turn))
 
 
 def rotated(points: Array, angle: float | Array) -> Array:
@@ -275,8 +280,9 @@ def pose_score(poses: ComparedPoses, twist: Compared | None = None) -> PoseScore
 
 def _normalized(error: Array, covariance: Array) -> float:
     """Return the rms of errors (n, 2) normalized by their covariances; NaN if all singular."""
-    regular = np.isfinite(covariance).all(axis=(1, 2))
-    regular[regular] = np.linalg.det(covariance[regular]) > 0.0
+    known = np.isfinite(covariance).all(axis=(1, 2))
+    error, covariance = error[known], covariance[known]
+    regular = np.linalg.det(covariance) > 0.0
     error, covariance = error[regular], covariance[regular]
     if not len(error):
         return math.nan

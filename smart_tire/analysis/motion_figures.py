@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle
 
@@ -26,7 +26,7 @@ from smart_tire.analysis.figure import (
     MAX_SLIP_SIGMA, observable, PAIR, Panel, reference_caption, reference_marks, REPORTED,
     share_outside, SOURCES, TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.metrics import (
-    aligned, compared_poses, ComparedPoses, measured, SIDES)
+    carried, compared_poses, ComparedPoses, measured, SE2, SIDES, START, UNALIGNED)
 from smart_tire.analysis.result import Comparison, Result
 from smart_tire.arrays import Array
 from smart_tire.estimates import PoseEstimate
@@ -41,6 +41,8 @@ WHEEL_GROUPS = {wheel: (index,) for index, wheel in enumerate(WHEELS)}
 AREA_COLORS = 'sky', 'orange', 'vermillion', 'blue'
 RUN_COLORS = 'orange', 'blue', 'vermillion', 'sky', 'green'
 BASELINE_COLOR = 'purple'
+ALIGNED = {SE2: 'moved and turned to the least squared distances from it',
+           UNALIGNED: 'not aligned with it'}
 ESTIMATE = 'estimate ± 2σ'
 NONE = Curve(np.empty(0), np.empty(0))
 
@@ -158,52 +160,74 @@ def path_figure(result: Result, *, errors: bool = True) -> Figure | None:
         result.wanted, errors=errors)
 
 
+def comparison_figure(runs: Mapping[str, Comparison]) -> Figure | None:
+    """Return the paths of ``runs`` by label and their errors; None without poses."""
+    distinct: dict[int, tuple[str, ComparedPoses]] = {}
+    for one in runs.values():
+        if len(one.poses.stamp_ns):
+            distinct.setdefault(id(one.reference), (one.name, one.path[1]))
+    figure = paths_figure(runs, list(distinct.values()))
+    return figure and replace(figure, name='comparison', title='Paths of all runs, their errors')
+
+
 def paths_figure(runs: Mapping[str, Comparison], references: Sequence[tuple[str, ComparedPoses]],
                  wanted: Sequence[Array] = (), *, errors: bool = True) -> Figure | None:
     """
     Return the paths of ``runs`` by label and, with a reference, position and heading ``errors``.
 
     Ellipses show two standard deviations of the position at about equal distances. The baseline is
-    that of the first run. None if this has no poses.
+    that of the first run. None without poses.
     """
-    poses = {label: one.estimates.poses() for label, one in runs.items()}
-    (head, first), *_ = poses.items()
-    if not len(first.stamp_ns):
+    runs = {label: one for label, one in runs.items() if len(one.estimates.poses().stamp_ns)}
+    if not runs:
         return None
-    colors = dict(zip(poses, PAIR if len(poses) == 1 else cycle(RUN_COLORS)))
+    head = next(iter(runs.values()))
+    colors = dict(zip(runs, PAIR if len(runs) == 1 else cycle(RUN_COLORS)))
     drawn = [(name, _reference_path(one)) for name, one in references if len(one.stamp_ns)]
-    base = runs[head].baselines.get(GYRO_WHEELS)
+    base = head.baselines.get(GYRO_WHEELS)
     marks = [*wanted_marks(wanted)]
     if base is not None:
-        path, _ = aligned(base.estimated, first.pose[0], np.zeros_like(base.covariance))
-        marks.append(_path(path, GYRO_WHEELS, BASELINE_COLOR))
-    for label, one in poses.items():
-        marks += [_ellipses(one.pose[:, :2], one.covariance, colors[label]),
-                  _path(one.pose, label, colors[label])]
+        marks.append(_path(carried(base.estimated, base.true[0], head.path[1].true[0]),
+                           GYRO_WHEELS, BASELINE_COLOR))
+    for label, one in runs.items():
+        if one.align == START:
+            marks.append(_ellipses(one.path[0], one.estimates.poses().covariance, colors[label]))
+        marks.append(_path(one.path[0], label, colors[label]))
     marks += [mark for name, curve in drawn for mark in reference_marks({name: curve})]
-    marks += [_dot(first.pose[:1], 'start'), _dot(first.pose[-1:], 'end', 'shade')]
+    marks += [_dot(head.path[0][:1], 'start'), _dot(head.path[0][-1:], 'end', 'shade')]
     panel = Panel(marks, 'x [m]', 'y [m]', equal=True)
     names = dict.fromkeys(name for name, _ in drawn)
-    caption = ('Path in the frame odom, which starts at (0, 0)'
-               + (', references aligned at the start' if drawn else '')
-               + f'.{reference_caption(names)} '
-               'Ellipses: two standard deviations of the position; they contain 86 % of Gaussian '
-               'errors.')
+    caption = _path_caption(head.align, names)
+    if base is not None and len(runs) > 1:
+        caption += f' {GYRO_WHEELS.capitalize()}: of {next(iter(runs))}.'
     rows: list[list[Panel | None]] = [[panel]]
-    if errors and drawn and runs[head].name in names:
-        compared = [(one.poses, one.origin_ns) for one in runs.values()]
-        compared += [] if base is None else [(base, runs[head].origin_ns)]
-        curves = [(position_error(*one), pose_errors(*one)[2]) for one in compared]
-        shown = {**colors, GYRO_WHEELS: BASELINE_COLOR}
+    compared = {label: (one.poses, one.origin_ns) for label, one in runs.items()
+                if len(one.poses.stamp_ns)}
+    if errors and compared and head.name in names:
+        compared |= {} if base is None else {GYRO_WHEELS: (base, head.origin_ns)}
+        curves = [(position_error(*one), pose_errors(*one)[2]) for one in compared.values()]
+        shown = {label: colors.get(label, BASELINE_COLOR) for label in compared}
         rows = [[panel, error_panel(several, shown, bottom=bottom)]
                 for several, bottom in zip(zip(*curves), (0.0, None))]
-        caption += (
-            f' Right: errors against {SOURCES[runs[head].name]}; shaded: 2σ, where σ is the '
-            f'standard deviation {REPORTED[runs[head].name]} (of the position: along the '
+        caption += f' Right: errors against {SOURCES[head.name]}'
+        caption += '.' if head.align == SE2 else (
+            '; shaded: 2σ, where σ is the '
+            f'standard deviation {REPORTED[head.name]} (of the position: along the '
             'longest axis of its ellipse). If it is right, about 95 % of the heading errors are '
             'inside.')
     return Figure('path', 'Path of the robot in the plane, estimate and reference', caption,
                   rows, (5.0, 2.5) if len(rows) > 1 else (6.0, 4.6 if errors else 7.6))
+
+
+def _path_caption(align: str, references: Iterable[str]) -> str:
+    """Return how paths are drawn."""
+    drawn = reference_caption(references)
+    if align != START:
+        return f'Paths in the frame of the reference, {ALIGNED[align]}.{drawn}'
+    return ('Path in the frame odom, which starts at (0, 0)'
+            + (', references aligned at the start' if drawn else '') + f'.{drawn} '
+            'Ellipses: two standard deviations of the position; they contain 86 % of Gaussian '
+            'errors.')
 
 
 def wanted_marks(paths: Sequence[Array]) -> list[Mark]:
@@ -242,8 +266,8 @@ def equidistant(position: Array, limit: int = MAX_POINTS) -> np.ndarray[
 def _ellipses(position: Array, covariance: Array, color: str) -> Mark:
     """Return ellipses of two standard deviations at about equal distances along a path."""
     parts = []
-    for row in equidistant(position, ELLIPSES + 1):
-        parts += [position[row] + ellipse(covariance[row, :2, :2]), GAP]
+    for row in equidistant(position[:, :2], ELLIPSES + 1):
+        parts += [position[row, :2] + ellipse(covariance[row, :2, :2]), GAP]
     return Mark(Curve(*np.concatenate(parts).T), '2σ of the position', color, 'area', opacity=0.2)
 
 

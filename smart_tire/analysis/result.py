@@ -22,7 +22,8 @@ import numpy as np
 from smart_tire.analysis.figure import CAMERA, Curve, Segments, segments, TRUTH
 from smart_tire.analysis.friction_metrics import match, Matches, stamps_of
 from smart_tire.analysis.metrics import (
-    Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals, START)
+    carried, Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals,
+    START, UNALIGNED)
 from smart_tire.arrays import Array
 from smart_tire.estimates import PoseEstimate
 from smart_tire.recording import at, SampleArrays, seconds
@@ -51,10 +52,29 @@ class Comparison:
         """Return x, y and yaw of dead reckoning by method, at the times of the estimates."""
         stamps, reference = self.estimates.poses().stamp_ns, self.reference.poses()
         unknown = np.full((len(stamps), 3, 3), math.nan)
-        return {name: found for name, one in self.dead_reckoning.items() if len((
-            found := compared_poses(PoseEstimate(
-                stamps, *(at(stamps, one.stamp_ns, rows) for rows in (one.pose, one.twist)),
-                unknown, unknown[:, 0]), reference, self.align)).stamp_ns)}
+        resampled = {name: PoseEstimate(
+            stamps, at(stamps, one.stamp_ns, one.pose), at(stamps, one.stamp_ns, one.twist),
+            unknown, unknown[:, 0]) for name, one in self.dead_reckoning.items()}
+        compared = {name: compared_poses(one, reference, self.align)
+                    for name, one in resampled.items()}
+        return {name: one for name, one in compared.items() if len(one.stamp_ns)}
+
+    @property
+    def raw_reference(self) -> ComparedPoses:
+        """Return the poses of the reference in its own frame, at the times of ``poses``."""
+        return compared_poses(self.estimates.poses(), self.reference.poses(), UNALIGNED)
+
+    @cached_property
+    def path(self) -> tuple[Array, ComparedPoses]:
+        """
+        Return the poses (n, 3) of the estimates and those of the reference in one frame.
+
+        This is that of the estimates if they are aligned at the start, else that of the reference.
+        """
+        own, raw = self.estimates.poses().pose, self.raw_reference
+        if self.align == START or not len(raw.stamp_ns):
+            return own, self.poses
+        return carried(own, self.poses.true[0], raw.true[0]), raw
 
     @cached_property
     def twist(self) -> Compared:
@@ -84,6 +104,7 @@ class Result:
     dead_reckoning: Mapping[str, PoseEstimate] = field(default_factory=dict)  # by method
     wanted: Sequence[Array] = ()  # paths (n, 2) m that were to be followed
     intervals: Intervals = field(default_factory=dict)  # evaluated separately
+    align: str = START  # one of ``ALIGNMENTS``, of the reference with the estimates
 
     @cached_property
     def span_ns(self) -> tuple[int, int]:
@@ -117,8 +138,9 @@ class Result:
         labeled = {'estimate': self.estimates} if self.smoothed is None else {
             FILTERED: self.estimates, SMOOTHED: self.smoothed}
         name, reference = next(iter(self.references.items()), (TRUTH, self.truth))
-        return {label: Comparison(one, reference, name, self.origin_ns, self.dead_reckoning)
-                for label, one in labeled.items()}
+        return {label: Comparison(
+            one, reference, name, self.origin_ns, self.dead_reckoning, self.align)
+            for label, one in labeled.items()}
 
     @property
     def filtered(self) -> Comparison:

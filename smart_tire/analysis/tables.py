@@ -23,6 +23,8 @@ from smart_tire.analysis.summary import errors_in, plain, Tree
 from smart_tire.bags import BagTopic
 
 UNKNOWN = '-'
+LATEX = str.maketrans({'σ': r'$\sigma$', 'µ': r'$\mu$', '\\': r'\textbackslash{}', **{
+    sign: f'\\{sign}' for sign in '%_&#{}$'}})
 CONSISTENT = '1 σ: 68 %, 2 σ: 95 % if the estimator is consistent'
 
 # Columns, or rows, of a table: heading, key in the summary ("a.b" is nested), format.
@@ -90,9 +92,17 @@ class Table:
         every = [self.head, *self.rows]
         widths = [max(map(len, column)) for column in zip(*every)]
         for row in every:
-            cells = [f'{text:<{width}}' if i < self.text_columns else f'{text:>{width}}'
+            fields = [f'{text:<{width}}' if i < self.text_columns else f'{text:>{width}}'
                      for i, (text, width) in enumerate(zip(row, widths))]
-            yield '  ' + '  '.join(cells).rstrip()
+            yield '  ' + '  '.join(fields).rstrip()
+
+    def latex(self) -> str:
+        """Return the rows as a tabular of LaTeX."""
+        columns = ''.join('l' if i < self.text_columns else 'r' for i in range(len(self.head)))
+        head, *rows = [' & '.join(text.translate(LATEX) for text in row) + r' \\'
+                       for row in [self.head, *self.rows]]
+        return '\n'.join([f'\\begin{{tabular}}{{{columns}}}', r'\hline', head, r'\hline', *rows,
+                          r'\hline', r'\end{tabular}', ''])
 
 
 def text(value: Any, form: str) -> str:
@@ -100,14 +110,17 @@ def text(value: Any, form: str) -> str:
     return UNKNOWN if value is None else f'{value:{form}}'
 
 
-def _cells(tree: Tree, columns: Columns) -> list[str]:
-    found = []
-    for _, key, form in columns:
-        value: Any = tree
-        for part in key.split('.'):
-            value = value[part]
-        found.append(text(value, form))
-    return found
+def value_of(tree: Tree | None, key: str) -> Any:
+    """Return the value at ``key``, nested by dots; None in what is not known."""
+    value: Any = tree
+    for part in key.split('.'):
+        value = None if value is None else value[part]
+    return value
+
+
+def cells(tree: Tree | None, columns: Columns) -> list[str]:
+    """Return the texts of the values of a row."""
+    return [text(value_of(tree, key), form) for _, key, form in columns]
 
 
 def _head(first: Sequence[str], columns: Columns) -> list[str]:
@@ -161,7 +174,7 @@ def error_tables(summary: Tree) -> list[Table]:
 def inputs_table(inputs: Tree) -> Table:
     """Return the regularity of the inputs."""
     return Table('Inputs of the estimators', _head(['topic'], INPUTS),
-                 [[topic, *_cells(one, INPUTS)] for topic, one in sorted(inputs.items())],
+                 [[topic, *cells(one, INPUTS)] for topic, one in sorted(inputs.items())],
                  note='Rate: inverse median period, per wheel if wheels share a topic. Gap: a '
                  'period above 1.5 medians. Late: arrived after the estimators had passed their '
                  'timestamp. Rejected: invalid content.')
@@ -188,13 +201,13 @@ def slip_table(estimates: Tree) -> Table:
     """Return the mean slip of both sides."""
     slip = estimates.get('wheel_slip', {})
     return Table('Slip ratio while the wheels move, mean of the recording', _head(['side'], SLIP),
-                 [[side, *_cells(slip[side], SLIP)] for side in SIDES if side in slip])
+                 [[side, *cells(slip[side], SLIP)] for side in SIDES if side in slip])
 
 
 def friction_table(estimates: Tree) -> Table:
     """Return the friction of each instrumented wheel."""
     return Table('Friction coefficient of each instrumented wheel', _head(['wheel'], FRICTION),
-                 [[_words(wheel), *_cells(one, FRICTION)]
+                 [[_words(wheel), *cells(one, FRICTION)]
                   for wheel, one in estimates['tire_friction'].items()],
                  note='Informative: relative σ of the single crossing below 60 %.')
 
@@ -211,14 +224,14 @@ def pose_table(tree: Tree, reference: str = TRUTH) -> Table:
     """Return the errors of the path, next to those of dead reckoning."""
     methods = {'estimate': tree['pose'], **tree.get('baselines', {})}
     return Table(f'Errors of the path; {reference} aligned at the start', ['error', *methods],
-                 [[heading, *(_cells(one, [(heading, key, form)])[0] for one in methods.values())]
+                 [[heading, *(cells(one, [(heading, key, form)])[0] for one in methods.values())]
                   for heading, key, form in POSE])
 
 
 def twist_table(twist: Tree) -> Table:
     """Return the errors of the velocities."""
     return Table('Errors of the velocity', _head(['quantity'], SCORE),
-                 [[label, *_cells(twist[name], SCORE)]
+                 [[label, *cells(twist[name], SCORE)]
                   for name, label in TWIST.items() if name in twist])
 
 
@@ -229,7 +242,7 @@ def slip_error_table(slips: Tree, members: Sequence[str] | None = None,
                         (f'mean {reference}', 'true_mean', '.4f'))
     return Table('Errors of the slip ratio, by surface',
                  _head(['surface', 'wheel or side'], (*columns, *SCORE)),
-                 [[surface, _words(name), *_cells(one, columns), *_cells(one['error'], SCORE)]
+                 [[surface, _words(name), *cells(one, columns), *cells(one['error'], SCORE)]
                   for surface, found in slips.items() for name, one in found.items()
                   if one['error']['count'] and (members is None or name in members)], 2,
                  f'Surfaces by true friction coefficient µ; shares within {CONSISTENT}.')
@@ -241,7 +254,7 @@ def friction_error_table(friction: Tree) -> Table:
         'Errors of the friction coefficient, by surface and kind of crossing; '
         f'{friction["false_crossings"]} false crossings',
         _head(['surface', 'kind'], CROSSINGS),
-        [[surface, kind, *_cells(one, CROSSINGS)]
+        [[surface, kind, *cells(one, CROSSINGS)]
          for surface, kinds in friction.items() if surface not in ('false_crossings', 'stamp')
          for kind, one in kinds.items()], 2,
         'Traction and braking: slip above 0.05. Errors are relative medians; error, bias and '
@@ -253,7 +266,7 @@ def consistency_table(errors: Sequence[ErrorCurve]) -> Table:
     """Return errors and normalized errors of all quantities."""
     columns: Columns = (('values', 'count', '.0f'), *SCORE)
     return Table('Errors of all quantities and their consistency', _head(['quantity'], columns),
-                 [[f'{one.name} [{one.unit or "-"}]', *_cells(plain(one.score), columns)]
+                 [[f'{one.name} [{one.unit or "-"}]', *cells(plain(one.score), columns)]
                   for one in errors],
                  note='rms / σ: root mean square of the normalized errors, 1 if σ is right; '
                  f'shares within {CONSISTENT}. Slip counts where σ is below 0.5, single crossings '

@@ -24,6 +24,7 @@ from smart_tire.findings import Finding, Level
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import BagParams
+    from smart_tire.analysis.result import Result
     from smart_tire.analysis.summary import Tree
     from smart_tire.bags import Bag, TopicNames
 
@@ -137,6 +138,18 @@ def diverged(bag: Path, summary: Tree, status: int) -> int:
         return status
     print(f'{bag}: {summary["diverged"]}; correct the errors that "smart_tire doctor" names')
     return DIVERGED
+
+
+def print_comparison(found: Mapping[str, Result], out: Path | None, *, figure: bool) -> None:
+    """Print the results next to each other; write tables and a figure to ``out``, if given."""
+    from smart_tire.analysis.comparison import comparison_tables, named, write_comparison
+    runs = named(found)
+    for table in comparison_tables(runs):
+        for line in table.lines():
+            print(line)
+    if out is not None:
+        write_comparison(out, runs, figure=figure)
+        print(f'  written to {out}')
 
 
 def print_counts(counts: Mapping[str, int]) -> None:

@@ -24,9 +24,10 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from smart_tire.paths import check_file, check_writable, find_bag
+from smart_tire.paths import check_file, check_writable, find_bag, is_analysis
 
-BAGS, FILES, OUTPUTS = ('bag', 'bags', 'lifted', 'overhead'), ('params', 'data'), ('out', 'save')
+BAGS, FILES = ('bag', 'bags', 'lifted', 'overhead', 'truth'), ('params', 'variants', 'data')
+OUTPUTS, RUNS = ('out', 'save'), ('runs',)  # runs are bags or analyses
 CONFIRMATION = 'drive'
 STEP_NAMES = ('rest', 'straight', 'turns', 'lifted')  # of a calibration
 
@@ -61,7 +62,8 @@ def check_paths(args: argparse.Namespace) -> None:
 
     Raises BagError or ParameterError for the first path that cannot be used.
     """
-    for names, check in (BAGS, _found), (FILES, check_file), (OUTPUTS, check_writable):
+    for names, check in ((BAGS, _found), (RUNS, _found_run), (FILES, check_file),
+                         (OUTPUTS, check_writable)):
         for name in names:
             if hasattr(args, name):
                 setattr(args, name, _checked(getattr(args, name), check))
@@ -79,6 +81,10 @@ def _found(path: Path) -> Path:
     if bag != path:
         print(f'{path}: reading the bag {bag}', file=sys.stderr)
     return bag
+
+
+def _found_run(path: Path) -> Path:
+    return path if is_analysis(path) else _found(path)
 
 
 def confirmed() -> bool:

@@ -16,17 +16,56 @@ Even with ``--force`` only files that the program itself writes are deleted, by 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 import fcntl
 import os
 from pathlib import Path
 import re
 
 from smart_tire.errors import ParameterError
-from smart_tire.paths import BAG_METADATA
+from smart_tire.paths import BAG_METADATA, bag_name
 
 # of analysis/figures.py and, for followed paths, analysis/drive_report.py
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
+
+COMPARISON = ('comparison.csv', 'comparison.tex', 'comparison.png')  # analysis/comparison.py
+# of analysis/export.py
+PATHS, TABLES = ('odom', 'reference'), ('odom', 'wheel_slip', 'icr', 'ground_state',
+                                        'tire_friction')
+
+
+def export_names(formats: Iterable[str]) -> list[str]:
+    """Return the files that ``--tum`` and the others write."""
+    return [f'{prefix}{name}.{form}' for form in formats for prefix in ('', 'smoothed_')
+            for name in (PATHS if form in ('tum', 'kitti') else TABLES)]
+
+
+def folder_names(bags: Sequence[Path]) -> list[str]:
+    """Return a name for each bag: its own, or that of its folder where the names are equal."""
+    names = [bag_name(bag) for bag in bags]
+    if len(set(names)) < len(names):
+        folders = [bag.resolve().parent.name for bag in bags]
+        return folders if len(set(folders)) == len(folders) else names
+    return names
+
+
+def next_to(bag: Path, what: str) -> Path:
+    """Return the path of results next to ``bag``, or to the bag of which it is a file."""
+    path = bag.resolve()
+    if not path.is_dir() and (path.parent / BAG_METADATA).exists():
+        path = path.parent
+    return path.with_name(f'{bag_name(path)}_{what}')
+
+
+@contextmanager
+def undone_if_interrupted(undo: Callable[[], None]) -> Iterator[None]:
+    """Call ``undo`` at Ctrl-C: results that are not complete would refuse the next run."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        undo()
+        raise
 
 
 def lock(folder: Path) -> None:

@@ -14,31 +14,66 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from smart_tire.cli._bags import (
     check_options, check_overhead, diverged, each_bag, lacks_inputs, NOTHING_ESTIMATED, open_bag,
-    print_errors)
+    print_comparison, print_errors)
 from smart_tire.cli._outputs import (
-    FIGURES, refuse_existing, refuse_existing_bag, refuse_folder_of_bag)
+    COMPARISON, export_names, FIGURES, folder_names, next_to, refuse_existing, refuse_existing_bag,
+    refuse_folder_of_bag, remove, remove_bag, undone_if_interrupted)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
-from smart_tire.paths import bag_name
+from smart_tire.paths import bag_name, check_writable
+
+if TYPE_CHECKING:
+    from smart_tire.analysis.result import Result
 
 
 def run(args: argparse.Namespace) -> int:
-    """Analyze all bags; return the largest exit status."""
-    names = folder_names(args.bags)
+    """Analyze all bags, compare several; return the largest exit status."""
+    outs = output_folders(args.bags, args.out)
+    common = args.out if len(outs) > 1 else None  # of the files that compare the results
+    for out in outs.values():
+        check_writable(out)
+        check_out(out, args)
+    if common is not None:
+        refuse_existing([common / name for name in COMPARISON], force=args.force)
+    check_options(args)
+    check_overhead(args)
+    found: dict[str, Result] = {}
+    work = partial(analyze_one, found=found)
+    with undone_if_interrupted(partial(remove_results, outs.values(), common, args)):
+        status = each_bag(args, list(outs.values()), work)
+        if len(found) > 1:
+            print_comparison({name: found[str(out)] for name, out in outs.items()
+                              if str(out) in found}, common, figure=not args.no_figures)
+    return status
+
+
+def output_folders(bags: Sequence[Path], out: Path | None) -> dict[str, Path]:
+    """Return the folder for the results of each bag, by its name; raise ParameterError."""
+    names = folder_names(bags)
     for name, count in Counter(names).items():
         if count > 1:
             raise ParameterError(f'{count} bags have the name {name}')
-    outs = [args.out] if len(args.bags) == 1 else [args.out / name for name in names]
+    if out is None:
+        return {name: next_to(bag, 'analyzed') for name, bag in zip(names, bags)}
+    return {name: out / name if len(bags) > 1 else out for name in names}
+
+
+def remove_results(outs: Iterable[Path], common: Path | None, args: argparse.Namespace) -> None:
+    """Delete all results of this run."""
     for out in outs:
-        check_out(out, args)
-    check_options(args)
-    check_overhead(args)
-    return each_bag(args, outs, analyze_one)
+        for folder in ('estimates', 'smoothed')[:1 + args.smooth]:
+            remove_bag(out / folder)
+        remove(out, result_names(args))
+    if common is not None:
+        remove(common, COMPARISON)
 
 
 def check_out(out: Path, args: argparse.Namespace) -> None:
@@ -47,23 +82,24 @@ def check_out(out: Path, args: argparse.Namespace) -> None:
     for folder in ('estimates', 'smoothed')[:1 + args.smooth]:
         refuse_folder_of_bag(out / folder, args.bags)
         refuse_existing_bag(out / folder, force=args.force)
-    figures = () if args.no_figures else FIGURES
-    refuse_existing([out / name for name in ('summary.json', *figures)], force=args.force)
+    refuse_existing([out / name for name in result_names(args)], force=args.force)
 
 
-def folder_names(bags: Sequence[Path]) -> list[str]:
-    """Return a name for each bag: its own, or that of its folder where the names are equal."""
-    names = [bag_name(bag) for bag in bags]
-    if len(set(names)) < len(names):
-        folders = [bag.resolve().parent.name for bag in bags]
-        return folders if len(set(folders)) == len(folders) else names
-    return names
+def result_names(args: argparse.Namespace) -> list[str]:
+    """Return the files next to the bags of estimates."""
+    return ['summary.json', *(() if args.no_figures else FIGURES), *export_names(args.formats)]
 
 
-def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
-    """Analyze one bag, write the results to ``out``, print a report; return the exit status."""
+def analyze_one(bag: Path, out: Path, args: argparse.Namespace, found: dict[str, Result]) -> int:
+    """
+    Analyze one bag, write the results to ``out``, print a report; return the exit status.
+
+    The result is added to ``found``.
+    """
+    from smart_tire.analysis.export import export
     from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.tables import lines
+    from smart_tire.recording import SampleArrays
     with open_bag(bag, args) as (opened, source):
         params, shown = source.params, opened.notes
         if lacks_inputs(opened):
@@ -86,5 +122,8 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
     if not args.no_figures:
         from smart_tire.analysis.figures import write_figures
         write_figures(out, analysis.result, params.robot)
+    result = analysis.result
+    export(out, result.comparisons, args.formats)
     print(f'  written to {out}')
+    found[str(out)] = replace(result, inputs=SampleArrays())
     return diverged(bag, analysis.summary, status)

@@ -26,7 +26,8 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._outputs import (
-    FIGURES, lock, refuse_existing, refuse_existing_bag, remove, remove_bag)
+    FIGURES, lock, refuse_existing, refuse_existing_bag, remove, remove_bag,
+    undone_if_interrupted)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters
 from smart_tire.launching import CAMERA
@@ -106,23 +107,29 @@ def run(args: argparse.Namespace) -> int:
     print(f'starting {len(nodes)} nodes and a recorder', flush=True)
     from smart_tire.analysis.drive_report import evaluate_demo
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    params = _prepare(out, args.seed, camera=args.camera)
-    intervals = _drive(out, params, partial(Pilot, 'demo_driver'), nodes, view=args.view)
-    print('evaluating the recording', flush=True)
-    with ProgressLine('smart_tire demo'):
-        summary = evaluate_demo(
-            out / 'bag', params, intervals, (
-                *EXPECTED_TOPICS, *PATH_TOPICS, *(CAMERA_TOPICS if args.camera else ())),
-            out / 'conversions.csv', out / 'figures', (TO_BORDER, EIGHT))
-    return _report(out, summary)
+    with undone_if_interrupted(partial(_remove, out)):
+        params = _prepare(out, args.seed, camera=args.camera)
+        intervals = _drive(out, params, partial(Pilot, 'demo_driver'), nodes, view=args.view)
+        print('evaluating the recording', flush=True)
+        with ProgressLine('smart_tire demo'):
+            summary = evaluate_demo(
+                out / 'bag', params, intervals, (
+                    *EXPECTED_TOPICS, *PATH_TOPICS, *(CAMERA_TOPICS if args.camera else ())),
+                out / 'conversions.csv', out / 'figures', (TO_BORDER, EIGHT))
+        return _report(out, summary)
 
 
-def _prepare(out: Path, seed: int, *, camera: bool = False) -> Path:
-    """Delete the results of an earlier demo and write the parameter file."""
+def _remove(out: Path) -> None:
+    """Delete the results of a demo."""
     remove_bag(out / 'bag')
     remove(out / 'figures', FIGURES)
     remove_traces(out)
     remove(out, FILES, keep=True)  # it is locked
+
+
+def _prepare(out: Path, seed: int, *, camera: bool = False) -> Path:
+    """Delete the results of an earlier demo and write the parameter file."""
+    _remove(out)
     return write_parameters(out, FILES[0], seed, {
         'robot_simulator': {'truth_log': str((out / 'conversions.csv').resolve())},
         'wheel_controller': {'traction.enabled': False},

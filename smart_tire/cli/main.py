@@ -23,6 +23,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from io import TextIOWrapper
+from itertools import chain
 import logging
 import os
 from pathlib import Path
@@ -33,7 +34,8 @@ from typing import Any
 
 import smart_tire
 from smart_tire.cli._options import check_paths, not_negative, positive, step_and_bag
-from smart_tire.errors import BagError, ParameterError, printable, SmartTireError
+from smart_tire.errors import (
+    BagError, did_you_mean, ParameterError, printable, SmartTireError)
 from smart_tire.yaml_text import load_own
 
 VERBS: dict[str, Any] = load_own(
@@ -41,7 +43,7 @@ VERBS: dict[str, Any] = load_own(
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
          'not_negative': not_negative, 'step': step_and_bag}
 COMPUTING = {  # without output
-    'analyze', 'identify', 'measure', 'overhead', 'recover', 'report', 'reproduce'}
+    'analyze', 'compare', 'identify', 'measure', 'overhead', 'recover', 'report', 'reproduce'}
 FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
@@ -127,6 +129,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if COMPLETING in os.environ:
         import argcomplete
         argcomplete.autocomplete(parser)
+    if not words:
+        parser.print_help(sys.stderr)
+        return USAGE
+    if not words[0].startswith('-') and words[0] not in VERBS:
+        parser.error(f'{words[0]}: no verb' + did_you_mean(
+            words[0], VERBS, f'; known: {", ".join(VERBS)}'))
     return execute(parser.parse_args(words))
 
 
@@ -142,6 +150,7 @@ def execute(args: argparse.Namespace) -> int:
     try:
         check_paths(args)
         warn_of_names(getattr(args, 'params', ()))
+        warn_of_names(list(chain(*getattr(args, 'variants', ()))))
         with LossReport(args.verb) as losses:
             status = run_verb(args) or losses.status
             sys.stdout.flush()
@@ -189,6 +198,8 @@ def install_hint(module: str) -> str:
         return 'source a ROS 2 distribution, or pip install smart_tire[ros]'
     if module.split('.')[0] in ('rerun', 'rerun_cli'):
         return 'pip install smart_tire[view]'
+    if module == 'pyarrow':
+        return 'pip install smart_tire[parquet]'
     if module.split('.')[0] in ('cv2', 'filterpy'):
         return 'pip install smart_tire[camera]'
     return 'pip install smart_tire installs all dependencies'

@@ -16,7 +16,8 @@ import math
 
 from smart_tire.cli._bags import print_warnings
 from smart_tire.cli._outputs import (
-    refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
+    refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag,
+    undone_if_interrupted)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.paths import bag_name
 
@@ -40,9 +41,14 @@ def run(args: argparse.Namespace) -> int:
         print_warnings(bag.warnings)
     for note in notes:
         print(f'  {note}')
-    remove_bag(args.out / 'estimates')
-    remove(args.out, ['camera.png'])
-    write(result, args.bag, args.out, params, notes)
+
+    def remove_results() -> None:
+        remove_bag(args.out / 'estimates')
+        remove(args.out, ['camera.png', 'summary.json'])
+
+    remove_results()
+    with undone_if_interrupted(remove_results):
+        write(result, args.bag, args.out, params, notes)
     if not result.motions:
         print(f'{args.bag}: nothing can be estimated: {result.line()}')
         return NOTHING_ESTIMATED

@@ -15,18 +15,19 @@ from __future__ import annotations
 import argparse
 
 from smart_tire.cli._bags import print_counts, print_warnings
-from smart_tire.cli._outputs import refuse_existing_bag, refuse_folder_of_bag, remove_bag
-from smart_tire.paths import bag_name
+from smart_tire.cli._outputs import (
+    next_to, refuse_existing_bag, refuse_folder_of_bag, remove_bag, undone_if_interrupted)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the repaired bag; print message counts and warnings."""
-    out = args.out or args.bag.resolve().with_name(f'{bag_name(args.bag)}_recovered')
+    out = args.out or next_to(args.bag, 'recovered')
     refuse_folder_of_bag(out, [args.bag])
     refuse_existing_bag(out, force=args.force)
     from smart_tire.bags import recover
     remove_bag(out)
-    result = recover(args.bag, out)
+    with undone_if_interrupted(lambda: remove_bag(out)):
+        result = recover(args.bag, out)
     start_ns, end_ns = result.span_ns
     print(f'{out}: {sum(result.counts.values())} messages, {(end_ns - start_ns) * 1e-9:.1f} s')
     print_counts(result.counts)

@@ -13,19 +13,23 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
-from smart_tire.cli._outputs import refuse_existing
+from smart_tire.cli._outputs import refuse_existing, remove, undone_if_interrupted
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 
 
 def run(args: argparse.Namespace) -> int:
     """Simulate the experiments and write figures and report; return the exit status."""
-    refuse_existing([args.out / 'report.html', *sorted(args.out.glob('paper_*.png'))],
-                    force=args.force)
+    def written() -> list[Path]:
+        return [args.out / 'report.html', *sorted(args.out.glob('paper_*.png'))]
+
+    refuse_existing(written(), force=args.force)
     from smart_tire.papers.runner import reproduce
     try:
-        with ProgressLine('smart_tire reproduce') as progress:
+        with ProgressLine('smart_tire reproduce') as progress, undone_if_interrupted(
+                lambda: remove(args.out, [path.name for path in written()])):
             report = reproduce(args.out, lambda done, total, what: progress.show(
                 f'{done}/{total}  {what}'))
     except OSError as error:

@@ -10,11 +10,13 @@
 
 """Figures of a result: files, panels, units, axis limits, captions, and one crossing."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
 import pytest
 
+from smart_tire.analysis.dead_reckoning import GYRO_WHEELS
 from smart_tire.analysis.figures import (
     adhesion_figure, friction_figure, ground_figure, typical_crossings, write_figures)
 from smart_tire.analysis.motion_figures import (
@@ -132,6 +134,15 @@ def test_filtered_and_smoothed_motion_is_drawn_and_friction_once():
                             'truth', 'start', 'end']
     assert [panel.y_label for panel in errors] == ['position error [m]', 'heading error [rad]']
     assert [[mark.color for mark in panel.marks] for panel in errors] == [['orange', 'blue']] * 2
+
+
+def test_gyroscope_and_wheels_are_drawn_below_the_estimates_with_their_errors():
+    found = result(dead_reckoning={GYRO_WHEELS: estimated().poses()})
+    path, *errors = path_figure(found).panels
+    assert labels(path)[:2] == [GYRO_WHEELS, '2σ of the position']
+    assert [labels(panel) for panel in errors] == [['estimate', GYRO_WHEELS]] * 2
+    assert np.isnan(errors[0].marks[1].curve.sigma).all()
+    assert GYRO_WHEELS not in labels(path_figure(replace(found, truth=SampleArrays())).panels[0])
 
 
 def test_wanted_paths_are_below_the_others():

@@ -19,8 +19,8 @@ from benchmarks.faults import stalled
 import numpy as np
 import pytest
 
-from smart_tire.analysis.html_report.content import report_of
 from smart_tire.analysis.dead_reckoning import GYRO_WHEELS, WHEELS_ONLY
+from smart_tire.analysis.html_report.content import report_of
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import (
     BagParams, ESTIMATES, EstimatorParams, INPUTS, Pipeline, TRUTHS)

@@ -16,7 +16,7 @@ from pathlib import Path
 from benchmarks.wrong_data import VARIANTS
 import pytest
 
-from smart_tire.cli.analyze import folder_names
+from smart_tire.cli._outputs import folder_names
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.simulation.offline import simulate
@@ -61,8 +61,24 @@ def test_several_bags_have_a_folder_each(bag, robot, tmp_path):
     copy.mkdir()
     (copy / 'copy_0.mcap').write_bytes((bag / 'drive_0.mcap').read_bytes())
     assert analyze(bag, copy, '--params', robot, '--no-figures', '--out', out) == 0
-    assert sorted(path.name for path in out.iterdir()) == ['copy', 'drive']
+    assert sorted(path.name for path in out.iterdir()) == [
+        'comparison.csv', 'comparison.tex', 'copy', 'drive']
     assert sorted(path.name for path in (out / 'copy').iterdir()) == ['estimates', 'summary.json']
+
+
+def test_without_out_results_are_next_to_the_bag(robot, tmp_path, bag):
+    copy = tmp_path / 'here' / 'copy'
+    copy.mkdir(parents=True)
+    for file in bag.iterdir():
+        (copy / file.name).write_bytes(file.read_bytes())
+    words = ['--params', robot, '--no-figures']
+    assert analyze(copy, *words) == 0
+    assert sorted(path.name for path in (tmp_path / 'here' / 'copy_analyzed').iterdir()) == [
+        'estimates', 'summary.json']
+    assert analyze(copy / 'drive_0.mcap', *words) == 2  # the same folder
+    assert analyze(copy / 'drive_0.mcap', *words, '--force') == 0
+    assert sorted(path.name for path in (tmp_path / 'here').iterdir()) == [
+        'copy', 'copy_analyzed']
 
 
 def test_results_are_in_the_folder_and_replaced_with_force_only(bag, robot, tmp_path, capsys):

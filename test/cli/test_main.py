@@ -105,13 +105,28 @@ def test_the_version_names_package_python_and_ros(environment, ros, capsys, monk
         f'smart_tire {smart_tire.__version__} (Python {platform.python_version()}, {ros})\n')
 
 
-@pytest.mark.parametrize('words', [[], ['fly'], ['recover'], ['replay', 'bag', '--rate', '-1'],
+@pytest.mark.parametrize('words', [['fly'], ['recover'], ['replay', 'bag', '--rate', '-1'],
                                    ['replay', 'bag', '--rate', 'nan'], ['record', '--loud']])
 def test_an_invalid_command_line_is_a_usage_error(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 2
     assert 'usage: smart_tire' in capsys.readouterr().err
+
+
+def test_without_a_verb_they_are_listed(capsys):
+    assert main([]) == 2
+    listed = capsys.readouterr().err
+    assert all(f'  {name}' in listed for name in VERBS)
+
+
+def test_a_misspelled_verb_has_a_suggestion(capsys):
+    for word, expected in (('anlyze', 'anlyze: no verb, did you mean analyze?'),
+                           ('xyz', 'xyz: no verb; known: demo, ')):
+        with pytest.raises(SystemExit) as ended:
+            main([word])
+        assert ended.value.code == 2
+        assert expected in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('error', 'status', 'output'), [

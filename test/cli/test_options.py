@@ -21,7 +21,7 @@ import sys
 import pytest
 from smart_tire.bags import BagWriter
 from smart_tire.cli import demo as demo_verb
-from smart_tire.cli._options import BAGS, check_paths, FILES, OUTPUTS
+from smart_tire.cli._options import BAGS, check_paths, FILES, OUTPUTS, RUNS
 from smart_tire.cli._outputs import (
     FIGURES, lock, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag)
 from smart_tire.cli.main import main, new_parser
@@ -199,7 +199,7 @@ def path_arguments(parser: argparse.ArgumentParser) -> Iterator[str]:
 
 
 def test_every_path_is_checked():
-    assert set(path_arguments(new_parser())) <= {*BAGS, *FILES, *OUTPUTS}
+    assert set(path_arguments(new_parser())) <= {*BAGS, *RUNS, *FILES, *OUTPUTS}
 
 
 def checked(**arguments):

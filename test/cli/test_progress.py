@@ -109,7 +109,8 @@ def test_the_handler_is_removed_after_an_error(timer):
     assert signal.getsignal(signal.SIGALRM) == before
 
 
-@pytest.mark.parametrize('verb', ['analyze', 'identify', 'measure', 'recover', 'reproduce'])
+@pytest.mark.parametrize('verb', [
+    'analyze', 'compare', 'identify', 'measure', 'recover', 'reproduce'])
 def test_verbs_that_compute_for_long_have_a_heartbeat(verb, monkeypatch):
     monkeypatch.setattr(import_module(f'smart_tire.cli.{verb}'), 'run',
                         lambda args: signal.getitimer(signal.ITIMER_REAL)[1])

@@ -19,7 +19,8 @@ from support.special_files import KINDS, special_file
 OUT = ['--out', 'OUT']
 VERBS = [
     ['analyze', 'FILE', *OUT], ['analyze', 'BAG', '--params', 'FILE', *OUT],
-    ['recover', 'FILE', *OUT],
+    ['recover', 'FILE', *OUT], ['compare', 'FILE'], ['compare', 'BAG', '--truth', 'FILE'],
+    ['compare', 'BAG', '--params', 'FILE'],
     ['view', 'FILE'], ['report', 'FILE', *OUT], ['doctor', 'FILE'],
     ['doctor', '--params', 'FILE'], ['replay', 'FILE'], ['record', '--params', 'FILE', *OUT],
     ['robot', '--params', 'FILE'], ['drive', '--path', 'square', '--params', 'FILE', *OUT],
