@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import json
 import os
 from pathlib import Path
 import stat
@@ -28,6 +29,7 @@ from smart_tire.errors import BagError, ParameterError
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 BAG_METADATA = 'metadata.yaml'
 SUMMARY = 'summary.json'  # of an analysis, next to its bags
+MAX_SUMMARY_SIZE = 10_000_000  # bytes, a hundred times that of a long recording
 SIMULATED = 'simulated:'  # scheme of the ports of simulated devices
 LOCK_SUFFIX = '.lock'     # of the file of the link of a simulated port
 MAX_LOCK_BYTES = 256      # of its text: process and terminal
@@ -137,6 +139,18 @@ def find_bag(path: Path) -> Path:
 def is_analysis(folder: Path) -> bool:
     """Return whether ``folder`` is the output folder of ``smart_tire analyze``."""
     return (folder / SUMMARY).is_file() and (folder / 'estimates').is_dir()
+
+
+def analyzed_bag(folder: Path) -> Path | None:
+    """Return the bag that the summary in ``folder`` names, None without both; raise BagError."""
+    summary = folder / SUMMARY
+    try:
+        bag = Path(json.loads(read_file(summary, MAX_SUMMARY_SIZE))['bag'])
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise BagError(f'{summary}: not the summary of an analysis ({error})') from error
+    return bag if os.path.exists(bag) else None  # also for names of 300 characters
 
 
 def no_bag(folder: Path) -> str:

@@ -22,7 +22,7 @@ from smart_tire.parameters import (
     build, known_names, load_files, MotorDriverParams, NODE_PARAMS, RobotParams, SimulatorParams,
     SlipEstimatorParams, Spec, specs, TireReceiverParams, WheelControllerParams)
 from smart_tire.parameters.files import (
-    check_names, files_of, from_arguments, has_block_for, misspelled)
+    check_names, files_of, from_arguments, has_block_for, lines_in, misspelled)
 from smart_tire.parameters.simulation import PatchParams
 from smart_tire.parameters.spec import inlined, is_known, nested, param
 
@@ -435,3 +435,13 @@ def test_one_tag_may_have_its_yaw_as_a_number():
 def test_parameters_of_tags_must_fit_together(values, said):
     with pytest.raises(ParameterError, match=said):
         build(NODE_PARAMS['overhead_localizer'], values)
+
+
+def test_each_parameter_has_its_line(tmp_path):
+    path = tmp_path / 'robot.yaml'
+    path.write_text(
+        '# a robot\n/**:\n  ros__parameters:\n    wheel_radius: 0.1\n    imu:\n'
+        '      position: [0.0,\n                 0.0, 0.0]\n    film.wheels: []\n'
+        '/r1:\n  slip_estimator:\n    ros__parameters: {icr_x: 0.1, wheel_radius: 0.2}\n')
+    assert lines_in(path) == {'wheel_radius': 11, 'imu': 5, 'imu.position': 6, 'film.wheels': 8,
+                              'icr_x': 11}

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 import csv
 from dataclasses import asdict, replace
 import io
-import json
 from pathlib import Path
 
 from smart_tire.analysis.dead_reckoning import baselines
@@ -30,7 +29,7 @@ from smart_tire.analysis.summary import estimates_tree, plain, Tree
 from smart_tire.analysis.tables import cells, Columns, Table, value_of
 from smart_tire.bags import Bag
 from smart_tire.errors import BagError
-from smart_tire.paths import SUMMARY, write_text
+from smart_tire.paths import analyzed_bag, write_text
 from smart_tire.recording import SampleArrays
 
 MOTION = 'imu/data', 'wheel_states'  # inputs of dead reckoning
@@ -64,10 +63,7 @@ def read_analysis(folder: Path) -> Result:
 
     References and inputs are those in its bag, if that is still where it was.
     """
-    try:
-        source = Path(json.loads((folder / SUMMARY).read_text(encoding='utf-8'))['bag'])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise BagError(f'{folder / SUMMARY}: not a summary of "smart_tire analyze"') from error
+    source = analyzed_bag(folder)
     with Bag(folder / 'estimates') as bag:
         estimates, robot = bag.recording(ESTIMATES), bag_params(bag).params.robot
     smoothed = None
@@ -75,7 +71,7 @@ def read_analysis(folder: Path) -> Result:
         with Bag(folder / 'smoothed') as bag:
             smoothed = bag.recording(ESTIMATES)
     found = Result(estimates, smoothed=smoothed)
-    if not source.exists():
+    if source is None:
         return found
     with Bag(source, joints=robot.joints) as bag:
         return with_references(replace(

@@ -57,18 +57,20 @@ def render(figure: Figure) -> Canvas:
         rows.append([names[panel] if panel else '.' for panel in row for _ in parts or ' '])
         rows += [[names[panel] + letter for letter, _ in parts] for panel in row
                  if panel and parts]
-    share_y = len(panels) + len(parts) > 1 and len({
+    # axes of equal scale that are shared may be cut
+    free = not any(panel.equal for panel in panels)
+    share_y = free and len(panels) + len(parts) > 1 and len({
         (panel.y_label, panel.y_limits) for panel in panels}) == 1
     width = SEGMENTED_WIDTH if parts else figure.cell[0] * len(rows[0])
     drawn, axes = new_figure(
         rows, width=width, height=LEGEND_HEIGHT + figure.cell[1] * len(rows), share_y=share_y,
-        share_x=len(rows[0]) == 1 and len({panel.x_label for panel in panels}) == 1)
+        share_x=free and len(rows[0]) == 1 and len({panel.x_label for panel in panels}) == 1)
     for panel, name in names.items():
         draw_panel(axes[name], panel, brief=bool(parts))
         for letter, (first, last) in parts:
             draw_panel(axes[name + letter], panel)
-            axes[name + letter].set(xlim=(first, last),
-                                    title=f'{letter}: {first:.0f} s to {last:.0f} s')
+            axes[name + letter].set(xlim=(first, last), title=', '.join(filter(None, [
+                panel.title, f'{letter}: {first:.0f} s to {last:.0f} s'])))
             mark_segment(axes[name], letter, first, last)
     if share_y:
         clear_inner_labels(axes.values())

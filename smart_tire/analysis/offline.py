@@ -325,7 +325,7 @@ def _summary(path: Path, analysis: Analysis, slip: SlipEstimator | SmoothedSlip,
         diverged.append(f'the slip filter restarted from its priors {slip.restarts} times')
     filtered, *smoothed = map(evaluation, analysis.result.comparisons.values())
     tree = {'bag': str(path), 'duration_s': plain(contents.duration_s), 'host': contents.host,
-            'parameters': source, 'notes': contents.notes,
+            'parameters': plain(source), 'notes': contents.notes,
             'findings': [one.tree for one in contents.findings],
             'diverged': diverged[0] if diverged else None,
             'inputs': plain(inputs), 'left_out': contents.skipped,

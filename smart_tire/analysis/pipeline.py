@@ -26,9 +26,10 @@ from smart_tire.estimation.slip.estimator import SlipEstimator, SlipOutputBuilde
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import (
-    build, FrictionEstimatorParams, known_names, load_node, NODE_PARAMS, RobotParams,
-    SlipEstimatorParams)
-from smart_tire.parameters.files import Block, blocks_in, read_blocks, snapshot_text, values_for
+    build, FrictionEstimatorParams, known_names, load_files, load_node, NODE_PARAMS, RobotParams,
+    SlipEstimatorParams, specs)
+from smart_tire.parameters.files import (
+    Block, blocks_in, lines_in, read_blocks, snapshot_text, value_text, values_for)
 from smart_tire.parameters.spec import is_known, values_of
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import (
@@ -42,7 +43,8 @@ INPUTS, ESTIMATES = streams.INPUTS, streams.ESTIMATES
 TRUTHS = tuple(f'ground_truth/{name}' for name in ('odom', 'wheel_slip', 'tire_friction'))
 OVERHEAD = tuple(f'overhead/{name}' for name in ('odom', 'wheel_slip'))
 
-FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'
+FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'  # sources of a set of parameters
+FROM_BAG, DEFAULT = 'the bag', 'default'  # origins of a single one, which may be a file
 NODES = 'slip_estimator', 'friction_estimator'
 HOLD_NS = 2 * NS_PER_S  # of inputs, until the ground of their time is known
 EstimateRecord = Odometry | WheelSlip | Icr | GroundState | Friction
@@ -109,11 +111,27 @@ class BagParams:
 
     @property
     def tree(self) -> Tree:
-        """Return the source of the parameters for the summary."""
-        if self.source == DEFAULTS:
-            return {'source': DEFAULTS}
-        return {'source': self.source,
-                'files' if self.source == FILES else 'nodes': list(self.origins)}
+        """Return the source of the parameters, and all with their origins, for the summary."""
+        named = {} if self.source == DEFAULTS else {
+            'files' if self.source == FILES else 'nodes': list(self.origins)}
+        return {'source': self.source, **named, 'values': {
+            node: {name: {'value': values[name], 'origin': origin}
+                   for name, origin in self.origins_of(node).items()}
+            for node, values in self.params.by_node().items()}}
+
+    def origins_of(self, node: str) -> dict[str, str]:
+        """Return where each parameter of ``node`` is from: file and line, FROM_BAG or DEFAULT."""
+        values = self.params.by_node()[node]
+        described, known = specs(NODE_PARAMS[node], values), known_names(NODE_PARAMS.values())
+        if self.source == BAG:
+            return {name: DEFAULT if value_text(values[name]) == value_text(spec.default)
+                    else FROM_BAG for name, spec in described.items()}
+        found = dict.fromkeys(described, DEFAULT)
+        for file in self.origins:
+            lines = lines_in(Path(file))
+            found |= {name: f'{file}:{lines[name]}' for name in load_files(
+                [Path(file)], node, known, described, NODE_PARAMS)}
+        return found
 
     @property
     def origin(self) -> str:

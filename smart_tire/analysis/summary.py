@@ -27,16 +27,20 @@ from smart_tire.analysis.metrics import (
 from smart_tire.analysis.result import Comparison
 from smart_tire.arrays import Instants
 from smart_tire.checks.limits import MIN_GAP_PERIODS
+from smart_tire.estimates import GroundEstimate
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import TOPICS
 from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import (
-    Friction, GROUND_ESTIMATES, MAX_ANGULAR_RATE, MAX_SPEED, WHEELS)
+    Friction, GROUND_ESTIMATES, MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, WHEELS)
 
 Tree = dict[str, Any]
 WHOLE = 'whole recording'
 MAX_SPEED_RATIO = 3.0     # of the body over its fastest wheel in the recording
 MIN_DIVERGED_SPEED = 2.0  # m/s, so that a robot that slides or is carried has not diverged
+CHANGING = 'stiffness', 'friction_coefficient', 'rolling_resistance'  # with the ground
+CHANGE_SIGMAS = 3.0       # of both states, between two grounds
+STATES_BEFORE = 10        # 5 s, that a state is compared with
 SIGNIFICANT_DIGITS = 6  # more than any estimate has
 
 
@@ -53,8 +57,8 @@ def plain(value: Any) -> Any:
     return int(value) if isinstance(value, np.integer) else value
 
 
-def estimates_tree(estimates: SampleArrays) -> Tree:
-    """Return the summary of the estimates."""
+def estimates_tree(estimates: SampleArrays, origin_ns: int = 0) -> Tree:
+    """Return the summary of the estimates; times are seconds after ``origin_ns``."""
     poses, slips = estimates.poses(), estimates.slips()
     tree: Tree = {}
     if len(poses.stamp_ns):
@@ -72,22 +76,53 @@ def estimates_tree(estimates: SampleArrays) -> Tree:
             tree['wheel_slip'][side] = {'mean': mean(ratio[moving]),
                                         'mean_sigma': mean(sigma[moving])}
     if len((ground := estimates.grounds()).stamp_ns):
-        tree['ground_state'] = {'messages': len(ground.stamp_ns), **{
-            name: {'median': median(one.value), 'median_sigma': median(one.sigma)}
-            for name in GROUND_ESTIMATES for one in [getattr(ground, name)]}}
-    tree['tire_friction'] = {wheel: _wheel_tree(own) for wheel in WHEELS
+        tree['ground_state'] = {
+            'messages': len(ground.stamp_ns), **_medians(ground, slice(None)), 'grounds': [
+                {'begin_s': time[rows.start], 'end_s': time[rows.stop - 1],
+                 **_medians(ground, rows)}
+                for time in [seconds(ground.stamp_ns, origin_ns)] for rows in ground_runs(ground)]}
+    tree['tire_friction'] = {wheel: _wheel_tree(own, origin_ns) for wheel in WHEELS
                              if (own := [p for p in estimates.crossings if p.wheel == wheel])}
     return plain(tree)
 
 
-def _wheel_tree(crossings: Sequence[Friction]) -> Tree:
+def _medians(ground: GroundEstimate, rows: slice) -> Tree:
+    return {name: {'median': median(one.value[rows]), 'median_sigma': median(one.sigma[rows])}
+            for name in GROUND_ESTIMATES for one in [getattr(ground, name)]}
+
+
+def ground_runs(ground: GroundEstimate) -> list[slice]:
+    """
+    Return the runs of states of one ground each, in order of time.
+
+    Another one begins where a quantity that describes it differs by more than ``CHANGE_SIGMAS``
+    from the median of the states before, and in the next state, too.
+    """
+    value, sigma = (np.column_stack([getattr(getattr(ground, name), part)
+                                     for name in CHANGING]) for part in ('value', 'sigma'))
+    begins = [0]
+    for row in range(1, len(value) - 1):
+        before = slice(max(begins[-1], row - STATES_BEFORE), row)
+        usual, spread = (np.array([median(one) for one in part[before].T])
+                         for part in (value, sigma))
+        with np.errstate(invalid='ignore'):
+            far = np.abs(value[row:row + 2] - usual) > CHANGE_SIGMAS * np.hypot(
+                sigma[row:row + 2], spread)
+        if far.all(axis=0).any():
+            begins.append(row)
+    return [slice(*ends) for ends in zip(begins, [*begins[1:], len(value)])]
+
+
+def _wheel_tree(crossings: Sequence[Friction], origin_ns: int) -> Tree:
     single = column(crossings, 'friction_coefficient_single')
     usable = is_informative(single, column(crossings, 'friction_coefficient_single', sigmas=True))
-    last = max(crossings, key=lambda crossing: crossing.stamp_ns)
+    known = [one for one in crossings if math.isfinite(one.friction_coefficient.value)]
+    last = max(known or crossings, key=lambda crossing: crossing.stamp_ns)
     return {'crossings': len(crossings), 'informative': int(usable.sum()),
             'median_single': median(single[usable]),
             'last_fused': last.friction_coefficient.value,
-            'last_fused_sigma': last.friction_coefficient.sigma}
+            'last_fused_sigma': last.friction_coefficient.sigma,
+            'last_fused_s': (last.stamp_ns - origin_ns) / NS_PER_S if known else None}
 
 
 def divergence(estimates: SampleArrays, wheel_speed: float) -> str:
@@ -117,7 +152,7 @@ def divergence(estimates: SampleArrays, wheel_speed: float) -> str:
 
 def evaluation(found: Comparison, intervals: Intervals | None = None) -> Tree:
     """Return the summary of the estimates and their errors; None against other references."""
-    return {'estimates': estimates_tree(found.estimates), **{
+    return {'estimates': estimates_tree(found.estimates, found.origin_ns), **{
         f'against_{name}': error_tree(found, intervals) if name == found.name else None
         for name in SOURCES}}
 

@@ -37,13 +37,13 @@ SLIP: Columns = (('mean slip [-]', 'mean', '.4f'), ('mean σ [-]', 'mean_sigma',
 FRICTION: Columns = (
     ('patch crossings', 'crossings', '.0f'), ('informative', 'informative', '.0f'),
     ('median of single [-]', 'median_single', '.3f'), ('last fused [-]', 'last_fused', '.3f'),
-    ('σ of the last [-]', 'last_fused_sigma', '.3f'))
+    ('σ of the last [-]', 'last_fused_sigma', '.3f'), ('at [s]', 'last_fused_s', '.1f'))
 GROUND: Columns = (
-    ('longitudinal stiffness C_x [N]', 'stiffness', '.1f'),
-    ('friction coefficient µ [-]', 'friction_coefficient', '.3f'),
+    ('C_x [N]', 'stiffness', '.1f'), ('µ [-]', 'friction_coefficient', '.3f'),
     ('rolling resistance [-]', 'rolling_resistance', '.4f'),
-    ('lateral share of the rolling resistance [-]', 'lateral_share', '.2f'),
-    ('lateral stiffness C_y / C_x [-]', 'lateral_stiffness_ratio', '.2f'),
+    ('lateral share [-]', 'lateral_share', '.2f'),
+    ('C_y / C_x [-]', 'lateral_stiffness_ratio', '.2f'))
+ROBOT: Columns = (
     ('center of mass x [m]', 'center_of_mass_x', '.4f'),
     ('center of mass y [m]', 'center_of_mass_y', '.4f'),
     ('position of the IMU x [m]', 'imu_x', '.4f'),
@@ -155,7 +155,8 @@ def result_tables(tree: Tree) -> list[Table]:
 def estimate_tables(estimates: Tree) -> list[Table]:
     """Return the tables of what was estimated of motion, slip, friction and ground."""
     return [table for table in (motion_table(estimates), slip_table(estimates),
-                                friction_table(estimates), ground_table(estimates)) if table.rows]
+                                friction_table(estimates), ground_table(estimates),
+                                robot_table(estimates)) if table.rows]
 
 
 def error_tables(summary: Tree) -> list[Table]:
@@ -213,11 +214,26 @@ def friction_table(estimates: Tree) -> Table:
 
 
 def ground_table(estimates: Tree) -> Table:
-    """Return the state of the ground and the center of mass."""
+    """Return the state of each ground, in order of time."""
+    ground = estimates.get('ground_state') or {'grounds': []}
+    return Table(
+        'Grounds, in order of time; medians',
+        ['from [s]', 'to [s]', *(head for name, _, _ in GROUND for head in (name, 'σ'))],
+        [[text(one['begin_s'], '.1f'), text(one['end_s'], '.1f'), *(
+            text(one[name][part], form) for _, name, form in GROUND
+            for part in ('median', 'median_sigma'))] for one in ground['grounds']],
+        0, 'C_x: longitudinal stiffness of a tire; µ: friction coefficient; rolling resistance '
+        'over the load; lateral share of it; C_y: lateral stiffness. A ground ends where C_x, µ '
+        'or rolling resistance change by more than 3 σ.')
+
+
+def robot_table(estimates: Tree) -> Table:
+    """Return what shows of the robot together with the ground."""
     ground = estimates.get('ground_state')
-    return Table('Ground, median of the recording', ['quantity', 'estimate', 'σ'], [
-        [label, text(ground[name]['median'], form), text(ground[name]['median_sigma'], form)]
-        for label, name, form in GROUND] if ground else [])
+    return Table('Properties of the robot, median of the recording', ['quantity', 'estimate', 'σ'],
+                 [[label, text(ground[name]['median'], form),
+                   text(ground[name]['median_sigma'], form)]
+                  for label, name, form in ROBOT] if ground else [])
 
 
 def pose_table(tree: Tree, reference: str = TRUTH) -> Table:

@@ -51,18 +51,24 @@ def check_overhead(args: argparse.Namespace) -> None:
 
 @contextmanager
 def open_bag(path: Path, args: argparse.Namespace, *, required: Collection[str] = REQUIRED,
-             prefix: str = '') -> Iterator[tuple[Bag, BagParams]]:
+             prefix: str = '', estimates: Path | None = None) -> Iterator[tuple[Bag, BagParams]]:
     """
     Open a bag with the options of ``--params`` and ``--remap``; yield it and its parameters.
+
+    Without ``--params`` these are those with which the bag of ``estimates``, if given, was made.
 
     Prints the source of the parameters, and the topics and joints that were recognized, with
     ``prefix`` before each line. Raises BagError if one of the ``required`` topics has to be
     selected with an option, ParameterError if an option or a parameter is invalid.
     """
-    from smart_tire.analysis.pipeline import bag_params
+    from smart_tire.analysis.pipeline import bag_params, NODES
     from smart_tire.bags import Bag, check_inputs, TopicNames
     with Bag(path, TopicNames.parse(args.remap)) as bag:
         source = bag_params(bag, args.params)
+        if estimates is not None and not args.params:
+            with Bag(estimates) as made:
+                own = bag_params(made)
+            source = own if set(NODES) <= set(own.origins) else source
         bag.joints = source.params.robot.joints
         check_inputs(bag, required)
         for line in (*source.lines(), *bag.notes):

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
                             _show_live)
     bag, estimates = find_bags(args.bag)
     status = ESTIMATED
-    with open_bag(bag, args, required=()) as (opened, source):
+    with open_bag(bag, args, required=(), estimates=estimates) as (opened, source):
         camera, found = bool(image_topic(opened)), opened.match(TOPICS)
         if set(REQUIRED) <= found.keys():
             status = print_checks(opened, source) if args.checks else ESTIMATED

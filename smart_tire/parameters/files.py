@@ -28,9 +28,10 @@ from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import (
     is_known, known_name, Spec, specs, unknown_name_error)
 from smart_tire.paths import read_file
-from smart_tire.yaml_text import MAX_SIZE, parse_yaml
+from smart_tire.yaml_text import BASE, MAX_SIZE, parse_yaml
 import yaml
 
+PARAMETERS = 'ros__parameters'  # key of the parameters of a block
 ROS_ARGS, END_OF_ROS_ARGS = '--ros-args', '--'  # on a command line
 ALL_NODES = '/**'
 PARAMS_FILE = '--params-file'  # option of a ROS command line
@@ -193,6 +194,21 @@ def blocks_in(text: bytes | str, where: str) -> list[Block]:
     return [block for key, value in document.items() for block in _walk(where, str(key), value)]
 
 
+def lines_in(path: Path) -> dict[str, int]:
+    """Return the line of each flat parameter in a valid parameter file, the last of several."""
+    lines: dict[str, int] = {}
+
+    def walk(node: Any, names: tuple[str, ...] | None) -> None:
+        for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+            inner = (() if key.value == PARAMETERS else None) if names is None else (
+                *names, key.value)
+            if inner:
+                lines['.'.join(inner)] = key.start_mark.line + 1
+            walk(value, inner)
+    walk(yaml.compose(read_file(path, MAX_SIZE), BASE), None)
+    return lines
+
+
 def values_for(node: str, blocks: Iterable[Block], own: Iterable[str]) -> dict[str, Any]:
     """Return the flat parameters that ``blocks`` set for ``node``, of those in ``own``."""
     own = set(own)
@@ -203,8 +219,8 @@ def values_for(node: str, blocks: Iterable[Block], own: Iterable[str]) -> dict[s
 def _walk(path: str, name: str, value: Any) -> list[Block]:
     if not isinstance(value, Mapping):
         raise ParameterError(f'{path}: {name} has no ros__parameters')
-    if 'ros__parameters' in value:
-        inner = value['ros__parameters'] or {}
+    if PARAMETERS in value:
+        inner = value[PARAMETERS] or {}
         if not isinstance(inner, Mapping):
             raise ParameterError(f'{path}: ros__parameters of {name} is not a mapping')
         return [(name, flatten(inner, where=f'{path}: '))]

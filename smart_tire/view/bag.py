@@ -15,22 +15,18 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 import heapq
-import json
 from operator import itemgetter
-import os
 from pathlib import Path
 
 from smart_tire.analysis.pipeline import ESTIMATES, EstimatorParams, INPUTS, OVERHEAD, Pipeline
 from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
-from smart_tire.errors import BagError
 from smart_tire.messages import IMAGES, NodeStatus, topic_of
-from smart_tire.paths import read_file
+from smart_tire.paths import analyzed_bag
 from smart_tire.samples import Friction, Sample
 from smart_tire.view.scene import Scene
 
 FLUSH_SAMPLES = 20_000  # between two transmissions to the viewer
 ANALYZED = 'estimates', 'smoothed'  # folders that "smart_tire analyze" writes
-MAX_SUMMARY_SIZE = 10_000_000  # bytes, a hundred times that of a long recording
 REQUIRED = 'odom', 'wheel_slip'  # without these a bag has no estimates to show
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
@@ -43,19 +39,8 @@ def find_bags(path: Path) -> tuple[Path, Path | None]:
     ``smart_tire overhead`` is an analysis, too. The estimates of an analysis without its input bag
     are shown on their own.
     """
-    source = _analyzed_bag(path.parent / 'summary.json') if path.name in ANALYZED else None
+    source = analyzed_bag(path.parent) if path.name in ANALYZED else None
     return (path, None) if source is None else (source, path)
-
-
-def _analyzed_bag(summary: Path) -> Path | None:
-    """Return the bag that ``summary`` names, None if it is missing."""
-    try:
-        bag = Path(json.loads(read_file(summary, MAX_SUMMARY_SIZE))['bag'])
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
-        raise BagError(f'{summary}: not the summary of an analysis ({error})') from error
-    return bag if os.path.exists(bag) else None  # also for names of 300 characters
 
 
 def show(path: Path, estimates: Path | None, scene: Scene, params: EstimatorParams, *,

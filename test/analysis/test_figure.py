@@ -12,6 +12,7 @@
 
 import math
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 import numpy as np
 import pytest
 
@@ -124,8 +125,20 @@ def test_segments_are_drawn_below_an_overview_without_bars():
     overview, first, second = figure.axes
     assert [text.get_text() for text in overview.texts] == ['A', 'B']
     assert [first.get_xlim(), second.get_xlim()] == [(0.0, 1.0), (1.5, 2.0)]
-    assert second.get_title() == 'B: 2 s to 2 s' and first.get_ylim() == (0.0, 3.0)
+    assert second.get_title() == 'A title, B: 2 s to 2 s' and first.get_ylim() == (0.0, 3.0)
     assert first.containers[0].has_yerr and not overview.containers[0].has_yerr
+
+
+@pytest.mark.parametrize('size', [(0.5, 20.0), (20.0, 0.5), (3.0, 3.0)])
+@pytest.mark.parametrize('rows', [1, 2])
+def test_a_path_is_shown_whole(size, rows):
+    ends = Curve(*(np.array([0.0, one]) for one in size))
+    path = panel(Mark(ends), equal=True)
+    figure = drawn([[path, panel(Mark(LINE))] * (rows > 1) or [path]] * rows)
+    FigureCanvasAgg(figure).draw()
+    ax, (x, y) = figure.axes[0], size
+    assert ax.get_xlim()[0] < 0.0 < x < ax.get_xlim()[1]
+    assert ax.get_ylim()[0] < 0.0 < y < ax.get_ylim()[1]
 
 
 def test_an_area_is_drawn_per_run_of_corners_and_does_not_change_the_limits():

@@ -25,9 +25,11 @@ from smart_tire.analysis.result import Result
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import (
-    Friction, GroundState, NS_PER_S, TireSample, WheelSample, WheelSlip)
+    Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, NS_PER_S, TireSample,
+    WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
 from support.driving import driven
+from support.ideal_robot import odometry
 
 EPOCH = 1_700_000_000 * NS_PER_S
 ROBOT = RobotParams()
@@ -109,6 +111,36 @@ def test_the_panels_of_the_ground_show_stiffness_and_rolling_resistance():
     state = GroundState(ns(1.0), *(Uncertain(value, 0.01) for value in (50.0, 0.4, 0.02)))
     figure = ground_figure(result(estimates=SampleArrays([state])))
     assert [panel.marks[0].curve.y.tolist() for panel in figure.panels] == [[50.0], [0.02]]
+
+
+def test_every_panel_shows_the_quantity_that_it_names():
+    numbers = iter(range(1, 100))
+    states = {name: 0.01 * next(numbers) for name in GROUND_ESTIMATES}
+    crossing = {name: 0.01 * next(numbers) for name in FRICTION_QUANTITIES}
+    slips, speeds = ((0.11, 0.12, 0.13, 0.14), (1.1, 1.2, 1.3, 1.4))
+    found = SampleArrays()
+    for i in range(3):
+        found.add_sample(odometry(ns(i), 0.5, -0.5, 0.05, 0.21, 0.23, v_y=0.22))
+        found.add_sample(WheelSlip(ns(i), slips, (0.9,) * 4, (0.02,) * 4))
+        found.add_sample(GroundState(ns(i), **{
+            name: Uncertain(value, 1e-4) for name, value in states.items()}))
+        found.add_sample(Friction(ns(i), 'rear_left', **{
+            name: Uncertain(value, 1e-4) for name, value in crossing.items()}))
+    drawn = Result(found, SampleArrays(WheelSample(ns(i), speeds) for i in range(3)))
+    expected = {
+        slip_figure: [[0.12, 0.13]], wheel_slip_figure: [[one] for one in slips],
+        velocity_figure: [[0.21], [0.22], [0.23]], wheel_speed_figure: [[*speeds]],
+        friction_figure: [[crossing['friction_coefficient_single'],
+                           crossing['friction_coefficient']]],
+        adhesion_figure: [[crossing['adhesion_ratio']]],
+        ground_figure: [[states['stiffness']], [states['rolling_resistance']]]}
+    for draw, panels in expected.items():
+        shown = [[one.curve.y[0] for one in panel.marks if one.label]
+                 for panel in draw(drawn).panels]
+        assert shown == [pytest.approx(panel) for panel in panels], draw.__name__
+    path, = path_figure(drawn).panels
+    assert [(one.curve.x[0], one.curve.y[0]) for one in path.marks if one.label == 'estimate'] == [
+        (0.5, -0.5)]
 
 
 def test_each_interval_has_a_slip_panel_and_determines_the_axis():

@@ -62,7 +62,7 @@ def test_estimates_are_summarized_without_ground_truth():
     assert tree['wheel_slip']['left'] == {'mean': 0.1, 'mean_sigma': 0.02}
     assert tree['tire_friction'] == {'front_left': {
         'crossings': 20, 'informative': 20, 'median_single': pytest.approx(0.385),
-        'last_fused': 0.3, 'last_fused_sigma': 0.05}}
+        'last_fused': 0.3, 'last_fused_sigma': 0.05, 'last_fused_s': pytest.approx(EPOCH / 1e9)}}
 
 
 def test_the_ground_is_summarized_by_medians():
@@ -72,12 +72,45 @@ def test_the_ground_is_summarized_by_medians():
             EPOCH + i, Uncertain(stiffness, 2.0), rolling_resistance=Uncertain(0.05, 0.01),
             friction_coefficient=Uncertain(0.5, 0.1) if i else UNKNOWN))
     ground = estimates_tree(series)['ground_state']
-    assert ground.pop('messages') == 3
+    assert ground.pop('messages') == 3 and len(ground.pop('grounds')) == 2
     assert tuple(ground) == GROUND_ESTIMATES
     assert ground['stiffness'] == {'median': 26.0, 'median_sigma': 2.0}
     assert ground['rolling_resistance'] == {'median': 0.05, 'median_sigma': 0.01}
     assert ground['friction_coefficient'] == {'median': 0.5, 'median_sigma': 0.1}
     assert ground['lateral_share'] == {'median': None, 'median_sigma': None}
+
+
+def test_the_last_friction_is_the_last_one_that_is_known():
+    series = run()
+    for i in range(3):
+        series.add_sample(Friction(EPOCH + (20 + i) * SECOND, 'front_left'))
+        series.add_sample(Friction(EPOCH + i, 'rear_left'))
+    friction = estimates_tree(series, EPOCH)['tire_friction']
+    assert [friction['front_left'][name] for name in (
+        'crossings', 'last_fused', 'last_fused_sigma', 'last_fused_s')] == [23, 0.3, 0.05, 9.5]
+    assert friction['rear_left']['last_fused'] is friction['rear_left']['last_fused_s'] is None
+
+
+def grounds(*values):
+    """Return the times [s] of the grounds of states (C_x, mu, rolling resistance) at 2 Hz."""
+    series = SampleArrays()
+    for i, one in enumerate(values):
+        series.add_sample(GroundState(EPOCH + i * SECOND // 2, *(
+            UNKNOWN if math.isnan(value) else Uncertain(value, 0.1 * value) for value in one)))
+    tree = estimates_tree(series, EPOCH)['ground_state']['grounds']
+    return [(one['begin_s'], one['end_s'], one['stiffness']['median']) for one in tree]
+
+
+def test_each_ground_is_summarized_on_its_own():
+    firm, sand = (50.0, 0.5, 0.02), (25.0, 0.3, 0.15)
+    assert grounds(*[firm] * 4, *[sand] * 6, *[firm] * 3) == [
+        (0.0, 1.5, 50.0), (2.0, 4.5, 25.0), (5.0, 6.0, 50.0)]
+    assert grounds(*[firm] * 4, sand, *[firm] * 4) == [(0.0, 4.0, 50.0)]  # a single state
+    unknown = (50.0, math.nan, 0.02)
+    assert grounds(*[unknown] * 3, *[firm] * 3) == [(0.0, 2.5, 50.0)]
+    assert len(grounds(*[unknown] * 3, *[(50.0, math.nan, 0.15)] * 3)) == 2
+    assert len(grounds(*[firm] * 3, *[(50.0, 0.7, 0.02)] * 3)) == 1  # 2.3 standard deviations
+    assert len(grounds(*[(50.0, 0.5, 0.02 + 0.0005 * i) for i in range(60)])) == 1  # slowly
 
 
 def test_without_estimates_the_tree_is_empty_and_without_truth_there_are_no_errors():

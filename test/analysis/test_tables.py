@@ -13,7 +13,9 @@
 import pytest
 
 from smart_tire.analysis.tables import (
-    error_tables, estimate_tables, friction_error_table, lines, slip_error_table, Table, text)
+    error_tables, estimate_tables, friction_error_table, GROUND as GROUND_COLUMNS, lines, ROBOT,
+    slip_error_table, Table, text)
+from smart_tire.samples import GROUND_ESTIMATES
 
 SCORE = {'count': 3, 'mean': 0.01, 'rms': 0.02, 'normalized_rms': 1.1, 'within_one': 0.7,
          'within_two': 0.95}
@@ -26,12 +28,16 @@ POSE = {'position_rms_m': 0.5, 'position_end_m': 0.75, 'position_max_m': 0.8,
         'position_within_two': 0.9, 'drift_per_meter_m': 0.02,
         'yaw': SCORE, 'yaw_end_rad': -0.1, 'relative_position_rms_m': 0.01,
         'relative_yaw_rms_rad': 0.02, 'twist': dict.fromkeys(('v_x', 'v_y', 'yaw_rate'), SCORE)}
+GROUND = {name: {'median': 0.5, 'median_sigma': None} for name in GROUND_ESTIMATES}
 ESTIMATES = {
     'odom': {'distance_m': 25.1, 'end': {'x_m': 1.0, 'y_m': -2.0, 'yaw_rad': 0.5},
              'end_sigma': {'x_m': 0.1, 'y_m': 0.2, 'yaw_rad': 0.03}},
     'wheel_slip': {side: {'mean': 0.1, 'mean_sigma': None} for side in ('left', 'right')},
     'tire_friction': {'front_left': {'crossings': 20, 'informative': 15, 'median_single': 0.45,
-                                     'last_fused': 0.46, 'last_fused_sigma': 0.03}}}
+                                     'last_fused': 0.46, 'last_fused_sigma': 0.03,
+                                     'last_fused_s': 71.5}},
+    'ground_state': {'grounds': [{'begin_s': begin, 'end_s': begin + 4.0, **GROUND}
+                                 for begin in (1.0, 6.0)], **GROUND}}
 SUMMARY = {
     'bag': 'field/run_3', 'duration_s': 80.04, 'host': None,
     'left_out': ['tire_samples is not in the bag'],
@@ -58,7 +64,10 @@ def test_columns_are_aligned_and_a_table_without_rows_has_no_text():
     ['distance', 'traveled', '[m]', '25.10', '-'], ['y', 'at', 'the', 'end', '[m]', '-2.000',
                                                     '0.200'],
     ['yaw', 'at', 'the', 'end', '[rad]', '0.500', '0.030'], ['left', '0.1000', '-'],
-    ['front', 'left', '20', '15', '0.450', '0.460', '0.030'],
+    ['front', 'left', '20', '15', '0.450', '0.460', '0.030', '71.5'],
+    ['1.0', '5.0', '0.5', '-', '0.500', '-', '0.5000', '-', '0.50', '-', '0.50', '-'],
+    ['6.0', '10.0', '0.5', '-', '0.500', '-', '0.5000', '-', '0.50', '-', '0.50', '-'],
+    ['true', 'over', 'measured', 'motor', 'torque', '[-]', '0.500', '-'],
     ['error', 'estimate', 'wheels', 'only'],
     ['position', 'error,', 'rms', '[m]', '0.500', '9.500'],
     ['position', 'error,', 'in', '2', 'σ', '90%', '-'],
@@ -82,6 +91,10 @@ def test_of_smoothed_estimates_only_what_differs_is_repeated():
     filtered, repeated = '\n'.join(lines({**SUMMARY, 'smoothed': smoothed})).split('RTS smoother')
     assert '26.00' in repeated and '25.10' in filtered
     assert 'Friction' not in repeated and 'Errors' not in repeated
+
+
+def test_every_quantity_of_the_ground_is_in_one_of_its_tables():
+    assert [key for _, key, _ in (*GROUND_COLUMNS, *ROBOT)] == list(GROUND_ESTIMATES)
 
 
 def test_nothing_known_gives_no_tables():

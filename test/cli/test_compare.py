@@ -98,7 +98,7 @@ def test_analyses_are_read_with_the_reference_of_their_bag(bags, robots, tmp_pat
     assert rows(tmp_path / 'c') == {('moved', 'estimate'): ''}
     (tmp_path / 'moved' / 'summary.json').write_text('{}')
     assert compare(tmp_path / 'moved') == 2
-    assert 'summary.json: not a summary' in capsys.readouterr().err
+    assert 'summary.json: not the summary of an analysis' in capsys.readouterr().err
 
 
 def test_several_bags_are_compared_by_analyze(bags, robots, tmp_path, capsys):

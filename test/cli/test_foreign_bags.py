@@ -143,9 +143,17 @@ def test_parameters_in_the_bag_are_used_like_those_of_a_file(events, tmp_path, c
     assert analyze(without, tmp_path / 'other', '--params', file) == 0
     found, expected = summary(tmp_path / 'out'), summary(tmp_path / 'other')
     assert found['estimates'] == expected['estimates']
+    values, origins = (found['parameters'].pop('values'), expected['parameters'].pop('values'))
     assert found['parameters'] == {
         'source': 'bag', 'nodes': ['friction_estimator', 'slip_estimator']}
     assert expected['parameters'] == {'source': 'files', 'files': [str(file)]}
+    for node, names in origins.items():
+        assert names['wheel_radius'] == {'value': 0.1, 'origin': f'{file}:1'}
+        assert values[node]['wheel_radius'] == {'value': 0.1, 'origin': 'the bag'}
+        assert {name: one['value'] for name, one in names.items()} == {
+            name: one['value'] for name, one in values[node].items()}
+    assert origins['slip_estimator']['lateral_sigma']['origin'] == f'{file}:2'
+    assert origins['slip_estimator']['slope_sigma']['origin'] == 'default'
     for out in ('out', 'other'):  # the bag of estimates carries them on
         with Bag(tmp_path / out / 'estimates') as bag:
             assert bag.parameters == text

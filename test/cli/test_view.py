@@ -12,12 +12,15 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from importlib.util import find_spec
 import sys
 
 import pytest
 
-from smart_tire.bags import BagWriter
+from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.bags import BagWriter, PARAMETERS_KEY
+from smart_tire.cli._bags import open_bag
 from smart_tire.cli.main import install_hint, main
 from smart_tire.cli.view import has_display
 from smart_tire.samples import WheelSlip
@@ -30,6 +33,26 @@ SLIP = WheelSlip(1_000_000_000, (0.25,) * 4, (0.0,) * 4, (0.1,) * 4)
 def test_either_a_bag_or_live_topics_are_shown(words, capsys):
     assert main(['view', *words]) == 2
     assert 'either BAG or --live' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('node, radius', [
+    ('/**', 0.3), ('overhead_localizer', 0.087)])  # an analysis, and one of the camera alone
+def test_estimates_are_shown_with_the_parameters_that_they_were_made_with(tmp_path, node, radius):
+    bag, estimates = tmp_path / 'drive', tmp_path / 'out' / 'estimates'
+    text = EstimatorParams.load([]).text.replace('wheel_radius: 0.087', 'wheel_radius: 0.3')
+    if node != '/**':
+        text = f'{node}: {{ros__parameters: {{wheel_radius: 0.3}}}}'
+    for path, data in ((bag, {}), (estimates, {PARAMETERS_KEY: text})):
+        with BagWriter(path, custom_data=data) as writer:
+            writer.write_sample('wheel_slip', 0, SLIP)
+    args = Namespace(params=[], remap=[])
+    with open_bag(bag, args, required=(), estimates=estimates) as (_, source):
+        assert source.params.robot.wheel_radius == radius
+    file = tmp_path / 'robot.yaml'
+    file.write_text('/**: {ros__parameters: {wheel_radius: 0.2}}')
+    args.params = [file]
+    with open_bag(bag, args, required=(), estimates=estimates) as (_, source):
+        assert source.params.robot.wheel_radius == 0.2
 
 
 @needs_rerun

@@ -30,15 +30,17 @@ from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.motion_figures import (
     path_figure, velocity_figure, wheel_slip_figure, wheel_speed_figure)
 from smart_tire.analysis.offline import Analysis, BagContents
-from smart_tire.analysis.pipeline import BAG, BagParams, ESTIMATES, FILES, INPUTS, OVERHEAD, TRUTHS
+from smart_tire.analysis.pipeline import (
+    BAG, BagParams, DEFAULT, ESTIMATES, FILES, INPUTS, OVERHEAD, TRUTHS)
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import errors_in, Tree, WHOLE
 from smart_tire.analysis.tables import (
     consistency_table, friction_error_table, friction_table, ground_table, inputs_table,
-    motion_table, pose_table, slip_error_table, slip_table, Table, text, topics_table)
+    motion_table, pose_table, robot_table, slip_error_table, slip_table, Table, text,
+    topics_table)
 from smart_tire.bags import match_by_name
 from smart_tire.estimates import SlipEstimate
-from smart_tire.parameters import known_names, load_files, NODE_PARAMS, Spec, specs
+from smart_tire.parameters import NODE_PARAMS, Spec, specs
 from smart_tire.parameters.files import value_text
 from smart_tire.samples import Friction, NS_PER_S
 
@@ -53,7 +55,7 @@ ABOUT = (
     'Drag to zoom, double-click to reset; plots over time have linked axes. This file makes no '
     'network requests. The plots are drawn by plotly.js (MIT license), which it contains.')
 PARAMETER_HEAD = ('parameter', 'value', 'unit', 'from', 'node', 'meaning')
-DEFAULT, FROM_BAG, BOTH = 'default', 'the bag', 'both'
+BOTH = 'both'
 PARAMETER_TITLES = {FILES: 'Parameters set in files; of several files the last one counts',
                     BAG: 'Parameters in the bag that differ from the default values'}
 
@@ -108,7 +110,9 @@ def _tiles(summary: Tree) -> list[tuple[str, str, str]]:
                    'rms') for side in SIDES]
     for wheel, one in estimates['tire_friction'].items():
         tiles.append((f'friction, {wheel.replace("_", " ")}', text(one['last_fused'], '.2f'),
-                      f'± {2.0 * (one["last_fused_sigma"] or 0.0):.2f} (2σ) at the end'))
+                      'unknown in all crossings' if one['last_fused_s'] is None else
+                      f'± {2.0 * (one["last_fused_sigma"] or 0.0):.2f} (2σ) at '
+                      f'{one["last_fused_s"]:.1f} s'))
     return tiles
 
 
@@ -142,7 +146,7 @@ def _friction(result: Result, summary: Tree) -> Section:
     tree = summary['estimates']
     return Section('friction', 'Friction', 'Friction and ground', _known(
         friction_table(tree), friction_figure(result), adhesion_figure(result),
-        ground_table(tree), ground_figure(result)) or [
+        ground_table(tree), ground_figure(result), robot_table(tree)) or [
             'Neither friction nor the state of the ground was estimated.'])
 
 
@@ -229,11 +233,9 @@ def parameter_tables(used: BagParams) -> tuple[Table, Table]:
     nodes = used.params.by_node()
     for node, values in nodes.items():
         described = specs(NODE_PARAMS[node], values)
-        origins = _origins(used, node, described)
+        origins = used.origins_of(node)
         for name, spec in described.items():
-            value = value_text(values[name])
-            source = origins.get(name, FROM_BAG if used.source == BAG
-                                 and value != value_text(spec.default) else DEFAULT)
+            value, source = value_text(values[name]), origins[name]
             rows.setdefault((name, value, source), (spec, []))[1].append(node)
     cells = [[name, value, spec.unit, source, BOTH if len(users) == len(nodes) else users[0],
               spec.meaning] for (name, value, source), (spec, users) in sorted(
@@ -243,15 +245,6 @@ def parameter_tables(used: BagParams) -> tuple[Table, Table]:
         for title, is_default in (
             (PARAMETER_TITLES.get(used.source, 'No parameters were given'), False),
             ('Parameters with their default values', True)))
-
-
-def _origins(used: BagParams, node: str, own: dict[str, Spec]) -> dict[str, str]:
-    """Return the parameters of ``node`` that are set in files: name -> file."""
-    if used.source != FILES:
-        return {}
-    known = known_names(NODE_PARAMS.values())
-    return {name: file for file in used.origins
-            for name in load_files([Path(file)], node, known, own, NODE_PARAMS)}
 
 
 def _known(*blocks: Block | None) -> list[Block]:

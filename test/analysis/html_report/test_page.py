@@ -191,7 +191,7 @@ def test_all_rows_of_a_table_are_as_long_as_its_head(report, outline):
 
 
 def test_parameters_have_the_file_that_sets_them(report, params):
-    assert row_of(report, 'from', 'wheel_radius')[1:5] == ['0.087', 'm', str(params), 'both']
+    assert row_of(report, 'from', 'wheel_radius')[1:5] == ['0.087', 'm', f'{params}:1', 'both']
     assert row_of(report, 'from', 'slope_sigma')[3:5] == ['default', 'slip_estimator']
 
 
