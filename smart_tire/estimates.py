@@ -27,7 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, WHEELS
+from smart_tire.errors import ParameterError
+from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, NS_PER_S, WHEELS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,13 +49,56 @@ class Tabular(ABC):
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
 
-    def to_pandas(self) -> pd.DataFrame:
+    def to_pandas(self, origin_ns: int | None = None) -> pd.DataFrame:
         """
         Return a data frame with the index ``stamp_ns`` [ns]; units are those of the arrays.
 
-        Raises ModuleNotFoundError if pandas is not installed.
+        With ``origin_ns`` [ns], the first column is the ``time`` [s] after it. Raises
+        ModuleNotFoundError if pandas is not installed.
         """
-        return data_frame(self.stamp_ns, self.columns())
+        time = {} if origin_ns is None else {'time': (self.stamp_ns - origin_ns) / NS_PER_S}
+        return data_frame(self.stamp_ns, time | self.columns())
+
+    def __repr__(self) -> str:
+        names = ', '.join(name for name in vars(self) if not name.endswith('_ns'))
+        span = np.ptp(self.stamp_ns) / NS_PER_S if len(self) else 0.0
+        return f'{type(self).__name__}({len(self)} rows in {span:.1f} s: {names})'
+
+
+class Tables(ABC):
+    """Several tables, by name."""
+
+    @abstractmethod
+    def tables(self) -> dict[str, Tabular]:
+        """Return name -> table."""
+
+    def to_pandas(self, origin_ns: int | None = None) -> dict[str, pd.DataFrame]:
+        """
+        Return name -> data frame, whose first column is the ``time`` [s] after ``origin_ns`` [ns].
+
+        By default this is the first timestamp of all. Raises ModuleNotFoundError if pandas is not
+        installed.
+        """
+        tables = self.tables()
+        if origin_ns is None:
+            origin_ns = self.origin_ns
+        return {name: table.to_pandas(origin_ns) for name, table in tables.items()}
+
+    @property
+    def origin_ns(self) -> int:
+        """First timestamp [ns] of all tables; 0 without any row."""
+        stamps = [int(one.stamp_ns.min()) for one in self.tables().values() if len(one)]
+        return min(stamps, default=0)
+
+    def __repr__(self) -> str:
+        counts = ', '.join(f'{name}: {len(one)}' for name, one in self.tables().items())
+        return f'{type(self).__name__}(rows of {counts})'
+
+
+def check_wheel(name: str) -> None:
+    """Raise ParameterError if no wheel has this name."""
+    if name not in WHEELS:
+        raise ParameterError(f'wheel is {name!r}, expected one of {", ".join(WHEELS)}')
 
 
 def data_frame(stamp_ns: Instants, columns: Mapping[str, Any]) -> pd.DataFrame:
@@ -73,15 +117,23 @@ def by_wheel(name: str, values: Any, wheels: tuple[str, ...]) -> dict[str, Any]:
     return {f'{name}.{wheel}': values[:, i] for i, wheel in enumerate(wheels)}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PoseEstimate(Tabular):
-    """Planar pose of ``base_link`` in ``odom`` and its twist in ``base_link``."""
+    """
+    Planar pose of ``base_link`` in ``odom`` and its twist in ``base_link``.
 
-    stamp_ns: Instants   #: (n,) ns, increasing
-    pose: Array          #: (n, 3) m, m, rad: x, y, yaw; yaw is continuous
-    twist: Array         #: (n, 3) m/s, m/s, rad/s: v_x, v_y, yaw rate
-    covariance: Array    #: (n, 3, 3) of x, y, yaw
-    twist_sigma: Array   #: (n, 3) standard deviation of the twist
+    * ``stamp_ns``: (n,) ns, increasing
+    * ``pose``: (n, 3) m, m, rad: x, y, yaw; yaw is continuous
+    * ``twist``: (n, 3) m/s, m/s, rad/s: v_x, v_y, yaw rate
+    * ``covariance``: (n, 3, 3) of x, y, yaw
+    * ``twist_sigma``: (n, 3) standard deviation of the twist
+    """
+
+    stamp_ns: Instants
+    pose: Array
+    twist: Array
+    covariance: Array
+    twist_sigma: Array
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
@@ -91,14 +143,21 @@ class PoseEstimate(Tabular):
                 **{f'{name}_sigma': row for name, row in zip(PLANAR_TWIST, self.twist_sigma.T)}}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SlipEstimate(Tabular):
-    """Longitudinal slip of the four wheels, positive when driving, in both directions."""
+    """
+    Longitudinal slip of the four wheels, positive when driving, in both directions.
 
-    stamp_ns: Instants  #: (n,) ns, increasing
-    ratio: Array        #: (n, 4) -, slip ratio of B(3) in [-1, 1]; NaN at standstill
-    sigma: Array        #: (n, 4) -, standard deviation of the slip ratio
-    velocity: Array     #: (n, 4) m/s, slip velocity r*omega - v_x, never clipped
+    * ``stamp_ns``: (n,) ns, increasing
+    * ``ratio``: (n, 4) -, slip ratio of B(3) in [-1, 1]; NaN at standstill
+    * ``sigma``: (n, 4) -, standard deviation of the slip ratio
+    * ``velocity``: (n, 4) m/s, slip velocity r*omega - v_x, never clipped
+    """
+
+    stamp_ns: Instants
+    ratio: Array
+    sigma: Array
+    velocity: Array
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
@@ -106,74 +165,119 @@ class SlipEstimate(Tabular):
                 **by_wheel('velocity', self.velocity, WHEELS)}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RotationCenter(Tabular):
-    """Instantaneous center of rotation in ``base_link``, while the robot turns."""
+    """
+    Instantaneous center of rotation in ``base_link``, while the robot turns.
 
-    stamp_ns: Instants  #: (n,) ns, increasing
-    position: Array     #: (n, 2) m: x (S of paper B), y
+    * ``stamp_ns``: (n,) ns, increasing
+    * ``position``: (n, 2) m: x (S of paper B), y
+    """
+
+    stamp_ns: Instants
+    position: Array
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
         return {'x': self.position[:, 0], 'y': self.position[:, 1]}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Quantity:
-    """One estimated quantity of n timestamps."""
+    """
+    One estimated quantity of n timestamps.
 
-    value: Array  #: (n,)
-    sigma: Array  #: (n,) standard deviation
+    * ``value``: (n,)
+    * ``sigma``: (n,) standard deviation
+    """
+
+    value: Array
+    sigma: Array
+
+    def __repr__(self) -> str:
+        return f'Quantity({np.isfinite(self.value).sum()} known of {len(self.value)})'
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GroundEstimate(Tabular):
     """
     Tire on the present ground, and properties of the robot that show with it.
 
     Empty if neither films nor motor torques show the ground.
+
+    * ``stamp_ns``: (n,) ns, increasing
+    * ``stiffness``: N, C_x per wheel
+    * ``friction_coefficient``: -, mu
+    * ``rolling_resistance``: -, over the load
+    * ``lateral_share``: -, of it: 0 along the heading, 1 along the velocity
+    * ``lateral_stiffness_ratio``: -, C_y / C_x
+    * ``center_of_mass_x``: m, in ``base_link``
+    * ``center_of_mass_y``: m, in ``base_link``
+    * ``imu_x``: m, position of the IMU in ``base_link``
+    * ``imu_y``: m, position of the IMU in ``base_link``
+    * ``motor_friction``: -, of gears and axles, over that of the parameters
+    * ``torque_scale``: -, true over measured motor torque
     """
 
-    stamp_ns: Instants                 #: (n,) ns, increasing
-    stiffness: Quantity                #: N, C_x per wheel
-    friction_coefficient: Quantity     #: -, mu
-    rolling_resistance: Quantity       #: -, over the load
-    lateral_share: Quantity            #: -, of it: 0 along the heading, 1 along the velocity
-    lateral_stiffness_ratio: Quantity  #: -, C_y / C_x
-    center_of_mass_x: Quantity         #: m, in ``base_link``
-    center_of_mass_y: Quantity         #: m, in ``base_link``
-    imu_x: Quantity                    #: m, position of the IMU in ``base_link``
-    imu_y: Quantity                    #: m, position of the IMU in ``base_link``
-    motor_friction: Quantity           #: -, of gears and axles, over that of the parameters
-    torque_scale: Quantity             #: -, true over measured motor torque
+    stamp_ns: Instants
+    stiffness: Quantity
+    friction_coefficient: Quantity
+    rolling_resistance: Quantity
+    lateral_share: Quantity
+    lateral_stiffness_ratio: Quantity
+    center_of_mass_x: Quantity
+    center_of_mass_y: Quantity
+    imu_x: Quantity
+    imu_y: Quantity
+    motor_friction: Quantity
+    torque_scale: Quantity
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
         return quantity_columns(self, GROUND_ESTIMATES)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FrictionEstimate(Tabular):
-    """Estimates of n patch crossings of all instrumented wheels, in order of time."""
+    """
+    Estimates of n patch crossings of all instrumented wheels, in order of time.
 
-    stamp_ns: Instants  #: (n,) ns; the center of the films was at the patch center
-    wheel: npt.NDArray[np.str_]            #: (n,) name of the wheel
-    friction_coefficient: Quantity         #: -, from this and earlier revolutions
-    friction_coefficient_single: Quantity  #: -, from this revolution alone
-    adhesion_ratio: Quantity               #: -, L_a / L
-    adhesion_length: Quantity              #: m, L_a
-    stretch_voltage: Quantity              #: V, q_sm of film 1; NaN when braking
-    peak_interval: Quantity                #: s, Delta t_a of film 1; NaN when braking
-    slip: Quantity                         #: -, slip ratio that was used
-    film_slip: Quantity                    #: -, slip ratio from the films alone
-    total_slip: Quantity                   #: -, magnitude of the slip vector
-    normal_load: Quantity                  #: N, F_z
-    stiffness: Quantity                    #: N, C_x
-    critical_slip: Quantity                #: -, 3 mu F_z / C_x
-    traction_force: Quantity               #: N, on the robot, positive forward
+    * ``stamp_ns``: (n,) ns; the center of the films was at the patch center
+    * ``wheel``: (n,) name of the wheel
+    * ``friction_coefficient``: -, from this and earlier revolutions
+    * ``friction_coefficient_single``: -, from this revolution alone
+    * ``adhesion_ratio``: -, L_a / L
+    * ``adhesion_length``: m, L_a
+    * ``stretch_voltage``: V, q_sm of film 1; NaN when braking
+    * ``peak_interval``: s, Delta t_a of film 1; NaN when braking
+    * ``slip``: -, slip ratio that was used
+    * ``film_slip``: -, slip ratio from the films alone
+    * ``total_slip``: -, magnitude of the slip vector
+    * ``normal_load``: N, F_z
+    * ``stiffness``: N, C_x
+    * ``critical_slip``: -, 3 mu F_z / C_x
+    * ``traction_force``: N, on the robot, positive forward
+    """
+
+    stamp_ns: Instants
+    wheel: npt.NDArray[np.str_]
+    friction_coefficient: Quantity
+    friction_coefficient_single: Quantity
+    adhesion_ratio: Quantity
+    adhesion_length: Quantity
+    stretch_voltage: Quantity
+    peak_interval: Quantity
+    slip: Quantity
+    film_slip: Quantity
+    total_slip: Quantity
+    normal_load: Quantity
+    stiffness: Quantity
+    critical_slip: Quantity
+    traction_force: Quantity
 
     def of(self, wheel: str) -> FrictionEstimate:
-        """Return the crossings of one wheel."""
+        """Return the crossings of one wheel; raise ParameterError if no wheel has this name."""
+        check_wheel(wheel)
         rows = self.wheel == wheel
         chosen = (getattr(self, name) for name in FRICTION_QUANTITIES)
         return FrictionEstimate(self.stamp_ns[rows], self.wheel[rows], *(
@@ -184,24 +288,40 @@ class FrictionEstimate(Tabular):
         return {'wheel': self.wheel, **quantity_columns(self, FRICTION_QUANTITIES)}
 
 
-@dataclass(frozen=True, eq=False)
-class Estimates:
-    """All estimates of a recording."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates(Tables):
+    """
+    All estimates of a recording.
 
-    pose: PoseEstimate         #: 125 Hz
-    slip: SlipEstimate         #: 125 Hz
-    center: RotationCenter     #: while the yaw rate exceeds 0.05 rad/s
-    ground: GroundEstimate     #: 2 Hz
-    friction: FrictionEstimate  #: one row per patch crossing
+    * ``pose``: 125 Hz
+    * ``slip``: 125 Hz
+    * ``center``: while the yaw rate exceeds 0.05 rad/s
+    * ``ground``: 2 Hz
+    * ``friction``: one row per patch crossing
+    """
+
+    pose: PoseEstimate
+    slip: SlipEstimate
+    center: RotationCenter
+    ground: GroundEstimate
+    friction: FrictionEstimate
+
+    def tables(self) -> dict[str, Tabular]:
+        """Return pose, slip, center, ground and friction by name."""
+        return dict(vars(self))
 
 
-@dataclass(frozen=True, eq=False)
-class Truth:
+@dataclass(frozen=True, eq=False, repr=False)
+class Truth(Tables):
     """Ground truth of a recording, with standard deviations of 0; empty where not recorded."""
 
     pose: PoseEstimate
     slip: SlipEstimate
     friction: FrictionEstimate
+
+    def tables(self) -> dict[str, Tabular]:
+        """Return pose, slip and friction by name."""
+        return dict(vars(self))
 
 
 def quantity_columns(record: object, names: tuple[str, ...]) -> dict[str, Any]:

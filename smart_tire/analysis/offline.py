@@ -32,7 +32,7 @@ from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
     BagParams, EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS,
-    OVERHEAD, SmoothedSlip, TRUTHS)
+    LOST_WITHOUT, OVERHEAD, SmoothedSlip, TRUTHS)
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import divergence, evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
@@ -51,9 +51,6 @@ from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
 BATCH_SIZE = 500  # messages that are sent together from one process to the other
-LOST_WITHOUT = {  # input -> estimates that require it
-    'imu/data': 'odom, wheel_slip, icr and ground_state', 'tire_samples': 'tire_friction',
-    'wheel_states': 'odom, wheel_slip, icr, tire_friction and ground_state'}
 COMPARED_VALUES = dict(zip((*TRUTHS, *OVERHEAD), (
     'poses', 'slips', 'friction values', 'poses', 'slips')))
 

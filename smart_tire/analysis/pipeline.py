@@ -46,6 +46,9 @@ OVERHEAD = tuple(f'overhead/{name}' for name in ('odom', 'wheel_slip'))
 FILES, BAG, DEFAULTS = 'files', 'bag', 'defaults'  # sources of a set of parameters
 FROM_BAG, DEFAULT = 'the bag', 'default'  # origins of a single one, which may be a file
 NODES = 'slip_estimator', 'friction_estimator'
+LOST_WITHOUT = {  # input -> estimates that require it
+    'imu/data': 'odom, wheel_slip, icr and ground_state', 'tire_samples': 'tire_friction',
+    'wheel_states': 'odom, wheel_slip, icr, tire_friction and ground_state'}
 HOLD_NS = 2 * NS_PER_S  # of inputs, until the ground of their time is known
 EstimateRecord = Odometry | WheelSlip | Icr | GroundState | Friction
 

@@ -92,10 +92,13 @@ class BrushTire:
     >>> tire = BrushTire()
     >>> print(f'{tire.adhesion_ratio(0.13, 0.47):.3f} {tire.friction(0.818, 0.13):.2f}')
     0.818 0.47
+
+    * ``stiffness``: N per unit slip, C_x
+    * ``load``: N, F_z
     """
 
-    stiffness: float = 52.7  #: N per unit slip, C_x
-    load: float = 26.7       #: N, F_z
+    stiffness: float = 52.7
+    load: float = 26.7
 
     def __post_init__(self) -> None:
         validation.positive('stiffness', self.stiffness)
@@ -129,15 +132,23 @@ class TreadFilm:
     >>> film = TreadFilm()
     >>> print(film.voltage([0.0, 0.02, 0.046], slip=0.1, critical_slip=0.71).round(2))
     [ 0.96  1.23 -0.83]
+
+    * ``length``: m, of the film
+    * ``contact_length``: m, L of the patch
+    * ``bending_peak``: V, output of the film when flat and without slip
+    * ``bending_alpha``: 1/m, shape of entry and exit, B(14)
+    * ``stretch_gain``: V/m, output per overlap integral of B(23)
+    * ``release``: at the exit: 'fig8' (opposite peak) or 'state' (none)
+    * ``recovery``: m of travel in which the opposite peak decays by e
     """
 
-    length: float = 0.020          #: m, of the film
-    contact_length: float = 0.046  #: m, L of the patch
-    bending_peak: float = 0.83     #: V, output of the film when flat and without slip
-    bending_alpha: float = 67.0    #: 1/m, shape of entry and exit, B(14)
-    stretch_gain: float = 307.5    #: V/m, output per overlap integral of B(23)
-    release: str = 'fig8'          #: at the exit: 'fig8' (opposite peak) or 'state' (none)
-    recovery: float = 0.005        #: m of travel in which the opposite peak decays by e
+    length: float = 0.020
+    contact_length: float = 0.046
+    bending_peak: float = 0.83
+    bending_alpha: float = 67.0
+    stretch_gain: float = 307.5
+    release: str = 'fig8'
+    recovery: float = 0.005
 
     def __post_init__(self) -> None:
         for name in 'length', 'contact_length', 'bending_alpha', 'recovery':

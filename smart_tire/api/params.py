@@ -18,12 +18,17 @@ from pathlib import Path
 from typing import Any
 
 from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.errors import printable
 from smart_tire.parameters import (
-    known_names, load_node, NODE_PARAMS, RobotParams, SimulatorParams)
+    build, FrictionEstimatorParams, known_names, load_node, NODE_PARAMS, RobotParams,
+    SimulatorParams, SlipEstimatorParams)
 from smart_tire.parameters.files import check_names
+from smart_tire.parameters.spec import is_known, values_of
+
+MAX_REPR = 480  # characters
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Params:
     """Parameters of both estimators and of the simulator; by default the robot of paper B."""
 
@@ -38,6 +43,33 @@ class Params:
     def with_seed(self, seed: int) -> Params:
         """Return the same parameters with another seed of the simulator."""
         return replace(self, simulator=replace(self.simulator, seed=seed))
+
+    def with_values(self, values: Mapping[str, Any]) -> Params:
+        """
+        Return the same parameters with other ``values``, as those of ``load_params``.
+
+        Raises ParameterError for an unknown name, or a value that is not allowed.
+        """
+        check_names(values, known_names(NODE_PARAMS.values()))
+        slip, friction, simulator = (
+            values_of(one) | {name: value for name, value in values.items()
+                              if is_known(name, known_names([type(one)]))} for one in self._parts)
+        return Params(EstimatorParams(build(SlipEstimatorParams, slip),
+                                      build(FrictionEstimatorParams, friction)),
+                      build(SimulatorParams, simulator))
+
+    @property
+    def _parts(self) -> tuple[SlipEstimatorParams, FrictionEstimatorParams, SimulatorParams]:
+        return self.estimators.slip, self.estimators.friction, self.simulator
+
+    def _values(self) -> dict[str, Any]:
+        return {name: value for one in self._parts for name, value in values_of(one).items()}
+
+    def __repr__(self) -> str:
+        default = Params()._values()
+        return printable('Params({})'.format(', '.join(
+            f'{name}: {value}' for name, value in self._values().items()
+            if value != default.get(name)) or 'defaults'), MAX_REPR)
 
 
 def load_params(*files: str | Path, values: Mapping[str, Any] | None = None) -> Params:

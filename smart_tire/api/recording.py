@@ -34,7 +34,7 @@ from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY, TopicNames
 from smart_tire.errors import ParameterError
 from smart_tire.estimates import (
-    by_wheel, FrictionEstimate, PoseEstimate, SlipEstimate, Tabular, Truth)
+    by_wheel, check_wheel, FrictionEstimate, PoseEstimate, SlipEstimate, Tables, Tabular, Truth)
 from smart_tire.paths import find_bag
 from smart_tire.recording import SampleArrays
 from smart_tire.rotation import quaternion
@@ -56,11 +56,15 @@ class Received(NamedTuple):
     sample: Sample
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DeviceData(Tabular):
-    """Measurements of one device in order of reception."""
+    """
+    Measurements of one device in order of reception.
 
-    stamp_ns: Instants    #: (n,) ns, instants of the measurements
+    * ``stamp_ns``: (n,) ns, instants of the measurements
+    """
+
+    stamp_ns: Instants
 
     def __post_init__(self) -> None:
         stamps = np.asarray(self.stamp_ns)
@@ -68,6 +72,10 @@ class DeviceData(Tabular):
             raise ParameterError(f'stamp_ns has shape {stamps.shape} and type {stamps.dtype}, '
                                  'expected integers (n,)')
         object.__setattr__(self, 'stamp_ns', stamps.astype(np.int64))
+        if getattr(self, 'receive_ns', ABSENT) is ABSENT and (np.diff(self.stamp_ns) < 0).any():
+            row = int(np.argmax(np.diff(self.stamp_ns) < 0)) + 1
+            raise ParameterError(f'stamp_ns decreases in row {row}: sort the rows, or give '
+                                 'receive_ns if they are in order of reception')
         self._fill('receive_ns', (), self.stamp_ns, np.int64)
 
     def _fill(self, name: str, shape: tuple[int, ...], default: Any = math.nan,
@@ -79,24 +87,39 @@ class DeviceData(Tabular):
             raise ParameterError(f'{name} has shape {values.shape}, expected {expected}')
         object.__setattr__(self, name, values.astype(kind))
 
+    def _check_measured(self, *names: str) -> None:
+        """Raise ParameterError if all of these fields are NaN in every row."""
+        if len(self) and all(np.isnan(getattr(self, name)).all() for name in names):
+            raise ParameterError(f'{" and ".join(names)}: NaN in all {len(self)} rows')
+
     def received(self) -> Iterator[Received]:
         """Yield the samples in order of reception."""
         raise NotImplementedError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImuData(DeviceData):
-    """Readings of the IMU in ``imu_link``."""
+    """
+    Readings of the IMU in ``imu_link``.
 
-    acceleration: Array  #: (n, 3) m/s2, specific force: +g on z when stationary
-    rate: Array          #: (n, 3) rad/s
-    orientation: Array = ABSENT    #: (n, 4) quaternion x, y, z, w; NaN if unknown
-    receive_ns: Instants = ABSENT  #: (n,) ns; default: the timestamps
+    * ``stamp_ns``: (n,) ns, instants of the measurements
+    * ``acceleration``: (n, 3) m/s2, specific force: +g on z when stationary
+    * ``rate``: (n, 3) rad/s
+    * ``orientation``: (n, 4) quaternion x, y, z, w; NaN if unknown
+    * ``receive_ns``: (n,) ns; default: the timestamps
+    """
+
+    acceleration: Array
+    rate: Array
+    orientation: Array = ABSENT
+    receive_ns: Instants = ABSENT
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, shape in ('acceleration', 3), ('rate', 3), ('orientation', 4):
             self._fill(name, (shape,))
+        self._check_measured('acceleration')
+        self._check_measured('rate')
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
@@ -114,19 +137,28 @@ class ImuData(DeviceData):
                 None if math.isnan(turn[0]) else cast(Four, tuple(turn))))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WheelData(DeviceData):
-    """Readings of the four wheels, positive rolling forward on both sides."""
+    """
+    Readings of the four wheels, positive rolling forward on both sides.
 
-    velocity: Array  #: (n, 4) rad/s, mean over the period that ends at the timestamp
-    position: Array = ABSENT  #: (n, 4) rad, unwrapped angle; NaN if not measured
-    effort: Array = ABSENT    #: (n, 4) N m, motor torque at the wheel; NaN if not
-    receive_ns: Instants = ABSENT  #: (n,) ns; default: the timestamps
+    * ``stamp_ns``: (n,) ns, instants of the measurements
+    * ``velocity``: (n, 4) rad/s, mean over the period that ends at the timestamp
+    * ``position``: (n, 4) rad, unwrapped angle; NaN if not measured
+    * ``effort``: (n, 4) N m, motor torque at the wheel; NaN if not
+    * ``receive_ns``: (n,) ns; default: the timestamps
+    """
+
+    velocity: Array
+    position: Array = ABSENT
+    effort: Array = ABSENT
+    receive_ns: Instants = ABSENT
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in 'velocity', 'position', 'effort':
             self._fill(name, (len(WHEELS),))
+        self._check_measured('velocity', 'position')
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
@@ -151,21 +183,28 @@ def _measured(position: list[float], velocity: list[float]) -> bool:
                    for angle, speed in zip(position, velocity))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FilmData(DeviceData):
-    """A/D conversions of the films of one wheel."""
+    """
+    A/D conversions of the films of one wheel.
 
-    wheel: str    #: name of the wheel
-    volts: Array  #: (n, films) V; rolling forward, film 1 enters the patch first
-    receive_ns: Instants = ABSENT  #: (n,) ns; default: the timestamps
+    * ``stamp_ns``: (n,) ns, instants of the measurements
+    * ``wheel``: name of the wheel
+    * ``volts``: (n, films) V; rolling forward, film 1 enters the patch first
+    * ``receive_ns``: (n,) ns; default: the timestamps
+    """
+
+    wheel: str
+    volts: Array
+    receive_ns: Instants = ABSENT
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.wheel not in WHEELS:
-            raise ParameterError(f'wheel is {self.wheel!r}, expected one of {", ".join(WHEELS)}')
+        check_wheel(self.wheel)
         if np.ndim(self.volts) != 2:
             raise ParameterError(f'volts has shape {np.shape(self.volts)}, expected (n, films)')
         self._fill('volts', (np.shape(self.volts)[1],))
+        self._check_measured('volts')
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
@@ -181,23 +220,27 @@ class FilmData(DeviceData):
                            TireSample(stamp_ns, self.wheel, tuple(volts)))
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Tables):
     """
     Measurements of one drive.
 
     ``order`` (N,) gives the device of each sample in order of reception: 0 the IMU, 1 the wheels,
     2 and more the ``films`` in their order. By default it follows from ``receive_ns``. Raises
     ParameterError if it does not fit the streams, or if films have another wheel than their key.
+
+    * ``films``: wheel -> its films
+    * ``warnings``: what could not be read
+    * ``params``: with which it was recorded or simulated, if known
     """
 
     imu: ImuData
     wheels: WheelData
-    films: Mapping[str, FilmData] = field(default_factory=dict)  #: wheel -> its films
+    films: Mapping[str, FilmData] = field(default_factory=dict)
     truth: Truth = field(default_factory=lambda: _truth(SampleArrays()))
-    warnings: tuple[str, ...] = ()  #: what could not be read
+    warnings: tuple[str, ...] = ()
     order: Instants = ABSENT
-    params: Params | None = None    #: with which it was recorded or simulated, if known
+    params: Params | None = None
 
     def __post_init__(self) -> None:
         for wheel, films in self.films.items():
@@ -215,6 +258,10 @@ class Recording:
     def streams(self) -> tuple[ImuData | WheelData | FilmData, ...]:
         """IMU, wheels and films."""
         return (self.imu, self.wheels, *self.films.values())
+
+    def tables(self) -> dict[str, Tabular]:
+        """Return ``imu``, ``wheels`` and the films by name of their wheel."""
+        return {'imu': self.imu, 'wheels': self.wheels, **self.films}
 
     @property
     def duration(self) -> float:

@@ -13,10 +13,11 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 
-from smart_tire.analysis.pipeline import Pipeline
+from smart_tire.analysis.pipeline import LOST_WITHOUT, Pipeline
 from smart_tire.api.params import Params
 from smart_tire.api.recording import as_recording, Recording
 from smart_tire.arrays import ArrayLike
@@ -33,8 +34,12 @@ def estimate(recording: Recording, params: Params | None = None) -> Estimates:
     ``params`` describe the robot; by default they are those of the recording, or the robot of
     paper B if it has none. The estimates equal those of
     ``smart_tire analyze``. Estimates whose inputs are missing are empty. All arrays have one row
-    per timestamp, ``stamp_ns`` (n,) [ns]; units and shapes are given in the classes.
+    per timestamp, ``stamp_ns`` (n,) [ns]; units and shapes are given in the classes. A
+    UserWarning names the estimates that a recording without IMU or wheels has not.
     """
+    for topic, stream in (('imu/data', recording.imu), ('wheel_states', recording.wheels)):
+        if not len(stream):
+            warnings.warn(f'the recording has no {topic}: no {LOST_WITHOUT[topic]}', stacklevel=2)
     pipeline = Pipeline((params or recording.params or Params()).estimators)
     found = SampleArrays(one for item in recording.received()
                          for one in pipeline.update(item.sample))

@@ -13,11 +13,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import warnings
 
 import numpy as np
 import pytest
-from smart_tire import load_params, read_bag, Recording, simulate, write_bag
-from smart_tire.api import FilmData, ImuData, PoseEstimate, WheelData
+from smart_tire import estimate, load_params, read_bag, Recording, simulate, write_bag
+from smart_tire.api import FilmData, ImuData, Params, PoseEstimate, WheelData
 from smart_tire.api.recording import as_recording
 from smart_tire.bags import Bag, BagWriter
 from smart_tire.errors import BagError, ParameterError
@@ -82,6 +83,14 @@ def test_by_default_samples_are_in_order_of_reception_and_that_is_by_timestamp()
 
 
 @pytest.mark.parametrize(('make', 'message'), [
+    (lambda: imu(STAMPS[::-1]), 'stamp_ns decreases in row 1: sort the rows, or give receive_ns'),
+    (lambda: wheels(np.array([1, 3, 2])), 'stamp_ns decreases in row 2'),
+    (lambda: ImuData(STAMPS, np.full((3, 3), np.nan), np.zeros((3, 3))),
+     'acceleration: NaN in all 3 rows'),
+    (lambda: ImuData(STAMPS, np.zeros((3, 3)), np.full((3, 3), np.nan)), 'rate: NaN in all 3'),
+    (lambda: WheelData(STAMPS, np.full((3, 4), np.nan)),
+     'velocity and position: NaN in all 3 rows'),
+    (lambda: FilmData(STAMPS, 'rear_left', np.full((3, 2), np.nan)), 'volts: NaN in all 3 rows'),
     (lambda: imu(STAMPS.astype(float)), r'stamp_ns has shape \(3,\) and type float64'),
     (lambda: imu(STAMPS[:, np.newaxis]), r'stamp_ns has shape \(3, 1\)'),
     (lambda: ImuData(STAMPS, np.zeros((3, 3)), np.zeros((2, 3))), r'rate has shape \(2, 3\)'),
@@ -173,3 +182,67 @@ def test_speeds_are_in_radians_per_second_and_the_seed_decides():
     np.testing.assert_array_equal(first.imu.rate, same.imu.rate)
     assert not np.array_equal(first.imu.rate, other.imu.rate)
     assert np.isnan(first.wheels.effort).all()
+
+
+def test_rows_in_order_of_reception_may_have_decreasing_timestamps():
+    late = imu(np.array([1, 3, 2]), receive_ns=np.array([4, 5, 6]))
+    assert late.stamp_ns.tolist() == [1, 3, 2]
+    assert len(WheelData(STAMPS, np.full((3, 4), np.nan), np.zeros((3, 4)))) == 3
+    assert len(imu(STAMPS[:0])) == 0  # nothing is measured, nothing is NaN
+
+
+def test_a_wheel_that_does_not_exist_is_an_error(recording):
+    with pytest.raises(ParameterError, match="wheel is 'left', expected one of front_left, "):
+        recording.truth.friction.of('left')
+    assert len(recording.truth.friction.of('rear_left')) == 0
+
+
+def test_records_are_shown_in_a_line(recording):
+    found = estimate(recording)
+    shown = [recording, recording.params, recording.truth, found, found.ground,
+             found.friction.slip, Params(), *recording.streams, *found.tables().values()]
+    for one in shown:
+        assert repr(one).startswith(type(one).__name__) and len(repr(one)) < 500
+        assert '\n' not in repr(one)
+    assert repr(recording.imu) == 'ImuData(300 rows in 3.0 s: acceleration, rate, orientation)'
+    assert repr(recording).startswith('Recording(rows of imu: 300, wheels: ')
+    assert repr(Params()) == 'Params(defaults)'
+    assert 'wheel_radius: 0.1' in repr(Params().with_values({'wheel_radius': 0.1}))
+    assert ' known of ' in repr(found.friction.slip)
+
+
+def test_all_tables_become_data_frames_with_one_time(recording):
+    pytest.importorskip('pandas')
+    tables = recording.to_pandas()
+    assert list(tables) == ['imu', 'wheels', 'front_left', 'front_right']
+    assert min(table['time'].min() for table in tables.values()) == 0.0
+    found = estimate(recording).to_pandas(recording.origin_ns)
+    assert list(found) == ['pose', 'slip', 'center', 'ground', 'friction']
+    assert list(recording.truth.to_pandas()) == ['pose', 'slip', 'friction']
+    for table in found.values():
+        assert table.columns[0] == 'time'
+        assert table['time'].to_numpy() == pytest.approx(
+            (table.index - recording.origin_ns) / 1e9, abs=1e-9)
+    assert 'time' not in recording.imu.to_pandas().columns
+
+
+def test_values_are_replaced_in_all_parameters_that_have_them():
+    params = load_params(values={'wheel_radius': 0.1, 'icr_x': 0.2})
+    other = params.with_values({'wheel_radius': 0.2, 'film.wheels': ['rear_left'],
+                                'ground.base': 'sand'})
+    assert other == load_params(values={'wheel_radius': 0.2, 'icr_x': 0.2,
+                                        'film.wheels': ['rear_left'], 'ground.base': 'sand'})
+    assert params == load_params(values={'wheel_radius': 0.1, 'icr_x': 0.2})
+    for values, message in (({'wheel_radios': 0.1}, 'did you mean wheel_radius'),
+                            ({'wheel_radius': -0.1}, 'wheel_radius')):
+        with pytest.raises(ParameterError, match=message):
+            params.with_values(values)
+
+
+def test_estimates_that_a_recording_cannot_have_are_warned_of(recording):
+    nothing = replace(recording, wheels=wheels(STAMPS[:0]), films={}, order=None)
+    with pytest.warns(UserWarning, match='has no wheel_states: no odom, wheel_slip, icr'):
+        assert len(estimate(nothing).pose) == 0
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        estimate(recording)
