@@ -20,7 +20,8 @@ import pytest
 from smart_tire.analysis.comparison import (
     comparison_csv, comparison_tables, ERRORS, named, rows_of, write_comparison)
 from smart_tire.analysis.dead_reckoning import baselines, GYRO_WHEELS, WHEELS_ONLY
-from smart_tire.analysis.metrics import ALIGNMENTS, carried, pose_score, SE2, START, UNALIGNED
+from smart_tire.analysis.metrics import (
+    ALIGNMENTS, carried, compared_poses, pose_score, SE2, START, UNALIGNED)
 from smart_tire.analysis.motion_figures import comparison_figure
 from smart_tire.analysis.result import Result
 from smart_tire.parameters import RobotParams
@@ -80,12 +81,11 @@ def test_least_squares_are_below_any_other_alignment():
     assert math.isnan(fitted.position_normalized_rms) and math.isnan(fitted.position_within_two)
 
 
-def test_a_whole_turn_between_two_frames_is_no_heading_error():
-    true = carried(curve(), np.zeros(3), PLACE + [0.0, 0.0, math.tau])
-    for align in ALIGNMENTS:
-        same = path(carried(curve(), np.zeros(3), PLACE) if align == UNALIGNED else curve())
-        poses = Result(same, truth=path(true), align=align).filtered.poses
-        assert np.abs(poses.error[:, 2]).max() < 1e-6, align
+@pytest.mark.parametrize('align', ALIGNMENTS)
+def test_a_whole_turn_between_two_frames_is_no_heading_error(align):
+    own = path(curve()).poses()
+    turned = replace(own, pose=own.pose + [0.0, 0.0, 2.0 * math.tau])
+    assert np.abs(compared_poses(own, turned, align).error).max() < 1e-6
 
 
 def test_displacements_in_each_meter_are_those_of_a_scale():
@@ -101,6 +101,7 @@ def test_each_run_has_rows_of_dead_reckoning_at_the_same_times(run):
     assert [(label, method) for label, method, _ in rows] == [
         ('a', 'estimate'), ('a', GYRO_WHEELS), ('a', WHEELS_ONLY)]
     own, gyro, wheels = (tree['pose'] for _, _, tree in rows)
+    assert rows[0][2]['nees'] == pytest.approx(own['position_normalized_rms'] ** 2, rel=1e-4)
     assert own['position_end_m'] == pytest.approx(0.01 * own['distance_m'], rel=0.3)
     assert own['distance_m'] == pytest.approx(gyro['distance_m'], rel=0.04)  # to its end
     assert own['position_rms_m'] < gyro['position_rms_m'] < wheels['position_rms_m']
@@ -161,6 +162,13 @@ def test_paths_are_drawn_in_one_frame(align, run):
     assert len(areas) == (2 if align == START else 0)
     assert [[mark.label for mark in panel.marks] for panel in figure.panels[1:]] == [
         ['a', 'b', GYRO_WHEELS]] * 2
+
+
+def test_each_reference_is_drawn_once(run):
+    other = replace(run, truth=path(1.2 * curve(count=90), 1_700_000_000_000_000_000))
+    for second, count in ((run, 1), (other, 2)):
+        figure = comparison_figure(named({'a': run, 'b': second}))
+        assert [mark.label for mark in figure.panels[0].marks].count('truth') == count
 
 
 def test_runs_without_poses_or_overlap_are_left_out_of_the_figure(run):

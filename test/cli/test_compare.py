@@ -150,6 +150,19 @@ def test_an_interrupt_leaves_no_files(bags, robots, tmp_path, monkeypatch):
     assert not out.exists()
 
 
+def test_an_interrupt_while_bags_are_compared_leaves_no_files(
+        bags, robots, tmp_path, monkeypatch):
+    out = tmp_path / 'out'
+
+    def interrupt(folder, *_, **__):
+        (folder / 'comparison.csv').write_text('a part')
+        raise KeyboardInterrupt
+    monkeypatch.setattr('smart_tire.analysis.comparison.write_comparison', interrupt)
+    assert main(['analyze', *map(str, bags), '--params', str(robots[0]), '--no-figures',
+                 '--out', str(out)]) == 130
+    assert not out.exists()
+
+
 @pytest.mark.parametrize('mine', [False, True])
 def test_an_interrupted_analysis_leaves_nothing_that_refuses_the_next(
         mine, bags, robots, tmp_path, monkeypatch):

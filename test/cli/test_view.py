@@ -36,14 +36,15 @@ def test_either_a_bag_or_live_topics_are_shown(words, capsys):
 
 
 @pytest.mark.parametrize('node, radius', [
-    ('/**', 0.3), ('overhead_localizer', 0.087)])  # an analysis, and one of the camera alone
+    ('/**', 0.3), ('overhead_localizer', 0.25)])  # an analysis, and one of the camera alone
 def test_estimates_are_shown_with_the_parameters_that_they_were_made_with(tmp_path, node, radius):
     bag, estimates = tmp_path / 'drive', tmp_path / 'out' / 'estimates'
     text = EstimatorParams.load([]).text.replace('wheel_radius: 0.087', 'wheel_radius: 0.3')
     if node != '/**':
         text = f'{node}: {{ros__parameters: {{wheel_radius: 0.3}}}}'
-    for path, data in ((bag, {}), (estimates, {PARAMETERS_KEY: text})):
-        with BagWriter(path, custom_data=data) as writer:
+    recorded = EstimatorParams.load([]).text.replace('wheel_radius: 0.087', 'wheel_radius: 0.25')
+    for path, used in ((bag, recorded), (estimates, text)):
+        with BagWriter(path, custom_data={PARAMETERS_KEY: used}) as writer:
             writer.write_sample('wheel_slip', 0, SLIP)
     args = Namespace(params=[], remap=[])
     with open_bag(bag, args, required=(), estimates=estimates) as (_, source):
