@@ -92,7 +92,7 @@ def test_the_camera_is_the_same_reference_in_the_bag_and_in_a_folder(
                       tmp_path / 'b')
     assert separate['against_truth'] is None
     assert separate['against_camera'] == inside['against_camera']
-    assert set(separate['against_camera']) == {'pose', 'slip'}
+    assert set(separate['against_camera']) == {'baselines', 'pose', 'slip'}
     assert 'ground truth is not in the bag: errors are against the overhead camera' in '\n'.join(
         separate['left_out'])
     assert 'Errors of the path; camera aligned at the start' in said and 'mean camera' in said
@@ -123,7 +123,7 @@ def test_with_ground_truth_the_camera_does_not_change_the_errors(events, tmp_pat
 def test_a_part_of_the_camera_gives_a_part_of_the_errors(events, real, tmp_path):
     summary = analyzed(real[0], tmp_path / 'out', '--overhead',
                        overhead(tmp_path / 'camera', seen(events, ['odom'])))
-    assert set(summary['against_camera']) == {'pose'}
+    assert set(summary['against_camera']) == {'baselines', 'pose'}
     assert 'overhead/wheel_slip is missing: no errors of slips' in summary['left_out']
 
 
