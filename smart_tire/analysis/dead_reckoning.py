@@ -80,7 +80,7 @@ def as_inputs(recording: SampleArrays, robot: RobotParams) -> ReckoningInputs:
     travel = robot.wheel_radius * angles
     rotation = matrix(*robot.imu.rotation)
     return ReckoningInputs(robot, imu.stamp_ns, (imu['rate'] @ rotation.T)[:, 2], wheel_ns, travel,
-                  _stationary_count(imu.stamp_ns, wheel_ns, travel))
+                           _stationary_count(imu.stamp_ns, wheel_ns, travel))
 
 
 def _side_means(values: Array) -> Array:

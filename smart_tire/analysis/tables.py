@@ -93,7 +93,7 @@ class Table:
         widths = [max(map(len, column)) for column in zip(*every)]
         for row in every:
             fields = [f'{text:<{width}}' if i < self.text_columns else f'{text:>{width}}'
-                     for i, (text, width) in enumerate(zip(row, widths))]
+                      for i, (text, width) in enumerate(zip(row, widths))]
             yield '  ' + '  '.join(fields).rstrip()
 
     def latex(self) -> str:
