@@ -112,6 +112,15 @@ def _stamped(topic: str, late: float) -> Change:
         one, stamp_ns=0 if math.isnan(late) else one.stamp_ns + round(late * NS_PER_S)))
 
 
+def _imu_at(axis: int, value: float) -> Setting:
+    """Return the setting of x or y of the position of the IMU [m]."""
+    def setting(robot: RobotParams) -> RobotParams:
+        position = np.array(robot.imu.position)
+        position[axis] = value
+        return replace(robot, imu=replace(robot.imu, position=tuple(position.tolist())))
+    return setting
+
+
 def _both(*changes: Change) -> Change:
     def change(events: Events, robot: RobotParams) -> Events:
         for one in changes:
@@ -199,8 +208,10 @@ VARIANTS: Mapping[str, Variant] = {
         robot, wheel_radius=2.0 * robot.wheel_radius)),
     'half of the radius': Variant(cause=('wheel_radius',), setting=lambda robot: replace(
         robot, wheel_radius=0.5 * robot.wheel_radius)),
-    'IMU 0.8 m to the left': Variant(cause=('imu.position: y',), setting=lambda robot: replace(
-        robot, imu=replace(robot.imu, position=(robot.imu.position[0], 0.8, 0.0)))),
+    'IMU 0.8 m to the left': Variant(cause=('imu.position: y',), setting=_imu_at(1, 0.8)),
+    'IMU 0.5 m to the right': Variant(cause=('imu.position: y',), setting=_imu_at(1, -0.5)),
+    'IMU 1 m ahead': Variant(cause=('imu.position: x',), setting=_imu_at(0, 1.0)),
+    'IMU 1 m behind': Variant(cause=('imu.position: x',), setting=_imu_at(0, -1.0)),
     # clocks
     'wheels late by 0.2 s': Variant(_stamped('wheel_states', 0.2), ('late',),
                                     also=('wheel_states: timestamps are',)),

@@ -24,7 +24,6 @@ consequences. Two comparisons over intervals near motion distinguish them:
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 import itertools
@@ -33,46 +32,22 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.latency import min_interval, yaw_motion
-from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    CalibrationRecording, ImuRecord, Indices, Signal, WheelRecord)
+    CalibrationRecording, ImuRecord, Indices, WheelRecord)
 from smart_tire.checks import limits
 from smart_tire.checks.messages import clock_differences
-from smart_tire.checks.motion import correlation
+from smart_tire.checks.motion import correlation, force_intervals, planar_fit
 from smart_tire.checks.recording import CheckedRecording, finding
 from smart_tire.checks.sensors import (
     exchanges, gravity_of, opposite_pairs, stuck_wheels, velocity_ratio)
-from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding
-from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import angles, matrix
 from smart_tire.samples import LEFT, RIGHT, WHEELS
 
 DEGREES = 180.0 / math.pi
-INTERVAL = 0.4  # s, of the regressions: longer than most latencies, shorter than a start
 UPRIGHT = {'+x': (0.0, -90.0, 0.0), '-x': (0.0, 90.0, 0.0), '+y': (90.0, 0.0, 0.0),
            '-y': (-90.0, 0.0, 0.0), '-z': (180.0, 0.0, 0.0)}  # degrees that turn an axis to +z
-
-
-@dataclass(frozen=True)
-class PlanarFit:
-    """Horizontal specific force over the acceleration of the wheels."""
-
-    factor: complex
-    sigma: float    # standard error of the factor
-    residual: float  # share of the specific force that is not explained
-
-    @property
-    def determined(self) -> bool:
-        """Return whether the factor is known."""
-        return self.sigma < limits.MAX_SIGMA * abs(self.factor)
-
-    @property
-    def angle(self) -> float:
-        """Return the angle [rad] of the factor."""
-        return cmath.phase(self.factor)
 
 
 @dataclass(frozen=True)
@@ -276,7 +251,7 @@ def _mounting(motion: CalibrationRecording,
 
 def sides_of(motion: CalibrationRecording, robot: RobotParams) -> Sides | None:
     """Return how the yaw rate follows the wheels; None if nothing moves."""
-    found = _intervals(motion, robot)
+    found = force_intervals(motion, robot)
     if found is None:
         return None
     _, sides, yaw_rate, _, _ = found
@@ -287,44 +262,3 @@ def sides_of(motion: CalibrationRecording, robot: RobotParams) -> Sides | None:
                  follows, correlation(yaw_rate, sides.sum(axis=1)), turning,
                  correlation(*sides.T) < -limits.MIN_CORRELATION
                  and turning < limits.NO_TURN * wheels)
-
-
-def planar_fit(motion: CalibrationRecording, robot: RobotParams) -> PlanarFit | None:
-    """Return the regression of the horizontal force; None if nothing moves."""
-    found = _intervals(motion, robot)
-    if found is None:
-        return None
-    time, sides, W, change, force = found
-    speed = robot.wheel_radius * sides.mean(axis=1)
-    forward, lateral = np.gradient(speed, time), W * speed
-    one, none = np.ones(len(time)), np.zeros(len(time))
-    rows = np.vstack([  # factor, lever arm of the IMU, bias
-        np.column_stack([forward, -lateral, -W ** 2, -change, one, none]),
-        np.column_stack([lateral, forward, change, -W ** 2, none, one])])
-    both = Rows(np.concatenate([time, time]), rows, force.T.ravel(), np.zeros(2 * len(time)))
-    lever = PRIORS['lateral effects of the squared yaw rate'].prior
-    fit = regression(both, Prior.of(None, None, lever, lever, None, None), Errors(
-        max(1, round(limits.CORRELATION_TIME / float(np.median(np.diff(time))))),
-        instant=np.tile(np.arange(len(time)), 2)))
-    (p, sigma_p), (q, sigma_q) = fit.estimate(0), fit.estimate(1)
-    signal = both.target - rows[:, 4:] @ fit.values[4:]
-    return PlanarFit(complex(p, q), math.hypot(sigma_p, sigma_q),
-                     float(np.sum(fit.residuals ** 2) / max(np.sum(signal ** 2), 1e-12)))
-
-
-def _intervals(motion: CalibrationRecording, robot: RobotParams
-               ) -> tuple[Array, Array, Array, Array, Array] | None:
-    """Return time (n,), wheel speeds (n, 2), yaw rate, its change, force (n, 2); None if few."""
-    try:
-        found = motion.moving_intervals(
-            max(INTERVAL, min_interval(motion)),
-            robot.slip.standstill_speed / robot.wheel_radius, INTERVAL)
-    except EstimatorError:
-        return None
-    if len(found.end) < limits.MIN_READINGS:
-        return None
-    imu = motion.imu
-    rate, change = yaw_motion(Signal(imu.time, imu.rate[:, 2]), found.begin, found.end)
-    force = np.stack([Signal(imu.time, imu.force[:, i]).mean(found.begin, found.end)
-                      for i in range(2)], axis=1)
-    return found.center, found.sides, rate, change, force

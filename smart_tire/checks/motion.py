@@ -19,6 +19,7 @@ IMU. Both have a systematic error, because the body tilts when it accelerates.
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 import math
@@ -28,7 +29,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
-    fit_speed_changes, moving_intervals, yaw_motion)
+    fit_speed_changes, min_interval, moving_intervals, yaw_motion)
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import CalibrationRecording, Mask, side_slip, Signal
 from smart_tire.checks import limits
@@ -37,8 +38,10 @@ from smart_tire.checks.sensors import speed_units
 from smart_tire.errors import EstimatorError
 from smart_tire.findings import Finding, Level
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
+from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
 
+INTERVAL = 0.4  # s, of the force: longer than most latencies, shorter than a start
 RADIUS, SLIP, LEVER_X, LEVER_Y, BIAS = range(5)  # columns of the lateral fit
 
 
@@ -51,6 +54,26 @@ class LateralFit:
     lever_y: Uncertain  # m, of the IMU to the left of ``base_link``
     signal: float       # m/s2, spread of the centripetal acceleration
     both_ways: bool     # whether there are turns to the left and to the right
+
+
+@dataclass(frozen=True)
+class PlanarFit:
+    """Horizontal specific force over the acceleration of the wheels."""
+
+    factor: complex
+    sigma: float    # standard error of the factor
+    residual: float  # share of the specific force that is not explained
+    lever: tuple[Uncertain, Uncertain]  # m, x and y of the IMU
+
+    @property
+    def determined(self) -> bool:
+        """Return whether the factor is known."""
+        return self.sigma < limits.MAX_SIGMA * abs(self.factor)
+
+    @property
+    def angle(self) -> float:
+        """Return the angle [rad] of the factor."""
+        return cmath.phase(self.factor)
 
 
 def check_sides(recording: CheckedRecording) -> Iterator[Finding]:
@@ -128,7 +151,7 @@ def _contradicted_radius(recording: CheckedRecording) -> tuple[list[Finding], Ch
     else:
         one = finding('radius', 'wheel_radius', **shown)
     wheels, factor = motion.wheels, value / robot.wheel_radius
-    return [one], replace(recording, mended=replace(motion, wheels=replace(
+    return [one], replace(recording, other_robot=True, mended=replace(motion, wheels=replace(
         wheels, velocity=factor * wheels.velocity,
         position=None if wheels.position is None else factor * wheels.position)))
 
@@ -191,10 +214,16 @@ def _turning_lag(recording: CheckedRecording) -> float:
 
 
 def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
-    """Yield a position of the IMU that contradicts the lateral force in turns."""
-    robot, fit = recording.robot, lateral_fit(recording)
-    if fit is None:
+    """
+    Yield a position of the IMU that contradicts the lateral force in turns.
+
+    It is an error if the forward force, in which the yaw acceleration shows y and the squared yaw
+    rate x, confirms it, and the other parameters are those of this robot.
+    """
+    robot, fit, motion = recording.robot, lateral_fit(recording), recording.motion
+    if fit is None or motion is None:
         return
+    both = planar_fit(motion, robot, 'position of the IMU')
     halves: list[LateralFit | None] | None = None
     tolerance_x = max(limits.MAX_LEVER_ERROR, 0.5 * robot.wheelbase)  # of the center of rotation
     for axis, lever, tolerance in ((0, fit.lever_x, tolerance_x),
@@ -209,8 +238,13 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
             if not all(half and abs((half.lever_x, half.lever_y)[axis].value - lever.value) < error
                        for half in able):
                 continue
-            yield finding('lever_arm', 'imu.position', axis='xy'[axis], value=lever.value,
-                          sigma=lever.sigma, configured=configured)
+            other = both and both.lever[axis]
+            side = math.copysign(1.0, lever.value - configured)
+            confirmed = other and not recording.other_robot and side * (
+                other.value - configured) > tolerance + limits.SIGMAS * other.sigma
+            yield finding('lever_arm', 'imu.position', Level.ERROR if confirmed else None,
+                          axis='xy'[axis], value=lever.value, sigma=lever.sigma,
+                          configured=configured)
 
 
 def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
@@ -233,6 +267,53 @@ def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
         fit.estimate(LEVER_X), fit.estimate(LEVER_Y),
         float(np.std(matrix[:, RADIUS] * radius.value)),
         min(_share(W > 0.0, W), _share(W < 0.0, W)) > limits.MIN_TURN_SHARE)
+
+
+def planar_fit(motion: CalibrationRecording, robot: RobotParams,
+               position: str = 'lateral effects of the squared yaw rate') -> PlanarFit | None:
+    """
+    Return the regression of the horizontal force; None if nothing moves.
+
+    ``position`` is the name of the prior of the position of the IMU in ``PRIORS``.
+    """
+    found = force_intervals(motion, robot)
+    if found is None:
+        return None
+    time, sides, W, change, force = found
+    speed = robot.wheel_radius * sides.mean(axis=1)
+    forward, lateral = np.gradient(speed, time), W * speed
+    one, none = np.ones(len(time)), np.zeros(len(time))
+    rows = np.vstack([  # factor, lever arm of the IMU, bias
+        np.column_stack([forward, -lateral, -W ** 2, -change, one, none]),
+        np.column_stack([lateral, forward, change, -W ** 2, none, one])])
+    both = Rows(np.concatenate([time, time]), rows, force.T.ravel(), np.zeros(2 * len(time)))
+    lever = PRIORS[position].prior
+    fit = regression(both, Prior.of(None, None, lever, lever, None, None), Errors(
+        max(1, round(limits.CORRELATION_TIME / float(np.median(np.diff(time))))),
+        instant=np.tile(np.arange(len(time)), 2)))
+    (p, sigma_p), (q, sigma_q) = fit.estimate(0), fit.estimate(1)
+    signal = both.target - rows[:, 4:] @ fit.values[4:]
+    return PlanarFit(complex(p, q), math.hypot(sigma_p, sigma_q),
+                     float(np.sum(fit.residuals ** 2) / max(np.sum(signal ** 2), 1e-12)),
+                     (fit.estimate(2), fit.estimate(3)))
+
+
+def force_intervals(motion: CalibrationRecording, robot: RobotParams
+                    ) -> tuple[Array, Array, Array, Array, Array] | None:
+    """Return time (n,), wheel speeds (n, 2), yaw rate, its change, force (n, 2); None if few."""
+    try:
+        found = motion.moving_intervals(
+            max(INTERVAL, min_interval(motion)),
+            robot.slip.standstill_speed / robot.wheel_radius, INTERVAL)
+    except EstimatorError:
+        return None
+    if len(found.end) < limits.MIN_READINGS:
+        return None
+    imu = motion.imu
+    rate, change = yaw_motion(Signal(imu.time, imu.rate[:, 2]), found.begin, found.end)
+    force = np.stack([Signal(imu.time, imu.force[:, i]).mean(found.begin, found.end)
+                      for i in range(2)], axis=1)
+    return found.center, found.sides, rate, change, force
 
 
 def _share(selected: Mask, values: Array) -> float:

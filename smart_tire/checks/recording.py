@@ -63,6 +63,7 @@ class CheckedRecording:
     host: HostLoad | None = None    # of a running robot; reported elsewhere if it is late
     mended: CalibrationRecording | None = None  # IMU and wheels without the errors that were found
     radius_given: bool = True       # wheel_radius is not just the default
+    other_robot: bool = False       # wheel_radius is contradicted, so others are as well
     contents: tuple[str, str] = '', 'start its driver'  # of the bag, and the way on without inputs
 
     def of(self, topic: str) -> list[Stream]:

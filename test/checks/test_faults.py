@@ -326,6 +326,20 @@ def test_a_wrong_geometry_is_reported_with_the_right_value(check, robot, text):
     assert text in found(check, clean(), robot)
 
 
+@pytest.mark.parametrize('axis, shift', [(0, 0.5), (0, -0.4), (1, 0.6), (1, -0.4)])
+def test_a_far_position_of_the_imu_is_an_error_which_the_right_one_is_not(axis, shift):
+    for ground in ('concrete', 'sand'):
+        events, position = clean(5, ground), list(RobotParams().imu.position)
+        assert found(motion.check_imu_position, events) == ''
+        position[axis] += shift
+        wrong = RobotParams(imu=ImuParams(position=tuple(position)))
+        text = f'imu.position: {"xy"[axis]} is '
+        assert f'ERROR {text}' in found(motion.check_imu_position, events, wrong)
+        # of a robot whose wheels are others, nothing else is known either
+        other = replace(recording(events, wrong), other_robot=True)
+        assert f'WARNING {text}' in texts(motion.check_imu_position(other))
+
+
 @pytest.mark.parametrize('late, configured, reported', [
     (0.1, 0.0, True), (0.1, 0.1, False), (-0.05, 0.0, False), (-0.12, 0.0, True)])
 def test_late_wheels_contradict_the_configured_latency(late, configured, reported):
