@@ -31,7 +31,7 @@ import tempfile
 from typing import Any
 
 from benchmarks.wrong_data import (
-    CHANGED, Events, judged, RIGHT, Variant, VARIANTS, written)
+    CHANGED, DEGREES, Events, judged, RIGHT, RPM, Variant, VARIANTS, written)
 import numpy as np
 
 from smart_tire.analysis.offline import analyze
@@ -85,6 +85,16 @@ def clock(step: float, topics: tuple[str, ...] = CHANGED, share: float = 0.45, *
         return [(at + step_ns * received * (at > since), name, replace(
             sample, stamp_ns=sample.stamp_ns + step_ns * (at > since))
             if name in topics else sample) for at, name, sample in events]
+    return changed
+
+
+def before_clock(shift: float, share: float = 0.15) -> Change:
+    """Return timestamps and receptions shifted by ``shift`` [s]; the first are received at 0."""
+    def changed(events: Events, robot: RobotParams) -> Events:
+        first, last, shift_ns = events[0][0], events[-1][0], round(shift * NS_PER_S)
+        since = first + share * (last - first)
+        return [((at + shift_ns) * (at > since), name, replace(
+            sample, stamp_ns=sample.stamp_ns + shift_ns)) for at, name, sample in events]
     return changed
 
 
@@ -181,13 +191,14 @@ def rotations() -> Iterator[Array]:
 
 def imu(*fields: str, value: float | None = 0.0, covariance: float = -1.0
         ) -> Callable[[str, Any], None]:
-    """Return the change of vectors of ``imu/data`` that are not measured."""
+    """Return the change of vectors of ``imu/data`` and their covariances; None: of these."""
     def change(topic: str, msg: Any) -> None:
         if topic != 'imu/data':
             return
         for field in fields:
             vector = getattr(msg, field)
-            vector.x = vector.y = vector.z = value
+            if value is not None:
+                vector.x = vector.y = vector.z = value
             setattr(msg, f'{field}_covariance', [covariance, *[0.0] * 8])
     return change
 
@@ -209,6 +220,16 @@ def stamped(convert: Callable[[int, int], tuple[int, int]], topics: tuple[str, .
         if topic in topics:
             stamp.sec, stamp.nanosec = convert(stamp.sec, stamp.nanosec)
     return change
+
+
+def units(position: float, velocity: float) -> Change:
+    """Return positions and velocities in units per rad and rad/s; NaN: per wheel radius."""
+    def changed(events: Events, robot: RobotParams) -> Events:
+        angle, speed = (np.nan_to_num(one, nan=robot.wheel_radius) for one in (position, velocity))
+        return each('wheel_states', lambda one, time: replace(
+            one, position=tuple(angle * value for value in one.position),
+            velocity=tuple(speed * value for value in one.velocity)))(events, robot)
+    return changed
 
 
 def wrapped(full: float, low: float) -> Callable[[Array], Array]:
@@ -235,6 +256,33 @@ OF_STAMPS = '{}: the clock of its stamps was set {}'
 CLOCK = 'clock was set'
 DIFFER = ('one clock for all inputs',)  # while it goes on
 EMPTY: Mapping[str, Any] = {'velocity': ()}
+TICKS, FEW_TICKS = 2048 / math.tau, 96 / math.tau
+METRES = math.nan
+UNITS: Mapping[tuple[str, str], tuple[Any, ...]] = {  # per rad and rad/s, causes
+    ('angles in degrees', 'rad/s'): (DEGREES, 1.0, 'positions in degrees?'),
+    ('angles in revolutions', 'rad/s'): (1.0 / math.tau, 1.0, 'positions in revolutions?'),
+    ('angles in ticks', 'rad/s'): (TICKS, 1.0, 'positions in ticks, 2048'),
+    ('angles in m', 'rad/s'): (METRES, 1.0, 'positions in m?'),
+    ('angles in rad', 'deg/s'): (1.0, DEGREES, 'velocities in deg/s?'),
+    ('angles in rad', 'revolutions/s'): (1.0, 1.0 / math.tau, 'velocities in revolutions/s?'),
+    ('angles in rad', 'ticks/s'): (1.0, FEW_TICKS, 'velocities in ticks/s, 96'),
+    ('angles in revolutions', 'rpm'): (
+        1.0 / math.tau, RPM, 'velocities in rpm, positions in revolutions?'),
+    ('angles in revolutions', 'deg/s'): (
+        1.0 / math.tau, DEGREES, 'velocities in deg/s, positions in revolutions?'),
+    ('angles in revolutions', 'm/s'): (
+        1.0 / math.tau, METRES, 'velocities in m/s, positions in revolutions?'),
+    ('angles in degrees', 'rpm'): (DEGREES, RPM, 'velocities in rpm, positions in degrees?'),
+    ('angles in degrees', 'm/s'): (DEGREES, METRES, 'velocities in m/s, positions in degrees?'),
+    ('angles in m', 'rpm'): (METRES, RPM, 'velocities in rpm, positions in m?'),
+    ('angles in degrees', 'deg/s'): (DEGREES, DEGREES, 'wheel speeds', 'in deg/s'),
+    ('angles in revolutions', 'revolutions/s'): (
+        1.0 / math.tau, 1.0 / math.tau, 'wheel speeds', 'in revolutions/s'),
+    ('angles in m', 'm/s'): (METRES, METRES, 'wheel speeds', 'm/s'),
+    ('angles in ticks', 'ticks/s'): (TICKS / 3, TICKS / 3, 'wheel speeds', 'ticks/s'),
+    ('angles in many ticks', 'ticks/s'): (TICKS, TICKS, 'magnitudes of at most 1000'),
+    ('angles in rad', 'rad/s of the opposite sign'): (1.0, -1.0, 'velocities of the opposite'),
+    ('angles of the opposite sign', 'rad/s'): (-1.0, 1.0, 'positions of the opposite')}
 WRAPS = {'pi': wrapped(math.tau, -math.pi), '2 pi': wrapped(math.tau, 0.0),
          '+-2 pi': lambda angle: np.fmod(angle, math.tau)}
 STRANGE: Mapping[str, Variant] = {
@@ -267,6 +315,10 @@ STRANGE: Mapping[str, Variant] = {
                                 cause=('angular_velocity is constant',)),
     'accelerometer always zero': Variant(message=imu('linear_acceleration', covariance=0.0),
                                          cause=('linear_acceleration is constant',)),
+    **{f'{name} with covariance -1': Variant(
+        message=imu(*fields, value=None), cause=('covariance -1, not measured', *fields))
+       for name, fields in {'gyro': ('angular_velocity',), 'accelerometer': (
+           'linear_acceleration',), 'both': ('angular_velocity', 'linear_acceleration')}.items()},
     'gyro NaN': Variant(message=imu('angular_velocity', value=math.nan),
                         cause=('expected finite',)),
     'gyro bias of 5 deg/s': Variant(each('imu/data', lambda one, time: replace(
@@ -306,6 +358,11 @@ STRANGE: Mapping[str, Variant] = {
     'recording paused in motion': Variant(
         paused(0.4, 0.48), ('recording was interrupted; ',)),
     'simulated time': Variant(clock(20.0 - 1.7e9, share=-1.0, received=False)),
+    'received in simulated time': Variant(lambda events, robot: [
+        (at - round((1.7e9 - 20.0) * NS_PER_S), name, sample) for at, name, sample in events],
+        ('times of reception are those of a simulation',)),
+    'simulated time, received before /clock': Variant(
+        before_clock(20.0 - 1.7e9), ('before it received /clock',)),
     'milliseconds in nanosec': Variant(
         message=stamped(lambda sec, nanosec: (sec, nanosec // 1_000_000), ('imu/data',)),
         cause=('imu/data', 'header.stamp.nanosec')),
@@ -328,9 +385,9 @@ STRANGE: Mapping[str, Variant] = {
     'wheels that never turn': Variant(each('wheel_states', lambda one, time: replace(
         one, position=(0.0,) * 4, velocity=(0.0,) * 4)), ('the wheels never turn',),
         also=('motor torques',)),
-    'angles in degrees': Variant(angles(np.degrees), ('positions in degrees',)),
-    'angles in ticks': Variant(angles(lambda angle: np.rint(angle * 2000 / math.tau)),
-                               ('positions in ticks, 2000',)),
+    **{f'{name[0]}, {name[1]}': Variant(
+        units(position, velocity), tuple(cause), also=('magnitudes of at most 1000',))
+       for name, (position, velocity, *cause) in UNITS.items()},
     '16-bit counters': Variant(angles(wrapped(65536 * math.tau / 2000, 0.0))),
     '16-bit counters, no velocities': Variant(
         angles(wrapped(16384 * math.tau / 2000, 0.0)), message=wheels(**EMPTY)),

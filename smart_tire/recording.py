@@ -188,6 +188,7 @@ class Faults:
     reasons: dict[str, str] = field(default_factory=dict)    # why the first one is invalid
     frames: dict[str, Counter[str]] = field(default_factory=dict)  # header.frame_id
     completed: Counter[str] = field(default_factory=Counter)  # of wheel_states: ``WheelReader``
+    contradictions: Counter[str] = field(default_factory=Counter)  # of imu/data: ``imu_from_msg``
     clock_steps: Sequence[str] = ()  # clocks that were set, as text
     # begin and end [ns] of times without any reception, and whether the wheels turned on
     pauses: Sequence[tuple[int, int, bool]] = ()

@@ -25,6 +25,7 @@ from typing import TypeVar
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 NS_PER_S = 1_000_000_000
+FIRST_DATE_NS = 946_684_800 * NS_PER_S  # 2000-01-01; earlier times are of a simulation
 WHEELS = ('front_left', 'front_right', 'rear_left', 'rear_right')
 LEFT = (0, 2)   # indices into WHEELS
 RIGHT = (1, 3)  # indices into WHEELS

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -26,7 +26,8 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores, TypesysEr
 from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
-from smart_tire.messages import cdr, definitions, forms_of, OtherJointsError, stamp_of, Topic
+from smart_tire.messages import (
+    cdr, definitions, forms_of, imu_from_msg, OtherJointsError, stamp_of, Topic)
 from smart_tire.messages.wheel_reader import WheelReader
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
@@ -164,6 +165,9 @@ class SampleDecoder:
         if form.sample is WheelSample:
             reader = WheelReader(joints)
             self._from_msg, faults.completed = reader, reader.completed
+        elif form.from_msg is imu_from_msg:
+            faults.contradictions = Counter()
+            self._from_msg = partial(imu_from_msg, contradictions=faults.contradictions)
 
     def __call__(self, data: bytes, ahead_ns: int = 0) -> Sequence[Sample]:
         """Return the samples in a message, whose stamp is ``ahead_ns`` ahead of time."""

@@ -152,14 +152,25 @@ class Bag:
     @cached_property
     def _has_times(self) -> bool:
         """Return whether the messages have times of reception; add a warning."""
-        start, end = self._file_span
-        if start >= 0 and end < MAX_TIME_NS and (start < end or sum(
+        (start, end), early = self._file_span, self._received_before_clock
+        if start >= 0 and end < MAX_TIME_NS and not early and (start < end or sum(
                 one.messages for one in self.topics.values()) < MIN_SAMPLES):
             return True
-        add_warning(self._warnings, 'invalid times of reception ('
-                    + ' to '.join(f'{one} ns' for one in dict.fromkeys((start, end)))
+        add_warning(self._warnings, 'invalid times of reception (' + (
+            '0, of a recorder with use_sim_time before it received /clock' if early else
+            ' to '.join(f'{one} ns' for one in dict.fromkeys((start, end))))
                     + '): those of header.stamp are used')
         return False
+
+    @property
+    def _received_before_clock(self) -> bool:
+        """Return whether inputs are received at 0, but only the first ones, and stamped later."""
+        start, end = self._file_span
+        names = [name for name, kind in self.types.items()
+                 if kind in {TOPICS[topic].type for topic in CLOCKED}]
+        first = (next(file.messages(names, as_written=True), None) for file in self._files)
+        return start == 0 < end and any(
+            one is not None and one[0] == 0 and stamp_in(one[2]) > NS_PER_S for one in first)
 
     @cached_property
     def custom_data(self) -> dict[str, str]:

@@ -39,7 +39,7 @@ from smart_tire.checks.messages import clock_differences
 from smart_tire.checks.motion import correlation, force_intervals, planar_fit
 from smart_tire.checks.recording import CheckedRecording, finding
 from smart_tire.checks.sensors import (
-    exchanges, gravity_of, opposite_pairs, stuck_wheels, velocity_ratio)
+    exchanges, gravity_of, opposite_pairs, stuck_wheels, velocity_ratio, wheel_units)
 from smart_tire.findings import Finding
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import angles, matrix
@@ -161,15 +161,15 @@ def _wheel_hypotheses(motion: CalibrationRecording, robot: RobotParams) -> Itera
 
 def _velocity_unit(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """Mend velocities that are not the rate of change of the positions."""
-    ratio, unit, mends_position = velocity_ratio(motion.wheels, robot)
-    if ratio == 1.0:
+    wheels, ratio = motion.wheels, velocity_ratio(motion.wheels)
+    if ratio == 1.0 or wheels.position is None:
         return [], motion
-    wheels = motion.wheels
-    assert wheels.position is not None
-    mend = (replace(wheels, position=wheels.position * ratio) if mends_position
-            else replace(wheels, velocity=wheels.velocity / ratio))
-    return [finding('velocity_unit', 'wheel_states', ratio=ratio, unit=unit)], replace(
-        motion, wheels=mend)
+    fit = planar_fit(motion, robot)  # with the speeds by the positions
+    units = wheel_units(ratio, robot, 1.0 / math.copysign(abs(fit.factor), fit.factor.real)
+                        if fit is not None and fit.determined else None)
+    return [finding('velocity_unit', 'wheel_states', ratio=ratio, unit=units.text)], replace(
+        motion, wheels=replace(wheels, velocity=wheels.velocity / units.velocity,
+                               position=wheels.position / units.position))
 
 
 def _reversed_side(motion: CalibrationRecording, robot: RobotParams) -> Mended:

@@ -33,11 +33,10 @@ from smart_tire.messages import NANOSEC, TOPICS
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import NODE_PARAMS
 from smart_tire.recording import Stream
-from smart_tire.samples import NS_PER_S
+from smart_tire.samples import FIRST_DATE_NS, NS_PER_S
 
 RECORDER = 'recorder'  # node of smart_tire record
 STAMP_UNITS = {'milliseconds': 1e6, 'microseconds': 1e3}  # ns
-FIRST_DATE_NS = 946_684_800 * NS_PER_S  # 2000-01-01; earlier timestamps are of a simulation
 NEEDED_FOR = {'imu/data': 'odom and wheel_slip', 'wheel_states': 'all estimates',
               'tire_samples': 'tire_friction'}
 
@@ -145,6 +144,13 @@ def check_completed(recording: CheckedRecording) -> Iterator[Finding]:
             yield finding(kind, 'wheel_states', count=counted(count, 'message'))
 
 
+def check_covariances(recording: CheckedRecording) -> Iterator[Finding]:
+    """Yield values of the IMU that its messages call not measured."""
+    if found := recording.faults.contradictions:
+        yield finding('covariance', 'imu/data', fields=' and '.join(sorted(found)),
+                      count=counted(max(found.values()), 'message'))
+
+
 def check_rates(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield rates below what the estimators need, and rates that differ from the nominal one."""
     for stream in recording.regular:
@@ -244,11 +250,15 @@ def check_delays(recording: CheckedRecording) -> Iterator[Finding]:
     A recorder that is late on a late host delays all devices, each at least as the promptest.
     """
     medians = _median_delays(recording)
-    if medians and max(medians.values()) - min(medians.values()) <= limits.MAX_DELAY and all(
-            stream.stamp_ns[0] < FIRST_DATE_NS < stream.receive_ns[0]
-            for stream in recording.stamped):
-        yield finding('simulated_time', 'host')
-        return
+    if medians and max(medians.values()) - min(medians.values()) <= limits.MAX_DELAY:
+        simulated = [(stream.stamp_ns[0] < FIRST_DATE_NS, stream.receive_ns[0] < FIRST_DATE_NS)
+                     for stream in recording.stamped]
+        if all(one == (True, False) for one in simulated):
+            yield finding('simulated_time', 'host')
+            return
+        if all(one == (False, True) for one in simulated):
+            yield finding('simulated_reception', 'host')
+            return
     common = min(medians.values()) if recording.stalls.late and len(
         {stream.topic for stream in recording.stamped}) > 1 else 0.0
     for stream in recording.stamped:

@@ -163,6 +163,8 @@ def _units_of(ratio: float, units: Mapping[str, float]) -> list[str]:
 
     near = sorted((unit for unit in units if abs(math.log(units[unit])) > math.log(2.0)
                    and distance(unit) < math.log(1.0 + limits.UNIT_TOLERANCE)), key=distance)
+    if not near and ratio > limits.MIN_TICKS_PER_RAD:
+        return ['ticks/s']
     return [unit for unit in near if distance(unit) - distance(near[0]) < limits.TOLERANCE]
 
 

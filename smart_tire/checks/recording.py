@@ -161,6 +161,8 @@ class CheckedRecording:
         before = moving[np.maximum(nearest - 1, 0)]
         time = self.motion.imu.time
         inside = (time >= wheels.time[0]) & (time <= wheels.time[-1])
+        following = np.clip(np.searchsorted(wheels.time, time), 1, len(wheels.time) - 1)
+        inside &= wheels.time[following] - wheels.time[following - 1] < limits.REST_MARGIN
         return np.asarray(inside & (np.minimum(
             np.abs(time - before), np.abs(after - time)) > limits.REST_MARGIN))
 

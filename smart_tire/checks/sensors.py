@@ -13,7 +13,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import itertools
 import math
 from typing import Any
 
@@ -33,6 +34,7 @@ from smart_tire.samples import GRAVITY, LEFT, NS_PER_S, RIGHT
 # Scale errors of accelerometers hide the 2 % between mg and cm/s2.
 FORCE_UNITS = {'g': 1.0 / GRAVITY, 'cm/s2 or mg': 101.0, 'ft/s2': 1.0 / 0.3048}
 SPEED_UNITS = {'rpm': 60.0 / math.tau, 'deg/s': 180.0 / math.pi, 'revolutions/s': 1.0 / math.tau}
+ANGLE_UNITS = {'degrees': 180.0 / math.pi, 'revolutions': 1.0 / math.tau}
 PARTNERS = ((0, 2), (1, 3))  # front and rear wheel of a side
 # Wheels that agree if two are exchanged: one of these pairs
 EXCHANGES = {((0, 3), (1, 2)): ((0, 1), (2, 3)), ((0, 1), (2, 3)): ((1, 2), (0, 3))}
@@ -241,34 +243,76 @@ def check_motion(recording: CheckedRecording) -> Iterator[Finding]:
         yield finding('imu_still', recording.imu.name, expected=expected, turning=moved[0])
 
 
-def velocity_ratio(wheels: WheelRecord, robot: RobotParams) -> tuple[float, str, bool]:
-    """
-    Return velocity over the rate of change of the positions, 1 if they agree or nothing is known.
-
-    Also what it names, as text, and whether the positions are wrong, not the velocities.
-    """
-    agree = 1.0, '', False
+def velocity_ratio(wheels: WheelRecord) -> float:
+    """Return velocity over the rate of change of the positions, 1 if they agree or are unknown."""
     if wheels.position is None or len(wheels.time) < limits.MIN_READINGS:
-        return agree
+        return 1.0
     steps = np.diff(wheels.time)
     usable = steps < 1.5 * float(np.median(steps))
     rate = (np.diff(wheels.position, axis=0) / steps[:, None])[usable]
     velocity = wheels.velocity[1:][usable]
     moving = np.abs(rate) > 0.1 * np.quantile(np.abs(rate), 0.95) if len(rate) else rate > 0.0
     if moving.sum() < limits.MIN_READINGS:
-        return agree
+        return 1.0
     ratio = float(np.median(velocity[moving] / rate[moving]))
+    return 1.0 if abs(ratio - 1.0) <= limits.TOLERANCE else ratio
+
+
+@dataclass(frozen=True)
+class WheelUnits:
+    """Units of velocities and positions, per rad/s and per rad; text is '' if none is known."""
+
+    velocity: float
+    position: float
+    text: str = ''
+
+
+def wheel_units(ratio: float, robot: RobotParams, angle: float | None) -> WheelUnits:
+    """
+    Return the units of wheels whose velocity is ``ratio`` times the rate of their positions.
+
+    ``angle`` is the unit of the positions per rad by the IMU, negative if they are reversed, None
+    if it is unknown.
+
+    >>> wheel_units(60.0, RobotParams(), None).text
+    ': velocities in rpm, positions in revolutions?'
+    >>> wheel_units(math.tau / 2048, RobotParams(), 1.0).text
+    ': positions in ticks, 2048 per revolution?'
+    """
+    size = abs(ratio)
+    best = min(_unit_pairs(size, robot, angle is not None), key=lambda one: (
+        angle is not None and abs(math.log(abs(angle) / one[1].position)) > math.log(2.0),
+        *one[0]), default=(0, WheelUnits(1.0, 1.0 / size)))[1]
+    if ratio > 0.0:
+        return best
+    wrong = 'positions' if angle is None or angle < 0.0 else 'velocities'
+    text = f'{best.text[:-1] if best.text else ":"} {wrong} of the opposite sign?'
+    return (replace(best, velocity=-best.velocity, text=text) if wrong == 'velocities' else
+            replace(best, position=-best.position, text=text))
+
+
+def _unit_pairs(ratio: float, robot: RobotParams, verified: bool
+                ) -> Iterator[tuple[tuple[int, bool, float], WheelUnits]]:
+    """Yield pairs of units with this ratio, before each what the best one has the least of."""
     if abs(ratio - 1.0) <= limits.TOLERANCE:
-        return agree
-    if unit_of(ratio, {'rpm': 60.0}, limits.RATIO_TOLERANCE):
-        return ratio, ': velocities in rpm, positions in revolutions?', True
-    if unit := unit_of(ratio, speed_units(robot), limits.TOLERANCE):
-        return ratio, f': velocities in {unit}?', False
-    if 0.0 < ratio < math.tau / MIN_TICKS:
-        ticks = math.tau / ratio
-        return ratio, (': positions in degrees?' if abs(ticks / 360.0 - 1.0) < limits.TOLERANCE
-                       else f': positions in ticks, {ticks:.0f} per revolution?'), True
-    return ratio, '', True
+        yield (0, False, 0.0), WheelUnits(1.0, 1.0)
+    for (speed, velocity), (angle, position) in itertools.product(
+            {'': 1.0, **speed_units(robot)}.items(),
+            {'': 1.0, **ANGLE_UNITS, 'm': robot.wheel_radius}.items()):
+        error = abs(math.log(ratio * position / velocity))
+        one = not speed or not angle or (speed, angle) == ('rpm', 'revolutions')
+        exact = error > limits.RATIO_TOLERANCE
+        if error < limits.TOLERANCE and (speed or angle) and (
+                not exact or not speed or not angle or angle == 'm' or speed == 'm/s'):
+            names = [f'{what} in {unit}' for what, unit in (
+                ('velocities', speed), ('positions', angle)) if unit]
+            yield (0 if one else 1 if verified else 3, exact, error), WheelUnits(
+                velocity, position, f': {", ".join(names)}?')
+    for ticks, units, text in (
+            (math.tau / ratio, (1.0, 1.0 / ratio), 'positions in ticks'),
+            (math.tau * ratio, (ratio, 1.0), 'velocities in ticks/s')):
+        if ticks > MIN_TICKS:
+            yield (2, False, 0.0), WheelUnits(*units, f': {text}, {ticks:.0f} per revolution?')
 
 
 def speed_units(robot: RobotParams) -> Mapping[str, float]:
@@ -286,6 +330,8 @@ def check_torques(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield motor torques that brake in the mean, or that exceed what the ground can hold."""
     wheels, robot = recording.wheels, recording.robot
     speed, torque = wheels.ordered['velocity'], wheels.ordered['effort']
+    if len(speed) and velocity_ratio(WheelRecord.of(wheels.ordered, recording.origin_ns)) < 0.0:
+        return  # velocities or positions have the opposite sign
     moving = (np.abs(speed) > limits.MIN_SPEED).all(axis=1) & ~np.isnan(torque).any(axis=1)
     if moving.sum() < limits.MIN_READINGS:
         return

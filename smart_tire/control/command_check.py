@@ -20,7 +20,9 @@ from typing import Any
 from smart_tire.control import constants as c
 from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.errors import CommandError, LateCommandError
-from smart_tire.samples import NS_PER_S, VelocityCommand
+from smart_tire.samples import FIRST_DATE_NS, NS_PER_S, VelocityCommand
+
+NO_CLOCK = 'use_sim_time is set, but nothing was received on /clock'
 
 
 class StallDetector:
@@ -100,7 +102,11 @@ def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: f
         raise CommandError(f'{topic}: the timestamp is negative')
     ahead = (stamp_ns - now_ns) / NS_PER_S if stamp_ns else 0.0
     if ahead > max_age:
-        raise LateCommandError(f'{topic}: {ahead:.3g} s ahead, expected at most {max_age:g} s')
+        reason = '' if now_ns >= FIRST_DATE_NS or stamp_ns < FIRST_DATE_NS else (
+            ': its time is that of a host, that of this node simulated')
+        raise LateCommandError(
+            f'{topic}: {ahead:.3g} s ahead, expected at most {max_age:g} s{reason}' if now_ns else
+            f'{topic}: this node has no time: {NO_CLOCK}')
     age_ns = max(now_ns - stamp_ns, waited_ns) if stamp_ns else waited_ns
     if age_ns > min(max_age, timeout) * NS_PER_S:
         raise LateCommandError(f'{topic}: {age_ns / NS_PER_S:.3g} s old, expected at most '

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from math import isfinite, isnan, nan
 from typing import Any
@@ -61,25 +62,30 @@ def _set_quaternion(target: Any, values: Sequence[float]) -> None:
     target.x, target.y, target.z, target.w = values
 
 
-def imu_from_msg(msg: Any) -> ImuSample:
+def imu_from_msg(msg: Any, contradictions: Counter[str] | None = None) -> ImuSample:
     """
     Return the sample in an Imu; its orientation is None if not measured, NaN or all zero.
 
-    Raises MessageError if the message says that rate or acceleration is not measured.
+    Raises MessageError if the message says that rate or acceleration is not measured: by zeros
+    and a covariance of -1. Other values with this covariance are used, and their fields counted in
+    ``contradictions``.
     """
     return ImuSample(
         stamp_of(msg),
-        _measured(msg, 'linear_acceleration', MAX_SPECIFIC_FORCE, 'm/s2'),
-        _measured(msg, 'angular_velocity', MAX_ANGULAR_RATE, 'rad/s'),
+        _measured(msg, 'linear_acceleration', MAX_SPECIFIC_FORCE, 'm/s2', contradictions),
+        _measured(msg, 'angular_velocity', MAX_ANGULAR_RATE, 'rad/s', contradictions),
         _orientation(msg))
 
 
-def _measured(msg: Any, field: str, limit: float, unit: str) -> Vector3:
+def _measured(msg: Any, field: str, limit: float, unit: str,
+              contradictions: Counter[str] | None) -> Vector3:
     vector = _bounded_vector('imu/data', field, getattr(msg, field), limit, unit)
-    # some drivers send -1 with measurements, which are never exactly zero
-    if not any(vector) and getattr(msg, f'{field}_covariance')[0] == NOT_MEASURED:
-        raise MessageError(f'imu/data: {field} is not measured: zeros, and covariance -1 '
-                           '(REP-145)')
+    if getattr(msg, f'{field}_covariance')[0] == NOT_MEASURED:
+        if not any(vector):
+            raise MessageError(f'imu/data: {field} is not measured: zeros, and covariance -1 '
+                               '(REP-145)')
+        if contradictions is not None:  # some drivers send -1 with measurements
+            contradictions[field] += 1
     return vector
 
 

@@ -149,7 +149,7 @@ class WheelReader:
         for full in WRAPS:
             turns = np.rint((expected - step) / full)
             inside = np.maximum(np.abs(before), np.abs(now)) <= (1.0 + WRAP_TOLERANCE) * full
-            wrapped = inside & (np.abs(turns) == 1.0) & (
+            wrapped = inside & (np.abs(turns) == 1.0) & (step * expected <= 0.0) & (
                 np.abs(step + turns * full - expected) < WRAP_TOLERANCE * full)
             if wrapped.any():
                 self.completed['wrapped'] += 1

@@ -33,6 +33,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from smart_tire.control.command_check import NO_CLOCK
 from smart_tire.control.publishers import MessageInfo
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import HostLoad, TimerLateness
@@ -394,7 +395,7 @@ class SmartTireNode(Node, Generic[Params]):
         status = Status(counts=self._counts)
         self._fill_inputs(status)
         if not self.now_ns():  # rclpy declares use_sim_time
-            status.warn('use_sim_time is set, but nothing was received on /clock')
+            status.warn(NO_CLOCK)
         status.host = self.host_load
         status.values.update(status.host.values)
         status.values['publish_errors'] = sum(counter.bad for counter in self.outputs.values())

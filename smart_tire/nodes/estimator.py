@@ -14,9 +14,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Protocol, TypeVar
 
-from smart_tire.messages import resolved_joints, topic_of, TOPICS
+from smart_tire.messages import imu_from_msg, resolved_joints, topic_of, TOPICS
 from smart_tire.messages.wheel_reader import WheelReader
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.diagnostics import Status
@@ -53,6 +54,7 @@ class EstimatorNode(SmartTireNode[Params]):
         super().__init__(name, params_class)
         self._new_estimator = new_estimator
         self.completed: Counter[str] = Counter()  # of wheel_states
+        self._contradictions: Counter[str] = Counter()  # of imu/data
         self._publish = {output: self.make_publisher(output) for output in outputs}
         self._topics = {output: self.resolve_topic_name(output) for output in outputs}
         self._follower = Follower(self, self.restart, self.finish)
@@ -87,6 +89,8 @@ class EstimatorNode(SmartTireNode[Params]):
 
         The wheels are ``joints``; others that are recognized by their names are logged once.
         """
+        if name == 'imu/data':
+            return partial(imu_from_msg, contradictions=self._contradictions)
         if name != 'wheel_states':
             return TOPICS[name].from_msg
         known, read = {joints.names}, WheelReader(joints)
@@ -131,6 +135,9 @@ class EstimatorNode(SmartTireNode[Params]):
             status.warn(f'{new} messages dropped: older than reorder_window', by_host=True)
         status.values.update({f'wheel_states.{kind}': count
                               for kind, count in self.completed.items() if count})
+        if self._contradictions:
+            status.warn(f'imu/data: {" and ".join(sorted(self._contradictions))}: covariance -1, '
+                        'not measured (REP-145), but values that are not zero: they are used')
         self._fill_replay(status)
 
     def _fill_replay(self, status: Status) -> None:

@@ -199,6 +199,22 @@ def test_stamps_replace_invalid_times_of_reception(tmp_path, invalid):
         assert warning.startswith('invalid times of reception (') and bag.losses.lines() == []
 
 
+@pytest.mark.parametrize('stamped_s', [0, 20])
+def test_the_first_times_of_a_recorder_without_clock_are_not_valid(tmp_path, stamped_s):
+    """Those of a simulation that begins at 0 are."""
+    imu = [replace(sample, stamp_ns=stamped_s * 10**9 + k * 10**7) for k, sample in enumerate(
+        [sample for _, topic, sample in stream() if topic == 'imu/data'][:20])]
+    path = write_bag(tmp_path / 'bag', [
+        ((one.stamp_ns + 5) * (k > 7), 'imu/data', one) for k, one in enumerate(imu)])
+    with Bag(path) as bag:
+        received = [one for one, _, _ in bag.samples(['imu/data'])]
+        assert received[8:] == [one.stamp_ns + 5 for one in imu[8:]]
+        assert received[:8] == [one.stamp_ns * bool(stamped_s) for one in imu[:8]]
+        assert [line for line in bag.warnings if 'before it received /clock' in line] == [
+            'invalid times of reception (0, of a recorder with use_sim_time before it received '
+            '/clock): those of header.stamp are used'] * bool(stamped_s)
+
+
 def test_the_latest_times_of_reception_are_valid(tmp_path):
     imu = [sample for _, topic, sample in stream() if topic == 'imu/data'][:20]
     path = write_bag(tmp_path / 'bag', [

@@ -268,6 +268,13 @@ def test_timestamps_of_a_simulation_are_no_fault():
         'INFO host: timestamps are those of a simulation')
 
 
+def test_times_of_reception_of_a_simulation_are_named():
+    events = [(at - EPOCH_NS + NS_PER_S, name, sample) for at, name, sample in clean()
+              if name != 'tire_samples']
+    assert found(messages.check_delays, events).startswith(
+        'WARNING host: times of reception are those of a simulation, timestamps are not;')
+
+
 @pytest.mark.parametrize('given', [True, False])
 def test_a_radius_that_nobody_has_given_must_be_confirmed(given):
     straight = recording(clean())

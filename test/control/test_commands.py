@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -41,6 +42,14 @@ def test_the_reason_names_topic_age_and_limit(age, waited, text):
     with pytest.raises(LateCommandError) as error:
         check_age('cmd_vel', NOW - age, NOW, waited, 0.5)
     assert str(error.value) == text
+
+
+@pytest.mark.parametrize('now_ns, reason', [
+    (0, 'cmd_vel: this node has no time: use_sim_time is set, but nothing was received on /clock'),
+    (5 * NS_PER_S, 's ahead, expected at most 0.5 s: its time is that of a host')])
+def test_a_command_of_another_clock_is_refused_with_the_cause(now_ns, reason):
+    with pytest.raises(LateCommandError, match=re.escape(reason)):
+        check_age('cmd_vel', NOW, now_ns, 0, 0.5)
 
 
 @given(st.booleans(), MARGINS, st.sampled_from((0, HALF - 1, HALF, HALF + 1)), MARGINS,

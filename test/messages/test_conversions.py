@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from importlib import import_module
 import math
@@ -25,8 +26,8 @@ import pytest
 from smart_tire.bags.cdr import empty, Encoder, typestore
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    find_topic, imu_to_msg, NodeStatus, stamp_of, statuses_from_msg, topic_of, TOPICS,
-    transform_to_msg, velocity_from_twist)
+    find_topic, imu_from_msg, imu_to_msg, NodeStatus, stamp_of, statuses_from_msg, topic_of,
+    TOPICS, transform_to_msg, velocity_from_twist)
 from smart_tire.messages.header import set_header
 from smart_tire.samples import (
     FRICTION_QUANTITIES, GroundState, ImuSample, Sample, TireSamples, VelocityCommand, WHEELS,
@@ -233,7 +234,9 @@ def test_a_rate_or_acceleration_that_is_not_measured_is_refused(
     part.x, part.y, part.z = 0.0, 0.0, vector
     setattr(msg, f'{field}_covariance', [covariance, *[0.0] * 8])
     if measured:
-        assert TOPICS['imu/data'].from_msg(msg).stamp_ns == IMU.stamp_ns
+        contradictions = Counter()
+        assert imu_from_msg(msg, contradictions).stamp_ns == IMU.stamp_ns
+        assert contradictions == ({field: 1} if covariance else {})
     else:
         with pytest.raises(MessageError, match=f'{field} is not measured'):
             TOPICS['imu/data'].from_msg(msg)

@@ -72,6 +72,14 @@ def test_angles_that_wrap_are_continued(wrap, rate):
     assert errors(samples)[0] < 1e-9 and read.completed['wrapped'] >= 2
 
 
+@pytest.mark.parametrize('unit', [1.0 / math.tau, 0.087])
+def test_velocities_of_a_larger_unit_wrap_no_angles(unit):
+    """A period at 60 rpm, taken for rad/s, and at 16 Hz is nearly a turn, but none backwards."""
+    read, _ = drive(change=lambda angles, speeds: (unit * angles, 10.0 * 30.0 / math.pi * (
+        speeds > 0.0)))
+    assert not read.completed['wrapped']
+
+
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 @pytest.mark.parametrize('wrap', [lambda a: a, *WRAPS])
 def test_a_velocity_that_is_missing_is_the_change_of_the_angles(wrap, sign):

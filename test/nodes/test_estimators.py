@@ -15,8 +15,9 @@ from __future__ import annotations
 import math
 
 import pytest
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 
+from smart_tire.messages import imu_to_msg
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
 from smart_tire.nodes.lockstep import TOPIC
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
@@ -67,6 +68,16 @@ def test_a_gyro_bias_known_to_a_fifth_of_its_prior_is_logged_once(
     for _ in range(2):
         slip.health()
     assert sum('initialized: gyro bias +0.0010' in line for line in slip.log.lines) == logged
+
+
+def test_values_of_the_imu_that_are_called_not_measured_are_in_the_diagnostics(slip):
+    read = slip.conversion('imu/data', slip.params.robot.joints)
+    for covariance, said in ((0.0, False), (-1.0, True)):
+        msg = imu_to_msg(Imu(), stationary(START_NS))
+        msg.linear_acceleration_covariance[0] = covariance
+        assert read(msg) == stationary(START_NS)
+        text = 'imu/data: linear_acceleration: covariance -1, not measured (REP-145)'
+        assert (text in slip.health().message) is said
 
 
 def test_a_replay_is_in_the_diagnostics_until_its_replayer_is_gone(slip):
