@@ -154,6 +154,28 @@ def faster(rate: float) -> Change:
     return changed
 
 
+def thinned(topic: str, every: int) -> Change:
+    """Return one of ``every`` messages of ``topic``."""
+    def changed(events: Events, robot: RobotParams) -> Events:
+        count = itertools.count()
+        return [event for event in events if event[1] != topic or next(count) % every == 0]
+    return changed
+
+
+def restarted(events: Events, robot: RobotParams) -> Events:
+    """Return angles that are zero at each start of the wheels."""
+    origin, still = np.zeros(4), True
+
+    def change(one: Any, time: float) -> Any:
+        nonlocal origin, still
+        moves = any(one.velocity)
+        if moves and still:
+            origin = np.array(one.position)
+        still = not moves
+        return replace(one, position=tuple((np.array(one.position) - origin).tolist()))
+    return each('wheel_states', change)(events, robot)
+
+
 def order(*wheels: int) -> Change:
     """Return the change of which wheel has which values."""
     def four(values: Any) -> Any:
@@ -187,6 +209,15 @@ def rotations() -> Iterator[Array]:
 
 
 # --- changes of messages ---------------------------------------------------------------------
+
+
+def shuffled(topic: str, msg: Any) -> None:
+    """Change the order of the joints in a message, another one in each."""
+    if topic == 'wheel_states':
+        turn = msg.header.stamp.nanosec // 1000 % 4
+        for field in ('name', 'position', 'velocity', 'effort'):
+            values = list(getattr(msg, field))
+            setattr(msg, field, values[turn:] + values[:turn])
 
 
 def imu(*fields: str, value: float | None = 0.0, covariance: float = -1.0
@@ -337,6 +368,39 @@ STRANGE: Mapping[str, Variant] = {
         rate=(one.rate[0], -one.rate[1], -one.rate[2]), acceleration=(
             one.acceleration[0], -one.acceleration[1], -one.acceleration[2])), every=4),
         ('imu/data', 'two publishers')),
+    # factors, other orders and rates
+    **{f'{name} of {factor:g} times the speed': Variant(
+        signs(*(factor if k in wheels else 1.0 for k in range(4))), (cause,))
+       for name, wheels, factor, cause in (
+           ('rear_right', (3,), 2.0, 'rear_right: always turns 2 times'),
+           ('front_left', (0,), 0.5, 'front_left: always turns 0.5 times'),
+           ('right wheels', (1, 3), 2.0, 'the right wheels turn 2 times'),
+           ('left wheels', (0, 2), 0.5, 'the left wheels turn 0.5 times'))},
+    'gyro in rpm': Variant(each('imu/data', lambda one, time: replace(
+        one, rate=tuple(RPM * rate for rate in one.rate))), ('yaw rate is', 'in rpm')),
+    'acceleration doubled': Variant(each('imu/data', lambda one, time: replace(
+        one, acceleration=tuple(2.0 * force for force in one.acceleration))),
+        ('specific force is 19',)),
+    'IMU on its side, in deg/s and g': Variant(each('imu/data', lambda one, time: replace(
+        one, rate=tuple(DEGREES * one.rate[k] * (-1.0) ** (k == 1) for k in (0, 2, 1)),
+        acceleration=tuple(one.acceleration[k] / 9.81 * (-1.0) ** (k == 1)
+                           for k in (0, 2, 1)))), ('gravity is on +y', 'in deg/s', 'in g')),
+    'joints in another order in each message': Variant(message=shuffled),
+    'angles that begin at zero at each start': Variant(restarted),
+    'angles that begin at zero at each start, no velocities': Variant(
+        restarted, message=wheels(**EMPTY)),
+    'each message twice': Variant(
+        lambda events, robot: [event for event in events for _ in range(2)],
+        ('imu/data', 'wheel_states', 'second publisher')),
+    'velocities cut to integers': Variant(each('wheel_states', lambda one, time: replace(
+        one, velocity=tuple(map(math.trunc, one.velocity))))),
+    'IMU at 25 Hz': Variant(thinned('imu/data', 4)),
+    'wheel_states at 4 Hz': Variant(thinned('wheel_states', 4)),
+    'mass of 100 times': Variant(cause=('check mass',), setting=lambda robot: replace(
+        robot, mass=100.0 * robot.mass)),
+    'torques of 1000 times': Variant(each('wheel_states', lambda one, time: replace(
+        one, effort=one.effort and tuple(1e3 * torque for torque in one.effort))),
+        ('motor torques give',)),
     # clocks
     'clock set forward by 0.3 s': Variant(clock(0.3), (CLOCK,)),
     'clock set forward by 2 s': Variant(clock(2.0), (CLOCK,)),

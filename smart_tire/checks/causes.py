@@ -39,13 +39,14 @@ from smart_tire.checks.messages import clock_differences
 from smart_tire.checks.motion import correlation, force_intervals, planar_fit
 from smart_tire.checks.recording import CheckedRecording, finding
 from smart_tire.checks.sensors import (
-    exchanges, gravity_of, opposite_pairs, stuck_wheels, velocity_ratio, wheel_units)
+    exchanges, gravity_of, opposite_pairs, PARTNERS, stuck_wheels, velocity_ratio, wheel_units)
 from smart_tire.findings import Finding
+from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import angles, matrix
 from smart_tire.samples import LEFT, RIGHT, WHEELS
 
-DEGREES = 180.0 / math.pi
+GYRO_UNITS = {'rad/s': 1.0, 'rpm': 30.0 / math.pi, 'deg/s': 180.0 / math.pi}  # per rad/s
 UPRIGHT = {'+x': (0.0, -90.0, 0.0), '-x': (0.0, 90.0, 0.0), '+y': (90.0, 0.0, 0.0),
            '-y': (-90.0, 0.0, 0.0), '-z': (180.0, 0.0, 0.0)}  # degrees that turn an axis to +z
 
@@ -118,7 +119,8 @@ def _explained(motion: CalibrationRecording, robot: RobotParams
     best: tuple[int, list[Finding], CalibrationRecording, float] | None = None
     for wheels, changed in _wheel_hypotheses(motion, robot):
         found, mended = [*stuck, *wheels], changed
-        for step in (_velocity_unit, _reversed_side, _gyro_unit, _yaw_sign):
+        for step in (_wheel_scale, _velocity_unit, _side_scale, _reversed_side, _gyro_unit,
+                     _yaw_sign):
             one, mended = step(mended, robot)
             found += one
         yaw, mended = _mounting(mended, robot)
@@ -172,10 +174,60 @@ def _velocity_unit(motion: CalibrationRecording, robot: RobotParams) -> Mended:
                                position=wheels.position / units.position))
 
 
+def _wheel_scale(motion: CalibrationRecording, robot: RobotParams) -> Mended:
+    """Mend a wheel that always turns a factor faster or slower than the other one of its side."""
+    speed = np.abs(motion.wheels.velocity)
+    moving = speed.min(axis=1) > limits.MIN_SPEED
+    if moving.sum() < limits.MIN_READINGS:
+        return [], motion
+    found, factors = [], np.ones(len(WHEELS))
+    for pair in PARTNERS:
+        ratios = np.log(speed[moving][:, pair[0]] / speed[moving][:, pair[1]])
+        low, middle, high = np.quantile(ratios, (0.25, 0.5, 0.75))
+        if abs(middle) < math.log(limits.SCALE_RATIO) or high - low > limits.TOLERANCE:
+            continue
+        others = float(np.median(speed[moving][:, [k for k in range(4) if k not in pair]]))
+        own = np.median(speed[moving][:, list(pair)], axis=0)
+        wrong = int(np.abs(np.log(own / others)).argmax())
+        wheel, other = pair[wrong], pair[1 - wrong]
+        factors[wheel] = own[1 - wrong] / own[wrong]
+        found.append(finding('wheel_scale', f'wheel_states of {WHEELS[wheel]}',
+                             ratio=1.0 / factors[wheel], other=WHEELS[other]))
+    return (found, _scaled(motion, factors)) if len(found) == 1 else ([], motion)
+
+
+def _side_scale(motion: CalibrationRecording, robot: RobotParams) -> Mended:
+    """Mend a side that counts a factor more than the other one: straight ahead, too."""
+    found = force_intervals(motion, robot)
+    if found is None:
+        return [], motion
+    time, sides, yaw_rate, _, _ = found
+    rows = Rows(time, np.column_stack([sides, np.ones(len(time))]), yaw_rate, np.zeros(len(time)))
+    fit = regression(rows, Prior.of(None, None, (0.0, robot.imu.gyro_bias)), Errors(
+        rows.lags(limits.CORRELATION_TIME)))
+    left, right = fit.estimate(0), fit.estimate(1)
+    if (left.value * right.value >= 0.0
+            or max(abs(one.sigma / one.value) for one in (left, right)) > limits.TOLERANCE
+            or correlation(yaw_rate, yaw_rate - fit.residuals) < limits.MIN_FOLLOWING):
+        return [], motion
+    ratio = abs(left.value / right.value)  # right speeds over those of the left side
+    if abs(math.log(ratio)) < math.log(limits.SCALE_RATIO):
+        return [], motion
+    options = [('right', _signs('right', 1.0 / ratio)), ('left', _signs('left', ratio))]
+
+    def misfit(option: tuple[str, Array]) -> float:
+        one = planar_fit(_scaled(motion, option[1]), robot)
+        return math.inf if one is None else abs(math.log(abs(one.factor)))
+    side, factors = min(options, key=misfit)
+    return [finding('side_scale', 'wheel_states', side=side,
+                    ratio=ratio if side == 'right' else 1.0 / ratio)], _scaled(motion, factors)
+
+
 def _reversed_side(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """Mend one side that is reversed: the yaw rate follows the sum of the sides."""
     sides = sides_of(motion, robot)
-    if sides is None or not (sides.opposite or abs(sides.mean) > limits.CLEAR_CORRELATION
+    if sides is None or not (sides.opposite or sides.turning > limits.MIN_YAW_RATE
+                             and abs(sides.mean) > limits.CLEAR_CORRELATION
                              and abs(sides.difference) < limits.MIN_CORRELATION):
         return [], motion
     right = sides.mean < 0.0
@@ -189,15 +241,15 @@ def _reversed_side(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     return [finding('side_reversed', 'wheel_states', side=side)], _scaled(motion, _signs(side))
 
 
-def _signs(side: str) -> Array:
+def _signs(side: str, factor: float = -1.0) -> Array:
     signs = np.ones(len(WHEELS))
-    signs[list(RIGHT if side == 'right' else LEFT)] = -1.0
+    signs[list(RIGHT if side == 'right' else LEFT)] = factor
     return signs
 
 
 def _gyro_unit(motion: CalibrationRecording, robot: RobotParams) -> Mended:
     """
-    Mend a gyro in deg/s.
+    Mend a gyro in deg/s or rpm.
 
     It multiplies the yaw rate over that of the wheels, and divides the lateral force over that of
     gyro and wheels: a wrong unit of the wheels multiplies both.
@@ -207,11 +259,12 @@ def _gyro_unit(motion: CalibrationRecording, robot: RobotParams) -> Mended:
         return [], motion
     ratio = sides.ratio
     factor = math.sqrt(ratio / abs(fit.factor)) if fit is not None and fit.determined else ratio
-    if factor < math.sqrt(DEGREES):  # nearer to radians than to degrees
+    unit = min(GYRO_UNITS, key=lambda one: abs(math.log(max(factor, 1e-9) / GYRO_UNITS[one])))
+    if unit == 'rad/s':
         return [], motion
-    imu = replace(motion.imu, rate=motion.imu.rate / DEGREES)
-    return [finding('gyro_degrees', 'imu/data', ratio=ratio, degrees=DEGREES)], replace(
-        motion, imu=imu)
+    imu = replace(motion.imu, rate=motion.imu.rate / GYRO_UNITS[unit])
+    return [finding('gyro_unit', 'imu/data', ratio=ratio, unit=unit, factor=GYRO_UNITS[unit])
+            ], replace(motion, imu=imu)
 
 
 def _yaw_sign(motion: CalibrationRecording, robot: RobotParams) -> Mended:

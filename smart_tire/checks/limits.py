@@ -25,6 +25,7 @@ CORRELATION_TIME = 2.0  # s over which slip and motor torques are correlated
 REST_MARGIN = 1.0       # s before and after motion in which the body may settle
 MIN_SPEED = 0.5         # rad/s, of the wheel that shows motion
 RATIO_TOLERANCE = 0.03  # relative, of two quantities of one message; 60 and 57.3 are units
+SCALE_RATIO = 1.4        # of wheels that turn equally; 1.2 of worn tires or slip on one side
 MIN_TICKS_PER_RAD = 80.0  # of wheel speeds in ticks/s: 500 per revolution; above deg/s
 MIN_CARRIED_RATE = 0.1  # rad/s, standard deviation of the yaw rate of a robot that turns
 MAX_STILL_FACTOR = 1.5  # of the spread at rest, of an IMU that does not move

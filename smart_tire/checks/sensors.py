@@ -52,8 +52,11 @@ class Gravity:
 
     @property
     def factor(self) -> float:
-        """Return the unit of the recording per m/s2."""
-        return FORCE_UNITS.get(self.unit, 1.0)
+        """Return the unit of the recording per m/s2; also of one without a name."""
+        if self.unit or self.size < limits.REMOVED_GRAVITY * GRAVITY or abs(
+                self.size / GRAVITY - 1.0) < limits.TOLERANCE:
+            return FORCE_UNITS.get(self.unit, 1.0)
+        return self.size / GRAVITY
 
     @property
     def removed(self) -> bool:
@@ -75,7 +78,8 @@ class Gravity:
         if self.unit:
             yield finding('gravity_unit', name, unit=self.unit, **values)
         elif abs(self.size / GRAVITY - 1.0) > limits.GRAVITY_TOLERANCE:
-            yield finding('gravity_size', name, **values)
+            yield finding('gravity_size', name,
+                          Level.ERROR if self.factor != 1.0 else None, **values)
         tilt = math.degrees(math.acos(min(1.0, max(-1.0, float(self.up[2])))))
         limit = math.degrees(limits.MAX_TILT)
         kind = ('upside_down' if self.axis == '-z' else 'gravity_axis' if self.axis != '+z'

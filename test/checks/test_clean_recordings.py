@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from benchmarks.robots.draws import draw
 import pytest
 from smart_tire.bags import Bag
 from smart_tire.checks import CHECKS, findings
@@ -41,6 +42,13 @@ def test_a_clean_drive_has_no_warnings(seed, base):
 def test_a_drive_that_excites_little_proves_nothing(seed, base, drive, wheel_rate):
     robot = RobotParams(film=TreadFilmParams(wheels=()))
     assert texts(problems(clean(seed, base, drive, wheel_rate, robot), robot)) == ''
+
+
+def test_a_straight_drive_whose_yaw_rate_follows_the_speed_has_no_errors():
+    """A slip that differs by side yields 7 mrad/s, in proportion to the speed."""
+    one = draw('sand_straight', 2004)
+    assert 'ERROR' not in texts(problems([
+        (sample.stamp_ns, '', sample) for sample in one.inputs()], one.robot))
 
 
 def test_a_clean_drive_confirms_radius_track_and_gravity():
