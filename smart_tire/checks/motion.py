@@ -227,9 +227,9 @@ def check_imu_position(recording: CheckedRecording) -> Iterator[Finding]:
         return
     both = planar_fit(motion, robot, 'position of the IMU')
     halves: list[LateralFit | None] | None = None
-    tolerance_x = max(limits.MAX_LEVER_ERROR, 0.5 * robot.wheelbase)  # of the center of rotation
-    for axis, lever, tolerance in ((0, fit.lever_x, tolerance_x),
-                                   (1, fit.lever_y, limits.MAX_LEVER_ERROR)):
+    known = max(limits.MAX_LEVER_ERROR, limits.SIGMAS * robot.imu.position_sigma)
+    for axis, lever, tolerance in ((0, fit.lever_x, max(known, 0.5 * robot.wheelbase)),
+                                   (1, fit.lever_y, known)):  # x: of the center of rotation
         if axis == 1 and not fit.both_ways:
             continue  # its force is that of another radius
         configured = robot.imu.position[axis]

@@ -48,6 +48,7 @@ class RoboclawLine:
         self.last_ok_ns = 0      # host clock, when the latest good reply arrived
         self.frames_bad = 0      # missing or damaged replies
         self.bytes_skipped = 0   # bytes that were not part of a good reply in time
+        self.unread = b''        # replies are of no other protocol
         self.last_error = ''
         # addresses and read requests, in order, to which a reply may still arrive
         self._late: dict[tuple[int, Command], None] = {}

@@ -34,6 +34,7 @@ class Protocol:
     axes: str = ''    # axes of the device and their conversion to REP-103, for the diagnostics
 
 
+MAX_UNREAD = 2048  # bytes: some frames of each protocol
 FLIPPED_AXES = 'x forward, y right, z down on the device: y and z negated'
 IMU_PROTOCOLS = {
     'vectornav_binary': Protocol(
@@ -54,6 +55,7 @@ class FrameReceiver:
         self.last_ok_ns = 0   # host clock, when the latest good frame arrived
         self.rejected = 0     # intact frames with invalid or unexpected content
         self._last_error = ''  # why the latest one was rejected
+        self.unread = b''      # latest bytes, until a frame is good: of which protocol are they?
         self._deframer = deframer
 
     @property
@@ -78,6 +80,8 @@ class FrameReceiver:
     def _decoded(self, chunk: bytes, receive_ns: int,
                  decode: Callable[[bytes], Item]) -> Iterator[Item]:
         """Yield the decoded frames that ``chunk`` completes; reject those with a FrameError."""
+        if not self.frames_ok:
+            self.unread = (self.unread + chunk)[-MAX_UNREAD:]
         for body in self._deframer.extract(chunk):
             if self._ignores(body):
                 continue
@@ -88,7 +92,7 @@ class FrameReceiver:
                 self._last_error = str(error)
                 continue
             self.frames_ok += 1
-            self.last_ok_ns = receive_ns
+            self.last_ok_ns, self.unread = receive_ns, b''
             yield item
 
 

@@ -51,6 +51,10 @@ class FrameSource(Protocol):
     def last_error(self) -> str:
         """Return why the latest intact frame was rejected."""
 
+    @property
+    def unread(self) -> bytes:
+        """Return the latest bytes if no frame was accepted before."""
+
 
 class DriverNode(SmartTireNode[Params]):
     """
@@ -104,9 +108,15 @@ class DriverNode(SmartTireNode[Params]):
         if port.problem:
             status.error(port.problem)
         elif age > MAX_INPUT_AGE:
-            status.error('port is open but no valid frames are received '
-                         '(check baud rate and wiring)')
+            status.error(f'port is open but no valid frames are received ({self._unread_cause()})')
         self._fill_bad_frames(status)
+
+    def _unread_cause(self) -> str:
+        """Return why no frame was good: those of another protocol, or none at all."""
+        from smart_tire.drivers.port_scan import identify, NAMES  # drivers start without
+        protocol, _ = identify(self._source.unread)
+        return (f'but those of {NAMES[protocol]}: set protocol, or the output of the device'
+                if protocol else 'check baud rate and wiring')
 
     def _fill_bad_frames(self, status: Status) -> None:
         source = self._source

@@ -342,6 +342,8 @@ def test_a_far_position_of_the_imu_is_an_error_which_the_right_one_is_not(axis, 
         wrong = RobotParams(imu=ImuParams(position=tuple(position)))
         text = f'imu.position: {"xy"[axis]} is '
         assert f'ERROR {text}' in found(motion.check_imu_position, events, wrong)
+        unknown = RobotParams(imu=ImuParams(position=tuple(position), position_sigma=abs(shift)))
+        assert found(motion.check_imu_position, events, unknown) == ''
         # of a robot whose wheels are others, nothing else is known either
         other = replace(recording(events, wrong), other_robot=True)
         assert f'WARNING {text}' in texts(motion.check_imu_position(other))

@@ -241,6 +241,14 @@ def test_an_open_port_without_valid_frames_is_an_error(isolated_ros, port):
         assert 'no valid frames are received' in node.health().message
 
 
+def test_frames_of_another_protocol_are_named(isolated_ros, port):
+    with receiving(ImuDriver, port, protocol='xsens') as node:
+        port.write(b''.join(imu_frame('vectornav_ascii', index) for index in range(5)))
+        node.until(lambda: 'but those of VectorNav (ASCII): set protocol' in node.health().message)
+        port.write(b''.join(imu_frame('xsens', index) for index in range(3)))
+        node.until(lambda: 'no valid frames' not in node.health().message)
+
+
 @pytest.fixture(scope='module')
 def robot(tmp_path_factory, isolated_ros):
     """Return emulated boards and a motor driver that the tests share."""
