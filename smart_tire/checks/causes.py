@@ -215,10 +215,10 @@ def _side_scale(motion: CalibrationRecording, robot: RobotParams) -> Mended:
         return [], motion
     options = [('right', _signs('right', 1.0 / ratio)), ('left', _signs('left', ratio))]
 
-    def misfit(option: tuple[str, Array]) -> float:
+    def unit_error(option: tuple[str, Array]) -> float:
         one = planar_fit(_scaled(motion, option[1]), robot)
         return math.inf if one is None else abs(math.log(abs(one.factor)))
-    side, factors = min(options, key=misfit)
+    side, factors = min(options, key=unit_error)
     return [finding('side_scale', 'wheel_states', side=side,
                     ratio=ratio if side == 'right' else 1.0 / ratio)], _scaled(motion, factors)
 
