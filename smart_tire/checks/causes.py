@@ -291,7 +291,8 @@ def _mounting(motion: CalibrationRecording,
               robot: RobotParams) -> tuple[float, CalibrationRecording]:
     """Return the yaw [rad] by which the IMU is turned, 0 unless it is clear, and mend it."""
     sides, fit = sides_of(motion, robot), planar_fit(motion, robot)
-    if sides is None or fit is None or not fit.determined or abs(fit.angle) < limits.MAX_YAW:
+    if sides is None or fit is None or not fit.determined or abs(fit.angle) < max(
+            limits.MAX_YAW, limits.SIGMAS * fit.sigma / abs(fit.factor)):
         return 0.0, motion
     if not (sides.difference > limits.MIN_FOLLOWING or sides.turning < limits.MIN_YAW_RATE):
         return 0.0, motion  # on slippery ground the body moves sideways

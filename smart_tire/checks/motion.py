@@ -140,7 +140,8 @@ def _contradicted_radius(recording: CheckedRecording) -> tuple[list[Finding], Ch
     if abs(error) <= max(limits.SIGMAS * sigma, limits.TOLERANCE * robot.wheel_radius) + slip:
         fits = abs(error) - slip < sigma < 0.5 * limits.MAX_SIGMA * abs(value)
         return [finding('radius_fits', 'wheel_radius', **shown)] if fits else [], recording
-    if value < 0.0:
+    if value < 0.0 or not all(abs(weighted_mean(half)[0] - value) < 0.5 * abs(error)
+                              for half in map(_radii, _halves(recording)) if half):
         return [], recording  # no radius: the forces have another cause
     units = _units_of(robot.wheel_radius / value, speed_units(robot))
     if units:
