@@ -99,7 +99,8 @@ PLANNED_SHARE = 0.85  # of deceleration in plans, the rest is for control; assum
 COMMAND_SHARE = 1.1   # of the largest speed and yaw rate, commanded; assumed; test_command_bounds
 DONE_SHARE = 0.5      # of the yaw tolerance; the rest is for the rotation that is left; corners
 # 1/s, distance to the speed that holds the position in a turn, and m/s, its bound; tuned; spins
-HOLD_GAIN, MAX_HOLD_SPEED = 3.0, 0.1
+HOLD_STEPS = 12
+HOLD_ANGLE, MAX_HOLD_SPEED = 0.33, 0.2
 PROJECTION_WINDOW = 0.2  # m, and twice the distance driven since; assumed; crossings of a path
 MAX_SETTLING = 1.0       # s, wait for standstill between maneuvers; assumed; test_path_follower
 # After the last command; longer than the time-outs of bases (0.25 to 0.5 s), after which they
@@ -135,7 +136,9 @@ RESISTANCE = 0.01, 0.15, -0.05, 0.5
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow turns on sand
 # rad, slip angle on a slope: 4 degrees over C_y of the softest ground; derived. Turning share
 # within which motions are similar, and m/s, of v_y around the model; tuned; drawn
-SLIDE_SIGMA, SIMILAR_TURNING, LATERAL_SPREAD = 0.05, 0.05, 0.01
+SIMILAR_TURNING, LATERAL_SPREAD = 0.08, 0.01
+SLIDE_SIGMAS, SPIN_SIGMAS = (0.05, 0.05, 1e-6), (0.2, 0.2, 0.03)
+SPIN_SLIDE = 3.0
 MIN_DRIFT_SPEED = 0.05  # m/s, at which the direction of travel is that of a motion; assumed
 
 # -- conditions to stop --------------------------------------------------------------------------

@@ -17,6 +17,9 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.motion_limits import MotionLimits
@@ -58,16 +61,29 @@ class SpinControl:
         wanted = min(highest, max(stopping, follower.min_spin_rate))
         return math.copysign(wanted, error)
 
-    def holding_speed(self, motion: Motion, last: float, dt: float,
-                      limits: MotionLimits) -> float:
-        """Return the speed [m/s] towards the position to hold, ``dt`` [s] after ``last``."""
-        x, y = self._hold
-        ahead = (x - motion.x) * math.cos(motion.yaw) + (y - motion.y) * math.sin(motion.yaw)
+    def holding_speed(self, last: float, now: Conditions) -> float:
+        """
+        Return the speed [m/s] that leads to the position to hold, a period after ``last``.
+
+        The wheels can only drive ahead, in the direction of the yaw. Of all speeds over the rest
+        of the turn, the ones with the least squares of the distance that is left at its end, and
+        of their own distances per angle.
+        """
+        motion, limits = now.motion, now.limits
+        rate = math.copysign(max(abs(motion.yaw_rate), now.params.follower.min_spin_rate),
+                             self.error)
+        step = self.error / c.HOLD_STEPS
+        yaw = motion.yaw + step * (np.arange(c.HOLD_STEPS) + 0.5)
+        ahead = np.stack([np.cos(yaw), np.sin(yaw)])
+        slide = now.lateral_speed(0.0, rate, yaw) / rate
+        left = np.array(self._hold) - (motion.x, motion.y) - step * (
+            np.stack([-ahead[1], ahead[0]]) @ slide)
+        force = np.linalg.solve(abs(step) * ahead @ ahead.T + c.HOLD_ANGLE * np.eye(2), left)
         bound = min(c.MAX_HOLD_SPEED, limits.speed)
-        wanted = min(max(c.HOLD_GAIN * ahead, -bound), bound)
-        if wanted * last > 0.0 and wanted * motion.v_x < 0.0 and not motion.at_rest():
-            wanted = 0.0
-        change = min(limits.acceleration, limits.deceleration) * dt
+        wanted = abs(rate) * (
+            force[0] * math.cos(motion.yaw) + force[1] * math.sin(motion.yaw))
+        wanted = float(min(max(wanted, -bound), bound))
+        change = min(limits.acceleration, limits.deceleration) * now.dt
         return min(max(wanted, last - change), last + change)
 
 
@@ -79,14 +95,14 @@ class Conditions:
     dt: float  # s, until the next step
     limits: MotionLimits
     params: TrajectoryControllerParams
-    # rad, from the x axis of the body to the direction of travel with v_x, yaw rate and yaw
-    drift: Callable[[float, float, float], float]
+    # m/s, lateral speeds with v_x and yaw rate at yaws
+    lateral_speed: Callable[[float, float, ArrayLike], Array]
     delay: float  # s, from a command to the motion
 
 
-def no_drift(v_x: float, yaw_rate: float, yaw: float) -> float:
+def no_lateral_speed(v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
     """Return 0: without compensation of slip, the direction of travel is the x axis."""
-    return 0.0
+    return np.zeros_like(yaw, dtype=float)
 
 
 class Advance(NamedTuple):
@@ -197,7 +213,7 @@ class PathFollower:
         if self._spin is None:
             self._spin = SpinControl(self._hold or (motion.x, motion.y))
         rate = self._spin.step(wrap(yaw - motion.yaw), now)
-        speed = self._spin.holding_speed(motion, self._v_x, now.dt, now.limits)
+        speed = self._spin.holding_speed(self._v_x, now)
         if self._spin.done and ends:
             self._settling = 0.0
         elif self._spin.done:
@@ -222,8 +238,9 @@ class PathFollower:
         # not the last one, which depends on the drift itself
         speed = max(abs(self._v_x), c.MIN_DRIFT_SPEED)
         ahead = min(point.distance + 0.5 * look_ahead, segment.length)
-        drift = now.drift(segment.direction * speed, speed * segment.point(
-            ahead, *segment.end).curvature, now.motion.yaw)
+        v_x = segment.direction * speed
+        drift = math.atan(float(now.lateral_speed(v_x, speed * segment.point(
+            ahead, *segment.end).curvature, now.motion.yaw)) / v_x)
         yaw = (point.heading - math.atan2(point.lateral, look_ahead)
                - drift - (0.0 if segment.direction == FORWARD else math.pi))
         error = wrap(yaw - now.motion.yaw)

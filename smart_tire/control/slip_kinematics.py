@@ -84,46 +84,77 @@ class SlipCoefficient:
         self._spread2 += share * (innovation * innovation - self._spread2)
 
 
-class LateralMotion:
+class SlideModel:
     """
-    Lateral speed of the body, by regression over similar motions of the last ``HISTORY_NS``.
+    Motion of the body that its wheels do not make, by regression over similar motions.
 
-    ``v_y = -c |v_x| v_x yaw_rate + |v_x| (b_y cos yaw - b_x sin yaw)``: slip angles of tires that
-    bear the lateral acceleration, and the weight on a slope, along b in ``odom``.
+    ``v_y = -c |v_x| v_x yaw_rate + s (b_y cos yaw - b_x sin yaw) - x yaw_rate``: slip angles of
+    tires that bear the lateral acceleration; the slide on a slope, along b in ``odom``, with the
+    larger speed s of both sides; and turns about a point x ahead of ``base_link``. On curves of
+    less than half of the track, on which wheels of one side roll back, tires slide in all
+    directions, and the body ahead of its wheels by ``s (b_x cos yaw + b_y sin yaw)``, too. Of these
+    turns in place, and of all other motions, the last ``HISTORY_NS`` of their kind are known.
     """
 
-    def __init__(self, compliance: float) -> None:
+    def __init__(self, compliance: float, half_track: float) -> None:
         """Begin with the expected ``compliance`` c [s2/m], on level ground."""
-        self._prior = np.array([compliance, 0.0, 0.0])
-        self._weights = np.diag(1.0 / np.array([compliance, c.SLIDE_SIGMA, c.SLIDE_SIGMA]))
-        self._known = History()  # turning share, motion
+        self._compliance, self._half_track = compliance, half_track
+        self._known = History(), History()  # driving, turning in place: motion, slip velocity
+        self._latest_ns = 0
 
     def reset(self) -> None:
         """Discard all motions."""
-        self._known.clear()
+        for one in self._known:
+            one.clear()
 
-    def add(self, motion: Motion, turning: float, stamp_ns: int) -> None:
-        """Add a motion with its turning share."""
-        self._known.add(stamp_ns, turning, *motion)
+    def add(self, motion: Motion, slip: float, stamp_ns: int) -> None:
+        """Add a motion and the mean slip velocity [m/s] of the sides."""
+        elapsed_ns = min(max(stamp_ns - self._latest_ns, 0), c.MAX_GAP_NS)
+        self._latest_ns = stamp_ns
+        known = self._known[int(self._share(motion[0], motion[2]))]
+        known.add((known.times[-1] if known.times else 0) + elapsed_ns, *motion, slip)
 
-    def expected(self, v_x: float, yaw_rate: float, yaw: float, turning: float) -> float:
-        """Return the lateral speed [m/s] to be expected of a motion with its turning share."""
-        coefficients = self._prior
-        if self._known.times:
-            shares, known_v_x, v_y, known_rate, cos, sin = np.array(self._known.values).T
-            terms = _lateral_terms(known_v_x, known_rate, cos, sin)
-            weight = np.exp(-0.5 * np.abs(shares - turning) / c.SIMILAR_TURNING) / c.LATERAL_SPREAD
-            coefficients = coefficients + np.linalg.lstsq(
-                np.vstack([(weight * terms).T, self._weights]),
-                np.append(weight * (v_y - self._prior @ terms), np.zeros(3)), rcond=None)[0]
-        return float(coefficients @ _lateral_terms(v_x, yaw_rate, math.cos(yaw), math.sin(yaw)))
+    def expected(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
+        """Return the slide ahead and the lateral speed [m/s] at yaws: (2,) or (2, n)."""
+        yaw, share = np.asarray(yaw), self._share(v_x, yaw_rate)
+        coefficients = self._coefficients(float(share))
+        if np.hypot(*coefficients[1:3]) >= 1.0:  # it slides off, whatever the wheels do
+            return np.zeros((2, *yaw.shape))
+        lateral, ahead = self._terms(v_x, yaw_rate, np.cos(yaw), np.sin(yaw))
+        return np.stack([coefficients @ ahead, coefficients @ lateral])
 
+    def _coefficients(self, share: float) -> Array:
+        known = self._known[int(share)]
+        if share < 1.0:
+            prior, sigma = np.array([self._compliance, 0.0, 0.0, 0.0]), c.SLIDE_SIGMAS
+        else:
+            prior, sigma = self._coefficients(0.0) * (0.0, c.SPIN_SLIDE, c.SPIN_SLIDE, 0.0), (
+                c.SPIN_SIGMAS)
+        if not known.times:
+            return prior
+        v_x, v_y, yaw_rate, cos, sin, slip = np.array(known.values).T
+        lateral, ahead = self._terms(v_x, yaw_rate, cos, sin)
+        off = np.abs(self._share(v_x, yaw_rate) - share)
+        weight = np.exp(-0.5 * off / c.SIMILAR_TURNING) / c.LATERAL_SPREAD
+        terms = np.concatenate([weight * lateral, weight * ahead], axis=1)
+        seen = np.concatenate([weight * v_y, -weight * slip * (share == 1.0)])
+        return prior + np.linalg.lstsq(
+            np.vstack([terms.T, np.diag(1.0 / np.array([self._compliance, *sigma]))]),
+            np.append(seen - prior @ terms, np.zeros(4)), rcond=None)[0]
 
-def _lateral_terms(v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike) -> Array:
-    """Return what the coefficients of the lateral speed are multiplied with (3, n)."""
-    v_x, yaw_rate = np.asarray(v_x), np.asarray(yaw_rate)
-    speed = np.abs(v_x)
-    return np.stack([-speed * v_x * yaw_rate, -speed * sin, speed * cos])
+    def _share(self, v_x: ArrayLike, yaw_rate: ArrayLike) -> Array:
+        """Return the speed of the sides from the turn over the larger one: 1 in place."""
+        turn = self._half_track * np.abs(yaw_rate)
+        return turn / np.maximum(np.maximum(turn, np.abs(v_x)), c.TINY)
+
+    def _terms(self, v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike) -> Array:
+        """Return what the coefficients of lateral speed and slide are multiplied with (2, 4, n)."""
+        v_x, yaw_rate, share = np.asarray(v_x), np.asarray(yaw_rate), self._share(v_x, yaw_rate)
+        speed = np.maximum(np.abs(v_x), self._half_track * np.abs(yaw_rate))
+        on, none = speed * (share == 1.0), np.zeros(np.shape(cos))
+        return np.stack([np.stack(np.broadcast_arrays(*part)) for part in (
+            (-np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos, -yaw_rate),
+            (none, on * cos, on * sin, none))])
 
 
 class VelocityFeedback:
@@ -182,12 +213,13 @@ class SlipKinematics:
         self._resistance = SlipCoefficient(*c.RESISTANCE)
         self._widening = SlipCoefficient(
             _prior_widening(params), c.WIDENING_SIGMA, 0.0, c.MAX_WIDENING)
-        self._lateral = LateralMotion(0.25 * robot.mass / robot.tire.longitudinal_stiffness)
+        self._slide = SlideModel(
+            0.25 * robot.mass / robot.tire.longitudinal_stiffness, 0.5 * robot.track_width)
         self.reset()
 
     def reset(self) -> None:
         """Discard everything learned and received."""
-        for one in (self._resistance, self._widening, self._lateral):
+        for one in (self._resistance, self._widening, self._slide):
             one.reset()
         self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
@@ -244,6 +276,10 @@ class SlipKinematics:
                 (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
         else:
             added = 0.0, 0.0
+        if self._motions.times:
+            *_, rate, cos, sin = self._motions.latest
+            slide = float(self._slide.expected(v_x, yaw_rate, math.atan2(sin, cos) + rate * delay)[0])
+            v_x -= slide
         command = speed * (v_x + added[0]), turn * (yaw_rate + added[1])
         share = command_share(command, params)
         self._feedback.want((share * v_x, share * yaw_rate), now_ns)
@@ -257,14 +293,9 @@ class SlipKinematics:
         return (1.0 + self._resistance.after(aged),
                 (1.0 + widening) * self._track / self._effective_track)
 
-    def drift(self, v_x: float, yaw_rate: float, yaw: float) -> float:
-        """
-        Return the angle [rad] from the x axis of the body to its direction of travel.
-
-        In reverse it is that of the opposite direction; ``v_x`` is not zero.
-        """
-        return math.atan(self._lateral.expected(
-            v_x, yaw_rate, yaw, self._turning_share(v_x, yaw_rate)) / v_x)
+    def lateral_speed(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
+        """Return the lateral speeds [m/s] of the body to be expected at yaws [rad] (n,) or one."""
+        return self._slide.expected(v_x, yaw_rate, yaw)[1]
 
     def _change(self, v_x: float, yaw_rate: float) -> float:
         """Return the change of the turning share from the one learned last, over its length."""
@@ -284,7 +315,7 @@ class SlipKinematics:
         self._learned_ns = stamp_ns
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
         self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
-        self._lateral.add(motion, self._turning, stamp_ns)
+        self._slide.add(motion, 0.5 * (left + right), stamp_ns)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:

@@ -21,7 +21,7 @@ from smart_tire.control.base_response import BaseResponse
 from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor, wrap
 from smart_tire.control.motion_limits import command_share, motion_limits
-from smart_tire.control.path_follower import Conditions, no_drift, PathFollower
+from smart_tire.control.path_follower import Conditions, no_lateral_speed, PathFollower
 from smart_tire.control.path_plan import (
     check_goal, check_path, check_start, goal_in, plan_goal, plan_path)
 from smart_tire.control.slip_kinematics import SlipKinematics
@@ -278,9 +278,9 @@ class TrajectoryControl:
         factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
                    else (1.0, 1.0))
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
-        drift = self._kinematics.drift if params.slip_compensation else no_drift
+        lateral = self._kinematics.lateral_speed if params.slip_compensation else no_lateral_speed
         self._last = follower.step(
-            Conditions(motion, dt, limits, params, drift, self._response.delay))
+            Conditions(motion, dt, limits, params, lateral, self._response.delay))
         self._response.command(*self._last, now_ns)
         if self._target is not None:  # the robot stops before it drives there
             return VelocityCommand(now_ns, *self._compensated(now_ns))
