@@ -18,8 +18,8 @@ sideways at v_y = -x_icr yaw_rate. The three are a slow random process (Pentzer 
 
 from __future__ import annotations
 
-import math
-
+import numpy as np
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.control.slip_kinematics import (
     Motion, SlipCoefficient, SlipKinematics, Velocity)
 from smart_tire.control.trajectory_control import TrajectoryControl
@@ -61,9 +61,9 @@ class IcrKinematics(SlipKinematics):
         """Return commanded over reached speed and yaw rate, for wanted ones of the body."""
         return 1.0, (self._left.value - self._right.value) / self._effective_track
 
-    def drift(self, v_x: float, yaw_rate: float, yaw: float) -> float:
-        """Return the angle [rad] from the x axis of the body to its direction of travel."""
-        return -math.atan(self._ahead.value * yaw_rate / v_x)
+    def lateral_speed(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
+        """Return the lateral speeds [m/s] of the body at yaws (n,)."""
+        return np.full(np.shape(yaw), -self._ahead.value * yaw_rate)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:

@@ -98,9 +98,9 @@ LATERAL_SHARE = 0.8   # of friction for lateral acceleration, on a circle; test_
 PLANNED_SHARE = 0.85  # of deceleration in plans, the rest is for control; assumed; tracking
 COMMAND_SHARE = 1.1   # of the largest speed and yaw rate, commanded; assumed; test_command_bounds
 DONE_SHARE = 0.5      # of the yaw tolerance; the rest is for the rotation that is left; corners
-# 1/s, distance to the speed that holds the position in a turn, and m/s, its bound; tuned; spins
-HOLD_STEPS = 12
-HOLD_ANGLE, MAX_HOLD_SPEED = 0.33, 0.2
+# In turns in place, of the motion that leads to the position to hold: m/s, bound; rad of the turn
+# at whose end a distance left costs as much as a speed; steps of the rest; tuned; drawn: square
+MAX_HOLD_SPEED, HOLD_ANGLE, HOLD_STEPS = 0.2, 0.33, 12
 PROJECTION_WINDOW = 0.2  # m, and twice the distance driven since; assumed; crossings of a path
 MAX_SETTLING = 1.0       # s, wait for standstill between maneuvers; assumed; test_path_follower
 # After the last command; longer than the time-outs of bases (0.25 to 0.5 s), after which they
@@ -134,11 +134,13 @@ TURNING_LENGTH = 0.2  # -, of the turning share, correlation length of tires; tu
 # slip velocity over speed: mean, sigma and range of the prior, firm ground to sand; assumed; sand
 RESISTANCE = 0.01, 0.15, -0.05, 0.5
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow turns on sand
-# rad, slip angle on a slope: 4 degrees over C_y of the softest ground; derived. Turning share
-# within which motions are similar, and m/s, of v_y around the model; tuned; drawn
-SIMILAR_TURNING, LATERAL_SPREAD = 0.08, 0.01
-SLIDE_SIGMAS, SPIN_SIGMAS = (0.05, 0.05, 1e-6), (0.2, 0.2, 0.03)
-SPIN_SLIDE = 3.0
+# Of motions in the fit of the slide: difference of the share of the turn within which they are
+# similar, and m/s around the model; tuned; drawn. rad, slip angle on a slope: 4 degrees over C_y
+# of the softest ground; derived
+SIMILAR_TURNING, SLIDE_SPREAD, SLIDE_SIGMA = 0.08, 0.01, 0.05
+# In turns in place: slide over that ahead of it, its standard deviation, m of the point about which
+# the robot turns; measured on 30 robots, their tires are near the limit of friction; drawn
+SPIN_SLIDE, SPIN_SLIDE_SIGMA, PIVOT_SIGMA = 3.0, 0.2, 0.03
 MIN_DRIFT_SPEED = 0.05  # m/s, at which the direction of travel is that of a motion; assumed
 
 # -- conditions to stop --------------------------------------------------------------------------

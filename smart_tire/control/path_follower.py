@@ -32,8 +32,8 @@ class SpinControl:
     """
     Yaw rate of one turn in place; ``done`` once the yaw error is small, and remains so.
 
-    Wheels that turn in place slide in all directions: the speed keeps the robot at ``hold``
-    (x, y) [m], ahead and behind only, and not while it slides away although the wheels drive back.
+    Wheels that turn in place slide in all directions: the speed leads the robot to ``hold`` (x, y)
+    [m], but not while it slides away faster.
     """
 
     def __init__(self, hold: tuple[float, float]) -> None:
@@ -65,25 +65,23 @@ class SpinControl:
         """
         Return the speed [m/s] that leads to the position to hold, a period after ``last``.
 
-        The wheels can only drive ahead, in the direction of the yaw. Of all speeds over the rest
-        of the turn, the ones with the least squares of the distance that is left at its end, and
-        of their own distances per angle.
+        The wheels only drive along the yaw: of all speeds over the rest of the turn, those with
+        the least sum of squares of the distance left at its end, with the expected slide, and of
+        the distances per angle.
         """
-        motion, limits = now.motion, now.limits
-        rate = math.copysign(max(abs(motion.yaw_rate), now.params.follower.min_spin_rate),
-                             self.error)
-        step = self.error / c.HOLD_STEPS
+        motion, step = now.motion, self.error / c.HOLD_STEPS
         yaw = motion.yaw + step * (np.arange(c.HOLD_STEPS) + 0.5)
         ahead = np.stack([np.cos(yaw), np.sin(yaw)])
-        slide = now.lateral_speed(0.0, rate, yaw) / rate
-        left = np.array(self._hold) - (motion.x, motion.y) - step * (
-            np.stack([-ahead[1], ahead[0]]) @ slide)
-        force = np.linalg.solve(abs(step) * ahead @ ahead.T + c.HOLD_ANGLE * np.eye(2), left)
-        bound = min(c.MAX_HOLD_SPEED, limits.speed)
-        wanted = abs(rate) * (
-            force[0] * math.cos(motion.yaw) + force[1] * math.sin(motion.yaw))
-        wanted = float(min(max(wanted, -bound), bound))
-        change = min(limits.acceleration, limits.deceleration) * now.dt
+        rate = math.copysign(max(abs(motion.yaw_rate), now.params.follower.min_spin_rate), step)
+        slide = step / rate * now.lateral_speed(0.0, rate, yaw)  # m to the left, of each step
+        left = np.array(self._hold) - (motion.x, motion.y) - (-ahead[1] @ slide, ahead[0] @ slide)
+        per_angle = np.array([math.cos(motion.yaw), math.sin(motion.yaw)]) @ np.linalg.solve(
+            abs(step) * ahead @ ahead.T + c.HOLD_ANGLE * np.eye(2), left)
+        bound = min(c.MAX_HOLD_SPEED, now.limits.speed)
+        wanted = min(max(abs(rate) * float(per_angle), -bound), bound)
+        if motion.speed() > bound:
+            wanted = 0.0
+        change = min(now.limits.acceleration, now.limits.deceleration) * now.dt
         return min(max(wanted, last - change), last + change)
 
 

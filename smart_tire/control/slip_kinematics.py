@@ -88,12 +88,13 @@ class SlideModel:
     """
     Motion of the body that its wheels do not make, by regression over similar motions.
 
-    ``v_y = -c |v_x| v_x yaw_rate + s (b_y cos yaw - b_x sin yaw) - x yaw_rate``: slip angles of
-    tires that bear the lateral acceleration; the slide on a slope, along b in ``odom``, with the
-    larger speed s of both sides; and turns about a point x ahead of ``base_link``. On curves of
-    less than half of the track, on which wheels of one side roll back, tires slide in all
-    directions, and the body ahead of its wheels by ``s (b_x cos yaw + b_y sin yaw)``, too. Of these
-    turns in place, and of all other motions, the last ``HISTORY_NS`` of their kind are known.
+    ``v_y = -c |v_x| v_x yaw_rate + s (b_y cos yaw - b_x sin yaw)``: slip angles of tires that bear
+    the lateral acceleration, and the slide on a slope, along b in ``odom``, with the larger speed
+    s of both sides. On curves of less than half of the track one side rolls back, and the tires
+    slide in all directions: there the body slides ahead of its wheels, too, by
+    ``s (b_x cos yaw + b_y sin yaw)``, and turns about a point x ahead of ``base_link``, with
+    ``v_y = -x yaw_rate``. Of these turns in place, and of all other motions, the last
+    ``HISTORY_NS`` of their kind are known.
     """
 
     def __init__(self, compliance: float, half_track: float) -> None:
@@ -115,46 +116,55 @@ class SlideModel:
         known.add((known.times[-1] if known.times else 0) + elapsed_ns, *motion, slip)
 
     def expected(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
-        """Return the slide ahead and the lateral speed [m/s] at yaws: (2,) or (2, n)."""
-        yaw, share = np.asarray(yaw), self._share(v_x, yaw_rate)
-        coefficients = self._coefficients(float(share))
-        if np.hypot(*coefficients[1:3]) >= 1.0:  # it slides off, whatever the wheels do
-            return np.zeros((2, *yaw.shape))
+        """
+        Return the slide ahead and the lateral speed [m/s] at yaws [rad]: (2,) or (2, n).
+
+        They are zero if the body slides faster than its wheels turn, whatever these do.
+        """
+        coefficients = self._coefficients(float(self._share(v_x, yaw_rate)))
+        if math.hypot(*coefficients[1:3]) >= 1.0:
+            return np.zeros((2, *np.shape(yaw)))
         lateral, ahead = self._terms(v_x, yaw_rate, np.cos(yaw), np.sin(yaw))
         return np.stack([coefficients @ ahead, coefficients @ lateral])
 
     def _coefficients(self, share: float) -> Array:
-        known = self._known[int(share)]
+        """Return c, b_x, b_y and x of motions with this share of the turn."""
         if share < 1.0:
-            prior, sigma = np.array([self._compliance, 0.0, 0.0, 0.0]), c.SLIDE_SIGMAS
+            prior, sigma = np.array([self._compliance, 0.0, 0.0, 0.0]), c.SLIDE_SIGMA
         else:
-            prior, sigma = self._coefficients(0.0) * (0.0, c.SPIN_SLIDE, c.SPIN_SLIDE, 0.0), (
-                c.SPIN_SIGMAS)
+            prior, sigma = self._coefficients(0.0), c.SPIN_SLIDE_SIGMA
+            prior[1:3] *= c.SPIN_SLIDE
+        known = self._known[int(share)]
         if not known.times:
             return prior
         v_x, v_y, yaw_rate, cos, sin, slip = np.array(known.values).T
         lateral, ahead = self._terms(v_x, yaw_rate, cos, sin)
         off = np.abs(self._share(v_x, yaw_rate) - share)
-        weight = np.exp(-0.5 * off / c.SIMILAR_TURNING) / c.LATERAL_SPREAD
+        weight = np.exp(-0.5 * off / c.SIMILAR_TURNING) / c.SLIDE_SPREAD
         terms = np.concatenate([weight * lateral, weight * ahead], axis=1)
-        seen = np.concatenate([weight * v_y, -weight * slip * (share == 1.0)])
-        return prior + np.linalg.lstsq(
-            np.vstack([terms.T, np.diag(1.0 / np.array([self._compliance, *sigma]))]),
-            np.append(seen - prior @ terms, np.zeros(4)), rcond=None)[0]
+        measured = np.concatenate([weight * v_y, -weight * slip * (share == 1.0)])
+        weights = np.diag(1.0 / np.array([self._compliance, sigma, sigma, c.PIVOT_SIGMA]))
+        found: Array = prior + np.linalg.lstsq(
+            np.vstack([terms.T, weights]),
+            np.append(measured - prior @ terms, np.zeros(len(prior))), rcond=None)[0]
+        return found
 
     def _share(self, v_x: ArrayLike, yaw_rate: ArrayLike) -> Array:
-        """Return the speed of the sides from the turn over the larger one: 1 in place."""
+        """Return the speed of the sides by the turn over that of the faster one; 1 in place."""
         turn = self._half_track * np.abs(yaw_rate)
         return turn / np.maximum(np.maximum(turn, np.abs(v_x)), c.TINY)
 
-    def _terms(self, v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike) -> Array:
-        """Return what the coefficients of lateral speed and slide are multiplied with (2, 4, n)."""
-        v_x, yaw_rate, share = np.asarray(v_x), np.asarray(yaw_rate), self._share(v_x, yaw_rate)
+    def _terms(self, v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike
+               ) -> tuple[Array, Array]:
+        """Return what the coefficients of lateral speed and slide are multiplied with (4, n)."""
+        v_x, yaw_rate = np.asarray(v_x), np.asarray(yaw_rate)
+        in_place = self._share(v_x, yaw_rate) == 1.0
         speed = np.maximum(np.abs(v_x), self._half_track * np.abs(yaw_rate))
-        on, none = speed * (share == 1.0), np.zeros(np.shape(cos))
-        return np.stack([np.stack(np.broadcast_arrays(*part)) for part in (
-            (-np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos, -yaw_rate),
-            (none, on * cos, on * sin, none))])
+        none = np.zeros(np.shape(cos))
+        lateral, ahead = (np.stack(np.broadcast_arrays(*part)) for part in (
+            (-np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos, -yaw_rate * in_place),
+            (none, speed * in_place * cos, speed * in_place * sin, none)))
+        return lateral, ahead
 
 
 class VelocityFeedback:
@@ -270,16 +280,14 @@ class SlipKinematics:
             return 0.0, 0.0
         speed, turn = self.factors(v_x, yaw_rate, now_ns)
         if self._motions.times:
-            reached, _, reached_rate, *_ = self._motions.latest
+            reached, _, reached_rate, cos, sin = self._motions.latest
             added = self._feedback.correction(
                 (reached, reached_rate), self._motions.times[-1], delay,
                 (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
+            v_x -= float(self._slide.expected(
+                v_x, yaw_rate, math.atan2(sin, cos) + delay * reached_rate)[0])
         else:
             added = 0.0, 0.0
-        if self._motions.times:
-            *_, rate, cos, sin = self._motions.latest
-            slide = float(self._slide.expected(v_x, yaw_rate, math.atan2(sin, cos) + rate * delay)[0])
-            v_x -= slide
         command = speed * (v_x + added[0]), turn * (yaw_rate + added[1])
         share = command_share(command, params)
         self._feedback.want((share * v_x, share * yaw_rate), now_ns)
