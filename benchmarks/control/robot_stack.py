@@ -88,6 +88,7 @@ class PathStack(RobotStack):
         self._commands = deque[tuple[int, VelocityCommand]]()  # and when they are received
         self._ended_ns: int | None = None
         self.poses: list[Odometry] = []     # of the trajectory controller
+        self.commands: list[VelocityCommand] = []
 
     @property
     def start_ns(self) -> int:
@@ -129,6 +130,7 @@ class PathStack(RobotStack):
         command = self.trajectory.step(now_ns)
         if command is not None:
             self._commands.append((now_ns + self._delay_ns, command))
+            self.commands.append(command)
         if self._ended_ns is None and self.trajectory.state in ENDED:
             self._ended_ns = now_ns
 

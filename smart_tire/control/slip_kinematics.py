@@ -323,7 +323,8 @@ class SlipKinematics:
         self._learned_ns = stamp_ns
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
         self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
-        self._slide.add(motion, 0.5 * (left + right), stamp_ns)
+        if abs(slip := 0.5 * (left + right)) <= MAX_SPEED:
+            self._slide.add(motion, slip, stamp_ns)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:

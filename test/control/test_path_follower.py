@@ -19,10 +19,11 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from smart_tire.control.constants import MIN_DRIFT_SPEED
+from smart_tire.control.constants import HOLD_ANGLE, MAX_HOLD_SPEED, MIN_DRIFT_SPEED
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.motion_limits import MotionLimits
-from smart_tire.control.path_follower import Conditions, no_drift, PathFollower, SpinControl
+from smart_tire.control.path_follower import (
+    Conditions, no_lateral_speed, PathFollower, SpinControl)
 from smart_tire.control.path_geometry import FORWARD, REVERSE, Segment, Spin
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import ArrivalParams, FollowerParams
@@ -46,8 +47,8 @@ def line(length=5.0, direction=FORWARD, heading=0.0):
                    np.array([0.0, length * math.sin(heading)]), direction)
 
 
-def at(x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, drift=no_drift):
-    return Conditions(Motion(x, y, yaw, v_x, 0.0, yaw_rate), DT, LIMITS, PARAMS, drift, DELAY)
+def at(x=0.0, y=0.0, yaw=0.0, v_x=0.0, yaw_rate=0.0, lateral=no_lateral_speed):
+    return Conditions(Motion(x, y, yaw, v_x, 0.0, yaw_rate), DT, LIMITS, PARAMS, lateral, DELAY)
 
 
 @pytest.mark.parametrize(('v_x', 'look_ahead'), [(0.2, 0.2), (0.6, 0.3), (0.95, 0.4)])
@@ -68,10 +69,11 @@ def test_the_drift_is_that_of_the_path_half_a_look_ahead_on(direction, v_x, spee
     step = 0.5 * (s[1:] + s[:-1])
     x, y = (np.append(0.0, np.cumsum(part(0.5 * step ** 2) * s[1]))
             for part in (np.cos, np.sin))
-    drift = Mock(return_value=0.0)
+    lateral = Mock(return_value=0.0)
     yaw = 0.0 if direction == FORWARD else math.pi
-    PathFollower((Segment(x, y, direction),), direction * v_x, 0.0).step(at(yaw=yaw, drift=drift))
-    assert drift.call_args.args == (
+    PathFollower((Segment(x, y, direction),), direction * v_x, 0.0).step(at(
+        yaw=yaw, lateral=lateral))
+    assert lateral.call_args.args == (
         direction * speed, pytest.approx(speed * curvature, rel=0.1), yaw)
 
 
@@ -145,7 +147,8 @@ def test_a_turn_that_misses_its_yaw_is_repeated():
 def test_the_direction_of_travel_is_that_of_the_path(direction):
     yaw = (0.0 if direction == FORWARD else math.pi) - 0.1
     follower = PathFollower((line(direction=direction),), direction * 0.3, 0.0)
-    assert follower.step(at(1.0, 0.0, yaw, drift=lambda *motion: 0.1))[1] == pytest.approx(0.0)
+    assert follower.step(at(
+        1.0, 0.0, yaw, lateral=lambda v_x, *_: math.tan(0.1) * v_x))[1] == pytest.approx(0.0)
 
 
 def test_a_turn_in_place_waits_for_a_slow_robot():
@@ -238,26 +241,67 @@ def test_a_turn_keeps_its_side_at_half_a_revolution():
     assert rate(3.1, spin=spin) < 0.0
 
 
-@pytest.mark.parametrize('side', [1.0, -1.0])
-@pytest.mark.parametrize('v_x, last, held', [
-    (-0.03, 0.06, False),  # it slides away from its position although the wheels drive back
-    (-0.01, 0.06, True), (0.03, 0.06, True), (-0.03, 0.0, True), (-0.03, -0.06, True)])
-def test_wheels_do_not_hold_a_robot_that_slides(side, v_x, last, held):
-    spin, last = SpinControl((0.0, 0.0)), side * last
-    motion = Motion(-0.02 * side, 0.0, 0.0, side * v_x, 0.0, 0.0)
-    speed = spin.holding_speed(motion, last, 0.02, SPIN_LIMITS)
-    change = 0.02 * min(SPIN_LIMITS.acceleration, SPIN_LIMITS.deceleration)
-    wanted = side * 0.06 if held else 0.0
-    assert speed == pytest.approx(min(max(wanted, last - change), last + change))
-
-
-@pytest.mark.parametrize(('x', 'y', 'yaw', 'expected'), [
-    (0.01, 0.0, 0.0, -0.03), (-0.01, 0.0, 0.0, 0.03), (0.0, 0.01, 0.0, 0.0),
-    (0.0, 0.01, math.pi / 2, -0.03), (0.01, 0.0, math.pi, 0.03), (1.0, 0.0, 0.0, -0.1)])
-def test_the_speed_returns_the_robot_to_its_position(x, y, yaw, expected):
+def turning(error=1.5, x=0.0, y=0.0, yaw=0.0, yaw_rate=0.5, v_x=0.0, v_y=0.0, lateral=0.0):
+    """Return a turn that holds (2, 1) and a robot off it, with a lateral speed over the rate."""
     spin = SpinControl((2.0, 1.0))
-    motion = Motion(2.0 + x, 1.0 + y, yaw, 0.0, 0.0, 0.0)
-    assert spin.holding_speed(motion, expected, 0.1, SPIN_LIMITS) == pytest.approx(
-        expected, abs=1e-12)
-    assert spin.holding_speed(motion, 0.0, 1e-3, SPIN_LIMITS) == pytest.approx(
-        math.copysign(min(abs(expected), 0.4e-3), expected), abs=1e-12)
+    spin.error = error
+    return spin, replace(spinning(SPIN_LIMITS, SPIN_PARAMS), motion=Motion(
+        2.0 + x, 1.0 + y, yaw, v_x, v_y, yaw_rate), dt=10.0, lateral_speed=(
+            lambda _, rate, yaws: lateral * rate * np.ones_like(yaws)))
+
+
+def simulated(side, pivot, slide, *, held, **start):
+    """Return where a turn by 90 degrees ends [m] relative to the position to hold."""
+    spin, now = turning(1.5708 * side, yaw_rate=0.5 * side, **start)
+    x, y, yaw, rest, dt = now.motion.x, now.motion.y, 0.0, 0.5 * math.pi, 0.01
+    while rest > 0.0:
+        spin.error = side * rest
+
+        def lateral(_, rate, yaws):
+            return -pivot * rate + abs(rate) * (slide[1] * np.cos(yaws) - slide[0] * np.sin(yaws))
+
+        now = replace(now, motion=replace(now.motion, x=x, y=y, yaw=yaw), lateral_speed=lateral)
+        v_x = spin.holding_speed(0.0, now) if held else 0.0
+        v_y = lateral(0.0, 0.5 * side, yaw)
+        x += dt * (v_x * math.cos(yaw) - v_y * math.sin(yaw))
+        y += dt * (v_x * math.sin(yaw) + v_y * math.cos(yaw))
+        yaw, rest = yaw + side * 0.5 * dt, rest - 0.5 * dt
+    return math.hypot(x - 2.0, y - 1.0)
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+@pytest.mark.parametrize(('start', 'pivot', 'slide', 'share'), [
+    ({'x': 0.05}, 0.0, (0.0, 0.0), 0.45), ({'y': 0.05}, 0.0, (0.0, 0.0), 0.45),
+    ({}, 0.03, (0.0, 0.0), 0.55), ({}, -0.03, (0.0, 0.0), 0.55),
+    ({}, 0.0, (0.03, 0.0), 0.55), ({}, 0.0, (0.0, -0.03), 0.55)])
+def test_a_turn_ends_nearer_to_its_position_with_the_speed_that_holds_it(
+        side, start, pivot, slide, share):
+    held, left = (simulated(side, pivot, slide, held=held, **start) for held in (True, False))
+    assert held < share * left
+
+
+def test_the_position_is_led_to_before_a_known_slide_takes_the_robot_off_it():
+    for side in (1.0, -1.0):  # outward, and so behind of the yaw at the end
+        spin, now = turning(1.5 * side, yaw_rate=0.5 * side, lateral=-0.1)
+        assert spin.holding_speed(0.0, now) < -0.02
+    assert spin.holding_speed(0.0, replace(now, lateral_speed=no_lateral_speed)) == (
+        pytest.approx(0.0))
+
+
+@pytest.mark.parametrize(('x', 'y', 'yaw', 'sign'), [
+    (0.02, 0.0, 0.0, -1.0), (-0.02, 0.0, 0.0, 1.0), (0.0, 0.02, 0.5 * math.pi, -1.0),
+    (0.02, 0.0, math.pi, 1.0)])
+def test_at_the_end_of_a_turn_the_speed_is_that_of_the_distance_ahead(x, y, yaw, sign):
+    spin, now = turning(1e-3, x, y, yaw, yaw_rate=0.6)
+    assert spin.holding_speed(0.0, now) == pytest.approx(
+        sign * 0.02 * 0.6 / HOLD_ANGLE, rel=0.01)
+    assert spin.holding_speed(0.0, replace(now, dt=1e-3)) == pytest.approx(sign * 0.4e-3)
+
+
+@pytest.mark.parametrize('ahead', [1.0, -1.0])
+def test_wheels_do_not_drive_a_robot_that_slides_away_faster_than_they_could(ahead):
+    spin, now = turning(1e-3, x=-ahead)
+    assert spin.holding_speed(0.0, now) == pytest.approx(ahead * MAX_HOLD_SPEED)
+    for motion in ({'v_x': -ahead * 0.21}, {'v_y': 0.21}):
+        sliding = replace(now, motion=replace(now.motion, **motion))
+        assert spin.holding_speed(0.0, sliding) == 0.0

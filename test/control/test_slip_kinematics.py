@@ -15,7 +15,9 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+import numpy as np
 import pytest
+from smart_tire.control.constants import SPIN_SLIDE
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import MotionLimitParams
@@ -39,11 +41,12 @@ class World:
     No brush model: the kinematics must learn what it is.
     """
 
-    def __init__(self, kinematics, *, slip=(0.0, 0.0), track=0.57, lateral=None, base_track=TRACK,
-                 sigma=0.01, yaw=0.0):
+    def __init__(self, kinematics, *, slip=(0.0, 0.0), track=0.57, lateral=None, ahead=None,
+                 base_track=TRACK, sigma=0.01, yaw=0.0):
         self.kinematics, self.slip, self.track, self.yaw = kinematics, slip, track, yaw
         # v_y of speed, yaw rate and yaw
         self.lateral = lateral or (lambda v_x, yaw_rate, yaw: 0.0)
+        self.ahead = ahead or (lambda yaw_rate, yaw: 0.0)  # v_x that the wheels do not make
         self.base_track, self.sigma = base_track, sigma
         self.now_ns, self.motion = START, (0.0, 0.0)
 
@@ -62,7 +65,8 @@ class World:
         half = 0.5 * self.base_track * yaw_rate
         self.rolling = v_x - half, v_x + half
         left, right = (speed * (1.0 - slip) for speed, slip in zip(self.rolling, self.slip))
-        self.motion = 0.5 * (left + right), (right - left) / self.track
+        rate = (right - left) / self.track
+        self.motion = 0.5 * (left + right) + self.ahead(rate, self.yaw), rate
         self.yaw += STEP * self.motion[1]
         self.now_ns += round(STEP * NS_PER_S)
 
@@ -83,6 +87,11 @@ class World:
 
 def kinematics(**params):
     return SlipKinematics(TrajectoryControllerParams(**params))
+
+
+def drift(world, v_x, yaw_rate, yaw):
+    """Return the angle [rad] from the x axis to the direction of travel, as if ahead."""
+    return math.atan(world.kinematics.lateral_speed(v_x, yaw_rate, yaw) / v_x)
 
 
 @pytest.mark.parametrize('slip', [0.0, 0.15])
@@ -226,10 +235,10 @@ def test_the_direction_of_travel_is_learned_from_the_lateral_speed(v_x, yaw_rate
     # the body slides outward, behind the direction of travel
     world = World(kinematics(), lateral=lambda v_x, rate, yaw: -0.12 * abs(v_x) * v_x * rate)
     world.drive(v_x, yaw_rate, 3.0)
-    offset = world.kinematics.drift(v_x, yaw_rate, world.yaw)
+    offset = drift(world, v_x, yaw_rate, world.yaw)
     assert offset == pytest.approx(math.atan(-0.12 * abs(v_x) * yaw_rate), rel=0.15)
     # with a fifth of the weight, half of it may be that of a slope
-    assert abs(world.kinematics.drift(v_x, 0.0, world.yaw)) < 0.5 * abs(offset)
+    assert abs(drift(world, v_x, 0.0, world.yaw)) < 0.5 * abs(offset)
 
 
 SLIDE = 0.06, -0.03  # rad, slip angles along x and y of odom that a slope causes
@@ -245,7 +254,7 @@ def test_a_slide_on_a_slope_is_known_after_a_second_in_both_directions(v_x, yaw)
     world = World(kinematics(), lateral=slide, yaw=yaw)
     world.drive(v_x, 0.0, 1.0)
     for other in (v_x, -v_x):  # downhill remains downhill
-        assert world.kinematics.drift(other, 0.0, yaw) == pytest.approx(
+        assert drift(world, other, 0.0, yaw) == pytest.approx(
             math.atan(slide(v_x, 0.0, yaw) / other), rel=0.05, abs=1e-3)
 
 
@@ -254,19 +263,87 @@ def test_a_slide_that_was_learned_in_a_curve_is_that_of_every_heading():
         slide(v_x, yaw_rate, yaw) - 0.05 * abs(v_x) * v_x * yaw_rate))
     world.drive(0.5, 1.4, 3.0)
     for yaw in (0.0, 1.2, 2.5, -1.6):
-        assert world.kinematics.drift(0.5, 1.4, yaw) == pytest.approx(
+        assert drift(world, 0.5, 1.4, yaw) == pytest.approx(
             math.atan(slide(0.5, 1.4, yaw) / 0.5 - 0.05 * 0.5 * 1.4), abs=0.01)
 
 
 def test_motions_of_another_turning_share_or_of_long_ago_are_not_used():
     world = World(kinematics(), lateral=slide)
     world.drive(0.02, 0.8, 3.0)  # nearly in place
-    assert abs(world.kinematics.drift(0.5, 0.0, 0.0)) < 0.2 * abs(SLIDE[1])
+    assert abs(drift(world, 0.5, 0.0, 0.0)) < 0.2 * abs(SLIDE[1])
     world.drive(0.5, 0.0, 1.0)
-    known = world.kinematics.drift(0.5, 0.0, world.yaw)
+    known = drift(world, 0.5, 0.0, world.yaw)
     world.lateral = lambda v_x, yaw_rate, yaw: 0.0
     world.drive(0.5, 0.0, 3.5)
-    assert abs(world.kinematics.drift(0.5, 0.0, world.yaw)) < 0.01 * abs(known)
+    assert abs(drift(world, 0.5, 0.0, world.yaw)) < 0.01 * abs(known)
+
+
+class Slope(World):
+    """A slope on which the body slides along ``slide`` with the speed of a side of the turn."""
+
+    def __init__(self, slide=(0.2, -0.1), pivot=0.0):
+        def speeds(rate, yaw):
+            s, cos, sin = 0.5 * TRACK * abs(rate), np.cos(yaw), np.sin(yaw)
+            return s * (slide[0] * cos + slide[1] * sin), (
+                s * (slide[1] * cos - slide[0] * sin) - pivot * rate)
+
+        self.speeds = speeds
+        super().__init__(kinematics(), ahead=lambda rate, yaw: speeds(rate, yaw)[0],
+                         lateral=lambda v_x, rate, yaw: speeds(rate, yaw)[1])
+
+
+@pytest.mark.parametrize('rate', [0.8, -0.8])
+@pytest.mark.parametrize('pivot', [0.0, 0.03, -0.03])
+def test_slide_and_center_of_a_turn_in_place_are_learned_for_other_yaws_and_rates(rate, pivot):
+    world, yaws = Slope(pivot=pivot), np.linspace(-3.0, 3.0, 7)
+    world.drive(0.0, rate, 2.0)
+    for other in (rate, -rate, 0.5 * rate):
+        assert world.kinematics.lateral_speed(0.0, other, yaws) == pytest.approx(
+            world.speeds(other, yaws)[1], abs=0.005)
+
+
+def test_the_wheels_drive_against_the_slide_of_a_turn_in_place():
+    world = Slope()
+    world.drive(0.0, 0.8, 2.0)
+    moved, free = zip(*((world.drive(0.0, 0.8, STEP)[0], world.speeds(0.8, world.yaw)[0])
+                        for _ in range(500)))
+    assert max(map(abs, free)) > 0.03
+    assert max(map(abs, moved)) < 0.2 * max(map(abs, free))
+
+
+def test_turns_in_place_are_remembered_over_the_way_between_them():
+    world = Slope()
+    world.drive(0.0, 0.8, 2.0)
+    known = world.kinematics.lateral_speed(0.0, 0.8, 0.0)
+    world.ahead, world.lateral = (lambda *_: 0.0), (lambda *_: 0.0)
+    world.drive(0.5, 0.0, 6.0)
+    assert world.kinematics.lateral_speed(0.0, 0.8, 0.0) == pytest.approx(known, rel=0.01)
+
+
+def test_a_first_turn_in_place_is_expected_to_slide_where_straights_have_but_more():
+    world = World(kinematics(), lateral=slide)
+    world.drive(0.5, 0.0, 1.0)
+    sides = 0.5 * TRACK * 0.8
+    assert world.kinematics.lateral_speed(0.0, 0.8, world.yaw) == pytest.approx(
+        SPIN_SLIDE * sides * SLIDE[1], rel=0.05)
+
+
+def test_wheels_do_not_drive_against_a_slide_that_is_faster_than_they_are():
+    world = Slope(slide=(0.0, -2.0))
+    world.drive(0.0, 0.8, 0.5)
+    assert abs(world.kinematics.command(0.0, 0.8, world.now_ns, DELAY, WIDE)[0]) < 1e-4
+    assert world.kinematics.lateral_speed(0.0, 0.8, 1.0) == 0.0
+
+
+def test_a_slip_that_is_not_plausible_teaches_nothing():
+    world = Slope()
+    world.drive(0.0, 0.8, 2.0)
+    known = world.kinematics.lateral_speed(0.0, 0.8, 0.0)
+    for _ in range(60):
+        world.move(0.0, 0.8)
+        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_slip(replace(world.wheel_slip(), slip_velocity=(1e6,) * 4))
+    assert world.kinematics.lateral_speed(0.0, 0.8, 0.0) == pytest.approx(known, abs=1e-3)
 
 
 def test_older_odometry_is_ignored_and_another_clock_discards_all():

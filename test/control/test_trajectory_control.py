@@ -23,6 +23,7 @@ from smart_tire.control.constants import MAX_WAIT, MIN_ADVANCE, RELEASE_TIME
 from smart_tire.control.path_library import figure_eight, line
 from smart_tire.control.path_plan import plan_goal
 from smart_tire.control.trajectory_control import PathState, TrajectoryControl
+from smart_tire.errors import CommandError
 from smart_tire.parameters.path_following import PathCheckParams
 from smart_tire.samples import GoalPose, NAN, NS_PER_S, WheelSlip
 from support.ideal_robot import distances, IDEAL, IdealRobot, odometry, path, Run
@@ -513,11 +514,49 @@ def test_the_first_step_of_a_path_is_one_period_however_long_the_robot_has_waite
     assert run.step().v_x == pytest.approx(0.5 / 20)
 
 
+TOP = IDEAL.max_speed
+
+
+@pytest.mark.parametrize(('limit', 'percentage', 'speed'), [
+    (0.2, False, 0.2), (40.0, True, 0.4 * TOP), (0.0, False, TOP), (0.0, True, TOP),
+    (1.01 * TOP, False, TOP), (101.0, True, TOP), (0.5, True, 0.005 * TOP)])
+def test_a_speed_limit_is_that_of_nav2_until_the_next_one(limit, percentage, speed):
+    run = under_way(seconds=0.5)
+    run.control.limit_speed(0.1, percentage=False)
+    run.for_seconds(0.5)
+    run.control.limit_speed(limit, percentage=percentage)
+    assert run.control.max_speed == pytest.approx(speed)
+    assert run.for_seconds(1.5).step().v_x == pytest.approx(speed)
+    run.control.params = replace(run.control.params, max_speed=0.5 * TOP)
+    assert run.control.max_speed == pytest.approx(
+        0.5 * speed if percentage else min(speed, 0.5 * TOP))
+
+
+def test_a_new_speed_limit_is_reached_with_the_deceleration():
+    run = under_way(seconds=2.0)
+    speeds = [run.step().v_x]
+    run.control.limit_speed(0.2, percentage=False)
+    speeds += [run.step().v_x for _ in range(20)]
+    assert (speeds[0], speeds[-1]) == (pytest.approx(TOP), pytest.approx(0.2))
+    change = IDEAL.limits.deceleration / IDEAL.rate
+    assert max(-np.diff(speeds)) == pytest.approx(change)
+
+
+@pytest.mark.parametrize('limit', [-0.1, math.nan, math.inf])
+def test_a_speed_limit_that_is_no_speed_is_refused_and_the_last_one_remains(limit):
+    run = under_way()
+    run.control.limit_speed(0.2, percentage=False)
+    with pytest.raises(CommandError, match='speed_limit: '):
+        run.control.limit_speed(limit, percentage=True)
+    assert run.control.max_speed == 0.2
+
+
 def compensated(enabled, offset=0.0, **robot):
     """Return a run, and its kinematics, which command more than is wanted."""
     run, more = Run(replace(IDEAL, slip_compensation=enabled), **robot), mock.Mock()
     more.command.side_effect = lambda v_x, yaw_rate, *_: (1.5 * v_x, 2.0 * yaw_rate)
-    more.factors.return_value, more.drift.return_value = (1.5, 2.0), offset
+    more.factors.return_value = (1.5, 2.0)
+    more.lateral_speed.side_effect = lambda v_x, _, yaw: np.full(np.shape(yaw), offset * v_x)
     run.control._kinematics = more
     return run, more
 

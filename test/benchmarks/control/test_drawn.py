@@ -9,25 +9,29 @@
 # the License.
 """Robots drawn at random: what is drawn, errors of odometry, and runs of two controllers."""
 
+from bisect import bisect
 from dataclasses import replace
 import math
 
 from benchmarks.control import drawn
+from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.drawn import (
-    CALIBRATED, CONTROLLERS, draw_robot, driven, OdometryErrors, PURSUIT, run_drawn, SlopeStack,
+    CALIBRATED, CONTROLLERS, draw_robot, driven, DrawnRobot, OdometryErrors, PURSUIT, run_drawn, SlopeStack,
     stack_params)
 from benchmarks.control.paths import two_cusps
 from benchmarks.control.run import DRAWN, tables
 from benchmarks.control.scenarios import OURS, SHORT
 from benchmarks.control.tracking import path_errors
+from benchmarks.grounds import ground
 from benchmarks.robots.plant import DrawnPlant, plant_with, Traits
 from benchmarks.scoring import combined
 import numpy as np
 import pytest
-from smart_tire.control.path_library import line
-from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.simulation import DriveParams
-from smart_tire.samples import GRAVITY, ImuSample, NS_PER_S, WheelSlip
+from smart_tire.control.path_library import line, planned
+from smart_tire.control.trajectory_control import PathState
+from smart_tire.parameters.robot import RobotParams, TreadFilmParams
+from smart_tire.parameters.simulation import DriveParams, SimulatorParams
+from smart_tire.samples import GRAVITY, ImuSample, NAN, NS_PER_S, WheelSlip
 from smart_tire.simulation.plant import SurfaceMap
 from support.ideal_robot import odometry
 
@@ -133,3 +137,26 @@ def test_all_controllers_follow_a_path_and_are_compared(monkeypatch):
     assert [str(cell) for cell in table.columns[0].cells] == ['straight']
     stack, end_ns = driven(draw_robot(202), 'straight', PURSUIT, estimated=False)
     assert stack.start_ns < end_ns <= stack.truth[-1].stamp_ns
+
+
+def test_a_slide_in_place_is_named_and_the_wheels_do_not_drive_against_it():
+    """A robot drives onto ground on which the slope of 8 degrees is more than it can hold."""
+    robot = RobotParams(film=TreadFilmParams(wheels=()))
+    simulator = SimulatorParams(seed=1, robot=robot, ground=ground('dry', {
+        'dry': (0.6, 50.0, 0.01), 'ice': (0.12, 50.0, 0.01)}, [('ice', 0.8, 20.0)]))
+    traits = Traits(slope=math.radians(8.0), direction=-0.5 * math.pi)
+    slippery = DrawnRobot(simulator, traits, 50.0, 0.02, 0.02)
+    path = planned([(0.0, 0.0, NAN), (1.2, 0.0, NAN), (1.2, 1.2, NAN)])
+    stack = SlopeStack(stack_params(slippery, OURS, estimated=False), path, slippery)
+    run_closed_loop(simulator, stack, 20.0, wheel_rate=50.0, control_rate=50.0,
+                    plant=plant_with(traits))
+    control = stack.trajectory
+    assert control.state == PathState.STOPPED and 'the robot slides' in control.reason
+    times = [one.stamp_ns for one in stack.truth]
+    sliding = [(command.v_x, truth) for command in stack.commands if (
+        command.stamp_ns > stack.ended_ns - NS_PER_S) and (
+        truth := stack.truth[bisect(times, command.stamp_ns) - 1])]
+    assert len(sliding) >= 19
+    for v_x, truth in sliding:
+        assert math.hypot(*truth.linear[:2]) > 0.3  # downhill
+        assert abs(v_x) < 0.01

@@ -37,5 +37,5 @@ def test_the_command_moves_a_body_with_these_centers_as_wanted(v_x):
     speed, rate = kinematics.command(v_x, 0.8, 0, 0.15, PARAMS)
     assert speed - half * rate == pytest.approx(v_x - 0.8 * LEFT, abs=0.01)
     assert speed + half * rate == pytest.approx(v_x - 0.8 * RIGHT, abs=0.01)
-    assert math.tan(kinematics.drift(v_x, 0.8, 0.0)) == pytest.approx(
-        -AHEAD * 0.8 / v_x, abs=0.01)
+    assert kinematics.lateral_speed(v_x, 0.8, 0.0) == pytest.approx(
+        -AHEAD * 0.8, abs=0.004)
