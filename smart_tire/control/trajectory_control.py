@@ -76,6 +76,7 @@ class TrajectoryControl:
         self._released_ns: int | None = None  # since when the robot is left alone at its end
         self._approaches = 0                 # that were repeated
         self._end_pose: Vector3 = 0.0, 0.0, NAN  # x, y [m], yaw [rad] or NaN
+        self._speed_limit = math.inf, 1.0        # m/s, and share of ``max_speed``
         self._progress = ProgressMonitor()
         self._stepped_ns: int | None = None
         self._stop_due = False             # a command of zero is to be published
@@ -88,6 +89,12 @@ class TrajectoryControl:
     def active(self) -> bool:
         """Return whether commands are published."""
         return self.state == PathState.FOLLOWING or self.holding
+
+    @property
+    def max_speed(self) -> float:
+        """Return the maximum speed [m/s], with the limit of ``limit_speed``."""
+        speed, share = self._speed_limit
+        return min(speed, share * self.params.max_speed)
 
     @property
     def twist_fault(self) -> str:
@@ -131,6 +138,20 @@ class TrajectoryControl:
         """End following for an order that cannot be read or is too old."""
         late = isinstance(error, LateCommandError)
         self._end(PathState.REFUSED, str(error), Cause.LATE if late else Cause.ORDER)
+
+    def limit_speed(self, limit: float, *, percentage: bool) -> None:
+        """
+        Limit the speed, from now on, to ``limit`` in m/s or in percent of ``max_speed``.
+
+        A limit of 0 ends the one before, as in ``nav2_msgs/SpeedLimit``; one above ``max_speed``
+        changes nothing. Raise CommandError if it is not valid: the one before remains.
+        """
+        if not 0.0 <= limit < math.inf:
+            raise CommandError(f'speed_limit: {limit:g}, expected a finite number from 0 on')
+        if limit == 0.0:
+            self._speed_limit = math.inf, 1.0
+        else:
+            self._speed_limit = (math.inf, min(0.01 * limit, 1.0)) if percentage else (limit, 1.0)
 
     def add_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
@@ -278,6 +299,7 @@ class TrajectoryControl:
         factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
                    else (1.0, 1.0))
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
+        limits = replace(limits, speed=min(limits.speed, self.max_speed))
         lateral = self._kinematics.lateral_speed if params.slip_compensation else no_lateral_speed
         self._last = follower.step(
             Conditions(motion, dt, limits, params, lateral, self._response.delay))

@@ -16,6 +16,7 @@ from functools import partial
 import math
 import sys
 import time
+from typing import Any
 
 from smart_tire.control.command_check import check_age
 from smart_tire.control.publishers import MessageInfo, PublisherCheck
@@ -36,6 +37,7 @@ from std_srvs.srv import Trigger
 PROGRESS_PERIOD = 0.25  # s between messages of path_progress, docs/topics.md
 PUBLISHER_WINDOW = 5.0  # s: planners that renew their paths at 0.2 Hz and faster are in conflict
 LOG_PERIOD = 1.0  # s between log lines for messages that are refused
+SPEED_LIMIT = 'speed_limit'
 ORDERS = ('path', 'goal_pose', ACTION)
 
 
@@ -47,8 +49,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     ``ground_state``, ``emergency_stop_active`` and, if tf2_msgs is installed, ``/tf`` and
     ``/tf_static``; publishes ``cmd_vel`` (only while it follows,
     then one command of zero, or zero from then on with ``hold_on_arrival``), ``path_progress`` and
-    ``/diagnostics``. Service: ``cancel_path``. Action, if nav2_msgs is installed and unless
-    ``follow_path`` is false: ``follow_path``.
+    ``/diagnostics``. Service: ``cancel_path``. If nav2_msgs is installed, it subscribes to
+    ``speed_limit``, too, and unless the parameter ``follow_path`` is false, serves the action of
+    this name.
 
     Parameters: those of ``TrajectoryControllerParams``.
     """
@@ -74,6 +77,11 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         if action is not None and params.follow_path:
             self.inputs[ACTION] = InputCounter()
             self._server = FollowPathServer(self, action, self._on_goal)
+        speed_limit = installed_class('nav2_msgs/msg/SpeedLimit')
+        if speed_limit is not None:
+            self.inputs[SPEED_LIMIT] = InputCounter()
+            self.create_subscription(  # queue as of nav2's controller_server
+                speed_limit, SPEED_LIMIT, self._on_speed_limit, 10)
         self.subscribe('odom', self._on_odometry, required=True, reliability=params.reliability)
         self.subscribe('wheel_states', self._control.add_wheels, announced=True,
                        reliability=params.reliability,
@@ -165,6 +173,11 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     def _on_odometry(self, odometry: Odometry) -> None:
         self._odometry = odometry
         self._control.add_odometry(odometry, self.now_ns())
+
+    def _on_speed_limit(self, msg: Any) -> None:
+        """Use a limit; it remains until the next one, as nav2 sends changes only."""
+        self.guarded(SPEED_LIMIT, self.inputs[SPEED_LIMIT], lambda: self._control.limit_speed(
+            float(msg.speed_limit), percentage=bool(msg.percentage)))
 
     def _on_emergency_stop(self, engaged: bool) -> None:
         self._emergency_stop = engaged
@@ -272,7 +285,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         progress = self._control.progress(self.now_ns())
         status.values.update(
             state=state.name.lower(), reason=reason, cause=self._control.cause.value,
-            emergency_stop=self._emergency_stop,
+            emergency_stop=self._emergency_stop, max_speed=self._control.max_speed,
             remaining_distance=progress.remaining_distance,
             cross_track_error=progress.cross_track_error)
         if twist := self._control.twist_fault:

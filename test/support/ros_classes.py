@@ -54,6 +54,8 @@ float32 speed
 """
 INTERFACES = {  # of Jazzy and Kilted: package/kind/file -> fields
     'nav2_msgs/action/FollowPath.action': FOLLOW_PATH,
+    'nav2_msgs/msg/SpeedLimit.msg': 'std_msgs/Header header\nbool percentage\n'
+                                    'float64 speed_limit\n',
     'tf2_msgs/msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n',
     **{f'smart_tire_msgs/msg/{path.name}': path.read_text(encoding='utf-8') for path in sorted(
         (Path(__file__).resolve().parents[2] / 'smart_tire_msgs' / 'msg').iterdir())}}
