@@ -14,12 +14,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import math
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from smart_tire.control.motor_response import MotorResponse
-from smart_tire.control.wheel_control import WheelControl
+from smart_tire.control.motor_response import MotorResponse, MotorState
+from smart_tire.control.wheel_control import WheelControl, WheelServo
 from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.control.wheel_servo import drive_model, Pid
 from smart_tire.parameters.control import PidParams, WheelControllerParams
@@ -55,9 +57,14 @@ class Motor:
         return min(max(free, -self.limit), self.limit)
 
 
-def run(motor, rate, phase, duration=4.0, sign=1.0):
-    """Return the times [s] and the speeds [rad/s] after a step, and the controller."""
+def run(motor, rate, phase, duration=4.0, sign=1.0, known=0.0):
+    """
+    Return the times [s] and the speeds [rad/s] after a step, and the controller.
+
+    The latter has learned the ``known`` delay [s] before.
+    """
     control = WheelControl(WheelControllerParams(rate=rate))
+    control._response.delay = known
     speed = angle = duty = torque = before = 0.0
     times, pending, speeds = np.arange(0.0, duration, STEP), [], []
     control_due, reading_due, read_s = 0.0, phase / rate, -1.0 / rate
@@ -115,6 +122,12 @@ def test_a_delay_of_the_motors_is_found_and_the_control_is_stable(rate, phase, d
     assert np.abs(speeds[times > 4.0] - SET_POINT).max() < 0.05 * SET_POINT
 
 
+@every_phase
+def test_a_speed_is_compared_with_that_expected_of_late_motors(rate, phase):
+    _, speeds, _ = run(Motor(delay=0.2), rate, phase, known=0.2)
+    assert speeds.max() < 1.01 * SET_POINT  # 1.29 where a late wheel is taken for a slow one
+
+
 def test_a_delay_that_is_not_measured_makes_the_speed_oscillate():
     times, speeds, control = run(Motor(delay=0.2, measured=False), 100.0, 0.0, duration=6.0)
     assert np.ptp(speeds[times > 4.0]) > 0.5 * SET_POINT
@@ -124,7 +137,7 @@ def test_a_delay_that_is_not_measured_makes_the_speed_oscillate():
 @every_phase
 @pytest.mark.parametrize('motor', [
     Motor(strength=0.7), Motor(strength=1.4), Motor(free_speed=0.75), Motor(free_speed=1.3),
-    *long(Motor(limit=0.6), Motor(blocked=(1.5, 3.0)))], ids=str)
+    Motor(limit=0.4), *long(Motor(limit=0.6), Motor(blocked=(1.5, 3.0)))], ids=str)
 def test_a_motor_that_differs_from_its_model_is_not_late_and_reaches_the_speed(
         rate, phase, motor):
     _, speeds, control = run(motor, rate, phase, duration=5.0)
@@ -138,6 +151,36 @@ def test_without_torques_of_all_motors_nothing_is_known():
         feedback.add_reading((1.0,) * 4, (tick + 1) * NS_PER_S // 10)
         response.learn(torque, feedback, MODEL)
         assert bool(response.motors) is (tick == 1)
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize(('torque', 'missing'), [
+    (0.5, 0.0), (0.36, 0.0), (0.34, 0.16), (0.0, 0.5), (-0.2, 0.7),
+    (0.9, 0.0)])  # more than given: supply and heat, and no limit
+def test_a_part_of_the_duty_is_missing_of_a_motor_with_less_torque(sign, torque, missing):
+    response, feedback = MotorResponse(), WheelFeedback(0.06)
+    response.command((sign * 0.5,) * 4, 0)
+    for tick in (1, 2):
+        feedback.add_reading((0.0,) * 4, tick * NS_PER_S // 10)
+        response.learn((sign * torque * MODEL.stall_torque,) * 4, feedback, MODEL)
+    assert [one.missing for one in response.motors] == [pytest.approx(sign * missing)] * 4
+
+
+def test_a_wheel_that_accelerates_on_its_own_has_no_load_that_ended():
+    def duties(tire, motors=()):
+        servo, feedback = WheelServo(0, WheelControllerParams()), WheelFeedback(0.06)
+        response = SimpleNamespace(delay=0.0, motors=motors)
+        found = []
+        for tick in range(1, 30):
+            now_ns = tick * NS_PER_S // 16
+            feedback.add_reading((1.0,) * 4, now_ns)
+            found.append(servo.step(4.0, feedback, 1 / 16, now_ns, response, tire))
+        return found
+
+    released = (MotorState(0.0, 1.0, 0.0),) * 4
+    on_its_own = Mock(torque=0.0, slips=Mock(return_value=False))
+    assert duties(on_its_own, released) == duties(on_its_own)
+    assert duties(None, released)[-1] < 0.9 * duties(None)[-1]
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
