@@ -138,8 +138,8 @@ WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow
 # similar, and m/s around the model; tuned; drawn. rad, slip angle on a slope: 4 degrees over C_y
 # of the softest ground; derived
 SIMILAR_TURNING, SLIDE_SPREAD, SLIDE_SIGMA = 0.08, 0.01, 0.05
-# In turns in place: slide over that ahead of it, its standard deviation, m of the point about which
-# the robot turns; measured on 30 robots, their tires are near the limit of friction; drawn
+# In turns in place, where tires are near the limit of friction: slide over that of the way before,
+# its sigma, and that of the point about which the robot turns, m; measured, 30 robots; drawn
 SPIN_SLIDE, SPIN_SLIDE_SIGMA, PIVOT_SIGMA = 3.0, 0.2, 0.03
 MIN_DRIFT_SPEED = 0.05  # m/s, at which the direction of travel is that of a motion; assumed
 

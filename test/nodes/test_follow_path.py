@@ -258,12 +258,11 @@ def test_a_goal_without_timestamp_is_as_old_as_the_stall_in_which_it_may_have_be
 
 def test_the_speed_limit_of_nav2_is_used_and_an_invalid_one_is_named(node, rig):
     limit = message_class('nav2_msgs/msg/SpeedLimit')
-    subscription, = (one for one in node.subscriptions if one.topic_name == '/speed_limit')
     top = node.params.max_speed
     for given, percentage, expected in (
             (25.0, True, 0.25 * top), (0.1, False, 0.1), (-1.0, False, 0.1), (0.0, False, top)):
-        subscription.callback(limit(percentage=percentage, speed_limit=given))
-        assert node._control.max_speed == pytest.approx(expected)
+        node.publish('speed_limit', limit(percentage=percentage, speed_limit=given))
+        assert float(node.health().values['max_speed']) == pytest.approx(expected)
     assert 'speed_limit: 1 messages rejected, latest: -1, expected a finite' in rig.log()
 
 

@@ -16,8 +16,8 @@ import math
 from benchmarks.control import drawn
 from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.drawn import (
-    CALIBRATED, CONTROLLERS, draw_robot, driven, DrawnRobot, OdometryErrors, PURSUIT, run_drawn, SlopeStack,
-    stack_params)
+    CALIBRATED, CONTROLLERS, draw_robot, DrawnRobot, driven, OdometryErrors, PURSUIT, run_drawn,
+    SlopeStack, stack_params)
 from benchmarks.control.paths import two_cusps
 from benchmarks.control.run import DRAWN, tables
 from benchmarks.control.scenarios import OURS, SHORT
