@@ -119,11 +119,11 @@ class SlideModel:
         """
         Return the slide ahead and the lateral speed [m/s] at yaws [rad]: (2,) or (2, n).
 
-        They are zero if the body slides faster than its wheels turn, whatever these do.
+        A slide is at most ``MAX_SLIDE`` times the speed of the wheels: a fit to its onset may
+        give more.
         """
         coefficients = self._coefficients(float(self._share(v_x, yaw_rate)))
-        if math.hypot(*coefficients[1:3]) >= 1.0:
-            return np.zeros((2, *np.shape(yaw)))
+        coefficients[1:3] /= max(math.hypot(*coefficients[1:3]) / c.MAX_SLIDE, 1.0)
         lateral, ahead = self._terms(v_x, yaw_rate, np.cos(yaw), np.sin(yaw))
         return np.stack([coefficients @ ahead, coefficients @ lateral])
 
@@ -280,12 +280,13 @@ class SlipKinematics:
             return 0.0, 0.0
         speed, turn = self.factors(v_x, yaw_rate, now_ns)
         if self._motions.times:
-            reached, _, reached_rate, cos, sin = self._motions.latest
+            reached, lateral, reached_rate, cos, sin = self._motions.latest
             added = self._feedback.correction(
                 (reached, reached_rate), self._motions.times[-1], delay,
                 (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
-            v_x -= float(self._slide.expected(
-                v_x, yaw_rate, math.atan2(sin, cos) + delay * reached_rate)[0])
+            if math.hypot(reached, lateral) <= c.MAX_HOLD_SPEED:  # else it slides off
+                v_x -= float(self._slide.expected(
+                    v_x, yaw_rate, math.atan2(sin, cos) + delay * reached_rate)[0])
         else:
             added = 0.0, 0.0
         command = speed * (v_x + added[0]), turn * (yaw_rate + added[1])

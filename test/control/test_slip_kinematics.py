@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.control.constants import SPIN_SLIDE
+from smart_tire.control.constants import MAX_SLIDE, SPIN_SLIDE
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import MotionLimitParams
@@ -332,7 +332,15 @@ def test_wheels_do_not_drive_against_a_slide_that_is_faster_than_they_are():
     world = Slope(slide=(0.0, -2.0))
     world.drive(0.0, 0.8, 0.5)
     assert abs(world.kinematics.command(0.0, 0.8, world.now_ns, DELAY, WIDE)[0]) < 1e-4
-    assert world.kinematics.lateral_speed(0.0, 0.8, 1.0) == 0.0
+
+
+def test_a_slide_is_made_up_for_within_its_bound():
+    world, sides = Slope(slide=(0.0, -0.9)), 0.5 * TRACK * 0.8
+    world.drive(0.0, 0.8, 1.5)
+    slide, _ = world.speeds(0.8, world.yaw)
+    v_x, _ = world.kinematics.command(0.0, 0.8, world.now_ns, DELAY, WIDE)
+    assert slide < -0.6 * sides
+    assert 0.2 * sides < v_x < 1.05 * MAX_SLIDE * sides
 
 
 def test_a_slip_that_is_not_plausible_teaches_nothing():
