@@ -141,6 +141,7 @@ SIMILAR_TURNING, SLIDE_SPREAD, SLIDE_SIGMA = 0.08, 0.01, 0.05
 # In turns in place, where tires are near the limit of friction: slide over that of the way before,
 # its sigma, and that of the point about which the robot turns, m; measured, 30 robots; drawn
 SPIN_SLIDE, SPIN_SLIDE_SIGMA, PIVOT_SIGMA = 3.0, 0.2, 0.03
+AHEAD_WEIGHT = 0.3  # of slips, which the drive of the wheels causes, too; tuned; square on sand
 MAX_SLIDE = 0.4  # of the speed of the wheels: a fit to the onset may be more; tuned; drawn: square
 MIN_DRIFT_SPEED = 0.05  # m/s, at which the direction of travel is that of a motion; assumed
 

@@ -141,8 +141,9 @@ class SlideModel:
         lateral, ahead = self._terms(v_x, yaw_rate, cos, sin)
         off = np.abs(self._share(v_x, yaw_rate) - share)
         weight = np.exp(-0.5 * off / c.SIMILAR_TURNING) / c.SLIDE_SPREAD
-        terms = np.concatenate([weight * lateral, weight * ahead], axis=1)
-        measured = np.concatenate([weight * v_y, -weight * slip * (share == 1.0)])
+        less = weight * c.AHEAD_WEIGHT
+        terms = np.concatenate([weight * lateral, less * ahead], axis=1)
+        measured = np.concatenate([weight * v_y, -less * slip * (share == 1.0)])
         weights = np.diag(1.0 / np.array([self._compliance, sigma, sigma, c.PIVOT_SIGMA]))
         found: Array = prior + np.linalg.lstsq(
             np.vstack([terms.T, weights]),
@@ -324,7 +325,8 @@ class SlipKinematics:
         self._learned_ns = stamp_ns
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
         self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
-        if abs(slip := 0.5 * (left + right)) <= MAX_SPEED:
+        slip = 0.5 * (left + right) - self._resistance.value * motion[0]
+        if abs(slip) <= MAX_SPEED:
             self._slide.add(motion, slip, stamp_ns)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
