@@ -102,5 +102,8 @@ def test_a_bag_without_parameters_is_analyzed_with_the_defaults(tmp_path):
         pass
     with Bag(tmp_path / 'bag') as bag:
         source = bag_params(bag)
-    assert source.tree == {'source': 'defaults'} and source.params == EstimatorParams()
+    tree = source.tree
+    values = tree.pop('values')['slip_estimator'].values()
+    assert tree == {'source': 'defaults'} and source.params == EstimatorParams()
+    assert {one['origin'] for one in values} == {'default'}
     assert 'defaults' in next(source.lines())
