@@ -41,6 +41,7 @@ PARAMETER_SERVICES = tuple(f'~/{name}' for name in (
     'set_parameters', 'set_parameters_atomically', 'get_type_description'))
 READING = ('describe_parameters', 'get_parameters', 'list_parameters')
 REPLAYED = {'slip_estimator': ['/_replay_lockstep'], 'friction_estimator': ['/_replay_lockstep']}
+NAV2 = {'trajectory_controller': ['speed_limit']}  # of types that are not always installed
 TRANSFORMS = ('/tf', '/tf_static')
 LIFECYCLE = ('change_state', 'get_state', 'get_available_states', 'get_available_transitions',
              'get_transition_graph')
@@ -85,7 +86,7 @@ def policy(namespace: str = '') -> str:
         _enclave(enclaves, namespace, node.name,
                  [*node.publishes, *replayed, *(
                      TYPED[name].name for name in node.publishes if name in TYPED)],
-                 [*node.subscribes, *replayed],
+                 [*node.subscribes, *replayed, *NAV2.get(node.name, [])],
                  reply=[one.name for one in node.services if not _is_action(one)],
                  execute=[one.name for one in node.services if _is_action(one)])
     _composed_enclave(enclaves, namespace)
