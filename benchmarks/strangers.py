@@ -220,6 +220,16 @@ def shuffled(topic: str, msg: Any) -> None:
             setattr(msg, field, values[turn:] + values[:turn])
 
 
+def others(topic: str, msg: Any) -> None:
+    """Add two wheels and the joints of a steering, which is turned, between those of the robot."""
+    if topic == 'wheel_states':
+        for field, values in (('name', ['middle_left', 'steering', 'middle_right', 'arm']),
+                              ('position', [1.0, 0.4, -3.0, 1.5]), ('velocity', [0.0, 0.1] * 2),
+                              ('effort', [0.0, 5.0] * 2)):
+            own = list(getattr(msg, field))
+            setattr(msg, field, [one for pair in zip(values, own) for one in pair] if own else own)
+
+
 def imu(*fields: str, value: float | None = 0.0, covariance: float = -1.0
         ) -> Callable[[str, Any], None]:
     """Return the change of vectors of ``imu/data`` and their covariances; None: of these."""
@@ -386,6 +396,7 @@ STRANGE: Mapping[str, Variant] = {
         acceleration=tuple(one.acceleration[k] / 9.81 * (-1.0) ** (k == 1)
                            for k in (0, 2, 1)))), ('gravity is on +y', 'in deg/s', 'in g')),
     'joints in another order in each message': Variant(message=shuffled),
+    'other wheels and joints between them': Variant(message=others),
     'angles that begin at zero at each start': Variant(restarted),
     'angles that begin at zero at each start, no velocities': Variant(
         restarted, message=wheels(**EMPTY)),
