@@ -42,12 +42,10 @@ def export_names(formats: Iterable[str]) -> list[str]:
 
 
 def folder_names(bags: Sequence[Path]) -> list[str]:
-    """Return a name for each bag: its own, or that of its folder where the names are equal."""
-    names = [bag_name(bag) for bag in bags]
-    if len(set(names)) < len(names):
-        folders = [bag.resolve().parent.name for bag in bags]
-        return folders if len(set(folders)) == len(folders) else names
-    return names
+    """Return a name for each bag: its own, or that of the nearest folder where they differ."""
+    levels = zip(*([bag_name(bag), *reversed(bag.resolve().parent.parts)] for bag in bags))
+    return next((list(names) for names in levels if len(set(names)) == len(names)),
+                [bag_name(bag) for bag in bags])
 
 
 def next_to(bag: Path, what: str) -> Path:

@@ -179,6 +179,8 @@ def test_results_that_the_checks_contradict_are_kept_with_status_four(verb, out,
 def test_bags_of_the_same_name_in_several_folders_are_named_by_the_folders():
     assert folder_names([Path('a/bag'), Path('b/bag'), Path('b/c')]) == ['bag', 'bag', 'c']
     assert folder_names([Path('a/bag'), Path('b/bag')]) == ['a', 'b']
+    assert folder_names([Path('a/out/bag'), Path('b/out/bag')]) == ['a', 'b']
+    assert folder_names([Path('a/bag'), Path('a/bag')]) == ['bag', 'bag']
     assert folder_names([Path('a/first'), Path('a/second.mcap')]) == ['first', 'second']
 
 
