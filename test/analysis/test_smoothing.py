@@ -90,12 +90,12 @@ def test_the_smoother_is_consistent_and_more_accurate_than_the_filter(seeds, nam
 
 
 @pytest.mark.long
-def test_the_smoothed_position_drifts_as_that_of_the_filter():
-    """Nothing shows the position: over 16 drives both errors are .058 and .059 m, before too."""
+def test_the_smoothed_position_drifts_no_more_than_that_of_the_filter():
+    """Nothing shows it, only velocities are better: .056 and .061 m over 16 drives."""
     filtered, smoothed = (np.array([runs['position'][0] for runs in both]) for both in zip(
         *(both_errors(1, first=seed) for seed in range(8))))
     difference = smoothed - filtered
-    assert abs(np.mean(difference)) < 2.0 * np.std(difference, ddof=1) / np.sqrt(8)
+    assert np.mean(difference) < 2.0 * np.std(difference, ddof=1) / np.sqrt(8)
 
 
 @seeds
