@@ -9,7 +9,7 @@
 # the License.
 
 """
-Figure of late bases, and of a square on a slope: ``docs/images/path_tracking.png``.
+Figure of delayed bases, and of a square on a slope: ``docs/images/path_tracking.png``.
 
 Run ``python -m benchmarks.control.figure FILE``.
 """
