@@ -45,6 +45,7 @@ from smart_tire.samples import Four, GRAVITY, GroundState, Odometry
 from smart_tire.uncertain import Uncertain
 
 SLOPES = State.ROLL, State.PITCH
+POSE = State.X, State.Y, State.YAW
 # where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
 ICR_LEARNED = np.ones(N)
 ICR_LEARNED[State.ICR_X] = 0.0
@@ -77,6 +78,7 @@ class SlipFilter:
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
         self._step = 0.0          # m/s, of the slip of a side by a change at the last wheel sample
         self._balanced = False    # the forces were used at the last step
+        self._at_origin = True    # no pose was given: that of the first wheel sample is the origin
         self._started = False     # there has been a wheel sample ...
         self._provisional = False  # ... only one, with a speed that later ones do not continue
         self.blind = False        # the IMU was missing at the last step
@@ -127,7 +129,7 @@ class SlipFilter:
 
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
-        self.kalman.set_states([State.X, State.Y, State.YAW], 0.0, MIN_SIGMA)
+        self.kalman.set_states(POSE, 0.0, MIN_SIGMA)
 
     def set_ground(self, ground: GroundState) -> None:
         """Take the ground and the position of the IMU as given, with their errors."""
@@ -158,8 +160,9 @@ class SlipFilter:
     def set_pose(self, odometry: Odometry) -> None:
         """Set the pose, and its variances, to those in ``odometry``."""
         pose = (*odometry.position[:2], euler(odometry.orientation)[2])
-        for row, value, i in zip((State.X, State.Y, State.YAW), pose, (0, 1, 5)):
+        for row, value, i in zip(POSE, pose, (0, 1, 5)):
             self.kalman.set_states([row], value, math.sqrt(odometry.pose_covariance[7 * i]))
+        self._at_origin = False
 
     def predict(self, time: float, step: ImuStep, *, blind: bool = False) -> None:
         """
@@ -276,8 +279,11 @@ class SlipFilter:
         Where later speeds come from positions, the second one begins again: the reported velocity
         of the first one may be filtered, of another time, or that of a driver that just started.
         """
-        self._sides, self._started = sides, True
         x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
+        if self._at_origin and not self._started:  # estimates begin here
+            for row in POSE:
+                x[row], F[row], Q[row, row] = 0.0, 0.0, MIN_SIGMA ** 2
+        self._sides, self._started = sides, True
         x[State.V_X] = 0.5 * sum(side - x[slip] - arm * W for side, slip, arm in zip(
             sides, SLIP_VELS, self.motion.arms(x)))
         F[State.V_X, State.V_X] = 0.0
