@@ -26,13 +26,13 @@ from smart_tire.estimation.plausibility import is_possible
 from smart_tire.estimation.reorder_buffer import GRID_NS, MAX_JUMP_NS, ReorderBuffer
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.inputs import (
-    ImuInput, merged, SpikeFilter, StationaryInterval, WheelOdometry, WheelSpeeds,
+    ImuInput, merged, SpikeFilter, WheelOdometry, WheelSpeeds,
     ZeroVelocityDetector)
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.odometry import ContinuousPose
 from smart_tire.estimation.slip.state import (
-    DROPOUT_ACCEL_SIGMA, ESTIMATED, IMU_DROPOUT, IMU_WINDOW, ImuReading, MAX_NIS,
+    DROPOUT_ACCEL_SIGMA, ESTIMATED, IMU_DROPOUT, ImuReading, MAX_NIS,
     MIN_WHEEL_PERIOD, MIN_YAW_RATE, PLANAR_VARIANCE, SLIP_CORRELATION_TIME, SLIP_VELS, State,
     TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.slip.wheel_lag import WheelLag
@@ -345,14 +345,10 @@ class SlipSegment:
             standstill.duration > TRUSTED_STANDSTILL or self._is_slow() and self._is_at_rest())
         if standstill is not None and self._stationary:
             self.filter.correct_zero_velocity()
-            if standstill.rate_settled:
-                self._correct_gyro_bias(standstill, wheels.duration)
-
-    def _correct_gyro_bias(self, standstill: StationaryInterval, duration: float) -> None:
-        """Correct with the mean rate; as means overlap, its weight is that of the new part."""
-        sigma = standstill.sigma * math.sqrt(max(IMU_WINDOW / duration, 1.0))
-        unwinding = standstill.unwinding_sigma * math.sqrt(UNWINDING_TIME / duration)
-        self.filter.correct_gyro_bias(standstill.rate, math.hypot(sigma, unwinding))
+            if standstill.rate is not None:
+                unwinding = standstill.unwinding_sigma * math.sqrt(UNWINDING_TIME / wheels.duration)
+                self.filter.correct_gyro_bias(
+                    standstill.rate.value, math.hypot(standstill.rate.sigma, unwinding))
 
     def _is_slow(self) -> bool:
         """Return whether the estimated speed is compatible with standstill."""

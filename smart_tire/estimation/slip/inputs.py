@@ -27,6 +27,7 @@ from smart_tire.estimation.slip.state import (
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, four, ImuSample, WheelSample
+from smart_tire.uncertain import Uncertain
 
 
 class Period:
@@ -279,11 +280,9 @@ class WheelOdometry:
 class StationaryInterval:
     """The present standstill, up to now."""
 
-    rate: float             # rad/s, mean of the measured rate about z
-    sigma: float            # rad/s, of that mean, due to noise
+    rate: Uncertain | None  # rad/s, mean of the rates about z since the one before: the gyro bias
     unwinding_sigma: float  # rad/s, of a residual yaw motion, correlated over about a second
     duration: float         # s
-    rate_settled: bool      # it has lasted for all of that mean, which is the gyro bias
 
 
 class ZeroVelocityDetector:
@@ -300,6 +299,7 @@ class ZeroVelocityDetector:
         self._window: deque[tuple[float, ImuReading]] = deque()
         self._rates: deque[float] = deque()  # rad/s, those of the window
         self._quiet_since: float | None = None
+        self._counted = -math.inf  # s, up to which rates were part of a mean
         self._last_turn: tuple[float, float] | None = None  # time [s] and yaw rate [rad/s]
 
     def add_reading(self, time: float, reading: ImuReading) -> None:
@@ -323,12 +323,20 @@ class ZeroVelocityDetector:
             if rolling and self._window:
                 self._last_turn = time, self._peak_yaw_rate(time)
             return None
+        newest = self._window[-1][0]
         if self._quiet_since is None:
-            self._quiet_since = time
-        duration = time - self._quiet_since
-        return StationaryInterval(
-            _mean(self._rates), self._noise / math.sqrt(len(self._rates)),
-            self._unwinding_sigma(time), duration, duration >= IMU_WINDOW - QUIET_TIME)
+            self._quiet_since, self._counted = time, newest - QUIET_TIME
+            if self._last_turn is not None:
+                self._counted = max(self._counted, self._last_turn[0] + IMU_WINDOW)
+        return StationaryInterval(self._mean_rate(newest - 0.5 * QUIET_TIME),
+                                  self._unwinding_sigma(time), time - self._quiet_since)
+
+    def _mean_rate(self, end: float) -> Uncertain | None:
+        """Return that of the rates up to ``end`` [s]; newer ones may be those of a start."""
+        rates = [reading.yaw_rate for time, reading in self._window
+                 if self._counted < time <= end]
+        self._counted = max(self._counted, end)
+        return Uncertain(_mean(rates), self._noise / math.sqrt(len(rates))) if rates else None
 
     def _peak_yaw_rate(self, now: float) -> float:
         """Return the decaying maximum of the yaw rate [rad/s]: the twist of the tires."""

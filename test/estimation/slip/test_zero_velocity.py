@@ -26,7 +26,7 @@ def detector():
 
 def feed(detector, duration, *, rate=lambda t: 0.0, force=lambda t: 0.0, seed=0, start=0.0):
     rng = np.random.default_rng(seed)
-    for time in np.arange(start, start + duration, 0.01):
+    for time in start + 0.01 * np.arange(round(duration / 0.01)):
         detector.add_reading(time, ImuReading(rate(time) + GYRO * rng.standard_normal(),
                                               force(time) + ACCEL * rng.standard_normal(),
                                               ACCEL * rng.standard_normal()))
@@ -34,14 +34,40 @@ def feed(detector, duration, *, rate=lambda t: 0.0, force=lambda t: 0.0, seed=0,
 
 
 @pytest.mark.parametrize('seed', range(3))
-def test_a_quiet_robot_is_stationary_and_its_mean_rate_is_the_gyro_bias(detector, seed):
-    time = feed(detector, QUIET_TIME + 0.1, rate=lambda t: 0.02, seed=seed)
-    assert detector.detect(time, 0.0) is not None
-    time = feed(detector, IMU_WINDOW, rate=lambda t: 0.02, seed=seed + 100, start=time)
+def test_mean_rates_of_standstill_are_the_gyro_bias_each_reading_once(detector, seed):
+    bias, means = 0.02, []
+    time = feed(detector, QUIET_TIME + 0.1, rate=lambda t: bias, seed=1000 * seed)
+    for k in range(40):
+        standstill = detector.detect(time, 0.0)
+        means.append(standstill.rate)
+        time = feed(detector, 0.06, rate=lambda t: bias, seed=1000 * seed + k + 1, start=time)
+    assert standstill.duration == pytest.approx(39 * 0.06)
+    first, *others = means
+    assert first.sigma == pytest.approx(GYRO / np.sqrt(0.5 * QUIET_TIME / 0.01), rel=0.05)
+    assert [one.sigma for one in others] == pytest.approx([GYRO / np.sqrt(6)] * 39, rel=0.1)
+    weights = np.array([one.sigma for one in means]) ** -2
+    mean = np.average([one.value for one in means], weights=weights)
+    assert abs(mean - bias) < 3.0 * weights.sum() ** -0.5
+
+
+def test_a_start_before_the_wheels_show_it_is_no_gyro_bias(detector):
+    time = feed(detector, 2.0)
+    detector.detect(time, 0.0)
+    time = feed(detector, 0.06, rate=lambda t: 0.08, start=time)
     standstill = detector.detect(time, 0.0)
-    assert standstill.duration == pytest.approx(IMU_WINDOW)
-    assert abs(standstill.rate - 0.02) < 4.0 * standstill.sigma
-    assert standstill.sigma == pytest.approx(GYRO / 10.0, rel=0.05)
+    assert standstill is not None and abs(standstill.rate.value) < 4.0 * standstill.rate.sigma
+
+
+def test_rates_begin_after_the_tires_have_settled(detector):
+    time = feed(detector, 1.0, rate=lambda t: 0.5)
+    detector.detect(time, 0.5)
+    counts = []
+    for _ in range(40):
+        time = feed(detector, 0.06, start=time)
+        standstill = detector.detect(time, 0.0)
+        counts.append(0.0 if standstill is None or standstill.rate is None
+                      else (GYRO / standstill.rate.sigma) ** 2)
+    assert sum(counts) == pytest.approx((2.4 - IMU_WINDOW - 0.5 * QUIET_TIME) / 0.01, abs=2.0)
 
 
 def test_rolling_wheels_or_a_moving_imu_are_not_standstill(detector):
