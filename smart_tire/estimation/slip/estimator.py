@@ -346,9 +346,9 @@ class SlipSegment:
         if standstill is not None and self._stationary:
             self.filter.correct_zero_velocity()
             if standstill.rate is not None:
-                unwinding = standstill.unwinding_sigma * math.sqrt(UNWINDING_TIME / wheels.duration)
-                self.filter.correct_gyro_bias(
-                    standstill.rate.value, math.hypot(standstill.rate.sigma, unwinding))
+                rate, sigma = standstill.rate
+                unwinding = UNWINDING_TIME / wheels.duration * standstill.unwinding_sigma ** 2
+                self.filter.correct_gyro_bias(rate, math.sqrt(sigma ** 2 + unwinding))
 
     def _is_slow(self) -> bool:
         """Return whether the estimated speed is compatible with standstill."""

@@ -114,8 +114,8 @@ EVIDENCE = 8.0                # twice the log likelihood ratio of a change of th
 # IMU and wheels
 TYPICAL_PERIOD = 0.05         # s, of samples, until there are two; locked wheels slide for longer
 PERIOD_GAIN = 0.1             # of a new one in the smoothed period
-IMU_WINDOW = 1.0              # s, of the vibration level, of the mean yaw rate of a turn, and after
-# one, in which tires and body settle
+IMU_WINDOW = 1.0              # s, of the vibration level, of the mean yaw rate of a turn, and of
+# the settling of tires and body after one
 TURN_TIME = 0.2               # s, in which tires build up the slip of a turn: 10 cm; field
 DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; field
 DROPOUT_ACCEL_SIGMA = 0.3     # m/s2, of the acceleration of a robot whose IMU is missing, over

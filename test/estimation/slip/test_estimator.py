@@ -18,10 +18,12 @@ import random
 import numpy as np
 import pytest
 
+from smart_tire.analysis.pipeline import smooth
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.inputs import merged
 from smart_tire.estimation.slip.state import State
 from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.rotation import euler
 from smart_tire.samples import (
     GRAVITY, Icr, ImuSample, NS_PER_S, Odometry, WheelSample, WheelSlip)
 from support.driving import drive, ramp, START_NS, STEP
@@ -256,6 +258,29 @@ def test_nothing_is_published_before_both_inputs_have_been_received():
         estimator, out = estimate([s for s in run.samples if isinstance(s, kind)])
         assert out == []
         assert missing in str(estimator.status()['state'])
+
+
+@pytest.mark.parametrize('method', [0, 1], ids=['filtered', 'smoothed'])
+def test_odom_begins_at_its_origin_with_the_first_wheel_sample(method):
+    run, _ = usual()
+    late = [s for s in run.samples
+            if isinstance(s, ImuSample) or s.stamp_ns > START_NS + 0.5 * NS_PER_S]
+    poses = smooth(build(SlipEstimatorParams, {}), late)[method].poses()
+    assert poses.stamp_ns[0] > START_NS + 0.5 * NS_PER_S
+    assert poses.pose[0] == pytest.approx([0.0, 0.0, 0.0], abs=0.5e-3)
+    assert np.sqrt(np.diagonal(poses.covariance[0])) == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+
+
+def test_a_robot_that_was_just_switched_on_does_not_turn_by_its_gyro_bias():
+    bias, samples = 0.02, []
+    for i in range(100):
+        stamp_ns = NS_PER_S + i * 10_000_000
+        samples.append(ImuSample(stamp_ns, (0.0, 0.0, GRAVITY), (0.0, 0.0, bias)))
+        if i % 6 == 0:
+            samples.append(WheelSample(stamp_ns, (0.0,) * 4, (0.0,) * 4, None))
+    poses = of(Odometry, estimate(samples)[1])
+    yaw = np.array([euler(one.orientation)[2] for one in poses if one.stamp_ns > 1.8 * NS_PER_S])
+    assert np.abs(yaw).max() < 0.2 * bias * 0.8
 
 
 @pytest.mark.parametrize('jump', [3600.0, -3600.0])
