@@ -266,7 +266,7 @@ class KalmanFilter:
         for i in range(g.shape[0]):
             g[i] *= scale
             d[i] = held[i] * g[i]
-        if held[YAW] and self._recorder is None:  # the smoother needs the gains of all states
+        if held[YAW]:
             self._hold_position(d)
         for i in range(g.shape[0]):
             x[i] += (g[i] - d[i]) * (y * scale)
