@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from functools import cache
 
+from benchmarks.robots.draws import draw
 import numpy as np
 import pytest
 
-from benchmarks.robots.draws import draw
 from smart_tire.analysis.pipeline import Pipeline, smooth, SmoothedSlip
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother

@@ -38,7 +38,8 @@ from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
     LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME,
-    SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, State, TRAVELS, TYPICAL_PERIOD, UNKNOWN_SPEED)
+    SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, START_SLIP, State, TRAVELS, TYPICAL_PERIOD,
+    UNKNOWN_SPEED)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
 from smart_tire.samples import Four, GRAVITY, GroundState, Odometry
@@ -289,7 +290,10 @@ class SlipFilter:
         F[State.V_X, State.V_X] = 0.0
         F[State.V_X, SLIP_VELS], F[State.V_X, State.IMU_Y] = -0.5, -W
         F[State.V_X, State.RADIUS] = 0.5 * sum(wheels.side_speeds)
-        Q[State.V_X, State.V_X] = wheels.variance + self._wheel_noise.variance
+        # nothing has shown yet whether a robot in motion slides
+        sliding, rows = START_SLIP * 0.5 * sum(sides), (State.V_X, *SLIP_VELS)
+        Q[np.ix_(rows, rows)] = sliding ** 2 * np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0))
+        Q[State.V_X, State.V_X] += wheels.variance + self._wheel_noise.variance
         self.kalman.predict(x, F, Q)
 
     def _wheel_covariance(self, wheels: WheelSpeeds, sides: list[float],

@@ -72,6 +72,7 @@ ICRS = (State.ICR_L, State.ICR_R)
 # prior
 MIN_SIGMA = 1e-5              # m, rad: origin and new travel are exact, but P must be regular
 START_SIGMA = 0.2             # m/s, of velocity and slip velocities, assumed; start_in_motion
+START_SLIP = 0.3              # -, sigma of the slip of a robot that starts in motion, assumed; ice
 ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: effective tracks of
 # 1 to 2.2 times the track are published for skid-steer robots; field
 

@@ -271,6 +271,14 @@ def test_odom_begins_at_its_origin_with_the_first_wheel_sample(method):
     assert np.sqrt(np.diagonal(poses.covariance[0])) == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
+@pytest.mark.parametrize('speed', [-3.0, 0.0, 1.0])
+def test_a_robot_in_motion_at_the_start_may_slide(speed):
+    samples = [ImuSample(NS_PER_S, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))]
+    samples += [WheelSample(NS_PER_S + i, (speed / 0.087,) * 4) for i in (0, 50_000_000)]
+    first = of(Odometry, estimate(samples)[1])[0]
+    assert math.sqrt(first.twist_covariance[0]) > 0.3 * abs(speed)
+
+
 def test_a_robot_that_was_just_switched_on_does_not_turn_by_its_gyro_bias():
     bias, samples = 0.02, []
     for i in range(100):
