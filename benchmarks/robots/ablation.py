@@ -9,110 +9,194 @@
 # the License.
 
 """
-What each part of window and slip filter contributes: errors on drawn robots without it.
+What each constant of the estimators contributes: figures of drawn robots with other values of it.
 
-Run ``python -m benchmarks.robots.ablation [ROW ...]``; seeds are those of tests.
+Constants are the numbers of ``smart_tire.estimation`` under a name in capitals, in all modules
+that are not compiled. A value is multiplied before anything is derived from it, in a process of
+its own; counts stay whole, of an estimate it is the sigma, of a grid the number of points.
+Constants of the slip filter vary with the ``ground_state`` of the estimators as they are.
+
+Run ``python -m benchmarks.robots.ablation [CONSTANT ...]``, e.g. ``slip.`` for those of a part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
-import math
-from multiprocessing import Pool
+import argparse
+import ast
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from itertools import chain
+from multiprocessing import get_context
+from pathlib import Path
 import sys
-from typing import Any
+import time
+from types import CodeType, ModuleType
+from typing import Any, NamedTuple
 
-from benchmarks.robots.draws import draw
-from benchmarks.robots.scoring import LATERAL, MU, run_robot, SPEED
+from benchmarks.scoring import Run
 import numpy as np
-from smart_tire.estimation.ground import unknowns, window
+from smart_tire import samples
+from smart_tire.uncertain import Uncertain
 
-ROWS = 'concrete', 'sand_turn', 'jumps', 'border', 'split', 'pushes', 'lifted', 'straight'
-SEEDS = 1, 2
-NEGLIGIBLE = 1e-4  # standard deviation of an unknown that is fixed
-# part -> name of a constant of the window (unknowns) or the filter (state), and its value without
-CONSTANTS: dict[str, tuple[str, Any]] = {
-    'outlier weights': ('FREEDOM', 1e6),
-    'lasting model errors': ('MODEL_ERROR', 0.005),
-    'timing errors': ('TIMING_ERROR', 0.0),
-    'relaxation length': ('RELAXATION_ERROR', 0.0),
-    'errors of film slips': ('FILM_SLIP_ERROR', (0.0, 0.0)),
-    'errors of normalized slips': ('FILM_NORMALIZED_ERROR', 0.0),
-    'lasting errors of films': ('FILM_SHAPE_ERROR', 1e-6),
-    'noise of derivatives': ('NOISE_SIGMAS', 0.0),
-    'transients of torques': ('TRANSIENT_SHARE', 0.0),
-    'errors of the tire curve': ('CURVE_ERROR', 0.0),
-    'different sides': ('SIDES_DIFFER', math.inf),
-    'tension': ('TENSION', math.inf),
-    'events': ('TRIED_EVIDENCE', math.inf),
-    'disturbances': ('DISTURBANCE_TIME', -1.0),
-    'filter: changes of ground': ('EVIDENCE', math.inf),
-    'filter: pushes': ('PUSH_SIGMAS', math.inf),
-    'filter: errors of torques': ('FORCE_ERROR', 0.0),
-    'filter: errors of the balance': ('BALANCE_SIGMA', 0.003)}
-UNKNOWNS = (unknowns.Unknown.LATERAL_SHARE, unknowns.Unknown.LATERAL_RATIO,
-            unknowns.Unknown.RADIUS, unknowns.Unknown.SLOPE_X, unknowns.Unknown.BEND_X,
-            unknowns.Unknown.FALL, unknowns.Unknown.DELAY, unknowns.Unknown.COM_X,
-            unknowns.Unknown.TORQUE_SCALE, unknowns.Unknown.MOTOR_FRICTION,
-            unknowns.Unknown.MOTOR_INERTIA, unknowns.Unknown.FILM_GAIN)
-PAIRS = {unknowns.Unknown.SLOPE_X: 2, unknowns.Unknown.BEND_X: 2, unknowns.Unknown.COM_X: 2,
-         unknowns.Unknown.FILM_GAIN: 4}
+ROOM = 'smart_tire.estimation'
+FOLDER = Path(samples.__file__).parent / 'estimation'
+ROWS = 'sand_straight', 'jumps', 'pushes'
+SEED, PROCESSES = 1, 2
+FACTORS = 1.0 / 3.0, 3.0
+FIGURES = {'mu': ('median', 'nees'), 'slip': ('rms', 'nees'), 'u': ('rms', 'nees'),
+           'v_y': ('rms', 'nees')}
+GRID = 4  # points; a shorter array is no grid
+INDICES = 'range', 'slice', 'outer'  # make indices and signs
+SLIP = 'slip.'  # constants of the slip filter
 
 
-@contextmanager
-def without(part: str) -> Iterator[None]:
-    """Leave out a part: a constant of ``CONSTANTS``, or an unknown by its name."""
-    if part in CONSTANTS:
-        name, value = CONSTANTS[part]
-        modules = [module for path, module in sys.modules.items()
-                   if path.startswith('smart_tire.estimation') and hasattr(module, name)]
-        if not modules:
-            raise KeyError(f'{part}: no module of smart_tire.estimation has {name}')
-    elif part:
-        first = unknowns.Unknown[part.upper()]
-        rows = range(first, first + PAIRS.get(first, 1))
-        known = unknowns.priors
+class Drive(NamedTuple):
+    """A drawn robot, without the modules that vary."""
 
-        def fixed(robot: Any) -> list[unknowns.Row]:
-            return [row._replace(sigma=NEGLIGIBLE, walk=0.0, ground=0.0) if i in rows else row
-                    for i, row in enumerate(known(robot))]
-        modules, name, value = [window], 'priors', fixed
-    else:
-        yield
+    name: tuple[str, int]  # row and seed
+    inputs: list[samples.Sample]
+    given: list[samples.Sample]  # inputs of the slip filter, with ground_state, and friction
+    truth: list[samples.Sample]
+
+
+DRIVES: list[Drive] = []  # of the processes that measure
+
+
+def constants() -> Iterator[str]:
+    """Yield the constants, as ``slip.state.PUSH_SIGMAS``."""
+    for path in sorted(FOLDER.rglob('*.py')):
+        if not any(path.parent.glob(f'{path.stem}.*.so')):
+            module = '.'.join(path.relative_to(FOLDER).with_suffix('').parts)
+            yield from (f'{module}.{name}' for node in ast.parse(path.read_text('utf-8')).body
+                        for name in _assigned(node))
+
+
+def _assigned(node: ast.stmt) -> Iterator[str]:
+    """Yield the constants that a statement assigns: numbers that are no indices."""
+    if not isinstance(node, ast.Assign):
         return
-    before = [(module, getattr(module, name)) for module in modules]
-    for module in modules:
-        setattr(module, name, value)
-    try:
-        yield
-    finally:
-        for module, old in before:
-            setattr(module, name, old)
+    values = list(ast.walk(node.value))
+    numbers = any(isinstance(one, ast.Constant) and type(one.value) in (int, float)
+                  for one in values)
+    if numbers and not any(isinstance(one, ast.Name) and one.id in INDICES for one in values):
+        for target in node.targets:
+            yield from (one.id for one in (
+                target.elts if isinstance(target, ast.Tuple) else [target])
+                if isinstance(one, ast.Name) and one.id.isupper())
 
 
-def score(part: str, job: tuple[str, int]) -> tuple[float, ...]:
-    """Return median and NEES of friction, RMS [m/s] and NEES of both speeds, without a part."""
-    with without(part):
-        figures = run_robot(draw(*job)).figures
-    return (figures[MU]['median'], figures[MU]['nees'],
-            *(figures[name][one] for name in (SPEED, LATERAL) for one in ('rms', 'nees')))
+def varied(value: Any, factor: float) -> Any:
+    """Return ``value`` times ``factor``: each part of a tuple, a sigma, the points of a grid."""
+    if isinstance(value, Uncertain):
+        return value._replace(sigma=factor * value.sigma)
+    if isinstance(value, np.ndarray):
+        if len(value) < GRID:
+            return factor * value
+        points = np.linspace(value[0], value[-1], max(round(factor * len(value)), 2))
+        return np.unique(points.round().astype(int)) if value.dtype.kind == 'i' else points
+    if isinstance(value, tuple):
+        return tuple(varied(one, factor) for one in value)
+    return max(round(factor * value), 1) if isinstance(value, int) else factor * value
 
 
-def main(rows: tuple[str, ...]) -> None:
-    """Print the table: means over the robots."""
-    parts = ['', *CONSTANTS, *(one.name.lower() for one in UNKNOWNS)]
-    jobs = [(row, seed) for row in rows for seed in SEEDS]
-    print('| without | mu, median | NEES | u [mm/s] | NEES | v_y [mm/s] | NEES |\n'
-          '| --- | --- | --- | --- | --- | --- | --- |')
-    with Pool() as pool:
-        for part in parts:
-            mu, own, u, of_u, v, of_v = np.nanmean(
-                pool.map(partial(score, part), jobs), axis=0)
-            print(f'| {part or "(whole)"} | {100.0 * mu:.1f} % | {own:.2f} | {1e3 * u:.1f} | '
-                  f'{of_u:.2f} | {1e3 * v:.1f} | {of_v:.2f} |', flush=True)
+class Variation(MetaPathFinder):
+    """Imports the module of a constant with another value of it."""
+
+    def __init__(self, constant: str, factor: float) -> None:
+        module, self._constant = f'{ROOM}.{constant}'.rsplit('.', 1)
+        self._module, self._factor = module, factor
+
+    def find_spec(self, name: str, path: Sequence[str] | None = None,
+                  target: ModuleType | None = None) -> ModuleSpec | None:
+        """Return how ``name`` is imported, if it is the module of the constant."""
+        spec = PathFinder.find_spec(name, path) if name == self._module else None
+        if spec is not None:
+            assert spec.origin is not None
+            spec.loader = _Loader(name, spec.origin, self._constant, self._factor)
+        return spec
+
+
+class _Loader(SourceFileLoader):
+    def __init__(self, name: str, path: str, constant: str, factor: float) -> None:
+        super().__init__(name, path)
+        self._constant, self._factor = constant, factor
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Return the code of the module, with a change after the constant."""
+        body = ast.parse(self.get_data(self.path)).body
+        at = 1 + next(i for i, node in enumerate(body) if self._constant in _assigned(node))
+        body[at:at] = ast.parse(
+            f'from {__spec__.name} import varied\n'
+            f'{self._constant} = varied({self._constant}, {self._factor!r})').body
+        return compile(ast.Module(body, []), self.path, 'exec')
+
+
+def drives(names: Sequence[tuple[str, int]]) -> list[Drive]:
+    """Return the drives of the robots with these rows and seeds."""
+    return [_drive(*name) for name in names]
+
+
+def _drive(row: str, seed: int) -> Drive:
+    one = import_module('benchmarks.robots.draws').draw(row, seed)
+    pipeline = import_module('smart_tire.analysis.pipeline')
+    inputs, friction = one.inputs(), pipeline.FrictionEstimator(one.params.friction)
+    given = [item for sample in inputs for item in pipeline.forwarded(friction, sample)]
+    return Drive((row, seed), inputs, [*given, *friction.finish()], one.truth())
+
+
+def measure(variation: tuple[str, float]) -> list[float]:
+    """Return ``FIGURES`` with a constant times a factor, means over ``DRIVES``, and CPU load."""
+    constant, factor = variation
+    if factor != 1.0:
+        sys.meta_path.insert(0, Variation(constant, factor))
+    draws, scoring, pipeline = (import_module(name) for name in (
+        'benchmarks.robots.draws', 'benchmarks.robots.scoring', 'smart_tire.analysis.pipeline'))
+    found = []
+    for drive in DRIVES:
+        one, items = draws.draw(*drive.name), drive.given
+        slip, begin = pipeline.SlipEstimator(one.params.slip), time.thread_time()
+        if not constant.startswith(SLIP):
+            friction = pipeline.FrictionEstimator(one.params.friction)
+            items = [item for sample in drive.inputs
+                     for item in pipeline.forwarded(friction, sample)] + friction.finish()
+        estimates = [estimate for item in items for estimate in pipeline.estimates_of(slip, item)]
+        spent = time.thread_time() - begin
+        scores = Run(*drive.name, scoring.score_robot(estimates, drive.truth, one.true)).figures
+        found.append([scores[name][one] for name, own in FIGURES.items() for one in own]
+                     + [spent])
+    return np.nanmean(found, axis=0).tolist()
+
+
+def main() -> None:
+    """Print how the figures change with each constant, relative; NEES as it is."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.robots.ablation',
+                                     description=__doc__.splitlines()[1])
+    parser.add_argument('constants', nargs='*', default=[''], metavar='CONSTANT',
+                        help='beginning of the names (default: all)')
+    parser.add_argument('--rows', nargs='+', default=ROWS, metavar='ROW')
+    parser.add_argument('--seed', type=int, default=SEED)
+    parser.add_argument('--factors', nargs='+', type=float, default=FACTORS, metavar='FACTOR')
+    parser.add_argument('--processes', type=int, default=PROCESSES, metavar='N')
+    args = parser.parse_args()
+    fork = get_context('fork')  # with the drives, and without modules that vary
+    with fork.Pool(1) as one:
+        DRIVES[:] = one.apply(drives, ([(row, args.seed) for row in args.rows],))
+    chosen = [name for name in constants() if name.startswith(tuple(args.constants))]
+    variations = [(SLIP, 1.0), ('', 1.0), *(
+        (name, factor) for name in chosen for factor in args.factors)]
+    names = [f'{name} {one}' for name, own in FIGURES.items() for one in own]
+    print(f'| constant | times | {" | ".join(names)} | CPU |\n{"| --- " * (len(names) + 3)}|')
+    with fork.Pool(args.processes, maxtasksperchild=1) as pool:
+        results = pool.imap(measure, variations)
+        slip, whole = next(results), next(results)
+        for (name, factor), found in zip([('', 1.0), *variations[2:]], chain([whole], results)):
+            reference = slip if name.startswith(SLIP) else whole
+            cells = [f'{new:.2f}' if what.endswith('nees') else f'{new / old - 1.0:+.1%}'
+                     for what, new, old in zip([*names, ''], found, reference)]
+            print(f'| {name} | {factor:.3g} | {" | ".join(cells)} |', flush=True)
 
 
 if __name__ == '__main__':
-    main(tuple(sys.argv[1:]) or ROWS)
+    main()

@@ -1,42 +1,46 @@
-# Copyright 2026 The smart_tire developers
-#
-# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
-# in compliance with the License. You may obtain a copy of the License at
-# http://www.apache.org/licenses/LICENSE-2.0
-# Unless required by applicable law or agreed to in writing, software distributed under the License
-# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
-# or implied. See the License for the specific language governing permissions and limitations under
-# the License.
+"""Constants of the estimators get other values before anything is derived from them."""
 
-"""The parts that the ablation leaves out exist, and are back afterwards."""
+import subprocess
+import sys
 
 from benchmarks.robots import ablation
+import numpy as np
 import pytest
-from smart_tire.estimation.ground import events, unknowns, window, window_fit
-from smart_tire.estimation.slip import ground
+
+from smart_tire.uncertain import Uncertain
 
 
-@pytest.mark.parametrize('part', ablation.CONSTANTS)
-def test_a_constant_is_replaced_wherever_it_is_used(part):
-    name, value = ablation.CONSTANTS[part]
-    modules = [one for one in (unknowns, events, window_fit, ground) if hasattr(one, name)]
-    before = [getattr(one, name) for one in modules]
-    with ablation.without(part):
-        assert modules and all(getattr(one, name) == value for one in modules)
-    assert [getattr(one, name) for one in modules] == before
+def test_constants_are_the_numbers_of_the_estimators_without_indices():
+    names = list(ablation.constants())
+    assert {'slip.state.PUSH_SIGMAS', 'plausibility.JERK_DENSITY', 'friction.constants.SLIP_SIGMA',
+            'ground.unknowns.SLOPE_SIGMA'} <= set(names)
+    assert not {'slip.state.GROUND', 'slip.state.MAX_NIS', 'slip.kalman.MIN_SHARE',
+                'ground.measurements.YAW_RATE'} & set(names)  # indices, derived, compiled
+    assert len(set(names)) == len(names)
 
 
-def test_an_unknown_is_fixed_at_the_mean_of_its_prior():
-    known = window.priors
-    with ablation.without('com_x'):
-        rows = window.priors(ablation.draw('concrete', 1).robot)
-        first = unknowns.Unknown.COM_X
-        assert [row.sigma for row in rows[first:first + 2]] == [ablation.NEGLIGIBLE] * 2
-        assert rows[unknowns.Unknown.RADIUS].sigma > 0.005
-    assert window.priors is known
+@pytest.mark.parametrize(('value', 'expected'), [
+    (2.0, 3.0), (3, 4), (1, 2), ((1.0, 4), (1.5, 6)), (Uncertain(2.0, 0.2), Uncertain(2.0, 0.3)),
+    (np.array([1.0, 2.0]), [1.5, 3.0]), (np.linspace(0.0, 5.0, 4), np.linspace(0.0, 5.0, 6)),
+    (np.arange(2, 6), [2, 3, 4, 5])])
+def test_a_value_is_multiplied(value, expected):
+    assert ablation.varied(value, 1.5) == pytest.approx(expected)
 
 
-def test_a_part_that_no_module_has_is_an_error(monkeypatch):
-    monkeypatch.setitem(ablation.CONSTANTS, 'gone', ('NO_SUCH_CONSTANT', 0.0))
-    with pytest.raises(KeyError, match='gone: no module'), ablation.without('gone'):
-        pass
+@pytest.mark.parametrize(('factor', 'expected'), [(0.1, 1), (3.0, 6)])
+def test_a_count_stays_whole(factor, expected):
+    found = ablation.varied(2, factor)
+    assert (found, type(found)) == (expected, int)
+
+
+def test_what_is_derived_from_a_constant_follows_it():
+    program = (
+        'import sys\n'
+        'from benchmarks.robots.ablation import Variation\n'
+        'assert not [name for name in sys.modules if "estimation" in name]\n'
+        'sys.meta_path.insert(0, Variation("slip.state.OUTLIER_SIGMAS", 2.0))\n'
+        'from smart_tire.estimation.slip import ground, state\n'
+        'print(state.OUTLIER_SIGMAS, ground.MAX_NIS, state.PUSH_SIGMAS)')
+    found = subprocess.run([sys.executable, '-c', program], check=True, capture_output=True,
+                           text=True)
+    assert found.stdout.split() == ['6.0', '36.0', '4.0']
