@@ -396,7 +396,7 @@ def test_forces_by_the_torques_have_the_friction_and_the_scale_that_are_given():
 
 
 def ground_states(ground, truth, seed, until):
-    """Yield states as the window would estimate them, before ``until`` [s] after the first pose."""
+    """Yield states as the window would estimate them until ``until`` [s] after the first pose."""
     stiffness_error, friction_error, resistance_error = np.random.default_rng(
         seed).standard_normal(3) * (STIFFNESS_SIGMA, FRICTION_SIGMA, RESISTANCE_SIGMA)
     surfaces, begin_ns, next_ns = SurfaceMap(ground), truth[0].stamp_ns, 0
