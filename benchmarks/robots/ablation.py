@@ -28,6 +28,7 @@ from importlib import import_module
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from itertools import chain
+import math
 from multiprocessing import get_context
 from pathlib import Path
 import sys
@@ -48,7 +49,7 @@ FACTORS = 1.0 / 3.0, 3.0
 FIGURES = {'mu': ('median', 'nees'), 'slip': ('rms', 'nees'), 'u': ('rms', 'nees'),
            'v_y': ('rms', 'nees')}
 GRID = 4  # points; a shorter array is no grid
-INDICES = 'range', 'slice', 'outer'  # make indices and signs
+INDICES = 'range', 'slice', 'outer', 'SIDE_SIGNS'  # make indices and signs
 SLIP = 'slip.'  # constants of the slip filter
 
 
@@ -80,7 +81,8 @@ def _assigned(node: ast.stmt) -> Iterator[str]:
     values = list(ast.walk(node.value))
     numbers = any(isinstance(one, ast.Constant) and type(one.value) in (int, float)
                   for one in values)
-    if numbers and not any(isinstance(one, ast.Name) and one.id in INDICES for one in values):
+    if numbers and not any(getattr(one, 'id', getattr(one, 'attr', '')) in INDICES
+                           for one in values):
         for target in node.targets:
             yield from (one.id for one in (
                 target.elts if isinstance(target, ast.Tuple) else [target])
@@ -119,6 +121,7 @@ class Variation(MetaPathFinder):
 
 
 class _Loader(SourceFileLoader):
+
     def __init__(self, name: str, path: str, constant: str, factor: float) -> None:
         super().__init__(name, path)
         self._constant, self._factor = constant, factor
@@ -147,10 +150,20 @@ def _drive(row: str, seed: int) -> Drive:
 
 
 def measure(variation: tuple[str, float]) -> list[float]:
-    """Return ``FIGURES`` with a constant times a factor, means over ``DRIVES``, and CPU load."""
-    constant, factor = variation
-    if factor != 1.0:
-        sys.meta_path.insert(0, Variation(constant, factor))
+    """
+    Return ``FIGURES`` with a constant times a factor, means over ``DRIVES``, and CPU time [s].
+
+    NaN if the estimators fail with it.
+    """
+    if variation[1] != 1.0:
+        sys.meta_path.insert(0, Variation(*variation))
+    try:
+        return _measured(variation[0])
+    except (ArithmeticError, LookupError, ValueError):
+        return [math.nan] * (sum(map(len, FIGURES.values())) + 1)
+
+
+def _measured(constant: str) -> list[float]:
     draws, scoring, pipeline = (import_module(name) for name in (
         'benchmarks.robots.draws', 'benchmarks.robots.scoring', 'smart_tire.analysis.pipeline'))
     found = []
