@@ -123,7 +123,7 @@ class GroundFit:
 
 def calibration_rows(robot: RobotParams) -> list[Row]:
     """Return the priors, wide where the recordings shall determine a value."""
-    rows = [*priors(robot), Row(*PRIORS['acceleration on straight lines'].prior, 0.0, 0.0, 1e-3)]
+    rows = [*priors(robot), Row(*PRIORS['acceleration on straight lines'].prior)]
     wide = {
         Unknown.STIFFNESS: Uncertain(math.log(robot.tire.longitudinal_stiffness),
                                      math.log(PRIORS['stiffness'].sigma)),

@@ -32,6 +32,7 @@ MAX_FORCE_CHANGE = 20.0        # m/s2 between two IMU samples, in addition to vi
 SPIKE_SIGMAS = 8.0             # ... of this many standard deviations; of deviations of a speed
 MAX_SPEED_DEVIATION = 3.0      # rad/s of a wheel, from its other measurements
 MAX_ANGLE_DEVIATION = 1.0      # rad of a wheel, from its integrated speed
+JERK_DENSITY = 3.0             # (rad/s3)^2 s, white jerk of a wheel with speed control, assumed
 
 
 def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | WheelSlip

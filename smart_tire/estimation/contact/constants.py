@@ -18,7 +18,6 @@ Lengths are in lengths of the film (20 mm in paper B). Runs are scenarios of
 import numpy as np
 
 # -- trajectory of the wheel ---------------------------------------------------------------------
-JERK_DENSITY = 3.0         # (rad/s3)^2 s, of a speed-controlled wheel; from simulations; all
 SMOOTHING_NS = 400_000_000  # used before and after an interval; derived: twice the filter; all
 MAX_SILENCE_NS = 500_000_000  # extrapolated beyond the newest angle; assumed; silent wheels
 HISTORY_LENGTH = 1024      # angles kept, grid steps at once; derived: LOOKBACK at 200 Hz; start

@@ -27,6 +27,7 @@ import numpy as np
 from smart_tire.arrays import Array, Instants
 from smart_tire.estimation.contact import constants as c
 from smart_tire.estimation.contact.records import TrajectoryErrors
+from smart_tire.estimation.plausibility import JERK_DENSITY
 from smart_tire.numerics.jerk_smoothing import jerk_information, jerk_rows, solve_smoothed
 from smart_tire.samples import NS_PER_S
 
@@ -48,13 +49,13 @@ class SmoothedTrajectory:
     @property
     def speed_sigma(self) -> float:
         """Return the standard deviation of the speed [m/s]."""
-        return self._radius * (self._density * c.JERK_DENSITY)**0.25
+        return self._radius * (self._density * JERK_DENSITY)**0.25
 
     def errors(self, begin_ns: int, end_ns: int) -> TrajectoryErrors:
         """Return the standard deviations of the distances between two different instants."""
         seconds = (end_ns - begin_ns) / NS_PER_S
         begin, end = self.distance_at(np.array([begin_ns, end_ns]))
-        cutoff = (c.JERK_DENSITY / self._density)**(1.0 / 6.0)  # rad/s, of the low-pass filter
+        cutoff = (JERK_DENSITY / self._density)**(1.0 / 6.0)  # rad/s, of the low-pass filter
         sigmas = self._radius * shape_error_sigmas(self._density, cutoff, seconds)
         needed = np.flatnonzero(sigmas > c.MIN_SHAPE_SIGMA * self._radius)
         return TrajectoryErrors(
@@ -128,5 +129,5 @@ def smooth_angles(times: Array, angles: Array, sigma: Array) -> Array:
         return angles
     weight = 1.0 / sigma**2
     smoothed: Array = angles[0] + solve_smoothed(
-        jerk_information(jerk_rows(times, c.JERK_DENSITY)), weight, (angles - angles[0]) * weight)
+        jerk_information(jerk_rows(times, JERK_DENSITY)), weight, (angles - angles[0]) * weight)
     return smoothed

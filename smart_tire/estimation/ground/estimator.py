@@ -27,8 +27,8 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground.body_model import LOAD, LOSS
 from smart_tire.estimation.ground.measurements import MeasuredCrossing, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CURVE_ERROR, DYNAMIC, KEPT_TIME, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION,
-    MIN_WHEEL_SAMPLES, MODEL_ERROR, SETTLING, SIDES, SIZE, Unknown)
+    CURVE_ERROR, DYNAMIC, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION, MIN_WHEEL_SAMPLES,
+    MODEL_ERROR, SETTLING, SIDES, SIZE, Unknown)
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
@@ -177,7 +177,7 @@ class GroundEstimator:
             return None
         measured = self.solution.measurements
         self._shown |= bool(measured.torque_count.any())
-        self._forget(end - LENGTH - SETTLING - KEPT_TIME)
+        self._forget(end - LENGTH - 2.0 * SETTLING)
         return self.solution
 
     def state(self, solution: Solution) -> GroundState:

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground.measurements import Measurements
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, FREEDOM, GROUND, Hypothesis, Interval, ITERATIONS,
-    LENGTH, Lift, MAX_LIFTS, MAX_STEP, MOVED, NEAR, NEVER, OLD_GROUND, ONE_GROUND, SIZE,
+    BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, FREEDOM, GROUND, HOP, Hypothesis, Interval,
+    ITERATIONS, LENGTH, Lift, MAX_LIFTS, MAX_STEP, MOVED, NEVER, OLD_GROUND, ONE_GROUND, SIZE,
     TIME_ERROR, TRIED_EVIDENCE, Unknown)
 from smart_tire.estimation.ground.window_fit import (
     start_of, student, Whitening, WindowEstimate, WindowFit)
@@ -84,7 +84,8 @@ class EventSearch:
     def when(self, main: Hypothesis, fit: WindowEstimate, measurements: Measurements
              ) -> float | None:
         """Return when [s] something seems to have happened: an event, or a disturbance."""
-        times = [measurements.begin, *(measurements.times[-1] - one for one in CANDIDATES)]
+        times = [measurements.begin, *(
+            measurements.times[-1] - HOP * one for one in range(CANDIDATES, 0, -1))]
         events = self._changes(main, fit.x, [(time, time) for time in times])
         if main.lifts and main.lifts[-1].end == math.inf:
             events += self._lifts(main, fit.x, times)
@@ -109,7 +110,7 @@ class EventSearch:
         """
         end = measurements.times[-1]
         times = [measurements.begin, *np.arange(
-            max(time - NEAR, end - LENGTH), end - 2.0 * BLOCK_TIME, BLOCK_TIME)]
+            max(time - HOP, end - LENGTH), end - 2.0 * BLOCK_TIME, BLOCK_TIME)]
 
         def likeliest(events: Callable[[list[float]], list[Event]]
                       ) -> list[tuple[float, Array, Event]]:

@@ -17,6 +17,7 @@ Each constant has its unit, its origin and the runs that are worse without it: r
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 import math
@@ -25,12 +26,14 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.models.tire.brush_tire import (
     LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS)
 from smart_tire.models.vehicle.drive import torque_errors
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import MOUNTING_TILT, RobotParams
-from smart_tire.samples import GRAVITY, WHEELS
+from smart_tire.samples import GRAVITY, NS_PER_S, WHEELS
+from smart_tire.uncertain import Uncertain
 
 
 class Unknown(IntEnum):
@@ -90,17 +93,34 @@ OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.FILM_GAIN)
 GAINS = slice(Unknown.FILM_GAIN, Unknown.FILM_ERROR)
 FILM_ERRORS = slice(Unknown.FILM_ERROR, SIZE)
 
+# priors, in the unit of the unknown; those of the ground are in ``models.tire.brush_tire``
+FALL = Uncertain(0.15, 0.1)         # 0 (a brush) to .45, assumed
+SLOPE_SIGMA = 0.03                  # rad, and of its change over a window, assumed; hills
+SIDE_SIGMA = 0.03                   # uneven tires, assumed; split
+SIDE_RESISTANCE_SIGMA = 0.1         # assumed
+START_SIGMA = 0.1                   # m/s, rad/s, assumed
+DELAY_SIGMA = 0.008                 # s, unknown latency; slow_turn
+MIN_RADIUS_SIGMA = 0.006            # the radius of a loaded tire, assumed
+MOTOR_SIGMA = 0.5                   # friction and inertia of a drive: data sheet; gears
+MOTOR_SCALE_SIGMA = 0.015           # torque constant of a motor: magnets, assumed
+MOVED_LOAD = Uncertain(-0.4, 0.5)   # -1: the others carry the load; 0: what lifts the wheel does;
+# .2: and lifts its corner; lifted
+# random walks in sigmas of the prior, assumed: a ground without a sudden change and ...
+GROUND_WALK = 0.05                  # per sqrt(m); jumps
+PLACE_WALK = 0.3                    # ... slopes and differences of the sides, per sqrt(m); hills
+WALK = 0.03                         # of sensors and robot, per sqrt(s)
+STEP = 0.001                        # for numerical derivatives, which friction on ice changes with
+
 # window
 LENGTH = 3.0            # s, of the window, assumed; concrete
-SETTLING = 0.5          # s before, in which the model forgets its start; assumed
+SETTLING = 0.5          # s before, in which the model forgets its start; before that, of samples
+# that are smoothed with it; assumed
 MIN_DURATION = 0.75     # s, of the first window; start_in_motion
 MAX_GAP = 0.6           # s, of a stream: after a longer one the window restarts; assumed
-KEPT_TIME = 1.0         # s before the window, of samples that are kept: smoothing, heading
 MIN_WHEEL_SAMPLES = 5   # of a window: their jerk is smoothed
 TIME_STEP = 0.016       # s, of the model
 BLOCK = 8               # steps of a block mean, slower than a wheel period; slow_readings
 BLOCK_TIME = TIME_STEP * BLOCK
-JERK_DENSITY = 3.0      # (rad/s3)^2 s, white jerk of a speed-controlled wheel, assumed; concrete
 SMOOTHINGS = 4          # iterations of its weights
 
 # fit
@@ -109,8 +129,9 @@ MOST_ITERATIONS = 10    # ... and on an unknown one, or with an event; ice
 CONVERGED = 1.0         # twice the log likelihood that a step gains, at least, for a further one
 FREEDOM = 5.0           # degrees of freedom of the Student distribution; lifted, pushes
 MAX_STEP = 0.7          # change of the ground in one step; beyond, the model is not linear
-CANDIDATES = 1.5, 1.0, 0.5  # s before the end, when something may have happened; jumps
-NEAR = 0.4              # s before such a time, from which on events are tried; lifted
+HOP = GROUND_STATE_PERIOD_NS / NS_PER_S  # s, between two windows
+CANDIDATES = 3          # hops before the end, when something may have happened: events are tried
+# from a hop before on; jumps, lifted
 DISTURBANCE_TIME = 1.0  # s, of a push, assumed; pushes
 TIME_ERROR = 0.15       # s, of the time of an event, by blocks: before and after it is not used
 EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event: 2 ln 150, one in a minute at
@@ -127,7 +148,6 @@ LEAST_FORCE = 0.3       # m/s2, on which that share is taken at least; torques: 
 TIMING_ERROR = 0.006    # s, of the model: latencies that differ; slow_turn
 RELAXATION_ERROR = 2.0  # of the effect of a relaxation length of half the contact, that of a
 # brush: the carcass adds to it, and close to standstill no such law holds; straight
-MOTOR_SIGMA = 0.5       # of ln of friction and inertia of a drive: data sheet, not measured; gears
 NOISE_SIGMAS = 3.0      # of the effect of errors of wheel speeds on a torque, beyond which its
 # derivatives by the curve of a tire count: below, they are the effect of these errors; straight
 TRANSIENT_SHARE = 0.3   # of the change of acceleration within a wheel period: error of torques
@@ -135,7 +155,7 @@ FILM_SLIP_ERROR = 0.02, 0.002  # relative and absolute error of a film's slip; N
 FILM_NORMALIZED_ERROR = 0.04  # relative error of a normalized slip; NEES
 FILM_SHAPE_ERROR = 0.0026  # of the bending peak, over the stretch at full slip: systematic part of
 # the covariance of waveform fits at small slip, and spread of their means; straight
-LEAST_NORMALIZED = 0.1  # -, on which that share is taken at least
+LEAST_NORMALIZED = 0.1  # -, on which such shares are taken at least; low slip
 SLIDING_WEIGHT = 10.0   # of a crossing in full sliding: sigma over its slip along slip / t
 TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
 # the model cannot: the covariance grows by the square of their ratio; gears, straight
@@ -157,62 +177,54 @@ class Row(NamedTuple):
 
     mean: float
     sigma: float
-    walk: float      # standard deviation of its change in one second
-    ground: float    # ... and over one meter of travel
-    step: float      # for numerical derivatives
-
-
-# How fast the ground changes, without a sudden change, and the uneven tires are assumptions.
-_COMMON = {
-    #                             mean         sigma  walk    ground  step
-    Unknown.FRICTION:        Row(*LN_FRICTION,        0.0,    0.024,  1e-3),
-    Unknown.RESISTANCE:      Row(*LN_RESISTANCE,      0.0,    0.05,   1e-2),
-    Unknown.LATERAL_SHARE:   Row(*LATERAL_SHARE,      0.0,    0.05,   1e-2),
-    Unknown.LATERAL_RATIO:   Row(*LN_LATERAL_RATIO,   0.0015, 0.0,    1e-3),
-    Unknown.SLOPE_X:         Row(0.0,          0.02,  0.0,    0.01,   1e-4),
-    Unknown.SLOPE_Y:         Row(0.0,          0.02,  0.0,    0.01,   1e-4),
-    Unknown.SIDE_STIFFNESS:  Row(0.0,          0.03,  0.0,    0.008,  1e-3),
-    Unknown.SIDE_FRICTION:   Row(0.0,          0.03,  0.0,    0.008,  1e-3),
-    Unknown.SIDE_RESISTANCE: Row(0.0,          0.1,   0.0,    0.016,  1e-2),
-    Unknown.DELAY:           Row(0.0,          0.008, 0.0005, 0.0,    1e-4),
-    Unknown.FALL:            Row(0.15,         0.1,   0.0,    0.01,   1e-3),
-    # -1: the others carry the load; 0: what lifts the wheel does; .2: and lifts its corner
-    Unknown.MOVED_LOAD:      Row(-0.4,         0.5,   0.0,    0.0,    0.1),
-    Unknown.BEND_X:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
-    Unknown.BEND_Y:          Row(0.0,          0.03,  0.0,    0.0,    1e-4),
-    Unknown.START_U:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
-    Unknown.START_V:         Row(0.0,          0.1,   0.0,    0.0,    1e-4),
-    Unknown.START_W:         Row(0.0,          0.1,   0.0,    0.0,    1e-4)}
+    walk: float = 0.0    # standard deviation of its change in one second
+    ground: float = 0.0  # ... and over one meter of travel
 
 
 def priors(robot: RobotParams) -> list[Row]:
     """Return the priors of all unknowns in the order of ``Unknown``, for this robot."""
-    imu, motor, sigma = robot.imu, robot.motor, robot.center_of_mass_sigma
-    tire = robot.tire  # its stiffness as known, on a ground that differs
-    stiffness = Row(math.log(tire.longitudinal_stiffness) + LN_STIFFNESS.value, math.hypot(
-        LN_STIFFNESS.sigma, tire.longitudinal_stiffness_sigma), 0.0, 0.024, 1e-3)
-    bias = Row(0.0, math.hypot(imu.accel_bias, GRAVITY * MOUNTING_TILT), 0.0015, 0.0, 1e-4)
-    gain = Row(0.0, robot.film.stretch_gain_tolerance / math.sqrt(robot.film.count), 0.0015, 0.0,
-               1e-4)
-    offset = Row(0.0, torque_errors(motor)[1], 0.003, 0.0, 1e-4)
-    arm = Row(0.0, max(imu.position_sigma, 1e-6), 0.0, 0.0, 1e-4)
-    rows = {
-        **_COMMON,
-        Unknown.STIFFNESS: stiffness, Unknown.OLD_STIFFNESS: stiffness,
-        Unknown.OLD_FRICTION: _COMMON[Unknown.FRICTION],
-        Unknown.OLD_RESISTANCE: _COMMON[Unknown.RESISTANCE],
-        Unknown.COM_X: Row(robot.center_of_mass[0], sigma[0], 0.0, 0.0, 1e-4),
-        Unknown.COM_Y: Row(robot.center_of_mass[1], sigma[1], 0.0, 0.0, 1e-4),
-        Unknown.RADIUS: Row(0.0, max(robot.wheel_radius_sigma, 0.006), 0.0015, 0.0, 1e-4),
-        Unknown.GYRO_BIAS: Row(0.0, imu.gyro_bias, 0.0003, 0.0, 1e-4),
-        Unknown.ACCEL_BIAS_X: bias, Unknown.ACCEL_BIAS_Y: bias,
-        Unknown.TORQUE_SCALE: Row(0.0, motor.torque_constant_sigma, 0.0015, 0.0, 1e-4),
-        Unknown.MOTOR_FRICTION: Row(0.0, MOTOR_SIGMA, 0.003, 0.0, 1e-4),
-        Unknown.MOTOR_INERTIA: Row(0.0, MOTOR_SIGMA, 0.0, 0.0, 1e-4),
-        Unknown.IMU_X: arm, Unknown.IMU_Y: arm}
-    found = [rows[one] for one in list(Unknown)[:Unknown.MOTOR_SCALE]]
-    return [*found, *[Row(0.0, 0.015, 0.0015, 0.0, 1e-4)] * 4, *[offset] * 4, *[gain] * 4,
-            *[Row(0.0, _product_error(robot), 0.0, 0.0, 1e-4)] * 4]
+    imu, motor, tire, film, u = robot.imu, robot.motor, robot.tire, robot.film, Unknown
+    found: dict[int, Row] = {}
+
+    def add(rows: Iterable[int], mean: float, sigma: float, walk: float = 0.0,
+            ground: float = 0.0) -> None:
+        found.update(dict.fromkeys(rows, Row(mean, sigma, walk * sigma, ground * sigma)))
+
+    # the stiffness as known, on a ground that differs
+    add((u.STIFFNESS, u.OLD_STIFFNESS),
+        math.log(tire.longitudinal_stiffness) + LN_STIFFNESS.value,
+        math.hypot(LN_STIFFNESS.sigma, tire.longitudinal_stiffness_sigma), ground=GROUND_WALK)
+    add((u.FRICTION, u.OLD_FRICTION), *LN_FRICTION, ground=GROUND_WALK)
+    add((u.RESISTANCE, u.OLD_RESISTANCE), *LN_RESISTANCE, ground=GROUND_WALK)
+    add((u.LATERAL_SHARE,), *LATERAL_SHARE, ground=GROUND_WALK)
+    add((u.FALL,), *FALL, ground=GROUND_WALK)
+    add((u.SLOPE_X, u.SLOPE_Y), 0.0, SLOPE_SIGMA, ground=PLACE_WALK)
+    add((u.SIDE_STIFFNESS, u.SIDE_FRICTION), 0.0, SIDE_SIGMA, ground=PLACE_WALK)
+    add((u.SIDE_RESISTANCE,), 0.0, SIDE_RESISTANCE_SIGMA, ground=PLACE_WALK)
+    add((u.LATERAL_RATIO,), *LN_LATERAL_RATIO, WALK)
+    add((u.DELAY,), 0.0, DELAY_SIGMA, WALK)
+    add((u.RADIUS,), 0.0, max(robot.wheel_radius_sigma, MIN_RADIUS_SIGMA), WALK)
+    add((u.GYRO_BIAS,), 0.0, imu.gyro_bias, WALK)
+    add((u.ACCEL_BIAS_X, u.ACCEL_BIAS_Y), 0.0, math.hypot(
+        imu.accel_bias, GRAVITY * MOUNTING_TILT), WALK)
+    add((u.TORQUE_SCALE,), 0.0, motor.torque_constant_sigma, WALK)
+    add((u.MOTOR_FRICTION, u.MOTOR_INERTIA), 0.0, MOTOR_SIGMA)
+    add(_rows(MOTORS), 0.0, MOTOR_SCALE_SIGMA, WALK)
+    add(_rows(OFFSETS), 0.0, torque_errors(motor)[1], WALK)
+    add(_rows(GAINS), 0.0, film.stretch_gain_tolerance / math.sqrt(film.count), WALK)
+    add(_rows(FILM_ERRORS), 0.0, _product_error(robot))
+    for row, value, sigma in zip(
+            (u.COM_X, u.COM_Y), robot.center_of_mass, robot.center_of_mass_sigma):
+        add((row,), value, sigma)
+    add((u.IMU_X, u.IMU_Y), 0.0, max(imu.position_sigma, 1e-6))
+    add((u.MOVED_LOAD,), *MOVED_LOAD)
+    add((u.BEND_X, u.BEND_Y), 0.0, SLOPE_SIGMA)
+    add(_rows(START), 0.0, START_SIGMA)
+    return [found[row] for row in range(SIZE)]
+
+
+def _rows(part: slice) -> range:
+    return range(SIZE)[part]
 
 
 def _product_error(robot: RobotParams) -> float:

@@ -25,14 +25,16 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimation.ground.unknowns import BLOCK, JERK_DENSITY, SMOOTHINGS
+from smart_tire.estimation.ground.unknowns import BLOCK, SMOOTHINGS
+from smart_tire.estimation.plausibility import JERK_DENSITY
+from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 from smart_tire.numerics.jerk_smoothing import (
     jerk_information, jerk_rows, jerks, solve_smoothed)
 
 # mean of the wheels, side difference, axle difference, and the remaining one: orthogonal
-MODES = 0.25 * np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [1, 1, -1, -1], [1, -1, -1, 1]])
+MODES = 0.25 * np.array([np.ones(4), -SIDE_SIGNS, AXLE_SIGNS, SIDE_SIGNS * AXLE_SIGNS])
 
-OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])  # neighbors of each of four
+OTHERS = np.array([[j for j in range(4) if j != i] for i in range(4)])  # neighbors of each of four
 
 
 class WheelMotion(NamedTuple):
