@@ -18,22 +18,17 @@ Lengths are in lengths of the film. Runs are scenarios of ``benchmarks.friction`
 import numpy as np
 
 # -- fit of the waveform: start and priors -------------------------------------------------------
-CENTER_SIGMA = 0.25      # film lengths, of a detected center; derived from its tests; all
 BASELINE_SIGMAS = 1.0    # of a sample, of the tracked baseline; assumed; all
 BUMP_SHARE = 0.12        # of the bending peak, prior and its sigma; Fig. 11(b): 0.10-0.15; bumps
 LOG_RECOVERY_SIGMA = 0.5  # of ln of the recovery length; assumed; releases fig8
 LOG_ALPHA_SIGMA = 0.03   # of ln of alpha in B(15); assumed; all
 SLIP_SIGMA = 1.0         # -, weak prior on slip, which lies in [-1, 1]; all
-PRIOR_NORMALIZED_SLIP, NORMALIZED_SLIP_SIGMA = 0.3, 3.0  # -, weak prior; assumed; low slip
-TYPICAL_SLIP = 0.08      # -, slip with the prior's normalized slip; assumed; start at low slip
-MIN_NORMALIZED_SCALE = 0.1  # -, least start, and least scale of a relative change; low slip
-MIN_SLIP = 0.02          # -, below which a relative change is undefined; low slip
+NORMALIZED_SLIP_SIGMA = 3.0  # -, weak prior; assumed; low slip
 POOR_EXCESS = 1.5        # mean squared normalized residual of a wrong start, or of a fit that
 #                          contradicts the shape; release_mixed, lasting change
 ROUGH_REDUCTION = 3.0    # chi-squared, last step of the fit with known bumps; CPU time
 MAX_CENTER_STEP = 0.15   # film lengths, of a center in an iteration, and its largest sigma;
 #                          derived: the entry is linear; all, lost batches
-NORMALIZED_SLIP_RANGE = (-5.0, 10.0)  # -, far beyond observable values; full sliding
 MIN_NORMALIZED_SLIP = 0.01  # -, the model is linear below: noise may make it negative; low slip
 
 # -- shape of release and bumps, learned ---------------------------------------------------------
@@ -49,7 +44,8 @@ OUTLIER_SIGMAS = 5.0     # of the squared innovation, beyond which it has less w
 MAX_OUTLIERS = 3         # consecutive, after which the shape has changed; lasting change
 
 # -- what a fit shows ----------------------------------------------------------------------------
-CHANGE_SIGMA = 0.01      # -, of the slip over a contact length; assumed; all
+CHANGE_SIGMA = 0.01      # -, of the slip over a contact length, and least scale of a relative
+#                          change; assumed; all
 SLIP_CHANGE_SHARE = 0.5  # of a relative change of wheel speed, linear change of slip; stops
 SLIP_RESIDUAL_SHARE = 0.05  # of that, nonlinear change of slip; starts and stops
 CURVATURE_SHARE = 0.5    # of a squared relative change, error of the linear model; stops
@@ -59,10 +55,7 @@ MIN_RATIO_CORRELATION = 0.5  # of slip and normalized slip, if their ratio is kn
 MAX_SIGMA = 0.3          # -, of slip, adhesion ratio, x_m over L: larger ones are unknown; noisy
 
 # -- friction of a single crossing ---------------------------------------------------------------
-PRIOR_MEDIAN, PRIOR_LOG_SIGMA = 0.45, float(np.log(2.0))  # of mu, log-normal; assumed; noisy
-MAX_INVERSE_SIGMA = 0.35  # of 1 / mu over that of a likely surface, to be informative; noisy
 MIN_RELATIVE_SIGMA = 0.12  # of 1 / mu, informative on every surface; wet tiles
-MAX_MU = 4.0             # far beyond any surface; noisy
 DEVIATIONS = np.linspace(-6.0, 6.0, 301)  # of 1 / mu in the posterior, in sigmas; derived; noisy
 MAX_CONTRADICTION = 13.8  # squared normalized difference of the films from the motion: 1 in 1000,
 #                           beyond which mu is unknown: the ground has just changed; jumps

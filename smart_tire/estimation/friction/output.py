@@ -21,7 +21,8 @@ from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_method import FilmResult, SlipFit
 from smart_tire.estimation.ground.estimator import WheelState
-from smart_tire.models.tire.brush_tire import critical_slip
+from smart_tire.estimation.ground.unknowns import MAX_LN_SIGMA
+from smart_tire.models.tire.brush_tire import critical_slip, LN_FRICTION
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
@@ -105,14 +106,14 @@ def friction_estimate(inverse_mu: float, sigma: float, likely: float = math.nan)
     typical surface and on one with friction ``likely``. That decision must not depend on the
     measured value: keeping only the low outcomes of noisy measurements would bias mu low.
     """
-    lowest = float(np.fmin(c.PRIOR_MEDIAN, likely))
-    if not sigma < max(c.MAX_INVERSE_SIGMA / lowest, c.MIN_RELATIVE_SIGMA * inverse_mu):
+    lowest = float(np.fmin(math.exp(LN_FRICTION.value), likely))
+    if not sigma < max(MAX_LN_SIGMA / lowest, c.MIN_RELATIVE_SIGMA * inverse_mu):
         return UNKNOWN
     inverse = inverse_mu + sigma * c.DEVIATIONS
-    possible = inverse > 1.0 / c.MAX_MU
+    possible = inverse > 0.0
     grid = 1.0 / inverse[possible]
     # density over 1 / mu: that of ln mu times mu
-    weight = grid * np.exp(-0.5 * ((np.log(grid / c.PRIOR_MEDIAN) / c.PRIOR_LOG_SIGMA)**2
+    weight = grid * np.exp(-0.5 * (((np.log(grid) - LN_FRICTION.value) / LN_FRICTION.sigma)**2
                                    + c.DEVIATIONS[possible]**2))
     total = float(weight.sum())
     if not total > 0.0:

@@ -24,12 +24,13 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.constants import BENDING_SIGMA, MIN_SAMPLES
+from smart_tire.estimation.contact.constants import BENDING_SIGMA, MIN_SAMPLES, POSITION_GATE
 from smart_tire.estimation.contact.records import CrossingSamples
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_model import (
     BUMPS, film_index, PerFilm, SHAPE, Shared, WaveformModel)
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
+from smart_tire.estimation.ground.unknowns import LEAST_NORMALIZED
 from smart_tire.numerics.levenberg_marquardt import (
     FitResult, HUBER_THRESHOLD, inverse_spd, JointPrior, LevenbergMarquardt, upper_median)
 from smart_tire.numerics.robust import MAD_TO_SIGMA
@@ -144,7 +145,7 @@ class WaveformFitter:
             p = p.copy()
             p[Shared.SLIP] = other
             if not other:  # the release has a wrong share, which the detector takes for slip
-                p[Shared.NORM_SLIP] = c.MIN_NORMALIZED_SCALE
+                p[Shared.NORM_SLIP] = LEAST_NORMALIZED
             best = min(best, self._solve(samples, solver, prior, p), key=lambda fit: fit.excess)
         return best
 
@@ -172,11 +173,8 @@ class WaveformFitter:
             bump = c.BUMP_SHARE * self._bending[film.film]
             p[film_index(i, PerFilm.CENTER):film_index(i, PerFilm.GAIN)] = (
                 detection.center, 0.0, detection.bending, bump, bump)
-        slip, normalized_slip = np.mean([(detection.slip, detection.normalized_slip)
-                                         for detection in samples.detections], axis=0).tolist()
-        # at a small slip the waveform hardly depends on normalized slip, which is likely small
-        likely = max(c.PRIOR_NORMALIZED_SLIP * abs(slip) / c.TYPICAL_SLIP, c.MIN_NORMALIZED_SCALE)
-        p[Shared.SLIP], p[Shared.NORM_SLIP] = slip, min(normalized_slip, likely)
+        p[[Shared.SLIP, Shared.NORM_SLIP]] = np.mean(
+            [(one.slip, one.normalized_slip) for one in samples.detections], axis=0)
         return p
 
     def _prior(self, samples: CrossingSamples, slips: CrossingSlipPrior,
@@ -184,9 +182,8 @@ class WaveformFitter:
         """Return the prior on all parameters; ``slip`` is that of the start."""
         count, errors = len(samples.films), samples.errors
         value, sigma = np.zeros((2, film_index(count, PerFilm.CENTER) + len(errors.shape_sigmas)))
-        scale = math.copysign(max(abs(slip), c.MIN_SLIP), slip)  # CHANGE is relative
-        value[:Shared.SCALE] = (
-            slips.slip.value, c.PRIOR_NORMALIZED_SLIP, slips.change.value / scale)
+        scale = math.copysign(max(abs(slip), c.CHANGE_SIGMA), slip)  # CHANGE is relative
+        value[:Shared.SCALE] = slips.slip.value, 0.0, slips.change.value / scale
         sigma[:len(Shared)] = (
             slips.slip.sigma, c.NORMALIZED_SLIP_SIGMA, slips.change.sigma / abs(scale),
             errors.scale_sigma, c.LOG_ALPHA_SIGMA, self._length_sigma)
@@ -198,7 +195,7 @@ class WaveformFitter:
                 film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))
             bump = c.BUMP_SHARE * peak
             value[block] = detection.center, 0.0, peak, bump, bump, 0.0, 0.0
-            sigma[block] = (c.CENTER_SIGMA * self._robot.film.length, baseline,
+            sigma[block] = (POSITION_GATE * self._robot.film.length, baseline,
                             BENDING_SIGMA * peak, bump, bump, self._gain_sigma,
                             c.LOG_RECOVERY_SIGMA)
         free = np.flatnonzero(sigma > 0.0)

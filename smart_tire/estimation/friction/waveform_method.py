@@ -31,6 +31,7 @@ from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
+from smart_tire.estimation.ground.unknowns import LEAST_NORMALIZED
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -175,10 +176,10 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     adds a deviation of second order.
     """
     slip, normalized_slip = fit.slip.value, fit.normalized_slip.value
-    scale = max(abs(slip), c.MIN_SLIP)
+    scale = max(abs(slip), c.CHANGE_SIGMA)
     change = fit.shared(Shared.CHANGE)
     growth = math.hypot(c.CURVATURE_SHARE * (change.value**2 + change.sigma**2), residual / scale)
-    sigma = growth * np.array([scale, max(abs(normalized_slip), c.MIN_NORMALIZED_SCALE)])
+    sigma = growth * np.array([scale, max(abs(normalized_slip), LEAST_NORMALIZED)])
     return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
 
 

@@ -30,8 +30,7 @@ from numpy.polynomial.legendre import legvander
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
-from smart_tire.estimation.friction.constants import (
-    MAX_CENTER_STEP, MIN_NORMALIZED_SLIP, NORMALIZED_SLIP_RANGE)
+from smart_tire.estimation.friction.constants import MAX_CENTER_STEP, MIN_NORMALIZED_SLIP
 from smart_tire.models.tire import film_equations as equations, tread_film
 from smart_tire.parameters.robot import RobotParams
 
@@ -137,14 +136,7 @@ class WaveformModel:
         return rows[equations.VOLTS], jacobian
 
     def moved(self, p: Array, step: Array) -> Array:
-        """
-        Return ``p`` after ``step``, shortened if a film center would move too far.
-
-        The normalized slip is limited to ``NORMALIZED_SLIP_RANGE``.
-        """
+        """Return ``p`` after ``step``, shortened if a film center would move too far."""
         largest = float(np.abs(step[self._own][PerFilm.CENTER::len(PerFilm)]).max())
         limit = MAX_CENTER_STEP * self._film.length
-        moved: Array = p + step * min(1.0, limit / max(largest, limit))
-        low, high = NORMALIZED_SLIP_RANGE
-        moved[Shared.NORM_SLIP] = min(max(float(moved[Shared.NORM_SLIP]), low), high)
-        return moved
+        return p + step * min(1.0, limit / max(largest, limit))

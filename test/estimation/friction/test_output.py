@@ -20,6 +20,7 @@ import pytest
 from smart_tire.estimation.friction.output import friction_estimate, friction_record
 from smart_tire.estimation.friction.waveform_method import FilmResult, flag_full_sliding, SlipFit
 from smart_tire.estimation.ground.estimator import WheelState
+from smart_tire.models.tire.brush_tire import LN_FRICTION
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 NO_COV = np.zeros((2, 2))
@@ -41,8 +42,8 @@ def test_an_uninformative_crossing_is_unknown_and_a_precise_one_hardly_depends_o
 def test_the_estimate_is_consistent_for_surfaces_drawn_from_the_prior():
     rng = np.random.default_rng(0)
     normalized = []
-    for mu in 0.45 * 2.0**rng.standard_normal(3000):
-        noise = rng.uniform(0.05, 0.35) / 0.45
+    for mu in np.exp(LN_FRICTION.value + LN_FRICTION.sigma * rng.standard_normal(3000)):
+        noise = rng.uniform(0.05, 0.35) / math.exp(LN_FRICTION.value)
         value, sigma = friction_estimate(1.0 / mu + noise * rng.standard_normal(), noise)
         if math.isfinite(value):
             normalized.append((mu - value) / sigma)
