@@ -38,11 +38,10 @@ from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
     LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME,
-    SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, START_SLIP, State, TRAVELS, TYPICAL_PERIOD,
-    UNKNOWN_SPEED)
+    SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, START_SLIP, State, TRAVELS, TYPICAL_PERIOD)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
-from smart_tire.samples import Four, GRAVITY, GroundState, Odometry
+from smart_tire.samples import Four, GRAVITY, GroundState, MAX_WHEEL_SPEED, Odometry
 from smart_tire.uncertain import Uncertain
 
 SLOPES = State.ROLL, State.PITCH
@@ -304,8 +303,9 @@ class SlipFilter:
             1.0 if wheels.from_positions else math.sqrt(2.0))
         left, right = (jitter * side for side in sides)  # m, one timestamp for both sides
         own = wheels.duration ** 2 * (wheels.variance + self._wheel_noise.variance)
-        # of the difference, if it is unknown
-        unknown = 0.0 if independent else (UNKNOWN_SPEED * wheels.duration) ** 2
+        # of the difference, if it is unknown: that of any two wheels
+        unknown = 0.0 if independent else (
+            MAX_WHEEL_SPEED * self._robot.wheel_radius * wheels.duration) ** 2
         both = left * right - unknown
         return np.array([[left * left + own + unknown, both],
                          [both, right * right + own + unknown]])

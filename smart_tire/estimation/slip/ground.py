@@ -32,8 +32,8 @@ from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import FORCES_HELD, KalmanFilter, LearnedVariance
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading, LEARNING_TIME,
-    MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MAX_SLIP_SIGMA, MIN_SIGMA, MIN_SLIP_SPEED,
-    MODEL_TIME, N, PUSH_SIGMAS, PUSH_TIME, SLIP_VELS, State, SUDDEN)
+    MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME, N, PUSH_SIGMAS,
+    PUSH_TIME, SLIP_VELS, State, SUDDEN)
 from smart_tire.estimation.slip.tire_forces import TireForces
 from smart_tire.models.tire.brush_tire import (
     LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_STIFFNESS)
@@ -380,7 +380,7 @@ class ForceBalance:
         self._transient *= math.exp(-speed * dt / self.relaxation)
         P = self._kalman.P
         if min(map(abs, self._rolling)) < MIN_SLIP_SPEED or max(
-                P[row, row] for row in (State.V_X, *SLIP_VELS)) > (MAX_SLIP_SIGMA * speed) ** 2:
+                P[row, row] for row in (State.V_X, *SLIP_VELS)) > speed ** 2:
             return False
         expected = self._forces.balance(
             x, self._rolling, W, imu.yaw_accel, reading.force_x, reading.force_y)

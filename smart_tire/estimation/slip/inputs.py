@@ -22,8 +22,8 @@ from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradict
 from smart_tire.estimation.slip.kalman import LearnedVariance
 from smart_tire.estimation.slip.state import (
     DRIVE_JERK, IMU_WINDOW, ImuReading, ImuStep, LEARNING_TIME, MAX_SAMPLE_GAP,
-    MAX_STATIONARY_WHEEL_SPEED, MIN_QUIET_SAMPLES, OUTLIER_SIGMAS, PERIOD_GAIN, QUIET_TIME,
-    RESIDUAL_GAIN, SPEED_WALK, TURN_TIME, TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
+    MAX_STATIONARY_WHEEL_SPEED, MODEL_TIME, OUTLIER_SIGMAS, PERIOD_GAIN, QUIET_TIME,
+    RESIDUAL_GAIN, SPEED_WALK, TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import Four, four, ImuSample, WheelSample
@@ -81,7 +81,7 @@ class ImuInput:
         self.reading: ImuReading | None = None  # last one, or its substitute in a dropout
         self.period = Period()
         self.yaw_accel = 0.0                    # rad/s2
-        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``TURN_TIME``
+        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``MODEL_TIME``
         self._begin_rate = 0.0                  # rad/s, that at the begin of the step
         self.force: tuple[float, float] | None = None  # m/s2, without vibration
         self.vibration = 0.0                    # m/s2
@@ -97,7 +97,7 @@ class ImuInput:
         if self.time is not None and self.reading is not None:
             self.period.add_gap(dt)
             self.yaw_accel = (reading.yaw_rate - self.reading.yaw_rate) / dt
-        self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
+        self.turn_rate += dt / (dt + MODEL_TIME) * (reading.yaw_rate - self.turn_rate)
         self.time, self.reading = time, reading
         return reading
 
@@ -114,7 +114,7 @@ class ImuInput:
         Densities of its errors are in (rad/s)^2 s and (m/s2)^2 s.
         """
         begin_rate, self.reading, self.force = self._begin_rate, reading, None
-        self.turn_rate += dt / (dt + TURN_TIME) * (reading.yaw_rate - self.turn_rate)
+        self.turn_rate += dt / (dt + MODEL_TIME) * (reading.yaw_rate - self.turn_rate)
         self._begin_rate = self.turn_rate
         return ImuStep(dt, reading, rate_density, accel_density, begin_rate, self.turn_rate)
 
@@ -361,7 +361,7 @@ class ZeroVelocityDetector:
     def _is_quiet(self) -> bool:
         newest = self._window[-1][0] if self._window else 0.0
         recent = [reading for time, reading in self._window if time >= newest - QUIET_TIME]
-        if len(recent) < MIN_QUIET_SAMPLES or newest - self._window[0][0] < 0.75 * QUIET_TIME:
+        if not recent or newest - self._window[0][0] < 0.75 * QUIET_TIME:
             return False
         return all(_standard_deviation(column) < limit
                    for column, limit in zip(zip(*recent), self._limits))

@@ -82,8 +82,8 @@ SLIP_CORRELATION_TIME = 1.0    # s, of slip and lateral speed beyond the ICR kin
 ICR_WALK_SHARE = 0.05          # of the track per sqrt(rad), assumed: the ground changes; jumps
 SLOPE_LENGTH = 2.0             # m, correlation length of the slope, assumed; hills
 COMMON_SLIP_SHARE = 3.0        # common slip over the difference of the sides, mu unknown; ice
-LEARNING_TIME = 10.0           # s of driving, of noises, assumed; ice
-SLIP_LEARNING_TIME = 25.0      # s of driving, of slip and slope, assumed; sand_straight, field
+LEARNING_TIME = 10.0           # s of driving, of noises, assumed; ice, field
+SLIP_LEARNING_TIME = 25.0      # s of driving, of slip, slope and delay, assumed; jumps, field
 
 # corrections
 OUTLIER_SIGMAS = 3.0          # beyond, variances grow with the square (Huber); pushes
@@ -91,7 +91,6 @@ MAX_NIS = OUTLIER_SIGMAS * OUTLIER_SIGMAS  # of an innovation that a level is le
 SPEED_SIGMA = 0.003           # m/s, of a side, beyond quantization and stamps, or of a robot that
 # stands, assumed; learned
 MAX_STATIONARY_WHEEL_SPEED = OUTLIER_SIGMAS * SPEED_SIGMA
-UNKNOWN_SPEED = 100.0         # m/s, sigma of a side difference that is not measured
 
 # balance of forces
 MIN_SLIP_SPEED = 0.1          # m/s, of wheels; below, forces and noise do not follow slip ratios
@@ -99,13 +98,11 @@ BALANCE_SIGMA = 0.03          # m/s2, least lasting error of the balance, which 
 # rows
 FORCE_ERROR = 0.07            # of traction forces: torque constant, tire curve, assumed; jumps
 MODEL_TIME = 0.3              # s, a robot length: of lasting errors of the forces, of compared
-# innovations; jumps
+# innovations, and in which tires build up the slip of a turn; jumps, pushes
 PUSH_TIME = 0.05              # s, in which tires follow a push: mass times speed over their
 # lateral stiffness; pushes, lifted
 PUSH_SIGMAS = 4.0             # of a change of the mean innovation in that time: once in minutes,
 # assumed; pushes, jumps
-MAX_SLIP_SIGMA = 1.0          # sigma of slip and speed over the speed, beyond which forces, which
-# saturate, are not used, assumed; gaps, a start in motion
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
 MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
 EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, its
@@ -114,10 +111,9 @@ EVIDENCE = 8.0                # twice the log likelihood ratio of a change of th
 
 # IMU and wheels
 TYPICAL_PERIOD = 0.05         # s, of samples, until there are two; locked wheels slide for longer
-PERIOD_GAIN = 0.1             # of a new one in the smoothed period
+PERIOD_GAIN = 0.1             # of a new one in the smoothed period; lost messages
 IMU_WINDOW = 1.0              # s, of the vibration level, of the mean yaw rate of a turn, and of
 # the settling of tires and body after one
-TURN_TIME = 0.2               # s, in which tires build up the slip of a turn: 10 cm; field
 DRIVE_JERK = 1.0              # m/s2 per sqrt(s), random walk of a robot's acceleration; field
 DROPOUT_ACCEL_SIGMA = 0.3     # m/s2, of the acceleration of a robot whose IMU is missing, over
 # the correlation time of slip; dropouts
@@ -141,12 +137,10 @@ MAX_LAG = 3.0 * LAG_SIGMA     # s
 MIN_LAG = 0.04                # s, of slip that follows the wheels late; below, none is used;
 # simulated slip with a lag of 0.1 s
 LAG_WINDOW = 0.1              # s, of compared turns: below the delays, above the noise of counts
-LAG_LEARNING_TIME = 40.0      # s of driving, assumed: a delay is that of the hardware; field
 MAX_LAG_RATE = 0.02           # s per s, of its change: wheel speeds are wrong by as much then
 
 # standstill
 QUIET_TIME = 0.4              # s for which the IMU must have been quiet; concrete, sand_turn
-MIN_QUIET_SAMPLES = 4         # in the quiet time
 UNWINDING_SHARE = 0.1         # of the last yaw rate, right after the wheels have stopped ...
 UNWINDING_TIME = 1.5          # s, ... and its decay time; simulated tires with linear springs
 TRUSTED_STANDSTILL = 3.0      # s; longer standstill overrules a state that has diverged

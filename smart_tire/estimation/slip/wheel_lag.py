@@ -17,8 +17,8 @@ from collections import deque
 import numpy as np
 
 from smart_tire.estimation.slip.state import (
-    LAG_LEARNING_TIME, LAG_SIGMA, LAG_WINDOW, MAX_LAG, MAX_LAG_RATE, MIN_LAG,
-    SLIP_CORRELATION_TIME)
+    LAG_SIGMA, LAG_WINDOW, MAX_LAG, MAX_LAG_RATE, MIN_LAG, SLIP_CORRELATION_TIME,
+    SLIP_LEARNING_TIME)
 
 LAGS = np.linspace(0.0, MAX_LAG, 16)  # s, that are compared
 
@@ -75,7 +75,7 @@ class WheelLag:
         rates = (np.interp(end - LAGS, times, angles)
                  - np.interp(end - span - LAGS, times, angles)) / span
         self._duration += span
-        gain = span / min(self._duration, LAG_LEARNING_TIME)
+        gain = span / min(self._duration, SLIP_LEARNING_TIME)
         own, others = self._turned / span - self._mean, rates - self._means
         self._mean += gain * own
         self._means += gain * others
@@ -90,7 +90,7 @@ class WheelLag:
     def _most_probable(self) -> float:
         with np.errstate(divide='ignore', invalid='ignore'):
             r = np.nan_to_num(np.maximum(self._mixed, 0.0) / np.sqrt(self._own * self._others))
-        n = min(self._duration, LAG_LEARNING_TIME) / SLIP_CORRELATION_TIME
+        n = min(self._duration, SLIP_LEARNING_TIME) / SLIP_CORRELATION_TIME
         score = (-0.5 * n * np.log(np.maximum(1.0 - r * r, 1e-9))
                  - 0.5 * (LAGS / LAG_SIGMA) ** 2)
         i = int(np.argmax(score))

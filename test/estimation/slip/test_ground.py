@@ -29,7 +29,7 @@ from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.ground import ground_prior, LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, EXPIRY_TIME, ImuReading, ImuStep, MODEL_TIME, N, PUSH_TIME,
+    BALANCE_SIGMA, EXPIRY_TIME, ImuReading, ImuStep, LEARNING_TIME, MODEL_TIME, N, PUSH_TIME,
     SLIP_CORRELATION_TIME, State)
 from smart_tire.models.vehicle.drive import friction_torque
 from smart_tire.parameters import SlipEstimatorParams
@@ -113,13 +113,13 @@ def lasting_sigmas(innovations, dt=0.008):
 @pytest.mark.parametrize('explained', [0.0, 0.05])
 def test_the_lasting_error_is_learned_from_what_white_errors_do_not_explain(explained):
     error, dt, sigmas = LastingError(), 0.01, []
-    for _ in range(6000):
+    for _ in range(round(6.0 * LEARNING_TIME / dt)):
         error.add_innovation(-0.3, dt)
         error.learn(explained, dt)
         sigmas.append(math.sqrt(error.variance))
     assert sigmas[50] < 1.5 * BALANCE_SIGMA  # an outlier at first
     assert sigmas[-1] == pytest.approx(math.sqrt(0.09 - explained), rel=0.01)
-    for _ in range(12000):
+    for _ in range(round(12.0 * LEARNING_TIME / dt)):
         error.add_innovation(0.0, dt)
         error.learn(explained, dt)
     assert error.variance == BALANCE_SIGMA ** 2

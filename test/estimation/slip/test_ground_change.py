@@ -16,7 +16,7 @@ import pytest
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.ground import GroundChange, MotorTorques
 from smart_tire.estimation.slip.kalman import KalmanFilter
-from smart_tire.estimation.slip.state import GROUND, N, State, SUDDEN
+from smart_tire.estimation.slip.state import GROUND, LEARNING_TIME, N, State, SUDDEN
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
 from support.torques import required_torque
@@ -128,7 +128,7 @@ def test_traction_forces_follow_from_motor_torques_that_are_measured():
 
 def test_the_noise_of_torques_is_learned_while_speeds_are_steady():
     calm, steady, turning = (MotorTorques(ROBOT) for _ in range(3))
-    for i in range(800):
+    for i in range(round(4.0 * LEARNING_TIME / PERIOD)):
         y = 5.0 * (-1.0) ** i
         least = calm.variance(0, 5.0, 4.0, 0.0, PERIOD)
         learned = steady.variance(0, y, 4.0, 0.0, PERIOD)

@@ -16,6 +16,7 @@ import math
 import pytest
 
 from smart_tire.estimation.slip.inputs import WheelOdometry
+from smart_tire.estimation.slip.state import LEARNING_TIME
 from smart_tire.parameters import JointParams, RobotParams
 from smart_tire.samples import WheelSample
 
@@ -42,10 +43,10 @@ def test_positions_give_the_mean_speed_over_the_gap(odometry):
 def after_a_gap(gap, last=3.0, jump=0.0):
     """Return the speeds after samples of 3 rad/s each 0.1 s and a gap; the last but one jumps."""
     odometry = WheelOdometry(ROBOT)
-    for k in range(200):
+    for k in range(round(20.0 * LEARNING_TIME)):
         speeds = odometry.add_sample(0.1 * k, sample(3.0 + jump * (k % 2)))
     assert speeds.duration == pytest.approx(0.1) and not speeds.from_positions
-    return odometry.add_sample(19.9 + gap, sample(last)), odometry
+    return odometry.add_sample(0.1 * k + gap, sample(last)), odometry
 
 
 def test_without_positions_the_speed_is_interpolated_over_lost_messages():
