@@ -1,12 +1,23 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
 """Constants of the estimators get other values before anything is derived from them."""
 
-import subprocess
-import sys
+from importlib.util import module_from_spec
 
 from benchmarks.robots import ablation
 import numpy as np
 import pytest
 
+from smart_tire.estimation import slip
+from smart_tire.estimation.slip import state
 from smart_tire.uncertain import Uncertain
 
 
@@ -34,13 +45,12 @@ def test_a_count_stays_whole(factor, expected):
 
 
 def test_what_is_derived_from_a_constant_follows_it():
-    program = (
-        'import sys\n'
-        'from benchmarks.robots.ablation import Variation\n'
-        'assert not [name for name in sys.modules if "estimation" in name]\n'
-        'sys.meta_path.insert(0, Variation("slip.state.OUTLIER_SIGMAS", 2.0))\n'
-        'from smart_tire.estimation.slip import ground, state\n'
-        'print(state.OUTLIER_SIGMAS, ground.MAX_NIS, state.PUSH_SIGMAS)')
-    found = subprocess.run([sys.executable, '-c', program], check=True, capture_output=True,
-                           text=True)
-    assert found.stdout.split() == ['6.0', '36.0', '4.0']
+    name = 'smart_tire.estimation.slip.state'
+    spec = ablation.Variation('slip.state.OUTLIER_SIGMAS', 2.0).find_spec(name, slip.__path__)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert (module.OUTLIER_SIGMAS, module.MAX_NIS) == (
+        2.0 * state.OUTLIER_SIGMAS, 4.0 * state.MAX_NIS)
+    assert module.PUSH_SIGMAS == state.PUSH_SIGMAS
+    assert ablation.Variation('slip.state.EVIDENCE', 2.0).find_spec(
+        'smart_tire.estimation.slip.ground', slip.__path__) is None

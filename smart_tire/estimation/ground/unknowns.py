@@ -109,7 +109,7 @@ MOVED_LOAD = Uncertain(-0.4, 0.5)   # -1: the others carry the load; 0: what lif
 GROUND_WALK = 0.05                  # per sqrt(m); jumps
 PLACE_WALK = 0.3                    # ... slopes and differences of the sides, per sqrt(m); hills
 WALK = 0.03                         # of sensors and robot, per sqrt(s)
-STEP = 0.001                        # for numerical derivatives, which friction on ice changes with
+DERIVATIVE_STEP = 0.001             # numerical; friction on ice changes with it
 
 # window
 LENGTH = 3.0            # s, of the window, assumed; concrete

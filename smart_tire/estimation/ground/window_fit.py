@@ -28,9 +28,9 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import Measurements, TORQUE, WindowMotion
 from smart_tire.estimation.ground.unknowns import (
-    CONVERGED, CURVE, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA, MAX_STEP,
-    MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES, SIDES_DIFFER,
-    SIZE, STEP, Unknown, UNMEASURED, WindowPrior)
+    CONVERGED, CURVE, DERIVATIVE_STEP, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA,
+    MAX_STEP, MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES,
+    SIDES_DIFFER, SIZE, Unknown, UNMEASURED, WindowPrior)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
@@ -125,7 +125,7 @@ class WindowFit:
     def __init__(self, robot: RobotParams, rows: list[Row]) -> None:
         """``rows`` are the priors of the unknowns."""
         self._robot, self.rows = robot, rows
-        self.steps = np.array([STEP * row.sigma for row in rows[:DYNAMIC]])  # (DYNAMIC,)
+        self.steps = np.array([DERIVATIVE_STEP * row.sigma for row in rows[:DYNAMIC]])  # (DYNAMIC,)
 
     def fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
                near: bool = False) -> tuple[Hypothesis, WindowEstimate]:
