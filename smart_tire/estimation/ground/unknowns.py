@@ -96,8 +96,7 @@ FILM_ERRORS = slice(Unknown.FILM_ERROR, SIZE)
 # priors, in the unit of the unknown; those of the ground are in ``models.tire.brush_tire``
 FALL = Uncertain(0.15, 0.1)         # 0 (a brush) to .45, assumed
 SLOPE_SIGMA = 0.03                  # rad, and of its change over a window, assumed; hills
-SIDE_SIGMA = 0.03                   # uneven tires, assumed; split
-SIDE_RESISTANCE_SIGMA = 0.1         # assumed
+SIDE_SIGMA = 0.03                   # uneven tires and ground, assumed; split
 START_SIGMA = 0.1                   # m/s, rad/s, assumed
 DELAY_SIGMA = 0.008                 # s, unknown latency; slow_turn
 MIN_RADIUS_SIGMA = 0.006            # the radius of a loaded tire, assumed
@@ -106,7 +105,7 @@ MOTOR_SCALE_SIGMA = 0.015           # torque constant of a motor: magnets, assum
 MOVED_LOAD = Uncertain(-0.4, 0.5)   # -1: the others carry the load; 0: what lifts the wheel does;
 # .2: and lifts its corner; lifted
 # random walks in sigmas of the prior, assumed: a ground without a sudden change and ...
-GROUND_WALK = 0.05                  # per sqrt(m); jumps
+GROUND_WALK = 0.04                  # per sqrt(m); jumps
 PLACE_WALK = 0.3                    # ... slopes and differences of the sides, per sqrt(m); hills
 WALK = 0.03                         # of sensors and robot, per sqrt(s)
 DERIVATIVE_STEP = 0.001             # numerical; friction on ice changes with it
@@ -199,8 +198,7 @@ def priors(robot: RobotParams) -> list[Row]:
     add((u.LATERAL_SHARE,), *LATERAL_SHARE, ground=GROUND_WALK)
     add((u.FALL,), *FALL, ground=GROUND_WALK)
     add((u.SLOPE_X, u.SLOPE_Y), 0.0, SLOPE_SIGMA, ground=PLACE_WALK)
-    add((u.SIDE_STIFFNESS, u.SIDE_FRICTION), 0.0, SIDE_SIGMA, ground=PLACE_WALK)
-    add((u.SIDE_RESISTANCE,), 0.0, SIDE_RESISTANCE_SIGMA, ground=PLACE_WALK)
+    add(_rows(SIDES), 0.0, SIDE_SIGMA, ground=PLACE_WALK)
     add((u.LATERAL_RATIO,), *LN_LATERAL_RATIO, WALK)
     add((u.DELAY,), 0.0, DELAY_SIGMA, WALK)
     add((u.RADIUS,), 0.0, max(robot.wheel_radius_sigma, MIN_RADIUS_SIGMA), WALK)
