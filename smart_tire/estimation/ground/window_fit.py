@@ -125,7 +125,7 @@ class WindowFit:
     def __init__(self, robot: RobotParams, rows: list[Row]) -> None:
         """``rows`` are the priors of the unknowns."""
         self._robot, self.rows = robot, rows
-        self.steps = np.array([DERIVATIVE_STEP * row.sigma for row in rows[:DYNAMIC]])  # (DYNAMIC,)
+        self.steps = DERIVATIVE_STEP * np.array([row.sigma for row in rows[:DYNAMIC]])
 
     def fitted(self, hypothesis: Hypothesis, measurements: Measurements, leaving: float,
                near: bool = False) -> tuple[Hypothesis, WindowEstimate]:
