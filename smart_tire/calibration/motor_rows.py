@@ -20,8 +20,10 @@ double integrals, which splines give. So no signal lags behind another one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 import math
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
@@ -38,13 +40,13 @@ from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import GRAVITY
-from smart_tire.uncertain import Uncertain
 
 REACH = 0.25             # s from the center of a window to its ends: a start or stop lasts longer
 MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
 MAX_LENGTHENING = 1.25   # of a window against its number of periods; beyond, a sample is missing
 MAX_TORQUE_GAP = 0.15    # s; over longer gaps the torque is not known
 COMMAND_DELAY = PRIORS['delay of a command'].value  # s from its timestamp to its application
+READING_DELAY = PRIORS['delay of a reading'].value  # s of a current after the encoders
 EDGE_MARGIN = 0.006      # s around a change of the duty, in which the duty in force is uncertain
 DELAY_STEP = 0.01        # s, for derivatives with respect to a delay
 
@@ -59,29 +61,35 @@ class MotorRows(Samples):
 
     time: Array           # (n,) s, centers
     speed: Array          # (n, 4) rad/s, of one sign within a window
-    speed_sigma: Array    # (n, 4) rad/s, of ``speed``: its course between samples is not known
     acceleration: Array   # (n, 4) rad/s2
     torque: Array         # (n, 4) N m, mean of the measurements
     duty: Array           # (n, 4) mean of the commands
     duty_rate: Array      # (n, 4) 1/s, its rate of change
-    force: Array          # (n,) m/s2, forward specific force at the center of mass
-    force_rate: Array     # (n,) m/s3, its rate of change
+    force: Array          # (n,) m/s2, forward specific force at the center of mass, minus at rest
     # (n, 2) m/s2, mean of the force from its values at the wheel samples, as of the torque, minus
-    # ``force``; and the same for its change from a quarter of a period before to after, halved
+    # its mean; and the change of this from a quarter of a period before to after, halved
     ripple: Array
     center_torque: Array  # (n, 4) N m, measured at the center
     center_duty: Array    # (n, 4) in force at the center; NaN close to a change
-    center_speed: Array   # (n, 4) rad/s, at the center
+    center_speed: Array   # (n, 4) rad/s, at the reading of the center
     center_slip: Array    # (n, 4) rad/s, share of it from the slip at the center
-    rest_force: Uncertain  # m/s2, forward specific force at rest: bias, slope and tilt
+    rest_sigma: float     # m/s2, of the force at rest: bias, slope and tilt
     force_noise: Array    # (n,) m/s2, standard deviation of ``force`` from noise and vibration
     lags: int             # neighbors on each side that share samples with a row
-    step: float           # s between rows
 
     @property
     def direction(self) -> Array:
         """Return the direction of rotation of each wheel, 1 or -1, shape (n, 4)."""
         return np.asarray(np.sign(self.speed))
+
+    @classmethod
+    def joined(cls, runs: Sequence[MotorRows]) -> MotorRows:
+        """Return the rows of all runs."""
+        first, *_ = runs
+        values: dict[str, Any] = {
+            item.name: np.concatenate([getattr(rows, item.name) for rows in runs])
+            for item in fields(cls) if isinstance(getattr(first, item.name), np.ndarray)}
+        return replace(first, **values)
 
 
 class _Windows:
@@ -122,39 +130,36 @@ def motor_rows(recording: CalibrationRecording, robot: RobotParams) -> MotorRows
     n = max(2, round(REACH / step))
     windows = _Windows(time, _centers(recording, robot, time, n), n)
     center, nowhere = time[windows.center], np.full((len(windows.center), 4), np.nan)
-    increments, _ = rotation_increments(wheels)
-    angle = np.concatenate([np.zeros((1, 4)), np.cumsum(increments, axis=0)])
+    angle = np.concatenate([np.zeros((1, 4)), np.cumsum(rotation_increments(wheels)[0], axis=0)])
     # the mean of an angle between two samples depends on the change of the speed between them
     speed = windows.mean(CubicSpline(time, angle).antiderivative()(time))
-    linear = windows.mean(make_interp_spline(time, angle, k=1).antiderivative()(time))
     arm_x, arm_y = (robot.imu.position[i] - robot.center_of_mass[i] for i in range(2))
     force = make_interp_spline(imu.time, imu.force[:, 0] + arm_x * imu.rate[:, 2] ** 2, k=1)
     yaw = make_interp_spline(imu.time, imu.rate[:, 2], k=1).antiderivative()
     distance = force.antiderivative(2)
-    earlier, acting, later = (
-        windows.mean(distance(time + delay) + arm_y * yaw(time + delay))
-        for delay in (-DELAY_STEP, 0.0, DELAY_STEP))
-    rate = (later - earlier) / (2.0 * DELAY_STEP)
-    earlier, now, later = (windows.mean_of_samples(force(time + delay))
-                           for delay in (-0.25 * step, 0.0, 0.25 * step))
-    ripple = np.stack([now - acting, 0.5 * (later - earlier) - 0.25 * step * rate], axis=1)
+    acting = windows.mean(distance(time) + arm_y * yaw(time))
+    early, ripple, late = (
+        windows.mean_of_samples(force(time + delay)) - windows.mean(distance(time + delay))
+        for delay in (-0.25 * step, 0.0, 0.25 * step))
     # the IMU resolves the periods of the wheels: the speed of the body is the integral of its
     # force, and the force on the tires requires slip
     body = force.antiderivative()(center) - windows.mean(force.antiderivative(3)(time))
     rolling, mean_rolling = (1.0 - np.clip(
         np.sign(speed.mean(axis=1)) * _slip(values, robot), -MAX_SLIP, MAX_SLIP)
         for values in (force(center), acting))
-    slip = speed * (mean_rolling / rolling - 1.0)[:, None]
+    acceleration, slip = windows.mean(angle), speed * (mean_rolling / rolling - 1.0)[:, None]
     torque = nowhere if wheels.torque is None else np.stack([
         windows.mean_of_samples(column, MAX_TORQUE_GAP) for column in wheels.torque.T], axis=1)
     duty, duty_rate, held = (nowhere,) * 3 if duties is None else _duty(duties, windows)
+    rest, rest_sigma = _rest_force(recording, robot)
     return MotorRows(
-        center, speed, np.abs(speed - linear), windows.mean(angle), torque,
-        duty, duty_rate, acting, rate, ripple,
+        center, speed, acceleration, torque, duty, duty_rate, acting - rest,
+        np.column_stack([ripple, 0.5 * (late - early)]),
         nowhere if wheels.torque is None else wheels.torque[windows.center], held,
-        speed + body[:, None] / robot.wheel_radius + slip, slip, _rest_force(recording, robot),
+        speed + slip + body[:, None] / robot.wheel_radius + READING_DELAY * acceleration, slip,
+        rest_sigma,
         np.full(len(center), noise_level(force.c, 2) * math.sqrt(
-            2.0 / 3.0 * period(imu.time) / (n * step))), 2 * n, step)
+            2.0 / 3.0 * period(imu.time) / (n * step))), 2 * n)
 
 
 def _slip(force: Array, robot: RobotParams) -> Array:
@@ -166,21 +171,20 @@ def _slip(force: Array, robot: RobotParams) -> Array:
 
 def _duty(duties: DutyRecord, windows: _Windows) -> tuple[Array, Array, Array]:
     """Return mean, rate of change [1/s], and value at the center (NaN close to a change)."""
-    time = windows.time
+    time = windows.time - COMMAND_DELAY
     ends = np.concatenate([[min(time[0], duties.time[0]) - 1.0], duties.time,
                            [max(time[-1], duties.time[-1]) + 1.0]])
     values = np.vstack([np.zeros((1, 4)), duties.duty])
     double = PPoly(values[None], ends).antiderivative(2)
     earlier, mean, later = (windows.mean(double(time + delay))
                             for delay in (-DELAY_STEP, 0.0, DELAY_STEP))
-    center = time[windows.center] - COMMAND_DELAY
-    before, after = (values[np.clip(np.searchsorted(ends, center + margin, side='right') - 1, 0,
-                                    len(values) - 1)] for margin in (-EDGE_MARGIN, EDGE_MARGIN))
-    return (mean, (later - earlier) / (2.0 * DELAY_STEP),
-            np.where(before == after, before, np.nan))
+    before, after = (values[np.clip(
+        np.searchsorted(ends, time[windows.center] + margin, side='right') - 1, 0,
+        len(values) - 1)] for margin in (-EDGE_MARGIN, EDGE_MARGIN))
+    return mean, (later - earlier) / (2.0 * DELAY_STEP), np.where(before == after, before, np.nan)
 
 
-def _rest_force(recording: CalibrationRecording, robot: RobotParams) -> Uncertain:
+def _rest_force(recording: CalibrationRecording, robot: RobotParams) -> tuple[float, float]:
     """Return the forward specific force [m/s2] at rest: accelerometer bias, slope and tilt."""
     imu, means = recording.imu, []
     for begin, end in stationary_intervals(recording.wheels, robot):
@@ -189,8 +193,8 @@ def _rest_force(recording: CalibrationRecording, robot: RobotParams) -> Uncertai
             means.append(float(imu.force[chosen, 0].mean()))
     slope = GRAVITY * PRIORS['slope against that at rest'].sigma
     if not means:
-        return Uncertain(0.0, math.hypot(slope, robot.imu.accel_bias))
-    return Uncertain(float(np.mean(means)), slope / math.sqrt(len(means)))
+        return 0.0, math.hypot(slope, robot.imu.accel_bias)
+    return float(np.mean(means)), slope / math.sqrt(len(means))
 
 
 def _centers(recording: CalibrationRecording, robot: RobotParams, time: Array, n: int) -> Indices:
@@ -206,9 +210,8 @@ def _centers(recording: CalibrationRecording, robot: RobotParams, time: Array, n
         moving = [_all_of_next(valid & (sign * column > slowest), count)
                   for sign in (1.0, -1.0)]
         usable &= (moving[0] | moving[1])[center - n - 1]
-    margin = MAX_IMU_GAP + DELAY_STEP
     return np.asarray(center[usable & covered(
-        imu.time, time[center - n] - margin, time[center + n] + margin, MAX_IMU_GAP)])
+        imu.time, time[center - n] - step, time[center + n] + step, MAX_IMU_GAP)])
 
 
 def _all_of_next(mask: Mask, count: int) -> Mask:

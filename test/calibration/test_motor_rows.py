@@ -95,7 +95,8 @@ def test_the_duty_is_averaged_over_the_same_windows():
     fine = np.linspace(-0.25, 0.25, 2001)
     weight = 1.0 - np.abs(fine) / 0.25
     for row in (10, 40, 90):
-        held = duty[np.searchsorted(time, rows.time[row] + fine, side='right') - 1, 0]
+        acting = rows.time[row] + fine - COMMAND_DELAY
+        held = duty[np.searchsorted(time, acting, side='right') - 1, 0]
         assert rows.duty[row] == pytest.approx(np.average(held, weights=weight), abs=1e-3)
         assert rows.duty_rate[row] == pytest.approx(math.cos(rows.time[row] - 0.025), abs=0.1)
     held = duty[np.searchsorted(time, rows.time - COMMAND_DELAY, side='right') - 1]
