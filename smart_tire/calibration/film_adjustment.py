@@ -53,7 +53,6 @@ HUBER_THRESHOLD = 2.5   # sigmas, beyond which a crossing or segment has lower w
 MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
 MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
 CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
-MAX_FACTORS = 3.0, 1.3  # of gains and contact length in one iteration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,11 +143,9 @@ class _Adjuster:
         radius = max(robot.wheel_radius_sigma, MIN_SIGMA)
         # followed by an offset of the slips of each recording, and the slip error of each segment
         sigma = np.full(index.size + max(recordings, default=-1) + 1, radius)
-        sigma[:index.length] = PRIORS['film gain'].sigma
-        sigma[index.length:index.position(0)] = (
-            PRIORS['ln of the contact length'].sigma, PRIORS['ln of alpha'].sigma, radius,
-            PRIORS['length of a film'].sigma)
-        sigma[index.position(0):index.size] = PRIORS['film position'].sigma
+        sigma[:index.size] = PRIORS['film'].sigma
+        sigma[index.alpha:index.position(0)] = (
+            PRIORS['ln of alpha'].sigma, radius, PRIORS['length of a film'].sigma)
         self._common = sigma
         relative = np.array([one.crossing.slip[1] / abs(one.crossing.slip[0])
                              for one in observations])
@@ -265,9 +262,9 @@ def per_film(robot: RobotParams) -> RobotParams:
 def iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
             robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
     """Fit all crossings until the shared parameters converge."""
-    groups, refined = robot.film_groups, False
+    groups = robot.film_groups
     for _ in range(MAX_ITERATIONS):
-        fitter = ObservationFitter(robot, refined=refined)
+        fitter = ObservationFitter(robot)
         observed = [(observation, i) for i, crossings in enumerate(recordings)
                     for crossing in crossings
                     if (observation := fitter.fit_crossing(
@@ -282,9 +279,8 @@ def iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
         found = GainAdjustment(robot, groups, fitter, result)
         change = result.value / np.sqrt(np.diag(result.covariance))
         robot = _updated(found, observations)
-        if refined and np.max(np.abs(change[:result.index.radius])) < CONVERGED_SIGMAS:
+        if np.max(np.abs(change[:result.index.radius])) < CONVERGED_SIGMAS:
             break
-        refined = bool(np.all(_gain_factors(result) > 0.0))  # no film has its poles swapped
     return observations, sources, found
 
 
@@ -294,14 +290,12 @@ def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
 
 
 def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> RobotParams:
-    """Return the robot with the adjusted parameters, within the limits of one iteration."""
+    """Return the robot with the adjusted parameters."""
     robot, result = found.robot, found.result
     film, index = robot.film, result.index
-    max_gain, max_length = MAX_FACTORS
-    factor = _gain_factors(result)
-    factor = np.where(factor > 0.0, np.clip(factor, 1.0 / max_gain, max_gain), 1.0)
-    length, alpha = np.exp(np.clip(result.value[[index.length, index.alpha]],
-                                   -math.log(max_length), math.log(max_length))).tolist()
+    factor = 1.0 + result.value[:index.length]
+    factor = np.where(factor > 0.0, factor, 1.0)  # else its poles are swapped
+    length, alpha = np.exp(result.value[[index.length, index.alpha]]).tolist()
     peaks = (bending_peaks(observations, wheel, i)
              for wheel in film.wheels for i in range(film.count))
     bending = [winsorized_mean(values, SIGNIFICANT_SIGMAS).value if values else nominal
@@ -314,12 +308,6 @@ def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> 
                    bending_peak=tuple(bending), bending_alpha=alpha * film.bending_alpha, **layout)
     return replace(robot, film=film, tire=replace(
         robot.tire, contact_length=length * robot.tire.contact_length))
-
-
-def _gain_factors(result: Adjustment) -> Array:
-    """Return the gains over the nominal ones."""
-    factors: Array = 1.0 + result.value[:result.index.length]
-    return factors
 
 
 def _position_offsets(found: GainAdjustment) -> list[float]:

@@ -180,16 +180,13 @@ class GainObservation:
 class ObservationFitter:
     """Fits crossings of the films of ``robot``, whose parameters must be approximately right."""
 
-    def __init__(self, robot: RobotParams, *, refined: bool) -> None:
-        stage = 'refined' if refined else 'initial'
-        self._sigmas = (PRIORS[f'{stage} film gain'].sigma,
-                        PRIORS[f'{stage} contact length'].sigma)
-        film = robot.film
+    def __init__(self, robot: RobotParams) -> None:
+        film, self._sigma = robot.film, PRIORS['film'].sigma
         self._bending = {wheel: film.bending(wheel) for wheel in film.wheels}
         self._shapes = {wheel: ShapeEstimator() for wheel in film.wheels}
         self._fitters = {wheel: WaveformFitter(
             robot, film.gains(wheel), film.bending(wheel), self._shapes[wheel],
-            gain_sigma=self._sigmas[0], length_sigma=self._sigmas[1]) for wheel in film.wheels}
+            gain_sigma=self._sigma, length_sigma=self._sigma) for wheel in film.wheels}
 
     def fit_crossing(self, crossing: CrossingWithSlip, *, gains: bool) -> GainObservation | None:
         """
@@ -200,7 +197,7 @@ class ObservationFitter:
         fitter, samples = self._fitters[crossing.wheel], crossing.films
         slip = crossing.slip.value
         fit = fitter.fit(samples, CrossingSlipPrior(
-            Uncertain(slip, PRIORS['slip that is fitted'].sigma), crossing.change))
+            Uncertain(slip, self._sigma), crossing.change))
         first = fit
         if fit is not None and gains:
             fit = fitter.fit(samples, CrossingSlipPrior(
@@ -213,9 +210,8 @@ class ObservationFitter:
         count = len(samples.films)
         rows, value = _rows(fit, crossing.direction, gains)
         raw = fit.covariance / fit.excess
-        prior = np.zeros(len(value))
-        prior[:count * gains] = self._sigmas[0] ** -2
-        prior[count * gains:count * gains + 2] = self._sigmas[1] ** -2, LOG_ALPHA_SIGMA ** -2
+        prior, length = np.zeros(len(value)), count * gains
+        prior[:length + 1], prior[length + 1] = self._sigma ** -2, LOG_ALPHA_SIGMA ** -2
         precision = _without_prior(np.linalg.inv(rows @ raw @ rows.T), prior)
         estimate = value + np.linalg.solve(precision, prior * value)
         scale = samples.errors.scale_sigma

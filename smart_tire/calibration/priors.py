@@ -85,19 +85,13 @@ PRIORS: Mapping[str, Known] = {
     # films
     'change of slip': Known(0.0005, 'over a contact length', 'steady motion; assumed'),
     'estimated change of slip': Known(0.5, RELATIVE, 'assumed'),
-    'initial film gain': Known(0.5, RELATIVE, 'uninformative: a first fit'),
-    'initial contact length': Known(0.1, RELATIVE, 'measured by hand'),
-    'refined film gain': Known(0.2, RELATIVE, 'fits close to the solution'),
-    'refined contact length': Known(0.05, RELATIVE, 'fits close to the solution'),
-    'slip that is fitted': Known(1.0, '-', 'uninformative'),
+    # gain, ln of the contact length, slip [-], position [m]
+    'film': Known(1.0, 'unit', 'uninformative: a gain may be wrong by a factor of two'),
     'slip that is adjusted later': Known(1e-5, '-', 'exact: its error enters there'),
     'ln of alpha K': Known(5.0, '-', 'uninformative: film on a stand'),
     'latency of films': Known(0.003, 's', 'assumed: against the wheels'),
     'length of a film': Known(0.005, RELATIVE, '0.1 mm of 20 mm'),
-    'film gain': Known(10.0, RELATIVE, 'uninformative'),
-    'ln of the contact length': Known(1.0, '-', 'uninformative'),
-    'ln of alpha': Known(0.3, '-', 'paper: shape of bending'),
-    'film position': Known(1.0, 'm', 'uninformative')}
+    'ln of alpha': Known(0.3, '-', 'paper: shape of bending')}
 
 LIMITS: Mapping[str, Known] = {
     'wheel latency': PRIORS['wheel latency'],
