@@ -37,7 +37,8 @@ from smart_tire.calibration.film_crossings import (
 from smart_tire.calibration.priors import LIMITS, PRIORS
 from smart_tire.calibration.results import MIN_ROBUST, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.least_squares import Prior, REWEIGHTING_ROUNDS, solve_with_prior
+from smart_tire.numerics.least_squares import (
+    HUBER_THRESHOLD, Prior, REWEIGHTING_ROUNDS, solve_with_prior)
 from smart_tire.numerics.robust import huber_weights, winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S
@@ -49,7 +50,6 @@ SEGMENT_SLIP_SHARE, CROSSING_SLIP_SHARE = 0.6, 0.5
 SEGMENT_SLIP_TOLERANCE = 0.03  # -, deviation of slip that begins a new segment
 MAX_SEGMENT_PAUSE = 3.0  # s between two crossings of a segment: a revolution of a slow wheel
 MIN_SIGMA = 1e-6  # -, of parameters that are configured as exact
-HUBER_THRESHOLD = 2.5   # sigmas, beyond which a crossing or segment has lower weight
 MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
 MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
 CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
-from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import MIN_ROBUST, SIGNIFICANT_SIGMAS
 from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.friction.constants import CHANGE_SIGMA, LOG_ALPHA_SIGMA
@@ -46,7 +46,6 @@ from smart_tire.uncertain import Uncertain
 
 MEAN_MARGIN_NS = 50_000_000  # at least, on either side of a crossing, for the linear fit
 MEAN_POINTS = 5            # in a crossing, of which the mean slip is taken
-MIN_SLOPE_SAMPLES = 6
 
 BENDING_RANGE = (0.2, 5.0)                            # of the nominal bending peak
 # -, deviation of slip from a straight line that doubles the variance of a crossing with
@@ -141,7 +140,7 @@ class CrossingCollector:
         slip = Uncertain(*(float(np.interp(points, time, column).mean())
                            for column in (ratio, sigma)))
         slope = residual = 0.0
-        if len(ratio) >= MIN_SLOPE_SAMPLES:
+        if len(ratio) >= MIN_ROBUST:
             slope, offset = np.polyfit(time, ratio, 1).tolist()
             residual = float(np.std(ratio - slope * time - offset))
         length = self.robot.tire.contact_length

@@ -33,7 +33,8 @@ from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.reference import (
     fit_gyro_scale, fit_radius, RadiusFit, usable_reference)
 from smart_tire.calibration.results import Found, ReportedQuantity, SIGNIFICANT_SIGMAS
-from smart_tire.calibration.sensor_noise import fit_jitter, fit_rest, motion_noise, RestFit
+from smart_tire.calibration.sensor_noise import (
+    fit_jitter, fit_rest, MAX_REPEATED_SHARE, motion_noise, RestFit)
 from smart_tire.errors import EstimatorError
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
@@ -48,7 +49,6 @@ ROLL, PITCH, ROTATION = 'mounting roll', 'mounting pitch', 'imu.rotation'
 HALF_FACTOR = 2.0          # of the limits of standard errors, for half of a recording
 MIN_RESTS = 2              # in each half: one alone may be on a slope
 MAX_NOISE_RATIO = 1.2      # of the noise in motion over that at rest
-MAX_REPEATED_SHARE = 0.05  # of samples equal to the previous one: more is not chance
 BLOCKS, MIN_BLOCK = 12, 4.0  # number and length [s]; shorter gaps are bridged by the positions
 NO_POSITIONS = ('wheel_states have no positions: the interval of their mean velocities is '
                 'uncertain by half a period, unless speed changes confirm the latency')

@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 
+from smart_tire.calibration.recording import TURN_RATE, WHEEL_IN_MOTION
 from smart_tire.calibration.sequence import LIFTED, REST, STRAIGHT, TURNS
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
@@ -29,10 +30,7 @@ MAX_SPEED = 1.3          # m/s, of the surface of a wheel
 FREE_SPACE_MARGIN = 0.5  # m, free space around the path
 PATH_STEP = 0.02         # s
 TRACK_FACTORS = (1.0, 2.0)  # effective track over the geometric one: tight and wide turns
-WHEEL_AT_REST = 0.05     # rad/s
-WHEEL_IN_MOTION = 2.0    # rad/s, of a start: slower ones hardly slip
-BODY_AT_REST = 0.1       # rad/s, about any axis
-TURN_RATE = 0.15         # rad/s, of a turn
+WHEEL_SPEED = 2.0        # rad/s, of a start: slower ones hardly slip
 
 INSTRUCTIONS: Mapping[str, str] = {
     REST: 'Leave the robot at rest on level ground, motors on, nobody touches it.',
@@ -137,7 +135,7 @@ class RestWatch(Watch):
 
     def count(self, elapsed: float) -> None:
         """Count the rest; motion starts it again."""
-        self.wrong = self.fastest > WHEEL_AT_REST or self.tilting > BODY_AT_REST
+        self.wrong = self.fastest > WHEEL_IN_MOTION or self.tilting > TURN_RATE
         self.seen = dict.fromkeys((1, -1), 0.0 if self.wrong else self.seen[1] + elapsed)
 
 
@@ -152,9 +150,9 @@ class StraightWatch(Watch):
         """Count starts that end in a stop without a turn."""
         turning = abs(self.yaw_rate) > TURN_RATE
         if self._direction == 0:
-            if self.fastest > WHEEL_IN_MOTION:
+            if self.fastest > WHEEL_SPEED:
                 self._direction, self.wrong = (1 if self.wheels > 0.0 else -1), turning
-        elif self.fastest < WHEEL_AT_REST:
+        elif self.fastest < WHEEL_IN_MOTION:
             self.seen[self._direction] += not self.wrong
             self._direction, self.wrong = 0, False
         else:
@@ -168,7 +166,7 @@ class TurnWatch(Watch):
 
     def count(self, elapsed: float) -> None:
         """Count the yaw of turns."""
-        if abs(self.yaw_rate) > TURN_RATE and self.fastest > WHEEL_AT_REST:
+        if abs(self.yaw_rate) > TURN_RATE and self.fastest > WHEEL_IN_MOTION:
             self.seen[1 if self.yaw_rate > 0.0 else -1] += math.degrees(
                 abs(self.yaw_rate) * elapsed)
 
@@ -181,8 +179,8 @@ class LiftedWatch(Watch):
 
     def count(self, elapsed: float) -> None:
         """Count the time of rotation with the body at rest."""
-        self.wrong = abs(self.yaw_rate) > BODY_AT_REST
-        if self.fastest > WHEEL_IN_MOTION and not self.wrong:
+        self.wrong = abs(self.yaw_rate) > TURN_RATE
+        if self.fastest > WHEEL_SPEED and not self.wrong:
             self.seen[1 if self.wheels > 0.0 else -1] += elapsed
 
 

@@ -170,7 +170,7 @@ def fit_speed_changes(recording: CalibrationRecording, robot: RobotParams) -> Sp
     return SpeedChangeFit(
         _with_lag(fit, speed[after], rolled),
         Uncertain(radius * scale.value, radius * math.hypot(
-            scale.sigma, PRIORS['acceleration of the body'].sigma * scale.value)),
+            scale.sigma, PRIORS['acceleration on straight lines'].sigma * scale.value)),
         scale.value * rolled)
 
 

@@ -42,7 +42,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.motor_rows import motor_rows, MotorRows
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
 from smart_tire.calibration.recording import CalibrationRecording, Indices
-from smart_tire.calibration.results import Found, MIN_ROWS, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import Found, MIN_ROBUST, MIN_ROWS, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import Errors, Fit, HAC_TIME, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
@@ -61,7 +61,7 @@ MAX_TURN_SHARE = 0.2     # of the speed: half the difference of the sides; tires
 SAMPLING_FACTOR = 2.0    # error of the torque over the ripple of the force, which tires smooth
 MIN_FOLLOWED_ACCELERATION = 0.2  # m/s2 rms of the wheels, to compare them with the body
 MIN_FOLLOWING = 0.4      # acceleration of the body over that of the wheels: on the ground
-BRAKING_FACTOR, MIN_BRAKING_ROWS = 2.0, 10  # times the configured friction: motors must brake, too
+BRAKING_FACTOR = 2.0  # times the configured friction: motors must brake, too
 
 # coefficients: kappa J, kappa b, delay of commands [s], kappa; then of each recording, those on
 # the ground first, kappa c and an offset [N m], by sensors and slope
@@ -416,7 +416,7 @@ def _check_braking(rows: MotorRows, robot: RobotParams) -> None:
                            + motor.inertia * rows.acceleration.sum(axis=1))
     friction = 4.0 * (motor.coulomb_friction + motor.axle_friction * load_torque(robot))
     braking = balance < -BRAKING_FACTOR * friction
-    if braking.sum() >= MIN_BRAKING_ROWS and float(np.median(
+    if braking.sum() >= MIN_ROBUST and float(np.median(
             (direction * rows.torque.sum(axis=1))[braking])) > 0.0:
         raise EstimatorError('the motor torque is positive while the robot brakes: the boards '
                              'report magnitudes of currents')

@@ -31,7 +31,8 @@ from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    CalibrationRecording, covered, DutyRecord, Indices, Mask, MAX_IMU_GAP, MIN_ROLLING_SPEED,
+    CalibrationRecording, covered, DutyRecord, Indices, Mask, MAX_GAP_PERIODS,
+    MAX_IMU_GAP, MIN_ROLLING_SPEED,
     MOTION_MARGIN, period, rotation_increments, Samples)
 from smart_tire.calibration.sensor_noise import stationary_intervals
 from smart_tire.errors import EstimatorError
@@ -43,7 +44,6 @@ from smart_tire.samples import GRAVITY
 
 REACH = 0.25             # s from the center of a window to its ends: a start or stop lasts longer
 MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
-MAX_LENGTHENING = 1.25   # of a window against its number of periods; beyond, a sample is missing
 MAX_TORQUE_GAP = 0.15    # s; over longer gaps the torque is not known
 COMMAND_DELAY = PRIORS['delay of a command'].value  # s from its timestamp to its application
 READING_DELAY = PRIORS['delay of a reading'].value  # s of a current after the encoders
@@ -204,7 +204,7 @@ def _centers(recording: CalibrationRecording, robot: RobotParams, time: Array, n
     speed = increments / np.diff(time)[:, None]
     center = np.arange(n + 1, max(len(time) - n - 2, n + 1))
     count = 2 * n + 2  # periods of a window, with one before and one after
-    usable = time[center + n] - time[center - n] < MAX_LENGTHENING * 2 * n * step
+    usable = covered(time, time[center - n], time[center + n], MAX_GAP_PERIODS * step)
     slowest = MIN_ROLLING_SPEED / robot.wheel_radius
     for column in speed.T:
         moving = [_all_of_next(valid & (sign * column > slowest), count)

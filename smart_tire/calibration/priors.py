@@ -50,7 +50,6 @@ PRIORS: Mapping[str, Known] = {
     # latency and track
     'radius difference of the sides': Known(0.05, RELATIVE, 'assumed: tire pressure', 0.0),
     'share of side slip lost in turns': Known(0.3, '-', 'assumed', 0.3),
-    'acceleration of the body': Known(0.1, RELATIVE, 'pitching of 0.6 degrees at 1 m/s2'),
     'wheel latency': Known(0.03, 's', 'half a period of encoders at 16 Hz'),
     'IMU latency': Known(0.001, 's', 'assumed: its filter and sampling'),
     # reference
@@ -96,8 +95,7 @@ PRIORS: Mapping[str, Known] = {
 LIMITS: Mapping[str, Known] = {
     'wheel latency': PRIORS['wheel latency'],
     'rolling radius': PRIORS['rolling radius'],
-    'effective track': Known(0.1, RELATIVE, 'spread of grounds; field'),
-    'track of turns': Known(0.05, RELATIVE, 'benchmarks.calibration, demo'),
+    'effective track': Known(0.05, RELATIVE, 'benchmarks.calibration, demo'),
     'gyro scale': Known(0.05, '-', 'data sheets: uncalibrated', 1.0),
     'S': Known(0.2, 'wheelbase', 'axles limit its range'),
     'feed-forward': Known(0.05, RELATIVE, 'data sheet: free speed'),

@@ -35,6 +35,8 @@ Record = TypeVar('Record', bound='Samples')
 
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
 MAX_IMU_GAP = 0.05        # s between IMU samples; over longer gaps they are not integrated
+WHEEL_IN_MOTION = 0.1     # rad/s
+TURN_RATE = 0.1           # rad/s, of a turn of the body
 MIN_ROLLING_SPEED = 0.1   # m/s at the circumference; at lower speeds static friction may act
 MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
 

@@ -32,13 +32,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.latency import CHANGE_INTERVAL, MAX_DELAY
+from smart_tire.calibration.latency import CHANGE_INTERVAL, DELAYS, MAX_DELAY
 from smart_tire.calibration.priors import PRIORS, require
 from smart_tire.calibration.recording import (
-    CalibrationRecording, PoseRecord, rotation_increments, side_slip, Signal, WheelRecord)
+    CalibrationRecording, PoseRecord, rotation_increments, side_slip, Signal, TURN_RATE,
+    WheelRecord)
 from smart_tire.calibration.results import MIN_ROBUST
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.slip.state import MIN_YAW_RATE
 from smart_tire.numerics.delay import fit_delay
 from smart_tire.numerics.least_squares import anticorrelated, Errors, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
@@ -47,7 +47,6 @@ from smart_tire.uncertain import Uncertain
 
 DISTANCE_INTERVAL = 2.0  # s of motion per interval: several lengths of a robot
 MAX_POSE_GAP = 0.5       # s between poses of an interval
-DELAY_STEP = 0.05        # s, of the search for the latency of the reference
 CLEAR_YAW = 1.0          # rad of yaw in a recording that a gyro bias does not explain
 MAX_PIVOT_SHARE = 0.1    # of the angle of an interval from turns in place
 LAGS = 2                 # intervals whose slips and poses may be correlated
@@ -87,12 +86,12 @@ def fit_gyro_scale(recording: CalibrationRecording) -> tuple[Uncertain, float]:
     gyro = Signal(imu.time, imu.rate[:, 2])
     inside = (begin > imu.time[0] + MAX_DELAY) & (end < imu.time[-1] - MAX_DELAY)
     # neighbors of turns stay, so that a delay does not move a turn out of its interval
-    turning = np.abs(gyro.mean(begin - MAX_DELAY, end + MAX_DELAY)) > MIN_YAW_RATE
+    turning = np.abs(gyro.mean(begin - MAX_DELAY, end + MAX_DELAY)) > TURN_RATE
     begin, end, yaw = (values[inside & turning] for values in (begin, end, yaw))
     matrix = np.column_stack([yaw / (end - begin), np.ones(len(end))])
     fit = fit_delay(
         lambda delay: Rows(end, matrix, gyro.mean(begin - delay, end - delay), np.zeros(len(end))),
-        Prior.of(None, None), np.arange(-MAX_DELAY, MAX_DELAY + DELAY_STEP, DELAY_STEP))
+        Prior.of(None, None), DELAYS)
     return require('gyro scale', fit.estimate(0), 'the robot hardly yaws'), fit.delay
 
 

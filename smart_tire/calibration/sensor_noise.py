@@ -32,7 +32,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    CalibrationRecording, MAX_GAP_PERIODS, MOTION_MARGIN, period, WheelRecord)
+    CalibrationRecording, MAX_GAP_PERIODS, MOTION_MARGIN, period, WHEEL_IN_MOTION,
+    WheelRecord)
 from smart_tire.calibration.results import MIN_ROWS, MIN_SPREAD, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.slip.state import (
@@ -43,7 +44,6 @@ from smart_tire.samples import GRAVITY, LEFT, RIGHT
 from smart_tire.uncertain import Uncertain, UNKNOWN, weighted_mean
 
 QUIET_QUANTILE = 0.1       # of the windows' noise that serves as reference for quiet ones
-ROLLING_SPEED = 0.1        # rad/s, of wheels in motion
 
 SPAN = np.arange(-2.0, 3.0)  # samples, of a parabola
 SLOPE_KERNEL = SPAN / (SPAN @ SPAN)
@@ -52,7 +52,7 @@ RESIDUAL_KERNEL = (SPAN == 0.0) - np.linalg.pinv(_POWERS)[:, 0]  # of the sample
 MIN_COUNTS = 10.0  # of an encoder between samples, below which quantization hides the jitter
 MAX_WINDOW = 0.5   # s of five samples: over longer times the speed is not linear in time
 MAX_SPEED_CHANGE = 0.1  # relative, in five samples: less is timestamp errors
-MAX_MERGED_SHARE = 0.05  # of the samples: those that are left are late ones
+MAX_REPEATED_SHARE = 0.05  # of samples that are late or repeated: more is not chance
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def motion_noise(recordings: Sequence[CalibrationRecording]) -> tuple[Uncertain,
         for begin in np.arange(wheels.time[0], wheels.time[-1] - IMU_WINDOW, IMU_WINDOW):
             first, last = np.searchsorted(wheels.time, (begin, begin + IMU_WINDOW))
             inside = (imu.time >= begin) & (imu.time < begin + IMU_WINDOW)
-            if last > first and speed[first:last].min() > ROLLING_SPEED:
+            if last > first and speed[first:last].min() > WHEEL_IN_MOTION:
                 rows = np.column_stack([imu.rate[inside, 2], imu.force[inside, :2]])
                 fresh = np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))
                 levels.append([noise_level(column) for column in rows[fresh[:len(rows)]].T])
@@ -174,7 +174,7 @@ def fit_jitter(wheels: WheelRecord, robot: RobotParams) -> Uncertain:
     increment, angle_residual = (np.stack([_filtered(side, kernel) for side in sides], axis=1)
                                  for kernel in (SLOPE_KERNEL, RESIDUAL_KERNEL))
     merged = float(np.mean(np.diff(wheels.time) > MAX_GAP_PERIODS * step))
-    if merged > MAX_MERGED_SHARE:
+    if merged > MAX_REPEATED_SHARE:
         raise EstimatorError(f'{merged:.0%} of the messages are merged or lost')
     gaps = np.lib.stride_tricks.sliding_window_view(np.diff(wheels.time), 4)
     count = math.tau / robot.encoder.counts_per_revolution

@@ -36,7 +36,7 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
     CORRELATION_TIME, moving_intervals, yaw_motion, YawRateFit)
 from smart_tire.calibration.priors import PRIORS, require
-from smart_tire.calibration.recording import CalibrationRecording, Mask, Signal
+from smart_tire.calibration.recording import CalibrationRecording, Mask, Signal, TURN_RATE
 from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
 from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
@@ -47,7 +47,6 @@ from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 DISPLACEMENT_INTERVAL = 0.5   # s, of the displacements of the reference: shorter than a turn
-MIN_YAW_RATE = 0.1            # rad/s, of a turn
 TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate changes
 MIN_TOTAL_YAW = 2.0           # rad, in a recording
 MAX_GROUND_SPREAD = 0.1       # relative, between turns: tires on other ground
@@ -93,7 +92,7 @@ class IcrFit:
 
 def turns_of(time: Array, yaw_rate: Array) -> list[Turn]:
     """Return begin and end [s] of the turns (constant sign of the yaw rate [rad/s]), (n,) each."""
-    sign = np.where(np.abs(yaw_rate) > MIN_YAW_RATE, np.sign(yaw_rate), 0.0)
+    sign = np.where(np.abs(yaw_rate) > TURN_RATE, np.sign(yaw_rate), 0.0)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1, [len(sign)]])
     return [(float(time[first]), float(time[last - 1]))
             for first, last in zip(edges[:-1], edges[1:]) if sign[first]]
@@ -239,5 +238,5 @@ def effective_track(fits: Sequence[YawRateFit], radius: Uncertain) -> Uncertain:
     relative = math.hypot(
         mad_sigma(np.concatenate(noise)) * math.sqrt(sum(map(len, noise))) / float(yaw.sum()),
         radius.sigma / radius.value, spread / math.sqrt(len(turns)))
-    return require('track of turns',
+    return require('effective track',
                    Uncertain(slope * radius.value, relative * slope * radius.value))

@@ -266,7 +266,7 @@ def lateral_fit(recording: CheckedRecording) -> LateralFit | None:
     radius = fit.estimate(RADIUS)
     return LateralFit(
         Uncertain(radius.value, math.hypot(
-            radius.sigma, PRIORS['acceleration of the body'].sigma * radius.value)),
+            radius.sigma, PRIORS['acceleration on straight lines'].sigma * radius.value)),
         fit.estimate(LEVER_X), fit.estimate(LEVER_Y),
         float(np.std(matrix[:, RADIUS] * radius.value)),
         min(_share(W > 0.0, W), _share(W < 0.0, W)) > limits.MIN_TURN_SHARE)
