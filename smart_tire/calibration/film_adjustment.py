@@ -55,45 +55,28 @@ MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
 CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class ParameterIndex:
-    """Order of the parameters that all crossings share."""
+    """
+    Order of the parameters that all crossings share.
 
-    wheels: tuple[str, ...]
-    count: int  # films of a wheel
+    Relative errors of the gains, ``length`` and ``alpha`` of the bending shape as ln over the
+    nominal ones, relative errors of wheel ``radius`` and ``film`` length, and errors of the films'
+    positions on the circumference [m].
+    """
+
+    def __init__(self, robot: RobotParams) -> None:
+        self._wheels, self._count = robot.film.wheels, robot.film.count
+        self.length = self._count * len(self._wheels)
+        self.alpha, self.radius, self.film, self._first = range(self.length + 1, self.length + 5)
+        self.size = self._first + self._count
 
     def gain(self, wheel: str, film: int) -> int:
-        """Return the index of the relative error of a film's gain."""
-        return self.count * self.wheels.index(wheel) + film
-
-    @property
-    def length(self) -> int:
-        """Return the index of ln(contact length over the nominal one)."""
-        return self.count * len(self.wheels)
-
-    @property
-    def alpha(self) -> int:
-        """Return the index of ln(alpha of the bending shape over the nominal one)."""
-        return self.length + 1
-
-    @property
-    def radius(self) -> int:
-        """Return the index of the relative error of the wheel radius."""
-        return self.length + 2
-
-    @property
-    def film(self) -> int:
-        """Return the index of the relative error of the film length."""
-        return self.length + 3
+        """Return the index of the gain of a film."""
+        return self._count * self._wheels.index(wheel) + film
 
     def position(self, film: int) -> int:
-        """Return the index of the error of a film's position [m] on the circumference."""
-        return self.film + 1 + film
-
-    @property
-    def size(self) -> int:
-        """Return the number of these parameters."""
-        return self.position(self.count)
+        """Return the index of the position of a film."""
+        return self._first + film
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +119,7 @@ class _Adjuster:
     def __init__(self, observations: Sequence[GainObservation], recordings: Sequence[int],
                  robot: RobotParams) -> None:
         self._observations, self._recordings = observations, recordings
-        self._index = index = ParameterIndex(robot.film.wheels, robot.film.count)
+        self._index = index = ParameterIndex(robot)
         self._positions = robot.film.centers
         self._segment = constant_slip_segments(observations, recordings)
         self._count = int(self._segment.max(initial=-1)) + 1
