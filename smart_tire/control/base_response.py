@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Delay of the base, and the motion at the time at which a command takes effect."""
+"""Response of the base to commands, and the motion at which a command takes effect."""
 
 from __future__ import annotations
 
@@ -16,41 +16,48 @@ from dataclasses import replace
 
 import numpy as np
 
+from smart_tire.arrays import Array
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.history import History
 from smart_tire.samples import NS_PER_S
 
 DELAYS = np.arange(0.0, c.MAX_DELAY + 0.5 * c.DELAY_STEP, c.DELAY_STEP)  # s
+LAGS = np.array(c.BASE_LAGS)                                             # s
 
 
 class BaseResponse:
     """
-    The base follows commands after a delay: the one that is given, or one that ``odom`` shows.
+    The base follows commands after a dead time, speed and yaw rate each with a lag of first order.
 
-    Of all delays, that counts with which the commands differ least from the reached speed and yaw
-    rate, if the difference to that of the present one is above ``DELAY_MARGIN``. Only changes of
-    the speed show it: they are forgotten as others follow, beyond ``DELAY_EVIDENCE``. Times are
-    nanoseconds of the message clock.
+    Of all dead times and lags, those count with which the commands explain the reached speed and
+    yaw rate best, if the difference to the present ones is above ``DELAY_MARGIN``. Only changes of
+    the commands show it: they are forgotten as others follow, beyond ``DELAY_EVIDENCE``. What
+    they leave unexplained is a disturbance. Times are nanoseconds of the message clock.
     """
 
     def __init__(self, given: float, arm: float) -> None:
         """Begin with the ``given`` delay [s]; ``arm`` [m] is half of the track."""
-        self._arm = arm
-        self.given = given            # may be replaced at run time
-        self._commands = History()    # v_x, yaw rate
-        self._errors = np.zeros(len(DELAYS))  # (m/s)^2 s
+        self._scale = np.array([1.0, arm])
+        self.given = given          # may be replaced at run time
+        self._commands = History()  # v_x, yaw rate, and how far each got with each of the lags
+        # (m/s)^2 s, by dead time, lag of the speed, lag of the yaw rate
+        self._errors = np.zeros((len(DELAYS), len(LAGS), len(LAGS)))
         self._learned_ns: int | None = None
-        self._learned: float | None = None  # s
+        self._learned: tuple[int, int, int] | None = None
+        self._disturbance = np.zeros(2)  # m/s, rad/s
 
     @property
     def delay(self) -> float:
-        """Return the delay [s] from a command to the motion of the base."""
-        return self.given if self._learned is None else self._learned
+        """Return the delay [s] from a command to the motion of the base, at least the given."""
+        learned = self._learned
+        return self.given if learned is None else max(
+            self.given, float(DELAYS[learned[0]]) + c.USUAL_LAGS[0])
 
     def command(self, v_x: float, yaw_rate: float, now_ns: int) -> None:
-        """Add the velocity [m/s, rad/s] that the body is to reach from now on."""
-        self._commands.add(now_ns, v_x, yaw_rate)
+        """Add the velocity [m/s, rad/s] of the body that is commanded from now on."""
+        reached = self._modeled(np.array([now_ns]))
+        self._commands.add(now_ns, v_x, yaw_rate, *reached.ravel().tolist())
 
     def learn(self, motion: Motion, stamp_ns: int) -> None:
         """Compare the motion at ``stamp_ns`` with the commands before it."""
@@ -58,41 +65,68 @@ class BaseResponse:
         if last_ns is None or not 0 < stamp_ns - last_ns <= c.MAX_GAP_NS or (
                 not self._commands.times):
             return
-        elapsed = (stamp_ns - last_ns) / NS_PER_S
-        v_x, yaw_rate = np.array([
-            self._given(stamp_ns - round(delay * NS_PER_S)) for delay in DELAYS]).T
-        squares = (motion.v_x - v_x) ** 2 + (self._arm * (motion.yaw_rate - yaw_rate)) ** 2
+        elapsed, reached = (stamp_ns - last_ns) / NS_PER_S, _twist(motion)
+        modeled = self._modeled(stamp_ns - _ns(DELAYS))
+        v_x, yaw_rate = (((modeled - reached[:, None]) * self._scale[:, None]) ** 2).swapaxes(0, 1)
+        squares = v_x[:, :, None] + yaw_rate[:, None]
         self._errors += elapsed * (squares - squares.min())
         self._errors *= min(1.0, c.DELAY_EVIDENCE / max(float(np.ptp(self._errors)), c.TINY))
-        best = int(self._errors.argmin())
+        delay, *lags = np.unravel_index(self._errors.argmin(), self._errors.shape)
+        best = int(delay), int(lags[0]), int(lags[1])
         # a robot that is blocked does not follow at any delay
-        follows = squares[best] < 0.25 * (
-            motion.v_x ** 2 + (self._arm * motion.yaw_rate) ** 2)
-        if follows and np.interp(
-                self.delay, DELAYS, self._errors) > self._errors[best] + c.DELAY_MARGIN:
-            self._learned = float(DELAYS[best])
+        follows = squares[best] < 0.25 * np.sum((reached * self._scale) ** 2)
+        if follows and self._errors[self._present()] > self._errors[best] + c.DELAY_MARGIN:
+            self._learned = best
+        row, *columns = self._present()
+        self._disturbance += elapsed / (elapsed + DELAYS[row] + LAGS[columns]) * (
+            reached - modeled[row, (0, 1), columns] - self._disturbance)
 
     def predicted(self, motion: Motion, stamp_ns: int, now_ns: int) -> Motion:
         """
         Return the motion at which a command of now takes effect.
 
-        Over the part of the delay that is beyond the given one, which contains the lag, speed and
-        yaw rate change by as much as the commands did that are under way.
+        Over the part of the delay that is beyond the given one, the commands under way act on the
+        present motion, through the lags; over the given one, which contains them, it is kept.
         """
-        beyond_ns = round(max(self.delay - self.given, 0.0) * NS_PER_S)
-        end_ns, step_ns = now_ns + beyond_ns, round(c.DELAY_STEP * NS_PER_S)
-        time_ns, found = stamp_ns, motion
-        before = self._given(stamp_ns - beyond_ns)
-        while beyond_ns and time_ns < end_ns:
-            later_ns = min(time_ns + step_ns, end_ns)
-            v_x, yaw_rate = self._given((time_ns + later_ns) // 2 - beyond_ns)
-            found = replace(found, v_x=motion.v_x + v_x - before[0],
-                            yaw_rate=motion.yaw_rate + yaw_rate - before[1]).after(
-                                (later_ns - time_ns) / NS_PER_S)
-            time_ns = later_ns
-        return found.after((end_ns - time_ns) / NS_PER_S + min(self.delay, self.given))
+        row, *columns = self._present()
+        beyond = self.delay - self.given
+        end_ns, found = now_ns + round(beyond * NS_PER_S), motion
+        duration = (end_ns - stamp_ns) / NS_PER_S
+        if beyond == 0.0 or duration <= 0.0:
+            return motion.after(duration + self.given)
+        count = max(round(duration / c.DELAY_STEP), 1)
+        time = duration * np.append(0.0, (np.arange(count) + 0.5) / count)
+        expected = self._disturbance + self._modeled(
+            stamp_ns + _ns(time - DELAYS[row]))[:, (0, 1), columns]
+        expected += (_twist(motion) - expected[0]) * np.exp(-time[:, None] / LAGS[columns])
+        for v_x, yaw_rate in expected[1:].tolist():
+            found = replace(found, v_x=v_x, yaw_rate=yaw_rate).after(duration / count)
+        return found.after(self.given)
 
-    def _given(self, time_ns: int) -> tuple[float, float]:
-        """Return the command at a time; zero before the first one."""
-        v_x, yaw_rate = self._commands.held(time_ns) or (0.0, 0.0)
-        return v_x, yaw_rate
+    def _present(self) -> tuple[int, int, int]:
+        """Return the indices of the present dead time and lags."""
+        if self._learned is not None:
+            return self._learned
+        speed, turn = (int(np.abs(LAGS - lag).argmin()) for lag in c.USUAL_LAGS)
+        return int(np.abs(DELAYS + c.USUAL_LAGS[0] - self.given).argmin()), speed, turn
+
+    def _modeled(self, times_ns: Array) -> Array:
+        """Return speed and yaw rate at times (n,) without dead time, by lag: (n, 2, lags)."""
+        if not self._commands.times:
+            return np.zeros((len(times_ns), 2, len(LAGS)))
+        known, values = np.array(self._commands.times), np.array(self._commands.values)
+        index = np.searchsorted(known, times_ns, 'right') - 1
+        age = np.maximum(times_ns - known[index], 0) / NS_PER_S
+        command, begin = values[index, :2, None], values[index, 2:].reshape(-1, 2, len(LAGS))
+        modeled = command + (begin - command) * np.exp(-age[:, None] / LAGS)[:, None]
+        return np.where((index >= 0)[:, None, None], modeled, 0.0)  # at rest before the first one
+
+
+def _twist(motion: Motion) -> Array:
+    """Return speed [m/s] and yaw rate [rad/s]."""
+    return np.array([motion.v_x, motion.yaw_rate])
+
+
+def _ns(seconds: Array) -> Array:
+    """Return times in nanoseconds."""
+    return np.round(seconds * NS_PER_S).astype(np.int64)

@@ -303,7 +303,6 @@ class TrajectoryControl:
         lateral = self._kinematics.lateral_speed if params.slip_compensation else no_lateral_speed
         self._last = follower.step(
             Conditions(motion, dt, limits, params, lateral, self._response.delay))
-        self._response.command(*self._last, now_ns)
         if self._target is not None:  # the robot stops before it drives there
             return VelocityCommand(now_ns, *self._compensated(now_ns))
         if follower.finished:
@@ -344,10 +343,13 @@ class TrajectoryControl:
 
     def _compensated(self, now_ns: int) -> tuple[float, float]:
         """Return the command for the wanted motion of the body, within its bounds."""
-        command = self._last
+        command, factors = self._last, (1.0, 1.0)
         if self.params.slip_compensation:
+            factors = self._kinematics.factors(*self._last, now_ns)
             command = self._kinematics.command(*command, now_ns, self._response.delay, self.params)
         share = command_share(command, self.params)
+        self._response.command(
+            *(share * one / factor for one, factor in zip(command, factors)), now_ns)
         return (share * command[0], share * command[1]) if share else (0.0, 0.0)
 
     def _time_step(self, now_ns: int, last_ns: int | None) -> float:
