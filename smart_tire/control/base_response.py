@@ -50,9 +50,10 @@ class BaseResponse:
     @property
     def delay(self) -> float:
         """Return the delay [s] from a command to the motion of the base, at least the given."""
-        learned = self._learned
-        return self.given if learned is None else max(
-            self.given, float(DELAYS[learned[0]]) + c.USUAL_LAGS[0])
+        if self._learned is None:
+            return self.given
+        dead_time, lag, _ = self._learned
+        return max(self.given, float(DELAYS[dead_time] + LAGS[lag]))
 
     def command(self, v_x: float, yaw_rate: float, now_ns: int) -> None:
         """Add the velocity [m/s, rad/s] of the body that is commanded from now on."""

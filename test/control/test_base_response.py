@@ -31,17 +31,31 @@ def velocity(time):
     return [(0.0, 0.0), (0.5, 0.0), (0.5, 0.6), (0.0, -0.4)][phase]
 
 
-class Base:
-    """A base with dead time and a gain, whose odometry comes at ``rate`` [Hz]."""
+def reached(time, lags):
+    """Return speed and yaw rate at ``time`` [s], from rest, with first-order ``lags`` [s]."""
+    values, start = [0.0, 0.0], 0.0
+    while start < time:
+        end = min(start + 1.5, time)
+        values = [command + (value - command) * math.exp((start - end) / lag)
+                  for value, command, lag in zip(values, velocity(start + 1e-6), lags)]
+        start = end
+    return values
 
-    def __init__(self, delay, given=0.15, rate=20.0, gain=1.0, noise=0.0, commands=velocity):
+
+class Base:
+    """A base with dead time, lags and a gain, whose odometry comes at ``rate`` [Hz]."""
+
+    def __init__(self, delay, given=0.15, rate=20.0, gain=1.0, noise=0.0, lags=(1e-6, 1e-6),
+                 commands=velocity):
         self.response, self.delay, self.gain = BaseResponse(given, ARM), delay, gain
-        self._rate, self._noise, self._commands = rate, noise, commands
+        self._rate, self._noise, self._lags, self._commands = rate, noise, lags, commands
         self._rng = np.random.default_rng(1)
         self.steps = 0
 
     def motion(self, time):
-        v_x, yaw_rate = self._commands(time - self.delay) if time >= self.delay else (0.0, 0.0)
+        late = time - self.delay
+        v_x, yaw_rate = (reached(late, self._lags) if self._commands is velocity
+                         else self._commands(late))
         noise = self._noise * self._rng.standard_normal(2)
         return Motion(0.0, 0.0, 0.0, self.gain * v_x + noise[0], 0.0,
                       self.gain * yaw_rate + noise[1])
@@ -66,17 +80,30 @@ def test_the_delay_of_a_late_base_is_learned(delay, rate, gain, noise):
     assert found == pytest.approx(delay, abs=0.06 if rate > 10.0 else 0.2)
 
 
+@pytest.mark.parametrize('lags', [(0.05, 0.2), (0.2, 0.05), (0.1, 0.3)])
+def test_lags_of_speed_and_yaw_rate_are_told_from_the_dead_time(lags):
+    base = Base(0.3, lags=lags, noise=0.01).run(25.0)
+    assert base.response.delay == pytest.approx(0.3 + lags[0], abs=0.03)
+    row, *columns = base.response._present()
+    times = 24.0 + 0.1 * np.arange(10)  # from a start on
+    found = base.response._modeled(START + np.round(
+        (times - 0.025 * row) * NS_PER_S).astype(int))[:, (0, 1), columns]
+    expected = [reached(time - 0.3, lags) for time in times]
+    assert found == pytest.approx(np.array(expected), abs=0.06)
+
+
 def test_a_delay_that_is_about_as_given_stays_the_given_one():
-    assert Base(0.15).run(12.0).response.delay == 0.15
-    assert Base(0.13, noise=0.03).run(30.0).response.delay == 0.15
+    assert Base(0.1, lags=(0.05, 0.2)).run(12.0).response.delay == 0.15
+    assert Base(0.08, lags=(0.05, 0.2), noise=0.03).run(30.0).response.delay == 0.15
 
 
 def test_it_is_learned_again_after_a_change_and_not_forgotten_while_nothing_changes():
     base = Base(0.45).run(12.0)
-    base._commands = lambda time: (0.5, 0.0)
+    base._commands = lambda time: velocity(min(time, 14.0))
     learned = base.run(60.0).response.delay
     assert learned == pytest.approx(0.45, abs=0.06)
-    base._commands, base.delay = velocity, 0.2
+    base = Base(0.45).run(12.0)
+    base.delay = 0.2
     assert base.run(20.0).response.delay == pytest.approx(0.2, abs=0.06)
 
 
@@ -108,27 +135,41 @@ def test_with_the_given_delay_the_twist_is_kept_over_it():
     assert response.predicted(motion, START, later) == motion.after(0.1 + 0.3)
 
 
-@pytest.mark.parametrize('gain', [1.0, 0.8])
-def test_commands_that_are_under_way_are_part_of_the_prediction(gain):
-    base = Base(0.5, given=0.1, gain=gain).run(12.0)
-    base.response._learned = 0.5
-    now = PERIOD * (base.steps - 1)
+@pytest.mark.parametrize(('gain', 'delay', 'lags'), [
+    (1.0, 0.5, (0.025, 0.025)), (0.8, 0.5, (0.025, 0.025)), (1.0, 0.4, (0.05, 0.3))])
+def test_commands_that_are_under_way_are_part_of_the_prediction(gain, delay, lags):
+    given = 0.1
+    base = Base(delay, given=given, gain=gain, lags=lags).run(18.4)
+    now = PERIOD * (base.steps - 1)  # 0.35 s after a change, which has not reached the base
+    horizon = base.response.delay - given
     for stamp in (now, now - 0.1):
-        x, yaw = 0.0, 0.0
-        for step in range(round((now + 0.5 - stamp) / 1e-3)):
-            v_x, yaw_rate = velocity(stamp + 1e-3 * step - 0.5)
-            x, yaw = x + 1e-3 * v_x * math.cos(yaw), yaw + 1e-3 * yaw_rate
+        x, yaw, step = 0.0, 0.0, 1e-3
+        for number in range(round((now + horizon - stamp) / step)):
+            v_x, yaw_rate = reached(stamp - delay + step * number, lags)
+            x, yaw = x + step * gain * v_x * math.cos(yaw), yaw + step * gain * yaw_rate
         found = base.response.predicted(
             base.motion(stamp), *(START + round(time * NS_PER_S) for time in (stamp, now)))
-        if gain == 1.0:
-            assert (found.x, found.yaw) == pytest.approx((x, yaw), abs=0.02)
-        assert found.v_x == pytest.approx(velocity(now - 0.1)[0], abs=0.2 * abs(1.0 - gain) + 1e-9)
+        kept = found.after(-given)
+        limit = 0.02 if gain == 1.0 else 0.05
+        assert (kept.x, kept.yaw) == pytest.approx((x, yaw), abs=limit)
+        assert found.v_x == pytest.approx(gain * reached(now + horizon - delay, lags)[0], abs=0.1)
 
 
-def test_a_base_that_is_faster_than_given_is_predicted_over_its_own_delay():
+def test_a_base_that_is_faster_than_given_is_predicted_over_the_given_delay():
     base = Base(0.0, given=0.4).run(12.0)
-    assert base.response.delay < 0.06
+    assert base.response.delay == 0.4
     motion = base.motion(3.5)
     stamp = START + round(3.5 * NS_PER_S)
-    found = base.response.predicted(motion, stamp, stamp)
-    assert found == motion.after(base.response.delay)
+    assert base.response.predicted(motion, stamp, stamp) == motion.after(0.4)
+
+
+def test_a_steady_error_of_the_commanded_velocity_is_part_of_the_prediction():
+    response, period = BaseResponse(0.1, ARM), NS_PER_S // 20
+    for step in range(120):  # starts after 0.5 s at nine tenths, and turns without a command
+        stamp = START + step * period
+        v_x = 0.45 if step >= 10 else 0.0
+        response.learn(Motion(0.0, 0.0, 0.0, v_x, 0.0, 0.1 * (step >= 10)), stamp)
+        response.command(0.5, 0.0, stamp)
+    assert response.delay > 0.4
+    found = response.predicted(Motion(0.0, 0.0, 0.0, 0.45, 0.0, 0.1), stamp, stamp)
+    assert (found.v_x, found.yaw_rate) == pytest.approx((0.45, 0.1), abs=0.01)
