@@ -39,7 +39,7 @@ class FollowerParams:
     min_look_ahead: float = param(0.18, 'm', 'minimum look-ahead distance', (0.02, 10.0))
     max_look_ahead: float = param(0.8, 'm', 'maximum look-ahead distance', (0.02, 20.0))
     actuation_delay: float = param(
-        0.15, 's', 'from cmd_vel to the motion of the body, until odom shows another',
+        0.15, 's', 'from cmd_vel to the motion of the body; more if odom shows it',
         (0.0, 1.0))
     corner_angle: float = param(
         0.8, 'rad', 'corners of the path above it are turned in place', (0.1, math.pi), live=False)

@@ -81,7 +81,7 @@ def test_the_delay_of_a_late_base_is_learned(delay, rate, gain, noise):
 
 
 @pytest.mark.parametrize('lags', [(0.05, 0.2), (0.2, 0.05), (0.1, 0.3)])
-def test_lags_of_speed_and_yaw_rate_are_told_from_the_dead_time(lags):
+def test_dead_time_and_lags_of_speed_and_yaw_rate_are_learned(lags):
     base = Base(0.3, lags=lags, noise=0.01).run(25.0)
     assert base.response.delay == pytest.approx(0.3 + lags[0], abs=0.03)
     row, *columns = base.response._present()
