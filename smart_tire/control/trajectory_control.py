@@ -349,7 +349,7 @@ class TrajectoryControl:
             command = self._kinematics.command(*command, now_ns, self._response.delay, self.params)
         share = command_share(command, self.params)
         self._response.command(
-            *(share * one / factor for one, factor in zip(command, factors)), now_ns)
+            share * command[0] / factors[0], share * command[1] / factors[1], now_ns)
         return (share * command[0], share * command[1]) if share else (0.0, 0.0)
 
     def _time_step(self, now_ns: int, last_ns: int | None) -> float:
