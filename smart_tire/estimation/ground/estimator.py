@@ -32,7 +32,7 @@ from smart_tire.estimation.ground.unknowns import (
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
-from smart_tire.models.tire.brush_tire import critical_slip
+from smart_tire.models.tire.brush_tire import critical_slip, LN_RESISTANCE
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
@@ -203,6 +203,8 @@ class GroundEstimator:
             _upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR, side_friction)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
         known = friction_sigma < MAX_LN_SIGMA
+        # sides that differ by more than the prior: the mean of such a distribution is no resistance
+        resistance_sigma = math.hypot(float(sigma[Unknown.RESISTANCE]), side_resistance)
         both = float(to_one[Unknown.STIFFNESS] @ covariance @ row) + side_stiffness * side_friction
         stiffness = scaled(Unknown.STIFFNESS, side_stiffness)
         imu_x, imu_y, _ = self._robot.imu.position
@@ -210,9 +212,8 @@ class GroundEstimator:
             self.end_ns, stiffness=stiffness,
             friction_coefficient=Uncertain(
                 friction, friction * friction_sigma) if known else UNKNOWN,
-            rolling_resistance=log_normal(
-                float(x[Unknown.RESISTANCE]),
-                math.hypot(float(sigma[Unknown.RESISTANCE]), side_resistance)),
+            rolling_resistance=log_normal(float(x[Unknown.RESISTANCE]), resistance_sigma)
+            if resistance_sigma <= LN_RESISTANCE.sigma else UNKNOWN,
             lateral_share=Uncertain(
                 share, share * (1.0 - share) * float(sigma[Unknown.LATERAL_SHARE])),
             lateral_stiffness_ratio=scaled(Unknown.LATERAL_RATIO),

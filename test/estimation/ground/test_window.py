@@ -27,6 +27,7 @@ from smart_tire.estimation.ground.unknowns import (
     SIZE, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
 from smart_tire.estimation.ground.window_fit import student, Whitening, WindowFit
+from smart_tire.messages.joint_state import GROUND_RANGES
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import TreadFilmParams
 from smart_tire.parameters.simulation import PatchParams, SurfaceParams
@@ -232,6 +233,18 @@ def test_one_ground_for_sides_on_two_has_their_difference_as_its_error(ridden):
         assert math.log(value.value) == pytest.approx(
             np.mean(sides) + (0.0 if median else 0.5 * variance))
         assert value.sigma / value.value > abs(np.subtract(*sides)) / 2.0
+
+
+@pytest.mark.parametrize('difference, known', [(0.3, True), (2.4, False)])
+def test_a_resistance_less_certain_than_its_prior_is_unknown(ridden, difference, known):
+    _, estimator, found = ridden
+    one = found[-1]
+    x = one.fit.x.copy()
+    x[Unknown.SIDE_RESISTANCE] = difference
+    resistance = estimator.state(one._replace(fit=one.fit._replace(x=x))).rolling_resistance
+    assert math.isfinite(resistance.value) == known
+    _, most = GROUND_RANGES['rolling_resistance']  # that receivers accept
+    assert not (resistance.value > most or most < resistance.sigma < math.inf)
 
 
 @pytest.mark.parametrize('new', [((1.0, math.inf), NEVER), (NEVER, (1.0, math.inf)),
