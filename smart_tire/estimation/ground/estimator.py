@@ -203,7 +203,7 @@ class GroundEstimator:
             _upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR, side_friction)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
         known = friction_sigma < MAX_LN_SIGMA
-        # sides that differ by more than the prior: the mean of such a distribution is no resistance
+        # of sides that differ by more than the prior: its mean would be no resistance
         resistance_sigma = math.hypot(float(sigma[Unknown.RESISTANCE]), side_resistance)
         both = float(to_one[Unknown.STIFFNESS] @ covariance @ row) + side_stiffness * side_friction
         stiffness = scaled(Unknown.STIFFNESS, side_stiffness)
