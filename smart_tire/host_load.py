@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import os
 from pathlib import Path
@@ -27,6 +27,10 @@ MAX_LATENESS = 0.020          # s, of a robot at work; reorder_window of the est
 PREFIX = 'timers late by'  # of the text
 TOLERANCE = 1e-3              # s, by which clocks of timers may differ
 EXPLAINED = 'host.explained'   # parts of a message that a late host causes
+FACTOR = 'real_time_factor'      # of the simulator: simulated over real time
+WAITED_FOR = 'time_waited_for.'  # of the simulator, with a node: real time [s] that it waited
+GIVEN_UP = 'time_passed_without.'  # of the simulator, with a node: how often
+FULL_SPEED = 0.95                # factor of a host that keeps up
 KEYS = tuple(f'host.{name}' for name in ('timer_lateness', 'longest_lateness', 'load', 'cores'))
 
 
@@ -71,6 +75,26 @@ def worst_of(diagnostics: Iterable[Mapping[str, str | float]]) -> HostLoad | Non
             continue
         found.append(HostLoad(typical, longest, load, int(cores)))
     return max(found, key=lambda one: one.typical, default=None)
+
+
+def pace_lines(simulators: Iterable[Mapping[str, str | float]]) -> Iterator[str]:
+    """
+    Yield what the diagnostics of the simulator say of the host, in their order; nothing without.
+
+    A simulated time that passed slower is no error of the results; one that passed without a node
+    that was silent for long is.
+    """
+    found = [values for values in simulators if FACTOR in values]
+    if not found:
+        return
+    factor = len(found) / sum(1.0 / max(float(values[FACTOR]), 1e-3) for values in found)
+    if factor < FULL_SPEED:
+        yield f'{factor:.2g} x real time: host busy, which changes no result'
+    given_up = [f'{key.removeprefix(GIVEN_UP)} ({count} x)'
+                for key, count in found[-1].items() if key.startswith(GIVEN_UP)]
+    if given_up:
+        yield ('starved: simulated time passed without '
+               f'{", ".join(given_up)}, so that the results are worse: end other programs')
 
 
 def other_problems(status: str, values: Mapping[str, str], *, late: bool) -> str:

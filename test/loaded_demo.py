@@ -28,7 +28,7 @@ from soak import BUSY, running
 
 LOOPS_PER_CORE = 2
 # The lines that are shown: what the demo says about the host and its errors.
-SAID = re.compile(r'(host|odom) late|waiting for |demo: |smart_tire demo: (?!working)')
+SAID = re.compile(r'host late|.*x real time|starved|demo: |smart_tire demo: (?!working)')
 
 
 def main() -> int:

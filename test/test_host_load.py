@@ -17,7 +17,8 @@ import time
 
 import pytest
 from smart_tire import host_load
-from smart_tire.host_load import HostLoad, TimerLateness, waited_for_core, worst_of
+from smart_tire.host_load import (
+    HostLoad, pace_lines, TimerLateness, waited_for_core, worst_of)
 
 pytestmark = pytest.mark.processes
 
@@ -131,3 +132,19 @@ def test_the_worst_of_the_diagnostics_counts_those_without_values_do_not():
     broken = {**values[1], 'host.load': 'high'}
     assert worst_of([values[0], {}, values[1], {'frames_ok': '1'}, broken]) == loads[1]
     assert worst_of([{}, broken]) is None
+
+
+def test_the_factor_of_a_run_is_that_of_its_whole_time():
+    """A second of simulated time at half speed takes two."""
+    said = '0.67 x real time: host busy, which changes no result'
+    assert list(pace_lines([{'real_time_factor': '1.0'}, {'real_time_factor': '0.5'},
+                            {'other': '1'}])) == [said]
+    assert list(pace_lines([{'real_time_factor': '0.96'}])) == []
+    assert list(pace_lines([{'host.load': '9'}])) == list(pace_lines([])) == []
+
+
+def test_a_node_without_which_time_has_passed_is_named():
+    values = {'real_time_factor': '1', 'time_passed_without.slip_estimator': '3'}
+    assert list(pace_lines([values])) == [
+        'starved: simulated time passed without slip_estimator (3 x), so that the results are '
+        'worse: end other programs']

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 import csv
 from dataclasses import asdict, dataclass
 import math
@@ -32,31 +32,27 @@ from smart_tire.analysis.pipeline import (
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import errors_in, evaluation, plain, Tree
 from smart_tire.analysis.tables import error_tables, estimate_tables
-from smart_tire.arrays import Array, Instants
+from smart_tire.arrays import Instants
 from smart_tire.bags import Bag
-from smart_tire.host_load import HostLoad, worst_of
+from smart_tire.host_load import HostLoad, pace_lines, worst_of
 from smart_tire.recording import at, SampleArrays
 from smart_tire.rotation import wrapped
-from smart_tire.samples import NS_PER_S
 
-MAX_AGE = 0.25  # s, of odom when it is recorded; as cmd_vel_timeout of wheel_controller
 CLEAR_SIGMA = 0.02  # of slip by the overhead camera; starts and stops have larger ones
-MIN_PUNCTUAL_TIME = 1.0  # s between two times that the host was late
-PUNCTUAL = {'times': 0, 'longest_s': 0.0, 'resumed': 0}  # late_host of data without lateness
 REFERENCE_STAMP_SIGMA = 0.5e-3  # s, standard deviation for normalized timestamp errors
 
 
 @dataclass(frozen=True)
 class Run:
-    """A recorded run: inputs, estimates, truth, paths, and how late odometry was received."""
+    """A recorded run: inputs, estimates, truth, paths, and how busy the host was."""
 
     path: Path
     result: Result
     log: PathLog
     span_ns: tuple[int, int]
     counts: dict[str, int]  # topic -> number of messages
-    ages: Array            # (n, 2) ns, time of receipt and age of each ``odom``
     host: HostLoad | None  # the greatest lateness of timers in the diagnostics of the nodes
+    simulated: list[str]   # what the simulator says of the host
 
     @property
     def drives(self) -> list[DrivenPath]:
@@ -70,6 +66,7 @@ class Run:
         return {'bag': str(self.path), 'duration_s': (end - begin) * 1e-9,
                 'host': None if self.host is None else {'late': self.host.late,
                                                         **asdict(self.host)},
+                'simulated': self.simulated,
                 **evaluation(self.result.filtered, self.result.intervals)}
 
 
@@ -78,20 +75,18 @@ def read_run(path: Path, intervals: Intervals | None = None) -> Run:
     log, groups = PathLog(), (INPUTS, ESTIMATES, TRUTHS, OVERHEAD)
     inputs, estimates, truth, camera = parts = [SampleArrays() for _ in groups]
     part_of = {topic: part for topics, part in zip(groups, parts) for topic in topics}
-    ages: list[tuple[int, int]] = []
     with Bag(path) as bag:
         for receive_ns, topic, sample in bag.samples((*part_of, *PATH_TOPICS)):
             log.add_message(receive_ns, sample)
-            if topic == 'odom':
-                ages.append((receive_ns, receive_ns - sample.stamp_ns))
             if topic in part_of:
                 part_of[topic].add_sample(sample)
         counts = {name.lstrip('/'): topic.messages for name, topic in bag.topics.items()}
         result = Result(estimates, inputs, truth, camera,
                         dead_reckoning=baselines(inputs, bag_params(bag).params.robot),
                         wanted=log.wanted(), intervals=intervals or {})
-        host = worst_of(status.values for _, status in bag.statuses())
-        return Run(path, result, log, bag.span_ns, counts, np.array(ages).reshape(-1, 2), host)
+        statuses = [status.values for _, status in bag.statuses()]
+        return Run(path, result, log, bag.span_ns, counts, worst_of(statuses),
+                   list(pace_lines(statuses)))
 
 
 def evaluate_drive(bag_path: Path, name: str, figure: Path,
@@ -113,7 +108,7 @@ def evaluate_drive(bag_path: Path, name: str, figure: Path,
 
 def drive_lines(tree: Tree) -> Iterator[str]:
     """Yield the summary of ``evaluate_drive`` as lines of text."""
-    yield from host_lines(tree['host'])
+    yield from host_lines(tree)
     if tree['tracking'] is not None:
         yield from driven_lines(tree['drive'], tree['tracking'])
     for table in estimate_tables(tree['estimates']):
@@ -138,13 +133,11 @@ def evaluate_demo(bag_path: Path, params: Path, intervals: Intervals, expected: 
     if drives:
         save(tracking_figure(list(drives.values())[-1], load_grounds([params])),
              figures / 'tracking.png')
-    driving_ns = min((first for spans in intervals.values() for first, _ in spans), default=0)
     return plain({
         **run.tree, 'camera': camera_errors(run.result), 'messages': run.counts,
         'silent': [name for name in expected if not run.counts.get(name.lstrip('/'))],
         'radio': radio_counts(run.result.inputs, batches),
         'stamps': stamp_errors(run.result.inputs, batches),
-        'late_host': late_host(run.ages[run.ages[:, 0] >= driving_ns], drives.values()),
         'tracking': {name: driven_tree(drive) for name, drive in drives.items()}})
 
 
@@ -168,34 +161,13 @@ def camera_errors(result: Result) -> Tree | None:
             'slip': asdict(score_of(slip[sharp], slips.sigma[sharp]))}
 
 
-def late_host(ages: Array, drives: Iterable[DrivenPath]) -> Tree:
-    """
-    Return how often and by how much the host was late, and how often paths were resumed.
-
-    Rows of ``ages`` are the times of receipt and the ages [ns] of ``odom``. Late messages less
-    than ``MIN_PUNCTUAL_TIME`` apart count once.
-    """
-    late = ages[ages[:, 1] > MAX_AGE * NS_PER_S]
-    apart = np.diff(late[:, 0]) > MIN_PUNCTUAL_TIME * NS_PER_S
-    return {'times': int(len(late) > 0) + int(np.count_nonzero(apart)),
-            'longest_s': float(np.max(late[:, 1], initial=0.0)) / NS_PER_S,
-            'resumed': sum(drive.resumed for drive in drives)}
-
-
-def host_lines(host: Tree | None, late: Tree = PUNCTUAL) -> Iterator[str]:
-    """
-    Yield a line if data were late: because other programs ran, or how late they were.
-
-    ``host`` has the lateness of timers, ``late`` is that of ``late_host``.
-    """
-    resumed = f'; path resumed {late["resumed"]} x after a stop for it'
-    if host is not None and host['late']:
-        yield 'host late: {}{}'.format(HostLoad(**{
-            name: value for name, value in host.items() if name != 'late'}),
-            resumed if late['resumed'] else '')
-    elif late['times'] or late['resumed']:
-        yield (f'odom late {late["times"]} x: up to {late["longest_s"]:.2f} s old, expected at '
-               f'most {MAX_AGE:g} s{resumed}')
+def host_lines(tree: Tree) -> Iterator[str]:
+    """Yield lines if other programs took the cores, of a simulated robot or of a real one."""
+    if tree['simulated']:
+        yield from tree['simulated']
+    elif (host := tree['host']) is not None and host['late']:
+        yield 'host late: {}'.format(HostLoad(**{
+            name: value for name, value in host.items() if name != 'late'}))
 
 
 @dataclass(frozen=True)
@@ -248,7 +220,7 @@ def radio_counts(inputs: SampleArrays, batches: Sequence[Batch]) -> Tree:
 def demo_lines(tree: Tree) -> Iterator[str]:
     """Yield the summary of ``evaluate_demo`` as lines of text."""
     yield f'recorded {tree["duration_s"]:.0f} s, {sum(tree["messages"].values())} messages'
-    yield from host_lines(tree['host'], tree['late_host'])
+    yield from host_lines(tree)
     yield ('radio batches: {sent} sent, {dropped} dropped by the simulated radio, {missing} lost '
            'after it'.format(**tree['radio']))
     for wheel, score in tree['stamps'].items():

@@ -50,7 +50,6 @@ class DrivenPath:
     wanted: Array      # (n, 2) m
     estimated: Array   # (m, 2) m
     true: Array        # (k, 2) m, aligned with the estimate at the begin; empty without truth
-    resumed: int = 0    # times that the rest of the path was sent after a stop
 
     @property
     def duration(self) -> float:
@@ -73,23 +72,13 @@ class PathLog:
             self._progress.append(sample)
 
     def driven(self, estimates: PoseEstimate, truth: PoseEstimate) -> list[DrivenPath]:
-        """
-        Return the paths that were followed, in order.
-
-        The rest of a path, sent after a stop, is a part of it.
-        """
+        """Return the paths that were followed, in order."""
         limits = [begin for begin, _ in self._paths[1:]] + [np.iinfo(np.int64).max]
-        found: list[DrivenPath] = []
-        for (begin, path), limit in zip(self._paths, limits):
-            if (drive := self._followed(path, begin, limit)) is None:
-                continue
-            if found and found[-1].state == PathState.STOPPED and _is_rest(drive, found[-1]):
-                before = found.pop()
-                drive = replace(drive, begin_ns=before.begin_ns, wanted=before.wanted,
-                                resumed=before.resumed + 1)
-            found.append(drive)
+        found = (self._followed(path, begin, limit)
+                 for (begin, path), limit in zip(self._paths, limits))
         return [replace(drive, estimated=_between(estimates, drive).pose[:, :2],
-                        true=_true_positions(drive, estimates, truth)) for drive in found]
+                        true=_true_positions(drive, estimates, truth))
+                for drive in found if drive is not None]
 
     def wanted(self) -> list[Array]:
         """Return the positions (n, 2) [m] of each path."""
@@ -105,12 +94,6 @@ class PathLog:
         last = later[0] if later else reports[-1]
         return DrivenPath(begin, last.stamp_ns, PathState(last.state), _positions(path),
                           np.empty((0, 2)), np.empty((0, 2)))
-
-
-def _is_rest(drive: DrivenPath, before: DrivenPath) -> bool:
-    """Return whether all places of a path but the first are the last ones of ``before``."""
-    tail = drive.wanted[1:]
-    return np.array_equal(tail, before.wanted[-len(tail):])
 
 
 def _positions(path: PlannedPath) -> Array:
@@ -132,8 +115,8 @@ def driven_tree(drive: DrivenPath) -> Tree:
     scores = {name: tracking_score(drive.wanted, positions)
               for name, positions in (('in_odom', drive.estimated), ('in_truth', drive.true))}
     return plain({'state': drive.state.name.lower(), 'duration_s': drive.duration,
-                  'resumed': drive.resumed, **{name: None if score is None else asdict(score)
-                                               for name, score in scores.items()}})
+                  **{name: None if score is None else asdict(score)
+                     for name, score in scores.items()}})
 
 
 def driven_lines(name: str, tree: Tree) -> Iterator[str]:

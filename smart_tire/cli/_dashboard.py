@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
@@ -21,7 +20,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from smart_tire.host_load import worst_of
+from smart_tire.drivers.clock import SYSTEM
+from smart_tire.host_load import pace_lines, worst_of
 from smart_tire.samples import NS_PER_S, Sample, WHEELS
 
 if TYPE_CHECKING:
@@ -33,12 +33,12 @@ MAX_AGE = 1.0        # s; older values are gray, with their age
 
 
 class Dashboard:
-    """Shows the status of the robot; a context manager."""
+    """Shows the status of the robot, with the time since the recording began."""
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console()
         self._live = Live(console=self._console, auto_refresh=False)
-        self._start = time.monotonic()
+        self._start = SYSTEM.now()
         self._last = -math.inf
 
     def __enter__(self) -> Dashboard:
@@ -52,7 +52,7 @@ class Dashboard:
 
     def show(self, phase: str, status: Pilot, note: str = '') -> None:
         """Show ``status``, the name of the current ``phase`` of the drive, and a ``note``."""
-        now = time.monotonic() - self._start
+        now = SYSTEM.now() - self._start
         shown = Group(*_warnings(status), _header(now, phase, status, note), _table(status),
                       _radio_line(status))
         if self._console.is_terminal:
@@ -115,7 +115,8 @@ def _radio_line(status: Pilot) -> Text:
 
 
 def _warnings(status: Pilot) -> list[Text]:
-    """Return a line if this host is late, and one if the motors are stopped."""
+    """Return lines if this host is busy or late, and one if the motors are stopped."""
     host = worst_of(status.health.values())
-    lines = [f'host late: {host}'] if host is not None and host.late else []
+    lines = list(pace_lines([status.health.get('robot_simulator', {})])) or (
+        [f'host late: {host}'] if host is not None and host.late else [])
     return [Text(line, style='yellow') for line in [*lines, status.stopped] if line]

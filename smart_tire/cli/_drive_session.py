@@ -13,8 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from itertools import accumulate
+from contextlib import contextmanager, nullcontext
 import math
 import os
 from pathlib import Path
@@ -23,23 +22,23 @@ import time
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from smart_tire.cli._dashboard import Dashboard
 from smart_tire.cli._keyboard import DriveKey, Keyboard, StopRequest, Teleoperation
 from smart_tire.cli._outputs import remove
 from smart_tire.cli._path_file import length, Poses
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import (
-    isolated_environment, NODES, params_arguments, PORTS, RECORDER, RobotError, Stack,
+    CLOCK, isolated_environment, NODES, params_arguments, PORTS, RECORDER, RobotError, Stack,
     START_TIMEOUT)
 from smart_tire.control.constants import STANDSTILL_SPEED
 from smart_tire.control.trajectory_control import Cause, PathState
+from smart_tire.drivers.clock import SYSTEM
+from smart_tire.drivers.simulated_time import SimulatedTime, VARIABLE
 from smart_tire.errors import ParameterError
 from smart_tire.findings import Level
 from smart_tire.host_load import worst_of
 from smart_tire.rotation import euler
-from smart_tire.samples import PathProgress, Vector3
+from smart_tire.samples import PathProgress
 
 SPIN_TIME = 0.05         # s between two looks at keys, progress and signals
 SHOW_PERIOD = 0.2        # s between two updates of the dashboard
@@ -50,17 +49,12 @@ OLD_REPORT_TIME = 0.6  # s in which a report may still be that of the path befor
 SILENCE_TIME = 3.0   # s without a report, nominally four per second
 MIN_MEAN_SPEED = 0.05  # m/s, expected at least
 EXTRA_TIME = 30.0    # s, beyond the time at this speed
-SEARCH_LENGTH = 1.5    # m that the robot may have driven since its latest report
-PLACES = 151           # on that length, for one per centimeter
-JOIN_RATIO = 2.0       # distance along the path over that from it: turns by 27 degrees
-MIN_REST = 0.05        # m of the path that are sent again at least; arrival.xy_tolerance
 REPORT_TIME = 1.5        # s, in which a controller that follows a path has reported it
 STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
 REASON_TIME = 5.0        # s until a reason is in the diagnostics, which come once a second
 FOLLOWER = 'trajectory_controller'
-MAX_RESUMPTIONS = 10   # of one path
-PATIENCE = 10.0        # longest waits for the controller over those for a robot
+STANDING_TIME = 120.0    # s of real time in which a simulated time may stand
 KEYS_HELP = ('arrows or WASD: drive and turn, held down; space: stop; + and -: speed; q: quit. '
              'The robot stops when no key is held.')
 
@@ -71,7 +65,7 @@ class Session:
     def __init__(self, stack: Stack, runner: Any, stopped: StopRequest | None = None) -> None:
         self.stack, self.pilot = stack, runner.node
         self._runner, self._stopped = runner, stopped
-        self.remaining = 0.0  # m of the latest path when it was last reported
+        self._passed = 0, time.monotonic()  # latest simulated time [ns], and when it has passed
 
     def spin(self, seconds: float = SPIN_TIME) -> None:
         """Handle messages; raise KeyboardInterrupt or RobotError if the drive has to end."""
@@ -79,13 +73,18 @@ class Session:
         if self._stopped:
             raise KeyboardInterrupt
         self.stack.check_alive()
+        if self._passed[0] != SYSTEM.now_ns():
+            self._passed = SYSTEM.now_ns(), time.monotonic()
+        elif time.monotonic() - self._passed[1] > STANDING_TIME:
+            raise RobotError(f'the simulated time has stood for {STANDING_TIME:.0f} s')
 
     def await_nodes(self) -> None:
         """Wait until estimates are published and every node has sent diagnostics."""
         end = time.monotonic() + START_TIMEOUT
         with ProgressLine(timer=False) as progress:
             while missing := sorted(self.stack.processes.keys() - self.pilot.health.keys()) or [
-                    name for name in ('slip', 'wheels') if getattr(self.pilot, name) is None]:
+                    topic for topic, field in (('wheel_slip', 'slip'), ('wheel_states', 'wheels'))
+                    if getattr(self.pilot, field) is None]:
                 progress.show(f'waiting for messages from {", ".join(missing)}')
                 if time.monotonic() > end:
                     raise RobotError(f'no messages from {", ".join(missing)} within '
@@ -179,36 +178,33 @@ class Session:
         odometry = self.pilot.odometry
         return odometry.position[0], odometry.position[1], euler(odometry.orientation)[2]
 
-    def follow(self, name: str, poses: Poses, dashboard: Dashboard,
-               patience: float = 1.0) -> PathState:
+    def follow(self, name: str, poses: Poses, dashboard: Dashboard) -> PathState:
         """Follow a path in ``odom``, then stand still; return the state in which it ended."""
         self.pilot.follow(poses)
-        following, state = Following(length(poses), time.monotonic(), patience), None
+        following, state = Following(length(poses), SYSTEM.now()), None
         while state is None:
             self.spin(SHOW_PERIOD)
-            state = following.end_state(self.pilot.progress, time.monotonic())
+            state = following.end_state(self.pilot.progress, SYSTEM.now())
             dashboard.show(name, self.pilot, note(self.pilot.progress))
-        self.remaining = following.remaining
-        end = time.monotonic() + STANDSTILL_TIME
-        while time.monotonic() < end:
+        end = SYSTEM.now() + STANDSTILL_TIME
+        while SYSTEM.now() < end:
             self.spin(SHOW_PERIOD)
             dashboard.show(name, self.pilot, note(self.pilot.progress))
         return state
 
-    def reason(self, state: PathState) -> tuple[str, str]:
+    def reason(self, state: PathState) -> str:
         """
-        Return why the controller has stopped or refused the path, and the cause.
+        Return why the controller has stopped or refused the path.
 
         A late host is the only reason for late data and for what they cause.
         """
         self.pilot.health.pop(FOLLOWER, None)  # it may be that of a path before
-        end, found = time.monotonic() + REASON_TIME, dict[str, str]()
-        while found.get('state') != state.name.lower() and time.monotonic() < end:
+        end, found = SYSTEM.now() + REASON_TIME, dict[str, str]()
+        while found.get('state') != state.name.lower() and SYSTEM.now() < end:
             self._runner.spin(SPIN_TIME)  # also after a request to stop
             found = self.pilot.health.get(FOLLOWER, {})
-        reason, cause = found.get('reason', ''), found.get('cause', '')
-        explained = state == PathState.STOPPED and cause != Cause.ORDER.value
-        return self.late_host if explained and self.late_host else reason, cause
+        explained = state == PathState.STOPPED and found.get('cause') != Cause.ORDER.value
+        return explained and self.late_host or found.get('reason', '')
 
     @property
     def late_host(self) -> str:
@@ -264,54 +260,47 @@ def started(out: Path, params: Sequence[Path], pilot: Callable[[], Any],
     ``params`` are parameter files of all nodes, ``arguments`` more of single ones.
     """
     from smart_tire.nodes.runner import NodeRunner
-    given = os.environ.get('ROS_DOMAIN_ID')
-    environment = isolated_environment() if simulated else dict(os.environ)
-    os.environ.update(environment)  # the pilot is in this process
+    given, own = os.environ.get('ROS_DOMAIN_ID'), list[str]()
     if simulated:
-        print('on this machine only; in another terminal:\n  export {} {}\n  smart_tire status'
-              .format(*(f'{name}={environment[name]}' for name in (
-                  'ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE'))), flush=True)
-    with Stack(out / 'logs', environment) as stack:
-        with NodeRunner(pilot, params_arguments(params) if simulated else None) as runner:
+        own = ['-p', 'use_sim_time:=true']
+        os.environ.update(isolated_environment())  # the pilot is in this process
+    with (_simulated_time(out / 'ports' / CLOCK) if simulated else nullcontext(),
+          Stack(out / 'logs', os.environ) as stack):
+        with NodeRunner(pilot, [*params_arguments(params), *own] if simulated else None) as runner:
             session = Session(stack, runner, stopped)
             try:
                 if simulated:
                     if given:
                         session.refuse_other_robot(nodes)
                     for node in nodes:
-                        stack.node(node, params, *arguments.get(node, ()))
+                        stack.node(node, params, *own, *arguments.get(node, ()))
                     session.await_nodes()
                 yield session
             except RobotError as error:  # may be due to other programs
                 raise RobotError('; '.join(filter(None, [session.late_host, str(error)]))
                                  ) from error
+            finally:
+                if SYSTEM.simulated is not None and simulated:
+                    SYSTEM.simulated.free()  # nodes end in any order
         stack.stop_in_order()
     if simulated:
         remove(out / 'ports', PORTS)
 
 
-def follow_resuming(session: Session, name: str, poses: Poses,
-                    dashboard: Dashboard) -> tuple[PathState, str]:
-    """
-    Follow a path, and the rest of it after each stop for late data.
-
-    Returns the last state and the reason for it, empty on arrival. A stop for another reason is
-    final, and so is the one after ``MAX_RESUMPTIONS``. The controller predicts the pose over the
-    age of ``odom``, so that the robot of a late host seems to be far from the path.
-    """
-    rest, reason = poses, ''
-    for _ in range(MAX_RESUMPTIONS + 1):
-        state = session.follow(name, rest, dashboard, patience=PATIENCE)
-        if state == PathState.ARRIVED:
-            return state, ''
-        reason, cause = session.reason(state)
-        # late data, or what a late host causes: a wrong pose, or motors that their driver has
-        # stopped because boards answer late
-        if not (cause == Cause.LATE.value or session.late_host and cause == Cause.MOTION.value):
-            return state, reason
-        session.await_standstill()
-        rest = remaining_path(rest, session.remaining, session.start_pose()[:2])
-    return state, f'{reason}; stopped {MAX_RESUMPTIONS + 1} times'
+@contextmanager
+def _simulated_time(path: Path) -> Iterator[None]:
+    """Let processes that are started meanwhile share a simulated time, by the file ``path``."""
+    SimulatedTime.create(path)
+    os.environ[VARIABLE] = str(path.resolve())
+    print('on this machine only; in another terminal:\n  export', *(
+        f'{name}={os.environ[name]}' for name in (
+            'ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', VARIABLE)))
+    print('  smart_tire status', flush=True)
+    try:
+        yield
+    finally:
+        del os.environ[VARIABLE]
+        path.unlink()
 
 
 class Following:
@@ -319,18 +308,11 @@ class Following:
     The progress of one path; times are seconds of one steady clock.
 
     ``end_state`` raises RobotError if the controller does not answer, falls silent, or does not
-    arrive in the time of a mean speed of ``MIN_MEAN_SPEED``. ``remaining`` is the distance [m]
-    that was reported last.
+    arrive in the time of a mean speed of ``MIN_MEAN_SPEED``.
     """
 
-    def __init__(self, length: float, time: float, patience: float = 1.0) -> None:
-        """
-        Begin with a path of ``length`` [m] that was published at ``time``.
-
-        The controller has ``patience`` times the usual times to answer and to report: on a busy
-        host it may report the end of the path before for long.
-        """
-        self.remaining, self._patience = length, patience
+    def __init__(self, length: float, time: float) -> None:
+        """Begin with a path of ``length`` [m] that was published at ``time``."""
         self._begin = self._heard = time
         self._limit = EXTRA_TIME + length / MIN_MEAN_SPEED
         self._latest: PathProgress | None = None
@@ -340,7 +322,7 @@ class Following:
         """Return the state in which the path has ended, None while it is followed."""
         if report is not None and report is not self._latest:
             self._latest, self._heard = report, time
-        elif time - self._heard > self._patience * SILENCE_TIME:
+        elif time - self._heard > SILENCE_TIME:
             raise RobotError('trajectory_controller does not report its progress (path_progress)')
         if time - self._begin > self._limit:
             raise RobotError(f'the end of the path was not reached within {self._limit:.0f} s')
@@ -349,13 +331,11 @@ class Following:
         state = PathState(self._latest.state)
         if state == PathState.FOLLOWING:
             self._started = True
-            if math.isfinite(self._latest.remaining_distance):
-                self.remaining = self._latest.remaining_distance
             return None
-        answered = time - self._begin > self._patience * OLD_REPORT_TIME
+        answered = time - self._begin > OLD_REPORT_TIME
         if self._started or state != PathState.IDLE and answered:
             return state
-        if time - self._begin > self._patience * ANSWER_TIME:
+        if time - self._begin > ANSWER_TIME:
             raise RobotError('trajectory_controller has not received the path')
         return None
 
@@ -370,29 +350,3 @@ def note(report: PathProgress | None) -> str:
     if math.isfinite(report.cross_track_error):
         text += f', {report.cross_track_error:+.3f} m from the path'
     return text
-
-
-def remaining_path(poses: Poses, remaining: float, position: tuple[float, float]) -> Poses:
-    """
-    Return the path from ``position`` on to those of its places that are still to be driven.
-
-    It leaves the path at the place nearest to ``position``, which is searched among the last
-    ``remaining`` [m], and there on the next ``SEARCH_LENGTH`` only: paths may cross themselves. It
-    joins the path ``JOIN_RATIO`` times the distance from it further on, or at its end.
-    """
-    along = np.array([0.0, *accumulate(map(_distance, poses, poses[1:]))])
-    last = max(along[-1] - MIN_REST, 0.0)
-    first = min(max(along[-1] - remaining, 0.0), last)
-    places = np.linspace(first, min(first + SEARCH_LENGTH, last), PLACES)
-    x, y = (np.interp(places, along, column) for column in np.array(poses).T[:2])
-    away = np.hypot(x - position[0], y - position[1])
-    nearest = int(np.argmin(away))
-    join = min(places[nearest] + JOIN_RATIO * away[nearest], along[-1])
-    later = int(np.searchsorted(along, join))  # a turn in place at this place is still to be made
-    start = position if math.dist(position, poses[-1][:2]) > MIN_REST else (
-        float(x[nearest]), float(y[nearest]))
-    return (*start, poses[max(later - 1, 0)][2]), *poses[later:]
-
-
-def _distance(one: Vector3, other: Vector3) -> float:
-    return math.dist(one[:2], other[:2])

@@ -23,6 +23,7 @@ import tempfile
 import time
 from typing import Any, TYPE_CHECKING
 
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import Finding, Level
 from smart_tire.host_load import host_load, HostLoad, other_problems, SHARE, worst_of
@@ -92,7 +93,7 @@ class Heard:
             return
         namespace = name[:-len(topic.name)].rstrip('/')
         self.robots.setdefault(namespace, Listened()).on_message(
-            topic.name, time.time_ns(), data)
+            topic.name, SYSTEM.time_ns(), data)
 
 
 def live_findings(args: argparse.Namespace, files: list[Path],

@@ -39,9 +39,9 @@ PR_SET_PDEATHSIG = 1     # prctl(2): signal to a child when its parent ends, eve
 UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
 RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
 START_TIMEOUT = 60.0      # s until all nodes run, on a busy machine
-ODOM_TIMEOUT = 1.0        # s, more than for a robot: other programs may slow the nodes down
 SPIN_TIME = 0.25          # s between two looks at the processes
 PORTS = ('tire_radio', 'imu', 'motors')
+CLOCK = 'clock'           # file of the simulated time, in the folder of the ports
 DOMAINS = range(1, 102)   # 0 is the default of others; higher ids overlap ephemeral ports
 FIRST_PORT, PORTS_PER_DOMAIN = 7410, 250  # UDP, of discovery; RTPS specification 9.6.1.1
 RECORDER, VIEWER = 'recorder', 'viewer'  # names of their processes
@@ -202,8 +202,7 @@ def write_parameters(out: Path, name: str, seed: int,
         'tire_receiver': {'port': links['tire_radio'], 'units': list(UNITS),
                           'radio_latency': RADIO_LATENCY},
         'imu_driver': {'port': links['imu']},
-        'motor_driver': {'port': links['motors']},
-        'trajectory_controller': {'checks.odom_timeout': ODOM_TIMEOUT}}
+        'motor_driver': {'port': links['motors']}}
     for node, values in more.items():
         nodes.setdefault(node, {}).update(values)
     out.mkdir(parents=True, exist_ok=True)
@@ -216,4 +215,4 @@ def write_parameters(out: Path, name: str, seed: int,
 def remove_traces(out: Path) -> None:
     """Delete the logs and links to ports of an earlier run."""
     remove(out / 'logs', [f'{name}.log' for name in (*NODES, *CAMERA, RECORDER, VIEWER)])
-    remove(out / 'ports', PORTS)
+    remove(out / 'ports', (*PORTS, CLOCK))

@@ -22,7 +22,6 @@ import math
 from pathlib import Path
 import signal
 import sys
-import time
 from typing import Any, TYPE_CHECKING
 
 from smart_tire.cli._outputs import (
@@ -30,8 +29,8 @@ from smart_tire.cli._outputs import (
     undone_if_interrupted)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import NODES, remove_traces, RobotError, write_parameters
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.launching import CAMERA
-from smart_tire.samples import NS_PER_S
 
 if TYPE_CHECKING:
     from smart_tire.analysis.summary import Tree
@@ -43,16 +42,13 @@ Legs = dict[str, list[tuple[int, int]]]  # name -> time intervals [ns]
 
 
 FAST_SPEED, SLOW_SPEED = 120.0, 60.0  # rpm, paper B Fig. 10
-LEG_DURATION = 9.0            # s of each turn, in which the wheels turn
-MAX_LEG_DURATION = 60.0       # s, if a busy host stops them meanwhile
-MIN_WHEEL_SPEED = 1.0         # rad/s of a wheel that turns
-MAX_WHEELS_AGE = 0.5          # s; older wheel_states do not show it
+LEG_DURATION = 9.0            # s of each turn
 SETTLING_TIME = 1.0           # s at the start of a leg that are excluded from its means
 STANDSTILL_DURATION = 2.5     # s before the first leg
 BRAKING_TIME = 0.5            # s in which standstill is commanded after the last leg
 HANDOVER_TIME = 1.6           # s until wheel_controller accepts another source of commands
 MIN_SAND_DISTANCE = 6.2       # m from the origin in x or y: two circles from there stay on sand
-MAX_TRANSFER_DURATION = 60.0  # s; about 7 unless a busy host stops the wheels
+MAX_TRANSFER_DURATION = 30.0  # s; about 7
 BORDER = 3.0                  # m, half the side of the concrete square of the simulator
 EIGHT_RADIUS = 0.5            # m
 PATH_SPEED = 0.7              # m/s, on straight parts
@@ -139,15 +135,19 @@ def _prepare(out: Path, seed: int, *, camera: bool = False) -> Path:
 def _drive(out: Path, params: Path, pilot: Callable[[], Any], nodes: Sequence[str], *,
            view: bool) -> Legs:
     """Drive both acts and record them; return the time intervals of the legs."""
+    # before the robot, which waits for this program
     from smart_tire.cli._dashboard import Dashboard
     from smart_tire.cli._drive_session import started
+    from smart_tire.control.path_library import figure_eight
+    eight = figure_eight(EIGHT_RADIUS).poses
     with started(out, [params], pilot, nodes=nodes) as session:
         if view:
             session.stack.start_viewer('--params', str(params))
+        session.pilot.enable_path()
         session.record(out / 'bag')
         with Dashboard() as dashboard:
             intervals = _drive_legs(session, dashboard)
-            _drive_paths(session, dashboard)
+            _drive_paths(session, dashboard, eight)
     return intervals
 
 
@@ -168,59 +168,43 @@ def _drive_legs(session: Session, dashboard: Dashboard) -> Legs:
 
 
 def _drive_leg(session: Session, dashboard: Dashboard, leg: Leg, duration: float) -> None:
-    """
-    Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached.
-
-    Evaluated legs, which are turns, last until the wheels have turned for ``duration``.
-    """
-    pilot, periods = session.pilot, round(duration / DASHBOARD_PERIOD)
-
-    def turned() -> bool:
-        nonlocal periods
-        age_ns = pilot.now_ns() - pilot.wheels.stamp_ns
-        periods -= (age_ns < MAX_WHEELS_AGE * NS_PER_S
-                    and max(map(abs, pilot.wheels.velocity)) > MIN_WHEEL_SPEED)
-        return periods < 0
+    """Drive ``leg`` for ``duration`` [s]; a transfer ends when the sand is reached."""
+    pilot = session.pilot
 
     def reached() -> bool:
         return (leg.left == leg.right != 0.0
                 and max(map(abs, pilot.odometry.position)) > MIN_SAND_DISTANCE)
 
     pilot.drive(leg.left, leg.right)
-    turns = leg.left != leg.right
-    _spin(session, dashboard, leg.name, MAX_LEG_DURATION if turns else duration,
-          turned if turns else reached)
+    _spin(session, dashboard, leg.name, duration, reached)
 
 
 def _spin(session: Session, dashboard: Dashboard, name: str, duration: float,
           ended: Callable[[], bool] = lambda: False) -> None:
     """Show messages for ``duration`` [s], or until the interval has ``ended``."""
-    end = time.monotonic() + duration
-    while time.monotonic() < end and not ended():
+    end = SYSTEM.now() + duration
+    while SYSTEM.now() < end and not ended():
         session.spin(DASHBOARD_PERIOD)
         dashboard.show(name, session.pilot)
 
 
-def _drive_paths(session: Session, dashboard: Dashboard) -> None:
+def _drive_paths(session: Session, dashboard: Dashboard, eight: Poses) -> None:
     """Drive with the trajectory controller: to the border of both grounds, then an eight."""
     from smart_tire.cli._path_file import placed
-    from smart_tire.control.path_library import figure_eight
     session.await_standstill()
     x, y, _ = session.start_pose()
     to_border = (x, y, math.nan), (*border_point(x, y), math.nan)
     if _follow(session, TO_BORDER, to_border, dashboard):
         session.await_standstill()
-        _follow(session, EIGHT, placed(figure_eight(EIGHT_RADIUS).poses, session.start_pose()),
-                dashboard)
+        _follow(session, EIGHT, placed(eight, session.start_pose()), dashboard)
 
 
 def _follow(session: Session, name: str, poses: Poses, dashboard: Dashboard) -> bool:
     """Follow a path; return whether its end was reached, else print why not."""
-    from smart_tire.cli._drive_session import follow_resuming
     from smart_tire.control.trajectory_control import PathState
-    state, reason = follow_resuming(session, name, poses, dashboard)
+    state = session.follow(name, poses, dashboard)
     if state != PathState.ARRIVED:
-        print(f'demo: {name}: {state.name.lower()}: {reason}', file=sys.stderr)
+        print(f'demo: {name}: {state.name.lower()}: {session.reason(state)}', file=sys.stderr)
     return state == PathState.ARRIVED
 
 
@@ -264,7 +248,7 @@ def _report(out: Path, summary: Tree) -> int:
         return 1
     if unfinished := [name for name in (TO_BORDER, EIGHT)
                       if summary['tracking'].get(name, {}).get('state') != 'arrived']:
-        problems = [*host_lines(summary['host'], summary['late_host']),
+        problems = [*host_lines(summary),
                     f'the robot did not arrive: {", ".join(unfinished)}']
         print(f'demo: {"; ".join(problems)}', file=sys.stderr)
         return 1

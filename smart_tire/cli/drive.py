@@ -123,6 +123,7 @@ def _session(args: argparse.Namespace, pilot: Callable[[], Any],
     with started(args.out, params, pilot, stopped, simulated=not args.robot,
                  arguments={FOLLOWER: speed}) as session:
         if args.path:
+            session.pilot.enable_path()
             session.await_robot('path', FOLLOWER)
         else:
             session.await_robot('cmd_vel', 'wheel_controller')
@@ -149,8 +150,7 @@ def _follow(args: argparse.Namespace, session: Session, poses: Poses) -> int:
         print('interrupted: the path is canceled', file=sys.stderr)
         return INTERRUPTED
     if state != PathState.ARRIVED:
-        reason, _ = session.reason(state)
-        print(f'smart_tire drive: {state.name.lower()}: {reason}', file=sys.stderr)
+        print(f'smart_tire drive: {state.name.lower()}: {session.reason(state)}', file=sys.stderr)
     return ARRIVED if state == PathState.ARRIVED else NOT_ARRIVED
 
 

@@ -18,7 +18,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 import json
 import os
-import time
 from typing import TYPE_CHECKING
 
 from rich.console import Console, Group, RenderableType
@@ -26,6 +25,7 @@ from rich.live import Live
 from rich.table import Column, Table
 from rich.text import Text
 
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.host_load import other_problems, worst_of
 from smart_tire.messages import find_topic, NodeStatus
 
@@ -61,8 +61,8 @@ def run(args: argparse.Namespace) -> int:
     board = StatusBoard(name)
 
     def new_observer() -> Observer:
-        return Observer(lambda topic, data: board.add_message(topic, data, time.monotonic()),
-                        lambda status: board.add_status(status, time.monotonic()), name=name)
+        return Observer(lambda topic, data: board.add_message(topic, data, SYSTEM.now()),
+                        lambda status: board.add_status(status, SYSTEM.now()), name=name)
 
     with NodeRunner(new_observer, []) as runner:
         if args.once or args.json or not console.is_terminal:
@@ -78,14 +78,14 @@ def _show(console: Console, board: StatusBoard, runner: NodeRunner[Observer]) ->
         try:
             while True:
                 runner.spin(REFRESH_PERIOD)
-                live.update(view(board.robots(time.monotonic())), refresh=True)
+                live.update(view(board.robots(SYSTEM.now())), refresh=True)
         except KeyboardInterrupt:
             return
 
 
 def _finish(args: argparse.Namespace, console: Console, board: StatusBoard) -> int:
     """Print the latest status; return the exit status."""
-    now = time.monotonic()
+    now = SYSTEM.now()
     status, robots = board.exit_status(now), board.robots(now)
     if args.json:
         print(to_json(robots, status))

@@ -31,6 +31,7 @@ from smart_tire.cli._bags import (
 from smart_tire.cli._outputs import refuse_existing
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.cli._stack import ANNOUNCED, end_with_parent
+from smart_tire.drivers.clock import SYSTEM
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import EstimatorParams
@@ -162,11 +163,11 @@ class LiveFeed:
 
     def on_status(self, status: NodeStatus) -> None:
         """Show the status of a node that was just received."""
-        self._scene.add_status(time.time_ns(), status)
+        self._scene.add_status(SYSTEM.time_ns(), status)
 
     def on_image(self, kind: str, data: bytes) -> None:
         """Show an image that was just received."""
-        self._scene.add_image(time.time_ns(), kind, data)
+        self._scene.add_image(SYSTEM.time_ns(), kind, data)
 
     def flush(self) -> None:
         """Send what was received."""
@@ -175,7 +176,7 @@ class LiveFeed:
             delay = self._clock() - self._oldest
             self._oldest = None
             self.delays.append(delay)
-            self._scene.add_delay(time.time_ns(), delay)
+            self._scene.add_delay(SYSTEM.time_ns(), delay)
 
     def report(self) -> str:
         """Return the delays as a line of text."""

@@ -22,8 +22,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 import heapq
 import threading
-import time
 
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.samples import TireSample
 
 SAMPLE_SPACING_NS = 1_000_000  # between two samples of any wheels, if the sampling period permits
@@ -91,9 +91,10 @@ class PacedSender:
     """
 
     def __init__(self, send: Callable[[TireSample], None], wheels: int,
-                 clock: Callable[[], int] = time.monotonic_ns) -> None:
+                 clock: Callable[[], int] = SYSTEM.now_ns) -> None:
         self._send, self._clock = send, clock
         self._queue = PacingQueue(wheels)
+        self._announce = SYSTEM.join('paced sender')
         self._changed = threading.Condition()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name='paced sender', daemon=True)
@@ -119,6 +120,7 @@ class PacedSender:
         """Queue the samples of one batch of one wheel; may be called from any thread."""
         with self._changed:
             self._queue.put(batch, self._clock())
+            self._announce(self._queue.due_ns())
             self._changed.notify()
 
     def _run(self) -> None:
@@ -131,6 +133,7 @@ class PacedSender:
         with self._changed:
             while True:
                 due_ns = self._queue.due_ns()
+                self._announce(due_ns)
                 if due_ns is None:
                     if self._stopping:
                         return None

@@ -123,9 +123,10 @@ class RoboclawLine:
     def _attempt(self, address: int, command: Command, *values: int) -> tuple[int, ...]:
         self._flush()  # a late reply would be mistaken for the reply to this request
         asked_ns = self._clock.now_ns()
+        self._clock.act(asked_ns)  # the reply is read at once: its time is half-way to then
         self._port.write(encode_request(address, command, *values))
         asked, command = command, self._known.get((address, command), command)
-        reply = self._port.read(command.reply_size)
+        reply = self._read(command.reply_size)
         if asked in WIDE and (address, asked) not in self._known:
             command, reply = self._with_width(address, asked, reply)
         if self._late and not (command.reads and _answers(address, command, reply)):
@@ -148,12 +149,22 @@ class RoboclawLine:
         self.last_ok_ns = self._clock.time_ns()
         return answer
 
+    def _read(self, size: int) -> bytes:
+        """Return ``size`` bytes, or those that arrive before the time-out of the port."""
+        if self._clock.simulated is None:
+            return bytes(self._port.read(size))
+        end_ns, data = self._clock.now_ns() + round(self._port.timeout * NS_PER_S), b''
+        while len(data) < size and self._clock.now_ns() < end_ns:
+            self._clock.act(self._clock.now_ns())
+            data += self._port.read(size - len(data))
+        return data
+
     def _with_width(self, address: int, command: Command, reply: bytes
                     ) -> tuple[Command, bytes]:
         """Return the command whose reply this is, by its CRC, and the whole reply."""
         wide = WIDE[command]
         if len(reply) == command.reply_size and not _answers(address, command, reply):
-            reply += self._port.read(wide.reply_size - len(reply))
+            reply += self._read(wide.reply_size - len(reply))
             if _answers(address, wide, reply):
                 return wide, reply
         return command, reply
@@ -174,7 +185,7 @@ class RoboclawLine:
                 skipped += command.reply_size
                 reply = reply[command.reply_size:]
                 if len(reply) < size:
-                    reply += self._port.read(size - len(reply))
+                    reply += self._read(size - len(reply))
         self.bytes_skipped += skipped
         return reply[:size] if skipped else reply  # more are the reply to a repetition
 

@@ -24,6 +24,7 @@ from typing import Any
 import serial
 
 from smart_tire.drivers.clock import Clock, SYSTEM
+from smart_tire.drivers.simulated_time import VARIABLE
 from smart_tire.errors import LinkError
 from smart_tire.paths import owned_terminal, SIMULATED
 
@@ -57,6 +58,9 @@ def open_port(url: str, baud_rate: int, timeout: float = READ_TIMEOUT) -> Any:
         if not path.startswith(PSEUDO_TERMINALS):
             raise LinkError(f'cannot open {url.removeprefix(SIMULATED)}: '
                             'no simulator of this namespace and ROS domain runs')
+    if SYSTEM.simulated is not None and os.path.exists(path) and not os.path.realpath(
+            path).startswith(PSEUDO_TERMINALS):  # time-outs of a real robot need the real time
+        raise LinkError(f'cannot open {url}: {VARIABLE} is set, for a simulated robot only')
     try:
         port = serial.serial_for_url(path, baudrate=baud_rate, timeout=timeout,
                                      write_timeout=WRITE_TIMEOUT, exclusive=True)
@@ -124,6 +128,7 @@ class SerialPort:
                 self.opened += 1
                 self._set_problem('')
                 self._use(port)
+        self._clock.act(None)
 
     def _use(self, port: Any) -> None:
         try:

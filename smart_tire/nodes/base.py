@@ -31,10 +31,13 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
+from rclpy.time import Time
 from rclpy.timer import Timer
 
 from smart_tire.control.command_check import NO_CLOCK
 from smart_tire.control.publishers import MessageInfo
+from smart_tire.drivers.clock import SYSTEM
+from smart_tire.drivers.simulated_time import NEVER, Participant
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import HostLoad, TimerLateness
 from smart_tire.messages import (
@@ -56,6 +59,8 @@ from std_msgs.msg import Bool
 Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
+TIMERS = 'timers'  # in place of an input
+MIN_TIMER_NS = 500_000  # ns, of a timer that waits for a simulated time
 STATE_DEPTH = 10  # queued states of the motor driver, so that a short stop is not missed
 
 
@@ -75,6 +80,10 @@ class SmartTireNode(Node, Generic[Params]):
     """
 
     hardware_id = ''
+    # A simulated time passes ``pace_lag_ns`` beyond the time when this node should handle the next
+    # message of its periodic input ``paced_by`` or, for ``TIMERS``, call its next timer.
+    paced_by = ''
+    pace_lag_ns = 20_000_000
     exchange: Exchange | None = None  # of the nodes in this process, if there are several
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
@@ -97,6 +106,8 @@ class SmartTireNode(Node, Generic[Params]):
         self._params_class = params_class
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._periodic: dict[float, list[Callable[[], None]]] = {}  # period [s] -> callbacks
+        self._timer_dues: dict[Timer, int] = {}  # steady time [ns], of those in simulated time
+        self._timer_pace: Participant | None = None
         self._publish_diagnostics = self.make_guarded_publisher(
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
         self.call_every(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
@@ -136,7 +147,28 @@ class SmartTireNode(Node, Generic[Params]):
 
     def create_steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Return a timer of ``period`` [s] on the steady clock, independent of /clock and NTP."""
-        return self.create_timer(period, callback, clock=self._steady_clock)
+        if SYSTEM.simulated is None:
+            return self.create_timer(period, callback, clock=self._steady_clock)
+        period_ns = round(period * NS_PER_S)
+        due_ns = self.steady_ns() + period_ns
+        if self.paced_by == TIMERS and self._timer_pace is None:
+            self._timer_pace = SYSTEM.simulated.join(self.get_name())
+
+        def call_if_due() -> None:
+            nonlocal due_ns
+            late_ns = self.steady_ns() - due_ns
+            if late_ns >= -MIN_TIMER_NS:
+                due_ns += period_ns * (1 + max(late_ns, 0) // period_ns)
+                callback()
+            timer.timer_period_ns = max(due_ns - self.steady_ns(), MIN_TIMER_NS)
+            self._timer_dues[timer] = NEVER if timer.is_canceled() else due_ns
+            if not timer.is_canceled():
+                timer.reset()
+            if self._timer_pace is not None:
+                self._timer_pace.permit(min(self._timer_dues.values()) + self.pace_lag_ns)
+
+        timer = self.create_timer(period, call_if_due, clock=self._steady_clock)
+        return timer
 
     def call_every(self, period: float, callback: Callable[[], None]) -> None:
         """
@@ -151,11 +183,13 @@ class SmartTireNode(Node, Generic[Params]):
 
     def now_ns(self) -> int:
         """Return the time for message stamps [ns]: ROS time, simulated with ``use_sim_time``."""
+        if SYSTEM.simulated is not None:
+            return SYSTEM.time_ns()  # messages on /clock have a period
         return int(self.get_clock().now().nanoseconds)
 
     def steady_ns(self) -> int:
         """Return the steady time [ns], for time-outs and ages."""
-        return int(self._steady_clock.now().nanoseconds)
+        return SYSTEM.now_ns()
 
     def subscribe(self, topic_name: str, on_sample: Callable[..., None], *,
                   name: str | None = None, wheels: int = 1, reliability: str = 'reliable',
@@ -186,6 +220,8 @@ class SmartTireNode(Node, Generic[Params]):
         if required or announced:
             self.input_log.watch(name, lambda: counter.ok, required=required)
 
+        if name == self.paced_by and SYSTEM.simulated is not None:
+            on_sample = self._paced(on_sample, SYSTEM.simulated.join(self.get_name()))
         handle = self._handler(name, counter, convert, on_sample)
 
         def on_message(msg: Any) -> None:
@@ -205,6 +241,25 @@ class SmartTireNode(Node, Generic[Params]):
                 route := self.exchange.published(self.resolve_topic_name(name))):
             return self.mailbox.add(name, route, callback, profile.depth, urgent=urgent)
         return self.create_subscription(cls, name, callback, profile, raw=raw)
+
+    def _paced(self, on_sample: Callable[..., None],
+               participant: Participant) -> Callable[..., None]:
+        """Return ``on_sample`` that permits the simulated time to pass until the next sample."""
+        latest_ns = period_ns = 0
+
+        def handle(sample: Any, *info: Any) -> None:
+            nonlocal latest_ns, period_ns
+            try:
+                on_sample(sample, *info)
+            finally:
+                if latest_ns:  # periods vary, and samples may be missing
+                    period_ns = max(sample.stamp_ns - latest_ns, period_ns * 9 // 10)
+                latest_ns = sample.stamp_ns
+                behind_ns = self.now_ns() - self.steady_ns()  # of the steady time
+                if period_ns:
+                    participant.permit(latest_ns - behind_ns + period_ns + self.pace_lag_ns)
+
+        return handle
 
     def unsubscribe(self, name: str, subscription: Subscription[Any] | Inbox) -> None:
         """End the ``subscription`` to ``name`` and forget the input."""
@@ -452,7 +507,8 @@ class SmartTireNode(Node, Generic[Params]):
     def _on_diagnostics_timer(self) -> None:
         name = self.get_fully_qualified_name().lstrip('/')  # distinguishes robots in namespaces
         status = self.status().message(name, self.hardware_id)
-        self._publish_diagnostics(diagnostic_array(self.get_clock().now().to_msg(), status))
+        self._publish_diagnostics(diagnostic_array(
+            Time(nanoseconds=self.now_ns()).to_msg(), status))
 
     def _on_set_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         try:

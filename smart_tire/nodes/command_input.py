@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 import time
 from typing import Any
@@ -21,6 +21,7 @@ from typing import Any
 from smart_tire.control import constants as c
 from smart_tire.control.command_check import CommandCheck
 from smart_tire.control.publishers import MessageInfo, UNDISCOVERED
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import publisher_names
 from smart_tire.nodes.diagnostics import Status
@@ -73,7 +74,10 @@ class CommandInput:
         node.call_every(c.TICK_PERIOD, lambda: self._check.tick(node.steady_ns()))
 
     def _on_message(self, command: Any, info: MessageInfo) -> None:
-        self._check.receive(command, info, self._node.steady_ns(), wall_ns=time.time_ns(),
+        wall_ns = time.time_ns()
+        if SYSTEM.simulated is not None:  # in which the transit of this message is not known
+            info = replace(info, source_ns=wall_ns, received_ns=wall_ns)
+        self._check.receive(command, info, self._node.steady_ns(), wall_ns=wall_ns,
                             stamp_ns=self._node.now_ns())
 
     def fill_status(self, status: Status) -> None:

@@ -15,9 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 import threading
-import time
 from typing import Any, Protocol, TypeVar
 
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.drivers.sample_stream import Protocol as DeviceProtocol, SampleStream
 from smart_tire.drivers.serial_port import read_loop, SerialPort
 from smart_tire.nodes.base import MAX_INPUT_AGE, SmartTireNode
@@ -100,7 +100,7 @@ class DriverNode(SmartTireNode[Params]):
     def fill_status(self, status: Status) -> None:
         """Add the state of the port and the counts of frames."""
         source, port = self._source, self._port
-        age = (time.time_ns() - source.last_ok_ns) / NS_PER_S if source.frames_ok else math.inf
+        age = (SYSTEM.time_ns() - source.last_ok_ns) / NS_PER_S if source.frames_ok else math.inf
         status.values.update(
             frames_ok=source.frames_ok, frames_bad=source.frames_bad,
             bytes_skipped=source.bytes_skipped, last_message_age=age,

@@ -43,6 +43,9 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
     Parameters: ``reorder_window``, ``load_sigma``, ``reliability``, and those of the robot.
     """
 
+    # less than ground_delay, after which ground_state is awaited; more than a fit takes
+    paced_by, pace_lag_ns = 'imu/data', 150_000_000
+
     def __init__(self) -> None:
         self._odom: Subscription[Any] | Inbox | None = None
         self._wheels_before = 0  # wheel samples until the latest check

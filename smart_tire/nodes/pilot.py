@@ -19,7 +19,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 
 from smart_tire.messages import statuses_from_msg
-from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.base import SmartTireNode, TIMERS
 from smart_tire.nodes.qos import latest_qos, subscriber_qos
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import (
@@ -36,12 +36,15 @@ class Pilot(SmartTireNode[WheelControllerParams]):
     """
     Publishes paths or velocity commands; attributes hold the latest samples received.
 
-    Publishes ``path`` from the first ``follow`` on, ``cmd_vel`` from the first ``command`` or
-    ``drive`` until ``release``, and ``/diagnostics``; subscribes to ``odom``, ``wheel_states``,
-    ``wheel_slip``, ``tire_friction``, ``path_progress``, ``emergency_stop_active``, which ends all
-    driving until the next command, and ``/diagnostics``; calls ``cancel_path``. ``on_sample`` gets
-    all samples of IMU and wheels. Parameters: those of ``wheel_controller``.
+    Publishes ``path`` from ``enable_path`` or the first ``follow`` on, ``cmd_vel`` from the first
+    ``command`` or ``drive`` until ``release``, and ``/diagnostics``; subscribes to ``odom``,
+    ``wheel_states``, ``wheel_slip``, ``tire_friction``, ``path_progress``,
+    ``emergency_stop_active``, which ends all driving until the next command, and
+    ``/diagnostics``; calls ``cancel_path``. ``on_sample`` gets all samples of IMU and wheels.
+    Parameters: those of ``wheel_controller``.
     """
+
+    paced_by = TIMERS
 
     def __init__(self, name: str = 'pilot',
                  on_sample: Callable[[Sample], None] | None = None) -> None:
@@ -58,6 +61,7 @@ class Pilot(SmartTireNode[WheelControllerParams]):
         self.emergency_stop = False
         self._publish_velocity: Callable[[Any], None] | None = None
         self._publish_path: Callable[[Any], None] | None = None
+        self._followed = False
         self._cancel = self.create_client(Trigger, CANCEL_SERVICE)
         latest = {'odom': 'odometry', 'wheel_slip': 'slip'}
         if on_sample is None:
@@ -81,14 +85,17 @@ class Pilot(SmartTireNode[WheelControllerParams]):
     @property
     def has_path(self) -> bool:
         """Return whether this node has published a path."""
-        return self._publish_path is not None
+        return self._followed
 
     def follow(self, poses: tuple[Vector3, ...]) -> None:
         """Publish a path through ``poses`` (m, m, rad in ``odom``)."""
-        if self._publish_path is None:
-            self._publish_path = self.make_publisher('path')
-        self.progress = None
-        self._publish_path(PlannedPath(self.now_ns(), self.params.robot.frames['odom'], poses))
+        self._followed, self.progress = True, None
+        self.enable_path()(PlannedPath(self.now_ns(), self.params.robot.frames['odom'], poses))
+
+    def enable_path(self) -> Callable[[Any], None]:
+        """Create the publisher of ``path``, so that the first path finds its subscriber."""
+        self._publish_path = self._publish_path or self.make_publisher('path')
+        return self._publish_path
 
     def cancel(self) -> Any:
         """Return the future of the answer of ``cancel_path``; None if nothing offers it."""

@@ -19,14 +19,15 @@ import os
 from pathlib import Path
 import shutil
 import signal
-import time
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smart_tire.bags import BagWriter, Channel, channel_of, PARAMETERS_KEY, Qos
 from smart_tire.control.publishers import MessageInfo
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.errors import BagError
+from smart_tire.messages import stamp_in
 from smart_tire.nodes.base import NoParams, SmartTireNode, with_info
 from smart_tire.nodes.compat import installed_class
 from smart_tire.nodes.diagnostics import Status
@@ -41,6 +42,8 @@ PROGRESS_PERIOD = 1.0       # s between reports of the progress, and looks at th
 MIN_FREE = 200_000_000      # bytes on the disk with which a recording ends: the bag is completed
 MAX_DURATION = 300.0        # s of a file: its index is in memory, up to 10 MB with 30 topics
 DISCOVERY_GRACE_NS = 2_000_000_000  # ns after start, until publishers that existed are discovered
+
+PACED_BY, PACE_LAG_NS = 'sensor_msgs/msg/Imu', 100_000_000  # ns after its timestamp
 
 Progress = Callable[[Mapping[str, int], int], None]  # topic -> messages, number of lost ones
 
@@ -200,11 +203,15 @@ class Recorder(SmartTireNode[NoParams]):
     def _write_callback(self, channel: Channel,
                         gaps: SequenceGaps) -> Callable[[Any, MessageInfo], None]:
         name = channel.topic
-        add_topic, write, now_ns = self._writer.add_topic, self._writer.write, time.time_ns
+        add_topic, write, now_ns = self._writer.add_topic, self._writer.write, SYSTEM.time_ns
+
+        announce = SYSTEM.join(self.get_name()) if channel.type == PACED_BY else None
 
         def on_message(data: bytes, info: MessageInfo) -> None:
             add_topic(channel)
             write(name, now_ns(), data)
+            if announce is not None:
+                announce(stamp_in(data) - now_ns() + self.steady_ns() + PACE_LAG_NS)
             if gaps.count(info):
                 self.get_logger().warning(f'lost {gaps.lost} messages of {name} so far')
 

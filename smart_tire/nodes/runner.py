@@ -25,6 +25,7 @@ import rclpy
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import new_executor, plain_message, RCLError, shared_memory
@@ -48,6 +49,7 @@ class NodeRunner(Generic[Running]):
         ``arguments`` are those of ROS, by default the command line of the process. Shared memory
         is used for ``images`` only.
         """
+        SYSTEM.follow_environment()
         rclpy.init(args=ros_arguments(sys.argv) if arguments is None else list(arguments),
                    signal_handler_options=SignalHandlerOptions.NO)
         with shared_memory(images=images):
@@ -60,6 +62,7 @@ class NodeRunner(Generic[Running]):
         return self
 
     def __exit__(self, *_: object) -> None:
+        SYSTEM.leave()
         self.node.stop()
         self._executor.remove_node(self.node)
         self._executor.shutdown()
@@ -92,6 +95,7 @@ def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = F
             f'unknown arguments: {" ".join(words)} (ROS arguments come after --ros-args)')
         return EXIT_REFUSED
     try:
+        SYSTEM.follow_environment()
         for file in files_of(sys.argv):
             read_blocks(file)  # has bounds, which rcl has not: it would wait for a FIFO
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -145,6 +149,7 @@ def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
         _spin(nodes[0], executors[0], exit_statuses)
     finally:
         exit_statuses.append(EXIT_DEFECT)  # ends the other threads after an exception in this one
+        SYSTEM.leave()
         for thread in threads:
             if thread.ident is not None:
                 thread.join()

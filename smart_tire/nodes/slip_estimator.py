@@ -51,6 +51,9 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
 
     estimator: SlipEstimator
 
+    # less than reorder_window: wheel_states that the driver sends in time are not dropped
+    paced_by, pace_lag_ns = 'imu/data', 25_000_000
+
     def __init__(self) -> None:
         super().__init__('slip_estimator', SlipEstimatorParams, SlipEstimator,
                          tuple(SLIP.outputs.values()))

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import sys
 import threading
-import time
 from typing import Any
 
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.drivers.pacing import PacedSender
 from smart_tire.drivers.serial_port import read_loop
 from smart_tire.drivers.tire_receiver import TireStream
@@ -88,7 +88,7 @@ class TireReceiver(DriverNode[TireReceiverParams]):
                 f'{node.wheel}.batches_lost': node.lost,
                 f'{node.wheel}.timer_drift_ppm': node.clock.drift * 1e6,
                 f'{node.wheel}.radio_jitter': node.clock.jitter})
-            if time.time_ns() - node.last_ns > MAX_INPUT_AGE * NS_PER_S:
+            if SYSTEM.time_ns() - node.last_ns > MAX_INPUT_AGE * NS_PER_S:
                 status.warn(f'no batches from {node.wheel}')
 
 

@@ -21,10 +21,11 @@ from typing import Any
 from smart_tire.control.command_check import check_age
 from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.control.trajectory_control import Cause, PathState, TrajectoryControl
+from smart_tire.drivers.clock import SYSTEM
 from smart_tire.errors import CommandError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
-from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.base import SmartTireNode, TIMERS
 from smart_tire.nodes.compat import installed_class, publisher_names
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.follow_path import FollowPathServer, Goal, NAME as ACTION
@@ -55,6 +56,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
 
     Parameters: those of ``TrajectoryControllerParams``.
     """
+
+    paced_by = TIMERS
 
     def __init__(self) -> None:
         super().__init__('trajectory_controller', TrajectoryControllerParams)
@@ -138,8 +141,10 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         senders = self._senders[name]
         if conflict := senders.record(senders.sender(info), self.steady_ns(), by_node=True):
             raise CommandError(conflict)
-        # from its publication on, since a latched one is received when this node starts
-        self._on_order(name, order, max(time.time_ns() - info.source_ns, 0))
+        # from its publication on, since a latched one is received when this node starts; the
+        # middleware has the time of the machine
+        waited_ns = 0 if SYSTEM.simulated is not None else time.time_ns() - info.source_ns
+        self._on_order(name, order, max(waited_ns, 0))
 
     def _on_order(self, name: str, order: Order, waited_ns: int, goal: Goal | None = None) -> None:
         """Follow a new path or goal, unless it is of the past: it has waited [ns] at most."""

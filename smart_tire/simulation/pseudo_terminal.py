@@ -85,6 +85,17 @@ class PtyPort:
         except OSError:  # EIO: no host has it open
             return b''
 
+    @property
+    def unread(self) -> bool:
+        """Return whether the host has not read all bytes yet."""
+        if not self._connected:
+            return False
+        host = os.open(self._name, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            return fcntl.ioctl(host, termios.FIONREAD, bytes(4)) != bytes(4)
+        finally:
+            os.close(host)
+
     def wait(self, seconds: float) -> None:
         """Wait for input, at most ``seconds``."""
         if self._hung_up():  # select would return immediately every time

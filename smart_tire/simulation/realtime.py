@@ -32,6 +32,7 @@ from smart_tire.simulation.plant import STEP_NS, TIME_STEP
 from smart_tire.simulation.pseudo_terminal import PtyPort
 from smart_tire.simulation.robot import Observation, Robot
 from smart_tire.simulation.sensors import encoder_counts
+from smart_tire.simulation.time_keeper import TimeKeeper
 from smart_tire.simulation.truth import Truth
 
 DEVICE_RNG_STREAM = 2        # index of the random stream of the devices
@@ -103,11 +104,16 @@ class SimulatedHardware:
     def _ports(self) -> tuple[PtyPort, PtyPort, PtyPort]:
         return self._imu_port, self._radio_port, self._motor_port
 
-    def run(self, clock: Callable[[], int], stopping: threading.Event) -> None:
-        """Follow the host ``clock`` [ns] until ``stopping`` is set."""
+    def run(self, clock: Callable[[], int], stopping: threading.Event,
+            keeper: TimeKeeper | None = None) -> None:
+        """Follow the host ``clock`` [ns], which ``keeper`` sets, until ``stopping`` is set."""
+        if keeper is not None:
+            for name, port in zip(('imu_driver', 'tire_receiver'), self._ports()):
+                keeper.await_reader(name, port)
         while not stopping.is_set():
             next_ns = self.advance(clock())
-            self._motor_port.wait(max(next_ns - clock(), 0) / NS_PER_S)
+            self._motor_port.wait(max(next_ns - clock(), 0) / NS_PER_S if keeper is None
+                                  else keeper.wait_time(next_ns))
 
     def advance(self, host_ns: int) -> int:
         """Advance the simulation to ``host_ns``; return the host time of the next event."""

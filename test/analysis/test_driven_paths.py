@@ -93,26 +93,6 @@ def test_a_new_path_ends_the_one_before():
     assert first.state == PathState.FOLLOWING and second.state == PathState.ARRIVED
 
 
-STOPPED_ONCE = ((0.0, PathState.IDLE), (2.25, PathState.FOLLOWING), (4.0, PathState.STOPPED),
-                (5.0, PathState.FOLLOWING), (8.0, PathState.ARRIVED))
-
-
-def test_the_rest_of_a_path_after_a_stop_is_a_part_of_it():
-    [drive] = log(*STOPPED_ONCE, paths=(STRAIGHT, straight(4.9, 1.0))).driven(poses(), poses())
-    assert drive.state == PathState.ARRIVED and drive.resumed == 1
-    assert drive.wanted.tolist() == [[0.0, 0.0], [3.0, 0.0]]
-    assert drive.duration == pytest.approx(6.0)
-    assert drive.estimated[[0, -1], 0] == pytest.approx([0.0, 3.0])
-    tree = driven_tree(drive)
-    assert tree['resumed'] == 1 and tree['in_truth']['completed'] > 0.99
-
-
-def test_a_path_to_another_place_after_a_stop_is_another_one():
-    paths = STRAIGHT, straight(4.9, 1.0, end=3.5)
-    assert [drive.resumed for drive in log(*STOPPED_ONCE, paths=paths).driven(
-        poses(), poses())] == [0, 0]
-
-
 def test_errors_in_truth_are_those_since_the_path_began():
     # The frame of the truth is turned; the estimate drifts to the side by 0.1 m.
     [drive] = log(*FOLLOWED).driven(poses(y=0.1), poses(yaw=1.0))
