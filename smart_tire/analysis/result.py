@@ -27,8 +27,10 @@ from smart_tire.analysis.metrics import (
 from smart_tire.arrays import Array
 from smart_tire.estimates import PoseEstimate
 from smart_tire.recording import at, SampleArrays, seconds
+from smart_tire.samples import ImuSample, NS_PER_S, TireSample, WheelSample
 
 FILTERED, SMOOTHED = 'filtered', 'smoothed'
+MAX_START_NS = 10 * NS_PER_S  # ns, from the first input to the first estimate
 
 
 @dataclass(frozen=True)
@@ -108,16 +110,23 @@ class Result:
 
     @cached_property
     def span_ns(self) -> tuple[int, int]:
-        """Return the first and the last timestamp of the estimates; the first one is zero."""
+        """Return the first and the last timestamp of the estimates."""
         stamps = np.concatenate([
             self.estimates.slips().stamp_ns, self.estimates.poses().stamp_ns,
             stamps_of(self.estimates.crossings)])
         return (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
 
-    @property
+    @cached_property
     def origin_ns(self) -> int:
-        """Return the timestamp at which the time axes are zero."""
-        return self.span_ns[0]
+        """
+        Return the timestamp at which the times of tables, figures and findings are zero.
+
+        That is the first one of the inputs; those long before the estimates are wrong.
+        """
+        first_ns = self.span_ns[0]
+        stamps = np.concatenate([stream.stamp_ns for kind in (ImuSample, WheelSample, TireSample)
+                                 for stream in self.inputs.of(kind)] or [np.array([first_ns])])
+        return int(min(stamps[stamps >= first_ns - MAX_START_NS], default=first_ns))
 
     @cached_property
     def segments(self) -> Segments:

@@ -48,6 +48,6 @@ def section(name: str, panels: Sequence[Sequence[Panel]], cell: tuple[float, flo
             (agrees if checks[check] else differs).append(
                 (agreement if checks[check] else disagreement).format(**values))
     numbers = [[cell.format(**values) for cell in row] for row in texts['numbers']]
-    title = texts['title']
+    title = f'{texts["title"]} (simulated)'  # also in each picture, which is shown alone
     return PaperSection(Figure(name, title, title, panels, cell, panel_legends=True), numbers,
                         agrees, differs)

@@ -22,7 +22,8 @@ from smart_tire.analysis.driven_paths import PATH
 from smart_tire.analysis.errors import error_figure, error_groups, histogram_figure
 from smart_tire.analysis.figure import (
     bucket_count, MAX_POINTS, MAX_SLIP_SIGMA, SOURCES, TRUTH)
-from smart_tire.analysis.figures import adhesion_figure, friction_figure, ground_figure
+from smart_tire.analysis.figures import (
+    adhesion_figure, crossing_figure, friction_figure, ground_figure)
 from smart_tire.analysis.friction_metrics import (
     column, is_informative, MAX_RELATIVE_SIGMA)
 from smart_tire.analysis.html_report.page import Block, Folded, Picture, Report, Section
@@ -72,10 +73,9 @@ def report_of(analysis: Analysis, used: BagParams, name: str,
     if summary is None:
         raise ValueError('nothing was estimated: there is nothing to report')
     sections = [_recording(analysis, summary), _motion(result, summary, analysis.picture),
-                _slip(result, summary), _friction(result, summary), _errors(result, summary),
+                _slip(result, summary), _friction(analysis, summary), _errors(result, summary),
                 _left_out(analysis, summary), _parameters(used)]
-    first_ns, last_ns = result.span_ns
-    start, end = 0.0, round(max((last_ns - first_ns) / NS_PER_S, 1.0), 3)
+    start, end = 0.0, round(max((result.span_ns[1] - result.origin_ns) / NS_PER_S, 1.0), 3)
     about = [text.format(interval=(end - start) / bucket_count()) for text in ABOUT]
     return Report(name, facts, sections, about, _tiles(summary), _notes(analysis, summary),
                   (start, end), result.segments)
@@ -142,10 +142,11 @@ def _slip(result: Result, summary: Tree) -> Section:
         slip_table(summary['estimates']), wheel_slip_figure(result)) or ['No slip was estimated.'])
 
 
-def _friction(result: Result, summary: Tree) -> Section:
-    tree = summary['estimates']
+def _friction(analysis: Analysis, summary: Tree) -> Section:
+    result, tree = analysis.result, summary['estimates']
     return Section('friction', 'Friction', 'Friction and ground', _known(
         friction_table(tree), friction_figure(result), adhesion_figure(result),
+        crossing_figure(result, analysis.robot),
         ground_table(tree), ground_figure(result), robot_table(tree)) or [
             'Neither friction nor the state of the ground was estimated.'])
 

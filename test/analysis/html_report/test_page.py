@@ -40,8 +40,8 @@ from support.recordings import write_bag
 SECTIONS = [
     'recording', 'motion', 'slip', 'friction', 'errors', 'left_out', 'parameters', 'about']
 PLOTS = [
-    'wheel_speeds', 'path', 'velocity', 'slip', 'friction', 'adhesion', 'ground', 'normalized',
-    'error_pose', 'error_velocity', 'error_slip']
+    'wheel_speeds', 'path', 'velocity', 'slip', 'friction', 'adhesion', 'crossing', 'ground',
+    'normalized', 'error_pose', 'error_velocity', 'error_slip']
 
 INPUTS = {'imu/data': {'late': 0, 'rejected': 3}, 'tire_samples': {'late': 7, 'rejected': 0}}
 
@@ -151,7 +151,7 @@ def test_each_figure_has_a_plot_a_text_for_screen_readers_and_a_caption(outline)
         values['id'] for values, _ in outline.scripts
         if values.get('type') == 'application/json'}
     assert [values['id'] for values in plots if 'data-time' not in values] == [
-        'path_plot', 'normalized_plot']
+        'path_plot', 'crossing_plot', 'normalized_plot']
 
 
 def test_names_from_the_bag_are_escaped(page, outline, report):
