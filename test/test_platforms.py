@@ -45,14 +45,20 @@ LINKS = {
                  *((50.0, (0.0, side * (0.56821 - 0.05), 0.197 + 0.012977),
                     50.0 / 12 * (1.34**2 + 0.28**2)) for side in (1, -1))],
                 (15.0, 15.0 / 12 * (3 * 0.3**2 + 0.25**2), (0.457367, 0.56821)))}
+# Those without mass and inertia of all links: names of the joints of the wheels, by speed below
+JOINTS = {
+    'leo': {'wheel_FL_joint': 1.0, 'wheel_RL_joint': 3.0, 'wheel_FR_joint': 2.0,
+            'wheel_RR_joint': 4.0},
+    'turtlebot4': {'left_wheel_joint': 1.0, 'right_wheel_joint': 2.0}}
 SPEEDS = {'front_left': 1.0, 'front_right': 2.0, 'rear_left': 1.0, 'rear_right': 2.0}  # rad/s
 
 every_platform = pytest.mark.parametrize('name', FILES)
+of_clearpath = pytest.mark.parametrize('name', LINKS)
 
 
 def test_these_are_the_platforms():
     assert {path.suffix for path in FILES.values()} == {'.yaml'}
-    assert FILES.keys() == LINKS.keys()
+    assert FILES.keys() == {*LINKS, *JOINTS}
 
 
 @every_platform
@@ -78,11 +84,11 @@ def test_every_parameter_has_its_unit_and_its_origin(name):
         if re.fullmatch(r'\w+: \S.*', key):
             comment, unit = comment or above, units[key.partition(':')[0]]
             assert unit == '-' or comment.startswith(f'{unit}, '), line
-            assert re.search(r'\[[UH]\]|assumed|of the base|as delivered', comment), line
+            assert re.search(r'\[[DUH]\]|assumed|the base|as delivered', comment), line
         above = f'{above} {comment}'.strip() if comment and not key else ''
 
 
-@every_platform
+@of_clearpath
 def test_mass_center_and_inertia_are_the_sum_of_the_links_of_the_maker(name):
     robot, (parts, (mass, inertia, corner)) = load_robot([FILES[name]]), LINKS[name]
     bodies = [*parts, *((mass, (x * corner[0], y * corner[1], 0.0), inertia)
@@ -102,9 +108,10 @@ def test_mass_center_and_inertia_are_the_sum_of_the_links_of_the_maker(name):
 def test_the_robot_is_plausible(name):
     robot = load_robot([FILES[name]])
     diagonal = np.hypot(robot.wheelbase, robot.track_width)
-    assert 2.0 * robot.wheel_radius < robot.wheelbase      # wheels do not overlap
+    two_wheels = name == 'turtlebot4'
+    assert two_wheels or 2.0 * robot.wheel_radius < robot.wheelbase  # wheels do not overlap
     assert 0.2 < np.sqrt(robot.yaw_inertia / robot.mass) / diagonal < 0.6
-    assert abs(robot.imu.position[0]) + robot.imu.position_sigma < robot.wheelbase
+    assert abs(robot.imu.position[0]) + robot.imu.position_sigma < 1.5 * diagonal
     assert 0.0 < robot.center_of_mass[2] < robot.wheel_radius
     paper = RobotParams()
     load, of_paper = (0.25 * GRAVITY * one.mass for one in (robot, paper))
@@ -134,7 +141,7 @@ ALL_JOINTS = sorted([*WHEEL_JOINTS, 'arm_0_shoulder_pan_joint', 'arm_0_gripper_f
                      'left_diff_unit_joint', 'right_diff_unit_joint'])
 
 
-@every_platform
+@of_clearpath
 @pytest.mark.parametrize('names', [sorted(WHEEL_JOINTS), ALL_JOINTS, ALL_JOINTS[::-1]])
 def test_the_wheels_of_joint_state_broadcaster_are_read_and_other_joints_ignored(name, names):
     joints = load_robot([FILES[name]]).joints
@@ -145,6 +152,16 @@ def test_the_wheels_of_joint_state_broadcaster_are_read_and_other_joints_ignored
     assert joints.encoders_per_side == 1
 
 
+@pytest.mark.parametrize('name', JOINTS)
+def test_the_wheels_of_other_makers_are_those_of_their_names(name):
+    joints, speeds = load_robot([FILES[name]]).joints, JOINTS[name]
+    sample = wheels_from_msg(joint_states(
+        [*speeds, 'rocker_L_joint'], velocity=speeds, position=speeds), joints=joints)
+    assert sample.velocity == sample.position == (
+        (1.0, 2.0, 3.0, 4.0) if name == 'leo' else (1.0, 2.0, 1.0, 2.0))
+    assert joints.encoders_per_side == (2 if name == 'leo' else 1)
+
+
 @pytest.mark.parametrize('names', [sorted(WHEEL_JOINTS), ALL_JOINTS])
 def test_the_wheels_are_recognized_without_parameters(names):
     sample = wheels_from_msg(joint_states(names, velocity=WHEEL_JOINTS))
@@ -152,7 +169,7 @@ def test_the_wheels_are_recognized_without_parameters(names):
     assert sample.position is sample.effort is None  # only velocities are measured
 
 
-@every_platform
+@of_clearpath
 def test_hardware_that_has_not_been_read_and_other_publishers_give_no_sample(name):
     joints = load_robot([FILES[name]]).joints
     assert all(map(isnan, joint_states(ALL_JOINTS).velocity))
