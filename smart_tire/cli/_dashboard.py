@@ -53,11 +53,13 @@ class Dashboard:
     def show(self, phase: str, status: Pilot, note: str = '') -> None:
         """Show ``status``, the name of the current ``phase`` of the drive, and a ``note``."""
         now = SYSTEM.now() - self._start
+        if not self._console.is_terminal and now < self._last + TABLE_PERIOD:
+            return
         shown = Group(*_warnings(status), _header(now, phase, status, note), _table(status),
                       _radio_line(status))
         if self._console.is_terminal:
             self._live.update(shown, refresh=True)
-        elif now >= self._last + TABLE_PERIOD:
+        else:
             self._last = now
             self._console.print(shown)
 

@@ -145,9 +145,9 @@ class Session:
     def wait(self, condition: Callable[[], bool], seconds: float,
              error: Exception | None = None) -> None:
         """Handle messages until ``condition`` holds, or for ``seconds``; then raise ``error``."""
-        end = time.monotonic() + seconds
+        end = SYSTEM.now() + seconds
         while not condition():
-            if time.monotonic() > end:
+            if SYSTEM.now() > end:
                 if error is not None:
                     raise error
                 return

@@ -59,7 +59,7 @@ from std_msgs.msg import Bool
 Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
-TIMERS = 'timers'  # in place of an input
+TIMER_LAG_NS = 20_000_000  # ns of simulated time
 MIN_TIMER_NS = 500_000  # ns, of a timer that waits for a simulated time
 STATE_DEPTH = 10  # queued states of the motor driver, so that a short stop is not missed
 
@@ -81,9 +81,10 @@ class SmartTireNode(Node, Generic[Params]):
 
     hardware_id = ''
     # A simulated time passes ``pace_lag_ns`` beyond the time when this node should handle the next
-    # message of its periodic input ``paced_by`` or, for ``TIMERS``, call its next timer.
-    paced_by = ''
-    pace_lag_ns = 20_000_000
+    # message of its periodic input ``paced_by``, and with ``paced_timers`` ``TIMER_LAG_NS`` beyond
+    # that of its next timer.
+    paced_by, pace_lag_ns = '', 0
+    paced_timers = False
     exchange: Exchange | None = None  # of the nodes in this process, if there are several
 
     def __init__(self, name: str, params_class: type[Params]) -> None:
@@ -151,7 +152,7 @@ class SmartTireNode(Node, Generic[Params]):
             return self.create_timer(period, callback, clock=self._steady_clock)
         period_ns = round(period * NS_PER_S)
         due_ns = self.steady_ns() + period_ns
-        if self.paced_by == TIMERS and self._timer_pace is None:
+        if self.paced_timers and self._timer_pace is None:
             self._timer_pace = SYSTEM.simulated.join(self.get_name())
 
         def call_if_due() -> None:
@@ -165,7 +166,7 @@ class SmartTireNode(Node, Generic[Params]):
             if not timer.is_canceled():
                 timer.reset()
             if self._timer_pace is not None:
-                self._timer_pace.permit(min(self._timer_dues.values()) + self.pace_lag_ns)
+                self._timer_pace.permit(min(self._timer_dues.values()) + TIMER_LAG_NS)
 
         timer = self.create_timer(period, call_if_due, clock=self._steady_clock)
         return timer

@@ -21,7 +21,7 @@ import sys
 from rclpy.qos import QoSProfile
 from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.drivers.motor_output import MotorOutput
-from smart_tire.nodes.base import MAX_INPUT_AGE, TIMERS
+from smart_tire.nodes.base import MAX_INPUT_AGE
 from smart_tire.nodes.command_input import CommandInput, CommandTopic
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode
@@ -59,7 +59,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
     device = 'motors'
     polls = True
 
-    paced_by = TIMERS
+    paced_timers = True
 
     def __init__(self) -> None:
         super().__init__('motor_driver', MotorDriverParams)

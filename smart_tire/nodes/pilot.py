@@ -19,7 +19,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 
 from smart_tire.messages import statuses_from_msg
-from smart_tire.nodes.base import SmartTireNode, TIMERS
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.qos import latest_qos, subscriber_qos
 from smart_tire.parameters import WheelControllerParams
 from smart_tire.samples import (
@@ -44,7 +44,8 @@ class Pilot(SmartTireNode[WheelControllerParams]):
     Parameters: those of ``wheel_controller``.
     """
 
-    paced_by = TIMERS
+    # also if many messages wait: what it receives is never old
+    paced_timers, paced_by, pace_lag_ns = True, 'wheel_states', 1_000_000_000
 
     def __init__(self, name: str = 'pilot',
                  on_sample: Callable[[Sample], None] | None = None) -> None:

@@ -68,7 +68,7 @@ class RobotSimulator(SmartTireNode[SimulatorParams]):
         if self._keeper is not None:
             self._clock = self.create_publisher(Clock, '/clock', CLOCK_DEPTH)
             self.call_every(CLOCK_PERIOD, self._publish_clock)
-        self._reported_ns = time.monotonic_ns(), SYSTEM.now_ns()
+        self._reported_ns = 0, 0  # real and simulated time of the latest status
         self._thread = threading.Thread(target=self._hardware.run, name='hardware', daemon=True,
                                         args=(SYSTEM.time_ns, self._stopping, self._keeper))
 
@@ -114,10 +114,10 @@ class RobotSimulator(SmartTireNode[SimulatorParams]):
 
     def _fill_time(self, status: Status, keeper: TimeKeeper) -> None:
         """Add how fast simulated time passes, and the participants for which it has stood."""
-        (real_ns, simulated_ns), self._reported_ns = self._reported_ns, (
-            time.monotonic_ns(), SYSTEM.now_ns())
-        status.values[FACTOR] = (self._reported_ns[1] - simulated_ns) / max(
-            self._reported_ns[0] - real_ns, 1)
+        (real_ns, simulated_ns), self._reported_ns = self._reported_ns, keeper.readings()
+        if real_ns:
+            status.values[FACTOR] = (self._reported_ns[1] - simulated_ns) / max(
+                self._reported_ns[0] - real_ns, 1)
         status.values.update({f'{WAITED_FOR}{name}': waited_ns / NS_PER_S
                               for name, waited_ns in keeper.waited_ns.items()})
         for name, count in keeper.given_up.items():

@@ -32,6 +32,7 @@ from smart_tire.nodes.compat import new_executor, plain_message, RCLError, share
 from smart_tire.parameters.files import files_of, foreign_arguments, read_blocks, ros_arguments
 
 MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
+MIN_SPIN_TIME = 1e-3  # s: a simulated time may stand
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
 TASKS = Path('/proc/self/task')
 
@@ -73,7 +74,8 @@ class NodeRunner(Generic[Running]):
         """Handle callbacks for ``seconds``."""
         end_ns = self.node.steady_ns() + round(seconds * 1e9)
         while (left_ns := end_ns - self.node.steady_ns()) > 0:
-            self._executor.spin_once(timeout_sec=min(MAX_SPIN_TIME, left_ns * 1e-9))
+            self._executor.spin_once(timeout_sec=min(
+                MAX_SPIN_TIME, max(MIN_SPIN_TIME, left_ns * 1e-9)))
 
 
 def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = False,

@@ -25,7 +25,7 @@ from smart_tire.drivers.clock import SYSTEM
 from smart_tire.errors import CommandError
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
-from smart_tire.nodes.base import SmartTireNode, TIMERS
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import installed_class, publisher_names
 from smart_tire.nodes.diagnostics import InputCounter, Status
 from smart_tire.nodes.follow_path import FollowPathServer, Goal, NAME as ACTION
@@ -57,7 +57,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     Parameters: those of ``TrajectoryControllerParams``.
     """
 
-    paced_by = TIMERS
+    # also if many messages wait: what it receives is never old
+    paced_timers, paced_by, pace_lag_ns = True, 'wheel_states', 1_000_000_000
 
     def __init__(self) -> None:
         super().__init__('trajectory_controller', TrajectoryControllerParams)

@@ -18,7 +18,7 @@ import sys
 from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.control.wheel_loop import WheelLoop
 from smart_tire.messages import velocity_from_twist, wheels_from_msg
-from smart_tire.nodes.base import SmartTireNode, TIMERS
+from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.command_input import CommandInput, CommandTopic
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.runner import run
@@ -42,7 +42,7 @@ class WheelController(SmartTireNode[WheelControllerParams]):
     ``traction.*`` can be changed at run time.
     """
 
-    paced_by = TIMERS
+    paced_timers = True
 
     def __init__(self) -> None:
         super().__init__('wheel_controller', WheelControllerParams)

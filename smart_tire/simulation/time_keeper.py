@@ -27,7 +27,7 @@ POLL_TIME = 0.3e-3                 # s, between two looks at participants who ar
 
 class TimeKeeper:
     """
-    Lets time pass as far as the simulation and the participants permit.
+    Lets time pass until the simulation or a participant does not permit more.
 
     A participant for which time has stood for ``PATIENCE_NS`` limits nothing until it permits
     more. ``waited_ns`` is for how long time has stood for each, ``given_up`` how often it has
@@ -74,6 +74,10 @@ class TimeKeeper:
         self._behind = behind
         words[LIMIT] = max(limit_ns, now_ns)
         return max((min(next_ns, limit_ns) - now_ns) / NS_PER_S, POLL_TIME)
+
+    def readings(self) -> tuple[int, int]:
+        """Return real and simulated time [ns]."""
+        return self._shared.real_ns(), self._shared.now_ns()
 
     def close(self) -> None:
         """Let time pass without the simulation."""

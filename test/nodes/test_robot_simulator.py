@@ -40,7 +40,7 @@ class Hardware:
         self.publish, self.namespace = publish, namespace
         return self
 
-    def run(self, clock, stopping):
+    def run(self, clock, stopping, keeper):
         stopping.wait()
         self.ended.set()
 

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 from smart_tire.drivers.clock import SYSTEM
 from smart_tire.drivers.simulated_time import HEADER, LIMIT, NEVER, OFFSET, SimulatedTime
-from smart_tire.nodes.base import MIN_TIMER_NS, SmartTireNode, TIMERS
+from smart_tire.nodes.base import MIN_TIMER_NS, SmartTireNode, TIMER_LAG_NS
 from smart_tire.samples import NS_PER_S
 
 START_NS = 5_000 * NS_PER_S
@@ -52,7 +52,7 @@ class Machine:
         self.node = SimpleNamespace(
             steady_ns=self.shared.now_ns, _steady_clock=None, get_name=lambda: 'node',
             now_ns=lambda: self.shared.epoch_ns + self.shared.now_ns(), pace_lag_ns=30 * MS,
-            create_timer=self.create_timer, paced_by='', _timer_dues={}, _timer_pace=None)
+            create_timer=self.create_timer, paced_timers=False, _timer_dues={}, _timer_pace=None)
 
     def create_timer(self, period, callback, clock):
         self.timer = RealTimer(self, period, callback)
@@ -116,13 +116,14 @@ def test_a_timer_that_its_callback_cancels_ends(machine):
 
 
 def test_time_passes_until_the_next_timer_is_due_of_a_node_that_is_paced_by_them(machine):
-    machine.node.paced_by = TIMERS
+    machine.node.paced_timers = True
     for period in (0.1, 0.07):
         timer = SmartTireNode.create_steady_timer(machine.node, period, lambda: None)
     permitted = machine.shared.words
     assert permitted[HEADER] == NEVER  # it does not spin yet
     machine.run(75)  # the later one of 70 ms
-    assert (permitted[HEADER] - START_NS) / MS == pytest.approx(140 + 30, abs=1.0)
+    assert (permitted[HEADER] - START_NS) / MS == pytest.approx(
+        140 + TIMER_LAG_NS / MS, abs=1.0)
     timer.cancel()
     machine.run(10)
     machine.timer.callback()

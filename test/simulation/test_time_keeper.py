@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""How far the simulated time passes: as far as the simulation and all participants permit."""
+"""How far the simulated time passes: until the simulation or a participant permits no more."""
 
 from __future__ import annotations
 
