@@ -74,8 +74,9 @@ def read_analysis(folder: Path) -> Result:
     if source is None:
         return found
     with Bag(source, joints=robot.joints) as bag:
+        motion = bag.recording(MOTION)
         return with_references(replace(
-            found, dead_reckoning=baselines(bag.recording(MOTION), robot)), bag)
+            found, inputs=motion, dead_reckoning=baselines(motion, robot)), bag)
 
 
 def with_references(result: Result, bag: Bag) -> Result:

@@ -12,14 +12,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
+from pathlib import Path
+from typing import Any
 import warnings
 
 import numpy as np
 
 from smart_tire.analysis.pipeline import LOST_WITHOUT, Pipeline
 from smart_tire.api.params import Params
-from smart_tire.api.recording import as_recording, Recording
+from smart_tire.api.recording import as_recording, read_bag, Recording
 from smart_tire.arrays import ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.estimates import Estimates, FrictionEstimate, SlipEstimate
@@ -27,16 +30,19 @@ from smart_tire.recording import SampleArrays
 from smart_tire.simulation import offline
 
 
-def estimate(recording: Recording, params: Params | None = None) -> Estimates:
+def estimate(recording: Recording | str | Path, params: Params | None = None) -> Estimates:
     """
     Return all estimates of ``recording``: pose, slip, center of rotation, ground and friction.
 
+    A path is that of a bag, see ``read_bag``.
     ``params`` describe the robot; by default they are those of the recording, or the robot of
     paper B if it has none. The estimates equal those of
     ``smart_tire analyze``. Estimates whose inputs are missing are empty. All arrays have one row
     per timestamp, ``stamp_ns`` (n,) [ns]; units and shapes are given in the classes. A
     UserWarning names the estimates that a recording without IMU or wheels has not.
     """
+    if not isinstance(recording, Recording):
+        recording = read_bag(recording, params=params)
     for topic, stream in (('imu/data', recording.imu), ('wheel_states', recording.wheels)):
         if not len(stream):
             warnings.warn(f'the recording has no {topic}: no {LOST_WITHOUT[topic]}', stacklevel=2)
@@ -49,7 +55,7 @@ def estimate(recording: Recording, params: Params | None = None) -> Estimates:
                      found.frictions())
 
 
-def estimate_slip(recording: Recording, params: Params | None = None) -> SlipEstimate:
+def estimate_slip(recording: Recording | str | Path, params: Params | None = None) -> SlipEstimate:
     """
     Return the slip of the four wheels at 125 Hz.
 
@@ -60,7 +66,8 @@ def estimate_slip(recording: Recording, params: Params | None = None) -> SlipEst
     return estimate(recording, params).slip
 
 
-def estimate_friction(recording: Recording, params: Params | None = None) -> FrictionEstimate:
+def estimate_friction(recording: Recording | str | Path,
+                      params: Params | None = None) -> FrictionEstimate:
     """
     Return the friction coefficient and 12 more quantities of each patch crossing.
 
@@ -72,26 +79,42 @@ def estimate_friction(recording: Recording, params: Params | None = None) -> Fri
 
 
 def simulate(speeds: ArrayLike, duration: float, *, params: Params | None = None,
-             seed: int | None = None, wheel_rate: float = 16.0, torque: bool = True) -> Recording:
+             seed: int | None = None, wheel_rate: float = 16.0, torque: bool = True,
+             ground: Mapping[str, float] | None = None) -> Recording:
     """
     Return the recording of a simulated drive, with ground truth, faster than real time.
 
     ``speeds`` (n, 3) are the set points of the wheel speeds: rows of start time [s], left and
     right [rad/s]; the wheels are at rest before the first one. ``duration`` is in s.
     ``wheel_rate`` [Hz] is the rate of the wheel readings, which contain motor torques if
-    ``torque``. Surfaces, sensor errors and the radio link are those of ``params``
+    ``torque``. ``ground`` is that everywhere: ``friction`` [-], ``stiffness`` C_x [N] of a tire on
+    it, ``drag`` [-], the rolling resistance; what it lacks is that of the first surface of
+    ``params``. Surfaces, sensor errors and the radio link are those of ``params``
     (``config/simulation.yaml``); the same ``seed``, by default that of ``params``, gives the same
     recording. Raises ParameterError for arguments out of range.
     """
     params = params or Params()
     if seed is not None:
         params = params.with_seed(seed)
+    if ground is not None:
+        params = params.with_values(_one_ground(ground, params))
     for name, value in (('duration', duration), ('wheel_rate', wheel_rate)):
         if not 0.0 < value < math.inf:
             raise ParameterError(f'{name} is {value}, expected a positive number')
     return as_recording(offline.simulate(
         params.simulator, _phases(speeds), duration, wheel_rate=wheel_rate, torque=torque),
         params)
+
+
+def _one_ground(ground: Mapping[str, float], params: Params) -> dict[str, Any]:
+    """Return the parameters of one surface everywhere; raise ParameterError for other names."""
+    surfaces = params.simulator.ground
+    first = {name: getattr(surfaces, name)[0] for name in ('friction', 'stiffness', 'drag')}
+    if unknown := ground.keys() - first.keys():
+        raise ParameterError(f'ground: {", ".join(sorted(unknown))}, expected some of '
+                             f'{", ".join(first)}')
+    return {'ground.names': ['own'], 'ground.base': 'own', 'ground.patches.names': [],
+            **{f'ground.{name}': [float(value)] for name, value in {**first, **ground}.items()}}
 
 
 def _phases(speeds: ArrayLike) -> list[tuple[float, float, float]]:

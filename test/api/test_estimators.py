@@ -17,7 +17,8 @@ import sys
 import numpy as np
 import pytest
 from smart_tire import (
-    estimate, estimate_friction, estimate_slip, load_params, read_bag, Recording)
+    estimate, estimate_friction, estimate_slip, load_params, read_bag, Recording, simulate,
+    write_bag)
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import ESTIMATES
 from smart_tire.api import Estimates, ImuData, WheelData
@@ -129,3 +130,24 @@ def test_parameters_come_from_files_and_values(tmp_path):
 def test_a_wrong_parameter_is_refused(values, message):
     with pytest.raises(ParameterError, match=message):
         load_params(values=values)
+
+
+def test_the_estimates_of_a_bag_are_those_of_its_recording(recording, estimates, tmp_path):
+    write_bag(tmp_path / 'bag', recording)
+    for path in (tmp_path / 'bag', str(tmp_path)):
+        found = estimate(path, recording.params)
+        np.testing.assert_array_equal(found.slip.ratio, estimates.slip.ratio)
+
+
+def test_a_ground_of_ones_own_is_that_everywhere():
+    speeds = [(0.3, 12.0, 3.0)]
+    given = simulate(speeds, 2.0, seed=1, ground={'friction': 0.2, 'stiffness': 80.0})
+    params = load_params(values={
+        'ground.names': ['other'], 'ground.base': 'other', 'ground.patches.names': [],
+        'ground.friction': [0.2], 'ground.stiffness': [80.0], 'ground.drag': [0.015]})
+    same = simulate(speeds, 2.0, seed=1, params=params)
+    np.testing.assert_array_equal(given.truth.slip.ratio, same.truth.slip.ratio)
+    rough = simulate(speeds, 2.0, seed=1, ground={'friction': 0.8, 'stiffness': 80.0})
+    assert np.nanmax(given.truth.slip.ratio) > 1.1 * np.nanmax(rough.truth.slip.ratio)
+    with pytest.raises(ParameterError, match='ground: mu, expected some of friction, stiffness'):
+        simulate(speeds, 2.0, ground={'mu': 0.2})

@@ -65,7 +65,8 @@ SIGNATURES = {  # without annotations
     'estimate_slip': '(recording, params=None)',
     'load_params': '(*files, values=None)',
     'read_bag': '(path, *, params=None, remap=None)',
-    'simulate': '(speeds, duration, *, params=None, seed=None, wheel_rate=16.0, torque=True)',
+    'simulate': '(speeds, duration, *, params=None, seed=None, wheel_rate=16.0, torque=True, '
+                'ground=None)',
     'write_bag': '(path, recording)',
 }
 FIELDS = {
