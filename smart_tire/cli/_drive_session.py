@@ -208,8 +208,8 @@ class Session:
 
     @property
     def late_host(self) -> str:
-        """Return how late this host is; '' if it is not."""
-        host = worst_of(self.pilot.health.values())
+        """Return how late this host is; '' if it is not, or if simulated time waits for it."""
+        host = None if SYSTEM.simulated else worst_of(self.pilot.health.values())
         return str(host) if host is not None and host.late else ''
 
     def await_standstill(self) -> None:

@@ -39,6 +39,7 @@ PR_SET_PDEATHSIG = 1     # prctl(2): signal to a child when its parent ends, eve
 UNITS = ('0013A20040A1B2C2=front_left', '0013A20040A1B2C3=front_right')
 RADIO_LATENCY = 0.005     # s, radio.delay of the simulator
 START_TIMEOUT = 60.0      # s until all nodes run, on a busy machine
+ODOM_TIMEOUT = 1.0        # s, more than slip_estimator awaits a ground_state that is refused
 SPIN_TIME = 0.25          # s between two looks at the processes
 PORTS = ('tire_radio', 'imu', 'motors')
 CLOCK = 'clock'           # file of the simulated time, in the folder of the ports
@@ -202,7 +203,8 @@ def write_parameters(out: Path, name: str, seed: int,
         'tire_receiver': {'port': links['tire_radio'], 'units': list(UNITS),
                           'radio_latency': RADIO_LATENCY},
         'imu_driver': {'port': links['imu']},
-        'motor_driver': {'port': links['motors']}}
+        'motor_driver': {'port': links['motors']},
+        'trajectory_controller': {'checks.odom_timeout': ODOM_TIMEOUT}}
     for node, values in more.items():
         nodes.setdefault(node, {}).update(values)
     out.mkdir(parents=True, exist_ok=True)
