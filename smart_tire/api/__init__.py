@@ -18,6 +18,7 @@ results are here. Both follow semantic versioning; all other modules may change 
 from smart_tire.api.models import (
     BrushTire, BucklingFilm, FilmMeasurement, FilmParams, FilmSensor, TreadFilm)
 from smart_tire.api.params import load_params, Params
+from smart_tire.api.plots import plot
 from smart_tire.api.recording import FilmData, ImuData, read_bag, Recording, WheelData, write_bag
 from smart_tire.api.runs import estimate, estimate_friction, estimate_slip, simulate
 from smart_tire.errors import BagError, EstimatorError, ParameterError, SmartTireError
@@ -30,5 +31,5 @@ __all__ = [
     'BagError', 'BrushTire', 'BucklingFilm', 'estimate', 'estimate_friction', 'estimate_slip',
     'Estimates', 'EstimatorError', 'FilmData', 'FilmMeasurement', 'FilmParams', 'FilmSensor',
     'FrictionEstimate', 'GroundEstimate', 'ImuData', 'load_params', 'ParameterError', 'Params',
-    'PoseEstimate', 'Quantity', 'read_bag', 'Recording', 'RotationCenter', 'simulate',
+    'plot', 'PoseEstimate', 'Quantity', 'read_bag', 'Recording', 'RotationCenter', 'simulate',
     'SlipEstimate', 'SmartTireError', 'TreadFilm', 'Truth', 'WheelData', 'WHEELS', 'write_bag']

@@ -12,18 +12,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import sys
 
 import numpy as np
 import pytest
 from smart_tire import (
-    estimate, estimate_friction, estimate_slip, load_params, read_bag, Recording, simulate,
+    estimate, estimate_friction, estimate_slip, load_params, plot, read_bag, Recording, simulate,
     write_bag)
 from smart_tire.analysis.offline import analyze
 from smart_tire.analysis.pipeline import ESTIMATES
 from smart_tire.api import Estimates, ImuData, WheelData
 from smart_tire.bags import Bag
-from smart_tire.errors import ParameterError
+from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import FRICTION_QUANTITIES, Odometry, WheelSlip
 from support.arrays import assert_same_arrays
@@ -111,6 +112,32 @@ def test_an_empty_recording_has_empty_estimates_of_the_right_shape():
                                WheelData(none, np.empty((0, 4)))))
     assert empty.pose.covariance.shape == (0, 3, 3) and empty.slip.ratio.shape == (0, 4)
     assert len(empty.friction) == 0 and empty.friction.slip.sigma.shape == (0,)
+
+
+def test_a_plot_has_path_slip_and_friction_with_the_truth(recording, estimates):
+    path, slip, friction = plot(estimates, recording.truth).axes
+    assert path.get_xlabel() == 'x [m]' and path.get_aspect() == 1.0
+    x, y = path.lines[0].get_data()
+    assert [x[-1], y[-1]] == pytest.approx(estimates.pose.pose[-1, :2])
+    assert [line.get_label() for line in slip.lines][:3] == [
+        'left side ± 2σ', 'right side ± 2σ', 'truth']
+    begin_ns = min(one.stamp_ns[0] for one in (estimates.pose, estimates.slip))
+    found = np.concatenate([one.lines[0].get_xdata() for one in friction.containers])
+    known = estimates.friction.stamp_ns[np.isfinite(estimates.friction.friction_coefficient.value)]
+    assert sorted(found) == pytest.approx((np.sort(known) - begin_ns) / 1e9)
+
+
+def test_a_plot_without_truth_or_friction_has_fewer_lines_and_panels(estimates):
+    slip_only = replace(estimates, friction=estimates.friction.of('rear_left'))
+    assert len(plot(slip_only).axes) == 2 and len(plot(slip_only).axes[0].lines) == 1
+
+
+def test_a_plot_of_nothing_is_an_error():
+    none = np.empty(0, np.int64)
+    empty = estimate(Recording(ImuData(none, np.empty((0, 3)), np.empty((0, 3))),
+                               WheelData(none, np.empty((0, 4)))))
+    with pytest.raises(EstimatorError, match='no estimates to plot'):
+        plot(empty)
 
 
 def test_parameters_come_from_files_and_values(tmp_path):

@@ -64,6 +64,7 @@ SIGNATURES = {  # without annotations
     'estimate_friction': '(recording, params=None)',
     'estimate_slip': '(recording, params=None)',
     'load_params': '(*files, values=None)',
+    'plot': '(estimates, truth=None)',
     'read_bag': '(path, *, params=None, remap=None)',
     'simulate': '(speeds, duration, *, params=None, seed=None, wheel_rate=16.0, torque=True, '
                 'ground=None)',
