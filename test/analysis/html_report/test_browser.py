@@ -91,7 +91,7 @@ def probed(opened):
 def test_every_plot_is_drawn(opened, page):
     document = opened[0]
     count = page.count('<div class="plot"')
-    assert count == 11 and f'data-plots="{count}"' in document
+    assert count == 12 and f'data-plots="{count}"' in document
     assert len(re.findall(r'class="plot [^"]*js-plotly-plot', document)) == count
     assert len(re.findall(r'<svg class="main-svg"[^>]*>', document)) >= count
 
@@ -111,8 +111,8 @@ def test_a_script_that_is_not_of_the_page_does_not_run(opened):
 
 def test_time_axes_are_linked_and_others_are_not(probed):
     before, zoomed = dict(probed['before']), dict(probed['zoomed'])
-    others = {name for name in zoomed if name in ('path_plot', 'normalized_plot')}
-    assert len(others) == 2
+    others = zoomed.keys() & {'path_plot', 'normalized_plot', 'crossing_plot'}
+    assert len(others) == 3
     for name in zoomed.keys() - others:
         assert zoomed[name] == RANGE and before[name] != RANGE, name
     assert all(zoomed[name] == before[name] for name in others)
