@@ -89,7 +89,7 @@ def pace_lines(simulators: Iterable[Mapping[str, str | float]]) -> Iterator[str]
         return
     factor = len(found) / sum(1.0 / max(float(values[FACTOR]), 1e-3) for values in found)
     if factor < FULL_SPEED:
-        yield f'{factor:.2g} x real time: host busy'
+        yield f'{factor:.2g} x real time: waiting for nodes'
     given_up = [f'{key.removeprefix(GIVEN_UP)} ({count} x)'
                 for key, count in found[-1].items() if key.startswith(GIVEN_UP)]
     if given_up:

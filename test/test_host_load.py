@@ -136,7 +136,7 @@ def test_the_worst_of_the_diagnostics_counts_those_without_values_do_not():
 
 def test_the_factor_of_a_run_is_that_of_its_whole_time():
     """A second of simulated time at half speed takes two."""
-    said = '0.67 x real time: host busy'
+    said = '0.67 x real time: waiting for nodes'
     assert list(pace_lines([{'real_time_factor': '1.0'}, {'real_time_factor': '0.5'},
                             {'other': '1'}])) == [said]
     assert list(pace_lines([{'real_time_factor': '0.96'}])) == []

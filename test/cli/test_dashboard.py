@@ -89,7 +89,7 @@ def test_a_note_is_shown_with_the_phase():
 def test_a_busy_host_is_one_line_above_the_table():
     simulator = {'real_time_factor': '0.62', 'time_passed_without.imu_driver': '2'}
     lines = shown(robot_status(health={'robot_simulator': simulator}), terminal=False).splitlines()
-    assert lines[0] == '0.62 x real time: host busy'
+    assert lines[0] == '0.62 x real time: waiting for nodes'
     assert lines[1].startswith('starved: simulated time passed without imu_driver (2 x)')
     idle = shown(robot_status(health={'robot_simulator': {'real_time_factor': '0.99'}}), False)
     assert 'real time' not in idle
