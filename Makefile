@@ -69,7 +69,7 @@ help:
 setup: $(READY)
 
 # An editable installation compiles in the source tree: again after each change of COMPILED.
-COMPILED := smart_tire/estimation/ground/body_model.py smart_tire/estimation/slip/kalman.py smart_tire/estimation/slip/motion.py smart_tire/estimation/slip/tire_forces.py smart_tire/models/tire/brush_tire.py smart_tire/models/tire/film_equations.py
+COMPILED := smart_tire/estimation/ground/body_model.py smart_tire/estimation/slip/kalman.py smart_tire/estimation/slip/motion.py smart_tire/estimation/slip/output.py smart_tire/estimation/slip/tire_forces.py smart_tire/models/tire/brush_tire.py smart_tire/models/tire/film_equations.py
 REMOVE_EXTENSIONS := find smart_tire -name '*.so' -delete
 
 $(CORE): EXTRAS := $(CORE_EXTRAS)

@@ -23,8 +23,8 @@ NODES = [path.stem for path in sorted(Path(PACKAGE, 'nodes').glob('*.py'))
          if '\ndef main() -> int:' in path.read_text(encoding='utf-8')]
 COMPILED = ('smart_tire/estimation/ground/body_model.py',
             'smart_tire/estimation/slip/kalman.py', 'smart_tire/estimation/slip/motion.py',
-            'smart_tire/estimation/slip/tire_forces.py', 'smart_tire/models/tire/brush_tire.py',
-            'smart_tire/models/tire/film_equations.py')
+            'smart_tire/estimation/slip/output.py', 'smart_tire/estimation/slip/tire_forces.py',
+            'smart_tire/models/tire/brush_tire.py', 'smart_tire/models/tire/film_equations.py')
 
 
 class BuildFromPython(build_ext):

@@ -22,7 +22,8 @@ from smart_tire.errors import ParameterError
 from smart_tire.estimation import streams
 from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.estimation.ground.unknowns import LENGTH
-from smart_tire.estimation.slip.estimator import SlipEstimator, SlipOutputBuilder
+from smart_tire.estimation.slip.estimator import SlipEstimator
+from smart_tire.estimation.slip.output import SlipOutputBuilder
 from smart_tire.estimation.slip.rts_smoother import RtsSmoother
 from smart_tire.estimation.slip.state import ESTIMATED
 from smart_tire.parameters import (

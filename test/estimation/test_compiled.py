@@ -18,13 +18,13 @@ import sysconfig
 
 import pytest
 from smart_tire.estimation.ground import body_model
-from smart_tire.estimation.slip import kalman, motion, tire_forces
+from smart_tire.estimation.slip import kalman, motion, output, tire_forces
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.models.tire import brush_tire, film_equations
 from smart_tire.parameters import SlipEstimatorParams
 from support.compiled import load_source, source
 
-MODULES = (body_model, brush_tire, film_equations, kalman, motion, tire_forces)
+MODULES = (body_model, brush_tire, film_equations, kalman, motion, output, tire_forces)
 BUILT_BY_MAKE = not os.environ.keys() & {'ROS_DISTRO', 'SMART_TIRE_NO_COMPILER'} \
     and shutil.which('gcc') and Path(sysconfig.get_path('include'), 'Python.h').exists()
 

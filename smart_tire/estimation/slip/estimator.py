@@ -12,13 +12,11 @@
 
 from __future__ import annotations
 
-from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
-import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
@@ -29,35 +27,20 @@ from smart_tire.estimation.slip.inputs import (
     ImuInput, merged, SpikeFilter, WheelOdometry, WheelSpeeds,
     ZeroVelocityDetector)
 from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
-from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
-from smart_tire.estimation.slip.odometry import ContinuousPose
+from smart_tire.estimation.slip.output import (
+    ContinuousPose, EstimateRecord, OutputContext, SlipOutputBuilder)
 from smart_tire.estimation.slip.state import (
     DROPOUT_ACCEL_SIGMA, ESTIMATED, IMU_DROPOUT, ImuReading, MAX_NIS,
-    MIN_WHEEL_PERIOD, MIN_YAW_RATE, PLANAR_VARIANCE, SLIP_CORRELATION_TIME, SLIP_VELS, State,
+    MIN_WHEEL_PERIOD, SLIP_CORRELATION_TIME, State,
     TRUSTED_STANDSTILL, UNWINDING_TIME)
 from smart_tire.estimation.slip.wheel_lag import WheelLag
 from smart_tire.estimation.streams import HOLDING
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.rotation import quaternion
 from smart_tire.samples import (
-    Four, four, GRAVITY, GroundState, Icr, ImuSample, NS_PER_S, Odometry, Vector3, WheelSample,
-    WheelSlip)
+    GRAVITY, GroundState, ImuSample, NS_PER_S, Odometry, WheelSample)
 from smart_tire.uncertain import Uncertain
 
 TOPICS = {ImuSample: 'imu/data', WheelSample: 'wheel_states', GroundState: 'ground_state'}
-EstimateRecord = Odometry | WheelSlip | Icr
-
-
-class OutputContext(NamedTuple):
-    """Values needed for an output in addition to the state."""
-
-    instant_ns: int       # of the output grid
-    extrapolation: float  # s, from the time of the state to the instant
-    imu: ImuReading       # last yaw rate, and forces without vibration
-    rate_variance: float  # (rad/s)^2, of that yaw rate beyond the bias
-    wheel_residual: Four  # m/s, speed of each wheel minus the mean of its side
-    mean: ImuReading | None = None  # over the extrapolation; None: as ``imu``
-    hidden: tuple[float, float] = 0.0, 0.0  # (m/s)^2, of slip along and across that nothing shows
 
 
 class EstimatorRecorder(StateRecorder, Protocol):
@@ -189,8 +172,8 @@ class SlipSegment:
         self._robot = params.robot
         self._dropped = dropped
         self._recorder = recorder
-        self._output = SlipOutputBuilder(params)
         self._pose = ContinuousPose()
+        self._output = SlipOutputBuilder(params, self._pose)
         self.filter = slip_filter
         self._gyro_variance = params.robot.imu.gyro_noise ** 2  # (rad/s)^2, of a sample
         self._imu = ImuInput(params.robot)
@@ -387,8 +370,7 @@ class SlipSegment:
         if self._recorder is not None:
             self._recorder.record_output(
                 context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED].copy())
-        return [self._pose.follow(record) if isinstance(record, Odometry) else record
-                for record in self._output.build(context, x, P)]
+        return self._output.build(context, x, P)
 
     def _carried(self, context: OutputContext) -> OutputContext:
         """Return the context with the readings since the state."""
@@ -396,53 +378,3 @@ class SlipSegment:
         mean = ImuReading(*(sum(column) / len(readings) for column in zip(*readings)))
         return context._replace(
             imu=context.imu._replace(yaw_rate=readings[-1].yaw_rate), mean=mean)
-
-
-COMMON_SLIP = np.ix_((State.V_X, *SLIP_VELS), (State.V_X, *SLIP_VELS))  # that no wheel shows
-COMMON_SIGNS = np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0))
-
-
-class SlipOutputBuilder:
-    """Builds the output records of the slip estimator."""
-
-    def __init__(self, params: SlipEstimatorParams) -> None:
-        self._standstill_speed = params.robot.slip.standstill_speed
-        self._hidden = four([0.0 if one else math.nan for one in params.robot.joints.measured])
-        self._motion = MotionModel(params.robot)
-        self._x_imu, self._y_imu = params.robot.imu.position[:2]
-        # of pose and twist in the order of ROS; the planar part is overwritten
-        self._covariances = [array('d', np.ravel(PLANAR_VARIANCE * np.eye(6))) for _ in range(2)]
-
-    def build(self, context: OutputContext, x: Sequence[float], P: Array
-              ) -> list[EstimateRecord]:
-        """Return the records for at least the estimated states ``x`` with covariance ``P``."""
-        if any(context.hidden):
-            P = P.copy()
-            along, across = context.hidden
-            P[COMMON_SLIP] += along * COMMON_SIGNS
-            P[State.V_Y, State.V_Y] += across
-        x = self._motion.extrapolate(array('d', x), context.mean or context.imu,
-                                     context.extrapolation)
-        W = context.imu.yaw_rate - x[State.GYRO_BIAS_Z]
-        x_imu, y_imu = self._x_imu + x[State.IMU_X], self._y_imu + x[State.IMU_Y]
-        twist = x[State.V_X] + y_imu * W, x[State.V_Y] - x_imu * W, W
-        slips = self._motion.wheel_slips(
-            x, P, W, context.wheel_residual, self._hidden, self._standstill_speed)
-        records: list[EstimateRecord] = [
-            self._odometry(context, x, P, twist),
-            WheelSlip(context.instant_ns, *map(four, zip(*slips)))]
-        if abs(W) > MIN_YAW_RATE:
-            records.append(Icr(context.instant_ns, -twist[1] / W, twist[0] / W))
-        return records
-
-    def _odometry(self, context: OutputContext, x: array[float], P: Array, twist: Vector3
-                  ) -> Odometry:
-        v_x, v_y, W = twist
-        pose, rates = self._covariances
-        fill_covariances(P, W, self._x_imu + x[State.IMU_X], self._y_imu + x[State.IMU_Y], pose,
-                         rates)
-        rates[35] += context.rate_variance
-        return Odometry(
-            context.instant_ns, (x[State.X], x[State.Y], 0.0),
-            quaternion(x[State.ROLL], x[State.PITCH], x[State.YAW]),
-            (v_x, v_y, 0.0), (0.0, 0.0, W), tuple(pose), tuple(rates))

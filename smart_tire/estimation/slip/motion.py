@@ -34,7 +34,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.slip import state
 from smart_tire.estimation.slip.state import ImuReading, ImuStep, N, State
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import Four, GRAVITY as G
+from smart_tire.samples import Four, four, GRAVITY as G
 
 try:
     import cython
@@ -153,22 +153,23 @@ class MotionModel:
 
     def wheel_slips(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
                     residual: Four, hidden: Four, standstill_speed: cython.double
-                    ) -> list[tuple[float, float, float]]:
+                    ) -> tuple[Four, Four, Four]:
         """
-        Return slip ratio, slip velocity [m/s] and standard deviation of the ratio of each wheel.
+        Return slip ratio, slip velocity [m/s] and standard deviation of the ratio of the wheels.
 
         ``residual`` [m/s] is r w of the wheels beyond that of their sides, ``hidden`` NaN for
         those that are not measured and 0 for others.
         """
-        slips = []
+        ratios, velocities, sigmas = [], [], []
         for i in range(4):
             side_speed: cython.double = self._rolling_rate(x, W, i % 2)
             ground: cython.double = side_speed - x[SLIP_VEL_L + i % 2]
             rolling: cython.double = side_speed + residual[i] + hidden[i]
             ratio: cython.double = wheel_slip_ratio(rolling, ground, standstill_speed)
-            slips.append((ratio, rolling - ground,
-                          self._slip_sigma(x, P, W, i % 2) if ratio == ratio else 1.0))
-        return slips
+            ratios.append(ratio)
+            velocities.append(rolling - ground)
+            sigmas.append(self._slip_sigma(x, P, W, i % 2) if ratio == ratio else 1.0)
+        return four(ratios), four(velocities), four(sigmas)
 
     @cython.cfunc
     def _slip_sigma(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,

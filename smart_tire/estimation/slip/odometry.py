@@ -21,68 +21,13 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.reorder_buffer import GRID_NS
 from smart_tire.estimation.slip.state import (
-    AGREEMENT_SIGMAS, CORRECTION_TIME, MAX_CORRECTION_SPEED, SLIP_CORRELATION_TIME)
+    SLIP_CORRELATION_TIME)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.parameters.tuning import INCREMENTS
-from smart_tire.rotation import euler, quaternion
+from smart_tire.rotation import euler
 from smart_tire.samples import NS_PER_S, Odometry, PLANAR, PLANAR_COVARIANCE
 
 Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
-
-
-class ContinuousPose:
-    """
-    Pose that follows the estimated one without steps (REP-105).
-
-    A correction of the distance driven so far moves the estimated pose at once. This pose moves by
-    the twist, and towards the estimated one within ``CORRECTION_TIME``, but so slowly that both
-    agree: along each axis of the robot at most ``AGREEMENT_SIGMAS`` standard deviations of the
-    twist, and not more than ``MAX_CORRECTION_SPEED``. At rest the twist is known to millimeters
-    per second. The offset that is left adds to the error of the pose.
-    """
-
-    def __init__(self) -> None:
-        self._last: tuple[int, Pose, Pose] | None = None  # time [ns], pose, twist
-
-    def reset(self) -> None:
-        """Continue with the next estimated pose, as at the start."""
-        self._last = None
-
-    def follow(self, estimate: Odometry) -> Odometry:
-        """Return ``estimate`` with the continuous pose, and its covariance."""
-        roll, pitch, yaw = euler(estimate.orientation)
-        wanted, twist = (*estimate.position[:2], yaw), planar_twist(estimate)
-        if self._last is None:
-            self._last = estimate.stamp_ns, wanted, twist
-            return estimate
-        before_ns, pose, before = self._last
-        dt = (estimate.stamp_ns - before_ns) / NS_PER_S
-        v_x, v_y, W = (0.5 * (old + new) for old, new in zip(before, twist))
-        pose = moved(pose, (v_x * dt, v_y * dt, W * dt))
-        pose = moved(pose, self._correction(offset(pose, wanted), estimate, dt))
-        self._last = estimate.stamp_ns, pose, twist
-        x, y = wanted[0] - pose[0], wanted[1] - pose[1]
-        turn = math.remainder(wanted[2] - pose[2], math.tau)
-        covariance = list(estimate.pose_covariance)
-        for entry, product in zip(PLANAR_COVARIANCE, (
-                x * x, x * y, x * turn, x * y, y * y, y * turn, x * turn, y * turn, turn * turn)):
-            covariance[entry] += product
-        # the constructor: ``replace`` takes three times as long
-        return Odometry(estimate.stamp_ns, (*pose[:2], 0.0), quaternion(roll, pitch, pose[2]),
-                        estimate.linear, estimate.angular, tuple(covariance),
-                        estimate.twist_covariance)
-
-    @staticmethod
-    def _correction(left: Pose, estimate: Odometry, dt: float) -> Pose:
-        """Return the part of the offset ``left``, in body axes, that is made up for in dt [s]."""
-        share = -math.expm1(-dt / CORRECTION_TIME)
-        x, y, yaw = left
-        variances, sigmas = estimate.twist_covariance, AGREEMENT_SIGMAS * dt
-        x = _limited(share * x, sigmas * math.sqrt(variances[0]))
-        y = _limited(share * y, sigmas * math.sqrt(variances[7]))
-        yaw = _limited(share * yaw, sigmas * math.sqrt(variances[35]))
-        slower = min(1.0, MAX_CORRECTION_SPEED * dt / max(math.hypot(x, y), 1e-9))
-        return slower * x, slower * y, yaw
 
 
 class OdometryOutput:
@@ -140,10 +85,6 @@ class OdometryOutput:
                        twist_covariance=tuple(whole.ravel().tolist()))
 
 
-def _limited(value: float, limit: float) -> float:
-    return limit if value > limit else -limit if value < -limit else value
-
-
 def planar(covariance: Sequence[float]) -> Array:
     """Return the covariance (3, 3) of x, y and yaw in one of ROS, 36 numbers."""
     return np.array([covariance[entry] for entry in PLANAR_COVARIANCE]).reshape(3, 3)
@@ -157,17 +98,3 @@ def planar_pose(odometry: Odometry) -> Pose:
 def planar_twist(odometry: Odometry) -> Pose:
     """Return v_x, v_y [m/s] and yaw rate [rad/s]."""
     return *odometry.linear[:2], odometry.angular[2]
-
-
-def moved(pose: Pose, motion: Pose) -> Pose:
-    """Return ``pose`` after a ``motion`` in body axes, at the mean heading."""
-    yaw = pose[2] + 0.5 * motion[2]
-    c, s = math.cos(yaw), math.sin(yaw)
-    return (pose[0] + c * motion[0] - s * motion[1], pose[1] + s * motion[0] + c * motion[1],
-            pose[2] + motion[2])
-
-
-def offset(pose: Pose, wanted: Pose) -> Pose:
-    """Return the difference of two poses in the body axes of the first one."""
-    dx, dy, c, s = wanted[0] - pose[0], wanted[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
-    return c * dx + s * dy, c * dy - s * dx, math.remainder(wanted[2] - pose[2], math.tau)

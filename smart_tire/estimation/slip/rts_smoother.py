@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.slip.estimator import OutputContext
+from smart_tire.estimation.slip.output import OutputContext
 
 BLOCK_SIZE = 1024      # transitions that become links together
 REGULARIZATION = 1e-13  # share of each variance: keeps nearly equal states solvable

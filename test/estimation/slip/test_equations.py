@@ -183,8 +183,7 @@ def test_covariances_of_the_outputs_are_those_of_their_derivatives():
     def ratios(row, delta):
         moved = x[:]
         moved[row] += delta
-        return np.array([one[0] for one in model.wheel_slips(
-            moved, P, W, (0.0,) * 4, (0.0,) * 4, 0.05)])
+        return np.array(model.wheel_slips(moved, P, W, (0.0,) * 4, (0.0,) * 4, 0.05)[0])
 
     pose, found = array('d', bytes(288)), array('d', bytes(288))
     motion.fill_covariances(P, W, 0.1 + x[State.IMU_X], 0.02 + x[State.IMU_Y], pose, found)
@@ -194,8 +193,7 @@ def test_covariances_of_the_outputs_are_those_of_their_derivatives():
     small = 1e-4 * P  # a standard deviation of a slip ratio is at most 1
     small[State.GYRO_BIAS_Z] = small[:, State.GYRO_BIAS_Z] = 0.0
     T = np.column_stack([derivative(partial(ratios, row), 0.0, 1e-6) for row in State])
-    sigmas = [sigma for *_, sigma in model.wheel_slips(
-        x, small, W, (0.0,) * 4, (0.0,) * 4, 0.05)]
+    *_, sigmas = model.wheel_slips(x, small, W, (0.0,) * 4, (0.0,) * 4, 0.05)
     np.testing.assert_allclose(sigmas, np.sqrt(np.diag(T @ small @ T.T)), rtol=1e-4)
 
 

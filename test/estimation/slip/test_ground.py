@@ -24,10 +24,11 @@ from benchmarks.scenarios import SCENARIOS
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.estimator import OutputContext, SlipEstimator, SlipOutputBuilder
+from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.ground import ground_prior, LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
+from smart_tire.estimation.slip.output import OutputContext, SlipOutputBuilder
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, EXPIRY_TIME, ImuReading, ImuStep, LEARNING_TIME, MODEL_TIME, N, PUSH_TIME,
     SLIP_CORRELATION_TIME, State)

@@ -10,6 +10,7 @@
 
 """Odometry as published: continuous, at its own rate, and fused by another filter."""
 
+from array import array
 from dataclasses import replace
 from functools import cache
 import math
@@ -24,7 +25,8 @@ from smart_tire.bags import Bag
 from smart_tire.estimation.slip import estimator as slip_estimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.odometry import (
-    ContinuousPose, OdometryOutput, offset, planar, planar_pose, planar_twist)
+    OdometryOutput, planar, planar_pose, planar_twist)
+from smart_tire.estimation.slip.output import ContinuousPose, SlipOutputBuilder
 from smart_tire.estimation.slip.state import AGREEMENT_SIGMAS, CORRECTION_TIME
 from smart_tire.parameters import build, SimulatorParams, SlipEstimatorParams
 from smart_tire.rotation import quaternion
@@ -54,6 +56,28 @@ def odometry(index, pose, twist=(0.0, 0.0, 0.0), sigmas=(0.01, 0.005, 0.01)):
     return Odometry(index * PERIOD_NS, (x, y, 0.0), quaternion(0.02, -0.01, yaw),
                     (*twist[:2], 0.0), (0.0, 0.0, twist[2]), tuple(pose_covariance),
                     tuple(twist_covariance))
+
+
+def follower():
+    """Return a function that gives an estimate the continuous pose."""
+    pose = ContinuousPose()
+
+    def follow(estimate):
+        covariance = array('d', estimate.pose_covariance)
+        x, y, yaw = pose.follow(
+            estimate.stamp_ns, planar_pose(estimate), planar_twist(estimate), covariance,
+            array('d', estimate.twist_covariance))
+        return replace(estimate, position=(x, y, 0.0), orientation=quaternion(0.02, -0.01, yaw),
+                       pose_covariance=tuple(covariance))
+
+    return follow
+
+
+def offset(pose, wanted):
+    """Return the difference of two poses in the body axes of the first one."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy, turn = np.subtract(wanted, pose)
+    return c * dx + s * dy, c * dy - s * dx, math.remainder(turn, math.tau)
 
 
 def beyond_twist(found):
@@ -95,7 +119,7 @@ def driven(seed):
 
 
 def test_a_correction_is_worked_in_at_the_bounded_rate_and_until_it_is():
-    follow = ContinuousPose().follow
+    follow = follower()
     found = [follow(odometry(k, (0.008 * k + 0.05 * (k > 10), 0.0, 0.0), (1.0, 0.0, 0.0)))
              for k in range(800)]
     extra = beyond_twist(found)
@@ -105,7 +129,7 @@ def test_a_correction_is_worked_in_at_the_bounded_rate_and_until_it_is():
 
 
 def test_a_small_correction_decays_with_its_time_constant():
-    follow = ContinuousPose().follow
+    follow = follower()
     follow(odometry(0, (0.0, 0.0, 0.0)))
     found = [follow(odometry(k, (1e-3, 0.0, 0.0))) for k in range(1, 76)]  # 0.6 s
     assert 1e-3 - found[-1].position[0] == pytest.approx(
@@ -114,7 +138,7 @@ def test_a_small_correction_decays_with_its_time_constant():
 
 @pytest.mark.parametrize('turn', [0.0, 2.0])
 def test_each_axis_of_the_robot_is_corrected_within_its_own_sigma(turn):
-    follow = ContinuousPose().follow
+    follow = follower()
     follow(odometry(0, (0.0, 0.0, turn)))
     c, s = math.cos(turn), math.sin(turn)
     found = follow(odometry(1, (c - s, s + c, turn + 0.5)))
@@ -123,14 +147,14 @@ def test_each_axis_of_the_robot_is_corrected_within_its_own_sigma(turn):
 
 
 def test_the_correction_is_bounded_whatever_the_sigma():
-    follow, sigmas = ContinuousPose().follow, (3.0, 2.0, 0.1)
+    follow, sigmas = follower(), (3.0, 2.0, 0.1)
     found = [follow(odometry(k, (float(k > 3), -float(k > 5), 0.0), sigmas=sigmas))
              for k in range(400)]
     assert 1.8e-3 < steps(found).max() < MAX_STEP
 
 
 def test_the_offset_that_is_left_is_part_of_the_covariance():
-    follow = ContinuousPose().follow
+    follow = follower()
     follow(odometry(0, (0.0, 0.0, 0.0)))
     found = follow(odometry(1, (0.3, -0.2, 0.1)))
     left = np.subtract((0.3, -0.2, 0.1), planar_pose(found))
@@ -141,7 +165,7 @@ def test_the_offset_that_is_left_is_part_of_the_covariance():
 
 
 def test_the_heading_is_followed_across_the_half_turn():
-    follow = ContinuousPose().follow
+    follow = follower()
     found = [follow(odometry(k, (0.0, 0.0, 3.13 + 0.008 * k), (0.0, 0.0, 1.0)))
              for k in range(10)]
     assert beyond_twist(found) == pytest.approx(0.0, abs=1e-9)
@@ -149,18 +173,11 @@ def test_the_heading_is_followed_across_the_half_turn():
 
 
 def test_the_first_pose_and_that_after_a_reset_are_the_estimate():
-    pose = ContinuousPose()
-    first, other = odometry(0, (1.0, 2.0, 3.0)), odometry(1, (5.0, 0.0, -1.0))
-    assert pose.follow(first) is first
-    pose.reset()
-    assert pose.follow(other) is other
-
-
-def test_the_slope_is_that_of_the_estimate():
-    follow = ContinuousPose().follow
-    follow(odometry(0, (0.0, 0.0, 0.0)))
-    found = follow(odometry(1, (1.0, 0.0, 0.0)))
-    assert found.orientation == pytest.approx(quaternion(0.02, -0.01, 0.0))
+    pose, covariance = ContinuousPose(), array('d', [0.01] * 36)
+    for wanted in ((1.0, 2.0, 3.0), (5.0, 0.0, -1.0)):
+        assert pose.follow(0, wanted, (9.0, 0.0, 0.0), covariance, covariance) == wanted
+        assert set(covariance) == {0.01}
+        pose.reset()
 
 
 @pytest.mark.parametrize('seed', [1, pytest.param(2, marks=pytest.mark.long)])
@@ -169,7 +186,8 @@ def test_odometry_is_continuous_while_the_ground_is_reported_late(seed):
 
 
 def test_the_estimated_pose_itself_makes_steps_there(monkeypatch):
-    monkeypatch.setattr(slip_estimator.ContinuousPose, 'follow', lambda _, estimate: estimate)
+    monkeypatch.setattr(slip_estimator, 'SlipOutputBuilder',
+                        lambda params, pose: SlipOutputBuilder(params))
     driven.cache_clear()
     assert steps(driven(1)[0]).max() > 5.0 * MAX_STEP
     driven.cache_clear()

@@ -15,10 +15,14 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.estimation.slip.estimator import OutputContext, SlipOutputBuilder
+from smart_tire.estimation.slip import output
+from smart_tire.estimation.slip.output import (
+    ContinuousPose, OutputContext, SlipOutputBuilder)
 from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, initial_state, State
 from smart_tire.parameters import build, SlipEstimatorParams
+from smart_tire.rotation import euler
 from smart_tire.samples import Icr, WheelSlip
+from support.compiled import load_source
 
 PARAMS = SlipEstimatorParams()
 CONTEXT = OutputContext(0, 0.008, ImuReading(0.8, 1.4, 0.9), 1e-4, (0.0,) * 4)
@@ -35,6 +39,22 @@ def records(context, params=PARAMS):
     return SlipOutputBuilder(params).build(context, *moving())
 
 
+@pytest.mark.skipif(not output.COMPILED, reason='not compiled')
+def test_the_extension_computes_what_its_source_does():
+    def built(module):
+        builder = module.SlipOutputBuilder(PARAMS, module.ContinuousPose())
+        x, P = moving()
+        x[State.X], x[State.YAW] = 0.0, 3.0
+        found = []
+        for k in range(3):
+            x[State.X] += 0.01
+            x[State.YAW] += 0.1
+            found += builder.build(CONTEXT._replace(
+                instant_ns=8_000_000 * k, hidden=(0.09, 0.04)), x, P)
+        return found
+    assert built(output) == built(load_source(output))
+
+
 def test_the_icr_is_published_only_while_the_robot_yaws():
     def icr(rate):
         context = CONTEXT._replace(imu=CONTEXT.imu._replace(yaw_rate=rate))
@@ -49,6 +69,17 @@ def test_the_pose_is_extrapolated_at_the_present_acceleration():
     late, early = (records(CONTEXT._replace(extrapolation=dt))[0] for dt in (0.008, 0.0))
     assert late.position[0] - early.position[0] == pytest.approx(0.008, rel=0.05)
     assert late.linear[0] - early.linear[0] == pytest.approx(0.008 * 1.4, rel=0.05)
+
+
+def test_the_continuous_pose_has_the_slope_of_the_estimate():
+    x, P = moving()
+    builder = SlipOutputBuilder(PARAMS, ContinuousPose())
+    first = builder.build(CONTEXT, x, P)[0]
+    x[State.X], x[State.ROLL], x[State.PITCH] = 1.0, 0.02, -0.01
+    found = builder.build(CONTEXT._replace(instant_ns=8_000_000), x, P)[0]
+    assert euler(found.orientation)[:2] == pytest.approx((0.02, -0.01))
+    assert found.position[0] - first.position[0] < 0.02  # the step of 1 m is not made
+    assert found.pose_covariance[0] > 0.95
 
 
 def test_the_slip_of_a_wheel_that_is_not_measured_is_unknown():
