@@ -80,7 +80,8 @@ class ReorderBuffer:
         if self._suspects:
             self._drop_suspects()
         self._insert(topic, stamp_ns, sample)
-        return self._close()
+        newest = self._newest
+        return [] if newest is None or newest < self._due_ns else self._close(newest)
 
     def finish(self) -> list[ClosedInstant]:
         """Return the remaining grid instants with their samples, at the end of all inputs."""
@@ -102,9 +103,8 @@ class ReorderBuffer:
         if not awaited and (self._newest is None or stamp_ns > self._newest):
             self._newest = stamp_ns
 
-    def _close(self) -> list[ClosedInstant]:
-        newest = self._newest
-        if newest is None or newest < self._due_ns or not self._heap and self._closed is None:
+    def _close(self, newest: int) -> list[ClosedInstant]:
+        if not self._heap and self._closed is None:
             return []
         return self._close_until(min([newest - self._window_ns, *(
             stamp for stamp in self._reached.values() if newest - stamp < MAX_AWAITED_LAG_NS)]))
@@ -142,7 +142,7 @@ class ReorderBuffer:
             self.resets += 1
         for item in confirmed:
             self._insert(*item)
-        return self._close()
+        return [] if self._newest is None else self._close(self._newest)
 
     def _drop_suspects(self) -> None:
         self.late.update(topic for topic, _, _ in self._suspects)

@@ -61,7 +61,7 @@ class ContactFeed:
     def _start(self) -> None:
         robot = self._robot
         self.closed_ns: int | None = None  # latest grid instant
-        self._newest: dict[tuple[type, str], int] = {}  # stream, of films by wheel -> timestamp
+        self._newest: dict[type | str, int] = {}  # kind of sample, or wheel of films -> timestamp
         self._trackers = {wheel: [ContactTracker(wheel, robot, films)
                                   for films in robot.film_groups]
                           for wheel in robot.film.wheels}
@@ -129,27 +129,29 @@ class ContactFeed:
 
     def _accept(self, sample: Input) -> bool:
         """Pass a valid sample on to its trackers; return whether it is valid."""
-        wheel = sample.wheel if isinstance(sample, TireSample) else ''
-        if wheel and wheel not in self._trackers:
+        if not isinstance(sample, TireSample):
+            valid = self._is_new(type(sample), sample)
+            if valid and isinstance(sample, WheelSample):
+                for tracker in chain(*self._trackers.values()):
+                    tracker.add_wheels(sample)
+            return valid
+        trackers = self._trackers.get(sample.wheel)
+        if trackers is None:
             self.foreign_samples += 1
             return False
-        if not self._is_new(wheel, sample):
-            return False
-        if isinstance(sample, TireSample):
-            for tracker in self._trackers[wheel]:
+        valid = self._is_new(sample.wheel, sample)
+        if valid:
+            for tracker in trackers:
                 tracker.add_films(sample)
-        elif isinstance(sample, WheelSample):
-            for tracker in chain(*self._trackers.values()):
-                tracker.add_wheels(sample)
-        return True
+        return valid
 
-    def _is_new(self, wheel: str, sample: Input) -> bool:
+    def _is_new(self, stream: type | str, sample: Input) -> bool:
         """Return whether ``sample`` is possible and newer than its stream; count it if not."""
-        kind, stamp_ns = type(sample), sample.stamp_ns
-        if is_possible(sample) and stamp_ns > self._newest.get((kind, wheel), -inf):
-            self._newest[kind, wheel] = stamp_ns
+        stamp_ns = sample.stamp_ns
+        if is_possible(sample) and stamp_ns > self._newest.get(stream, -inf):
+            self._newest[stream] = stamp_ns
             return True
-        self.dropped[FRICTION.inputs[kind]] += 1
+        self.dropped[FRICTION.inputs[type(sample)]] += 1
         return False
 
     def _sorted(self, found: Callable[[ContactTracker], list[PatchCrossing]]
