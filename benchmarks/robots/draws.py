@@ -71,6 +71,7 @@ PUSH_DURATION = 0.5  # s
 LIFT_DURATION = 1.0  # s
 STUCK_DURATION = 5.0  # s, in which a current is constant
 DISTURBANCES = 5     # pushes, lifts; a current is stuck twice
+GYRO_SCALE = 0.001   # -, standard deviation, recordings of other robots: 0.0002 to 0.0035
 CUT = 6.0            # s, missing before a start in motion
 
 
@@ -292,6 +293,8 @@ def draw(name: str, seed: int, nominal: Collection[str] = ()) -> Draw:
         value['slope'] = (row.slope,)
     own = np.random.default_rng([seed, zlib.crc32(name.encode()), 1])
     value['gears'] = tuple((1.0 + row.gears * own.uniform(-1.0, 1.0, 2)).tolist())
+    value['gyro_scale'] = (1.0 + GYRO_SCALE * float(np.random.default_rng(
+        [seed, zlib.crc32(name.encode()), 2]).standard_normal()),)
     value['imu_arm'] = tuple((row.imu_arm * own.standard_normal(2)).tolist())
     value |= {one: (DISTRIBUTIONS[one].nominal,) * len(value[one]) for one in nominal}
     robot = replace(row.platform, film=FILM, tire=row.tire, imu=replace(
@@ -323,7 +326,7 @@ def _true_robot(robot: RobotParams, row: Row, value: Values) -> RobotParams:
         robot.motor, robot.imu, value['gears'], value['imu_arm'])
     motor = replace(motor, coulomb_friction=motor.coulomb_friction * gears,
                     axle_friction=motor.axle_friction * gears, inertia=motor.inertia * inertia)
-    imu = replace(imu, position=(
+    imu = replace(imu, gyro_scale=value['gyro_scale'][0], position=(
         imu.position[0] + arm[0], imu.position[1] + arm[1], imu.position[2]))
     gains = [gain for wheel in robot.film.wheels for gain in robot.film.gains(wheel)]
     film = replace(robot.film, stretch_gain=tuple(

@@ -78,8 +78,8 @@ def as_inputs(recording: SampleArrays, robot: RobotParams) -> ReckoningInputs:
         raise EstimatorError('too few samples of the IMU or the wheels')
     wheel_ns = wheels.stamp_ns - round(robot.encoder.latency * NS_PER_S)
     travel = robot.wheel_radius * angles
-    rotation = matrix(*robot.imu.rotation)
-    return ReckoningInputs(robot, imu.stamp_ns, (imu['rate'] @ rotation.T)[:, 2], wheel_ns, travel,
+    z_row = matrix(*robot.imu.rotation)[2] / robot.imu.gyro_scale
+    return ReckoningInputs(robot, imu.stamp_ns, imu['rate'] @ z_row, wheel_ns, travel,
                            _stationary_count(imu.stamp_ns, wheel_ns, travel))
 
 

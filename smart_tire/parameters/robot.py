@@ -34,6 +34,9 @@ class ImuParams:
     rotation: tuple[float, ...] = param(
         (0.0, 0.0, 0.0), 'rad', 'roll, pitch, yaw of imu_link in base_link', (-math.tau, math.tau),
         length=3)
+    gyro_scale: float = param(1.0, '-', 'measured yaw rate over the true one', (0.5, 2.0))
+    gyro_scale_sigma: float = param(
+        0.001, '-', 'standard deviation of its error; data sheets: 0.1 %', (0.0, 0.5))
     gyro_noise: float = param(0.01, 'rad/s', 'standard deviation of one sample', (1e-6, 1.0))
     accel_noise: float = param(0.05, 'm/s2', 'standard deviation of one sample', (1e-6, 10.0))
     gyro_bias: float = param(0.01, 'rad/s', 'standard deviation of the turn-on bias', (0.0, 1.0))

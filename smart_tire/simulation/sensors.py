@@ -43,11 +43,12 @@ class ImuModel:
         self._accel_bias = rng.normal(0.0, imu.accel_bias, 3)
         self._gyro_bias = rng.normal(0.0, imu.gyro_bias, 3)
         self._accel_noise, self._gyro_noise = imu.accel_noise, imu.gyro_noise
+        self._gyro_scale = imu.gyro_scale
 
     def read(self, plant: Plant) -> tuple[Vector3, Vector3]:
         """Return specific force [m/s2] and angular rate [rad/s] in ``imu_link``."""
         force = self._from_base @ self._specific_force(plant) + self._accel_bias
-        rate = self._from_base[:, 2] * plant.yaw_rate + self._gyro_bias
+        rate = self._gyro_scale * self._from_base[:, 2] * plant.yaw_rate + self._gyro_bias
         noise = self._rng.standard_normal((2, 3))
         return (_vector(force + self._accel_noise * noise[0]),
                 _vector(rate + self._gyro_noise * noise[1]))

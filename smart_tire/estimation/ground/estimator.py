@@ -64,7 +64,8 @@ class GroundEstimator:
 
     def __init__(self, robot: RobotParams, load_sigma: float) -> None:
         self._robot, self._load_sigma = robot, load_sigma
-        self._rotation = matrix(*robot.imu.rotation).tolist()
+        x_row, y_row, z_row = matrix(*robot.imu.rotation)
+        self._rotation = [x_row.tolist(), y_row.tolist(), (z_row / robot.imu.gyro_scale).tolist()]
         self._window = GroundWindow(robot)
         self._origin_ns: int | None = None
         self._imu: list[tuple[float, ...]] = []

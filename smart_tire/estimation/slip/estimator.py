@@ -172,8 +172,7 @@ class SlipSegment:
         self._robot = params.robot
         self._dropped = dropped
         self._recorder = recorder
-        self._pose = ContinuousPose()
-        self._output = SlipOutputBuilder(params, self._pose)
+        self._output = SlipOutputBuilder(params, ContinuousPose())
         self.filter = slip_filter
         self._gyro_variance = params.robot.imu.gyro_noise ** 2  # (rad/s)^2, of a sample
         self._imu = ImuInput(params.robot)
@@ -214,7 +213,7 @@ class SlipSegment:
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
         self.filter.reset_pose()
-        self._pose.reset()
+        self._output.reset_pose()
 
     def step(self, instant_ns: int, samples: list[Any]) -> list[EstimateRecord]:
         """

@@ -180,7 +180,8 @@ class ImuInput:
     def in_base_axes(self, sample: ImuSample) -> ImuReading:
         """Return the reading of a sample."""
         x, y, z = self._rotation
-        return ImuReading(_dot(z, sample.rate), _dot(x, sample.acceleration),
+        return ImuReading(_dot(z, sample.rate) / self._imu.gyro_scale,
+                          _dot(x, sample.acceleration),
                           _dot(y, sample.acceleration))
 
 

@@ -164,11 +164,53 @@ def _limited(value: cython.double, limit: cython.double) -> cython.double:
 
 
 @cython.cclass
+class ScaleEffect:
+    """
+    Errors of the pose by an error of the scale of the gyroscope, which nothing shows.
+
+    The error of the heading is the scale's times the angle turned. A state would need no
+    correction, and all of its correlations are these.
+    """
+
+    _variance: cython.double  # of the scale
+    _started: cython.bint
+    _x: cython.double
+    _y: cython.double
+    _yaw: cython.double
+    _by: cython.double[3]  # derivatives of x, y [m] and yaw [rad]
+
+    def __init__(self, sigma: float) -> None:
+        self._variance = sigma * sigma
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again at the next pose."""
+        self._started, self._by = False, [0.0, 0.0, 0.0]
+
+    def add(self, x: cython.double, y: cython.double, yaw: cython.double,
+            covariance: cython.double[::1]) -> None:
+        """Follow the pose to x, y [m] and yaw [rad]; add its errors to its ``covariance`` (36)."""
+        if self._started:
+            turn: cython.double = remainder(yaw - self._yaw, TURN)
+            mean: cython.double = self._by[2] + 0.5 * turn  # over the step
+            self._by[0] -= mean * (y - self._y)
+            self._by[1] += mean * (x - self._x)
+            self._by[2] += turn
+        self._started, self._x, self._y, self._yaw = True, x, y, yaw
+        rows: cython.int[3] = [0, 1, 5]
+        for i in range(3):
+            for j in range(3):
+                covariance[6 * rows[i] + rows[j]] += self._variance * (self._by[i] * self._by[j])
+
+
+@cython.cclass
 class SlipOutputBuilder:
     """Builds the output records of the slip estimator, with a continuous ``pose`` if given."""
 
     _motion = cython.declare(object)
     _pose = cython.declare(object)
+    _scale = cython.declare(object)
+    _scale_variance: cython.double
     _unmeasured = cython.declare(object)
     _covariance = cython.declare(object)
     _rates = cython.declare(object)
@@ -181,10 +223,18 @@ class SlipOutputBuilder:
         self._unmeasured = four([
             0.0 if one else NAN for one in params.robot.joints.measured])
         self._motion, self._pose = MotionModel(params.robot), pose
+        self._scale = ScaleEffect(params.robot.imu.gyro_scale_sigma)
+        self._scale_variance = params.robot.imu.gyro_scale_sigma ** 2
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
         # of pose and twist in the order of ROS; the planar part is overwritten
         self._covariance, self._rates = (
             array('d', np.ravel(PLANAR_VARIANCE * np.eye(6))) for _ in range(2))
+
+    def reset_pose(self) -> None:
+        """Continue with the next estimated pose, as at the start."""
+        self._scale.reset()
+        if self._pose is not None:
+            self._pose.reset()
 
     def build(self, context: OutputContext, x: Sequence[float], P: Array) -> list[EstimateRecord]:
         """Return the records for at least the estimated states ``x`` with covariance ``P``."""
@@ -200,7 +250,8 @@ class SlipOutputBuilder:
         v_x: cython.double = now[V_X] + y_imu * W
         v_y: cython.double = now[V_Y] - x_imu * W
         fill_covariances(P, W, x_imu, y_imu, self._covariance, self._rates)
-        self._rates[35] += context.rate_variance
+        self._rates[35] += context.rate_variance + self._scale_variance * W * W
+        self._scale.add(now[X], now[Y], now[YAW], self._covariance)
         pose = now[X], now[Y], now[YAW]
         if self._pose is not None:
             pose = self._pose.follow(stamp_ns, pose, (v_x, v_y, W), self._covariance, self._rates)

@@ -10,6 +10,7 @@
 
 """Output records of the slip filter."""
 
+from array import array
 import math
 
 import numpy as np
@@ -17,7 +18,7 @@ import pytest
 
 from smart_tire.estimation.slip import output
 from smart_tire.estimation.slip.output import (
-    ContinuousPose, OutputContext, SlipOutputBuilder)
+    ContinuousPose, OutputContext, ScaleEffect, SlipOutputBuilder)
 from smart_tire.estimation.slip.state import ESTIMATED, ImuReading, initial_state, State
 from smart_tire.parameters import build, SlipEstimatorParams
 from smart_tire.rotation import euler
@@ -80,6 +81,54 @@ def test_the_continuous_pose_has_the_slope_of_the_estimate():
     assert euler(found.orientation)[:2] == pytest.approx((0.02, -0.01))
     assert found.position[0] - first.position[0] < 0.02  # the step of 1 m is not made
     assert found.pose_covariance[0] > 0.95
+
+
+def spiral(scale, count=400):
+    """Return the poses (n, 3) of a robot that takes its yaw rate, up to 1 rad/s, for larger."""
+    pose, found = np.array([1.0, -2.0, 3.0]), []
+    for k in range(count):
+        found.append(pose.copy())
+        turn = scale * 0.01 * min(1.0, k / 100)
+        middle = pose[2] + 0.5 * turn
+        pose += 0.006 * math.cos(middle), 0.006 * math.sin(middle), turn
+    return np.array(found)
+
+
+@pytest.mark.parametrize('first', [0, 150])
+def test_an_error_of_the_gyro_scale_is_one_of_the_pose_since_its_begin(first):
+    effect, sigma = ScaleEffect(0.01), 0.01
+    for k, pose in enumerate(spiral(1.0)):
+        if k == first:
+            effect.reset()
+        covariance = array('d', [0.5] * 36)
+        effect.add(pose[0], pose[1], math.remainder(pose[2], math.tau), covariance)
+    moved = [relative(spiral(scale)[first:])[-1] for scale in (1.0 + 1e-5, 1.0 - 1e-5)]
+    by_scale = (moved[0] - moved[1]) / 2e-5
+    turn = spiral(1.0)[first, 2]  # the errors are in the axes of odom
+    by_scale[:2] = rotated(by_scale[:2], turn)
+    assert by_scale[2] > 2.0
+    found = np.reshape(covariance, (6, 6)) - 0.5
+    assert found[np.ix_((0, 1, 5), (0, 1, 5))] == pytest.approx(
+        sigma ** 2 * np.outer(by_scale, by_scale), rel=0.02, abs=1e-7)
+    assert not found[2:5].any() and not found[:, 2:5].any()
+
+
+def relative(poses):
+    """Return ``poses`` (n, 3) in the axes of the first one."""
+    moved = poses - poses[0]
+    return np.column_stack([*rotated(moved[:, :2].T, -poses[0, 2]), moved[:, 2]])
+
+
+def rotated(vector, angle):
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
+def test_an_error_of_the_gyro_scale_is_one_of_the_yaw_rate():
+    exact, uncertain = (records(CONTEXT, build(SlipEstimatorParams, {
+        'imu.gyro_scale_sigma': sigma}))[0] for sigma in (0.0, 0.02))
+    assert uncertain.twist_covariance[35] - exact.twist_covariance[35] == pytest.approx(
+        (0.02 * 0.79) ** 2)  # 0.8 rad/s less the bias
 
 
 def test_the_slip_of_a_wheel_that_is_not_measured_is_unknown():
