@@ -37,7 +37,7 @@ from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
-    LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, SLIP_CORRELATION_TIME,
+    LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, QUIET_TIME, SLIP_CORRELATION_TIME,
     SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, START_SLIP, State, TRAVELS, TYPICAL_PERIOD)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
@@ -78,6 +78,7 @@ class SlipFilter:
         self._sides = [0.0, 0.0]  # m/s, side speeds of the last wheel sample
         self._step = 0.0          # m/s, of the slip of a side by a change at the last wheel sample
         self._balanced = False    # the forces were used at the last step
+        self._turned = 0.0        # rad^2, of the heading by gyro noise that no mean has shown yet
         self._at_origin = True    # no pose was given: that of the first wheel sample is the origin
         self._started = False     # there has been a wheel sample ...
         self._provisional = False  # ... only one, with a speed that later ones do not continue
@@ -130,6 +131,7 @@ class SlipFilter:
     def reset_pose(self) -> None:
         """Set the pose to the origin of ``odom``."""
         self.kalman.set_states(POSE, 0.0, MIN_SIGMA)
+        self._turned = 0.0
 
     def set_ground(self, ground: GroundState) -> None:
         """Take the ground and the position of the IMU as given, with their errors."""
@@ -182,6 +184,8 @@ class SlipFilter:
         if blind:
             F = self._by_slip(F)
             F[State.GYRO_BIAS_Z] = np.eye(N)[State.GYRO_BIAS_Z]
+        else:
+            self._turned += step.gyro_variance * step.dt
         kalman.predict(after, F, Q)
         self._gyro_z = step.mean.yaw_rate
         new_left, new_right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
@@ -283,6 +287,7 @@ class SlipFilter:
         if self._at_origin and not self._started:  # estimates begin here
             for row in POSE:
                 x[row], F[row], Q[row, row] = 0.0, 0.0, MIN_SIGMA ** 2
+            self._turned = 0.0
         self._sides, self._started = sides, True
         x[State.V_X] = 0.5 * sum(side - x[slip] - arm * W for side, slip, arm in zip(
             sides, SLIP_VELS, self.motion.arms(x)))
@@ -412,12 +417,19 @@ class SlipFilter:
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""
         for row in (State.V_X, State.V_Y, *SLIP_VELS):
-            self._correct_state(row, 0.0, SPEED_SIGMA)
+            self.kalman.correct(-self.kalman.x[row], np.eye(N)[row], SPEED_SIGMA ** 2, GYRO_HELD)
 
-    def correct_gyro_bias(self, rate: float, sigma: float) -> None:
-        """Correct with the mean measured yaw ``rate`` [rad/s] at standstill."""
-        self._correct_state(State.GYRO_BIAS_Z, rate, sigma)
+    def correct_gyro_bias(self, rate: Uncertain, unwinding: float, density: float) -> None:
+        """
+        Correct with the mean ``rate`` [rad/s] of readings at standstill.
 
-    def _correct_state(self, row: State, value: float, sigma: float) -> None:
-        self.kalman.correct(value - self.kalman.x[row], np.eye(N)[row], sigma ** 2,
-                            CONSIDERED if row == State.GYRO_BIAS_Z else GYRO_HELD)
+        Their noise, of ``density`` [rad^2/s], has turned the heading: it returns by as much. The
+        variance ``unwinding`` [(rad/s)^2] is that of a motion.
+        """
+        variance = rate.sigma ** 2
+        before = max(self._turned - 0.5 * QUIET_TIME * density, 0.0)  # newer ones are no part of it
+        shared = min(density, before * variance / density)
+        self._turned -= shared * density / variance
+        self.kalman.correct(
+            rate.value - self.kalman.x[State.GYRO_BIAS_Z], np.eye(N)[State.GYRO_BIAS_Z],
+            variance + unwinding, CONSIDERED, (State.YAW, -shared))

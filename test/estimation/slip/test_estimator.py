@@ -291,6 +291,40 @@ def test_a_robot_that_was_just_switched_on_does_not_turn_by_its_gyro_bias():
     assert np.abs(yaw).max() < 0.2 * bias * 0.8
 
 
+def test_at_rest_the_heading_is_held_and_consistent_when_the_robot_moves_off():
+    """The same readings show the gyro bias and turn the heading."""
+    errors = {2.0: [], 11.9: [], 14.9: []}
+    for seed in range(12):
+        run = turning(seed, (0.0, 0.0), [
+            (0, 0, 0), (12, 0, 0), (12.4, FAST, FAST), (15, FAST, FAST)])
+        odometry = of(Odometry, estimate(run.samples)[1])
+        time = seconds(odometry)
+        sigma = np.sqrt([one.pose_covariance[35] for one in odometry])
+        assert sigma[(time > 2.0) & (time < 12.0)].max() < 0.0025  # 0.005 of independent noises
+        for at, found in errors.items():
+            i = int(np.searchsorted(time, at))
+            yaw = euler(odometry[i].orientation)[2]
+            found.append((yaw - run.pose[round(at / STEP), 2]) / sigma[i])
+    for found in errors.values():
+        assert 0.3 < np.mean(np.square(found)) < 2.0
+
+
+def test_readings_before_the_pose_show_the_gyro_bias_but_have_not_turned_it():
+    """The wheels are late, and stamps of the IMU jitter."""
+    rng, errors = np.random.default_rng(3), []
+    for seed in range(8):
+        run = turning(seed, (0.0, 0.0), [(0, 0, 0), (5, 0, 0)])
+        samples = [
+            replace(sample, stamp_ns=sample.stamp_ns + round(4e6 * rng.uniform(-1.0, 1.0)))
+            if isinstance(sample, ImuSample) else sample for sample in run.samples
+            if isinstance(sample, ImuSample) or sample.stamp_ns > START_NS + 2 * NS_PER_S]
+        estimator, out = estimate(samples)
+        assert estimator.restarts == 0
+        last = of(Odometry, out)[-1]
+        errors.append(euler(last.orientation)[2] / math.sqrt(last.pose_covariance[35]))
+    assert 0.2 < np.mean(np.square(errors)) < 2.5
+
+
 @pytest.mark.parametrize('jump', [3600.0, -3600.0])
 def test_the_pose_goes_on_when_the_clock_is_set_in_motion(jump):
     run, _ = usual()
