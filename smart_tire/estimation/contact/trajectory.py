@@ -113,7 +113,7 @@ class WheelTrajectory:
         stamps = np.array([*self._stamps[max(start - 1, 0):last], until_ns])
         rolled = np.maximum.accumulate(direction * (self.interpolate(stamps) - begin))
         # an even grid over distance, so that a stop takes no points
-        grid = c.SEGMENT_GRID * abs(end - begin)
+        grid = np.linspace(0.0, abs(end - begin), c.SEGMENT_POINTS)
         instants = np.interp(grid, rolled, stamps).astype(np.int64)
         trajectory = self.smooth(min([int(instants[0]), *also]), max([int(instants[-1]), *also]))
         distance = np.maximum.accumulate(direction * (trajectory.distance_at(instants) - begin))
@@ -153,7 +153,7 @@ class TravelSegment:
     def speed_change(self) -> float:
         """Return the range of mean speeds in the segment over their mean."""
         # smoothing has moved the ends, too
-        edges = self.distance[0] + c.SPEED_GRID * (self.distance[-1] - self.distance[0])
+        edges = np.linspace(*self.distance[[0, -1]], c.SPEED_POINTS)
         reached = np.interp(edges, self.distance, self.instants)
         speeds = 1.0 / np.maximum(reached[1:] - reached[:-1], 1.0)
         return float((speeds.max() - speeds.min()) / speeds.mean())

@@ -48,7 +48,6 @@ CHANGE_SIGMA = 0.01      # -, of the slip over a contact length, and least scale
 #                          change; assumed; all
 SLIP_CHANGE_SHARE = 0.5  # of a relative change of wheel speed, linear change of slip; stops
 SLIP_RESIDUAL_SHARE = 0.05  # of that, nonlinear change of slip; starts and stops
-CURVATURE_SHARE = 0.5    # of a squared relative change, error of the linear model; stops
 FULL_SLIDING_ONSET = 0.8  # -, normalized slip from which the waveform hardly depends on it
 FULL_SLIDING_SIGMAS = 4.0  # within which that onset counts as reached; wet tiles
 MIN_RATIO_CORRELATION = 0.5  # of slip and normalized slip, if their ratio is known; wet tiles

@@ -173,12 +173,12 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     Return the slips of ``fit`` with the error of its model of a linear change of slip.
 
     ``residual`` [-] is the rms deviation of the slip from a linear change; a large relative change
-    adds a deviation of second order.
+    adds the term of second order of its series.
     """
     slip, normalized_slip = fit.slip.value, fit.normalized_slip.value
     scale = max(abs(slip), c.CHANGE_SIGMA)
     change = fit.shared(Shared.CHANGE)
-    growth = math.hypot(c.CURVATURE_SHARE * (change.value**2 + change.sigma**2), residual / scale)
+    growth = math.hypot(0.5 * (change.value**2 + change.sigma**2), residual / scale)
     sigma = growth * np.array([scale, max(abs(normalized_slip), LEAST_NORMALIZED)])
     return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
 

@@ -53,18 +53,15 @@ COMPILED: bool = cython.compiled
 (OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
  SIDE_FRICTION, SIDE_RESISTANCE, FALL, RELAXATION, MOVED_LOAD, BEND_X, BEND_Y, START_U, START_V,
- START_W, NEW) = range(25)
+ START_W, NEW, _, _, _, LIFT, _, _, _, _, _, PARAMETERS) = range(35)
 # NEW: of the left and of the right side the steps from which, and until which, its ground is the
 # second one; then of each of two lifts: index of the wheel, steps of its begin and end
-LIFT = NEW + 4
-PARAMETERS = LIFT + 6
 # constants of the robot: step [s], mass [kg], yaw inertia [kg m2], half wheelbase and track [m],
 # height of the center of mass [m], least speeds [m/s] of slip and of resistance, gravity [m/s2]
 TIME_STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, SLIP_FLOOR, DRAG_FLOOR, GRAVITY = range(9)
 # output of a step: velocity, acceleration of the center of mass by forces, angular acceleration,
 # tread forces along x of the wheels, and their loads
-U, V, W, A_X, A_Y, W_DOT, FORCE = range(7)
-LOADS, OUTPUTS = FORCE + 4, FORCE + 8
+U, V, W, A_X, A_Y, W_DOT, FORCE, _, _, _, LOADS, _, _, _, OUTPUTS = range(15)
 # means over a crossing; LOSS is the product of the shares of the friction that are left
 SLIP, NORMALIZED, LOAD, TRACTION, LOSS, VALUES = range(6)
 

@@ -95,8 +95,8 @@ FILM_ERRORS = slice(Unknown.FILM_ERROR, SIZE)
 
 # priors, in the unit of the unknown; those of the ground are in ``models.tire.brush_tire``
 FALL = Uncertain(0.15, 0.1)         # 0 (a brush) to .45, assumed
-SLOPE_SIGMA = 0.03                  # rad, and of its change over a window, assumed; hills
-SIDE_SIGMA = 0.03                   # uneven tires and ground, assumed; split
+PLACE_SIGMA = 0.03                  # rad, of slopes and of their change over a window, and -, of
+# differences of the sides, by uneven tires and ground; assumed; hills, split
 START_SIGMA = 0.1                   # m/s, rad/s, assumed
 DELAY_SIGMA = 0.008                 # s, unknown latency; slow_turn
 MIN_RADIUS_SIGMA = 0.006            # the radius of a loaded tire, assumed
@@ -197,8 +197,7 @@ def priors(robot: RobotParams) -> list[Row]:
     add((u.RESISTANCE, u.OLD_RESISTANCE), *LN_RESISTANCE, ground=GROUND_WALK)
     add((u.LATERAL_SHARE,), *LATERAL_SHARE, ground=GROUND_WALK)
     add((u.FALL,), *FALL, ground=GROUND_WALK)
-    add((u.SLOPE_X, u.SLOPE_Y), 0.0, SLOPE_SIGMA, ground=PLACE_WALK)
-    add(_rows(SIDES), 0.0, SIDE_SIGMA, ground=PLACE_WALK)
+    add((u.SLOPE_X, u.SLOPE_Y, *_rows(SIDES)), 0.0, PLACE_SIGMA, ground=PLACE_WALK)
     add((u.LATERAL_RATIO,), *LN_LATERAL_RATIO, WALK)
     add((u.DELAY,), 0.0, DELAY_SIGMA, WALK)
     add((u.RADIUS,), 0.0, max(robot.wheel_radius_sigma, MIN_RADIUS_SIGMA), WALK)
@@ -216,7 +215,7 @@ def priors(robot: RobotParams) -> list[Row]:
         add((row,), value, sigma)
     add((u.IMU_X, u.IMU_Y), 0.0, max(imu.position_sigma, 1e-6))
     add((u.MOVED_LOAD,), *MOVED_LOAD)
-    add((u.BEND_X, u.BEND_Y), 0.0, SLOPE_SIGMA)
+    add((u.BEND_X, u.BEND_Y), 0.0, PLACE_SIGMA)
     add(_rows(START), 0.0, START_SIGMA)
     return [found[row] for row in range(SIZE)]
 

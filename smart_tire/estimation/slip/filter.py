@@ -36,9 +36,10 @@ from smart_tire.estimation.slip.kalman import (
 from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
 from smart_tire.estimation.slip.rolling_history import RollingHistory
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep, initial_state,
-    LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, QUIET_TIME, SLIP_CORRELATION_TIME,
-    SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, START_SLIP, State, TRAVELS, TYPICAL_PERIOD)
+    BALANCE_SIGMA, common_slip, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep,
+    initial_state, LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, QUIET_TIME,
+    SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, START_SLIP, State, TRAVELS,
+    TYPICAL_PERIOD)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
 from smart_tire.samples import Four, GRAVITY, GroundState, MAX_WHEEL_SPEED, Odometry
@@ -295,8 +296,7 @@ class SlipFilter:
         F[State.V_X, SLIP_VELS], F[State.V_X, State.IMU_Y] = -0.5, -W
         F[State.V_X, State.RADIUS] = 0.5 * sum(wheels.side_speeds)
         # nothing has shown yet whether a robot in motion slides
-        sliding, rows = START_SLIP * 0.5 * sum(sides), (State.V_X, *SLIP_VELS)
-        Q[np.ix_(rows, rows)] = sliding ** 2 * np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0))
+        Q += (START_SLIP * 0.5 * sum(sides)) ** 2 * common_slip(N)
         Q[State.V_X, State.V_X] += wheels.variance + self._wheel_noise.variance
         self.kalman.predict(x, F, Q)
 
@@ -427,7 +427,8 @@ class SlipFilter:
         variance ``unwinding`` [(rad/s)^2] is that of a motion.
         """
         variance = rate.sigma ** 2
-        before = max(self._turned - 0.5 * QUIET_TIME * density, 0.0)  # newer ones are no part of it
+        # newer readings, of half of QUIET_TIME, are no part of the mean
+        before = max(self._turned - 0.5 * QUIET_TIME * density, 0.0)
         shared = min(density, before * variance / density)
         self._turned -= shared * density / variance
         self.kalman.correct(

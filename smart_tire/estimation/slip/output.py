@@ -28,7 +28,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip import state
 from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
-from smart_tire.estimation.slip.state import ImuReading, PLANAR_VARIANCE, State
+from smart_tire.estimation.slip.state import (
+    common_slip, ImuReading, PLANAR_VARIANCE, State)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import quaternion
 from smart_tire.samples import Four, four, Icr, NAN, NS_PER_S, Odometry, WheelSlip
@@ -240,7 +241,9 @@ class SlipOutputBuilder:
         """Return the records for at least the estimated states ``x`` with covariance ``P``."""
         imu, stamp_ns = context.imu, context.instant_ns
         if any(context.hidden):
-            P = _with_hidden(P, *context.hidden)
+            along, across = context.hidden
+            P = P + along * common_slip(len(P))
+            P[State.V_Y, State.V_Y] += across
         moved = self._motion.extrapolate(array('d', x), context.mean or imu,
                                          context.extrapolation)
         now: cython.double[::1] = moved
@@ -264,19 +267,3 @@ class SlipOutputBuilder:
         if abs(W) > MIN_YAW_RATE:
             records.append(Icr(stamp_ns, -v_y / W, v_x / W))
         return records
-
-
-def _with_hidden(covariance: Array, along: cython.double, across: cython.double) -> Array:
-    """
-    Return ``covariance`` with variances [(m/s)^2] of common slip and lateral speed added.
-
-    Wheels do not show the common slip: the speed is smaller by it.
-    """
-    found = covariance.copy()
-    P: cython.double[:, :] = found
-    rows: cython.int[3] = [V_X, SLIP_VEL_L, SLIP_VEL_R]
-    for i in range(3):
-        for j in range(3):
-            P[rows[i], rows[j]] += along if (i == 0) == (j == 0) else -along
-    P[V_Y, V_Y] += across
-    return found

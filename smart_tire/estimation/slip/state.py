@@ -133,7 +133,6 @@ MAX_CORRECTION_SPEED = 0.24   # m/s; 1.9 mm in 8 ms, half the speed of a small r
 
 # delay of the wheels behind the gyroscope, beyond the known latency
 LAG_SIGMA = 0.1               # s, prior: buses and drivers between wheels and message; field
-MAX_LAG = 3.0 * LAG_SIGMA     # s
 MIN_LAG = 0.04                # s, of slip that follows the wheels late; below, none is used;
 # simulated slip with a lag of 0.1 s
 LAG_WINDOW = 0.1              # s, of compared turns: below the delays, above the noise of counts
@@ -167,6 +166,13 @@ class ImuStep(NamedTuple):
     accel_variance: float  # (m/s2)^2 s, noise density
     begin_rate: float      # rad/s, smoothed yaw rate at the begin and at the end of the step
     end_rate: float
+
+
+def common_slip(size: int) -> Array:
+    """Return the covariance (size, size) of 1 m/s slip of both sides, which no wheel shows."""
+    sign = np.zeros(size)
+    sign[State.V_X], sign[list(SLIP_VELS)] = -1.0, 1.0
+    return np.outer(sign, sign)
 
 
 def initial_state(params: SlipEstimatorParams) -> tuple[list[float], Array]:

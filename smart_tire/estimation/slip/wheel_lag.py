@@ -17,10 +17,10 @@ from collections import deque
 import numpy as np
 
 from smart_tire.estimation.slip.state import (
-    LAG_SIGMA, LAG_WINDOW, MAX_LAG, MAX_LAG_RATE, MIN_LAG, SLIP_CORRELATION_TIME,
-    SLIP_LEARNING_TIME)
+    LAG_SIGMA, LAG_WINDOW, MAX_LAG_RATE, MIN_LAG, SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME)
 
-LAGS = np.linspace(0.0, MAX_LAG, 16)  # s, that are compared
+LAGS = 0.2 * LAG_SIGMA * np.arange(16)  # s, that are compared: up to three sigmas
+MAX_LAG = float(LAGS[-1])
 
 
 class WheelLag:
