@@ -22,8 +22,7 @@ BASELINE_SIGMAS = 1.0    # of a sample, of the tracked baseline; assumed; all
 BUMP_SHARE = 0.12        # of the bending peak, prior and its sigma; Fig. 11(b): 0.10-0.15; bumps
 LOG_RECOVERY_SIGMA = 0.5  # of ln of the recovery length; assumed; releases fig8
 LOG_ALPHA_SIGMA = 0.03   # of ln of alpha in B(15); assumed; all
-SLIP_SIGMA = 1.0         # -, weak prior on slip, which lies in [-1, 1]; all
-NORMALIZED_SLIP_SIGMA = 3.0  # -, weak prior; assumed; low slip
+SLIP_SIGMA = 3.0         # -, weak prior on slip and on normalized slip; assumed; low slip
 POOR_EXCESS = 1.5        # mean squared normalized residual of a wrong start, or of a fit that
 #                          contradicts the shape; release_mixed, lasting change
 ROUGH_REDUCTION = 3.0    # chi-squared, last step of the fit with known bumps; CPU time
@@ -32,7 +31,7 @@ MAX_CENTER_STEP = 0.15   # film lengths, of a center in an iteration, and its la
 MIN_NORMALIZED_SLIP = 0.01  # -, the model is linear below: noise may make it negative; low slip
 
 # -- shape of release and bumps, learned ---------------------------------------------------------
-SHARE_SIGMA, SIZE_SIGMA = 0.2, 0.1  # -, of the release, about the configured one; release_mixed
+RELEASE_SIGMA = 0.2      # -, of share and size, about the configured release; release_mixed
 BUMP_SIGMA = 0.6         # of a bump's shape over its height; derived: all shapes; bumps_far
 CORRELATION_LENGTH = 0.15  # film lengths, of the deviations along a bump, and of their decay by
 #                            e inside the contact; bumps_skewed
@@ -50,12 +49,7 @@ SLIP_CHANGE_SHARE = 0.5  # of a relative change of wheel speed, linear change of
 SLIP_RESIDUAL_SHARE = 0.05  # of that, nonlinear change of slip; starts and stops
 FULL_SLIDING_ONSET = 0.8  # -, normalized slip from which the waveform hardly depends on it
 FULL_SLIDING_SIGMAS = 4.0  # within which that onset counts as reached; wet tiles
-MIN_RATIO_CORRELATION = 0.5  # of slip and normalized slip, if their ratio is known; wet tiles
-MAX_SIGMA = 0.3          # -, of slip, adhesion ratio, x_m over L: larger ones are unknown; noisy
 
 # -- friction of a single crossing ---------------------------------------------------------------
-MIN_RELATIVE_SIGMA = 0.12  # of 1 / mu, informative on every surface; wet tiles
 DEVIATIONS = np.linspace(-6.0, 6.0, 301)  # of 1 / mu in the posterior, in sigmas; derived; noisy
-MAX_CONTRADICTION = 13.8  # squared normalized difference of the films from the motion: 1 in 1000,
-#                           beyond which mu is unknown: the ground has just changed; jumps
 MAX_WAIT_NS = 2_000_000_000  # of a crossing for a window of the ground; derived; standstill

@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import math
 
 import numpy as np
@@ -21,7 +20,7 @@ from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_method import FilmResult, SlipFit
 from smart_tire.estimation.ground.estimator import WheelState
-from smart_tire.estimation.ground.unknowns import MAX_LN_SIGMA
+from smart_tire.estimation.ground.unknowns import MAX_SIGMA
 from smart_tire.models.tire.brush_tire import critical_slip, LN_FRICTION
 from smart_tire.samples import Friction, NS_PER_S
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -29,13 +28,7 @@ from smart_tire.uncertain import Uncertain, UNKNOWN
 
 def friction_record(wheel: str, contact_length: float, crossing: PatchCrossing,
                     result: FilmResult | None, state: WheelState) -> Friction:
-    """
-    Return the record of ``crossing``, while the wheel was in ``state``.
-
-    There is no friction if the films contradict the state: the ground has just changed.
-    """
-    if result is not None and _contradicts(result, state):
-        state = replace(state, friction=UNKNOWN, critical_slip=UNKNOWN)
+    """Return the record of ``crossing``, while the wheel was in ``state``."""
     total = _product(state.normalized_slip, state.critical_slip)
     found = {} if result is None else _of_films(result, state, total, contact_length)
     return Friction(
@@ -43,16 +36,6 @@ def friction_record(wheel: str, contact_length: float, crossing: PatchCrossing,
         normal_load=state.load, stiffness=state.stiffness,
         friction_coefficient=state.friction, critical_slip=state.critical_slip,
         traction_force=state.traction_force, **found)
-
-
-def _contradicts(result: FilmResult, state: WheelState) -> bool:
-    """Return whether slip and normalized slip of the films differ from those of the motion."""
-    films, slip, normalized = result.slips, state.slip, state.normalized_slip
-    if result.sliding or not math.isfinite(slip.value * normalized.value):
-        return False
-    difference = np.array([films.slip - slip.value, films.normalized_slip - normalized.value])
-    covariance = films.covariance + np.diag([slip.sigma ** 2, normalized.sigma ** 2])
-    return float(difference @ np.linalg.solve(covariance, difference)) > c.MAX_CONTRADICTION
 
 
 def stamp_of(crossing: PatchCrossing, result: FilmResult | None) -> int:
@@ -65,11 +48,11 @@ def _of_films(result: FilmResult, state: WheelState, total: Uncertain, contact_l
               ) -> dict[str, Uncertain]:
     """Return the quantities that need the films."""
     films, adhesion = result.slips, UNKNOWN
-    if films.normalized_slip_sigma < c.MAX_SIGMA:
+    if films.normalized_slip_sigma < MAX_SIGMA:
         adhesion = Uncertain(min(max(1.0 - films.normalized_slip, 0.0), 1.0),
                              films.normalized_slip_sigma)
     return {'film_slip': Uncertain(films.slip, films.slip_sigma)
-            if films.slip_sigma < c.MAX_SIGMA else UNKNOWN,
+            if films.slip_sigma < MAX_SIGMA else UNKNOWN,
             'adhesion_ratio': adhesion,
             'adhesion_length': Uncertain(
                 adhesion.value * contact_length, adhesion.sigma * contact_length),
@@ -107,7 +90,7 @@ def friction_estimate(inverse_mu: float, sigma: float, likely: float = math.nan)
     measured value: keeping only the low outcomes of noisy measurements would bias mu low.
     """
     lowest = float(np.fmin(math.exp(LN_FRICTION.value), likely))
-    if not sigma < max(MAX_LN_SIGMA / lowest, c.MIN_RELATIVE_SIGMA * inverse_mu):
+    if not sigma < MAX_SIGMA / lowest:
         return UNKNOWN
     inverse = inverse_mu + sigma * c.DEVIATIONS
     possible = inverse > 0.0

@@ -185,7 +185,7 @@ class WaveformFitter:
         scale = math.copysign(max(abs(slip), c.CHANGE_SIGMA), slip)  # CHANGE is relative
         value[:Shared.SCALE] = slips.slip.value, 0.0, slips.change.value / scale
         sigma[:len(Shared)] = (
-            slips.slip.sigma, c.NORMALIZED_SLIP_SIGMA, slips.change.sigma / abs(scale),
+            slips.slip.sigma, c.SLIP_SIGMA, slips.change.sigma / abs(scale),
             errors.scale_sigma, c.LOG_ALPHA_SIGMA, self._length_sigma)
         sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
         value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0

@@ -31,7 +31,7 @@ from smart_tire.estimation.friction.waveform_fit import (
     CrossingSlipPrior, WaveformFit, WaveformFitter)
 from smart_tire.estimation.friction.waveform_model import film_index, PerFilm, Shared
 from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
-from smart_tire.estimation.ground.unknowns import LEAST_NORMALIZED
+from smart_tire.estimation.ground.unknowns import LEAST_NORMALIZED, MAX_SIGMA
 from smart_tire.models.tire import strain_charge
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.uncertain import Uncertain, UNKNOWN
@@ -112,7 +112,7 @@ class WaveformMethod:
         if fit is None or not self._plausible(fit):
             return None
         varied = _with_slip_variation(fit, variation.residual)
-        found = flag_full_sliding(varied, fit.white_cov)
+        found = flag_full_sliding(varied)
         self.shape.correct(*fit.shape, excess=fit.excess, speed_change=crossing.speed_change)
         return FilmResult(found, self._shift(fit), found is not varied,
                           *self._peaks(fit, crossing), waveform=fit)
@@ -147,7 +147,7 @@ class WaveformMethod:
         below, x_m, above = strain_charge.peak_position(
             np.maximum(1.0 - around, 0.0) * self._patch, length, self._patch).tolist()
         sigma = 0.5 * (above - below)  # m, of x_m
-        if sigma > c.MAX_SIGMA * self._patch:
+        if sigma > MAX_SIGMA * self._patch:
             return UNKNOWN, UNKNOWN
         scale = fit.shared(Shared.SCALE)
         interval = (self._patch - x_m) / (crossing.speed * (1.0 + scale.value))
@@ -183,17 +183,14 @@ def _with_slip_variation(fit: WaveformFit, residual: float) -> SlipFit:
     return SlipFit(slip, normalized_slip, fit.white_cov + np.diag(sigma**2), fit.systematic_cov)
 
 
-def flag_full_sliding(fit: SlipFit, fit_cov: Array) -> SlipFit:
+def flag_full_sliding(fit: SlipFit) -> SlipFit:
     """
     Return ``fit``, inflated along slip / normalized slip if the whole patch may slide.
 
-    The waveform then determines that ratio only. Whether both are correlated is judged by
-    ``fit_cov`` (2, 2), the white covariance before additions that would hide the correlation.
+    The waveform then determines that ratio only.
     """
-    correlation = fit_cov[0, 1] * math.copysign(1.0, fit.slip)
     upper = fit.normalized_slip + c.FULL_SLIDING_SIGMAS * math.sqrt(fit.white_cov[1, 1])
-    if (upper < c.FULL_SLIDING_ONSET or correlation
-            < c.MIN_RATIO_CORRELATION * math.sqrt(fit_cov[0, 0] * fit_cov[1, 1])):
+    if upper < c.FULL_SLIDING_ONSET:
         return fit
     both = np.array([fit.slip, fit.normalized_slip])
     return replace(fit, white_cov=fit.white_cov + np.outer(both, both))

@@ -89,8 +89,7 @@ def initial_covariance() -> Array:
     distance = (knots[:, np.newaxis] - knots) / c.CORRELATION_LENGTH
     bump = np.outer(sigma, sigma) * np.exp(-0.5 * distance**2) + c.UNCORRELATED_SIGMA**2 * np.eye(
         KNOTS)
-    release = np.diag([c.SHARE_SIGMA**2, c.SIZE_SIGMA**2])
-    assert list(Release) == [Release.SHARE, Release.SIZE]
+    release = c.RELEASE_SIGMA**2 * np.eye(len(Release))
     covariance = np.zeros((SHAPE.stop - SHAPE.start,) * 2)
     for begin, block in ((0, release), (2, bump), (2 + KNOTS, bump)):
         covariance[begin:begin + len(block), begin:begin + len(block)] = block

@@ -27,7 +27,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground.body_model import LOAD, LOSS
 from smart_tire.estimation.ground.measurements import MeasuredCrossing, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CURVE_ERROR, DYNAMIC, LENGTH, MAX_GAP, MAX_LN_SIGMA, MIN_DURATION, MIN_WHEEL_SAMPLES,
+    CURVE_ERROR, DYNAMIC, LENGTH, MAX_GAP, MAX_SIGMA, MIN_DURATION, MIN_WHEEL_SAMPLES,
     MODEL_ERROR, SETTLING, SIDES, SIZE, Unknown)
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
@@ -203,7 +203,7 @@ class GroundEstimator:
         friction_sigma = math.hypot(
             _upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR, side_friction)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
-        known = friction_sigma < MAX_LN_SIGMA
+        known = friction_sigma < MAX_SIGMA
         # of sides that differ by more than the prior: its mean would be no resistance
         resistance_sigma = math.hypot(float(sigma[Unknown.RESISTANCE]), side_resistance)
         both = float(to_one[Unknown.STIFFNESS] @ covariance @ row) + side_stiffness * side_friction
@@ -252,7 +252,7 @@ class GroundEstimator:
         mu_sigma = math.hypot(friction_sigma, CURVE_ERROR)
         mu, c_x = math.exp(logs[1]), math.exp(logs[0])
         critical = float(critical_slip(mu, load, c_x))
-        known = friction_sigma < MAX_LN_SIGMA and not solution.hypothesis.is_disturbed(time)
+        known = friction_sigma < MAX_SIGMA and not solution.hypothesis.is_disturbed(time)
         return WheelState(
             Uncertain(slip, float(spread[0])), Uncertain(normalized, float(spread[1])),
             Uncertain(load, load_sigma),

@@ -133,10 +133,8 @@ CANDIDATES = 3          # hops before the end, when something may have happened:
 # from a hop before on; jumps, lifted
 DISTURBANCE_TIME = 1.0  # s, of a push, assumed; pushes
 TIME_ERROR = 0.15       # s, of the time of an event, by blocks: before and after it is not used
-EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event: 2 ln 150, one in a minute at
-# one of the times of each window; jumps, pushes, lifted
-TRIED_EVIDENCE = 8.0    # ... and of one that is tried
-DECISION_TIME = 2.75    # s after an event, at which one that is not accepted is dropped
+EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event, also of one that is tried:
+# 2 ln 150, one in a minute at one of the times of each window; jumps, pushes, lifted
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior
 # grows; split
 
@@ -159,7 +157,7 @@ SLIDING_WEIGHT = 10.0   # of a crossing in full sliding: sigma over its slip alo
 TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
 # the model cannot: the covariance grows by the square of their ratio; gears, straight
 CURVE_ERROR = 0.03      # of mu: it varies with the slip where the tire is not a brush; NEES
-MAX_LN_SIGMA = 0.35     # of ln mu; above, mu is unknown
+MAX_SIGMA = 0.35        # of ln mu, and of what films measure: above, a quantity is unknown
 
 # bounds
 UNMEASURED = 1e6        # standard deviation of a block without measurement

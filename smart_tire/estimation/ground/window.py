@@ -41,7 +41,7 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.events import disturbance, EventSearch, Rival
 from smart_tire.estimation.ground.measurements import MeasuredCrossing, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    DECISION_TIME, EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, priors,
+    EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, priors,
     SIZE, TENSION, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window_fit import WindowEstimate, WindowFit
 from smart_tire.parameters.robot import RobotParams
@@ -118,7 +118,7 @@ class GroundWindow:
             if rivals or disturbed or base[1].cost < fit.cost:
                 main, fit = base
         best, over = (main, fit), time is None or end > disturbance(time)[1]
-        decided = time is None or main is plain or end - time >= DECISION_TIME
+        decided = time is None or main is plain or end - time >= LENGTH
         if rivals:
             _, rival, other = rivals[0]
             to_unknown = main.new == ONE_GROUND != rival.new

@@ -28,7 +28,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import Measurements, TORQUE, WindowMotion
 from smart_tire.estimation.ground.unknowns import (
-    CONVERGED, CURVE, DERIVATIVE_STEP, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_LN_SIGMA,
+    CONVERGED, CURVE, DERIVATIVE_STEP, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_SIGMA,
     MAX_STEP, MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES,
     SIDES_DIFFER, SIZE, Unknown, UNMEASURED, WindowPrior)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
@@ -158,7 +158,7 @@ class WindowFit:
         start, heading = start_of(hypothesis, measurements)
         events = hypothesis.events[np.newaxis]
         unchanged = hypothesis.new == ONE_GROUND and not hypothesis.lifts
-        unknown = prior.covariance[Unknown.FRICTION, Unknown.FRICTION] > MAX_LN_SIGMA ** 2
+        unknown = prior.covariance[Unknown.FRICTION, Unknown.FRICTION] > MAX_SIGMA ** 2
         known = near and hypothesis.times is not None and not unknown and not (
             np.isfinite(events) & (events > measurements.begin)).any()
         # the solution before, on an unknown ground, may be another minimum

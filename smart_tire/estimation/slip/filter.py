@@ -47,7 +47,8 @@ from smart_tire.uncertain import Uncertain
 
 SLOPES = State.ROLL, State.PITCH
 POSE = State.X, State.Y, State.YAW
-# where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
+# on a ground that is given, the forces show the lateral speed and B(8) does not: sliding tires
+# leave their ICRs
 ICR_LEARNED = np.ones(N)
 ICR_LEARNED[State.ICR_X] = 0.0
 
@@ -412,7 +413,7 @@ class SlipFilter:
         variance = sigma ** 2 * 2.0 * SLIP_CORRELATION_TIME / max(duration, 1e-3)
         self.kalman.correct(
             y, h, variance,
-            ICR_LEARNED if self._balanced and self.forces.certain else SENSORS_HELD)
+            ICR_LEARNED if self._balanced and self.forces.given else SENSORS_HELD)
 
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""

@@ -32,11 +32,11 @@ from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import FORCES_HELD, KalmanFilter, LearnedVariance
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading, LEARNING_TIME,
-    MAX_LN_STIFFNESS, MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME, N, PUSH_SIGMAS,
+    MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME, N, PUSH_SIGMAS,
     PUSH_TIME, SLIP_VELS, State, SUDDEN)
 from smart_tire.estimation.slip.tire_forces import TireForces
 from smart_tire.models.tire.brush_tire import (
-    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_STIFFNESS)
+    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS)
 from smart_tire.models.vehicle.drive import torque_errors, traction_force
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, GroundState
@@ -44,9 +44,6 @@ from smart_tire.uncertain import log_normal, Uncertain
 
 RELATIVE = [row - GROUND.start for row in (
     State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL)]  # errors of the ground as given
-# ln of the rolling resistance of any ground: the window finds it, and begins with firm ground,
-# where its errors are smaller (concrete without films); the filter does not (starvation, sand)
-UNKNOWN_RESISTANCE = Uncertain(math.log(0.035), 1.0)
 FOLLOWED = FORCES_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0
 
@@ -118,7 +115,7 @@ def ground_prior(robot: RobotParams) -> tuple[Uncertain, ...]:
     stiffness, friction, lateral = (
         Uncertain(math.exp(mean), sigma * math.exp(mean)) for mean, sigma in logs)
     share = Uncertain(0.5 + 0.25 * LATERAL_SHARE.value, 0.25 * LATERAL_SHARE.sigma)
-    return (stiffness, friction, log_normal(*UNKNOWN_RESISTANCE), share, lateral,
+    return (stiffness, friction, log_normal(*LN_RESISTANCE), share, lateral,
             *map(Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
 
 
@@ -253,12 +250,6 @@ class ForceBalance:
     def given(self) -> bool:
         """Return whether the ground is that of a ``ground_state``."""
         return self._silent < EXPIRY_TIME
-
-    @property
-    def certain(self) -> bool:
-        """Return whether the ground is known so well that the forces show the lateral speed."""
-        variance = float(self._kalman.P[State.LN_STIFFNESS, State.LN_STIFFNESS])
-        return variance < MAX_LN_STIFFNESS ** 2
 
     @property
     def least_friction(self) -> float:

@@ -104,7 +104,6 @@ PUSH_TIME = 0.05              # s, in which tires follow a push: mass times spee
 PUSH_SIGMAS = 4.0             # of a change of the mean innovation in that time: once in minutes,
 # assumed; pushes, jumps
 MAX_REPEATS = 2               # of a measured torque; a stuck value is none; stuck
-MAX_LN_STIFFNESS = 0.2        # sigma of ln C_x, beyond which the ICRs show more, assumed; jumps
 EXPIRY_TIME = 2.5             # s, in which the window finds a ground: without ground_state, its
 # errors grow to the prior after it; after a change, an old one is refused; jumps
 EVIDENCE = 8.0                # twice the log likelihood ratio of a change of the ground; jumps

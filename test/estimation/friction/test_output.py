@@ -10,7 +10,6 @@
 
 """Inversion of the brush model, and the standard deviations of its result."""
 
-from dataclasses import replace
 import math
 from types import SimpleNamespace
 
@@ -73,27 +72,7 @@ def test_on_a_known_slippery_surface_less_slip_is_sufficient():
     assert friction_estimate(2.0, 1.0, likely=2.0) == UNKNOWN  # a typical one is possible
 
 
-@pytest.mark.parametrize(('films', 'sliding', 'known'), [
-    (slip_fit(), False, True), (slip_fit(0.1, 0.21, 0.003, 0.006), False, True),
-    (slip_fit(slip=0.13), False, False),           # 6.3 sigmas
-    (slip_fit(normalized_slip=0.24), False, False),  # 5 sigmas
-    (slip_fit(normalized_slip=0.24, normalized_slip_sigma=0.02), False, True),
-    (slip_fit(normalized_slip=1.4), True, True)])    # its size is not determined
-def test_a_crossing_whose_films_contradict_the_ground_has_no_friction(films, sliding, known):
-    state = WheelState(
-        slip=Uncertain(0.11, 0.0025), normalized_slip=Uncertain(0.19, 0.0087),
-        load=Uncertain(26.0, 0.5), stiffness=Uncertain(50.0, 2.0), friction=Uncertain(0.4, 0.02),
-        critical_slip=Uncertain(0.58, 0.03))
-    crossing = SimpleNamespace(stamp_ns=5, speed=1.0)
-    found = friction_record(
-        'front_left', 0.04, crossing, FilmResult(films, 0.0, sliding), state)
-    assert (found.friction_coefficient == state.friction) is known
-    assert (found.critical_slip == state.critical_slip) is known
-    assert found.friction_coefficient == (state.friction if known else UNKNOWN)
-    assert (found.slip, found.stiffness) == (state.slip, state.stiffness)
-
-
-def test_films_of_a_wheel_in_an_unknown_state_contradict_nothing():
+def test_a_film_in_an_unknown_state_shows_its_slip_and_no_friction():
     found = friction_record('front_left', 0.04, SimpleNamespace(stamp_ns=5, speed=1.0),
                             FilmResult(slip_fit(), 0.0, False), WheelState())
     assert found.friction_coefficient == UNKNOWN and found.film_slip.value == 0.11
@@ -109,20 +88,13 @@ def correlated(normalized_slip=0.85):
 
 def test_where_the_whole_patch_may_slide_only_the_ratio_is_determined():
     fit = correlated()
-    inflated = flag_full_sliding(fit, fit.white_cov)
+    inflated = flag_full_sliding(fit)
     assert inflated.slip_sigma > 0.3
     # conditioned on another slip
     slope = inflated.white_cov[0, 1] / inflated.white_cov[0, 0]
     assert 0.85 + slope * (0.8 - 0.4) == pytest.approx(0.8 * 0.85 / 0.4, rel=0.05)
 
 
-def test_added_white_errors_do_not_hide_the_correlation():
-    fit = correlated()
-    varied = replace(fit, white_cov=fit.white_cov + 2.0 * np.diag(np.diag(fit.white_cov)))
-    assert flag_full_sliding(varied, varied.white_cov) is varied
-    assert flag_full_sliding(varied, fit.white_cov).slip_sigma > 0.3
-
-
 def test_where_little_slides_the_fit_is_unchanged():
     for fit in (slip_fit(), correlated(normalized_slip=0.3)):
-        assert flag_full_sliding(fit, fit.white_cov) is fit
+        assert flag_full_sliding(fit) is fit

@@ -23,8 +23,8 @@ from smart_tire.estimation.ground.estimator import GroundEstimator, HOP_NS
 from smart_tire.estimation.ground.measurements import (
     FORCE_X, MeasuredCrossing, Measurements, TORQUE, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DECISION_TIME, DYNAMIC, GROUND, Hypothesis, initial, NEVER, OLD_GROUND, ONE_GROUND, priors,
-    SIZE, Unknown, WindowPrior)
+    DYNAMIC, GROUND, Hypothesis, initial, LENGTH, NEVER, OLD_GROUND, ONE_GROUND, priors, SIZE,
+    Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
 from smart_tire.estimation.ground.window_fit import student, Whitening, WindowFit
 from smart_tire.messages.joint_state import GROUND_RANGES
@@ -872,5 +872,5 @@ def test_an_event_that_stays_undecided_is_dropped_and_its_disturbance_forgotten(
     monkeypatch.setattr(GroundWindow, 'solve', noted)
     estimator, found = run(samples)
     assert estimator.changes == 0 and any(at is not None for _, at in times)
-    assert all(end - at < DECISION_TIME for end, at in times if at is not None)
+    assert all(end - at < LENGTH for end, at in times if at is not None)
     assert not found[-1].hypothesis.lifts and found[-1].hypothesis.new == ONE_GROUND
