@@ -153,7 +153,7 @@ class TravelSegment:
     def speed_change(self) -> float:
         """Return the range of mean speeds in the segment over their mean."""
         # smoothing has moved the ends, too
-        edges = np.linspace(*self.distance[[0, -1]], c.SPEED_POINTS)
+        edges = np.linspace(self.distance[0], self.distance[-1], c.SPEED_POINTS)
         reached = np.interp(edges, self.distance, self.instants)
         speeds = 1.0 / np.maximum(reached[1:] - reached[:-1], 1.0)
         return float((speeds.max() - speeds.min()) / speeds.mean())

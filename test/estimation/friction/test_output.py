@@ -20,7 +20,7 @@ from smart_tire.estimation.friction.output import friction_estimate, friction_re
 from smart_tire.estimation.friction.waveform_method import FilmResult, flag_full_sliding, SlipFit
 from smart_tire.estimation.ground.estimator import WheelState
 from smart_tire.models.tire.brush_tire import LN_FRICTION
-from smart_tire.uncertain import Uncertain, UNKNOWN
+from smart_tire.uncertain import UNKNOWN
 
 NO_COV = np.zeros((2, 2))
 
