@@ -55,8 +55,8 @@ BENDING_SIGMA = 0.5        # -, of the bending peak: it varies by cycle; Fig. 11
 PLAUSIBLE_BENDING = (0.3, 3.0)  # of the nominal bending peak; assumed; other signals
 MAX_RESIDUAL = 0.2         # of the bending peak, rms; derived: of other signals; other signals
 POSITION_GATE = 0.5        # film lengths from the predicted position; derived; sparse samples
-MIN_FREE_COVERAGE = 0.7    # of a crossing accepted without being expected; rolling in and out
-MIN_EXPECTED_COVERAGE = 0.3  # of an expected crossing; assumed; radio loss
+MIN_FREE_COVERAGE = 0.7    # of a crossing accepted without being expected, and the share without
+#                            samples up to which one is expected; rolling in and out, radio loss
 
 # -- prediction and assembly ---------------------------------------------------------------------
 RECURSIVE_GAIN = 0.2       # share of a detection in the mounting position, of a median in the

@@ -162,7 +162,7 @@ class FilmCrossingDetector:
         latest = direction * begin + group.half_inside
         distance = direction * rolled
         for coverage, low, high in (
-                (c.MIN_EXPECTED_COVERAGE, expected - gate, expected + gate),
+                (1.0 - c.MIN_FREE_COVERAGE, expected - gate, expected + gate),
                 # the first active sample is at most a film length after the entry
                 (c.MIN_FREE_COVERAGE, latest - 2.0 * group.half_crossing,
                  latest + group.film_length)):

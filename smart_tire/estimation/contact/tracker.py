@@ -200,17 +200,15 @@ class CrossingAssembler:
                               for instant, _ in reversals)
         change = math.inf if reversed_inside else travel.speed_change()
         samples = (self._samples(direction, list(films.values()), travel.trajectory,
-                                 travel.instant_at(first))
+                                 travel.instant_at(first), sampled)
                    if films and change < c.MAX_SPEED_CHANGE else None)
         return PatchCrossing(
             travel.instant_at(common), direction, speed, travel.trajectory.speed_sigma, change,
             2.0 * group.reach, begin, end, samples)
 
     def _samples(self, direction: int, films: list[FilmCrossing], trajectory: SmoothedTrajectory,
-                 reference_ns: int) -> CrossingSamples:
+                 reference_ns: int, sampled: Sequence[int]) -> CrossingSamples:
         """Return the samples of ``films`` over distance, from one trajectory for all."""
-        begin = min(int(film.segment.instants[0]) for film in films)
-        end = max(int(film.segment.instants[-1]) for film in films)
         samples, detections = [], []
         low, high = self._group.rails
         *centers, reference = (direction * trajectory.distance_at(np.array(
@@ -226,7 +224,7 @@ class CrossingAssembler:
                                        volts - segment.baseline, rail))
             detections.append(replace(film.detection, center=center))
         return CrossingSamples(tuple(samples), tuple(detections), reference,
-                               trajectory.errors(begin, end))
+                               trajectory.errors(min(sampled), max(sampled)))
 
     def _common_center(self, direction: int, films: dict[int, FilmCrossing],
                        travel: TravelSegment) -> float:

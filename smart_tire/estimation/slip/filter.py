@@ -428,8 +428,8 @@ class SlipFilter:
         variance ``unwinding`` [(rad/s)^2] is that of a motion.
         """
         variance = rate.sigma ** 2
-        # newer readings, of half of QUIET_TIME, are no part of the mean
-        before = max(self._turned - 0.5 * QUIET_TIME * density, 0.0)
+        # readings of the last QUIET_TIME are no part of the mean
+        before = max(self._turned - QUIET_TIME * density, 0.0)
         shared = min(density, before * variance / density)
         self._turned -= shared * density / variance
         self.kalman.correct(

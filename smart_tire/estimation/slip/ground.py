@@ -234,7 +234,6 @@ class ForceBalance:
         self._prior_variances = np.square(_sigmas(self._prior))
         kalman.P[GROUND, GROUND] = np.diag(self._prior_variances)
         self._set_given([one.value for one in self._prior])
-        self._before = self._given  # before a change that the filter has found
         self._spread = np.diag(self._prior_variances[:3])
         self._change = GroundChange(kalman, self._spread)
         self._torques = MotorTorques(robot)
@@ -272,8 +271,8 @@ class ForceBalance:
         """
         Take the ground as given, with its errors; what is not known has those of the prior.
 
-        After a change that this filter has found, one as before that contradicts its own estimate,
-        or is less certain, is not that of the new ground yet.
+        After a change that this filter has found, one that contradicts its own estimate, or is less
+        certain, is not that of the new ground yet.
         """
         if not self.given:  # they were those of the prior
             self._along, self._across = LastingError(), LastingError()
@@ -291,8 +290,7 @@ class ForceBalance:
         change = _difference(given, self._given)
         own = self._kalman.P[GROUND, GROUND]
         if self.follows and (
-                covariance[0, 0] > own[0, 0] or _contradict(change, covariance + own)
-                ) and not _contradict(_difference(given, self._before), 2.0 * covariance):
+                covariance[0, 0] > own[0, 0] or _contradict(change, covariance + own)):
             return
         self._since_change = math.inf
         self._set_given(given)
@@ -328,7 +326,6 @@ class ForceBalance:
         covariance = self._kalman.P[GROUND, GROUND].copy()
         covariance[:3], covariance[:, :3] = 0.0, 0.0
         covariance[:3, :3] = self._spread
-        self._before = self._given
         self._change.replace(np.pad(change, (0, len(covariance) - 3)), covariance)
         self._add_to_ground(change)
         self._since_change = 0.0

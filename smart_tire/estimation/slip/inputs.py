@@ -329,7 +329,7 @@ class ZeroVelocityDetector:
             self._quiet_since, self._counted = time, newest - QUIET_TIME
             if self._last_turn is not None:
                 self._counted = max(self._counted, self._last_turn[0] + IMU_WINDOW)
-        return StationaryInterval(self._mean_rate(newest - 0.5 * QUIET_TIME),
+        return StationaryInterval(self._mean_rate(newest - QUIET_TIME),
                                   self._unwinding_sigma(time), time - self._quiet_since)
 
     def _mean_rate(self, end: float) -> Uncertain | None:

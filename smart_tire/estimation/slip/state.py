@@ -138,7 +138,7 @@ LAG_WINDOW = 0.1              # s, of compared turns: below the delays, above th
 MAX_LAG_RATE = 0.02           # s per s, of its change: wheel speeds are wrong by as much then
 
 # standstill
-QUIET_TIME = 0.4              # s for which the IMU must have been quiet; concrete, sand_turn
+QUIET_TIME = 0.2              # s for which the IMU must have been quiet; sand_straight
 UNWINDING_SHARE = 0.1         # of the last yaw rate, right after the wheels have stopped ...
 UNWINDING_TIME = 1.5          # s, ... and its decay time; simulated tires with linear springs
 TRUSTED_STANDSTILL = 3.0      # s; longer standstill overrules a state that has diverged
