@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -28,7 +29,13 @@ from smart_tire.uncertain import Uncertain, UNKNOWN
 
 def friction_record(wheel: str, contact_length: float, crossing: PatchCrossing,
                     result: FilmResult | None, state: WheelState) -> Friction:
-    """Return the record of ``crossing``, while the wheel was in ``state``."""
+    """
+    Return the record of ``crossing``, while the wheel was in ``state``.
+
+    There is no friction if the films contradict the state: the ground has just changed.
+    """
+    if result is not None and _contradicts(result, state):
+        state = replace(state, friction=UNKNOWN, critical_slip=UNKNOWN)
     total = _product(state.normalized_slip, state.critical_slip)
     found = {} if result is None else _of_films(result, state, total, contact_length)
     return Friction(
@@ -36,6 +43,16 @@ def friction_record(wheel: str, contact_length: float, crossing: PatchCrossing,
         normal_load=state.load, stiffness=state.stiffness,
         friction_coefficient=state.friction, critical_slip=state.critical_slip,
         traction_force=state.traction_force, **found)
+
+
+def _contradicts(result: FilmResult, state: WheelState) -> bool:
+    """Return whether slip and normalized slip of the films differ from those of the motion."""
+    films, slip, normalized = result.slips, state.slip, state.normalized_slip
+    if result.sliding or not math.isfinite(slip.value * normalized.value):
+        return False
+    difference = np.array([films.slip - slip.value, films.normalized_slip - normalized.value])
+    covariance = films.covariance + np.diag([slip.sigma ** 2, normalized.sigma ** 2])
+    return float(difference @ np.linalg.solve(covariance, difference)) > c.MAX_CONTRADICTION
 
 
 def stamp_of(crossing: PatchCrossing, result: FilmResult | None) -> int:

@@ -271,8 +271,8 @@ class ForceBalance:
         """
         Take the ground as given, with its errors; what is not known has those of the prior.
 
-        After a change that this filter has found, one that contradicts its own estimate, or is less
-        certain, is not that of the new ground yet.
+        After a change that this filter has found, one that contradicts its own estimate, or is
+        less certain, is not that of the new ground yet.
         """
         if not self.given:  # they were those of the prior
             self._along, self._across = LastingError(), LastingError()

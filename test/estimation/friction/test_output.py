@@ -20,7 +20,7 @@ from smart_tire.estimation.friction.output import friction_estimate, friction_re
 from smart_tire.estimation.friction.waveform_method import FilmResult, flag_full_sliding, SlipFit
 from smart_tire.estimation.ground.estimator import WheelState
 from smart_tire.models.tire.brush_tire import LN_FRICTION
-from smart_tire.uncertain import UNKNOWN
+from smart_tire.uncertain import Uncertain, UNKNOWN
 
 NO_COV = np.zeros((2, 2))
 
@@ -70,6 +70,26 @@ def test_on_a_known_slippery_surface_less_slip_is_sufficient():
     assert 0.2 < mu < 0.25  # the prior pulls towards other surfaces
     assert 0.15 < sigma / mu < 0.5
     assert friction_estimate(2.0, 1.0, likely=2.0) == UNKNOWN  # a typical one is possible
+
+
+@pytest.mark.parametrize(('films', 'sliding', 'known'), [
+    (slip_fit(), False, True), (slip_fit(0.1, 0.21, 0.003, 0.006), False, True),
+    (slip_fit(slip=0.13), False, False),           # 6.3 sigmas
+    (slip_fit(normalized_slip=0.24), False, False),  # 5 sigmas
+    (slip_fit(normalized_slip=0.24, normalized_slip_sigma=0.02), False, True),
+    (slip_fit(normalized_slip=1.4), True, True)])    # its size is not determined
+def test_a_crossing_whose_films_contradict_the_ground_has_no_friction(films, sliding, known):
+    state = WheelState(
+        slip=Uncertain(0.11, 0.0025), normalized_slip=Uncertain(0.19, 0.0087),
+        load=Uncertain(26.0, 0.5), stiffness=Uncertain(50.0, 2.0), friction=Uncertain(0.4, 0.02),
+        critical_slip=Uncertain(0.58, 0.03))
+    crossing = SimpleNamespace(stamp_ns=5, speed=1.0)
+    found = friction_record(
+        'front_left', 0.04, crossing, FilmResult(films, 0.0, sliding), state)
+    assert (found.friction_coefficient == state.friction) is known
+    assert (found.critical_slip == state.critical_slip) is known
+    assert found.friction_coefficient == (state.friction if known else UNKNOWN)
+    assert (found.slip, found.stiffness) == (state.slip, state.stiffness)
 
 
 def test_a_film_in_an_unknown_state_shows_its_slip_and_no_friction():
