@@ -31,14 +31,14 @@ from typing import Any, TYPE_CHECKING
 if TYPE_CHECKING:
     from smart_tire.api import (
         BrushTire, BucklingFilm, estimate, estimate_friction, estimate_slip, FilmSensor,
-        FrictionEstimate, load_params, plot, read_bag, Recording, simulate, SlipEstimate,
-        TreadFilm, write_bag)
+        fit_crossing, FrictionEstimate, load_params, plot, read_bag, Recording, simulate,
+        SlipEstimate, TreadFilm, write_bag)
 
 __version__ = '0.1.0'
 __all__ = [
     'BrushTire', 'BucklingFilm', 'estimate', 'estimate_friction', 'estimate_slip', 'FilmSensor',
-    'FrictionEstimate', 'load_params', 'plot', 'read_bag', 'Recording', 'simulate', 'SlipEstimate',
-    'TreadFilm', 'write_bag']
+    'fit_crossing', 'FrictionEstimate', 'load_params', 'plot', 'read_bag', 'Recording', 'simulate',
+    'SlipEstimate', 'TreadFilm', 'write_bag']
 
 
 def __getattr__(name: str) -> Any:

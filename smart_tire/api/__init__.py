@@ -15,6 +15,7 @@ The stable Python interface: numpy arrays in, numpy arrays out.
 results are here. Both follow semantic versioning; all other modules may change at any time.
 """
 
+from smart_tire.api.crossing import CrossingFit, fit_crossing
 from smart_tire.api.models import (
     BrushTire, BucklingFilm, FilmMeasurement, FilmParams, FilmSensor, TreadFilm)
 from smart_tire.api.params import load_params, Params
@@ -26,10 +27,12 @@ from smart_tire.estimates import (
     Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,
     SlipEstimate, Truth)
 from smart_tire.samples import WHEELS
+from smart_tire.uncertain import Uncertain
 
 __all__ = [
-    'BagError', 'BrushTire', 'BucklingFilm', 'estimate', 'estimate_friction', 'estimate_slip',
-    'Estimates', 'EstimatorError', 'FilmData', 'FilmMeasurement', 'FilmParams', 'FilmSensor',
-    'FrictionEstimate', 'GroundEstimate', 'ImuData', 'load_params', 'ParameterError', 'Params',
-    'plot', 'PoseEstimate', 'Quantity', 'read_bag', 'Recording', 'RotationCenter', 'simulate',
-    'SlipEstimate', 'SmartTireError', 'TreadFilm', 'Truth', 'WheelData', 'WHEELS', 'write_bag']
+    'BagError', 'BrushTire', 'BucklingFilm', 'CrossingFit', 'estimate', 'estimate_friction',
+    'estimate_slip', 'Estimates', 'EstimatorError', 'FilmData', 'FilmMeasurement', 'FilmParams',
+    'FilmSensor', 'fit_crossing', 'FrictionEstimate', 'GroundEstimate', 'ImuData', 'load_params',
+    'ParameterError', 'Params', 'plot', 'PoseEstimate', 'Quantity', 'read_bag', 'Recording',
+    'RotationCenter', 'simulate', 'SlipEstimate', 'SmartTireError', 'TreadFilm', 'Truth',
+    'Uncertain', 'WheelData', 'WHEELS', 'write_bag']

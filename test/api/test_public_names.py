@@ -63,6 +63,8 @@ SIGNATURES = {  # without annotations
     'estimate': '(recording, params=None)',
     'estimate_friction': '(recording, params=None)',
     'estimate_slip': '(recording, params=None)',
+    'fit_crossing': '(time, volts, wheel_speed, *, params=None, wheel=None, film=0, load=None, '
+                    'lateral_slip=0.0, speed_sigma=0.01, length_sigma=0.1)',
     'load_params': '(*files, values=None)',
     'plot': '(estimates, truth=None)',
     'read_bag': '(path, *, params=None, remap=None)',
@@ -71,6 +73,8 @@ SIGNATURES = {  # without annotations
     'write_bag': '(path, recording)',
 }
 FIELDS = {
+    'CrossingFit': 'time slip normalized_slip adhesion_ratio adhesion_length contact_length '
+                   'contact_angle tread_deflection friction_coefficient residual',
     'Estimates': 'pose slip center ground friction',
     'FilmData': 'stamp_ns wheel volts receive_ns',
     'FilmMeasurement': 'time value sigma',

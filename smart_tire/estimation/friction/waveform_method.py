@@ -95,13 +95,18 @@ def slip_variation(crossing: PatchCrossing, contact_length: float) -> SlipVariat
 
 
 class WaveformMethod:
-    """Estimates slip and normalized slip of one wheel's crossings by waveform fits."""
+    """
+    Estimates slip and normalized slip of one wheel's crossings by waveform fits.
 
-    def __init__(self, wheel: str, robot: RobotParams) -> None:
+    ``length_sigma`` is the relative standard deviation of the contact length; 0: it is known.
+    """
+
+    def __init__(self, wheel: str, robot: RobotParams, length_sigma: float = 0.0) -> None:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
         self.shape = ShapeEstimator()
-        self._fitter = WaveformFitter(robot, self._gains, self._bending, self.shape)
+        self._fitter = WaveformFitter(robot, self._gains, self._bending, self.shape,
+                                      length_sigma=length_sigma)
 
     def measure(self, crossing: PatchCrossing) -> FilmResult | None:
         """Return what the films show of ``crossing``, None if its waveform is implausible."""
