@@ -141,8 +141,8 @@ def _found(times: Array, rows: Array, speeds: Array, robot: RobotParams, wheel: 
         angle = float(np.interp(inside, since, angles)) + speed * (at - inside)
         tracker.add_wheels(WheelSample(
             round(at * NS_PER_S), four([speed] * 4), four([angle] * 4)))
-        if at == -EXTRAPOLATED_TIME:
-            tracker.advance(-round(EXTRAPOLATED_TIME * NS_PER_S))  # it follows the wheel from there on
+        if at == -EXTRAPOLATED_TIME:  # it follows the wheel from there on
+            tracker.advance(-round(EXTRAPOLATED_TIME * NS_PER_S))
     for at, volts in zip((since * NS_PER_S).round().astype(int).tolist(), rows.tolist()):
         tracker.add_films(TireSample(at, wheel, (math.nan,) * group[0] + tuple(volts)))
     found = [one for one in tracker.finish(round((since[-1] + EXTRAPOLATED_TIME) * NS_PER_S))

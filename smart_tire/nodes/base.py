@@ -37,7 +37,6 @@ from rclpy.timer import Timer
 from smart_tire.control.command_check import NO_CLOCK
 from smart_tire.control.publishers import MessageInfo
 from smart_tire.drivers.clock import SYSTEM
-from smart_tire.drivers.simulated_time import NEVER, Participant
 from smart_tire.errors import MessageError, ParameterError, SmartTireError
 from smart_tire.host_load import HostLoad, TimerLateness
 from smart_tire.messages import (
@@ -49,6 +48,7 @@ from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
 from smart_tire.nodes.kept_messages import CHECK_PERIOD as KEPT_PERIOD, KeptMessages
+from smart_tire.nodes.paced import paced, SimulatedTimer, SimulatedTimers
 from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
 from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos, volatile_qos
 from smart_tire.parameters import build, NODE_PARAMS
@@ -59,8 +59,6 @@ from std_msgs.msg import Bool
 Params = TypeVar('Params')
 DIAGNOSTICS_PERIOD = 1.0  # s, docs/topics.md
 MAX_INPUT_AGE = SILENCE_NS / NS_PER_S  # s without a message on a required input
-TIMER_LAG_NS = 20_000_000  # ns of simulated time
-MIN_TIMER_NS = 500_000  # ns, of a timer that waits for a simulated time
 STATE_DEPTH = 10  # queued states of the motor driver, so that a short stop is not missed
 
 
@@ -81,8 +79,8 @@ class SmartTireNode(Node, Generic[Params]):
 
     hardware_id = ''
     # A simulated time passes ``pace_lag_ns`` beyond the time when this node should handle the next
-    # message of its periodic input ``paced_by``, and with ``paced_timers`` ``TIMER_LAG_NS`` beyond
-    # that of its next timer.
+    # message of its periodic input ``paced_by``, and with ``paced_timers`` a little beyond that of
+    # its next timer.
     paced_by, pace_lag_ns = '', 0
     paced_timers = False
     exchange: Exchange | None = None  # of the nodes in this process, if there are several
@@ -107,8 +105,7 @@ class SmartTireNode(Node, Generic[Params]):
         self._params_class = params_class
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._periodic: dict[float, list[Callable[[], None]]] = {}  # period [s] -> callbacks
-        self._timer_dues: dict[Timer, int] = {}  # steady time [ns], of those in simulated time
-        self._timer_pace: Participant | None = None
+        self.simulated_timers = SimulatedTimers()  # without simulated time there are none
         self._publish_diagnostics = self.make_guarded_publisher(
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
         self.call_every(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
@@ -146,30 +143,14 @@ class SmartTireNode(Node, Generic[Params]):
             return SetParametersResult(successful=True)
         return super().set_parameters_atomically(changes)
 
-    def create_steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+    def create_steady_timer(self, period: float, callback: Callable[[], None]
+                            ) -> Timer | SimulatedTimer:
         """Return a timer of ``period`` [s] on the steady clock, independent of /clock and NTP."""
         if SYSTEM.simulated is None:
             return self.create_timer(period, callback, clock=self._steady_clock)
-        period_ns = round(period * NS_PER_S)
-        due_ns = self.steady_ns() + period_ns
-        if self.paced_timers and self._timer_pace is None:
-            self._timer_pace = SYSTEM.simulated.join(self.get_name())
-
-        def call_if_due() -> None:
-            nonlocal due_ns
-            late_ns = self.steady_ns() - due_ns
-            if late_ns >= -MIN_TIMER_NS:
-                due_ns += period_ns * (1 + max(late_ns, 0) // period_ns)
-                callback()
-            timer.timer_period_ns = max(due_ns - self.steady_ns(), MIN_TIMER_NS)
-            self._timer_dues[timer] = NEVER if timer.is_canceled() else due_ns
-            if not timer.is_canceled():
-                timer.reset()
-            if self._timer_pace is not None:
-                self._timer_pace.permit(min(self._timer_dues.values()) + TIMER_LAG_NS)
-
-        timer = self.create_timer(period, call_if_due, clock=self._steady_clock)
-        return timer
+        if self.paced_timers and self.simulated_timers.participant is None:
+            self.simulated_timers.participant = SYSTEM.simulated.join(self.get_name())
+        return self.simulated_timers.add(period, callback)
 
     def call_every(self, period: float, callback: Callable[[], None]) -> None:
         """
@@ -222,7 +203,8 @@ class SmartTireNode(Node, Generic[Params]):
             self.input_log.watch(name, lambda: counter.ok, required=required)
 
         if name == self.paced_by and SYSTEM.simulated is not None:
-            on_sample = self._paced(on_sample, SYSTEM.simulated.join(self.get_name()))
+            on_sample = paced(
+                on_sample, SYSTEM.simulated.join(self.get_name()), self.pace_lag_ns)
         handle = self._handler(name, counter, convert, on_sample)
 
         def on_message(msg: Any) -> None:
@@ -242,25 +224,6 @@ class SmartTireNode(Node, Generic[Params]):
                 route := self.exchange.published(self.resolve_topic_name(name))):
             return self.mailbox.add(name, route, callback, profile.depth, urgent=urgent)
         return self.create_subscription(cls, name, callback, profile, raw=raw)
-
-    def _paced(self, on_sample: Callable[..., None],
-               participant: Participant) -> Callable[..., None]:
-        """Return ``on_sample`` that permits the simulated time to pass until the next sample."""
-        latest_ns = period_ns = 0
-
-        def handle(sample: Any, *info: Any) -> None:
-            nonlocal latest_ns, period_ns
-            try:
-                on_sample(sample, *info)
-            finally:
-                if latest_ns:  # periods vary, and samples may be missing
-                    period_ns = max(sample.stamp_ns - latest_ns, period_ns * 9 // 10)
-                latest_ns = sample.stamp_ns
-                behind_ns = self.now_ns() - self.steady_ns()  # of the steady time
-                if period_ns:
-                    participant.permit(latest_ns - behind_ns + period_ns + self.pace_lag_ns)
-
-        return handle
 
     def unsubscribe(self, name: str, subscription: Subscription[Any] | Inbox) -> None:
         """End the ``subscription`` to ``name`` and forget the input."""

@@ -74,8 +74,9 @@ class NodeRunner(Generic[Running]):
         """Handle callbacks for ``seconds``."""
         end_ns = self.node.steady_ns() + round(seconds * 1e9)
         while (left_ns := end_ns - self.node.steady_ns()) > 0:
-            self._executor.spin_once(timeout_sec=min(
-                MAX_SPIN_TIME, max(MIN_SPIN_TIME, left_ns * 1e-9)))
+            next_timer = self.node.simulated_timers.handle()
+            self._executor.spin_once(timeout_sec=max(
+                MIN_SPIN_TIME, min(MAX_SPIN_TIME, left_ns * 1e-9, next_timer)))
 
 
 def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = False,
@@ -166,7 +167,8 @@ def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
 
 def _spin(node: SmartTireNode[Any], executor: Any, exit_statuses: Sequence[int]) -> None:
     while not exit_statuses:
-        executor.spin_once(timeout_sec=MAX_SPIN_TIME)
+        next_timer = node.simulated_timers.handle()
+        executor.spin_once(timeout_sec=max(MIN_SPIN_TIME, min(MAX_SPIN_TIME, next_timer)))
         node.mailbox.handle()
 
 

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+import math
 import os
 from pathlib import Path
 import signal
@@ -29,6 +30,7 @@ from smart_tire.nodes import (
     trajectory_controller, wheel_controller)
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import PROFILES, TRANSPORTS
+from smart_tire.nodes.paced import SimulatedTimers
 from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
@@ -42,6 +44,7 @@ class Node:
         self.params = SimpleNamespace() if priority is None else SimpleNamespace(
             realtime_priority=priority)
         self.mailbox = SimpleNamespace(handle=lambda: calls.append(f'mail {name}'))
+        self.simulated_timers = SimulatedTimers()
         for call in ('start', 'stop', 'destroy_node'):
             setattr(self, call, lambda call=call: calls.append(f'{call} {name}'))
 
@@ -96,6 +99,26 @@ def test_subscribers_are_stopped_first_and_all_nodes_are_released(spun):
     assert {'spin a', 'mail a', 'spin b', 'mail b'} <= set(calls)
     assert calls[-8:] == ['stop b', 'stop a', 'remove a a', 'shutdown a', 'destroy_node a',
                           'remove b b', 'shutdown b', 'destroy_node b']
+
+
+@pytest.mark.parametrize('next_timer, timeout', [(math.inf, 0.1), (0.03, 0.03), (-1.0, 0.001)])
+def test_the_loop_calls_the_timers_of_simulated_time_and_waits_for_the_next(next_timer, timeout):
+    calls, statuses = [], []
+    node = Node('a', calls)
+    node.simulated_timers = SimpleNamespace(handle=lambda: calls.append('timers') or next_timer)
+
+    def spin_once(timeout_sec):
+        calls.append(timeout_sec)
+        statuses.append(runner.EXIT_OK)
+    runner._spin(node, SimpleNamespace(spin_once=spin_once), statuses)
+    assert calls == ['timers', timeout, 'mail a']
+    calls.clear()
+    times = iter([0, 0, 60_000_000, 200_000_000])  # ns
+    node.steady_ns = lambda: next(times)
+    spun = SimpleNamespace(node=node, _executor=SimpleNamespace(
+        spin_once=lambda timeout_sec: calls.append(timeout_sec)))
+    runner.NodeRunner.spin(spun, 0.08)
+    assert calls == ['timers', min(timeout, 0.08), 'timers', min(timeout, 0.02)]
 
 
 @pytest.mark.parametrize('failing', ['a', 'b'])

@@ -12,67 +12,40 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import pytest
 from smart_tire.drivers.clock import SYSTEM
 from smart_tire.drivers.simulated_time import HEADER, LIMIT, NEVER, OFFSET, SimulatedTime
-from smart_tire.nodes.base import MIN_TIMER_NS, SmartTireNode, TIMER_LAG_NS
+from smart_tire.nodes.base import SmartTireNode
+from smart_tire.nodes.paced import paced, SimulatedTimers, TIMER_LAG_NS
 from smart_tire.samples import NS_PER_S
 
 START_NS = 5_000 * NS_PER_S
 MS = 1_000_000
 
 
-class RealTimer:
-    """Timer of rclpy on the real steady clock."""
-
-    def __init__(self, machine, period, callback):
-        self.callback, self.timer_period_ns = callback, round(period * NS_PER_S)
-        self._machine, self._canceled = machine, False
-        self.reset()
-
-    def reset(self):
-        self._canceled = False
-        self.due_ns = self._machine.real_ns + self.timer_period_ns
-
-    def cancel(self):
-        self._canceled = True
-
-    def is_canceled(self):
-        return self._canceled
-
-
 class Machine:
-    """A node with one timer on a machine whose simulated time may stand."""
+    """A machine whose simulated time may stand, and the loop that spins a node on it."""
 
     def __init__(self, path):
-        self.real_ns, self.timer = START_NS, None
+        self.real_ns = START_NS
         self.shared = SimulatedTime.create(path, lambda: self.real_ns)
-        self.node = SimpleNamespace(
-            steady_ns=self.shared.now_ns, _steady_clock=None, get_name=lambda: 'node',
-            now_ns=lambda: self.shared.epoch_ns + self.shared.now_ns(), pace_lag_ns=30 * MS,
-            create_timer=self.create_timer, paced_timers=False, _timer_dues={}, _timer_pace=None)
-
-    def create_timer(self, period, callback, clock):
-        self.timer = RealTimer(self, period, callback)
-        return self.timer
+        self.timers = SimulatedTimers()
 
     def run(self, milliseconds):
-        """Let real time pass, and call the timer when it is due."""
-        end_ns = self.real_ns + milliseconds * MS
-        while self.timer.due_ns <= end_ns and not self.timer.is_canceled():
-            self.real_ns = max(self.real_ns, self.timer.due_ns)
-            self.timer.due_ns += self.timer.timer_period_ns
-            self.timer.callback()
-        self.real_ns = end_ns
+        """Let real time pass, and call the timers every millisecond."""
+        for _ in range(milliseconds):
+            self.real_ns += MS
+            self.timers.handle()
 
     def stand(self, milliseconds):
         """Let simulated time stand while real time passes, and go on there."""
         self.shared.words[LIMIT] = self.shared.now_ns()
         self.run(milliseconds)
         self.shared.words[OFFSET] = self.real_ns - self.shared.now_ns()
-        self.shared.words[LIMIT] = 2**62
+        self.shared.words[LIMIT] = NEVER
 
     @property
     def passed_ms(self):
@@ -88,52 +61,72 @@ def machine(tmp_path, monkeypatch):
 
 def test_a_timer_keeps_its_period_of_simulated_time_while_this_stands(machine):
     calls = []
-    SmartTireNode.create_steady_timer(
-        machine.node, 0.1, lambda: calls.append(machine.passed_ms))
+    machine.timers.add(0.1, lambda: calls.append(machine.passed_ms))
     machine.run(250)
     machine.stand(330)
     machine.run(400)
-    near = pytest.approx
-    assert calls == [near(100 * k, abs=MIN_TIMER_NS / MS) for k in range(1, 7)]
+    assert calls == [100 * k for k in range(1, 7)]
     machine.stand(70)
     machine.run(60)
-    assert len(calls) == 7 and calls[6] == near(700, abs=MIN_TIMER_NS / MS)
+    assert calls[6:] == [700]
 
 
 def test_calls_that_were_missed_are_left_out(machine):
     calls = []
-    SmartTireNode.create_steady_timer(
-        machine.node, 0.1, lambda: calls.append(machine.passed_ms))
-    machine.real_ns += 350 * MS  # the node had no core, and nobody waited for it
+    machine.timers.add(0.1, lambda: calls.append(machine.passed_ms))
+    machine.real_ns += 349 * MS  # the node had no core, and nobody waited for it
     machine.run(100)
-    assert calls == [350.0, pytest.approx(400.0, abs=MIN_TIMER_NS / MS)]
+    assert calls == [350, 400]
 
 
-def test_a_timer_that_its_callback_cancels_ends(machine):
-    timer = SmartTireNode.create_steady_timer(machine.node, 0.1, lambda: timer.cancel())
+def test_a_timer_ends_when_it_is_canceled_and_begins_again(machine):
+    calls = []
+    timer = machine.timers.add(0.1, lambda: (calls.append(machine.passed_ms), timer.cancel()))
     machine.run(1000)
-    assert machine.timer.is_canceled()
+    assert calls == [100] and timer.is_canceled()
+    timer.reset()
+    machine.run(150)
+    assert calls == [100, 1100]
+
+
+def test_the_loop_waits_until_the_next_timer_is_due(machine):
+    assert machine.timers.handle() == math.inf
+    timer = machine.timers.add(0.1, lambda: None)
+    machine.timers.add(0.25, lambda: None)
+    machine.run(130)
+    assert machine.timers.handle() == pytest.approx(0.07)
+    timer.cancel()
+    assert machine.timers.handle() == pytest.approx(0.12)
 
 
 def test_time_passes_until_the_next_timer_is_due_of_a_node_that_is_paced_by_them(machine):
-    machine.node.paced_timers = True
-    for period in (0.1, 0.07):
-        timer = SmartTireNode.create_steady_timer(machine.node, period, lambda: None)
+    machine.timers.participant = machine.shared.join('node')
+    timers = [machine.timers.add(period, lambda: None) for period in (0.1, 0.07)]
     permitted = machine.shared.words
     assert permitted[HEADER] == NEVER  # it does not spin yet
-    machine.run(75)  # the later one of 70 ms
-    assert (permitted[HEADER] - START_NS) / MS == pytest.approx(
-        140 + TIMER_LAG_NS / MS, abs=1.0)
-    timer.cancel()
-    machine.run(10)
-    machine.timer.callback()
-    assert machine.node._timer_dues[timer] == NEVER
+    machine.run(75)
+    assert permitted[HEADER] - START_NS == 100 * MS + TIMER_LAG_NS
+    machine.run(30)
+    assert permitted[HEADER] - START_NS == 140 * MS + TIMER_LAG_NS
+    for timer in timers:
+        timer.cancel()
+    machine.run(1)
+    assert permitted[HEADER] == NEVER
+
+
+def test_a_node_in_simulated_time_makes_no_timer_of_rclpy_which_its_callback_had_to_reset(machine):
+    node = SimpleNamespace(simulated_timers=machine.timers, paced_timers=True,
+                           get_name=lambda: 'node')
+    for _ in range(2):
+        SmartTireNode.create_steady_timer(node, 0.1, lambda: None)
+    machine.run(100)
+    assert machine.shared.words[HEADER] - START_NS == 200 * MS + TIMER_LAG_NS
+    assert machine.shared.words[HEADER + 1] == NEVER  # one participant
 
 
 def test_time_passes_until_the_next_sample_is_due_by_the_longest_of_the_latest_periods(machine):
-    node, shared = machine.node, machine.shared
-    taken = []
-    handle = SmartTireNode._paced(node, taken.append, shared.join('node'))
+    shared, taken = machine.shared, []
+    handle = paced(taken.append, shared.join('node'), 30 * MS)
 
     def permitted(milliseconds):
         handle(SimpleNamespace(stamp_ns=shared.epoch_ns + START_NS + round(milliseconds * MS)))
@@ -150,7 +143,7 @@ def test_a_sample_that_is_refused_does_not_stop_the_time(machine):
     def refuse(sample):
         raise ValueError
 
-    handle = SmartTireNode._paced(machine.node, refuse, machine.shared.join('node'))
+    handle = paced(refuse, machine.shared.join('node'), 30 * MS)
     for milliseconds in (0, 10):
         with pytest.raises(ValueError):
             handle(SimpleNamespace(

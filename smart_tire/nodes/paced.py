@@ -1,0 +1,104 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Timers and inputs of a node in simulated time, which waits for them.
+
+The loop that spins the node calls the timers. Those of rclpy wait for real time and would have to
+be reset by their callbacks, and each reset of one that is due again makes two events of one: where
+a process gets little of a core, the queue of its executor grows faster than it is handled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+from typing import Any
+
+from smart_tire.drivers.clock import SYSTEM
+from smart_tire.drivers.simulated_time import NEVER, Participant
+from smart_tire.samples import NS_PER_S
+
+TIMER_LAG_NS = 20_000_000  # ns of simulated time that passes after a timer is due, at most
+
+
+class SimulatedTimer:
+    """A timer in simulated time, with the methods of those of rclpy."""
+
+    def __init__(self, period: float, callback: Callable[[], None]) -> None:
+        self._period_ns, self._callback = round(period * NS_PER_S), callback
+        self.reset()
+
+    def reset(self) -> None:
+        """Call the callback after a period from now on."""
+        self.due_ns = SYSTEM.now_ns() + self._period_ns
+
+    def cancel(self) -> None:
+        """Do not call the callback any more."""
+        self.due_ns = NEVER
+
+    def is_canceled(self) -> bool:
+        """Return whether it is canceled."""
+        return self.due_ns == NEVER
+
+    def call_if_due(self) -> None:
+        """Call the callback if it is due, once if this was several times."""
+        late_ns = SYSTEM.now_ns() - self.due_ns
+        if late_ns >= 0:
+            self.due_ns += self._period_ns * (1 + late_ns // self._period_ns)
+            self._callback()
+
+
+class SimulatedTimers:
+    """The timers of one node; a ``participant`` is what simulated time waits for."""
+
+    def __init__(self) -> None:
+        self.participant: Participant | None = None
+        self._timers: list[SimulatedTimer] = []
+
+    def add(self, period: float, callback: Callable[[], None]) -> SimulatedTimer:
+        """Return a new timer of ``period`` [s]."""
+        self._timers.append(SimulatedTimer(period, callback))
+        return self._timers[-1]
+
+    def handle(self) -> float:
+        """Call the timers that are due; return the time [s] until the next one."""
+        if not self._timers:
+            return math.inf
+        for timer in self._timers:
+            timer.call_if_due()
+        due_ns = min(timer.due_ns for timer in self._timers)
+        if self.participant is not None:
+            self.participant.permit(min(due_ns + TIMER_LAG_NS, NEVER))
+        return (due_ns - SYSTEM.now_ns()) / NS_PER_S
+
+
+def paced(on_sample: Callable[..., None], participant: Participant, lag_ns: int
+          ) -> Callable[..., None]:
+    """
+    Return ``on_sample`` that permits the simulated time to pass until the next sample is due.
+
+    This is ``lag_ns`` after the longest of the latest periods.
+    """
+    latest_ns = period_ns = 0
+
+    def handle(sample: Any, *info: Any) -> None:
+        nonlocal latest_ns, period_ns
+        try:
+            on_sample(sample, *info)
+        finally:
+            if latest_ns:  # periods vary, and samples may be missing
+                period_ns = max(sample.stamp_ns - latest_ns, period_ns * 9 // 10)
+            latest_ns = sample.stamp_ns
+            behind_ns = SYSTEM.time_ns() - SYSTEM.now_ns()  # of the steady time
+            if period_ns:
+                participant.permit(latest_ns - behind_ns + period_ns + lag_ns)
+
+    return handle
