@@ -78,7 +78,7 @@ class Reading:
     time: float      # s
     position: float  # rad
     duty: float      # [-1, 1]
-    torque: float    # N m at the wheel, NaN if it was not measured at this duty
+    torque: float    # N m at the wheel, NaN if it was not measured at about this duty
 
 
 class MotionCheck:
@@ -224,6 +224,7 @@ class Board:
     sampled: list[float] = field(default_factory=lambda: [0.0, 0.0])  # rad, at the last sample
     span_ns: int = 0             # since the last sample
     duty: tuple[float, float] = (0.0, 0.0)  # at the motor terminals, as acknowledged
+    driven: Sequence[float] = (0.0, 0.0)    # the same, forward, at the latest reading
     zero_replies: int = 0        # consecutive acknowledgments of zero duty
     torques: tuple[float, ...] = (NAN, NAN)  # N m, forward, at the wheels; of the latest poll
     measured: tuple[tuple[float, float], ...] = ()  # duties and torques since the last check
@@ -244,10 +245,13 @@ class Board:
         """Return a fault of each wheel, '' if there is none; at most every ``CHECK_PERIOD``."""
         if not self.read_ns or self.read_ns - self.checked_ns < CHECK_PERIOD_NS:
             return []
-        measured = self.measured or [(duty, NAN) for duty in self.forward_duty()]
+        measured = self.measured or [(duty, NAN) for duty in self.driven]
         self.checked_ns, self.measured = self.read_ns, ()
-        return [check.check_reading(Reading(self.read_ns / NS_PER_S, encoder.position, *driven))
-                for encoder, check, driven in zip(self.encoders, self.checks, measured)]
+        # a duty that was sent after the reading has not moved the wheel before it
+        return [check.check_reading(Reading(self.read_ns / NS_PER_S, encoder.position, *(
+            of_torque if abs(of_torque[0] - driven) < MIN_DRIVING_DUTY else (driven, NAN))))
+            for encoder, check, driven, of_torque in zip(
+                self.encoders, self.checks, self.driven, measured)]
 
     def forward_duty(self) -> list[float]:
         """Return the duties, positive driving forward."""

@@ -221,6 +221,7 @@ class RoboclawPair:
     def _read(self, board: Board) -> bool:
         """Read the encoders of ``board``; return whether the speed of its wheels is known."""
         asked_ns = self._clock.now_ns()
+        board.driven = board.forward_duty()  # a new one may be sent before currents are read
         counts = self.line.exchange(board.address, READ_ENCODERS)
         if self.line.retried:  # the reply may belong to either request: its time is uncertain
             return False

@@ -22,7 +22,7 @@ from smart_tire.drivers.roboclaw_pair import RoboclawPair
 from smart_tire.parameters import MotorDriverParams
 from smart_tire.protocol.roboclaw import (
     READ_BATTERY, READ_CURRENTS, READ_ENCODERS, READ_STATUS, READ_TIMEOUT, SET_DUTY, SET_TIMEOUT)
-from smart_tire.samples import NS_PER_S
+from smart_tire.samples import MotorCommand, NS_PER_S
 from support.virtual_robot import played, VirtualDriver
 
 ADDRESSES = (128, 129)
@@ -158,6 +158,20 @@ def test_a_stop_does_not_wait_for_currents(robot, phase):
     robot.output.engage()
     stopped = yield from robot.stop_time(asked)
     assert stopped < 0.02 + LINE
+
+
+@pytest.mark.parametrize('phase', np.arange(125) / 125)
+@driver()
+def test_a_start_before_the_currents_rise_is_no_fault_at_any_phase_of_the_poll(robot, phase):
+    yield from enabled(robot)
+    yield 0.5 + 0.0625 * phase
+    robot.fail(currents=dict.fromkeys(range(4), 1))  # 10 mA
+    robot.duty = (0.254,) * 4
+    robot.output.set_command(MotorCommand(0, robot.duty), robot.clock.now_ns())
+    yield 0.006
+    robot.fail()
+    yield 0.5
+    assert robot.output.gate.enabled and robot.reports == []
 
 
 @pytest.mark.parametrize('delay', [0.03, 0.045, 0.07])
