@@ -141,16 +141,21 @@ def is_analysis(folder: Path) -> bool:
     return (folder / SUMMARY).is_file() and (folder / 'estimates').is_dir()
 
 
-def analyzed_bag(folder: Path) -> Path | None:
-    """Return the bag that the summary in ``folder`` names, None without both; raise BagError."""
+def analyzed_bag(folder: Path) -> tuple[Path, dict[str, str]] | None:
+    """
+    Return the bag that the summary in ``folder`` names, and its topics that were remapped.
+
+    None if summary or bag are missing; raises BagError if this is not a summary.
+    """
     summary = folder / SUMMARY
     try:
-        bag = Path(json.loads(read_file(summary, MAX_SUMMARY_SIZE))['bag'])
+        tree = json.loads(read_file(summary, MAX_SUMMARY_SIZE))
+        bag, remap = Path(tree['bag']), dict(tree.get('remap', {}))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BagError(f'{summary}: not the summary of an analysis ({error})') from error
-    return bag if os.path.exists(bag) else None  # also for names of 300 characters
+    return (bag, remap) if os.path.exists(bag) else None  # also for names of 300 characters
 
 
 def no_bag(folder: Path) -> str:

@@ -27,7 +27,7 @@ from smart_tire.analysis.pipeline import bag_params, ESTIMATES, OVERHEAD, TRUTHS
 from smart_tire.analysis.result import Comparison, Result
 from smart_tire.analysis.summary import estimates_tree, plain, Tree
 from smart_tire.analysis.tables import cells, Columns, Table, value_of
-from smart_tire.bags import Bag
+from smart_tire.bags import Bag, STANDARD_NAMES, TopicNames
 from smart_tire.errors import BagError
 from smart_tire.paths import analyzed_bag, write_text
 from smart_tire.recording import SampleArrays
@@ -63,7 +63,7 @@ def read_analysis(folder: Path) -> Result:
 
     References and inputs are those in its bag, if that is still where it was.
     """
-    source = analyzed_bag(folder)
+    source = analyzed_bag(folder)  # first: it may be no analysis
     with Bag(folder / 'estimates') as bag:
         estimates, robot = bag.recording(ESTIMATES), bag_params(bag).params.robot
     smoothed = None
@@ -73,7 +73,8 @@ def read_analysis(folder: Path) -> Result:
     found = Result(estimates, smoothed=smoothed)
     if source is None:
         return found
-    with Bag(source, joints=robot.joints) as bag:
+    path, remap = source
+    with Bag(path, TopicNames(remap), robot.joints) as bag:
         motion = bag.recording(MOTION)
         return with_references(replace(
             found, inputs=motion, dead_reckoning=baselines(motion, robot)), bag)
@@ -84,9 +85,13 @@ def with_references(result: Result, bag: Bag) -> Result:
     return replace(result, truth=bag.recording(TRUTHS), camera=bag.recording(OVERHEAD))
 
 
-def read_references(path: Path) -> Result:
-    """Return the references in the bag at ``path``; raise BagError if it has none."""
-    with Bag(path) as bag:
+def read_references(path: Path, names: TopicNames = STANDARD_NAMES) -> Result:
+    """
+    Return the references in the bag at ``path``; raise BagError if it has none.
+
+    ``names`` are those that are named differently there.
+    """
+    with Bag(path, names) as bag:
         found = with_references(Result(SampleArrays()), bag)
     if not found.references:
         raise BagError(f'{path}: none of {", ".join((*TRUTHS, *OVERHEAD))} in the bag')

@@ -184,8 +184,9 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     analysis.estimates = writers[0].estimates
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
-        analysis.summary = _summary(path, analysis, slip, None if source is None else source.tree,
-                                    params.robot.wheel_radius)
+        analysis.summary = {**_summary(
+            path, analysis, slip, None if source is None else source.tree,
+            params.robot.wheel_radius), 'remap': dict(names.remap)}
         if out is not None:
             _write(out / 'summary.json', analysis.summary)
     return analysis

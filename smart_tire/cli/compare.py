@@ -28,6 +28,8 @@ from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.paths import is_analysis
 
+REFERENCES = 'ground_truth/', 'overhead/'  # begin of their names
+
 if TYPE_CHECKING:
     from smart_tire.analysis.result import Result
 
@@ -67,7 +69,13 @@ def results_of(jobs: Mapping[str, tuple[Path, list[Path]]], args: argparse.Names
                ) -> tuple[dict[str, Result], int]:
     """Return the results of all ``jobs`` that have any, by label, and the exit status."""
     from smart_tire.analysis.comparison import read_analysis, read_references
-    given = None if args.truth is None else read_references(args.truth)
+    from smart_tire.bags import TopicNames
+    given = None
+    if args.truth is not None:  # its topics are not those of the runs
+        references = [one for one in args.remap if one.strip('/').startswith(REFERENCES)]
+        given = read_references(args.truth, TopicNames.parse(references))
+        args = argparse.Namespace(**{
+            **vars(args), 'remap': [one for one in args.remap if one not in references]})
     results: dict[str, Result] = {}
     status = 0
     for label, (path, files) in jobs.items():

@@ -40,7 +40,7 @@ def find_bags(path: Path) -> tuple[Path, Path | None]:
     are shown on their own.
     """
     source = analyzed_bag(path.parent) if path.name in ANALYZED else None
-    return (path, None) if source is None else (source, path)
+    return (path, None) if source is None else (source[0], path)
 
 
 def show(path: Path, estimates: Path | None, scene: Scene, params: EstimatorParams, *,

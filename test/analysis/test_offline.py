@@ -84,7 +84,8 @@ def test_the_summary_has_the_specified_form(analyzed, drive, drive_bag):
     assert summary == run.summary
     assert list(summary) == [
         'bag', 'duration_s', 'host', 'parameters', 'notes', 'findings', 'diverged', 'inputs',
-        'left_out', 'estimates', 'against_truth', 'against_camera', 'smoothed']
+        'left_out', 'estimates', 'against_truth', 'against_camera', 'smoothed', 'remap']
+    assert summary['remap'] == {}
     assert summary['bag'] == str(drive_bag)
     assert summary['duration_s'] == pytest.approx(12.0, abs=0.1)
     counts = Counter(topic for _, topic, _ in drive)

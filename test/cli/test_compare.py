@@ -20,7 +20,9 @@ from smart_tire.cli.compare import labeled
 from smart_tire.cli.main import main
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.samples import WheelCommand
 from smart_tire.simulation.offline import simulate
+from support.foreign import Foreign
 from support.recordings import write_bag
 
 FILES = {'comparison.csv', 'comparison.png', 'comparison.tex'}
@@ -99,6 +101,31 @@ def test_analyses_are_read_with_the_reference_of_their_bag(bags, robots, tmp_pat
     (tmp_path / 'moved' / 'summary.json').write_text('{}')
     assert compare(tmp_path / 'moved') == 2
     assert 'summary.json: not the summary of an analysis' in capsys.readouterr().err
+
+
+def test_topics_of_other_names_have_references_and_dead_reckoning_too(robots, tmp_path, capsys):
+    topics = {'wheel_states': 'base/joint_states', 'wheel_commands': 'arm/joint_states',
+              'ground_truth/odom': 'mocap/odom'}
+    events = [(receive_ns, topic, sample) for received_ns, name, one in drive(2)
+              for receive_ns, topic, sample in [(received_ns, name, one), *(
+                  [(received_ns, 'wheel_commands', WheelCommand(one.stamp_ns, one.velocity))]
+                  if name == 'wheel_states' else [])]]
+    bag = Foreign(topics).write(tmp_path / 'bag', events)
+    blind = Foreign(topics, omitted=['ground_truth/odom', 'ground_truth/wheel_slip']).write(
+        tmp_path / 'blind', events)
+    given = [f'{name}:=/{topics[name]}' for name in ('wheel_states', 'ground_truth/odom')]
+    remap = [word for rule in given for word in ('--remap', rule)]
+    methods = ['estimate', 'gyroscope + wheels', 'wheels only']
+    assert compare(bag, *remap, '--params', robots[0], '--out', tmp_path / 'a') == 0
+    found = rows(tmp_path / 'a')
+    assert [method for _, method in found] == methods and all(found.values())
+    assert compare(blind, *remap, '--params', robots[0], '--truth', bag, '--out',
+                   tmp_path / 'b') == 0
+    assert list(rows(tmp_path / 'b').values()) == pytest.approx(list(found.values()))
+    assert main(['analyze', str(bag), *remap, '--params', str(robots[0]), '--no-figures', '--out',
+                 str(tmp_path / 'analyzed')]) == 0
+    assert compare(tmp_path / 'analyzed', '--out', tmp_path / 'c') == 0
+    assert list(rows(tmp_path / 'c').values()) == pytest.approx(list(found.values()))
 
 
 def test_several_bags_are_compared_by_analyze(bags, robots, tmp_path, capsys):
