@@ -122,7 +122,7 @@ def score_motion(row: str, seed: int, estimate: Estimate, truth: Truth, *, prefi
         both = when[:, 0] & when[:, 1]
         errors[f'v{suffix}'] = speed_errors(estimate, truth, 0, both)
     errors['icr'] = _icr_errors(estimate, truth, steady[:, 0] & steady[:, 1])
-    path, values = _path_errors(estimate, truth)
+    path, values = path_errors(estimate, truth)
     values |= {'nis': estimate.nis, 'step_us': estimate.step_us}
     return Run(row, seed, {prefix + name: one for name, one in (errors | path).items()},
                {prefix + name: value for name, value in values.items()})
@@ -199,7 +199,7 @@ def _icr_errors(estimate: Estimate, truth: Truth, when: Mask) -> Errors:
     return Errors.without_sigma(at(truth.stamp_ns[turning], *estimate.icr)[:, 0] - true)
 
 
-def _path_errors(estimate: Estimate, truth: Truth) -> tuple[dict[str, Errors], dict[str, float]]:
+def path_errors(estimate: Estimate, truth: Truth) -> tuple[dict[str, Errors], dict[str, float]]:
     """Return the pose errors at times when both poses are known, and those at the end."""
     found = compared_poses(estimate.poses, truth.poses)
     estimated, true, stamps = found.estimated, found.true, found.stamp_ns

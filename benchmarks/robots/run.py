@@ -26,15 +26,17 @@ from benchmarks.harness import (
     Benchmark, Column, figure_table, Job, milli, new_table, percent, Rows)
 from benchmarks.robots.draws import DISTRIBUTIONS, draw, FILMS, ROWS, TORQUES, TUNING_SEED
 from benchmarks.robots.histograms import draw_histograms
-from benchmarks.robots.scoring import LATERAL, run_robot, SLIP, SPEED
+from benchmarks.robots.scoring import HEADING, LATERAL, OURS, POSITION, run_robot, SLIP, SPEED
 from benchmarks.scoring import Figures, Run
 from rich.table import Table
+from smart_tire.analysis.dead_reckoning import GYRO_WHEELS, WHEELS_ONLY
 
 NOTES = """\
 Robots drawn at random. <: required. mu: relative error of the fused coefficient from the fifth
 revolution on each ground, median and 90 % over crossings; est.: share of crossings with an
 estimate. Slip while steady, speeds in motion: rms. 2 s.: share within two sigma; NEES: normalized
-error squared; both means over robots.
+error squared; both means over robots. Path and heading: rms over the whole drives; better: share of
+robots with a path better than that of gyroscope + wheels.
 """
 FRICTION = (percent('mu median\n[%]', 'mu.median'), percent('90 %\n[%]', 'mu.q90'),
             percent('<\n[%]', 'required.median', 0), percent('<\n[%]', 'required.q90', 0),
@@ -48,6 +50,11 @@ MOTION = tuple(
         Column(f'{name} rms{unit}', f'{name}.rms', digits, scale),
         Column(f'<{unit}', f'required.{name}', digits, scale),
         percent('2 s.\n[%]', f'{name}.within_two', 0), Column('NEES', f'{name}.nees')))
+
+METHODS = OURS, GYRO_WHEELS, WHEELS_ONLY
+POSES = (*(Column(f'{method}\npath [m]', f'{POSITION}, {method}.rms', 3) for method in METHODS),
+         percent('better\n[%]', 'better', 0),
+         *(milli(f'{method}\nheading [mrad]', f'{HEADING}, {method}.rms') for method in METHODS))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,10 +85,11 @@ def run(row: str, seed: int, nominal: Sequence[str], known_radius: bool,
 
 
 def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
-    """Yield the tables of mu, of the motion, and of what was drawn."""
+    """Yield the tables of mu, of the motion, of the poses, and of what was drawn."""
     labeled = [(ROWS[name].title, figures | required(name)) for name, figures in rows.items()]
     yield figure_table('Friction', labeled, FRICTION)
     yield figure_table('Motion', labeled, MOTION)
+    yield figure_table('Path and heading', labeled, POSES)
     drawn = new_table('Drawn', 'property', 'values', 'distribution', 'parameters', 'nominal',
                       'unit', 'origin')
     for name, one in DISTRIBUTIONS.items():
