@@ -49,7 +49,7 @@ help:
 	@echo 'make test-jazzy      run the tests of the nodes, and the linters of ROS, with ROS 2 Jazzy'
 	@echo 'make lint            check style and types only'
 	@echo 'make check           make test with coverage, generated files, documentation site, fuzz'
-	@echo '                     test, stop times, quick benchmarks: half an hour on two cores'
+	@echo '                     test, stop times, quick benchmarks'
 	@echo 'make stop-times      measure the stop time of the wheels for each hazard; RUNS=N'
 	@echo 'make mutants         mutation test of the safety path; SAMPLE=N for N mutants, SEED=S'
 	@echo '                     for others, ROOM=bags for those of a folder of smart_tire'
