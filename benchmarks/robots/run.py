@@ -35,7 +35,7 @@ NOTES = """\
 Robots drawn at random. <: required. mu: relative error of the fused coefficient from the fifth
 revolution on each ground, median and 90 % over crossings; est.: share of crossings with an
 estimate. Slip while steady, speeds in motion: rms. 2 s.: share within two sigma; NEES: normalized
-error squared; both means over robots. Path and heading: rms over the whole drives; better: share of
+error squared; both means over robots. Path and heading: rms over whole drives; better: share of
 robots with a path better than that of gyroscope + wheels.
 """
 FRICTION = (percent('mu median\n[%]', 'mu.median'), percent('90 %\n[%]', 'mu.q90'),

@@ -221,6 +221,12 @@ def share_outside(values: Iterable[Array], low: float, high: float) -> float:
     return float(np.mean((found < low) | (found > high))) if len(found) else 0.0
 
 
+def outside_caption(values: Iterable[Array], low: float, high: float) -> str:
+    """Return how many of the values that are drawn are outside of the axes, '' if none is."""
+    share = share_outside(values, low, high)
+    return f' {100.0 * share:.1f} % of the others are outside of the axes.' if share else ''
+
+
 def _finite(values: Iterable[Array]) -> Array:
     parts = [np.ravel(part) for part in values]
     found: Array = np.concatenate(parts) if parts else np.empty(0)

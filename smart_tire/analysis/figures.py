@@ -21,7 +21,7 @@ import numpy as np
 from smart_tire.analysis.crossing import crossing_waveform, CrossingWaveform
 from smart_tire.analysis.drawing import save_all
 from smart_tire.analysis.figure import (
-    Curve, Figure, interrupted, limits, Mark, PAIR, Panel, reference_caption, share_outside,
+    Curve, Figure, interrupted, limits, Mark, outside_caption, PAIR, Panel, reference_caption,
     TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.friction_metrics import (
     column, is_informative, kind_of, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
@@ -76,14 +76,13 @@ def friction_figure(result: Result) -> Figure | None:
 
     rows = _crossing_panels(result, 'friction coefficient [-]', MAX_FRICTION, marks)
     single = np.concatenate([np.empty(0), *(panel.marks[0].curve.y for panel, in rows)])
-    outside = share_outside([single], 0.0, MAX_FRICTION)
     return Figure(
         'friction', 'Friction coefficient per patch crossing of each instrumented wheel',
         'Sliding friction coefficient. Points: single patch crossings; line: fused with the '
         f'crossings before. Bands and bars: {TWO_SIGMA}{DASHED if result.truth.crossings else ""} '
         f'Not drawn: {np.isnan(single).sum()} of {len(single)} single crossings that are '
-        f'uninformative (σ above {100.0 * MAX_RELATIVE_SIGMA:.0f} % of the value). '
-        f'{100.0 * outside:.1f} % of the others are outside of the axes.',
+        f'uninformative (σ above {100.0 * MAX_RELATIVE_SIGMA:.0f} % of the value).'
+        + outside_caption([single], 0.0, MAX_FRICTION),
         rows, (9.0, 2.6), result.segments) if rows else None
 
 

@@ -23,8 +23,8 @@ from smart_tire.analysis.driven_paths import DrivenPath, Grounds, track
 from smart_tire.analysis.errors import error_panel, pose_errors, position_error, TWIST_NAMES
 from smart_tire.analysis.figure import (
     Curve, ellipse, Figure, GAP, interrupted, Limits, limits, Mark, MAX_GAP, MAX_POINTS,
-    MAX_SLIP_SIGMA, observable, PAIR, Panel, reference_caption, reference_marks, REPORTED,
-    share_outside, SOURCES, TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
+    MAX_SLIP_SIGMA, observable, outside_caption, PAIR, Panel, reference_caption, reference_marks,
+    REPORTED, SOURCES, TIME_LABEL, TRUTH, truth_marks, TWO_SIGMA)
 from smart_tire.analysis.metrics import (
     carried, compared_poses, ComparedPoses, measured, SE2, SIDES, START, UNALIGNED)
 from smart_tire.analysis.result import Comparison, Result
@@ -147,8 +147,7 @@ def _shown_slip(curves: Sequence[SlipCurve], spans: Sequence[tuple[float, float]
     return low, high, (
         f'Bands: {TWO_SIGMA}{drawn} No line at standstill, where slip is undefined, and where σ '
         f'exceeds {MAX_SLIP_SIGMA}, where it is not observable ({100.0 * hidden:.1f} % of the '
-        f'values). {100.0 * share_outside(own, low, high):.1f} % of the others are outside of '
-        'the axes.')
+        'values).' + outside_caption(own, low, high))
 
 
 def path_figure(result: Result, *, errors: bool = True) -> Figure | None:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 RPM = 60.0 / math.tau
 TABLE_PERIOD = 10.0  # s between two tables without a terminal
 MAX_AGE = 1.0        # s; older values are gray, with their age
+# Characters of each column; with ages they fill a terminal of 80.
+COLUMNS = {'speed, rpm': 11, 'slip': 18, 'friction': 12, 'one crossing': 12, 'crossings': 9}
 
 
 class Dashboard:
@@ -76,9 +78,9 @@ def _header(now: float, phase: str, status: Pilot, note: str) -> Text:
 
 
 def _table(status: Pilot) -> Table:
-    table = Table('wheel', box=None, pad_edge=False)  # "[" would start rich markup
-    for column in ('speed, rpm', 'slip', 'friction, fused', 'single crossing', 'crossings'):
-        table.add_column(column, justify='right', min_width=len(column) + 2)
+    table = Table('wheel', box=None, pad_edge=False, collapse_padding=True)
+    for column, width in COLUMNS.items():
+        table.add_column(column, justify='right', min_width=width, no_wrap=True)
     for index, wheel in enumerate(WHEELS):
         table.add_row(wheel, *_row(index, wheel, status))
     return table
@@ -92,9 +94,9 @@ def _row(index: int, wheel: str, status: Pilot) -> tuple[Text | str, ...]:
     friction = status.friction.get(wheel)
     if friction is None:
         return speed, slip, '', '', ''
-    fused, single = (_aged(_value(*quantity), friction, status) for quantity in (
-        friction.friction_coefficient, friction.friction_coefficient_single))
-    return speed, slip, fused, single, str(status.crossings[wheel])
+    count = _aged(str(status.crossings[wheel]), friction, status)
+    return speed, slip, *(Text(_value(*quantity), style=count.style) for quantity in (
+        friction.friction_coefficient, friction.friction_coefficient_single)), count
 
 
 def _aged(text: str, sample: Sample, status: Pilot) -> Text:

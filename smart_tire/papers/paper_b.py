@@ -143,7 +143,7 @@ def stretch_section(result: Sweep) -> PaperSection:
     for speed, line in result.lines.items():
         own, color = crossings.take(crossings.speed == speed), SPEED_COLORS[speed]
         marks += [dots(own.slip, own.stretch, f'{speed:.0f} rpm ± 2σ', color, own.stretch_sigma),
-                  straight(slips, line.slope, '', color, line.offset)]
+                  straight(slips, line.slope, f'line, {speed:.0f} rpm', color, line.offset)]
     exact, printed = tire_maps.exact_stretch(slips), tire_maps.printed_stretch(slips)
     marks += [Mark(Curve(slips, exact), 'exact, longitudinal slip', 'ink'),
               Mark(Curve(slips, printed), 'B(25) with its $L_a$', 'vermillion', dashed=True)]

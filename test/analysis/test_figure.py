@@ -18,8 +18,8 @@ import pytest
 
 from smart_tire.analysis.drawing import render
 from smart_tire.analysis.figure import (
-    Curve, Figure, interrupted, limits, Mark, MAX_SLIP_SIGMA, observable, Panel, runs, segments,
-    share_outside, truth_marks)
+    Curve, Figure, interrupted, limits, Mark, MAX_SLIP_SIGMA, observable, outside_caption, Panel,
+    runs, segments, share_outside, truth_marks)
 
 LINE = Curve(np.arange(3.0), np.array([1.0, 2.0, math.nan]), np.array([0.1, 0.2, 0.3]))
 
@@ -49,6 +49,9 @@ def test_limits_ignore_a_few_extreme_values_and_count_them():
     assert -0.25 < low < -0.15 and 1.15 < high < 1.25
     assert share_outside([values], low, high) == pytest.approx(0.001)
     assert share_outside([np.array([math.nan])], low, high) == 0.0
+    assert outside_caption([values], low, high) == (
+        ' 0.1 % of the others are outside of the axes.')
+    assert outside_caption([values], -2.0 * abs(low), 1e9) == ''
 
 
 @pytest.mark.parametrize('values', [[], [np.full(3, math.nan)], [np.full(3, 0.0)]])

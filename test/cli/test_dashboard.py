@@ -67,11 +67,23 @@ def test_an_old_value_has_its_age_and_is_gray():
         status.now_ns = lambda now=now: round(now * NS_PER_S)
         text = shown(status, terminal=False)
         assert (f'120.0 ({now:.0f} s)' in text) is shown_age
-        assert (f'+0.47 ± 0.05 ({now:.0f} s)' in text) is shown_age
+        assert (f' 7 ({now:.0f} s)' in text) is shown_age and '+0.47 ± 0.05' in text
         assert '+0.11 ± 0.01' in text and f'+0.11 ± 0.01 ({now:.0f} s' not in text
         assert f'yaw rate +0.00 rad/s ({now + 1.0:.0f} s)' in text
         (cell,) = {cell.style for cell in (_aged('', status.wheels, status),)}
         assert (cell == 'bright_black') is gray
+
+
+def test_old_values_fit_into_a_terminal_of_80_characters():
+    text = io.StringIO()
+    status = moving()
+    status.crossings['front_left'] = 123
+    status.now_ns = lambda: 9 * NS_PER_S
+    with Dashboard(Console(file=text, width=80, color_system=None)) as dashboard:
+        dashboard.show('concrete', status)
+    (row,) = [line for line in text.getvalue().splitlines() if 'front_left' in line]
+    assert row.split('  ')[0] == 'front_left' and row.endswith('123 (9 s)')
+    assert '120.0 (9 s) ' in row and '+0.11 ± 0.01 (9 s)' in row and '+0.47 ± 0.05' in row
 
 
 def test_motors_that_are_stopped_are_shown_with_the_reason():
