@@ -242,7 +242,7 @@ def _report(out: Path, summary: Tree) -> int:
     (out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n', encoding='utf-8')
     print('\n'.join(demo_lines(summary)))
     print(f'\nbag, figures and summary.json are in {out}/; to see the run: '
-          f'{_command()} view {out}')
+          f'{_command()} report {out}, or view {out}')
     if summary['silent']:
         print(f'demo: no messages on {", ".join(summary["silent"])}', file=sys.stderr)
         return 1
