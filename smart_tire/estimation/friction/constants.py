@@ -53,5 +53,5 @@ FULL_SLIDING_SIGMAS = 4.0  # within which that onset counts as reached; wet tile
 # -- friction of a single crossing ---------------------------------------------------------------
 DEVIATIONS = np.linspace(-6.0, 6.0, 301)  # of 1 / mu in the posterior, in sigmas; derived; noisy
 MAX_CONTRADICTION = 13.8  # squared normalized difference of the films from the motion: 1 in 1000,
-#                           beyond which mu is unknown: the ground has just changed; jumps
+#                           beyond which mu is unknown: a ground that changes; slow_readings
 MAX_WAIT_NS = 2_000_000_000  # of a crossing for a window of the ground; derived; standstill

@@ -328,10 +328,9 @@ class SlipSegment:
         if standstill is not None and self._stationary:
             self.filter.correct_zero_velocity()
             if standstill.rate is not None:
-                self.filter.correct_gyro_bias(
-                    standstill.rate,
-                    UNWINDING_TIME / wheels.duration * standstill.unwinding_sigma ** 2,
-                    self._gyro_variance * self._imu.period.value)
+                unwinding = UNWINDING_TIME / wheels.duration * standstill.unwinding_sigma ** 2
+                self.filter.correct_gyro_bias(standstill.rate, unwinding,
+                                              self._gyro_variance * self._imu.period.value)
 
     def _is_slow(self) -> bool:
         """Return whether the estimated speed is compatible with standstill."""

@@ -47,8 +47,7 @@ from smart_tire.uncertain import Uncertain
 
 SLOPES = State.ROLL, State.PITCH
 POSE = State.X, State.Y, State.YAW
-# on a ground that is given, the forces show the lateral speed and B(8) does not: sliding tires
-# leave their ICRs
+# where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
 ICR_LEARNED = np.ones(N)
 ICR_LEARNED[State.ICR_X] = 0.0
 
@@ -411,9 +410,8 @@ class SlipFilter:
                            0.5 * sum(x[row] for row in SLIP_VELS)
                            * math.sqrt(self._slopes[0].variance) / self.forces.least_friction)
         variance = sigma ** 2 * 2.0 * SLIP_CORRELATION_TIME / max(duration, 1e-3)
-        self.kalman.correct(
-            y, h, variance,
-            ICR_LEARNED if self._balanced and self.forces.given else SENSORS_HELD)
+        known = self._balanced and self.forces.given and not self.forces.follows  # the ground
+        self.kalman.correct(y, h, variance, ICR_LEARNED if known else SENSORS_HELD)
 
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""
@@ -432,6 +430,6 @@ class SlipFilter:
         before = max(self._turned - QUIET_TIME * density, 0.0)
         shared = min(density, before * variance / density)
         self._turned -= shared * density / variance
-        self.kalman.correct(
-            rate.value - self.kalman.x[State.GYRO_BIAS_Z], np.eye(N)[State.GYRO_BIAS_Z],
-            variance + unwinding, CONSIDERED, (State.YAW, -shared))
+        row = State.GYRO_BIAS_Z
+        self.kalman.correct(rate.value - self.kalman.x[row], np.eye(N)[row],
+                            variance + unwinding, CONSIDERED, (State.YAW, -shared))

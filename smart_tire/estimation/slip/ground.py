@@ -44,6 +44,9 @@ from smart_tire.uncertain import log_normal, Uncertain
 
 RELATIVE = [row - GROUND.start for row in (
     State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL)]  # errors of the ground as given
+# ln of the rolling resistance of any ground: the window finds it, and begins with firm ground,
+# where its errors are smaller (concrete without films); the filter does not (starvation, sand)
+UNKNOWN_RESISTANCE = LN_RESISTANCE._replace(value=math.log(0.035))
 FOLLOWED = FORCES_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0
 
@@ -115,7 +118,7 @@ def ground_prior(robot: RobotParams) -> tuple[Uncertain, ...]:
     stiffness, friction, lateral = (
         Uncertain(math.exp(mean), sigma * math.exp(mean)) for mean, sigma in logs)
     share = Uncertain(0.5 + 0.25 * LATERAL_SHARE.value, 0.25 * LATERAL_SHARE.sigma)
-    return (stiffness, friction, log_normal(*LN_RESISTANCE), share, lateral,
+    return (stiffness, friction, log_normal(*UNKNOWN_RESISTANCE), share, lateral,
             *map(Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
 
 

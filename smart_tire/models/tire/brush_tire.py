@@ -59,7 +59,7 @@ FORCE_TOLERANCE = 1e-9   # relative
 # prior of the ground, from ice to rough concrete; tires from C_y = 0.6 C_x (narrow) to isotropic
 LN_STIFFNESS = Uncertain(-0.2, 0.4)                 # ln C_x over the nominal one of the tire
 LN_FRICTION = Uncertain(math.log(0.4), 0.6)         # ln mu
-LN_RESISTANCE = Uncertain(math.log(0.035), 1.0)     # ln of the rolling resistance over the load
+LN_RESISTANCE = Uncertain(math.log(0.025), 1.0)     # ln of the rolling resistance over the load
 # logit of the share of the resistance that acts along the velocity of the wheel, not along x
 LATERAL_SHARE = Uncertain(0.0, 1.5)
 LN_LATERAL_RATIO = Uncertain(-0.1, 0.15)            # ln C_y / C_x

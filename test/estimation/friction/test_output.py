@@ -92,7 +92,7 @@ def test_a_crossing_whose_films_contradict_the_ground_has_no_friction(films, sli
     assert (found.slip, found.stiffness) == (state.slip, state.stiffness)
 
 
-def test_a_film_in_an_unknown_state_shows_its_slip_and_no_friction():
+def test_films_of_a_wheel_in_an_unknown_state_contradict_nothing():
     found = friction_record('front_left', 0.04, SimpleNamespace(stamp_ns=5, speed=1.0),
                             FilmResult(slip_fit(), 0.0, False), WheelState())
     assert found.friction_coefficient == UNKNOWN and found.film_slip.value == 0.11
