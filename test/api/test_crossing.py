@@ -73,6 +73,8 @@ def test_values_are_right_within_their_standard_deviations(turn, films, first):
     for name, truth in (('slip', [one.slip for one in turn]),
                         ('adhesion_ratio', [one.adhesion for one in turn]),
                         ('contact_length', [0.046] * len(turn)),
+                        ('adhesion_length', [0.046 * one.adhesion for one in turn]),
+                        ('tread_deflection', [0.046 * one.adhesion * one.total for one in turn]),
                         ('friction_coefficient', [one.mu for one in turn])):
         found = np.array([getattr(fit, name) for fit in fits])
         errors = (found[:, 0] - truth) / found[:, 1]
