@@ -33,24 +33,22 @@ from scipy.special import chdtri
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.film_crossings import (
-    CrossingWithSlip, GainObservation, ObservationFitter)
-from smart_tire.calibration.priors import LIMITS, PRIORS
+    CrossingWithSlip, EXACT_SIGMA, GainObservation, ObservationFitter)
+from smart_tire.calibration.priors import LIMITS, PRIORS, UNINFORMATIVE
 from smart_tire.calibration.results import MIN_ROBUST, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import (
     HUBER_THRESHOLD, Prior, REWEIGHTING_ROUNDS, solve_with_prior)
 from smart_tire.numerics.robust import huber_weights, winsorized_mean
 from smart_tire.parameters import RobotParams
-from smart_tire.samples import NS_PER_S
 from smart_tire.uncertain import Uncertain
 
-# shares of the smoothed slip's sigma, from simulations with default sensors: 0.55 of it lasts
-# through a segment and hardly longer; 0.2 is new in every crossing at steady speed, 0.6 otherwise
-SEGMENT_SLIP_SHARE, CROSSING_SLIP_SHARE = 0.6, 0.5
-SEGMENT_SLIP_TOLERANCE = 0.03  # -, deviation of slip that begins a new segment
-MAX_SEGMENT_PAUSE = 3.0  # s between two crossings of a segment: a revolution of a slow wheel
-MIN_SIGMA = 1e-6  # -, of parameters that are configured as exact
-MIN_SLIP = 0.03  # -, below which the stretch signal of a crossing is lost in that of bending
+# of the smoothed slip's sigma: lasts through a segment and hardly longer, and is new in every
+# crossing with changing speed; from simulations with default sensors
+SLIP_SHARE = 0.6
+# -, slip below which the stretch signal of a crossing is lost in that of bending, and deviation of
+# slip that begins a new segment
+MIN_SLIP = 0.03
 MAX_ITERATIONS = 5      # of fits, each with the result of the previous one
 CONVERGED_SIGMAS = 0.3  # standard errors; a smaller change ends the iteration
 
@@ -96,19 +94,19 @@ class Adjustment:
 
 def constant_slip_segments(observations: Sequence[GainObservation],
                            recordings: Sequence[int]) -> NDArray[np.intp]:
-    """Return the number of each observation's segment, -1 without gains."""
+    """Return the number of each observation's segment, -1 without gains: such ones end it."""
     segments = np.full(len(observations), -1, dtype=np.intp)
-    number, last = -1, None
-    chosen = [i for i, observation in enumerate(observations) if observation.gains]
-    for i in sorted(chosen, key=lambda i: (recordings[i], observations[i].crossing.wheel,
-                                           observations[i].crossing.stamp_ns)):
-        crossing = observations[i].crossing
-        source = recordings[i], crossing.wheel
-        pause = math.inf if last is None else (crossing.stamp_ns - last[1]) / NS_PER_S
-        if last is None or source != last[0] or pause > MAX_SEGMENT_PAUSE or abs(
-                crossing.slip[0] - last[2] / last[3]) > SEGMENT_SLIP_TOLERANCE:
-            number, last = number + 1, (source, 0, 0.0, 0)
-        last = source, crossing.stamp_ns, last[2] + crossing.slip[0], last[3] + 1
+    number, wheel, slips = -1, None, [0.0]
+    for i, crossing in sorted(
+            ((i, one.crossing) for i, one in enumerate(observations)),
+            key=lambda item: (recordings[item[0]], item[1].wheel, item[1].stamp_ns)):
+        if not observations[i].gains:
+            wheel = None
+            continue
+        source, slip = (recordings[i], crossing.wheel), crossing.slip.value
+        if source != wheel or abs(slip - sum(slips) / len(slips)) > MIN_SLIP:
+            number, wheel, slips = number + 1, source, []
+        slips.append(slip)
         segments[i] = number
     return segments
 
@@ -123,10 +121,10 @@ class _Adjuster:
         self._positions = robot.film.centers
         self._segment = constant_slip_segments(observations, recordings)
         self._count = int(self._segment.max(initial=-1)) + 1
-        radius = max(robot.wheel_radius_sigma, MIN_SIGMA)
+        radius = max(robot.wheel_radius_sigma, EXACT_SIGMA)
         # followed by an offset of the slips of each recording, and the slip error of each segment
         sigma = np.full(index.size + max(recordings, default=-1) + 1, radius)
-        sigma[:index.size] = PRIORS['film'].sigma
+        sigma[:index.size] = UNINFORMATIVE.sigma
         sigma[index.alpha:index.position(0)] = (
             PRIORS['ln of alpha'].sigma, radius, PRIORS['length of a film'].sigma)
         self._common = sigma
@@ -174,9 +172,9 @@ class _Adjuster:
         crossing = self._observations[i].crossing
         slip, sigma = crossing.slip
         sustained = self._relative[self._segment[i]]
-        new = math.hypot(CROSSING_SLIP_SHARE * sigma, crossing.deviation) / abs(slip)
-        excess = SEGMENT_SLIP_SHARE * max(sigma / abs(slip) - sustained, 0.0)
-        return SEGMENT_SLIP_SHARE * sustained, math.hypot(new, excess)
+        new = math.hypot(SLIP_SHARE * sigma, crossing.deviation) / abs(slip)
+        excess = SLIP_SHARE * max(sigma / abs(slip) - sustained, 0.0)
+        return SLIP_SHARE * sustained, math.hypot(new, excess)
 
     def solve(self) -> Adjustment:
         """Solve by iteratively reweighted least squares, of observations and of segments."""

@@ -30,8 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.priors import PRIORS
+from smart_tire.calibration.priors import PRIORS, UNINFORMATIVE
 from smart_tire.calibration.results import MIN_ROBUST, SIGNIFICANT_SIGMAS
+from smart_tire.estimation.contact.constants import PLAUSIBLE_BENDING
 from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.friction.constants import CHANGE_SIGMA, LOG_ALPHA_SIGMA
@@ -45,9 +46,7 @@ from smart_tire.samples import NS_PER_S, TireSample, WHEELS, WheelSample, WheelS
 from smart_tire.uncertain import Uncertain
 
 MEAN_MARGIN_NS = 50_000_000  # at least, on either side of a crossing, for the linear fit
-MEAN_POINTS = 5            # in a crossing, of which the mean slip is taken
-
-BENDING_RANGE = (0.2, 5.0)                            # of the nominal bending peak
+EXACT_SIGMA = 1e-5  # of values that are exact, or whose errors enter later
 # -, deviation of slip from a straight line that doubles the variance of a crossing with
 # changing speed; from simulations
 SLIP_DEVIATION_SCALE = 0.0025
@@ -69,13 +68,6 @@ class CrossingWithSlip:
     origin: float      # rad, ``wheel_states.position`` at distance 0; NaN without positions
 
 
-@dataclass(frozen=True, slots=True)
-class _FoundCrossing:
-    wheel: str
-    crossing: PatchCrossing
-    origin: float
-
-
 class CrossingCollector:
     """Collects the crossings of ``robot`` from samples in order of reception."""
 
@@ -84,7 +76,7 @@ class CrossingCollector:
         self.tire_samples = 0  # of instrumented wheels
         self._feed = ContactFeed(robot, reorder_window)
         self._origins: dict[str, float] = {}
-        self._found: list[_FoundCrossing] = []
+        self._found: list[tuple[PatchCrossing, str, float]] = []  # with wheel and origin
 
     def update(self, sample: TireSample | WheelSample) -> None:
         """Process one sample."""
@@ -103,7 +95,7 @@ class CrossingCollector:
                     self._set_origins(item)
                 else:
                     self.tire_samples += 1
-            self._found += [_FoundCrossing(wheel, crossing, self._origins[wheel])
+            self._found += [(crossing, wheel, self._origins[wheel])
                             for wheel, crossing in block.crossings
                             if crossing.samples is not None]
 
@@ -120,13 +112,13 @@ class CrossingCollector:
         rows = [(one.stamp_ns, *one.ratio, *one.sigma) for one in slips]
         stamps = np.array([row[0] for row in rows], np.int64)
         values = np.array([row[1:] for row in rows], float).reshape(-1, 2, len(WHEELS))
-        for found in sorted(self._found, key=lambda found: found.crossing.end_ns):
-            yield from self._with_slip(found, stamps, values[:, :, WHEELS.index(found.wheel)])
+        for crossing, wheel, origin in sorted(self._found, key=lambda found: found[0].end_ns):
+            yield from self._with_slip(crossing, wheel, origin, stamps,
+                                       values[:, :, WHEELS.index(wheel)])
 
-    def _with_slip(self, found: _FoundCrossing, stamps: NDArray[np.int64],
-                   values: Array) -> Iterator[CrossingWithSlip]:
+    def _with_slip(self, crossing: PatchCrossing, wheel: str, origin: float,
+                   stamps: NDArray[np.int64], values: Array) -> Iterator[CrossingWithSlip]:
         """Yield the crossing unless a slip near it is unknown."""
-        crossing = found.crossing
         # wide enough for the entry of film 1 and the release of the last film
         around = max(MEAN_MARGIN_NS, crossing.end_ns - crossing.begin_ns)
         near = slice(*np.searchsorted(stamps, (crossing.begin_ns - around,
@@ -135,7 +127,7 @@ class CrossingCollector:
         if crossing.samples is None or not len(ratio) or not np.isfinite(ratio).all():
             return
         time = (stamps[near] - crossing.begin_ns) / NS_PER_S
-        points = np.linspace(0.0, (crossing.end_ns - crossing.begin_ns) / NS_PER_S, MEAN_POINTS)
+        points = np.linspace(0.0, (crossing.end_ns - crossing.begin_ns) / NS_PER_S, MIN_ROBUST)
         # errors of a filter do not average out over a crossing
         slip = Uncertain(*(float(np.interp(points, time, column).mean())
                            for column in (ratio, sigma)))
@@ -146,13 +138,11 @@ class CrossingCollector:
         length = self.robot.tire.contact_length
         change = slope * length / crossing.speed
         spread = slip_variation(crossing, length)
-        change_sigma = math.hypot(PRIORS['change of slip'].sigma,
-                                  PRIORS['estimated change of slip'].sigma * change,
+        change_sigma = math.hypot(PRIORS['change of slip'].sigma, change,
                                   max(spread.change.sigma - CHANGE_SIGMA, 0.0))
         yield CrossingWithSlip(
-            found.wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
-            slip, math.hypot(residual, spread.residual), Uncertain(change, change_sigma),
-            found.origin)
+            wheel, crossing.stamp_ns, crossing.direction, crossing.speed, crossing.samples,
+            slip, math.hypot(residual, spread.residual), Uncertain(change, change_sigma), origin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,7 +170,7 @@ class ObservationFitter:
     """Fits crossings of the films of ``robot``, whose parameters must be approximately right."""
 
     def __init__(self, robot: RobotParams) -> None:
-        film, self._sigma = robot.film, PRIORS['film'].sigma
+        film, self._sigma = robot.film, UNINFORMATIVE.sigma
         self._bending = {wheel: film.bending(wheel) for wheel in film.wheels}
         self._shapes = {wheel: ShapeEstimator() for wheel in film.wheels}
         self._fitters = {wheel: WaveformFitter(
@@ -200,8 +190,7 @@ class ObservationFitter:
         first = fit
         if fit is not None and gains:
             fit = fitter.fit(samples, CrossingSlipPrior(
-                Uncertain(slip, PRIORS['slip that is adjusted later'].sigma),
-                crossing.change), _with_slip(fit, slip))
+                Uncertain(slip, EXACT_SIGMA), crossing.change), _with_slip(fit, slip))
         if fit is None or not self._plausible(fit, crossing.wheel):
             return None
         if first is not None:
@@ -227,7 +216,7 @@ class ObservationFitter:
         return self._fitters[observation.crossing.wheel].volts(observation.fit)
 
     def _plausible(self, fit: WaveformFit, wheel: str) -> bool:
-        low, high = BENDING_RANGE
+        low, high = PLAUSIBLE_BENDING
         return fit.excess < SIGNIFICANT_SIGMAS ** 2 and all(
             low < (fit.film_parameter(i, PerFilm.BENDING).value
                    / self._bending[wheel][film.film]) < high

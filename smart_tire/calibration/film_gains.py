@@ -30,14 +30,14 @@ from smart_tire.calibration.film_adjustment import (
     bending_peaks, GainAdjustment, iterate, MIN_SLIP, per_film, relative_position)
 from smart_tire.calibration.film_crossings import CrossingWithSlip, GainObservation
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
-from smart_tire.calibration.results import Found, MIN_ROBUST, MIN_SPREAD, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.results import Found, MIN_ROBUST, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
-from smart_tire.numerics.robust import mad_sigma, winsorized_mean
+from smart_tire.numerics.least_squares import Prior, regression, Rows
+from smart_tire.numerics.robust import winsorized_mean
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain, weighted_mean
 
 MAX_SCATTER = 0.1      # rad, 9 mm of the paper's wheel: more than the error of any fit
-MIN_SCATTER = 1e-3     # rad, lower limit of the scatter: a tenth of a millimeter
 
 
 def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
@@ -46,30 +46,22 @@ def film_angle(angles: Sequence[float], speeds: Sequence[float]) -> Uncertain:
 
     Raises EstimatorError with the reason if it is not observable.
     """
-    if len(angles) < MIN_SPREAD:
-        raise EstimatorError(f'{len(angles)} crossings, expected at least {MIN_SPREAD}')
     if not all(map(math.isfinite, angles)):
         raise EstimatorError('wheel_states without positions')
-    first = _medoid(np.asarray(angles))
-    deviations = np.angle(np.exp(1j * (np.asarray(angles) - first)))
-    median = float(np.median(deviations))
-    scatter = max(mad_sigma(deviations - median), MIN_SCATTER)
+    if len(angles) < MIN_ROBUST:
+        raise EstimatorError(f'{len(angles)} crossings, expected at least {MIN_ROBUST}')
+    mean = float(np.angle(np.sum(np.exp(1j * np.asarray(angles)))))
+    deviations = np.angle(np.exp(1j * (np.asarray(angles) - mean)))
+    fit = regression(
+        Rows(np.arange(float(len(angles))), np.column_stack([np.ones(len(angles)), speeds]),
+             deviations, np.zeros(len(angles))),
+        Prior.of(None, PRIORS['latency of films'].prior))
+    scatter = float(fit.row_sigma[0])
     if scatter > MAX_SCATTER:
         raise EstimatorError(f'angles of crossings scatter by {scatter:.2f} rad: wheel_states '
                              'positions restart within the recording')
-    inliers = np.abs(deviations - median) < SIGNIFICANT_SIGMAS * scatter
-    design = np.stack([np.ones(int(inliers.sum())), np.asarray(speeds)[inliers]])
-    normal = design @ design.T / scatter ** 2 + np.diag(
-        [0.0, PRIORS['latency of films'].sigma ** -2])
-    covariance = np.linalg.inv(normal)
-    angle = float((covariance @ (design @ deviations[inliers]))[0]) / scatter ** 2
-    return Uncertain((first + angle) % math.tau, math.sqrt(float(covariance[0, 0])))
-
-
-def _medoid(angles: Array) -> float:
-    """Return the element of ``angles`` with the least sum of distances to the others."""
-    distance = np.abs(np.angle(np.exp(1j * (angles[:, np.newaxis] - angles))))
-    return float(angles[int(np.argmin(distance.sum(axis=1)))])
+    angle, sigma = fit.estimate(0)
+    return Uncertain((mean + angle) % math.tau, sigma)
 
 
 @dataclass(frozen=True, eq=False)

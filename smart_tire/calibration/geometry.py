@@ -36,6 +36,7 @@ from smart_tire.calibration.results import Found, ReportedQuantity, SIGNIFICANT_
 from smart_tire.calibration.sensor_noise import (
     fit_jitter, fit_rest, MAX_REPEATED_SHARE, motion_noise, RestFit)
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.slip.state import MAX_SAMPLE_GAP
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.rotation import angles, matrix
@@ -46,10 +47,8 @@ LatencyFit = TypeVar('LatencyFit', YawRateFit, SpeedChangeFit)
 LATENCY, JITTER, TRACK = 'wheel latency', 'timestamp jitter', 'effective track'
 RADIUS, GYRO_SCALE, STATIC_IMU = 'rolling radius', 'gyro scale', 'IMU at standstill'
 ROLL, PITCH, ROTATION = 'mounting roll', 'mounting pitch', 'imu.rotation'
-HALF_FACTOR = 2.0          # of the limits of standard errors, for half of a recording
-MIN_RESTS = 2              # in each half: one alone may be on a slope
 MAX_NOISE_RATIO = 1.2      # of the noise in motion over that at rest
-BLOCKS, MIN_BLOCK = 12, 4.0  # number and length [s]; shorter gaps are bridged by the positions
+BLOCKS = 12  # of which every other one is in the same half
 NO_POSITIONS = ('wheel_states have no positions: the interval of their mean velocities is '
                 'uncertain by half a period, unless speed changes confirm the latency')
 
@@ -62,7 +61,6 @@ class Geometry(Found):
     yaw_rate_fit: YawRateFit | None = None
     radius_fit: RadiusFit | None = None
     speed_change_fit: SpeedChangeFit | None = None
-    rest: RestFit | None = None
 
     def parameters(self, robot: RobotParams) -> list[Identified]:
         """Return the entries of a parameter file."""
@@ -84,16 +82,12 @@ def identify_geometry(recording: CalibrationRecording, robot: RobotParams) -> Ge
     """Return all quantities that ``recording`` makes observable, and the reasons of the others."""
     found = _geometry(recording, robot)
     try:
-        parts = [_geometry(half, robot, HALF_FACTOR) for half in halves(recording)]
+        parts = [_geometry(half, robot, math.inf) for half in halves(recording)]
     except EstimatorError as error:
         found.kept.update({item.parameter: str(error) for item in found.quantities
                            if item.parameter})
         return found
-    if any(part.rest is not None and part.rest.intervals < MIN_RESTS for part in parts):
-        found.kept[ROTATION] = (f'one half has fewer than {MIN_RESTS} standstills: the slope of '
-                                'the ground may be the same')
-    found.quantities = [_with_spread(item, parts) for item in found.quantities]
-    _keep_insignificant(found, parts, robot)
+    _compare(found, parts, robot)
     return found
 
 
@@ -104,10 +98,11 @@ def halves(recording: CalibrationRecording) -> tuple[CalibrationRecording, Calib
     Raises EstimatorError if the recording is too short.
     """
     wheels, poses = recording.wheels, recording.reference
-    blocks = min(BLOCKS, int(np.ptp(wheels.time) / MIN_BLOCK))
+    shortest = 2.0 * MAX_SAMPLE_GAP  # shorter gaps are bridged by the positions
+    blocks = min(BLOCKS, int(np.ptp(wheels.time) / shortest))
     if blocks < 4:
         raise EstimatorError(f'the recording lasts {np.ptp(wheels.time):.0f} s, expected at least '
-                             f'{4.0 * MIN_BLOCK:.0f} s to compare its halves')
+                             f'{4.0 * shortest:.0f} s to compare its halves')
     ends = np.linspace(wheels.time[0], wheels.time[-1], blocks + 1)[1:-1]
 
     def half(parity: int) -> CalibrationRecording:
@@ -118,31 +113,32 @@ def halves(recording: CalibrationRecording) -> tuple[CalibrationRecording, Calib
     return half(0), half(1)
 
 
-def _with_spread(item: ReportedQuantity, parts: Sequence[Geometry]) -> ReportedQuantity:
-    """Return a quantity with half the difference of its values in the halves as spread."""
-    values = [part.get(item.name) for part in parts]
-    if not item.parameter or None in values:
-        return item
-    first, second = (value.value for value in values if value is not None)
-    return replace(item, spread=0.5 * abs(first - second))
+def _compare(found: Geometry, parts: Sequence[Geometry], robot: RobotParams) -> None:
+    """
+    Set the spread of the values to half the difference of the halves ``parts``.
 
-
-def _keep_insignificant(found: Geometry, parts: Sequence[Geometry], robot: RobotParams) -> None:
-    """Note why parameters are not written: equal to the configured ones, or of one half only."""
-    for parameter in dict.fromkeys(item.parameter for item in found.quantities if item.parameter):
-        items = [item for item in found.quantities if item.parameter == parameter]
-        last, configured = items[-1], _configured(items[-1], robot)
-        (value, sigma), values = last.written, [part.get(last.name) for part in parts]
-        if None in values:
-            half = parts[values.index(None)]
-            reason = half.refused.get(last.name) or half.refused.get(STATIC_IMU, '')
-            found.kept.setdefault(parameter, f'not observable in one half: {reason}')
-        elif all(abs(item.written.value - configured) <= SIGNIFICANT_SIGMAS * item.written.sigma
-                 for item in items):
-            pair = ' and '.join(f'{one.value:.4g}' for one in values if one is not None)
-            found.kept.setdefault(parameter, (
-                f'no significant difference from {configured:.4g} {last.unit}, as configured: '
-                f'{value:.4g} ± {sigma:.2g} {last.unit}, the halves give {pair}'))
+    What equals the configured value, or is not observable in one half, is not written.
+    """
+    equal, different = {}, set()
+    for number, item in enumerate(found.quantities):
+        values = [one for part in parts if (one := part.get(item.name)) is not None]
+        if item.parameter and len(values) < len(parts):
+            half = next(part for part in parts if part.get(item.name) is None)
+            found.kept.setdefault(item.parameter, 'not observable in one half: ' + (
+                half.refused.get(item.name) or half.refused.get(STATIC_IMU, '')))
+        elif item.parameter:
+            found.quantities[number] = item = replace(
+                item, spread=0.5 * abs(values[0].value - values[1].value))
+            (value, sigma), configured = item.written, _configured(item, robot)
+            if abs(value - configured) > SIGNIFICANT_SIGMAS * sigma:
+                different.add(item.parameter)
+            pair = ' and '.join(f'{one.value:.4g}' for one in values)
+            equal[item.parameter] = (
+                f'no significant difference from {configured:.4g} {item.unit}, as configured: '
+                f'{value:.4g} ± {sigma:.2g} {item.unit}, the halves give {pair}')
+    for parameter, reason in equal.items():
+        if parameter not in different:
+            found.kept.setdefault(parameter, reason)
 
 
 def _configured(item: ReportedQuantity, robot: RobotParams) -> float:
@@ -259,7 +255,7 @@ def add_rest(found: Geometry, rests: Sequence[CalibrationRecording],
         found.refused.setdefault(STATIC_IMU, 'no recording at rest')
         return
     found.refused.pop(STATIC_IMU, None)
-    found.rest = fit = max(fits, key=lambda one: one.seconds)
+    fit = max(fits, key=lambda one: one.seconds)
     for axis, bias in zip('xyz', fit.gyro_bias):
         found.add(f'gyro bias {axis}', bias, 'rad/s', 'of this recording')
     repeats = f'; {fit.repeated_share:.0%} of the samples repeat the previous one, ignored' if (

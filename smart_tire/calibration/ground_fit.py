@@ -28,7 +28,7 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.priors import PRIORS
+from smart_tire.calibration.priors import PRIORS, UNINFORMATIVE
 from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.sensor_noise import mean_jitter, motion_noise
 from smart_tire.errors import EstimatorError
@@ -125,16 +125,13 @@ def calibration_rows(robot: RobotParams) -> list[Row]:
     """Return the priors, wide where the recordings shall determine a value."""
     rows = [*priors(robot), Row(*PRIORS['acceleration on straight lines'].prior)]
     wide = {
-        Unknown.STIFFNESS: Uncertain(math.log(robot.tire.longitudinal_stiffness),
-                                     math.log(PRIORS['stiffness'].sigma)),
-        Unknown.DELAY: Uncertain(*PRIORS['wheel latency'].prior),
-        Unknown.RADIUS: Uncertain(0.0, PRIORS['rolling radius'].sigma),
-        Unknown.TORQUE_SCALE: Uncertain(0.0, PRIORS['torque constant'].sigma),
-        Unknown.MOTOR_INERTIA: Uncertain(0.0, PRIORS['motor parameters'].sigma),
-        **dict.fromkeys((Unknown.SLOPE_X, Unknown.SLOPE_Y), Uncertain(
-            0.0, PRIORS['slope of the ground'].sigma))}
-    for row, (mean, sigma) in wide.items():
-        rows[row] = rows[row]._replace(mean=mean, sigma=sigma)
+        Unknown.STIFFNESS: UNINFORMATIVE, Unknown.TORQUE_SCALE: UNINFORMATIVE,
+        Unknown.DELAY: PRIORS['wheel latency'], Unknown.RADIUS: PRIORS['rolling radius'],
+        Unknown.MOTOR_INERTIA: PRIORS['motor parameters']}
+    for row, known in wide.items():
+        rows[row] = rows[row]._replace(mean=0.0, sigma=known.sigma)
+    stiffness = math.log(robot.tire.longitudinal_stiffness)
+    rows[Unknown.STIFFNESS] = rows[Unknown.STIFFNESS]._replace(mean=stiffness)
     return rows
 
 

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from smart_tire.calibration.recording import TURN_RATE, WHEEL_IN_MOTION
+from smart_tire.calibration.recording import MIN_RATE
 from smart_tire.calibration.sequence import LIFTED, REST, STRAIGHT, TURNS
 from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 
@@ -135,7 +135,7 @@ class RestWatch(Watch):
 
     def count(self, elapsed: float) -> None:
         """Count the rest; motion starts it again."""
-        self.wrong = self.fastest > WHEEL_IN_MOTION or self.tilting > TURN_RATE
+        self.wrong = self.fastest > MIN_RATE or self.tilting > MIN_RATE
         self.seen = dict.fromkeys((1, -1), 0.0 if self.wrong else self.seen[1] + elapsed)
 
 
@@ -148,11 +148,11 @@ class StraightWatch(Watch):
 
     def count(self, elapsed: float) -> None:
         """Count starts that end in a stop without a turn."""
-        turning = abs(self.yaw_rate) > TURN_RATE
+        turning = abs(self.yaw_rate) > MIN_RATE
         if self._direction == 0:
             if self.fastest > WHEEL_SPEED:
                 self._direction, self.wrong = (1 if self.wheels > 0.0 else -1), turning
-        elif self.fastest < WHEEL_IN_MOTION:
+        elif self.fastest < MIN_RATE:
             self.seen[self._direction] += not self.wrong
             self._direction, self.wrong = 0, False
         else:
@@ -166,7 +166,7 @@ class TurnWatch(Watch):
 
     def count(self, elapsed: float) -> None:
         """Count the yaw of turns."""
-        if abs(self.yaw_rate) > TURN_RATE and self.fastest > WHEEL_IN_MOTION:
+        if abs(self.yaw_rate) > MIN_RATE and self.fastest > MIN_RATE:
             self.seen[1 if self.yaw_rate > 0.0 else -1] += math.degrees(
                 abs(self.yaw_rate) * elapsed)
 
@@ -179,7 +179,7 @@ class LiftedWatch(Watch):
 
     def count(self, elapsed: float) -> None:
         """Count the time of rotation with the body at rest."""
-        self.wrong = abs(self.yaw_rate) > TURN_RATE
+        self.wrong = abs(self.yaw_rate) > MIN_RATE
         if self.fastest > WHEEL_SPEED and not self.wrong:
             self.seen[1 if self.wheels > 0.0 else -1] += elapsed
 

@@ -36,15 +36,15 @@ from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay import DelayFit, fit_delay
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
-from smart_tire.parameters import RobotParams
+from smart_tire.parameters import RobotParams, specs
 from smart_tire.uncertain import Uncertain
 
 MIN_INTERVAL = 0.15  # s; over shorter times the yaw rate changes little and noise dominates
-IMU_SAMPLES_PER_INTERVAL = 3.0  # minimum; between samples the rate is interpolated
-MAX_DELAY = 1.0          # s, range of the search: that of the parameter
-DELAYS = np.arange(-MAX_DELAY, MAX_DELAY + 0.02, 0.02)  # s, of the coarse search
-CHANGE_INTERVAL = 1.0    # s between compared intervals: duration of a speed change or a turn
-CORRELATION_TIME = 2.0   # s over which slip, and thereby the effective track, is correlated
+IMU_SAMPLES_PER_INTERVAL = 3.0  # minimum; between samples the rate is interpolated; warthog
+MAX_DELAY = specs(RobotParams)['encoder.latency'].high  # s
+DELAYS = np.linspace(-MAX_DELAY, MAX_DELAY, 101)  # s, of the coarse search
+CHANGE_INTERVAL = 1.0    # s between compared speeds: duration of a speed change or a turn
+MANEUVER_TIME = 2.0      # s, over which slips, and thereby the effective track, are correlated
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def fit_yaw_rate(recording: CalibrationRecording, robot: RobotParams) -> YawRate
     fit = fit_delay(rows, prior, DELAYS)
     # the delay is determined by changes of the yaw rate, the track by sustained turns, in which
     # errors may be correlated for longer
-    steady = regression(fit.rows, prior, Errors(fit.rows.lags(CORRELATION_TIME)))
+    steady = regression(fit.rows, prior, Errors(fit.rows.lags(MANEUVER_TIME)))
     response, asymmetry = steady.estimate(0), steady.estimate(3)
     if not response.value > SIGNIFICANT_SIGMAS * response.sigma:
         raise EstimatorError('the yaw rate does not follow the wheel difference: are left and '

@@ -39,11 +39,14 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.motor_rows import motor_rows, MotorRows
+from smart_tire.calibration.motor_rows import DELAY_SIGMA, motor_rows, MotorRows
 from smart_tire.calibration.priors import LIMITS, PRIORS, require
-from smart_tire.calibration.recording import CalibrationRecording, Indices
-from smart_tire.calibration.results import Found, MIN_ROBUST, MIN_ROWS, SIGNIFICANT_SIGMAS
+from smart_tire.calibration.recording import CalibrationRecording, Indices, MAX_TURN_SHARE
+from smart_tire.calibration.results import (
+    differ, Found, MIN_ROBUST, MIN_ROWS, SIGNIFICANT_SIGMAS)
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.ground.unknowns import SIDE_SIGMA
+from smart_tire.models.tire.brush_tire import LN_STIFFNESS
 from smart_tire.numerics.least_squares import Errors, Fit, HAC_TIME, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
@@ -57,10 +60,7 @@ IN_STEP = 'readings in step with the motor commands miss the torque in between'
 SEVERAL_SPEEDS = 'requires lifted wheels at several speeds in both directions'
 ACCEL_SCALE = Uncertain(*PRIORS['scale of the accelerometer'].prior)
 MAX_SAMPLING_ERROR = 0.03  # relative; above it, readings are in step with the commands
-MAX_TURN_SHARE = 0.2     # of the speed: half the difference of the sides; tires scrub in turns
 SAMPLING_FACTOR = 2.0    # error of the torque over the ripple of the force, which tires smooth
-MIN_FOLLOWED_ACCELERATION = 0.2  # m/s2 rms of the wheels, to compare them with the body
-MIN_FOLLOWING = 0.4      # acceleration of the body over that of the wheels: on the ground
 BRAKING_FACTOR = 2.0  # times the configured friction: motors must brake, too
 
 # coefficients: kappa J, kappa b, delay of commands [s], kappa; then of each recording, those on
@@ -186,8 +186,8 @@ def _drive(rows: MotorRows) -> MotorLaw:
     for _ in range(2):
         fit = regression(
             Rows(rows.time[instant], matrix, torque, np.zeros(len(torque))).where(known),
-            Prior.of(None, None, None, *((0.0, PRIORS[name].sigma * loss + 1e-9) for name in (
-                'slip in a wheel speed', 'delay of a reading'))), _errors(rows, instant[known]))
+            Prior.of(None, None, None, *((0.0, sigma * loss + 1e-9) for sigma in (
+                LN_STIFFNESS.sigma, DELAY_SIGMA))), _errors(rows, instant[known]))
         loss = abs(float(fit.values[2]))
     gain = fit.estimate(1)
     if not gain.determined:
@@ -239,8 +239,8 @@ def _fit(grounds: Sequence[MotorRows], lifted: Sequence[MotorRows], robot: Robot
     own = (number[:, None] == np.arange(len(runs))).astype(float)
     matrix = np.column_stack([acceleration, speed, by_delay, push, *(
         column for one in own.T for column in (one * direction, one))])
-    offset = PRIORS['offset of a measured torque'].sigma * load_torque(robot)
-    priors = [inertia, _viscous(rows, robot), (0.0, PRIORS['delay of a command'].sigma), None]
+    offset = PRIORS['friction and offset of a torque'].sigma * load_torque(robot)
+    priors = [inertia, _viscous(rows, robot), (0.0, DELAY_SIGMA), None]
     for one in grounds:  # the force at rest may be that of a slope, or a bias
         priors += [None, (0.0, math.hypot(offset, lever * one.rest_sigma))]
     priors += [None, (0.0, offset)] * len(lifted)
@@ -250,7 +250,7 @@ def _fit(grounds: Sequence[MotorRows], lifted: Sequence[MotorRows], robot: Robot
 
 
 def _viscous(rows: MotorRows, robot: RobotParams) -> tuple[float, float]:
-    return robot.motor.viscous_friction, PRIORS['viscous friction at top speed'].sigma * (
+    return robot.motor.viscous_friction, PRIORS['friction and offset of a torque'].sigma * (
         load_torque(robot) / float(np.abs(rows.speed).max()))
 
 
@@ -371,7 +371,7 @@ def _add_scales(found: MotorFit, rows: MotorRows) -> None:
         fit = regression(Rows(rows.time, matrix, torque, np.zeros(len(mean))).where(
             np.isfinite(mean)), Prior.of(None, None, None), _errors(rows))
         share = fit.estimate(0)
-        sigma = math.hypot(share.sigma, PRIORS['force on one wheel'].sigma)
+        sigma = math.hypot(share.sigma, SIDE_SIGMA)
         if abs(share.value - 1.0) > SIGNIFICANT_SIGMAS * sigma:
             # a motor with a larger constant measures less torque
             found.notes.append(
@@ -389,24 +389,19 @@ def _straight(rows: MotorRows) -> MotorRows:
 def _check_motion(grounds: Sequence[MotorRows], lifted: Sequence[MotorRows],
                   robot: RobotParams) -> None:
     """Raise EstimatorError if wheels slide, are lifted or not, or drive while the body brakes."""
-    if any(_following(rows, robot) > MIN_FOLLOWING for rows in lifted):
-        raise EstimatorError('the body accelerates with its wheels: they are not lifted')
+    for share, runs, reason in (
+            (0.0, lifted, 'accelerates with its wheels: they are not lifted'),
+            (1.0, grounds, 'does not accelerate with its wheels: they slide, or are lifted')):
+        for rows in filter(lambda rows: len(rows.time) > 1, runs):
+            # acceleration of the body over that of its wheels
+            fit = regression(Rows(rows.time, np.column_stack([
+                robot.wheel_radius * rows.acceleration.mean(axis=1), np.ones(len(rows.time))]),
+                rows.force, np.zeros(len(rows.time))), Prior.of(None, None), _errors(rows))
+            found = fit.estimate(0)
+            if abs(found.value - share) > 0.5 and differ(found, Uncertain(share, 0.0)):
+                raise EstimatorError(f'the body {reason}')
     for rows in grounds:
-        if _following(rows, robot) < MIN_FOLLOWING:
-            raise EstimatorError('the body does not accelerate with its wheels: they slide, or '
-                                 'are lifted')
         _check_braking(rows, robot)
-
-
-def _following(rows: MotorRows, robot: RobotParams) -> float:
-    """Return the acceleration of the body over that of its wheels; NaN if that is too small."""
-    if not len(rows.time):
-        return math.nan
-    wheels = robot.wheel_radius * rows.acceleration.mean(axis=1)
-    wheels, force = wheels - wheels.mean(), rows.force - rows.force.mean()
-    if math.sqrt(float(np.mean(wheels ** 2))) < MIN_FOLLOWED_ACCELERATION:
-        return math.nan
-    return float(np.sum(force * wheels) / np.sum(wheels ** 2))
 
 
 def _check_braking(rows: MotorRows, robot: RobotParams) -> None:

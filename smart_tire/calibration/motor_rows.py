@@ -31,24 +31,23 @@ from scipy.interpolate import CubicSpline, make_interp_spline, PPoly
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    CalibrationRecording, covered, DutyRecord, Indices, Mask, MAX_GAP_PERIODS,
-    MAX_IMU_GAP, MIN_ROLLING_SPEED,
-    MOTION_MARGIN, period, rotation_increments, Samples)
+    CalibrationRecording, covered, DutyRecord, Indices, Mask, MAX_GAP_PERIODS, period,
+    rotation_increments, Samples, SMOOTH_TIME)
+from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.calibration.sensor_noise import stationary_intervals
 from smart_tire.errors import EstimatorError
-from smart_tire.models.tire.brush_tire import linear_tire_force
+from smart_tire.estimation.ground.unknowns import SLOPE_SIGMA
+from smart_tire.estimation.slip.state import IMU_DROPOUT, MIN_SLIP_SPEED
+from smart_tire.models.tire.brush_tire import linear_tire_force, LN_FRICTION
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import GRAVITY
 
-REACH = 0.25             # s from the center of a window to its ends: a start or stop lasts longer
 MAX_SLIP = 0.5           # -, in both directions; beyond, wheels slide
-MAX_TORQUE_GAP = 0.15    # s; over longer gaps the torque is not known
-COMMAND_DELAY = PRIORS['delay of a command'].value  # s from its timestamp to its application
-READING_DELAY = PRIORS['delay of a reading'].value  # s of a current after the encoders
-EDGE_MARGIN = 0.006      # s around a change of the duty, in which the duty in force is uncertain
-DELAY_STEP = 0.01        # s, for derivatives with respect to a delay
+# s, of a command from its timestamp to its application, and of a current after the encoders
+BOARD_DELAY, DELAY_SIGMA = PRIORS['delay of boards'].prior
+EDGE_MARGIN = SIGNIFICANT_SIGMAS * DELAY_SIGMA  # s around a change of the duty in force
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ def motor_rows(recording: CalibrationRecording, robot: RobotParams) -> MotorRows
     time, step = wheels.time - robot.encoder.latency, period(wheels.time)
     if len(time) < 4:
         raise EstimatorError(f'{len(time)} readings of the wheels, expected 4')
-    n = max(2, round(REACH / step))
+    n = max(2, round(0.5 * SMOOTH_TIME / step))  # a start or stop lasts longer
     windows = _Windows(time, _centers(recording, robot, time, n), n)
     center, nowhere = time[windows.center], np.full((len(windows.center), 4), np.nan)
     angle = np.concatenate([np.zeros((1, 4)), np.cumsum(rotation_increments(wheels)[0], axis=0)])
@@ -149,14 +148,15 @@ def motor_rows(recording: CalibrationRecording, robot: RobotParams) -> MotorRows
         for values in (force(center), acting))
     acceleration, slip = windows.mean(angle), speed * (mean_rolling / rolling - 1.0)[:, None]
     torque = nowhere if wheels.torque is None else np.stack([
-        windows.mean_of_samples(column, MAX_TORQUE_GAP) for column in wheels.torque.T], axis=1)
+        windows.mean_of_samples(column, 2.0 * MAX_GAP_PERIODS * step)  # boards read in turn
+        for column in wheels.torque.T], axis=1)
     duty, duty_rate, held = (nowhere,) * 3 if duties is None else _duty(duties, windows)
     rest, rest_sigma = _rest_force(recording, robot)
     return MotorRows(
         center, speed, acceleration, torque, duty, duty_rate, acting - rest,
         np.column_stack([ripple, 0.5 * (late - early)]),
         nowhere if wheels.torque is None else wheels.torque[windows.center], held,
-        speed + slip + body[:, None] / robot.wheel_radius + READING_DELAY * acceleration, slip,
+        speed + slip + body[:, None] / robot.wheel_radius + BOARD_DELAY * acceleration, slip,
         rest_sigma,
         np.full(len(center), noise_level(force.c, 2) * math.sqrt(
             2.0 / 3.0 * period(imu.time) / (n * step))), 2 * n)
@@ -165,33 +165,32 @@ def motor_rows(recording: CalibrationRecording, robot: RobotParams) -> MotorRows
 def _slip(force: Array, robot: RobotParams) -> Array:
     """Return the slip of the tires at a specific ``force`` [m/s2] (n,), with its sign."""
     linear, _ = linear_tire_force(
-        robot.mass * force, PRIORS['friction'].value * normal_loads(robot, force, 0.0).T)
+        robot.mass * force, math.exp(LN_FRICTION.value) * normal_loads(robot, force, 0.0).T)
     return linear / robot.tire.longitudinal_stiffness
 
 
 def _duty(duties: DutyRecord, windows: _Windows) -> tuple[Array, Array, Array]:
     """Return mean, rate of change [1/s], and value at the center (NaN close to a change)."""
-    time = windows.time - COMMAND_DELAY
+    time = windows.time - BOARD_DELAY
     ends = np.concatenate([[min(time[0], duties.time[0]) - 1.0], duties.time,
                            [max(time[-1], duties.time[-1]) + 1.0]])
     values = np.vstack([np.zeros((1, 4)), duties.duty])
-    double = PPoly(values[None], ends).antiderivative(2)
-    earlier, mean, later = (windows.mean(double(time + delay))
-                            for delay in (-DELAY_STEP, 0.0, DELAY_STEP))
+    once = PPoly(values[None], ends).antiderivative()
+    rate, mean = (windows.mean(part(time)) for part in (once, once.antiderivative()))
     before, after = (values[np.clip(
         np.searchsorted(ends, time[windows.center] + margin, side='right') - 1, 0,
         len(values) - 1)] for margin in (-EDGE_MARGIN, EDGE_MARGIN))
-    return mean, (later - earlier) / (2.0 * DELAY_STEP), np.where(before == after, before, np.nan)
+    return mean, rate, np.where(before == after, before, np.nan)
 
 
 def _rest_force(recording: CalibrationRecording, robot: RobotParams) -> tuple[float, float]:
     """Return the forward specific force [m/s2] at rest: accelerometer bias, slope and tilt."""
     imu, means = recording.imu, []
     for begin, end in stationary_intervals(recording.wheels, robot):
-        chosen = (imu.time > begin + MOTION_MARGIN) & (imu.time < end - MOTION_MARGIN)
+        chosen = (imu.time > begin + SMOOTH_TIME) & (imu.time < end - SMOOTH_TIME)
         if chosen.any():
             means.append(float(imu.force[chosen, 0].mean()))
-    slope = GRAVITY * PRIORS['slope against that at rest'].sigma
+    slope = GRAVITY * SLOPE_SIGMA
     if not means:
         return 0.0, math.hypot(slope, robot.imu.accel_bias)
     return float(np.mean(means)), slope / math.sqrt(len(means))
@@ -205,13 +204,13 @@ def _centers(recording: CalibrationRecording, robot: RobotParams, time: Array, n
     center = np.arange(n + 1, max(len(time) - n - 2, n + 1))
     count = 2 * n + 2  # periods of a window, with one before and one after
     usable = covered(time, time[center - n], time[center + n], MAX_GAP_PERIODS * step)
-    slowest = MIN_ROLLING_SPEED / robot.wheel_radius
+    slowest = MIN_SLIP_SPEED / robot.wheel_radius
     for column in speed.T:
         moving = [_all_of_next(valid & (sign * column > slowest), count)
                   for sign in (1.0, -1.0)]
         usable &= (moving[0] | moving[1])[center - n - 1]
     return np.asarray(center[usable & covered(
-        imu.time, time[center - n] - step, time[center + n] + step, MAX_IMU_GAP)])
+        imu.time, time[center - n] - step, time[center + n] + step, IMU_DROPOUT)])
 
 
 def _all_of_next(mask: Mask, count: int) -> Mask:

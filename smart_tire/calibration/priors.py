@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from smart_tire.errors import EstimatorError
-from smart_tire.uncertain import Uncertain
+from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain
 
 RELATIVE = 'relative'
 
@@ -46,9 +46,11 @@ class Known(NamedTuple):
         return self.value, self.sigma
 
 
+UNINFORMATIVE = Known(1.0, 'ln, m or relative', 'uninformative: a factor of e, any place', 0.0)
+
 PRIORS: Mapping[str, Known] = {
     # latency and track
-    'radius difference of the sides': Known(0.05, RELATIVE, 'assumed: tire pressure', 0.0),
+    'radius difference of the sides': Known(0.05, '-', 'assumed: tire pressure'),
     'share of side slip lost in turns': Known(0.3, '-', 'assumed', 0.3),
     'wheel latency': Known(0.03, 's', 'half a period of encoders at 16 Hz'),
     'IMU latency': Known(0.001, 's', 'assumed: its filter and sampling'),
@@ -61,47 +63,31 @@ PRIORS: Mapping[str, Known] = {
     'delay of body roll': Known(0.03, 's', 'assumed: natural frequency of 5 Hz'),
     'lateral effects of the squared yaw rate': Known(0.2, 'm', 'assumed: y of the IMU'),
     # recordings of robots whose IMU was not measured
-    'position of the IMU': Known(1.0, 'm', 'uninformative: somewhere on the robot'),
-    # rest
-    'slope of the ground': Known(0.03, 'rad', 'assumed: yards; benchmarks.robots, hills'),
+    'position of the IMU': UNINFORMATIVE,
     # motors; loads are r m g / 4
-    'slope against that at rest': Known(0.01, 'rad', 'assumed: starts and stops at one place'),
-    'torque constant': Known(1.0, RELATIVE, 'uninformative'),
     'motor parameters': Known(0.1, RELATIVE, 'data sheets'),
-    'force on one wheel': Known(0.03, RELATIVE, 'assumed'),
-    'viscous friction at top speed': Known(0.05, 'load', 'assumed'),
-    'offset of a measured torque': Known(0.01, 'load', 'assumed'),
-    'delay of a command': Known(0.002, 's', 'assumed: radio and boards', 0.003),
-    'delay of a reading': Known(0.002, 's', 'assumed: boards are read in turn', 0.002),
-    'slip in a wheel speed': Known(0.2, RELATIVE, 'assumed: stiffness as configured'),
+    'friction and offset of a torque': Known(0.05, 'load', 'assumed: viscous, at top speed'),
+    'delay of boards': Known(0.002, 's', 'assumed: radio; boards are read in turn', 0.002),
     'scale of the accelerometer': Known(0.005, RELATIVE, 'data sheets of MEMS sensors'),
     'inertia without motor_commands': Known(0.06, RELATIVE, 'simulations: 16 of 50 Hz'),
     # stiffness
-    'friction': Known(2.0, 'factor per sigma', 'assumed: grounds', 0.45),
-    'stiffness': Known(100.0, 'factor per sigma', 'uninformative', 1.0),
     'rolling radius': Known(0.02, RELATIVE, 'real robots roll with 0.95 to 0.97 of theirs'),
-    'acceleration on straight lines': Known(0.05, RELATIVE, 'pitching of 0.3 deg at 1 m/s2', 0.0),
+    'acceleration on straight lines': Known(0.05, '-', 'pitching of 0.3 deg at 1 m/s2'),
     # films
     'change of slip': Known(0.0005, 'over a contact length', 'steady motion; assumed'),
-    'estimated change of slip': Known(0.5, RELATIVE, 'assumed'),
-    # gain, ln of the contact length, slip [-], position [m]
-    'film': Known(1.0, 'unit', 'uninformative: a gain may be wrong by a factor of two'),
-    'slip that is adjusted later': Known(1e-5, '-', 'exact: its error enters there'),
     'ln of alpha K': Known(5.0, '-', 'uninformative: film on a stand'),
     'latency of films': Known(0.003, 's', 'assumed: against the wheels'),
     'length of a film': Known(0.005, RELATIVE, '0.1 mm of 20 mm'),
     'ln of alpha': Known(0.3, '-', 'paper: shape of bending')}
 
+SHARE = Known(0.1, RELATIVE, 'production tolerance; measured by hand')  # without a prior
 LIMITS: Mapping[str, Known] = {
     'wheel latency': PRIORS['wheel latency'],
     'rolling radius': PRIORS['rolling radius'],
-    'effective track': Known(0.05, RELATIVE, 'benchmarks.calibration, demo'),
-    'gyro scale': Known(0.05, '-', 'data sheets: uncalibrated', 1.0),
-    'S': Known(0.2, 'wheelbase', 'axles limit its range'),
-    'feed-forward': Known(0.05, RELATIVE, 'data sheet: free speed'),
-    'viscous friction': Known(0.2, 'Coulomb friction', 'assumed: at top speed'),
-    'film gain': Known(0.1, RELATIVE, 'production tolerance'),
-    'contact length': Known(0.1, RELATIVE, 'measured by hand'),
+    **dict.fromkeys(('effective track', 'gyro scale', 'feed-forward', 'film gain',
+                     'contact length'), SHARE),
+    'S': Known(MAX_RELATIVE_SIGMA, 'wheelbase', 'axles limit its range'),
+    'viscous friction': Known(MAX_RELATIVE_SIGMA, 'Coulomb friction', 'assumed: at top speed'),
     'film position': Known(0.003, 'm', 'placed by hand')}
 
 

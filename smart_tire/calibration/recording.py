@@ -34,11 +34,10 @@ Indices = NDArray[np.intp]
 Record = TypeVar('Record', bound='Samples')
 
 MAX_GAP_PERIODS = 1.5     # periods; after a longer gap between velocities a message is missing
-MAX_IMU_GAP = 0.05        # s between IMU samples; over longer gaps they are not integrated
-WHEEL_IN_MOTION = 0.1     # rad/s
-TURN_RATE = 0.1           # rad/s, of a turn of the body
-MIN_ROLLING_SPEED = 0.1   # m/s at the circumference; at lower speeds static friction may act
-MOTION_MARGIN = 0.5       # s before and after motion: latency of the wheels, settling of the body
+MIN_RATE = 0.1            # rad/s, of a wheel in motion, and of a body that turns
+SMOOTH_TIME = 0.5         # s, in which a body settles after a change of motion, and over which
+# motion is interpolated: shorter than a maneuver
+MAX_TURN_SHARE = 0.1      # of the speed, half the difference of the sides on straight lines
 
 
 class Samples:
@@ -96,10 +95,10 @@ class PoseRecord(Samples):
     position: Array  # (n, 2) m
     yaw: Array       # (n,) rad, unwrapped
 
-    def intervals(self, length: float, max_gap: float) -> tuple[Indices, Indices]:
+    def intervals(self, length: float) -> tuple[Indices, Indices]:
         """Return first and last indices of intervals of ``length`` [s] without gaps."""
         gap = np.diff(self.time)
-        return _merged(gap, gap <= max_gap, length)
+        return _merged(gap, gap <= SMOOTH_TIME, length)
 
     def path_components(self) -> tuple[Array, Array]:
         """Return forward and lateral path [m] (n,) up to each pose, along the mean heading."""
@@ -185,7 +184,7 @@ class WheelIntervals(Samples):
         after = np.searchsorted(moving, self.end)
         left = moving[np.maximum(after - 1, 0)]
         right = moving[np.minimum(after, len(moving) - 1)]
-        return np.minimum(np.abs(self.end - left), np.abs(right - self.end)) <= MOTION_MARGIN
+        return np.minimum(np.abs(self.end - left), np.abs(right - self.end)) <= SMOOTH_TIME
 
 
 class Signal:

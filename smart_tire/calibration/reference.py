@@ -32,10 +32,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.calibration.latency import CHANGE_INTERVAL, DELAYS, MAX_DELAY
+from smart_tire.calibration.latency import (
+    CHANGE_INTERVAL, DELAYS, MANEUVER_TIME, MAX_DELAY)
 from smart_tire.calibration.priors import PRIORS, require
 from smart_tire.calibration.recording import (
-    CalibrationRecording, PoseRecord, rotation_increments, side_slip, Signal, TURN_RATE,
+    CalibrationRecording, MIN_RATE, PoseRecord, rotation_increments, side_slip, Signal,
     WheelRecord)
 from smart_tire.calibration.results import MIN_ROBUST
 from smart_tire.errors import EstimatorError
@@ -45,11 +46,8 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import LEFT, RIGHT
 from smart_tire.uncertain import Uncertain
 
-DISTANCE_INTERVAL = 2.0  # s of motion per interval: several lengths of a robot
-MAX_POSE_GAP = 0.5       # s between poses of an interval
-CLEAR_YAW = 1.0          # rad of yaw in a recording that a gyro bias does not explain
-MAX_PIVOT_SHARE = 0.1    # of the angle of an interval from turns in place
-LAGS = 2                 # intervals whose slips and poses may be correlated
+CLEAR_YAW = 1.0        # rad of yaw in a recording that a gyro bias does not explain
+MAX_PIVOT_SHARE = 0.1  # of the angle of an interval from turns in place; warthog_asphalt
 
 
 @dataclass(frozen=True)
@@ -81,12 +79,12 @@ def fit_gyro_scale(recording: CalibrationRecording) -> tuple[Uncertain, float]:
     Raises EstimatorError if there is no reference or no turn.
     """
     imu, poses = recording.imu, usable_reference(recording)
-    first, last = poses.intervals(CHANGE_INTERVAL, MAX_POSE_GAP)
+    first, last = poses.intervals(CHANGE_INTERVAL)
     begin, end, yaw = poses.time[first], poses.time[last], poses.yaw[last] - poses.yaw[first]
     gyro = Signal(imu.time, imu.rate[:, 2])
     inside = (begin > imu.time[0] + MAX_DELAY) & (end < imu.time[-1] - MAX_DELAY)
     # neighbors of turns stay, so that a delay does not move a turn out of its interval
-    turning = np.abs(gyro.mean(begin - MAX_DELAY, end + MAX_DELAY)) > TURN_RATE
+    turning = np.abs(gyro.mean(begin - MAX_DELAY, end + MAX_DELAY)) > MIN_RATE
     begin, end, yaw = (values[inside & turning] for values in (begin, end, yaw))
     matrix = np.column_stack([yaw / (end - begin), np.ones(len(end))])
     fit = fit_delay(
@@ -104,14 +102,14 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
     ``latency`` [s] is that of the wheel timestamps minus that of the reference; ``turn_slip`` is
     the k above.
     """
-    first, last = reference.intervals(DISTANCE_INTERVAL, MAX_POSE_GAP)
+    first, last = reference.intervals(MANEUVER_TIME)
     begin, end = reference.time[first] + latency, reference.time[last] + latency
     angle, slip, pivot, missing, change = _rolled(wheels, begin, end)
-    min_angle = DISTANCE_INTERVAL * robot.slip.standstill_speed / robot.wheel_radius
+    min_angle = MANEUVER_TIME * robot.slip.standstill_speed / robot.wheel_radius
     used = (missing == 0.0) & (np.abs(angle) > np.maximum(min_angle, pivot / MAX_PIVOT_SHARE))
     if used.sum() < MIN_ROBUST:
         raise EstimatorError(
-            f'{used.sum()} intervals of {DISTANCE_INTERVAL:g} s of rolling with a reference, '
+            f'{used.sum()} intervals of {MANEUVER_TIME:g} s of rolling with a reference, '
             f'expected at least {MIN_ROBUST}')
     forward, _ = reference.path_components()
     distance = forward[last] - forward[first]
@@ -124,7 +122,7 @@ def fit_radius(wheels: WheelRecord, reference: PoseRecord, latency: float,
         np.hypot(lost * slip, PRIORS['slip of free rolling'].sigma * distance)).where(used)
     fit = regression(rows, Prior.of(None, (turn_slip, lost), (lag, lag),
                                     PRIORS['lateral offset of the reference'].prior),
-                     Errors(LAGS, anticorrelated(
+                     Errors(rows.lags(MANEUVER_TIME), anticorrelated(
                          np.append(False, begin[used][1:] == end[used][:-1]))))
     radius = fit.estimate(0)
     if not radius.value > 0.0:

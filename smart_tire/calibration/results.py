@@ -22,8 +22,7 @@ from smart_tire.uncertain import Uncertain
 
 SIGNIFICANT_SIGMAS = 3.0   # standard errors, of a difference or outlier that is not chance
 CONTRADICTION_SIGMAS = 4.0  # standard errors, of a difference for which data are refused
-MIN_SPREAD = 3  # below this number values do not determine their spread
-MIN_ROBUST = 5  # below this number outliers cannot be detected
+MIN_ROBUST = 5  # below this number values determine neither their spread nor outliers
 MIN_ROWS = 30   # below this number residuals do not determine their noise
 
 Fit = TypeVar('Fit')

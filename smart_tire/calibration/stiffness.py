@@ -24,13 +24,14 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.ground_fit import Equations, GroundFit, SCALE
 from smart_tire.calibration.motor_rows import MAX_SLIP
-from smart_tire.calibration.recording import MIN_ROLLING_SPEED
+from smart_tire.calibration.recording import MAX_TURN_SHARE
 from smart_tire.calibration.results import CONTRADICTION_SIGMAS, differ, Found, MIN_ROBUST
 from smart_tire.errors import EstimatorError
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import FORCE_X
 from smart_tire.estimation.ground.unknowns import Unknown
 from smart_tire.estimation.ground.wheel_motion import block_means
+from smart_tire.estimation.slip.state import MIN_SLIP_SPEED
 from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.samples import GRAVITY
@@ -38,7 +39,6 @@ from smart_tire.uncertain import MAX_RELATIVE_SIGMA, Uncertain
 
 MAX_SLIDING_SHARE = 0.3  # of straight motion, beyond the critical slip
 MAX_NOISE_SHARE = 0.08   # of accelerations; more noise makes a tire seem too stiff
-MAX_TURN_SHARE = 0.05    # of the speed: half the difference of the sides
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +80,7 @@ def stiffness_of(fit: GroundFit) -> StiffnessFit:
     rows = np.concatenate([_straight(one, fit) for one in fit.windows])
     if len(rows) < MIN_ROBUST:
         raise EstimatorError(f'{len(rows)} intervals of straight motion above '
-                             f'{MIN_ROLLING_SPEED:g} m/s, expected {MIN_ROBUST}')
+                             f'{MIN_SLIP_SPEED:g} m/s, expected {MIN_ROBUST}')
     slip, force, fitted, sliding = rows.T
     count = np.median(np.concatenate([one.measurements.imu_count for one in fit.windows]))
     share = fit.noise / math.sqrt(count) / max(float(np.std(4.0 * force / fit.robot.mass)), 1e-9)
@@ -118,7 +118,7 @@ def _straight(one: Equations, fit: GroundFit) -> Array:
     rolling = block_means(measurements.rolling) * math.exp(one.fit.x[Unknown.RADIUS])
     speed = rolling.mean(axis=1)
     turn = 0.5 * np.abs(rolling[:, 1::2].mean(axis=1) - rolling[:, ::2].mean(axis=1))
-    used = (measurements.used & (np.abs(speed) > MIN_ROLLING_SPEED)
+    used = (measurements.used & (np.abs(speed) > MIN_SLIP_SPEED)
             & (turn < MAX_TURN_SHARE * np.abs(speed)))
     tread, loads = (states[:, first:first + 4] for first in (model.FORCE, model.LOADS))
     fitted = tread.mean(axis=1)

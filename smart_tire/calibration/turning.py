@@ -34,22 +34,19 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
-    CORRELATION_TIME, moving_intervals, yaw_motion, YawRateFit)
-from smart_tire.calibration.priors import PRIORS, require
-from smart_tire.calibration.recording import CalibrationRecording, Mask, Signal, TURN_RATE
-from smart_tire.calibration.reference import MAX_POSE_GAP, usable_reference
+    MANEUVER_TIME, moving_intervals, yaw_motion, YawRateFit)
+from smart_tire.calibration.priors import LIMITS, PRIORS, require
+from smart_tire.calibration.recording import (
+    CalibrationRecording, Mask, MIN_RATE, Signal, SMOOTH_TIME)
+from smart_tire.calibration.reference import usable_reference
 from smart_tire.calibration.results import Found
 from smart_tire.errors import EstimatorError
+from smart_tire.estimation.slip.state import MODEL_TIME
 from smart_tire.numerics.least_squares import Errors, Prior, regression, Rows
 from smart_tire.numerics.robust import mad_sigma
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.calibration_file import Identified
 from smart_tire.uncertain import Uncertain, weighted_mean
-
-DISPLACEMENT_INTERVAL = 0.5   # s, of the displacements of the reference: shorter than a turn
-TURN_MARGIN = 0.3             # s before and after a turn, where the yaw rate changes
-MIN_TOTAL_YAW = 2.0           # rad, in a recording
-MAX_GROUND_SPREAD = 0.1       # relative, between turns: tires on other ground
 
 BY_IMU = 'lateral acceleration of the IMU'
 
@@ -92,7 +89,7 @@ class IcrFit:
 
 def turns_of(time: Array, yaw_rate: Array) -> list[Turn]:
     """Return begin and end [s] of the turns (constant sign of the yaw rate [rad/s]), (n,) each."""
-    sign = np.where(np.abs(yaw_rate) > TURN_RATE, np.sign(yaw_rate), 0.0)
+    sign = np.where(np.abs(yaw_rate) > MIN_RATE, np.sign(yaw_rate), 0.0)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1, [len(sign)]])
     return [(float(time[first]), float(time[last - 1]))
             for first, last in zip(edges[:-1], edges[1:]) if sign[first]]
@@ -105,11 +102,7 @@ def identify_icr(recording: CalibrationRecording, robot: RobotParams) -> IcrFit:
     Raises EstimatorError with both reasons if neither does.
     """
     time, gyro = recording.imu.time, Signal(recording.imu.time, recording.imu.rate[:, 2])
-    turns = turns_of(time, gyro.centered_mean(time, TURN_MARGIN))
-    total = float(np.abs(np.diff(gyro.integral(np.array(turns).reshape(-1, 2)))).sum())
-    if total < MIN_TOTAL_YAW:
-        raise EstimatorError(
-            f'total yaw of {total:.2g} rad, expected at least {MIN_TOTAL_YAW:g}')
+    turns = turns_of(time, gyro.centered_mean(time, MODEL_TIME))
     reasons = []
     for source, unit, rows_of in (
             ('lateral displacement of the reference', 'm', _displacements),
@@ -132,7 +125,7 @@ def combine(fits: Sequence[IcrFit]) -> IcrFit:
 def _displacements(recording: CalibrationRecording, robot: RobotParams) -> tuple[Rows, Prior]:
     """Return the regression of the reference's lateral displacement on the change of yaw."""
     poses = usable_reference(recording)
-    first, last = poses.intervals(DISPLACEMENT_INTERVAL, MAX_POSE_GAP)
+    first, last = poses.intervals(SMOOTH_TIME)
     if not len(first):
         raise EstimatorError('the reference is too short')
     forward, left = (path[last] - path[first] for path in poses.path_components())
@@ -144,7 +137,7 @@ def _displacements(recording: CalibrationRecording, robot: RobotParams) -> tuple
 def _accelerations(recording: CalibrationRecording, robot: RobotParams) -> tuple[Rows, Prior]:
     """Return the regression of the lateral specific force on the yaw acceleration."""
     imu, latency = recording.imu, robot.encoder.latency
-    intervals = moving_intervals(recording, robot, latency, TURN_MARGIN)
+    intervals = moving_intervals(recording, robot, latency, MODEL_TIME)
     begin, end = intervals.begin - latency, intervals.end - latency
     rate, change = yaw_motion(Signal(imu.time, imu.rate[:, 2]), begin, end)
     speed, time = robot.wheel_radius * intervals.sides.mean(axis=1), 0.5 * (begin + end)
@@ -162,10 +155,12 @@ def _accelerations(recording: CalibrationRecording, robot: RobotParams) -> tuple
 def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn],
              robot: RobotParams) -> IcrFit:
     """Return S of the recording and of each turn; raise EstimatorError if not observable."""
-    selected = np.any([_near(turn, rows.time) for turn in turns], axis=0)
+    selected = np.zeros(len(rows.time), bool)
+    for turn in turns:
+        selected |= _near(turn, rows.time)
     if selected.sum() < 2 * len(prior.mean):
         raise EstimatorError(f'{int(selected.sum())} intervals in turns')
-    errors, rows = Errors(rows.lags(CORRELATION_TIME)), rows.where(selected)
+    errors, rows = Errors(rows.lags(MANEUVER_TIME)), rows.where(selected)
     fit = regression(rows, prior, errors)
     estimate, regressor = fit.estimate(0), rows.matrix[:, 0]
     response = rows.target - rows.matrix[:, 1:] @ fit.values[1:]
@@ -183,7 +178,7 @@ def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn]
                   regressor, response, unit)
 
 
-def _near(turn: Turn, time: Array, margin: float = TURN_MARGIN) -> Mask:
+def _near(turn: Turn, time: Array, margin: float = MODEL_TIME) -> Mask:
     begin, end = turn
     return np.asarray((time > begin - margin) & (time < end + margin))
 
@@ -196,7 +191,7 @@ def _per_turn(turns: Sequence[Turn], time: Array, regressor: Array, response: Ar
         inside = _near(turn, time)
         weight = (regressor / sigma)[inside]
         information = float(weight @ weight)
-        if information > 0.0 and turn[1] - turn[0] > TURN_MARGIN and inside.sum() > 2:
+        if information > 0.0 and turn[1] - turn[0] > MODEL_TIME and inside.sum() > 2:
             value = float(weight @ (response / sigma)[inside]) / information
             found.append((0.5 * sum(turn), value, information ** -0.5))
     return np.array(found).reshape(-1, 3).T
@@ -232,7 +227,7 @@ def effective_track(fits: Sequence[YawRateFit], radius: Uncertain) -> Uncertain:
     slope = float(difference.sum() / yaw.sum())
     noise = [rate - rolled / slope for rolled, rate in turns]
     spread = math.sqrt(np.average((difference / yaw / slope - 1.0) ** 2, weights=yaw))
-    if spread > MAX_GROUND_SPREAD:
+    if spread > LIMITS['effective track'].sigma:
         values = ', '.join(f'{radius.value * one:.2f}' for one in difference / yaw)
         raise EstimatorError(f'the turns give {values} m: several grounds in one recording')
     relative = math.hypot(

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.calibration.motor_rows import COMMAND_DELAY, motor_rows
+from smart_tire.calibration.motor_rows import BOARD_DELAY, motor_rows
 from smart_tire.calibration.recording import (
     CalibrationRecording, DutyRecord, ImuRecord, WheelRecord)
 from smart_tire.errors import EstimatorError
@@ -95,11 +95,11 @@ def test_the_duty_is_averaged_over_the_same_windows():
     fine = np.linspace(-0.25, 0.25, 2001)
     weight = 1.0 - np.abs(fine) / 0.25
     for row in (10, 40, 90):
-        acting = rows.time[row] + fine - COMMAND_DELAY
+        acting = rows.time[row] + fine - BOARD_DELAY
         held = duty[np.searchsorted(time, acting, side='right') - 1, 0]
         assert rows.duty[row] == pytest.approx(np.average(held, weights=weight), abs=1e-3)
         assert rows.duty_rate[row] == pytest.approx(math.cos(rows.time[row] - 0.025), abs=0.1)
-    held = duty[np.searchsorted(time, rows.time - COMMAND_DELAY, side='right') - 1]
+    held = duty[np.searchsorted(time, rows.time - BOARD_DELAY, side='right') - 1]
     known = ~np.isnan(rows.center_duty)
     assert 0.5 < known.mean() < 1.0
     assert rows.center_duty[known] == pytest.approx(held[known])

@@ -61,6 +61,6 @@ def test_means_of_a_signal_are_those_of_its_linear_interpolation():
 def test_intervals_of_poses_restart_after_a_gap():
     time = np.concatenate([np.arange(0.0, 3.05, 0.1), np.arange(5.0, 8.05, 0.1)])
     record = PoseRecord(time, np.zeros((len(time), 2)), np.zeros(len(time)))
-    ends = [(time[a], time[b]) for a, b in zip(*record.intervals(1.45, 0.5))]
+    ends = [(time[a], time[b]) for a, b in zip(*record.intervals(1.45))]
     assert np.array(ends) == pytest.approx(np.array(
         [(0.0, 1.5), (1.5, 3.0), (5.0, 6.5), (6.5, 8.0)]))

@@ -60,6 +60,16 @@ def test_the_standard_error_of_the_tilt_includes_the_accelerometer_bias():
     assert fit_rest(stop_and_go(1), better).roll.sigma < fit.roll.sigma
 
 
+def test_noise_that_varies_has_a_larger_standard_error_than_white_noise():
+    recording = stop_and_go(1)
+    time, rate = recording.imu.time, recording.imu.rate
+    factor = np.where(time % 2.0 < 1.0, 0.6, 1.3)[:, None]
+    varying = replace(recording, imu=replace(recording.imu, rate=BIAS + factor * (rate - BIAS)))
+    white, noise = (fit_rest(one, ROBOT).gyro_noise for one in (recording, varying))
+    assert noise.sigma > 2.0 * white.sigma
+    assert noise.value == pytest.approx(NOISE[0], abs=2.0 * noise.sigma)
+
+
 def test_samples_after_a_stop_and_before_a_start_do_not_count():
     fit = fit_rest(stop_and_go(2), ROBOT)
     assert fit.intervals == 4
@@ -123,6 +133,12 @@ def rolled(speed, jitter, *, rate=16.0, seconds=60.0, seed=1):
         len(time[::step]))
     return WheelRecord(stamps, speed(time)[::step][:, [0, 1, 0, 1]],
                        angle[::step][:, [0, 1, 0, 1]])
+
+
+def test_the_standard_error_of_the_jitter_is_that_of_correlated_differences():
+    found = [fit_jitter(rolled(lambda time: np.full((len(time), 2), 9.0), 0.001, seed=seed), ROBOT)
+             for seed in range(60)]
+    assert_consistent(found, 0.001, 0.85, 1.15)
 
 
 def starts_and_stops(time):

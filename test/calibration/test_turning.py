@@ -84,9 +84,15 @@ def test_a_poor_reference_is_replaced_by_the_imu():
     assert 'IMU' in fit.source
 
 
-def test_too_little_turning_is_refused():
-    with pytest.raises(EstimatorError, match='total yaw of .* rad, expected at least 2'):
-        identify_icr(recorded(turning_run(6, turn=0.01), 0.002), ROBOT)
+def test_without_turns_it_is_refused_and_a_little_turning_has_a_large_standard_error():
+    straight = recorded(turning_run(6, turn=0.0))
+    straight.imu.rate[:] = 0.0
+    with pytest.raises(EstimatorError, match='0 intervals in turns'):
+        identify_icr(straight, ROBOT)
+    little, more = (identify_icr(recorded(turning_run(6, turn=turn, icr=ICR)), ROBOT).icr
+                    for turn in (0.01, 0.4))
+    assert_agrees(little, ICR)
+    assert little.sigma > 2.0 * more.sigma
 
 
 def test_both_reasons_are_given_if_neither_makes_it_observable():
