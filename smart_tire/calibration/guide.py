@@ -26,6 +26,9 @@ from smart_tire.samples import ImuSample, NS_PER_S, Sample, WheelSample
 Leg = tuple[float, float, float]  # duration [s], rpm of the left and of the right wheels
 
 PAUSE = 1.0              # s of standstill between two legs
+STARTS = (110.0, 1.4), (60.0, 1.8), (140.0, 1.1)  # rpm and duration [s] of legs straight ahead
+TURN_SPEEDS = (90.0, 30.0), (60.0, 15.0), (-45.0, 45.0)  # rpm, left and right; the last in place
+TURN_TIME = 6.0          # s
 MAX_SPEED = 1.3          # m/s, of the surface of a wheel
 FREE_SPACE_MARGIN = 0.5  # m, free space around the path
 PATH_STEP = 0.02         # s
@@ -52,13 +55,6 @@ def turn(left: float, right: float, duration: float) -> tuple[Leg, ...]:
     """Return a turn and its mirror image, with a stop after each."""
     stop = (1.5 * PAUSE, 0.0, 0.0)
     return (duration, left, right), stop, (duration, right, left), stop
-
-
-LEGS: Mapping[str, tuple[Leg, ...]] = {
-    REST: ((12.0, 0.0, 0.0),),
-    STRAIGHT: (*shuttle(110.0, 1.4), *shuttle(60.0, 1.8), *shuttle(140.0, 1.1)) * 3,
-    TURNS: (*turn(90.0, 30.0, 6.0), *turn(60.0, 15.0, 6.0), *turn(-45.0, 45.0, 5.0)),
-    LIFTED: tuple(leg for rpm in (40.0, 80.0, 120.0) for leg in shuttle(rpm, 4.0))}
 
 
 def limited(legs: Sequence[Leg], wheel_radius: float) -> list[Leg]:
@@ -186,6 +182,21 @@ class LiftedWatch(Watch):
 
 WATCHES: Mapping[str, Callable[[], Watch]] = {
     REST: RestWatch, STRAIGHT: StraightWatch, TURNS: TurnWatch, LIFTED: LiftedWatch}
+
+
+def _legs() -> dict[str, tuple[Leg, ...]]:
+    """Return the legs of each step, which its watch needs and a little more."""
+    *turns, pivot = TURN_SPEEDS
+    return {
+        REST: ((RestWatch.needed + 2.0 * PAUSE, 0.0, 0.0),),
+        STRAIGHT: (int(StraightWatch.needed) // len(STARTS) + 1) * tuple(
+            leg for rpm, duration in STARTS for leg in shuttle(rpm, duration)),
+        TURNS: (*(leg for speeds in turns for leg in turn(*speeds, TURN_TIME)),
+                *turn(*pivot, TURN_TIME - PAUSE)),
+        LIFTED: tuple(leg for rpm, _ in STARTS for leg in shuttle(rpm, LiftedWatch.needed / 2.0))}
+
+
+LEGS: Mapping[str, tuple[Leg, ...]] = _legs()
 
 
 class Key(Enum):
