@@ -67,9 +67,9 @@ class Geometry(Found):
         items = [Identified(item.parameter, *item.written, item.note)
                  for item in self.quantities
                  if item.parameter not in ('', ROTATION, *self.kept)]
-        items += [Identified('wheel_radius_sigma', item.written.sigma / item.written.value)
+        items += [Identified(f'{item.parameter}_sigma', item.written.sigma / item.written.value)
                   for item in self.quantities
-                  if item.name == RADIUS and item.parameter not in self.kept]
+                  if item.name in (RADIUS, GYRO_SCALE) and item.parameter not in self.kept]
         roll, pitch = self.get(ROLL), self.get(PITCH)
         if roll is not None and pitch is not None and ROTATION not in self.kept:
             turned = matrix(roll.value, pitch.value, 0.0) @ matrix(*robot.imu.rotation)
@@ -160,7 +160,9 @@ def _geometry(recording: CalibrationRecording, robot: RobotParams,
     _add_radius(found, recording, robot, 0.0 if gyro is None else gyro[1])
     _add_track(found, robot)
     if gyro is not None:
-        found.add(GYRO_SCALE, gyro[0], '-', 'against the reference; no parameter takes it')
+        known = robot.imu.gyro_scale  # by which the rates are corrected
+        found.add(GYRO_SCALE, Uncertain(known * gyro[0].value, known * gyro[0].sigma), '-',
+                  'against the reference', 'imu.gyro_scale')
     add_rest(found, [recording], [recording], robot)
     return found
 

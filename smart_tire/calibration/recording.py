@@ -63,7 +63,7 @@ class ImuRecord(Samples):
     def of(cls, imu: Stream, origin_ns: int, robot: RobotParams) -> ImuRecord:
         """Return the samples of a stream, with times from ``origin_ns`` on."""
         turn = matrix(*robot.imu.rotation)
-        return cls(seconds(imu.stamp_ns, origin_ns), imu['rate'] @ turn.T,
+        return cls(seconds(imu.stamp_ns, origin_ns), imu['rate'] @ turn.T / robot.imu.gyro_scale,
                    imu['acceleration'] @ turn.T)
 
 

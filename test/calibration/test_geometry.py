@@ -17,12 +17,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from smart_tire.calibration.geometry import (
-    add_rest, combine, Geometry, halves, identify_geometry, JITTER, LATENCY, RADIUS, ROTATION,
-    STATIC_IMU, TRACK as TRACK_NAME)
+    add_rest, combine, Geometry, GYRO_SCALE, halves, identify_geometry, JITTER, LATENCY, RADIUS,
+    ROTATION, STATIC_IMU, TRACK as TRACK_NAME)
 from smart_tire.calibration.recording import CalibrationRecording, ImuRecord, WheelRecord
 from smart_tire.parameters import build, RobotParams
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import matrix
-from smart_tire.samples import GRAVITY
+from smart_tire.samples import GRAVITY, ImuSample
 from smart_tire.uncertain import Uncertain, weighted_mean
 from support.identifying import assert_agrees, assert_consistent, recorded, TRACK, turning_run
 
@@ -178,3 +179,24 @@ def test_the_sigma_of_a_mean_grows_if_the_values_disagree():
     assert agreed.sigma == pytest.approx(0.1 / 2 ** 0.5)
     apart = weighted_mean([Uncertain(0.0, 0.1), Uncertain(2.0, 0.1)])
     assert apart.value == pytest.approx(1.0) and apart.sigma == pytest.approx(1.0)
+
+
+def test_a_wrong_scale_of_the_gyroscope_is_written_once(recording):
+    imu = replace(recording.imu, rate=0.97 * recording.imu.rate)
+    found = identify_geometry(replace(recording, imu=imu), WRONG)
+    given = {item.name: item.value for item in found.parameters(WRONG)}
+    assert given['imu.gyro_scale'] == pytest.approx(0.97, abs=0.01)
+    assert given['imu.gyro_scale_sigma'] < 0.005
+    known = build(RobotParams, {'wheel_radius': 0.1, 'encoder.latency': 0.0,
+                                'imu.gyro_scale': given['imu.gyro_scale']})
+    again = identify_geometry(replace(recording, imu=replace(
+        imu, rate=imu.rate / known.imu.gyro_scale)), known)
+    assert again.get(GYRO_SCALE).value == pytest.approx(given['imu.gyro_scale'], rel=1e-6)
+    assert 'imu.gyro_scale' in again.kept
+
+
+def test_rates_of_a_recording_have_the_scale_of_the_true_ones():
+    stream = SampleArrays([ImuSample(0, (0.0, 0.0, 9.8), (0.0, 0.0, 1.02))]).stream(ImuSample)
+    robot = build(RobotParams, {'imu.gyro_scale': 1.02})
+    found = ImuRecord.of(stream.ordered, 0, robot)
+    assert found.rate[0, 2] == pytest.approx(1.0) and found.force[0, 2] == pytest.approx(9.8)
