@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.filter import SlipFilter
+from smart_tire.estimation.slip.filter import ICR_LEARNED, SlipFilter
 from smart_tire.estimation.slip.ground import ground_prior, LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.output import OutputContext, SlipOutputBuilder
@@ -271,6 +271,23 @@ def test_tires_that_slide_along_hold_the_lateral_speed_less():
     assert noise(-0.5, ice) == noise(0.5, ice)
 
 
+@pytest.mark.parametrize(('balanced', 'given', 'changed', 'learned'), [
+    (True, True, False, True), (False, True, False, False), (True, False, False, False),
+    (True, True, True, False)])
+def test_where_the_forces_show_the_lateral_speed_only_the_icr_is_learned(
+        balanced, given, changed, learned):
+    slip_filter, found = SlipFilter(PARAMS), []
+    if given:
+        slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
+    slip_filter._balanced = balanced
+    if changed:
+        slip_filter.forces._since_change = 0.0
+    slip_filter.kalman = SimpleNamespace(
+        x=slip_filter.kalman.x, correct=lambda *args: found.append(args[3]))
+    slip_filter.correct_lateral(0.5, 0.1)
+    assert (found[0] is ICR_LEARNED) is learned
+
+
 @pytest.mark.parametrize(('given', 'sigma', 'taken'), [
     ((50.0, 0.5, 0.01), 0.02, False),  # as before the change, and contradicts the own one
     ((50.0, 0.5, 0.01), 20.0, False),  # as before, contradicts nothing: less certain than that
@@ -282,7 +299,7 @@ def test_a_ground_as_before_does_not_replace_what_the_filter_has_found(given, si
     def state(values, relative):
         return GroundState(0, *(Uncertain(value, relative * value) for value in values))
     slip_filter.set_ground(state((50.0, 0.5, 0.01), 0.02))
-    forces._before, forces._since_change = forces._given, 0.0  # a change that it has found
+    forces._since_change = 0.0  # it has found a change
     forces._add_to_ground((math.log(30.0 / 50.0), math.log(0.6), 0.09))
     P[State.LN_STIFFNESS, State.LN_STIFFNESS] = 0.1 ** 2
     own = forces._given
