@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground.measurements import Measurements
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, EVENT_EVIDENCE, FREEDOM, GROUND, HOP, Hypothesis,
-    Interval, ITERATIONS, LENGTH, Lift, MAX_LIFTS, MAX_STEP, MOVED, NEVER, OLD_GROUND, ONE_GROUND,
-    SIZE, TIME_ERROR, Unknown)
+    BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, FREEDOM, GROUND, HOP, Hypothesis, Interval,
+    ITERATIONS, LENGTH, Lift, MAX_LIFTS, MAX_STEP, MOVED, NEVER, OLD_GROUND, ONE_GROUND, SIZE,
+    TIME_ERROR, TRIED_EVIDENCE, Unknown)
 from smart_tire.estimation.ground.window_fit import (
     start_of, student, Whitening, WindowEstimate, WindowFit)
 from smart_tire.samples import WHEELS
@@ -98,7 +98,7 @@ class EventSearch:
             gain = (student(own) - own / growth - np.log(growth)).sum()
             likely.append((float(gain), time))
         gain, time = max(likely)
-        return time if gain > EVENT_EVIDENCE else None
+        return time if gain > TRIED_EVIDENCE else None
 
     def rivals(self, plain: Hypothesis, fit: WindowEstimate, measurements: Measurements,
                leaving: float, time: float) -> list[Rival]:
@@ -139,7 +139,7 @@ class EventSearch:
         found = []
         for gain, start, event in (*likeliest(
                 lambda at: self._lifts(plain, fit.x, at)), *both, *one):
-            if gain < EVENT_EVIDENCE:
+            if gain < TRIED_EVIDENCE:
                 continue
             rival = self._rival(plain, event, start, measurements, leaving)
             for _ in range(2 * ITERATIONS if len(event.times) == 2 else 0):

@@ -133,8 +133,9 @@ CANDIDATES = 3          # hops before the end, when something may have happened:
 # from a hop before on; jumps, lifted
 DISTURBANCE_TIME = 1.0  # s, of a push, assumed; pushes
 TIME_ERROR = 0.15       # s, of the time of an event, by blocks: before and after it is not used
-EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event, also of one that is tried:
-# 2 ln 150, one in a minute at one of the times of each window; jumps, pushes, lifted
+EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event: 2 ln 150, one in a minute at
+# one of the times of each window; jumps, pushes, lifted
+TRIED_EVIDENCE = 8.0    # ... and of one that is tried; slow_readings
 SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior
 # grows; split
 
