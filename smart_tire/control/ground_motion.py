@@ -96,6 +96,25 @@ class LatestMotion:
         return math.inf if self.stamp_ns is None else (now_ns - self.stamp_ns) / NS_PER_S
 
 
+class Travel(History):
+    """Distances and angles driven, as sums over the samples of one input."""
+
+    def elapsed(self, stamp_ns: int) -> float:
+        """Return the time [s] since the latest sample; 0 if there is none in ``CLOCK_JUMP_NS``."""
+        if self.times and not 0 <= stamp_ns - self.times[-1] <= c.CLOCK_JUMP_NS:
+            self.clear()
+        return (stamp_ns - self.times[-1]) / NS_PER_S if self.times else 0.0
+
+    def extend(self, stamp_ns: int, *driven: float) -> None:
+        """Add what was driven since the latest sample."""
+        before = self.latest if self.times else (0.0,) * len(driven)
+        self.add(stamp_ns, *map(sum, zip(before, driven)))
+
+    def between(self, begin_ns: int, end_ns: int) -> tuple[float, ...]:
+        """Return what was driven in an interval within that of the samples."""
+        return tuple(end - begin for begin, end in zip(self.at(begin_ns), self.at(end_ns)))
+
+
 class TwistCheck:
     """
     Compares the twist in ``odom`` with the changes of its poses, over ``TWIST_WINDOW_NS``.
@@ -106,22 +125,20 @@ class TwistCheck:
 
     def __init__(self) -> None:
         # of the poses: distance forward [m] and turned angle [rad]; the same of the twist
-        self._moved = History()
-        self._last: tuple[int, Motion] | None = None
+        self.travel = Travel()
+        self._last: Motion | None = None
+        self._begin_ns = 0  # of poses without a gap
         self.fault = ''  # what contradicts, empty if nothing does
 
     def corrected(self, motion: Motion, stamp_ns: int) -> Motion:
         """Return ``motion`` with a speed or yaw rate of the poses, where the twist contradicts."""
-        last_ns, last = self._last or (stamp_ns, motion)
-        self._last = stamp_ns, motion
-        if stamp_ns < last_ns or stamp_ns - last_ns > c.MAX_GAP_NS:
-            self._moved.clear()
-            last_ns, last = stamp_ns, motion
-        half = 0.5 * (stamp_ns - last_ns) / NS_PER_S
-        change = (*motion.since(last), half * (last.v_x + motion.v_x),
-                  half * (last.yaw_rate + motion.yaw_rate))
-        before = self._moved.latest if self._moved.times else (0.0,) * 4
-        self._moved.add(stamp_ns, *(old + new for old, new in zip(before, change)))
+        half = 0.5 * self.travel.elapsed(stamp_ns)
+        last = self._last if self._last and self.travel.times else motion
+        self._last = motion
+        if not self.travel.times or 2.0 * half > c.MAX_GAP_NS / NS_PER_S:
+            self._begin_ns = stamp_ns
+        self.travel.extend(stamp_ns, *motion.since(last), half * (last.v_x + motion.v_x),
+                           half * (last.yaw_rate + motion.yaw_rate))
         speed, yaw_rate = (self._contradicted(axis, stamp_ns) for axis in (0, 1))
         self.fault = ''
         if speed is None and yaw_rate is None:
@@ -136,21 +153,18 @@ class TwistCheck:
 
     def _contradicted(self, axis: int, stamp_ns: int) -> float | None:
         """Return the speed or yaw rate of the poses if both halves of the window contradict."""
-        half = c.TWIST_WINDOW_NS // 2
-        if stamp_ns - self._moved.times[0] < 2 * half:
+        half, errors = c.TWIST_WINDOW_NS // 2, list[float]()
+        if stamp_ns - self._begin_ns < 2 * half:
             return None
-        marks = [self._moved.at(stamp_ns - part * half) for part in (0, 1, 2)]
-        errors = []
-        for later, earlier in zip(marks, marks[1:]):
-            posed, twisted = (later[row] - earlier[row] for row in (axis, axis + 2))
-            error, least = posed - twisted, c.MAX_TWIST_ERROR[axis]
-            if abs(error) <= max(least, 0.5 * max(abs(posed), abs(twisted))):
+        for end_ns in (stamp_ns, stamp_ns - half):
+            posed, twisted = self.travel.between(end_ns - half, end_ns)[axis::2]
+            if abs(posed - twisted) <= max(
+                    c.MAX_TWIST_ERROR[axis], 0.5 * max(abs(posed), abs(twisted))):
                 return None
-            errors.append(error)
+            errors.append(posed - twisted)
         if errors[0] * errors[1] < 0.0:
             return None
-        return (marks[0][axis] - self._moved.at(stamp_ns - half // 2)[axis]) * NS_PER_S / (
-            half - half // 2)
+        return self.travel.between(stamp_ns - half // 2, stamp_ns)[axis] * NS_PER_S / (half // 2)
 
 
 class MotionMonitor(LatestMotion):
@@ -158,18 +172,13 @@ class MotionMonitor(LatestMotion):
     Latest odometry for following a path.
 
     ``fault`` is the text for the first fault since it was cleared; empty if there is none.
-    ``twist_fault`` is that of a twist that is not used.
+    ``twist`` checks the twist, and has what was driven by the poses.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.fault = ''
-        self._twist = TwistCheck()
-
-    @property
-    def twist_fault(self) -> str:
-        """Return what contradicts the twist; empty if nothing does."""
-        return self._twist.fault
+        self.twist = TwistCheck()
 
     def add_odometry(self, odometry: Odometry, params: PathCheckParams) -> float:
         """Check and add odometry; return the distance [m] from the last position."""
@@ -178,7 +187,7 @@ class MotionMonitor(LatestMotion):
             self._set_fault(f'odom: pose or twist is not plausible, expected finite numbers up to '
                             f'{MAX_SPEED:g} m/s and {MAX_ANGULAR_RATE:g} rad/s')
             return 0.0
-        motion = self._twist.corrected(motion, odometry.stamp_ns)
+        motion = self.twist.corrected(motion, odometry.stamp_ns)
         self.motion, self.stamp_ns = motion, odometry.stamp_ns
         if last_ns is None:
             return 0.0

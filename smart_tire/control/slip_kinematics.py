@@ -100,7 +100,7 @@ class SlideModel:
     def __init__(self, compliance: float, half_track: float) -> None:
         """Begin with the expected ``compliance`` c [s2/m], on level ground."""
         self._compliance, self._half_track = compliance, half_track
-        self._known = History(), History()  # driving, turning in place: motion, slip velocity
+        self._known = History(), History()  # driving, turning in place: motion
         self._latest_ns = 0
 
     def reset(self) -> None:
@@ -108,12 +108,12 @@ class SlideModel:
         for one in self._known:
             one.clear()
 
-    def add(self, motion: Motion, slip: float, stamp_ns: int) -> None:
-        """Add a motion and the mean slip velocity [m/s] of the sides."""
+    def add(self, motion: Motion, stamp_ns: int) -> None:
+        """Add a motion."""
         elapsed_ns = min(max(stamp_ns - self._latest_ns, 0), c.MAX_GAP_NS)
         self._latest_ns = stamp_ns
-        known = self._known[int(self._share(motion[0], motion[2]))]
-        known.add((known.times[-1] if known.times else 0) + elapsed_ns, *motion, slip)
+        known = self._known[int(self.share(motion[0], motion[2]))]
+        known.add((known.times[-1] if known.times else 0) + elapsed_ns, *motion)
 
     def expected(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
         """
@@ -122,50 +122,47 @@ class SlideModel:
         A slide is at most ``MAX_SLIDE`` times the speed of the wheels: a fit to its onset may
         give more.
         """
-        coefficients = self._coefficients(float(self._share(v_x, yaw_rate)))
+        share = float(self.share(v_x, yaw_rate))
+        coefficients = self._coefficients(share)
         coefficients[1:3] /= max(math.hypot(*coefficients[1:3]) / c.MAX_SLIDE, 1.0)
-        lateral, ahead = self._terms(v_x, yaw_rate, np.cos(yaw), np.sin(yaw))
-        return np.stack([coefficients @ ahead, coefficients @ lateral])
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        ahead = self._terms(v_x, yaw_rate, sin, -cos)[1:3] * (share == 1.0)
+        return np.stack([coefficients[1:3] @ ahead,
+                         coefficients @ self._terms(v_x, yaw_rate, cos, sin)])
+
+    def share(self, v_x: ArrayLike, yaw_rate: ArrayLike) -> Array:
+        """Return the speed of the sides by the turn over that of the faster one; 1 in place."""
+        turn = self._half_track * np.abs(yaw_rate)
+        return turn / np.maximum(np.maximum(turn, np.abs(v_x)), c.TINY)
 
     def _coefficients(self, share: float) -> Array:
         """Return c, b_x, b_y and x of motions with this share of the turn."""
         if share < 1.0:
             prior, sigma = np.array([self._compliance, 0.0, 0.0, 0.0]), c.SLIDE_SIGMA
         else:
-            prior, sigma = self._coefficients(0.0), c.SPIN_SLIDE_SIGMA
+            prior, sigma = self._coefficients(0.0), c.MAX_SLIDE
             prior[1:3] *= c.SPIN_SLIDE
         known = self._known[int(share)]
         if not known.times:
             return prior
-        v_x, v_y, yaw_rate, cos, sin, slip = np.array(known.values).T
-        lateral, ahead = self._terms(v_x, yaw_rate, cos, sin)
-        off = np.abs(self._share(v_x, yaw_rate) - share)
-        weight = np.exp(-0.5 * off / c.SIMILAR_TURNING) / c.SLIDE_SPREAD
-        less = weight * c.AHEAD_WEIGHT
-        terms = np.concatenate([weight * lateral, less * ahead], axis=1)
-        measured = np.concatenate([weight * v_y, -less * slip * (share == 1.0)])
+        v_x, v_y, yaw_rate, cos, sin = np.array(known.values).T
+        terms = self._terms(v_x, yaw_rate, cos, sin)
+        off = np.abs(self.share(v_x, yaw_rate) - share)
+        weight = np.exp(-0.5 * off / c.TURNING_LENGTH) / c.SLIDE_SPREAD
         weights = np.diag(1.0 / np.array([self._compliance, sigma, sigma, c.PIVOT_SIGMA]))
         found: Array = prior + np.linalg.lstsq(
-            np.vstack([terms.T, weights]),
-            np.append(measured - prior @ terms, np.zeros(len(prior))), rcond=None)[0]
+            np.vstack([(weight * terms).T, weights]),
+            np.append(weight * (v_y - prior @ terms), np.zeros(len(prior))), rcond=None)[0]
         return found
 
-    def _share(self, v_x: ArrayLike, yaw_rate: ArrayLike) -> Array:
-        """Return the speed of the sides by the turn over that of the faster one; 1 in place."""
-        turn = self._half_track * np.abs(yaw_rate)
-        return turn / np.maximum(np.maximum(turn, np.abs(v_x)), c.TINY)
-
     def _terms(self, v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike
-               ) -> tuple[Array, Array]:
-        """Return what the coefficients of lateral speed and slide are multiplied with (4, n)."""
+               ) -> Array:
+        """Return what the coefficients of the lateral speed are multiplied with (4, n)."""
         v_x, yaw_rate = np.asarray(v_x), np.asarray(yaw_rate)
-        in_place = self._share(v_x, yaw_rate) == 1.0
         speed = np.maximum(np.abs(v_x), self._half_track * np.abs(yaw_rate))
-        none = np.zeros(np.shape(cos))
-        lateral, ahead = (np.stack(np.broadcast_arrays(*part)) for part in (
-            (-np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos, -yaw_rate * in_place),
-            (none, speed * in_place * cos, speed * in_place * sin, none)))
-        return lateral, ahead
+        return np.stack(np.broadcast_arrays(
+            -np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos,
+            -yaw_rate * (self.share(v_x, yaw_rate) == 1.0)))
 
 
 class VelocityFeedback:
@@ -219,7 +216,7 @@ class SlipKinematics:
     def __init__(self, params: TrajectoryControllerParams) -> None:
         robot = params.robot
         self._feedback = VelocityFeedback()
-        self._track, self._wheelbase = robot.track_width, robot.wheelbase
+        self._track = robot.track_width
         self._effective_track, self._fade_time = params.effective_track, params.friction.fade_time
         self._resistance = SlipCoefficient(*c.RESISTANCE)
         self._widening = SlipCoefficient(
@@ -234,7 +231,7 @@ class SlipKinematics:
             one.reset()
         self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
-        self._turning = 0.0                             # turning share that they belong to
+        self._turning = 0.0                             # share of the turn that they belong to
         self._motions = History()                       # ``Motion``
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
@@ -299,9 +296,10 @@ class SlipKinematics:
         """Return commanded over reached speed and yaw rate, for wanted ones of the body."""
         learned_ns = now_ns if self._learned_ns is None else self._learned_ns
         aged = max(now_ns - learned_ns, 0) / NS_PER_S / self._fade_time
-        widening = self._widening.after(aged + self._change(v_x, yaw_rate))
-        return (1.0 + self._resistance.after(aged),
-                (1.0 + widening) * self._track / self._effective_track)
+        widening = 1.0 + self._widening.after(aged + self._change(v_x, yaw_rate))
+        in_place = self._slide.share(v_x, yaw_rate) == 1.0
+        return (widening if in_place else 1.0 + self._resistance.after(aged),
+                widening * self._track / self._effective_track)
 
     def lateral_speed(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
         """Return the lateral speeds [m/s] of the body to be expected at yaws [rad] (n,) or one."""
@@ -309,12 +307,7 @@ class SlipKinematics:
 
     def _change(self, v_x: float, yaw_rate: float) -> float:
         """Return the change of the turning share from the one learned last, over its length."""
-        return abs(self._turning_share(v_x, yaw_rate) - self._turning) / c.TURNING_LENGTH
-
-    def _turning_share(self, v_x: float, yaw_rate: float) -> float:
-        """Return the share of sideways motion of the wheels: 0 straight on, 1 in place."""
-        sideways = 0.5 * self._wheelbase * abs(yaw_rate)
-        return sideways / (sideways + abs(v_x) + c.STANDSTILL_SPEED)
+        return abs(float(self._slide.share(v_x, yaw_rate)) - self._turning) / c.TURNING_LENGTH
 
     def _learn(self) -> None:
         """Correct the coefficients with the means of the window, and empty it."""
@@ -325,9 +318,7 @@ class SlipKinematics:
         self._learned_ns = stamp_ns
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
         self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
-        slip = 0.5 * (left + right) - self._resistance.value * motion[0]
-        if abs(slip) <= MAX_SPEED:
-            self._slide.add(motion, slip, stamp_ns)
+        self._slide.add(motion, stamp_ns)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:
@@ -335,8 +326,9 @@ class SlipKinematics:
         v_x, _, yaw_rate, *_ = motion
         aged = duration / self._fade_time
         change = aged + self._change(v_x, yaw_rate)
-        self._turning = self._turning_share(v_x, yaw_rate)
-        self._resistance.correct(v_x, 0.5 * (left + right), sigma, aged, duration)
+        self._turning = float(self._slide.share(v_x, yaw_rate))
+        if self._turning < 1.0:  # in place, both sides have the slip ratio of the turn
+            self._resistance.correct(v_x, 0.5 * (left + right), sigma, aged, duration)
         self._widening.correct(
             0.5 * self._track * yaw_rate, 0.5 * (right - left), sigma, change, duration)
 

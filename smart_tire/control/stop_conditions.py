@@ -17,35 +17,14 @@ import math
 from statistics import fmean
 
 from smart_tire.control import constants as c
-from smart_tire.control.ground_motion import Motion, wrap
-from smart_tire.control.history import History
+from smart_tire.control.ground_motion import Motion, Travel, wrap
 from smart_tire.control.path_follower import Advance, PathFollower
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import ArrivalParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, Vector3, WheelSample
 
-Distances = tuple[float, float]  # m: mean of both sides, and half of right - left
-
-
-class Travel(History):
-    """Distances driven [m], forward and turning, as sums over the samples of one input."""
-
-    def elapsed(self, stamp_ns: int) -> float:
-        """Return the time [s] since the latest sample; 0 if there is none in ``CLOCK_JUMP_NS``."""
-        if self.times and not 0 <= stamp_ns - self.times[-1] <= c.CLOCK_JUMP_NS:
-            self.clear()
-        return (stamp_ns - self.times[-1]) / NS_PER_S if self.times else 0.0
-
-    def extend(self, stamp_ns: int, forward: float, turning: float) -> None:
-        """Add distances [m] since the latest sample."""
-        before = self.latest if self.times else (0.0, 0.0)
-        self.add(stamp_ns, before[0] + forward, before[1] + turning)
-
-    def between(self, begin_ns: int, end_ns: int) -> Distances:
-        """Return the distances in an interval within that of the samples."""
-        (forward, turning), (before_forward, before_turning) = self.at(end_ns), self.at(begin_ns)
-        return forward - before_forward, turning - before_turning
+Distances = tuple[float, ...]  # m: mean of both sides, and half of right - left
 
 
 class OdometryCheck:
@@ -56,15 +35,14 @@ class OdometryCheck:
     turn it: on ice with a slip of up to ``max_slip``. A robot that moves rolls at least one side.
     """
 
-    def __init__(self, robot: RobotParams) -> None:
+    def __init__(self, robot: RobotParams, odom: Travel) -> None:
+        """``odom`` has the distance forward [m] and the turned angle [rad] of the poses."""
         self._radius, self._arm = robot.wheel_radius, 0.5 * robot.track_width
-        self._wheels, self._odom = Travel(), Travel()
-        self._motion: Motion | None = None
+        self._wheels, self._odom = Travel(), odom
 
     def clear(self) -> None:
         """Discard the motion so far: the robot may have been moved by hand."""
         self._wheels.clear()
-        self._odom.clear()
 
     def add_wheels(self, sample: WheelSample) -> None:
         """Add the mean speeds since the sample before."""
@@ -72,13 +50,6 @@ class OdometryCheck:
         left, right = (scale * fmean(_finite(sample.velocity[wheel] for wheel in side))
                        for side in (LEFT, RIGHT))
         self._wheels.extend(sample.stamp_ns, 0.5 * (right + left), 0.5 * (right - left))
-
-    def add_motion(self, motion: Motion, stamp_ns: int) -> None:
-        """Add a pose; the twist is not used."""
-        self._odom.elapsed(stamp_ns)
-        last, self._motion = self._motion if self._odom.times else None, motion
-        forward, turned = motion.since(last or motion)
-        self._odom.extend(stamp_ns, forward, self._arm * turned)
 
     def fault(self, max_slip: float) -> str:
         """Return the contradiction; empty if there is none, or no wheels are measured."""
@@ -88,7 +59,8 @@ class OdometryCheck:
         begin_ns = max(self._wheels.times[0], self._odom.times[0], end_ns - c.WINDOW_NS)
         if begin_ns >= end_ns:
             return ''
-        wheels, odom = (item.between(begin_ns, end_ns) for item in (self._wheels, self._odom))
+        forward, turned, *_ = self._odom.between(begin_ns, end_ns)
+        wheels, odom = self._wheels.between(begin_ns, end_ns), (forward, self._arm * turned)
         if not contradict(wheels, odom, max_slip):
             return ''
         return (f'odom: {self._described(odom)} in {(end_ns - begin_ns) / NS_PER_S:.1f} s, in '

@@ -68,7 +68,7 @@ class TrajectoryControl:
         self._motion = MotionMonitor()
         self._response = BaseResponse(
             params.follower.actuation_delay, 0.5 * params.robot.track_width)
-        self._odometry_check = OdometryCheck(params.robot)
+        self._odometry_check = OdometryCheck(params.robot, self._motion.twist.travel)
         # until the first odometry after it; a goal that is too near, until the robot has stopped
         self._target: PlannedPath | GoalPose | None = None
         self._follower: PathFollower | None = None
@@ -99,7 +99,7 @@ class TrajectoryControl:
     @property
     def twist_fault(self) -> str:
         """Return what contradicts the twist in ``odom``; empty if nothing does."""
-        return self._motion.twist_fault
+        return self._motion.twist.fault
 
     def follow(self, target: PlannedPath | GoalPose, now_ns: int) -> None:
         """
@@ -158,10 +158,9 @@ class TrajectoryControl:
         self._ground.drive(
             self._motion.add_odometry(odometry, self.params.checks), odometry.stamp_ns)
         motion = self._motion.motion
-        self._odometry_check.add_motion(motion, odometry.stamp_ns)
         if self.state == PathState.FOLLOWING:
             self._response.learn(motion, odometry.stamp_ns)
-        if self._motion.twist_fault:
+        if self.twist_fault:
             odometry = replace(odometry, linear=(motion.v_x, motion.v_y, 0.0),
                                angular=(0.0, 0.0, motion.yaw_rate))
         self._kinematics.add_odometry(odometry)

@@ -24,7 +24,7 @@ from hypothesis import given, settings, strategies as st
 import pytest
 
 from smart_tire.control.constants import MAX_WAIT
-from smart_tire.control.ground_motion import Motion
+from smart_tire.control.ground_motion import Motion, TwistCheck
 from smart_tire.control.path_library import line
 from smart_tire.control.stop_conditions import OdometryCheck
 from smart_tire.control.trajectory_control import PathState, TrajectoryControl
@@ -178,7 +178,8 @@ def test_odom_that_contradicts_the_wheels_is_found_within_1_s_after_it_began(
     """Until then the robot stands; both inputs have any rate and phase."""
     (wheels, turning), (speed, yaw_rate) = motions
     arm = 0.5 * IDEAL.robot.track_width
-    check, began = OdometryCheck(IDEAL.robot), 2.0
+    poses, began = TwistCheck(), 2.0
+    check = OdometryCheck(IDEAL.robot, poses.travel)
     events = sorted(
         [((index + wheel_phase) / wheel_rate, 'wheels') for index in range(round(4 * wheel_rate))]
         + [((index + odom_phase) / odom_rate, 'odom') for index in range(round(4 * odom_rate))])
@@ -189,7 +190,8 @@ def test_odom_that_contradicts_the_wheels_is_found_within_1_s_after_it_began(
                       for side in (-1, 1, -1, 1)]
             check.add_wheels(WheelSample(stamp_ns, tuple(speeds)))
         else:
-            check.add_motion(Motion(speed * since, 0.0, yaw_rate * since, 0.0, 0.0, 0.0), stamp_ns)
+            poses.corrected(
+                Motion(speed * since, 0.0, yaw_rate * since, 0.0, 0.0, 0.0), stamp_ns)
         if check.fault(IDEAL.checks.max_slip):
             break
     assert 0.0 < since < 1.0

@@ -78,8 +78,8 @@ def test_a_twist_that_contradicts_the_poses_is_named_and_replaced_within_a_secon
     made = circle(1.0, rate, twist=twist)
     assert (made.motion.v_x, made.motion.yaw_rate) == pytest.approx((0.5, 0.4), rel=0.01)
     given = twist(0.5, 0.4)
-    assert f'twist of {given[0]:.2f} m/s and {given[1]:.2f} rad/s contradicts' in made.twist_fault
-    assert 'move by 0.50 m/s and 0.40 rad/s' in made.twist_fault
+    assert f'twist of {given[0]:.2f} m/s and {given[1]:.2f} rad/s contradicts' in made.twist.fault
+    assert 'move by 0.50 m/s and 0.40 rad/s' in made.twist.fault
 
 
 @pytest.mark.parametrize(('twist', 'speeds'), [
@@ -88,25 +88,25 @@ def test_a_twist_that_contradicts_the_poses_is_named_and_replaced_within_a_secon
 def test_a_twist_that_agrees_roughly_is_used(twist, speeds):
     made = circle(3.0, twist=twist)
     assert (made.motion.v_x, made.motion.yaw_rate) == pytest.approx(speeds)
-    assert not made.twist_fault
+    assert not made.twist.fault
 
 
 def test_half_of_a_window_or_a_jump_of_the_pose_contradicts_no_twist():
-    assert not circle(0.75, twist=lambda *_: (0.0, 0.0)).twist_fault
+    assert not circle(0.75, twist=lambda *_: (0.0, 0.0)).twist.fault
     for end in (1.0, 1.3, 1.7):  # the jump in the one or the other half, or gone
         made = circle(end, v_x=0.0, yaw_rate=0.0, jump=lambda time: 0.15 * (time > 0.9))
-        assert not made.twist_fault and made.motion.v_x == 0.0
+        assert not made.twist.fault and made.motion.v_x == 0.0
         made = circle(end, v_x=0.0, yaw_rate=0.0,  # to and fro
                       jump=lambda time: 0.15 * (0.7 < time < 1.1))
-        assert not made.twist_fault and made.motion.v_x == 0.0
+        assert not made.twist.fault and made.motion.v_x == 0.0
 
 
 def test_the_twist_is_used_again_after_a_gap_and_when_it_agrees():
     made = circle(1.0, twist=lambda *_: (0.0, 0.0))
-    assert made.twist_fault
+    assert made.twist.fault
     last = made.motion
     made.add_odometry(odometry(made.stamp_ns + 2 * NS_PER_S, last.x, last.y, last.yaw), PARAMS)
-    assert not made.twist_fault and made.motion.v_x == 0.0
+    assert not made.twist.fault and made.motion.v_x == 0.0
 
 
 def test_without_odometry_its_age_is_infinite():

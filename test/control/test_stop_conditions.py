@@ -20,12 +20,12 @@ from benchmarks.control.closed_loop import run_closed_loop
 import pytest
 
 from smart_tire.control.constants import CLOCK_JUMP_NS
-from smart_tire.control.ground_motion import Motion
+from smart_tire.control.ground_motion import Motion, Travel, TwistCheck
 from smart_tire.control.path_follower import Advance
 from smart_tire.control.path_geometry import PathPoint
 from smart_tire.control.path_library import figure_eight, square
 from smart_tire.control.stop_conditions import (
-    arrival_error, contradict, OdometryCheck, ProgressMonitor, Travel)
+    arrival_error, contradict, OdometryCheck, ProgressMonitor)
 from smart_tire.control.trajectory_control import PathState, TrajectoryControl
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
@@ -221,7 +221,8 @@ def test_odometry_that_stands_or_creeps_while_the_wheels_roll_stops_within_1_s(
 
 def seconds_until_fault(wheels, odom, *, seconds=3.0, rate=16.0, unmeasured=()):
     """Return the time [s] of the first fault at constant motions (m/s, rad/s), or None."""
-    made = OdometryCheck(ROBOT)
+    poses = TwistCheck()
+    made = OdometryCheck(ROBOT, poses.travel)
     speeds = [(wheels[0] + side * ARM * wheels[1]) / RADIUS for side in (-1, 1, -1, 1)]
     speeds = tuple(NAN if wheel in unmeasured else speed for wheel, speed in enumerate(speeds))
     x = y = yaw = 0.0
@@ -229,7 +230,7 @@ def seconds_until_fault(wheels, odom, *, seconds=3.0, rate=16.0, unmeasured=()):
         now = tick / 100
         yaw += 0.01 * odom[1]
         x, y = x + 0.01 * odom[0] * math.cos(yaw), y + 0.01 * odom[0] * math.sin(yaw)
-        made.add_motion(Motion(x, y, yaw, 0.0, 0.0, 0.0), round(now * NS_PER_S))
+        poses.corrected(Motion(x, y, yaw, 0.0, 0.0, 0.0), round(now * NS_PER_S))
         if now * rate % 1.0 < 0.01 * rate:
             made.add_wheels(WheelSample(round(now * NS_PER_S), speeds))
         if made.fault(MAX_SLIP):
@@ -257,9 +258,10 @@ def test_motions_that_slip_explains_are_no_contradiction(wheels, odom):
 
 
 def test_without_wheels_or_after_a_gap_nothing_is_compared():
-    made = OdometryCheck(ROBOT)
+    poses = TwistCheck()
+    made = OdometryCheck(ROBOT, poses.travel)
     for tick in range(100):
-        made.add_motion(Motion(0.01 * tick, 0.0, 0.0, 0.5, 0.0, 0.0), tick * 20_000_000)
+        poses.corrected(Motion(0.01 * tick, 0.0, 0.0, 0.5, 0.0, 0.0), tick * 20_000_000)
     assert not made.fault(MAX_SLIP)
     made.add_wheels(WheelSample(0, (0.0,) * 4))
     made.add_wheels(WheelSample(2 * NS_PER_S, (0.0,) * 4))  # 2 s later: unknown in between
@@ -277,9 +279,10 @@ def test_a_stamp_before_the_latest_one_or_long_after_it_begins_again():
 
 
 def test_the_motion_before_a_new_order_is_discarded():
-    made = OdometryCheck(ROBOT)
+    poses = TwistCheck()
+    made = OdometryCheck(ROBOT, poses.travel)
     for tick in range(20):
-        made.add_motion(Motion(0.1 * tick, 0.0, 0.0, 0.0, 0.0, 0.0), tick * 50_000_000)
+        poses.corrected(Motion(0.1 * tick, 0.0, 0.0, 0.0, 0.0, 0.0), tick * 50_000_000)
         made.add_wheels(WheelSample(tick * 50_000_000, (0.0,) * 4))
     assert made.fault(MAX_SLIP)
     made.clear()
