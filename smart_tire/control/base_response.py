@@ -23,7 +23,7 @@ from smart_tire.control.history import History
 from smart_tire.samples import NS_PER_S
 
 DELAYS = np.arange(0.0, c.MAX_DELAY + 0.5 * c.DELAY_STEP, c.DELAY_STEP)  # s
-LAGS = np.array(c.BASE_LAGS)                                             # s
+LAGS = c.DELAY_STEP * 2.0 ** np.arange(5)                                # s
 
 
 class BaseResponse:

@@ -64,7 +64,6 @@ MAX_DERIVATIVE_SHARE = 0.25
 
 # -- motors -------------------------------------------------------------------------------------
 MAX_TORQUE = 1e3       # N m, of a plausible motor; assumed; test_motor_response
-MAX_MOTOR_DELAY = 0.6  # s, that is found; assumed; test_motor_response
 MOTOR_EVIDENCE = 0.1   # s, squared duties times time, that is kept: 0.7 for 0.2 s; assumed
 MOTOR_MARGIN = 0.002   # s, by which another delay must be likelier; assumed; test_motor_response
 MODEL_ERROR = 0.2      # of a duty, by supply and heat: motor_tolerance of motor_driver; assumed
@@ -89,14 +88,14 @@ MAX_FADE_LENGTHS = 3.0     # distances or times of fading, of a measurement; ass
 ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; split, sand_unknown
 
 # -- motion along a path -------------------------------------------------------------------------
-# s, that are learned; the step, below the period of commands, also of predictions; assumed;
-# test_base_response
+# s, of bases and motors, that are learned; the step, below the period of commands, also of
+# predictions; assumed; test_base_response, test_motor_response
 MAX_DELAY, DELAY_STEP = 0.6, 0.025
 DELAY_EVIDENCE = 0.1     # (m/s)^2 s, that is kept: four starts to 0.5 m/s, 0.1 s apart; assumed
 DELAY_MARGIN = 1e-4      # (m/s)^2 s, by which another delay must be likelier; assumed
-# s, of first order, that are distinguished: control of the wheels, relaxation of the tires; and
-# those of speed and yaw rate that the given delay contains; measured, 6 robots; drawn
-BASE_LAGS, USUAL_LAGS = (0.025, 0.05, 0.1, 0.15, 0.2, 0.3), (0.05, 0.2)
+# s, lags of speed and yaw rate that the given delay contains: control of the wheels, relaxation of
+# the tires; measured, 6 robots; drawn
+USUAL_LAGS = 0.05, 0.2
 LATERAL_SHARE = 0.8   # of friction for lateral acceleration, on a circle; test_motion_limits
 PLANNED_SHARE = 0.85  # of deceleration in plans, the rest is for control; assumed; tracking
 COMMAND_SHARE = 1.1   # of the largest speed and yaw rate, commanded; assumed; test_command_bounds
@@ -105,10 +104,10 @@ DONE_SHARE = 0.5      # of the yaw tolerance; the rest is for the rotation that 
 # at whose end a distance left costs as much as a speed; steps of the rest; tuned; drawn: square
 MAX_HOLD_SPEED, HOLD_ANGLE, HOLD_STEPS = 0.2, 0.33, 12
 PROJECTION_WINDOW = 0.2  # m, and twice the distance driven since; assumed; crossings of a path
-MAX_SETTLING = 1.0       # s, wait for standstill between maneuvers; assumed; test_path_follower
-# After the last command; longer than the time-outs of bases (0.25 to 0.5 s), after which they
-# release the motors and twisted tires unwind; assumed; test_arrival
-RELEASE_TIME = 1.0       # s
+# s, for standstill between maneuvers, and after the last command: longer than the time-outs of
+# bases (0.25 to 0.5 s), after which they release the motors and twisted tires unwind; assumed;
+# test_path_follower, test_arrival
+RELEASE_TIME = 1.0
 MAX_APPROACHES = 2       # that are repeated; assumed; test_arrival
 MAX_ALIGN_FACTOR = 2.0   # of align_angle, while driving; assumed; test_path_follower
 
@@ -126,8 +125,8 @@ MIN_AGREEING_SHARE = 0.75  # of the length; assumed; test_path_plan
 # -- compensation of slip ------------------------------------------------------------------------
 GATE = 5.0         # -, spreads to which innovations are clipped; assumed; one outlier
 SPREAD_TIME = 1.0  # s, of the mean over squared innovations; assumed; change of ground
-# m/s, of slip velocities and v_y around the model: least, at the start; measured; tracking
-MIN_SPREAD, SPREAD = 5e-3, 0.02
+# m/s, of slip velocities and v_y around the models: least, at the start; measured; tracking
+MIN_SPREAD, SPREAD = 5e-3, 0.01
 # averaged for one correction; ten estimates at 125 Hz, and motion that belongs to a slip; CPU time
 SLIP_WINDOW_NS = 80_000_000
 # of the wanted speed and the largest yaw rate, by which feedback changes them; assumed;
@@ -137,15 +136,12 @@ TURNING_LENGTH = 0.15  # -, of the share of the turn, correlation length of tire
 # slip velocity over speed: mean, sigma and range of the prior, firm ground to sand; assumed; sand
 RESISTANCE = 0.01, 0.15, -0.05, 0.5
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow turns on sand
-# Of the slide: m/s of motions around the model; tuned; drawn. rad, slip angle on a slope: 4 degrees
-# over C_y of the softest ground; derived
-SLIDE_SPREAD, SLIDE_SIGMA = 0.01, 0.05
+SLIDE_SIGMA = 0.05  # rad, slip angle on a slope: 4 degrees over C_y of the softest ground; derived
 # In turns in place, where tires are near the limit of friction: slide over that of the way before,
 # and sigma of the point about which the robot turns, m; measured, 30 robots; drawn
 SPIN_SLIDE, PIVOT_SIGMA = 3.0, 0.03
 # of the speed of the wheels, the largest slide and its sigma; tuned; drawn: square
 MAX_SLIDE = 0.4
-MIN_DRIFT_SPEED = 0.05  # m/s, at which the direction of travel is that of a motion; assumed
 
 # -- conditions to stop --------------------------------------------------------------------------
 WINDOW_NS = 500_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz; derived

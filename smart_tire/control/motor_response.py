@@ -25,7 +25,7 @@ from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.control.wheel_servo import DriveModel
 from smart_tire.samples import Four, NS_PER_S, STOPPED
 
-DELAYS = np.arange(0.0, c.MAX_MOTOR_DELAY + 0.5 * c.DELAY_STEP, c.DELAY_STEP)  # s
+DELAYS = np.arange(0.0, c.MAX_DELAY + 0.5 * c.DELAY_STEP, c.DELAY_STEP)  # s
 
 
 @dataclass(frozen=True)

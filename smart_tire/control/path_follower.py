@@ -175,7 +175,7 @@ class PathFollower:
         if self._v_x != 0.0 or self._yaw_rate != 0.0:
             return
         self._settling = (self._settling or 0.0) + now.dt
-        if not now.motion.at_rest() and self._settling <= c.MAX_SETTLING:
+        if not now.motion.at_rest() and self._settling <= c.RELEASE_TIME:
             return
         self._settling, self._spin, self._distance, self.point = None, None, None, None
         if not self.maneuvers:
@@ -234,7 +234,7 @@ class PathFollower:
                              follower.min_look_ahead), follower.max_look_ahead)
         # with the yaw rate of the path where the yaw will have followed, half the look-ahead on,
         # not the last one, which depends on the drift itself
-        speed = max(abs(self._v_x), c.MIN_DRIFT_SPEED)
+        speed = max(abs(self._v_x), c.STANDSTILL_SPEED)
         ahead = min(point.distance + 0.5 * look_ahead, segment.length)
         v_x = segment.direction * speed
         drift = math.atan(float(now.lateral_speed(v_x, speed * segment.point(

@@ -148,7 +148,7 @@ class SlideModel:
         v_x, v_y, yaw_rate, cos, sin = np.array(known.values).T
         terms = self._terms(v_x, yaw_rate, cos, sin)
         off = np.abs(self.share(v_x, yaw_rate) - share)
-        weight = np.exp(-0.5 * off / c.TURNING_LENGTH) / c.SLIDE_SPREAD
+        weight = np.exp(-0.5 * off / c.TURNING_LENGTH) / c.SPREAD
         weights = np.diag(1.0 / np.array([self._compliance, sigma, sigma, c.PIVOT_SIGMA]))
         found: Array = prior + np.linalg.lstsq(
             np.vstack([(weight * terms).T, weights]),

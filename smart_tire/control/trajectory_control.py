@@ -322,7 +322,7 @@ class TrajectoryControl:
             released_ns = self._released_ns = now_ns
         elapsed = (now_ns - released_ns) / NS_PER_S
         self._response.command(0.0, 0.0, now_ns)
-        wait = c.RELEASE_TIME if motion.at_rest() else c.RELEASE_TIME + c.MAX_SETTLING
+        wait = c.RELEASE_TIME if motion.at_rest() else 2.0 * c.RELEASE_TIME
         if elapsed < wait:
             zero = params.hold_on_arrival or released_ns == now_ns
             return VelocityCommand(now_ns, 0.0, 0.0) if zero else None

@@ -19,7 +19,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from smart_tire.control.constants import HOLD_ANGLE, MAX_HOLD_SPEED, MIN_DRIFT_SPEED
+from smart_tire.control.constants import HOLD_ANGLE, MAX_HOLD_SPEED, STANDSTILL_SPEED
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.motion_limits import MotionLimits
 from smart_tire.control.path_follower import (
@@ -63,7 +63,7 @@ def test_the_curvature_is_that_of_pursuit_on_the_tangent(v_x, look_ahead, y, yaw
 
 @pytest.mark.parametrize('direction', [FORWARD, REVERSE])
 @pytest.mark.parametrize('v_x, speed, curvature', [
-    (0.0, MIN_DRIFT_SPEED, 0.1), (0.6, 0.6, 0.15), (0.95, 0.95, 0.2)])
+    (0.0, STANDSTILL_SPEED, 0.1), (0.6, 0.6, 0.15), (0.95, 0.95, 0.2)])
 def test_the_drift_is_that_of_the_path_half_a_look_ahead_on(direction, v_x, speed, curvature):
     s = np.linspace(0.0, 2.0, 401)  # its curvature is its length, in 1/m^2
     step = 0.5 * (s[1:] + s[:-1])
