@@ -125,8 +125,8 @@ MIN_AGREEING_SHARE = 0.75  # of the length; assumed; test_path_plan
 # -- compensation of slip ------------------------------------------------------------------------
 GATE = 5.0         # -, spreads to which innovations are clipped; assumed; one outlier
 SPREAD_TIME = 1.0  # s, of the mean over squared innovations; assumed; change of ground
-# m/s, of slip velocities and v_y around the models: least, at the start; measured; tracking
-MIN_SPREAD, SPREAD = 5e-3, 0.01
+# m/s, of slip velocities and v_y around the model: least, at the start; measured; tracking
+MIN_SPREAD, SPREAD = 5e-3, 0.02
 # averaged for one correction; ten estimates at 125 Hz, and motion that belongs to a slip; CPU time
 SLIP_WINDOW_NS = 80_000_000
 # of the wanted speed and the largest yaw rate, by which feedback changes them; assumed;
@@ -136,12 +136,14 @@ TURNING_LENGTH = 0.15  # -, of the share of the turn, correlation length of tire
 # slip velocity over speed: mean, sigma and range of the prior, firm ground to sand; assumed; sand
 RESISTANCE = 0.01, 0.15, -0.05, 0.5
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow turns on sand
-SLIDE_SIGMA = 0.05  # rad, slip angle on a slope: 4 degrees over C_y of the softest ground; derived
+# Of the slide: m/s of motions around the model; tuned; drawn. rad, slip angle on a slope: 4 degrees
+# over C_y of the softest ground; derived
+SLIDE_SPREAD, SLIDE_SIGMA = 0.01, 0.05
 # In turns in place, where tires are near the limit of friction: slide over that of the way before,
-# and sigma of the point about which the robot turns, m; measured, 30 robots; drawn
-SPIN_SLIDE, PIVOT_SIGMA = 3.0, 0.03
-# of the speed of the wheels, the largest slide and its sigma; tuned; drawn: square
-MAX_SLIDE = 0.4
+# its sigma, and that of the point about which the robot turns, m; measured, 30 robots; drawn
+SPIN_SLIDE, SPIN_SLIDE_SIGMA, PIVOT_SIGMA = 3.0, 0.2, 0.03
+AHEAD_WEIGHT = 0.3  # of slips, which changes of speed cause, too; tuned; square on sand
+MAX_SLIDE = 0.4  # of the speed of the wheels: a fit to the onset may be more; tuned; drawn: square
 
 # -- conditions to stop --------------------------------------------------------------------------
 WINDOW_NS = 500_000_000  # of the comparison: a stop within 1 s also with readings at 4 Hz; derived

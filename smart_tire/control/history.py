@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 from bisect import bisect
-from collections.abc import Sequence
 
 from smart_tire.control import constants as c
 
@@ -23,46 +22,36 @@ class History:
 
     def __init__(self) -> None:
         self.times: list[int] = []
-        self._values: list[tuple[float, ...]] = []
+        self.values: list[tuple[float, ...]] = []  # that are kept, by their times
 
     def clear(self) -> None:
         """Forget all values."""
         self.times.clear()
-        self._values.clear()
+        self.values.clear()
 
     def add(self, time_ns: int, *values: float) -> None:
         """Add the values at a time; discard all others if it is before the latest one."""
         if self.times and time_ns < self.times[-1]:
             self.clear()
         self.times.append(time_ns)
-        self._values.append(values)
+        self.values.append(values)
         old = max(min(bisect(self.times, time_ns - c.HISTORY_NS) - 1, len(self.times) - 2), 0)
-        del self.times[:old], self._values[:old]
-
-    @property
-    def values(self) -> Sequence[tuple[float, ...]]:
-        """Return all values that are kept, by their times."""
-        return self._values
-
-    @property
-    def first(self) -> tuple[float, ...]:
-        """Return the first of the values that are kept; there must be some."""
-        return self._values[0]
+        del self.times[:old], self.values[:old]
 
     @property
     def latest(self) -> tuple[float, ...]:
         """Return the latest values; there must be some."""
-        return self._values[-1]
+        return self.values[-1]
 
     def held(self, time_ns: int, max_age_ns: int = c.HISTORY_NS) -> tuple[float, ...] | None:
         """Return the latest values up to a time, None if there are none or if they are older."""
         after = bisect(self.times, time_ns)
         recent = after and time_ns - self.times[after - 1] <= max_age_ns
-        return self._values[after - 1] if recent else None
+        return self.values[after - 1] if recent else None
 
     def at(self, time_ns: int) -> tuple[float, ...]:
         """Return values on the line through those before and after a time; two are needed."""
         after = min(max(bisect(self.times, time_ns), 1), len(self.times) - 1)
-        (t_0, t_1), (one, two) = self.times[after - 1:after + 1], self._values[after - 1:after + 1]
+        (t_0, t_1), (one, two) = self.times[after - 1:after + 1], self.values[after - 1:after + 1]
         share = (time_ns - t_0) / max(t_1 - t_0, 1)
         return tuple(a + share * (b - a) for a, b in zip(one, two))

@@ -87,14 +87,11 @@ class Segment:
         last = min(self.index(high) + 2, self.distance.size)
         px, py = self.x[first:last], self.y[first:last]
         ex, ey = np.diff(px), np.diff(py)
-        share = np.clip(((x - px[:-1]) * ex + (y - py[:-1]) * ey) / self._edge2(ex, ey), 0.0, 1.0)
+        share = np.clip(((x - px[:-1]) * ex + (y - py[:-1]) * ey) / np.maximum(
+            ex ** 2 + ey ** 2, c.TINY ** 2), 0.0, 1.0)
         best = int(np.argmin((px[:-1] + share * ex - x) ** 2 + (py[:-1] + share * ey - y) ** 2))
         distance = (first + best + float(share[best])) * self._step
         return self.point(min(max(distance, low), high, self.length), x, y)
-
-    @staticmethod
-    def _edge2(ex: Array, ey: Array) -> Array:
-        return np.maximum(ex ** 2 + ey ** 2, 1e-18)
 
     def point(self, distance: float, x: float, y: float) -> PathPoint:
         """Return the point at an arc length [m], with the position of (x, y) relative to it."""

@@ -100,7 +100,7 @@ class SlideModel:
     def __init__(self, compliance: float, half_track: float) -> None:
         """Begin with the expected ``compliance`` c [s2/m], on level ground."""
         self._compliance, self._half_track = compliance, half_track
-        self._known = History(), History()  # driving, turning in place: motion
+        self._known = History(), History()  # driving, turning in place: motion, slip velocity
         self._latest_ns = 0
 
     def reset(self) -> None:
@@ -108,12 +108,12 @@ class SlideModel:
         for one in self._known:
             one.clear()
 
-    def add(self, motion: Motion, stamp_ns: int) -> None:
-        """Add a motion."""
+    def add(self, motion: Motion, slip: float, stamp_ns: int) -> None:
+        """Add a motion and the mean slip velocity [m/s] of the sides, without that of the drive."""
         elapsed_ns = min(max(stamp_ns - self._latest_ns, 0), c.MAX_GAP_NS)
         self._latest_ns = stamp_ns
         known = self._known[int(self.share(motion[0], motion[2]))]
-        known.add((known.times[-1] if known.times else 0) + elapsed_ns, *motion)
+        known.add((known.times[-1] if known.times else 0) + elapsed_ns, *motion, slip)
 
     def expected(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
         """
@@ -122,13 +122,10 @@ class SlideModel:
         A slide is at most ``MAX_SLIDE`` times the speed of the wheels: a fit to its onset may
         give more.
         """
-        share = float(self.share(v_x, yaw_rate))
-        coefficients = self._coefficients(share)
+        coefficients = self._coefficients(float(self.share(v_x, yaw_rate)))
         coefficients[1:3] /= max(math.hypot(*coefficients[1:3]) / c.MAX_SLIDE, 1.0)
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        ahead = self._terms(v_x, yaw_rate, sin, -cos)[1:3] * (share == 1.0)
-        return np.stack([coefficients[1:3] @ ahead,
-                         coefficients @ self._terms(v_x, yaw_rate, cos, sin)])
+        return np.stack([coefficients @ terms for terms in self._terms(
+            v_x, yaw_rate, np.cos(yaw), np.sin(yaw))])
 
     def share(self, v_x: ArrayLike, yaw_rate: ArrayLike) -> Array:
         """Return the speed of the sides by the turn over that of the faster one; 1 in place."""
@@ -140,29 +137,34 @@ class SlideModel:
         if share < 1.0:
             prior, sigma = np.array([self._compliance, 0.0, 0.0, 0.0]), c.SLIDE_SIGMA
         else:
-            prior, sigma = self._coefficients(0.0), c.MAX_SLIDE
+            prior, sigma = self._coefficients(0.0), c.SPIN_SLIDE_SIGMA
             prior[1:3] *= c.SPIN_SLIDE
         known = self._known[int(share)]
         if not known.times:
             return prior
-        v_x, v_y, yaw_rate, cos, sin = np.array(known.values).T
-        terms = self._terms(v_x, yaw_rate, cos, sin)
+        v_x, v_y, yaw_rate, cos, sin, slip = np.array(known.values).T
+        ahead, lateral = self._terms(v_x, yaw_rate, cos, sin)
         off = np.abs(self.share(v_x, yaw_rate) - share)
-        weight = np.exp(-0.5 * off / c.TURNING_LENGTH) / c.SPREAD
+        weight = np.exp(-0.5 * off / c.TURNING_LENGTH) / c.SLIDE_SPREAD
+        less = weight * c.AHEAD_WEIGHT
+        terms = np.concatenate([less * ahead, weight * lateral], axis=1)
+        measured = np.concatenate([-less * slip * (share == 1.0), weight * v_y])
         weights = np.diag(1.0 / np.array([self._compliance, sigma, sigma, c.PIVOT_SIGMA]))
         found: Array = prior + np.linalg.lstsq(
-            np.vstack([(weight * terms).T, weights]),
-            np.append(weight * (v_y - prior @ terms), np.zeros(len(prior))), rcond=None)[0]
+            np.vstack([terms.T, weights]),
+            np.append(measured - prior @ terms, np.zeros(len(prior))), rcond=None)[0]
         return found
 
     def _terms(self, v_x: ArrayLike, yaw_rate: ArrayLike, cos: ArrayLike, sin: ArrayLike
-               ) -> Array:
-        """Return what the coefficients of the lateral speed are multiplied with (4, n)."""
+               ) -> tuple[Array, Array]:
+        """Return what the coefficients are multiplied with: slide ahead, lateral speed (4, n)."""
         v_x, yaw_rate = np.asarray(v_x), np.asarray(yaw_rate)
+        in_place = self.share(v_x, yaw_rate) == 1.0
         speed = np.maximum(np.abs(v_x), self._half_track * np.abs(yaw_rate))
-        return np.stack(np.broadcast_arrays(
-            -np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos,
-            -yaw_rate * (self.share(v_x, yaw_rate) == 1.0)))
+        ahead, lateral = (np.stack(np.broadcast_arrays(*part)) for part in (
+            (0.0, speed * in_place * cos, speed * in_place * sin, 0.0),
+            (-np.abs(v_x) * v_x * yaw_rate, -speed * sin, speed * cos, -yaw_rate * in_place)))
+        return ahead, lateral
 
 
 class VelocityFeedback:
@@ -276,7 +278,7 @@ class SlipKinematics:
         if v_x == yaw_rate == 0.0:
             self._feedback.reset()
             return 0.0, 0.0
-        speed, turn = self.factors(v_x, yaw_rate, now_ns)
+        (speed, turn), added = self.factors(v_x, yaw_rate, now_ns), (0.0, 0.0)
         if self._motions.times:
             reached, lateral, reached_rate, cos, sin = self._motions.latest
             added = self._feedback.correction(
@@ -285,8 +287,6 @@ class SlipKinematics:
             if math.hypot(reached, lateral) <= c.MAX_HOLD_SPEED:  # else it slides off
                 v_x -= float(self._slide.expected(
                     v_x, yaw_rate, math.atan2(sin, cos) + delay * reached_rate)[0])
-        else:
-            added = 0.0, 0.0
         command = speed * (v_x + added[0]), turn * (yaw_rate + added[1])
         share = command_share(command, params)
         self._feedback.want((share * v_x, share * yaw_rate), now_ns)
@@ -318,7 +318,13 @@ class SlipKinematics:
         self._learned_ns = stamp_ns
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
         self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
-        self._slide.add(motion, stamp_ns)
+        slip = 0.5 * (left + right)
+        if self._turning == 1.0:  # of the speed ahead of the wheels, the share of the turn is lost
+            slip -= (1.0 - 1.0 / (1.0 + self._widening.value)) * (slip + motion[0])
+        else:
+            slip -= self._resistance.value * motion[0]
+        if abs(slip) <= MAX_SPEED:
+            self._slide.add(motion, slip, stamp_ns)
 
     def _correct(self, motion: Motion, left: float, right: float, sigma: float,
                  duration: float) -> None:

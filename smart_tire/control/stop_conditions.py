@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 import math
 from statistics import fmean
 
@@ -47,8 +46,8 @@ class OdometryCheck:
     def add_wheels(self, sample: WheelSample) -> None:
         """Add the mean speeds since the sample before."""
         scale = self._radius * self._wheels.elapsed(sample.stamp_ns)
-        left, right = (scale * fmean(_finite(sample.velocity[wheel] for wheel in side))
-                       for side in (LEFT, RIGHT))
+        left, right = (scale * fmean(filter(math.isfinite, (
+            sample.velocity[wheel] for wheel in side))) for side in (LEFT, RIGHT))
         self._wheels.extend(sample.stamp_ns, 0.5 * (right + left), 0.5 * (right - left))
 
     def fault(self, max_slip: float) -> str:
@@ -83,11 +82,6 @@ def contradict(wheels: Distances, odom: Distances, max_slip: float) -> bool:
             or most_moved > c.MIN_DISTANCE and most_rolled < (1.0 - max_slip) * most_moved)
 
 
-def _finite(values: Iterable[float]) -> list[float]:
-    """Return the speeds of the measured wheels."""
-    return [value for value in values if math.isfinite(value)]
-
-
 def arrival_error(motion: Motion, end: Vector3, arrival: ArrivalParams) -> str:
     """Return how far the robot is from its ``end`` (x, y, yaw or NaN); empty if it is there."""
     x, y, yaw = end
@@ -104,16 +98,19 @@ class ProgressMonitor:
     """
     Watches the distance from the path, and the progress along it.
 
-    A path that replaces another one, of the monitor ``before``, does not excuse a robot that does
-    not move: planners renew their paths every second.
+    A path that replaces another one does not excuse a robot that does not move: planners renew
+    their paths every second.
     """
 
-    def __init__(self, before: ProgressMonitor | None = None) -> None:
-        self._waiting_ns: int | None = before._waiting_ns if before else None
-        self._place: Motion | None = before._place if before else None  # where it was at ...
-        self._place_ns: int = before._place_ns if before else 0
+    def __init__(self) -> None:
+        self._waiting_ns: int | None = None
+        self._place: Motion | None = None  # where it was at ``_place_ns``
+        self._place_ns = self._mark_ns = 0
+        self.renew()
+
+    def renew(self) -> None:
+        """Begin with a path that replaces the one before."""
         self._mark: Advance | None = None  # at ``_mark_ns``
-        self._mark_ns = 0
         self._allowed = math.inf  # m, from the path: the robot may begin off it
 
     def waiting(self, now_ns: int) -> str:

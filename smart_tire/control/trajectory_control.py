@@ -118,12 +118,13 @@ class TrajectoryControl:
                 self._begin(target)
             else:
                 self._target, self._follower = target, None
-                self._progress = self._new_monitor()
+                self._progress.renew()
         except CommandError as error:
             self.refuse(error)
             return
         if self.state != PathState.FOLLOWING:
             self._odometry_check.clear()
+            self._progress = ProgressMonitor()
             self._stepped_ns = None  # the first step is one period, however long ago the last was
         self.state, self.reason, self._motion.fault = PathState.FOLLOWING, '', ''
         self.holding = False
@@ -259,11 +260,7 @@ class TrajectoryControl:
     def _drive(self, follower: PathFollower) -> None:
         """Begin to follow."""
         self._follower, self._released_ns = follower, None
-        self._progress = self._new_monitor()
-
-    def _new_monitor(self) -> ProgressMonitor:
-        """Return a monitor of a new path, which follows on that of the one followed so far."""
-        return ProgressMonitor(self._progress if self.state == PathState.FOLLOWING else None)
+        self._progress.renew()
 
     def _is_renewed(self, target: PlannedPath | GoalPose) -> bool:
         """

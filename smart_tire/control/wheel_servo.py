@@ -206,7 +206,7 @@ class SpeedReference:
         if time_ns >= times[-1]:
             return self._turned.latest[0] + self._expected * (time_ns - times[-1]) / NS_PER_S
         if time_ns < times[0]:
-            return self._turned.first[0] - self._initial * (times[0] - time_ns) / NS_PER_S
+            return self._turned.values[0][0] - self._initial * (times[0] - time_ns) / NS_PER_S
         return self._turned.at(time_ns)[0]
 
 

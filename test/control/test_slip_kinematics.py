@@ -313,6 +313,23 @@ def test_the_wheels_drive_against_the_slide_of_a_turn_in_place():
     assert max(map(abs, moved)) < 0.2 * max(map(abs, free))
 
 
+def test_in_place_the_speed_ahead_is_commanded_for_the_slip_of_the_turn():
+    world = World(kinematics(), track=0.8)
+    world.drive(0.0, 0.8, 3.0)
+    known = world.kinematics.factors(0.5, 0.0, world.now_ns)[0]
+    for v_x in (0.05, -0.05):  # before the feedback can act
+        assert world.drive(v_x, 0.8, STEP)[0] == pytest.approx(v_x, rel=0.1)
+    world.drive(0.05, 0.8, 1.0)
+    assert world.kinematics.factors(0.5, 0.0, world.now_ns)[0] == pytest.approx(known, abs=1e-3)
+
+
+def test_a_slide_ahead_is_expected_in_place_only():
+    world = World(kinematics(), lateral=lambda v_x, yaw_rate, yaw: -0.3 * v_x * math.cos(yaw))
+    world.drive(0.15, 0.0, 3.0)
+    world.yaw = 0.5 * math.pi  # where the body would slide ahead
+    assert world.drive(0.15, 0.0, 2.0 * STEP)[0] == pytest.approx(0.15, rel=0.03)
+
+
 def test_turns_in_place_are_remembered_over_the_way_between_them():
     world = Slope()
     world.drive(0.0, 0.8, 2.0)
@@ -344,17 +361,6 @@ def test_a_slide_is_made_up_for_within_its_bound():
     v_x /= world.kinematics.factors(0.0, 0.8, world.now_ns)[0]  # of the body
     assert slide < -0.6 * sides
     assert 0.2 * sides < v_x < 1.05 * MAX_SLIDE * sides
-
-
-def test_a_slip_that_is_not_plausible_teaches_nothing():
-    world = Slope()
-    world.drive(0.0, 0.8, 2.0)
-    known = world.kinematics.lateral_speed(0.0, 0.8, 0.0)
-    for _ in range(60):
-        world.move(0.0, 0.8)
-        world.kinematics.add_odometry(world.odometry())
-        world.kinematics.add_slip(replace(world.wheel_slip(), slip_velocity=(1e6,) * 4))
-    assert world.kinematics.lateral_speed(0.0, 0.8, 0.0) == pytest.approx(known, abs=1e-3)
 
 
 def test_older_odometry_is_ignored_and_another_clock_discards_all():

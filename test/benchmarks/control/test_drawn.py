@@ -144,7 +144,7 @@ def test_a_slide_in_place_is_named_and_the_wheels_do_not_drive_against_it():
     robot = RobotParams(film=TreadFilmParams(wheels=()))
     simulator = SimulatorParams(seed=1, robot=robot, ground=ground('dry', {
         'dry': (0.6, 50.0, 0.01), 'ice': (0.12, 50.0, 0.01)}, [('ice', 0.8, 20.0)]))
-    traits = Traits(slope=math.radians(8.0), direction=-0.5 * math.pi)
+    traits = Traits(slope=math.radians(7.5), direction=-0.5 * math.pi)
     slippery = DrawnRobot(simulator, traits, 50.0, 0.02, 0.02)
     path = planned([(0.0, 0.0, NAN), (1.2, 0.0, NAN), (1.2, 1.2, NAN)])
     stack = SlopeStack(stack_params(slippery, OURS, estimated=False), path, slippery)
