@@ -132,13 +132,14 @@ SLIP_WINDOW_NS = 80_000_000
 # of the wanted speed and the largest yaw rate, by which feedback changes them; assumed;
 # test_command_bounds
 MAX_SPEED_SHARE, MAX_YAW_SHARE = 0.5, 0.3
-TURNING_LENGTH = 0.15  # -, of the share of the turn, correlation length of tires; tuned; drawn
+TURNING_LENGTH = 0.2  # -, of the turning share, correlation length of tires; tuned; tracking
 # slip velocity over speed: mean, sigma and range of the prior, firm ground to sand; assumed; sand
 RESISTANCE = 0.01, 0.15, -0.05, 0.5
 WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow turns on sand
-# Of the slide: m/s of motions around the model; tuned; drawn. rad, slip angle on a slope: 4 degrees
-# over C_y of the softest ground; derived
-SLIDE_SPREAD, SLIDE_SIGMA = 0.01, 0.05
+# Of motions in the fit of the slide: difference of the share of the turn within which they are
+# similar, and m/s around the model; tuned; drawn. rad, slip angle on a slope: 4 degrees over C_y
+# of the softest ground; derived
+SIMILAR_TURNING, SLIDE_SPREAD, SLIDE_SIGMA = 0.08, 0.01, 0.05
 # In turns in place, where tires are near the limit of friction: slide over that of the way before,
 # its sigma, and that of the point about which the robot turns, m; measured, 30 robots; drawn
 SPIN_SLIDE, SPIN_SLIDE_SIGMA, PIVOT_SIGMA = 3.0, 0.2, 0.03

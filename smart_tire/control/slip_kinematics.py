@@ -145,7 +145,7 @@ class SlideModel:
         v_x, v_y, yaw_rate, cos, sin, slip = np.array(known.values).T
         ahead, lateral = self._terms(v_x, yaw_rate, cos, sin)
         off = np.abs(self.share(v_x, yaw_rate) - share)
-        weight = np.exp(-0.5 * off / c.TURNING_LENGTH) / c.SLIDE_SPREAD
+        weight = np.exp(-0.5 * off / c.SIMILAR_TURNING) / c.SLIDE_SPREAD
         less = weight * c.AHEAD_WEIGHT
         terms = np.concatenate([less * ahead, weight * lateral], axis=1)
         measured = np.concatenate([-less * slip * (share == 1.0), weight * v_y])
@@ -218,7 +218,7 @@ class SlipKinematics:
     def __init__(self, params: TrajectoryControllerParams) -> None:
         robot = params.robot
         self._feedback = VelocityFeedback()
-        self._track = robot.track_width
+        self._track, self._wheelbase = robot.track_width, robot.wheelbase
         self._effective_track, self._fade_time = params.effective_track, params.friction.fade_time
         self._resistance = SlipCoefficient(*c.RESISTANCE)
         self._widening = SlipCoefficient(
@@ -233,7 +233,7 @@ class SlipKinematics:
             one.reset()
         self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
-        self._turning = 0.0                             # share of the turn that they belong to
+        self._turning = 0.0                             # turning share that they belong to
         self._motions = History()                       # ``Motion``
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
@@ -297,8 +297,7 @@ class SlipKinematics:
         learned_ns = now_ns if self._learned_ns is None else self._learned_ns
         aged = max(now_ns - learned_ns, 0) / NS_PER_S / self._fade_time
         widening = 1.0 + self._widening.after(aged + self._change(v_x, yaw_rate))
-        in_place = self._slide.share(v_x, yaw_rate) == 1.0
-        return (widening if in_place else 1.0 + self._resistance.after(aged),
+        return (widening if self._in_place(v_x, yaw_rate) else 1.0 + self._resistance.after(aged),
                 widening * self._track / self._effective_track)
 
     def lateral_speed(self, v_x: float, yaw_rate: float, yaw: ArrayLike) -> Array:
@@ -307,7 +306,16 @@ class SlipKinematics:
 
     def _change(self, v_x: float, yaw_rate: float) -> float:
         """Return the change of the turning share from the one learned last, over its length."""
-        return abs(float(self._slide.share(v_x, yaw_rate)) - self._turning) / c.TURNING_LENGTH
+        return abs(self._turning_share(v_x, yaw_rate) - self._turning) / c.TURNING_LENGTH
+
+    def _in_place(self, v_x: float, yaw_rate: float) -> bool:
+        """Return whether one side rolls back, so that both have the slip ratio of the turn."""
+        return float(self._slide.share(v_x, yaw_rate)) == 1.0
+
+    def _turning_share(self, v_x: float, yaw_rate: float) -> float:
+        """Return the share of sideways motion of the wheels: 0 straight on, 1 in place."""
+        sideways = 0.5 * self._wheelbase * abs(yaw_rate)
+        return sideways / (sideways + abs(v_x) + c.STANDSTILL_SPEED)
 
     def _learn(self) -> None:
         """Correct the coefficients with the means of the window, and empty it."""
@@ -319,7 +327,7 @@ class SlipKinematics:
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
         self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
         slip = 0.5 * (left + right)
-        if self._turning == 1.0:  # of the speed ahead of the wheels, the share of the turn is lost
+        if self._in_place(motion[0], motion[2]):  # of the speed ahead of the wheels, the share of the turn is lost
             slip -= (1.0 - 1.0 / (1.0 + self._widening.value)) * (slip + motion[0])
         else:
             slip -= self._resistance.value * motion[0]
@@ -332,8 +340,8 @@ class SlipKinematics:
         v_x, _, yaw_rate, *_ = motion
         aged = duration / self._fade_time
         change = aged + self._change(v_x, yaw_rate)
-        self._turning = float(self._slide.share(v_x, yaw_rate))
-        if self._turning < 1.0:  # in place, both sides have the slip ratio of the turn
+        self._turning = self._turning_share(v_x, yaw_rate)
+        if not self._in_place(v_x, yaw_rate):
             self._resistance.correct(v_x, 0.5 * (left + right), sigma, aged, duration)
         self._widening.correct(
             0.5 * self._track * yaw_rate, 0.5 * (right - left), sigma, change, duration)
