@@ -109,7 +109,7 @@ class SlideModel:
             one.clear()
 
     def add(self, motion: Motion, slip: float, stamp_ns: int) -> None:
-        """Add a motion and the mean slip velocity [m/s] of the sides, without that of the drive."""
+        """Add a motion and the mean slip velocity [m/s] beyond that which the drive causes."""
         elapsed_ns = min(max(stamp_ns - self._latest_ns, 0), c.MAX_GAP_NS)
         self._latest_ns = stamp_ns
         known = self._known[int(self.share(motion[0], motion[2]))]
@@ -327,7 +327,7 @@ class SlipKinematics:
         duration = 0.0 if last_ns is None else max(stamp_ns - last_ns, 0) / NS_PER_S
         self._correct(motion, left, right, 0.5 * (left_sigma + right_sigma), duration)
         slip = 0.5 * (left + right)
-        if self._in_place(motion[0], motion[2]):  # of the speed ahead of the wheels, the share of the turn is lost
+        if self._in_place(motion[0], motion[2]):  # the turn's share of the speed of the wheels
             slip -= (1.0 - 1.0 / (1.0 + self._widening.value)) * (slip + motion[0])
         else:
             slip -= self._resistance.value * motion[0]
