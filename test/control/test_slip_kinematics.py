@@ -323,6 +323,12 @@ def test_in_place_the_speed_ahead_is_commanded_for_the_slip_of_the_turn():
         straight, abs=1e-3)
 
 
+def test_the_slip_of_a_turn_in_place_is_no_slide():
+    world, yaws = World(kinematics(), track=0.8), np.linspace(-3.0, 3.0, 7)
+    world.drive(0.05, 0.8, 1.0)
+    assert abs(world.kinematics.lateral_speed(0.0, 0.8, yaws)).max() < 0.002
+
+
 def test_a_slide_ahead_is_expected_in_place_only():
     world = World(kinematics(), lateral=lambda v_x, yaw_rate, yaw: -0.3 * v_x * math.cos(yaw))
     world.drive(0.15, 0.0, 3.0)
@@ -361,6 +367,17 @@ def test_a_slide_is_made_up_for_within_its_bound():
     v_x /= world.kinematics.factors(0.0, 0.8, world.now_ns)[0]  # of the body
     assert slide < -0.6 * sides
     assert 0.2 * sides < v_x < 1.05 * MAX_SLIDE * sides
+
+
+def test_a_slip_that_is_not_plausible_teaches_nothing():
+    world = Slope()
+    world.drive(0.0, 0.8, 2.0)
+    known = world.kinematics.lateral_speed(0.0, 0.8, 0.0)
+    for _ in range(60):
+        world.move(0.0, 0.8)
+        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_slip(replace(world.wheel_slip(), slip_velocity=(1e6,) * 4))
+    assert world.kinematics.lateral_speed(0.0, 0.8, 0.0) == pytest.approx(known, abs=1e-3)
 
 
 def test_older_odometry_is_ignored_and_another_clock_discards_all():
