@@ -16,9 +16,11 @@ from pathlib import Path
 import re
 import shlex
 
+import animation
 from architecture_tables import read_imports, read_levels
 from command_line_page import verbs_text
 from draw_architecture import check_nodes, check_rooms, read_nodes
+from PIL import Image
 import pytest
 
 from smart_tire import errors, yaml_text
@@ -41,6 +43,7 @@ TUTORIALS = sorted(path.stem for path in (ROOT / 'docs' / 'tutorials').glob('*.m
 SOURCES = [path for folder in ('smart_tire', 'benchmarks')
            for path in sorted((ROOT / folder).rglob('*.py'))]
 MAX_README_WORDS = 700
+MAX_ANIMATION_SIZE = 200_000  # bytes
 LINK = re.compile(r'\]\((?!https?:)([^)\s]+)\)')
 CODE = re.compile(r'`([^`\n]+)`')
 FENCE = re.compile(r'^```(\w*)\n(.*?)^```', re.MULTILINE | re.DOTALL)
@@ -147,6 +150,16 @@ def test_modules_that_documents_cite_exist():
 
 def test_the_readme_is_short():
     assert len(text_of('README.md').split()) <= MAX_README_WORDS
+
+
+def test_the_readme_shows_a_small_animation_with_its_command():
+    readme = text_of('README.md')
+    name, = re.findall(r'!\[[^]]+\]\((.+?)\)', readme)
+    assert ROOT / name == animation.PICTURE
+    assert animation.PICTURE.stat().st_size < MAX_ANIMATION_SIZE
+    with Image.open(animation.PICTURE) as picture:
+        assert picture.n_frames > 10
+    assert 'python docs/animation.py demo_output ' in readme
 
 
 def test_every_command_of_make_is_in_its_help_and_in_contributing():

@@ -13,7 +13,9 @@
 from dataclasses import replace
 import math
 
+from animation import frames, save, until
 import numpy as np
+from PIL import Image
 import pytest
 
 from smart_tire.analysis.dead_reckoning import GYRO_WHEELS
@@ -263,3 +265,26 @@ def test_the_crossing_shown_is_one_in_traction_with_median_slip():
         Friction(ns(1.0), 'front_left', slip=slip)
         for slip in (UNKNOWN, Uncertain(-0.1, 0.0))])] == [-0.1]
     assert list(typical_crossings([])) == []
+
+
+def test_an_animation_has_a_frame_for_each_second(tmp_path):
+    pictures = frames(result(dead_reckoning={GYRO_WHEELS: estimated().poses()}))
+    save(pictures, tmp_path / 'a.gif')
+    with Image.open(tmp_path / 'a.gif') as written:
+        assert written.n_frames == len(pictures) == 3
+        assert written.size == pictures[0].size
+    assert all(first.tobytes() != second.tobytes()
+               for first, second in zip(pictures, pictures[1:]))
+    with pytest.raises(SystemExit, match='no ground truth'):
+        frames(result(truth=SampleArrays()))
+
+
+def test_a_frame_shows_the_past_only():
+    panel = slip_figure(result()).panels[0]
+    shown = until(panel, 2.0, (0.0, 4.0))
+    assert shown.x_limits == (0.0, 4.0)
+    for before, mark in zip(panel.marks, shown.marks, strict=True):
+        assert before.curve.x.max() > 2.5
+        assert 1.9 < mark.curve.x.max() <= 2.0
+        assert len(mark.curve.sigma if mark.curve.sigma is not None else mark.curve.y) == len(
+            mark.curve.x)
