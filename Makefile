@@ -13,6 +13,9 @@ PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python
 VENV := .venv
 EXTRAS := [ros,test,lint,view,camera]
 CORE_EXTRAS := [ros]
+# Number of packages with these extras, for the share of the installation that is done.
+PACKAGES := 124
+CORE_PACKAGES := 100
 endif
 BIN = $(VENV)/bin
 PIP = $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off
@@ -22,12 +25,17 @@ CORE := $(VENV)/ready-core
 DEMO_NEEDS := $(if $(or $(VIEW),$(CAMERA),$(wildcard $(READY))),$(READY),$(CORE))
 LOG = $(VENV)/install.log
 
-# $(call step,TEXT,COMMAND) prints what is done, every five seconds the last line of its log, and
-# how long it took; the end of the log if it failed.
+# Each package is collected, then installed; where $(PACKAGES) is not known, there is no share.
+INSTALLED = ls -d $(VENV)/lib/*/site-packages/*.dist-info 2> /dev/null | wc -l
+SHARE = $(if $(PACKAGES),$$(share=$$(( ($$(grep -c -e '^Collecting ' -e '^Processing ' $(LOG)) + \
+	$$present + $$($(INSTALLED))) * 50 / $(PACKAGES) )); echo "$$((share < 99 ? share : 99)) %"))
+
+# $(call step,TEXT,COMMAND) prints what is done, every five seconds the share and the last line of
+# its log, and how long it took; the end of the log if it failed.
 define step
-@echo '$(1)'; begin=$$(date +%s); : > $(LOG); \
-( while sleep 5 > /dev/null 2>&1 && kill -0 $$$$ 2> /dev/null; do printf '  %3d s  %.80s\n' \
-	$$(($$(date +%s) - begin)) "$$(tail -n 1 $(LOG))"; done ) & ticker=$$!; \
+@echo '$(1)'; begin=$$(date +%s); present=$$($(INSTALLED)); : > $(LOG); \
+( while sleep 5 > /dev/null 2>&1 && kill -0 $$$$ 2> /dev/null; do printf '  %3d s  %4s  %.74s\n' \
+	$$(($$(date +%s) - begin)) "$(SHARE)" "$$(tail -n 1 $(LOG))"; done ) & ticker=$$!; \
 $(2) >> $(LOG) 2>&1; status=$$?; kill $$ticker; \
 if [ $$status -ne 0 ]; then tail -n 30 $(LOG) >&2; exit $$status; fi; \
 echo "  done in $$(($$(date +%s) - begin)) s"
@@ -73,6 +81,7 @@ COMPILED := smart_tire/estimation/ground/body_model.py smart_tire/estimation/sli
 REMOVE_EXTENSIONS := find smart_tire -name '*.so' -delete
 
 $(CORE): EXTRAS := $(CORE_EXTRAS)
+$(CORE): PACKAGES := $(CORE_PACKAGES)
 $(READY) $(CORE): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml $(COMPILED) $(wildcard smart_tire/models/*/*.pxd)
 	@$(REMOVE_EXTENSIONS)
 ifdef ROS_DISTRO
@@ -145,6 +154,7 @@ test-jazzy:
 else
 JAZZY := .venv-jazzy-wheels
 test-jazzy $(JAZZY)/ready: VENV := $(JAZZY)
+$(JAZZY)/ready: PACKAGES := 121
 $(JAZZY)/ready: requirements-jazzy.txt constraints.txt
 	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
 	@$(PYTHON) -m venv $(VENV)

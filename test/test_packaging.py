@@ -15,6 +15,7 @@ from __future__ import annotations
 import ast
 import configparser
 from functools import cache
+from importlib.metadata import PackageNotFoundError, requires
 import itertools
 from pathlib import Path
 import re
@@ -22,6 +23,8 @@ import runpy
 import sys
 from xml.etree import ElementTree
 
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 import pytest
 import setuptools
 
@@ -32,6 +35,7 @@ from smart_tire.parameters import NODE_PARAMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'smart_tire'
+MAKEFILE = (ROOT / 'Makefile').read_text(encoding='utf-8')
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
 ROSDEP_KEYS = {  # top-level module -> its key in rosdep's python.yaml
     'argcomplete': 'python3-argcomplete', 'matplotlib': 'python3-matplotlib',
@@ -182,9 +186,8 @@ def test_what_compiles_modules_is_declared_for_pip_and_for_rosdep():
 
 
 def test_a_change_of_a_compiled_module_compiles_it_again(setup_arguments):
-    makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
     sources = [path for ext in setup_arguments['ext_modules'] for path in ext.sources]
-    assert f'\nCOMPILED := {" ".join(sources)}\n' in makefile
+    assert f'\nCOMPILED := {" ".join(sources)}\n' in MAKEFILE
     assert not setup_arguments['zip_safe']
 
 
@@ -236,6 +239,34 @@ def test_versions_are_the_same_in_all_files(setup_arguments):
     for item in setup_arguments['extras_require']['lint']:
         name, _, version = item.partition('==')
         assert constraints[name] == {version}
+
+
+def closure(lines):
+    """Return the names of all distributions that requirements need, these included."""
+    waiting, known = [(line, '') for line in lines], set()
+    while waiting:
+        line, wanted = waiting.pop()
+        item = Requirement(line)
+        if item.marker is not None and not item.marker.evaluate({'extra': wanted}):
+            continue
+        name = canonicalize_name(item.name)
+        new = {(name, extra) for extra in ('', *item.extras)} - known
+        known |= new
+        waiting += [(other, extra) for _, extra in new for other in requires(name) or []]
+    return {name for name, _ in known}
+
+
+def test_the_share_of_an_installation_is_of_all_packages(setup_arguments):
+    extras = setup_arguments['extras_require']
+    for extra, variable in (('CORE_EXTRAS', 'CORE_PACKAGES'), ('EXTRAS', 'PACKAGES')):
+        names, = re.findall(rf'^{extra} := \[(ros.*)\]$', MAKEFILE, re.MULTILINE)
+        number, = re.findall(rf'^{variable} := (\d+)$', MAKEFILE, re.MULTILINE)
+        try:
+            needed = closure([*setup_arguments['install_requires'], *itertools.chain(*(
+                extras[name] for name in names.split(',')))])
+        except PackageNotFoundError as error:
+            pytest.skip(f'{error} is not installed')
+        assert len(needed) == pytest.approx(int(number), rel=0.05)
 
 
 def test_the_readme_names_every_node_and_launch_file():
