@@ -177,8 +177,8 @@ def fit_ground(recordings: Sequence[CalibrationRecording], robot: RobotParams, *
         if step < CONVERGED:
             break
     else:
-        raise EstimatorError('the fit of all windows does not converge: wheels slide, the ground '
-                             'changes, or the axes of the IMU are wrong')
+        raise EstimatorError('the fit of all windows does not converge: speed changes too little, '
+                             'wheels slide, the ground changes, or the axes of the IMU are wrong')
     late = Uncertain(latency, math.sqrt(covariance[Unknown.DELAY, Unknown.DELAY]))
     x[[Unknown.DELAY, SCALE]] = latency - robot.encoder.latency, scale - 1.0
     return GroundFit(robot, rows, x, covariance, late, robot.imu.accel_noise, windows)

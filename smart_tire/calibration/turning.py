@@ -159,7 +159,8 @@ def _fit_icr(source: str, unit: str, rows: Rows, prior: Prior, turns: list[Turn]
     for turn in turns:
         selected |= _near(turn, rows.time)
     if selected.sum() < 2 * len(prior.mean):
-        raise EstimatorError(f'{int(selected.sum())} intervals in turns')
+        raise EstimatorError(f'{int(selected.sum())} intervals in turns, expected at least '
+                             f'{2 * len(prior.mean)}')
     errors, rows = Errors(rows.lags(MANEUVER_TIME)), rows.where(selected)
     fit = regression(rows, prior, errors)
     estimate, regressor = fit.estimate(0), rows.matrix[:, 0]

@@ -207,7 +207,7 @@ def test_missing_films_of_an_instrumented_wheel_are_reported(films, out, tmp_pat
 
 
 @pytest.mark.parametrize('kind, words, reason', [
-    ('icr', ['--until', '4'], 'expected at least 2'),
+    ('icr', ['--until', '4'], 'intervals in turns, expected at least'),
     ('stiffness', [], 'speed changes too little'), ('motor', [], 'without motor torque')])
 def test_a_recording_that_shows_nothing_fails_with_the_reason(turns, out, capsys, kind, words,
                                                               reason):
