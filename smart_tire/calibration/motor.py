@@ -45,7 +45,7 @@ from smart_tire.calibration.recording import CalibrationRecording, Indices, MAX_
 from smart_tire.calibration.results import (
     differ, Found, MIN_ROBUST, MIN_ROWS, SIGNIFICANT_SIGMAS)
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.ground.unknowns import PLACE_SIGMA
+from smart_tire.estimation.ground.unknowns import SLOPE_SIGMA
 from smart_tire.models.tire.brush_tire import LN_STIFFNESS
 from smart_tire.numerics.least_squares import Errors, Fit, HAC_TIME, Prior, regression, Rows
 from smart_tire.parameters import RobotParams
@@ -371,7 +371,7 @@ def _add_scales(found: MotorFit, rows: MotorRows) -> None:
         fit = regression(Rows(rows.time, matrix, torque, np.zeros(len(mean))).where(
             np.isfinite(mean)), Prior.of(None, None, None), _errors(rows))
         share = fit.estimate(0)
-        sigma = math.hypot(share.sigma, PLACE_SIGMA)
+        sigma = math.hypot(share.sigma, SLOPE_SIGMA)
         if abs(share.value - 1.0) > SIGNIFICANT_SIGMAS * sigma:
             # a motor with a larger constant measures less torque
             found.notes.append(

@@ -36,7 +36,7 @@ from smart_tire.calibration.recording import (
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.calibration.sensor_noise import stationary_intervals
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.ground.unknowns import PLACE_SIGMA
+from smart_tire.estimation.ground.unknowns import SLOPE_SIGMA
 from smart_tire.estimation.slip.state import IMU_DROPOUT, MIN_SLIP_SPEED
 from smart_tire.models.tire.brush_tire import linear_tire_force, LN_FRICTION
 from smart_tire.models.vehicle.skid_steer import normal_loads
@@ -190,7 +190,7 @@ def _rest_force(recording: CalibrationRecording, robot: RobotParams) -> tuple[fl
         chosen = (imu.time > begin + SMOOTH_TIME) & (imu.time < end - SMOOTH_TIME)
         if chosen.any():
             means.append(float(imu.force[chosen, 0].mean()))
-    slope = GRAVITY * PLACE_SIGMA
+    slope = GRAVITY * SLOPE_SIGMA
     if not means:
         return 0.0, math.hypot(slope, robot.imu.accel_bias)
     return float(np.mean(means)), slope / math.sqrt(len(means))

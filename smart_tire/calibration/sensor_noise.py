@@ -35,7 +35,7 @@ from smart_tire.calibration.recording import (
     CalibrationRecording, MAX_GAP_PERIODS, MIN_RATE, SMOOTH_TIME, WheelRecord)
 from smart_tire.calibration.results import MIN_ROBUST, MIN_ROWS, SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.ground.unknowns import PLACE_SIGMA
+from smart_tire.estimation.ground.unknowns import SLOPE_SIGMA
 from smart_tire.estimation.slip.state import (
     IMU_WINDOW, MAX_STATIONARY_WHEEL_SPEED, MIN_SLIP_SPEED, OUTLIER_SIGMAS)
 from smart_tire.numerics.robust import mad_sigma, noise_level, winsorized_mean
@@ -126,7 +126,7 @@ def _tilt(force: Array, robot: RobotParams) -> tuple[Uncertain, Uncertain]:
     x, y, z = (force / np.linalg.norm(force, axis=1)[:, None]).T
     tilts = np.stack([np.arctan2(y, z), -np.arcsin(x)], axis=1)
     # standstills close to each other are on the same slope
-    sigma = math.hypot(robot.imu.accel_bias / GRAVITY, PLACE_SIGMA)
+    sigma = math.hypot(robot.imu.accel_bias / GRAVITY, SLOPE_SIGMA)
     roll, pitch = tilts.mean(axis=0).tolist()
     return Uncertain(roll, sigma), Uncertain(pitch, sigma)
 

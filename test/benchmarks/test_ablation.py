@@ -24,7 +24,7 @@ from smart_tire.uncertain import Uncertain
 def test_constants_are_the_numbers_of_the_estimators_without_indices():
     names = list(ablation.constants())
     assert {'slip.state.PUSH_SIGMAS', 'plausibility.JERK_DENSITY', 'friction.constants.SLIP_SIGMA',
-            'ground.unknowns.PLACE_SIGMA'} <= set(names)
+            'ground.unknowns.SLOPE_SIGMA'} <= set(names)
     assert not {'slip.state.GROUND', 'slip.state.MAX_NIS', 'slip.kalman.MIN_SHARE',
                 'ground.measurements.YAW_RATE'} & set(names)  # indices, derived, compiled
     assert len(set(names)) == len(names)

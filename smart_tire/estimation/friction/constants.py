@@ -18,7 +18,6 @@ Lengths are in lengths of the film. Runs are scenarios of ``benchmarks.friction`
 import numpy as np
 
 # -- fit of the waveform: start and priors -------------------------------------------------------
-BASELINE_SIGMAS = 1.0    # of a sample, of the tracked baseline; assumed; all
 BUMP_SHARE = 0.12        # of the bending peak, prior and its sigma; Fig. 11(b): 0.10-0.15; bumps
 LOG_RECOVERY_SIGMA = 0.5  # of ln of the recovery length; assumed; releases fig8
 LOG_ALPHA_SIGMA = 0.03   # of ln of alpha in B(15); assumed; all

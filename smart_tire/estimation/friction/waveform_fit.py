@@ -189,7 +189,7 @@ class WaveformFitter:
             errors.scale_sigma, c.LOG_ALPHA_SIGMA, self._length_sigma)
         sigma[film_index(count, PerFilm.CENTER):] = errors.shape_sigmas
         value[SHAPE], sigma[SHAPE] = self._shape.prior.value, 1.0
-        baseline = c.BASELINE_SIGMAS * math.sqrt(self._robot.film.sample_variance)
+        baseline = math.sqrt(self._robot.film.sample_variance)  # V, assumed, as of a sample
         for i, (film, detection) in enumerate(zip(samples.films, samples.detections)):
             peak, block = self._bending[film.film], slice(
                 film_index(i, PerFilm.CENTER), film_index(i + 1, PerFilm.CENTER))

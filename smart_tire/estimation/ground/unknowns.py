@@ -95,8 +95,8 @@ FILM_ERRORS = slice(Unknown.FILM_ERROR, SIZE)
 
 # priors, in the unit of the unknown; those of the ground are in ``models.tire.brush_tire``
 FALL = Uncertain(0.15, 0.1)         # 0 (a brush) to .45, assumed
-PLACE_SIGMA = 0.03                  # rad, of slopes and of their change over a window, and -, of
-# differences of the sides, by uneven tires and ground; assumed; hills, split
+SLOPE_SIGMA = 0.03                  # rad, and of their change over a window; assumed; hills
+SIDE_SIGMA = 0.03                   # differences of the sides: uneven tires and ground; split
 START_SIGMA = 0.1                   # m/s, rad/s, assumed
 DELAY_SIGMA = 0.008                 # s, unknown latency; slow_turn
 MIN_RADIUS_SIGMA = 0.006            # the radius of a loaded tire, assumed
@@ -136,8 +136,6 @@ TIME_ERROR = 0.15       # s, of the time of an event, by blocks: before and afte
 EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event: 2 ln 150, one in a minute at
 # one of the times of each window; jumps, pushes, lifted
 TRIED_EVIDENCE = 8.0    # ... and of one that is tried; slow_readings
-SIDES_DIFFER = 4.0      # squared normalized difference of the sides, beyond which its prior
-# grows; split
 
 # errors
 MODEL_ERROR = 0.05      # of forces, yaw rates and torques: tire curve, uneven tires, assumed
@@ -156,7 +154,8 @@ FILM_SHAPE_ERROR = 0.0026  # of the bending peak, over the stretch at full slip:
 LEAST_NORMALIZED = 0.1  # -, on which such shares are taken at least; low slip
 SLIDING_WEIGHT = 10.0   # of a crossing in full sliding: sigma over its slip along slip / t
 TENSION = 2.0           # sigmas of a prior, beyond which an error of sensors or robot takes what
-# the model cannot: the covariance grows by the square of their ratio; gears, straight
+# the model cannot: the covariance grows by the square of their ratio; beyond which a difference
+# of the sides has a wider prior; gears, straight, split
 CURVE_ERROR = 0.03      # of mu: it varies with the slip where the tire is not a brush; NEES
 MAX_SIGMA = 0.35        # of ln mu, and of what films measure: above, a quantity is unknown
 
@@ -196,7 +195,8 @@ def priors(robot: RobotParams) -> list[Row]:
     add((u.RESISTANCE, u.OLD_RESISTANCE), *LN_RESISTANCE, ground=GROUND_WALK)
     add((u.LATERAL_SHARE,), *LATERAL_SHARE, ground=GROUND_WALK)
     add((u.FALL,), *FALL, ground=GROUND_WALK)
-    add((u.SLOPE_X, u.SLOPE_Y, *_rows(SIDES)), 0.0, PLACE_SIGMA, ground=PLACE_WALK)
+    add((u.SLOPE_X, u.SLOPE_Y), 0.0, SLOPE_SIGMA, ground=PLACE_WALK)
+    add(_rows(SIDES), 0.0, SIDE_SIGMA, ground=PLACE_WALK)
     add((u.LATERAL_RATIO,), *LN_LATERAL_RATIO, WALK)
     add((u.DELAY,), 0.0, DELAY_SIGMA, WALK)
     add((u.RADIUS,), 0.0, max(robot.wheel_radius_sigma, MIN_RADIUS_SIGMA), WALK)
@@ -214,7 +214,7 @@ def priors(robot: RobotParams) -> list[Row]:
         add((row,), value, sigma)
     add((u.IMU_X, u.IMU_Y), 0.0, max(imu.position_sigma, 1e-6))
     add((u.MOVED_LOAD,), *MOVED_LOAD)
-    add((u.BEND_X, u.BEND_Y), 0.0, PLACE_SIGMA)
+    add((u.BEND_X, u.BEND_Y), 0.0, SLOPE_SIGMA)
     add(_rows(START), 0.0, START_SIGMA)
     return [found[row] for row in range(SIZE)]
 

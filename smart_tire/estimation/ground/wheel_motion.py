@@ -32,7 +32,8 @@ from smart_tire.numerics.jerk_smoothing import (
     jerk_information, jerk_rows, jerks, solve_smoothed)
 
 # mean of the wheels, side difference, axle difference, and the remaining one: orthogonal
-MODES = 0.25 * np.array([np.ones(4), -SIDE_SIGNS, AXLE_SIGNS, SIDE_SIGNS * AXLE_SIGNS])
+MODES = np.array([np.ones_like(SIDE_SIGNS), -SIDE_SIGNS, AXLE_SIGNS, SIDE_SIGNS * AXLE_SIGNS]
+                 ) / len(SIDE_SIGNS)
 
 OTHERS = np.array([[j for j in range(4) if j != i] for i in range(4)])  # neighbors of each of four
 

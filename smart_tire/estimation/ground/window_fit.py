@@ -30,7 +30,7 @@ from smart_tire.estimation.ground.measurements import Measurements, TORQUE, Wind
 from smart_tire.estimation.ground.unknowns import (
     CONVERGED, CURVE, DERIVATIVE_STEP, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_SIGMA,
     MAX_STEP, MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES,
-    SIDES_DIFFER, SIZE, Unknown, UNMEASURED, WindowPrior)
+    SIZE, TENSION, Unknown, UNMEASURED, WindowPrior)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
@@ -138,7 +138,7 @@ class WindowFit:
         mean, covariance = hypothesis.prior
         difference = (fit.x - mean)[SIDES]
         square = difference @ np.linalg.solve(covariance[SIDES, SIDES], difference) / 3.0
-        if square < SIDES_DIFFER:
+        if square < TENSION ** 2:
             return hypothesis, fit
         covariance = covariance.copy()
         covariance[SIDES] *= math.sqrt(square)

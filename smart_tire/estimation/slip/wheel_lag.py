@@ -20,7 +20,7 @@ from smart_tire.estimation.slip.state import (
     LAG_SIGMA, LAG_WINDOW, MAX_LAG_RATE, MIN_LAG, SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME)
 
 LAGS = 0.2 * LAG_SIGMA * np.arange(16)  # s, that are compared: up to three sigmas
-MAX_LAG = float(LAGS[-1])
+MAX_LAG = float(LAGS.max())
 
 
 class WheelLag:
