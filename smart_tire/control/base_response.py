@@ -22,8 +22,7 @@ from smart_tire.control.ground_motion import Motion
 from smart_tire.control.history import History
 from smart_tire.samples import NS_PER_S
 
-DELAYS = np.arange(0.0, c.MAX_DELAY + 0.5 * c.DELAY_STEP, c.DELAY_STEP)  # s
-LAGS = c.DELAY_STEP * 2.0 ** np.arange(5)                                # s
+LAGS = c.DELAY_STEP * 2.0 ** np.arange(5)  # s
 
 
 class BaseResponse:
@@ -42,7 +41,7 @@ class BaseResponse:
         self.given = given          # may be replaced at run time
         self._commands = History()  # v_x, yaw rate, and how far each got with each of the lags
         # (m/s)^2 s, by dead time, lag of the speed, lag of the yaw rate
-        self._errors = np.zeros((len(DELAYS), len(LAGS), len(LAGS)))
+        self._errors = np.zeros((len(c.DELAYS), len(LAGS), len(LAGS)))
         self._learned_ns: int | None = None
         self._learned: tuple[int, int, int] | None = None
         self._disturbance = np.zeros(2)  # m/s, rad/s
@@ -53,7 +52,7 @@ class BaseResponse:
         if self._learned is None:
             return self.given
         dead_time, lag, _ = self._learned
-        return max(self.given, float(DELAYS[dead_time] + LAGS[lag]))
+        return max(self.given, float(c.DELAYS[dead_time] + LAGS[lag]))
 
     def command(self, v_x: float, yaw_rate: float, now_ns: int) -> None:
         """Add the velocity [m/s, rad/s] of the body that is commanded from now on."""
@@ -67,7 +66,7 @@ class BaseResponse:
                 not self._commands.times):
             return
         elapsed, reached = (stamp_ns - last_ns) / NS_PER_S, _twist(motion)
-        modeled = self._modeled(stamp_ns - _ns(DELAYS))
+        modeled = self._modeled(stamp_ns - _ns(c.DELAYS))
         v_x, yaw_rate = (((modeled - reached[:, None]) * self._scale[:, None]) ** 2).swapaxes(0, 1)
         squares = v_x[:, :, None] + yaw_rate[:, None]
         self._errors += elapsed * (squares - squares.min())
@@ -79,7 +78,7 @@ class BaseResponse:
         if follows and self._errors[self._present()] > self._errors[best] + c.DELAY_MARGIN:
             self._learned = best
         row, *columns = self._present()
-        self._disturbance += elapsed / (elapsed + DELAYS[row] + LAGS[columns]) * (
+        self._disturbance += elapsed / (elapsed + c.DELAYS[row] + LAGS[columns]) * (
             reached - modeled[row, (0, 1), columns] - self._disturbance)
 
     def predicted(self, motion: Motion, stamp_ns: int, now_ns: int) -> Motion:
@@ -98,7 +97,7 @@ class BaseResponse:
         count = max(round(duration / c.DELAY_STEP), 1)
         time = duration * np.append(0.0, (np.arange(count) + 0.5) / count)
         expected = self._disturbance + self._modeled(
-            stamp_ns + _ns(time - DELAYS[row]))[:, (0, 1), columns]
+            stamp_ns + _ns(time - c.DELAYS[row]))[:, (0, 1), columns]
         expected += (_twist(motion) - expected[0]) * np.exp(-time[:, None] / LAGS[columns])
         for v_x, yaw_rate in expected[1:].tolist():
             found = replace(found, v_x=v_x, yaw_rate=yaw_rate).after(duration / count)
@@ -109,7 +108,7 @@ class BaseResponse:
         if self._learned is not None:
             return self._learned
         speed, turn = (int(np.abs(LAGS - lag).argmin()) for lag in c.USUAL_LAGS)
-        return int(np.abs(DELAYS + c.USUAL_LAGS[0] - self.given).argmin()), speed, turn
+        return int(np.abs(c.DELAYS + c.USUAL_LAGS[0] - self.given).argmin()), speed, turn
 
     def _modeled(self, times_ns: Array) -> Array:
         """Return speed and yaw rate at times (n,) without dead time, by lag: (n, 2, lags)."""

@@ -17,6 +17,8 @@ What a user may want to change is a parameter. Runs are files of ``test/control`
 
 import math
 
+import numpy as np
+
 from smart_tire.samples import NS_PER_S
 
 TINY = 1e-9  # in any unit, of denominators
@@ -63,7 +65,6 @@ LINE_DELAY = 0.005     # s, of a duty or a reading on the serial line; assumed; 
 MAX_DERIVATIVE_SHARE = 0.25
 
 # -- motors -------------------------------------------------------------------------------------
-MAX_TORQUE = 1e3       # N m, of a plausible motor; assumed; test_motor_response
 MOTOR_EVIDENCE = 0.1   # s, squared duties times time, that is kept: 0.7 for 0.2 s; assumed
 MOTOR_MARGIN = 0.002   # s, by which another delay must be likelier; assumed; test_motor_response
 MODEL_ERROR = 0.2      # of a duty, by supply and heat: motor_tolerance of motor_driver; assumed
@@ -78,11 +79,7 @@ MAX_TWIST_ERROR = 0.03, 0.1  # m, rad, in half of it: noise of poses; assumed; t
 # -: wet ice 0.02; rubber on asphalt 0.8 to 0.9 (Wong, Theory of Ground Vehicles, table 1.3), above
 # 1 only for soft compounds; wrong_estimates
 MIN_FRICTION, MAX_FRICTION = 1e-3, 1.2
-MIN_GROUND_STIFFNESS, MAX_GROUND_STIFFNESS = 1.0, 1e6  # N, C_x of any tire; wrong_estimates
-# Relative, of friction: 5 mm of an unknown center of mass over half a wheelbase.
-MIN_RELATIVE_SIGMA = 0.04  # derived; test_ground_knowledge
 PRIOR_SIGMA = 0.15         # -, friction of unknown ground; assumed; slippery_unknown
-MAX_FADE_LENGTHS = 3.0     # distances or times of fading, of a measurement; assumed; 5 % remain
 
 # -- traction control ----------------------------------------------------------------------------
 ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; split, sand_unknown
@@ -90,7 +87,8 @@ ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; sp
 # -- motion along a path -------------------------------------------------------------------------
 # s, of bases and motors, that are learned; the step, below the period of commands, also of
 # predictions; assumed; test_base_response, test_motor_response
-MAX_DELAY, DELAY_STEP = 0.6, 0.025
+DELAY_STEP = 0.025
+DELAYS = DELAY_STEP * np.arange(25)
 DELAY_EVIDENCE = 0.1     # (m/s)^2 s, that is kept: four starts to 0.5 m/s, 0.1 s apart; assumed
 DELAY_MARGIN = 1e-4      # (m/s)^2 s, by which another delay must be likelier; assumed
 # s, lags of speed and yaw rate that the given delay contains: control of the wheels, relaxation of

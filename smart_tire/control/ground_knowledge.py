@@ -53,18 +53,13 @@ class GroundKnowledge:
         self._now_ns = now_ns
 
     def set_ground(self, ground: GroundState, behind: float = 0.0) -> None:
-        """
-        Use the state of the ground, ``behind`` [m] back; what is not plausible is ignored.
-
-        The standard deviation of the friction is at least that of the wheel load.
-        """
+        """Use the state of the ground, ``behind`` [m] back; what is not plausible is ignored."""
         (mu, sigma), (stiffness, _) = ground.friction_coefficient, ground.stiffness
         distance = self._driven - behind
-        if c.MIN_GROUND_STIFFNESS <= stiffness <= c.MAX_GROUND_STIFFNESS:
+        if 0.0 < stiffness < math.inf:
             self._stiffness = Measured(ground.stiffness, ground.stamp_ns, distance)
         if c.MIN_FRICTION <= mu <= c.MAX_FRICTION and 0.0 <= sigma < math.inf:
-            self._friction = Measured(
-                Uncertain(mu, max(sigma, c.MIN_RELATIVE_SIGMA * mu)), ground.stamp_ns, distance)
+            self._friction = Measured(ground.friction_coefficient, ground.stamp_ns, distance)
 
     def friction(self, unknown: float, fading: GroundParams) -> Uncertain:
         """Return the friction coefficient: the measured one fused with that of unknown ground."""
@@ -91,10 +86,9 @@ class GroundKnowledge:
 
     def _weighted(self, measured: Measured | None, prior: Uncertain, fading: GroundParams
                   ) -> tuple[Uncertain, float]:
-        """Return what was measured and its weight; the ``prior`` and 0 if it is too old."""
+        """Return what was measured and its weight; the ``prior`` and 0 before."""
         if measured is None:
             return prior, 0.0
         lengths = ((self._driven - measured.distance) / fading.fade_distance
                    + abs(self._now_ns - measured.stamp_ns) / NS_PER_S / fading.fade_time)
-        return (measured.estimate, math.exp(-lengths)) if lengths <= c.MAX_FADE_LENGTHS else (
-            prior, 0.0)
+        return measured.estimate, math.exp(-lengths)

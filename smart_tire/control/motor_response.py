@@ -23,9 +23,7 @@ from smart_tire.control import constants as c
 from smart_tire.control.history import History
 from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.control.wheel_servo import DriveModel
-from smart_tire.samples import Four, NS_PER_S, STOPPED
-
-DELAYS = np.arange(0.0, c.MAX_DELAY + 0.5 * c.DELAY_STEP, c.DELAY_STEP)  # s
+from smart_tire.samples import Four, MAX_WHEEL_TORQUE, NS_PER_S, STOPPED
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class MotorResponse:
         self.delay = 0.0                            # s, beyond that of the line
         self.motors: tuple[MotorState, ...] = ()    # empty without torques
         self._duties = History()
-        self._errors = np.zeros(len(DELAYS))        # s, squared duties times time
+        self._errors = np.zeros(len(c.DELAYS))        # s, squared duties times time
         self._readings: deque[tuple[int, list[float], Four]] = deque()  # time, speed, torque
 
     def command(self, duty: Four, now_ns: int) -> None:
@@ -66,7 +64,7 @@ class MotorResponse:
         windows of ``feedback``, its torque the mean between their middles.
         """
         means = [mean for wheel in range(len(torque)) if (mean := feedback.mean(wheel))]
-        if not means or not all(abs(one) <= c.MAX_TORQUE for one in torque):  # false for NaN, too
+        if not means or not all(abs(one) <= MAX_WHEEL_TORQUE for one in torque):  # false for NaN, too
             self.motors = ()
             self._readings.clear()
             return
@@ -90,17 +88,17 @@ class MotorResponse:
     def _learn_delay(self, realized: list[float], shares: list[float], end_ns: int) -> None:
         """Compare the ``realized`` duties and ``shares`` of T with duties before ``end_ns``."""
         last_ns = self._readings[-1][0] if self._readings else end_ns
-        if not self._duties.times or end_ns - self._duties.times[0] < DELAYS[-1] * NS_PER_S:
+        if not self._duties.times or end_ns - self._duties.times[0] < c.DELAYS[-1] * NS_PER_S:
             return
         squares = np.array([
             fmean(map(_unexplained, self._duties.held(end_ns - round(delay * NS_PER_S)) or STOPPED,
-                      realized, shares)) for delay in DELAYS])
+                      realized, shares)) for delay in c.DELAYS])
         self._errors += min(max(end_ns - last_ns, 0), c.MAX_GAP_NS) / NS_PER_S * (
             squares - squares.min())
         self._errors *= min(1.0, c.MOTOR_EVIDENCE / max(float(np.ptp(self._errors)), c.TINY))
         best = int(self._errors.argmin())
         if self._errors[round(self.delay / c.DELAY_STEP)] > self._errors[best] + c.MOTOR_MARGIN:
-            self.delay = float(DELAYS[best])
+            self.delay = float(c.DELAYS[best])
 
 
 def _unexplained(given: float, realized: float, share: float) -> float:

@@ -61,19 +61,14 @@ def test_the_lower_bound_has_a_minimum():
     assert bound(knowledge(ground(0.01, 1e-4))) == pytest.approx(0.05)
 
 
-def test_an_exact_estimate_has_the_uncertainty_of_the_wheel_load():
-    assert bound(knowledge(ground(0.8))) == bound(knowledge(ground(0.8, 0.032)))
-    assert bound(knowledge(ground(0.8))) < 0.74
-
-
 @pytest.mark.parametrize('mu', [0.1, 0.9])
 def test_knowledge_fades_with_the_distance_driven_and_the_time_since(mu):
     known = bound(knowledge(ground(mu))) - 0.3
     for distance, time in ((2.0, 0.0), (0.0, 10.0), (1.0, 5.0), (0.0, -10.0)):
         made = knowledge(ground(mu), driven=distance, now_ns=round(time * NS_PER_S))
         assert bound(made) == pytest.approx(0.3 + known / math.e)
-    assert bound(knowledge(ground(mu), driven=6.1)) == pytest.approx(0.3)
-    assert bound(knowledge(ground(mu), now_ns=31 * NS_PER_S)) == pytest.approx(0.3)
+    assert bound(knowledge(ground(mu), driven=40.0)) == pytest.approx(0.3)
+    assert bound(knowledge(ground(mu), now_ns=200 * NS_PER_S)) == pytest.approx(0.3)
 
 
 def test_an_estimate_is_as_old_as_the_distance_since_it():
@@ -96,7 +91,7 @@ def test_implausible_friction_changes_nothing(bad):
     assert bound(made) == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize('bad', [0.9, 1.1e6, -50.0, math.nan, math.inf])
+@pytest.mark.parametrize('bad', [0.0, -50.0, math.nan, math.inf])
 def test_implausible_stiffness_changes_nothing(bad):
     made = knowledge(ground(0.6, stiffness=40.0), ground(0.6, stiffness=bad))
     assert made.stiffness(50.0, PARAMS) == pytest.approx(40.0)
@@ -110,5 +105,5 @@ def test_stiffness_is_known_without_friction_and_fades_like_it():
     assert made.stiffness(50.0, PARAMS) == 30.0
     made.drive(2.0, 0)
     assert made.stiffness(50.0, PARAMS) == pytest.approx(50.0 - 20.0 / math.e)
-    made.drive(4.1, 0)
-    assert made.stiffness(50.0, PARAMS) == 50.0
+    made.drive(38.0, 0)
+    assert made.stiffness(50.0, PARAMS) == pytest.approx(50.0)

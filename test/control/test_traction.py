@@ -50,16 +50,15 @@ def odometry(v_x=1.0, *, stamp_ns=NOW_NS, yaw_rate=0.0):
                     (0.0, 0.0, yaw_rate), NO_COVARIANCE, NO_COVARIANCE)
 
 
-def ground(critical=0.4, sigma=0.0, *, stamp_ns=NOW_NS, stiffness=STIFFNESS):
+def ground(critical=0.4, sigma=0.016, *, stamp_ns=NOW_NS, stiffness=STIFFNESS):
     """Return ground with the friction of a critical slip of tires of the nominal stiffness."""
     return GroundState(stamp_ns, Uncertain(stiffness, 0.0),
                        Uncertain(critical / PER_FRICTION, sigma / PER_FRICTION))
 
 
-def limit_of(critical=0.4, sigma=0.0):
+def limit_of(critical=0.4, sigma=0.016):
     """Return the slip limit on measured ground."""
-    mean, spread = fused(PRIOR, Uncertain(critical / PER_FRICTION, max(
-        sigma, constants.MIN_RELATIVE_SIGMA * critical) / PER_FRICTION))
+    mean, spread = fused(PRIOR, Uncertain(critical / PER_FRICTION, sigma / PER_FRICTION))
     return (mean - spread) * PER_FRICTION
 
 
