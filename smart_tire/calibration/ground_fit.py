@@ -36,7 +36,7 @@ from smart_tire.estimation.ground.body_model import W
 from smart_tire.estimation.ground.measurements import FORCE_X, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
     CONVERGED, GROUND, Hypothesis, LENGTH, MAX_GAP, MAX_STEP, OWN, priors, Row, SETTLING, SIZE,
-    Unknown, WindowPrior)
+    Tension, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window_fit import WindowEstimate, WindowFit
 from smart_tire.parameters import RobotParams
 from smart_tire.uncertain import Uncertain
@@ -84,15 +84,11 @@ class GroundFit:
         return Uncertain(math.exp(value), math.exp(value) * sigma)
 
     @property
-    def tension(self) -> tuple[str, float]:
-        """Return the nuisance that contradicts its prior most, and by how many sigmas."""
-        sizes = {index: abs(self.x[index] - self.rows[index].mean) / self.rows[index].sigma
-                 for index in (*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
-                               *range(Unknown.GYRO_BIAS, COUNT))}
-        most = max(sizes, key=sizes.__getitem__)
-        if most == SCALE:
-            return 'acceleration on straight lines', sizes[most]
-        return max(one for one in Unknown if one <= most).name.lower(), sizes[most]
+    def tension(self) -> Tension:
+        """Return the nuisance that contradicts its prior most."""
+        mean, sigma = self.rows[SCALE][:2]
+        scale = Tension('acceleration on straight lines', abs(self.x[SCALE] - mean) / sigma)
+        return max(Tension.of(self.x, self.rows), scale, key=lambda one: one.size)
 
     @property
     def grounds(self) -> list[dict[int, Uncertain]]:

@@ -75,7 +75,7 @@ def test_stiffness_latency_and_scale_are_correct_within_their_standard_errors(to
         assert stiffness_of(one).stiffness.sigma < (0.06 if torques else 0.1) * STIFFNESS
         assert one.latency.sigma < 0.004
         assert one.estimate(SCALE).sigma < 0.03
-        assert one.tension[1] < 4.0
+        assert one.tension.size < 4.0
 
 
 def test_the_torque_constant_is_that_of_the_motors(seeds):

@@ -49,10 +49,11 @@ else:
 
 COMPILED: bool = cython.compiled
 
-# parameters of a run; those of two grounds, the second from step NEW on
-(OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE, STIFFNESS, FRICTION, RESISTANCE,
+# parameters of a run, to START_W in the order of ``unknowns.Unknown``, with RELAXATION for DELAY;
+# those of two grounds: OLD_ is the first one, from step NEW on it is the second
+(STIFFNESS, FRICTION, RESISTANCE, OLD_STIFFNESS, OLD_FRICTION, OLD_RESISTANCE,
  LATERAL_SHARE, LATERAL_RATIO, COM_X, COM_Y, RADIUS, SLOPE_X, SLOPE_Y, SIDE_STIFFNESS,
- SIDE_FRICTION, SIDE_RESISTANCE, FALL, RELAXATION, MOVED_LOAD, BEND_X, BEND_Y, START_U, START_V,
+ SIDE_FRICTION, SIDE_RESISTANCE, RELAXATION, FALL, MOVED_LOAD, BEND_X, BEND_Y, START_U, START_V,
  START_W, NEW, _, _, _, LIFT, _, _, _, _, _, PARAMETERS) = range(35)
 # NEW: of the left and of the right side the steps from which, and until which, its ground is the
 # second one; then of each of two lifts: index of the wheel, steps of its begin and end

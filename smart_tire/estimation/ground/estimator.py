@@ -27,8 +27,8 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground.body_model import LOAD, LOSS
 from smart_tire.estimation.ground.measurements import MeasuredCrossing, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CURVE_ERROR, DYNAMIC, LENGTH, MAX_GAP, MAX_SIGMA, MIN_DURATION, MIN_WHEEL_SAMPLES,
-    MODEL_ERROR, SETTLING, SIDES, SIZE, Unknown)
+    CURVE_ERROR, DYNAMIC, HOP, LENGTH, MAX_GAP, MAX_SIGMA, MIN_WHEEL_SAMPLES, MODEL_ERROR,
+    SETTLING, SIDES, SIZE, Unknown)
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
@@ -105,11 +105,6 @@ class GroundEstimator:
         return shown
 
     @property
-    def changes(self) -> int:
-        """Return how often the ground has changed."""
-        return self._window.changes
-
-    @property
     def end_ns(self) -> int:
         """Return the end of the latest window [ns]."""
         assert self.solution is not None and self._origin_ns is not None
@@ -163,13 +158,13 @@ class GroundEstimator:
         end = self._seconds(end_ns)
         end = min(end, self._wheels[-1][0] + MAX_GAP, self._imu[-1][0] + MAX_GAP)
         begin = max(self._imu[0][0], self._wheels[0][0], end - LENGTH - SETTLING)
-        if end - begin < MIN_DURATION or (
+        if end - begin < HOP or (
                 self.solution is not None and end <= self.solution.end) or (
                 bisect_right(self._wheels, (end, math.inf)) - bisect_right(
                     self._wheels, (begin, math.inf)) < MIN_WHEEL_SAMPLES):
             return None
         data = WindowData(np.array(self._imu), np.array(self._wheels), self._crossings)
-        before = end - HOP_NS / NS_PER_S if self.solution is None else self.solution.end
+        before = end - HOP if self.solution is None else self.solution.end
         try:
             self.solution = self._window.solve(data, begin, end, end - before)
         except np.linalg.LinAlgError:  # no numbers can be trusted: from the prior again

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_NORMALIZED_ERROR, FILM_SLIP_ERROR, GAINS, GROUND,
+    BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_NORMALIZED_ERROR, FILM_SLIP_ERROR, GAINS,
     Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_NORMALIZED, MAX_NORMALIZED, MODEL_ERROR,
-    MODEL_TIME, MOTORS, OFFSETS, OLD_GROUND, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START,
+    MODEL_TIME, MOTORS, OFFSETS, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START,
     TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
     block_means, block_spread, rate_weights, sample_means, smoothed)
@@ -41,6 +41,8 @@ from smart_tire.samples import GRAVITY, WHEELS
 
 YAW_RATE, FORCE_X, FORCE_Y, TORQUE = range(4)  # streams of block means; four of torques
 STREAMS = TORQUE + len(WHEELS)
+LOGARITHMS = [*range(Unknown.LATERAL_SHARE), Unknown.LATERAL_RATIO, Unknown.RADIUS,
+              *range(Unknown.SIDE_STIFFNESS, Unknown.DELAY)]  # of parameters of the model
 CROSSING_STEPS = np.arange(-3, 3)  # around a crossing, over which its motion is averaged: 0.1 s
 
 
@@ -162,7 +164,7 @@ class Measurements:
         """
         runs = self._parameters(x, events)
         runs[:, model.RELAXATION] = relaxation
-        runs[:, model.START_U:model.START_W + 1] = start + x[:, START]
+        runs[:, START] += start
         offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
         directions = np.column_stack([np.cos(heading), np.sin(heading)])
         states = np.empty((len(x), len(self.times), model.OUTPUTS))
@@ -170,24 +172,15 @@ class Measurements:
         return WindowMotion(states, self.at(self.crossings, x, events, states))
 
     def _parameters(self, x: Array, events: Array) -> Array:
-        """Return the parameters of the model (runs, PARAMETERS) from standstill."""
+        """Return the parameters of the model (runs, PARAMETERS) without its start."""
         runs = np.zeros((len(x), model.PARAMETERS))
-        runs[:, model.STIFFNESS:model.RESISTANCE + 1] = np.exp(x[:, GROUND])
-        runs[:, :model.OLD_RESISTANCE + 1] = np.exp(x[:, OLD_GROUND])
+        runs[:, :DYNAMIC] = x[:, :DYNAMIC]
+        runs[:, LOGARITHMS] = np.exp(x[:, LOGARITHMS])
+        runs[:, model.LATERAL_SHARE] = 1.0 / (1.0 + np.exp(-x[:, Unknown.LATERAL_SHARE]))
         runs[:, model.NEW:model.LIFT] = np.searchsorted(self.times, events[:, :4])
         lifts = events[:, 4:].reshape(len(x), 2, 3).copy()
         lifts[:, :, 1:] = np.searchsorted(self.times, lifts[:, :, 1:])
         runs[:, model.LIFT:] = lifts.reshape(len(x), 6)
-        runs[:, model.MOVED_LOAD] = x[:, Unknown.MOVED_LOAD]
-        runs[:, model.LATERAL_SHARE] = 1.0 / (1.0 + np.exp(-x[:, Unknown.LATERAL_SHARE]))
-        runs[:, model.LATERAL_RATIO] = np.exp(x[:, Unknown.LATERAL_RATIO])
-        runs[:, model.COM_X:model.COM_Y + 1] = x[:, Unknown.COM_X:Unknown.COM_Y + 1]
-        runs[:, model.RADIUS] = np.exp(x[:, Unknown.RADIUS])
-        runs[:, model.SLOPE_X:model.SLOPE_Y + 1] = x[:, Unknown.SLOPE_X:Unknown.SLOPE_Y + 1]
-        runs[:, model.SIDE_STIFFNESS:model.SIDE_RESISTANCE + 1] = np.exp(
-            x[:, Unknown.SIDE_STIFFNESS:Unknown.SIDE_RESISTANCE + 1])
-        runs[:, model.FALL] = x[:, Unknown.FALL]
-        runs[:, model.BEND_X:model.BEND_Y + 1] = x[:, Unknown.BEND_X:Unknown.BEND_Y + 1]
         return runs
 
     def predict(self, x: Array, motion: WindowMotion) -> Array:

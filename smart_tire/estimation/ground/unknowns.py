@@ -17,7 +17,7 @@ Each constant has its unit, its origin and the runs that are worse without it: r
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 import math
@@ -114,7 +114,6 @@ DERIVATIVE_STEP = 0.001             # numerical; friction on ice changes with it
 LENGTH = 3.0            # s, of the window, assumed; concrete
 SETTLING = 0.5          # s before, in which the model forgets its start; before that, of samples
 # that are smoothed with it; assumed
-MIN_DURATION = 0.75     # s, of the first window; start_in_motion
 MAX_GAP = 0.6           # s, of a stream: after a longer one the window restarts; assumed
 MIN_WHEEL_SAMPLES = 5   # of a window: their jerk is smoothed
 TIME_STEP = 0.016       # s, of the model
@@ -231,15 +230,27 @@ def _product_error(robot: RobotParams) -> float:
         for peak, gain in zip(film.bending(wheel), film.gains(wheel))), default=1.0)
 
 
+class Tension(NamedTuple):
+    """The error of a sensor or of the robot that is largest over the sigma of its prior."""
+
+    name: str
+    size: float  # sigmas
+
+    @classmethod
+    def of(cls, x: Array, rows: Sequence[Row]) -> Tension:
+        """Return that of the unknowns ``x`` (SIZE,) with the priors ``rows``."""
+        sizes = [abs(value - row.mean) / row.sigma for value, row in zip(x, rows)]
+        most = max((*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
+                    *range(Unknown.GYRO_BIAS, SIZE)), key=sizes.__getitem__)
+        first = max(one for one in Unknown if one <= most)
+        return cls(first.name.lower() + f'_{most - first}' * (most > first), sizes[most])
+
+
 class WindowPrior(NamedTuple):
     """Mean and covariance of the unknowns."""
 
     mean: Array        # (SIZE,)
     covariance: Array  # (SIZE, SIZE)
-
-    def of_next_window(self, rows: list[Row]) -> WindowPrior:
-        """Return this prior with the unknowns that each window has of its own as in ``rows``."""
-        return self.without(OWN, rows)
 
     def without(self, part: slice, rows: list[Row]) -> WindowPrior:
         """Return this prior if of the unknowns ``part`` no more is known than in ``rows``."""

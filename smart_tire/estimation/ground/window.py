@@ -41,17 +41,10 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.events import disturbance, EventSearch, Rival
 from smart_tire.estimation.ground.measurements import MeasuredCrossing, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, priors,
-    SIZE, TENSION, Unknown, WindowPrior)
+    EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, OWN, priors, TENSION,
+    Tension, WindowPrior)
 from smart_tire.estimation.ground.window_fit import WindowEstimate, WindowFit
 from smart_tire.parameters.robot import RobotParams
-
-
-class Tension(NamedTuple):
-    """The error of a sensor or of the robot that is largest over the sigma of its prior."""
-
-    name: str
-    size: float        # sigmas
 
 
 class Solution(NamedTuple):
@@ -139,19 +132,10 @@ class GroundWindow:
             self._undecided = time
         self._main = self._advanced(main, fit, measurements, hop)
         hypothesis, fit = best
-        tension = self._tension(fit.x)
+        tension = Tension.of(fit.x, self._rows)
         excess = max(1.0, (tension.size / TENSION) ** 2)
         return Solution(end, measurements, hypothesis, fit._replace(
             covariance=excess * fit.covariance), tension)
-
-    def _tension(self, x: Array) -> Tension:
-        """Return the nuisance that contradicts its prior most."""
-        sizes = [abs(value - row.mean) / row.sigma for value, row in zip(x, self._rows)]
-        most = max((*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
-                    *range(Unknown.GYRO_BIAS, SIZE)), key=sizes.__getitem__)
-        first = max(one for one in Unknown if one <= most)
-        return Tension(f'{first.name.lower()}_{most - first}' if most > first else
-                       first.name.lower(), sizes[most])
 
     def _advanced(self, hypothesis: Hypothesis, fit: WindowEstimate, measurements: Measurements,
                   hop: float) -> Hypothesis:
@@ -170,7 +154,7 @@ class GroundWindow:
         lifts = tuple(one for one in hypothesis.lifts if one.end > measurements.begin)
         return replace(
             hypothesis, lifts=lifts, disturbances=kept, x=fit.x, times=measurements.times,
-            prior=moved.of_next_window(self._rows),
+            prior=moved.without(OWN, self._rows),
             velocities=fit.motion.states[0, :, :model.W + 1],
             heading=(float(measurements.times[middle]), float(fit.heading[middle])))
 

@@ -153,7 +153,7 @@ class WindowFit:
 
         Steps are by the derivative of the friction; the covariance is by it or by the secant.
         """
-        prior = hypothesis.prior.of_next_window(self.rows)
+        prior = hypothesis.prior
         information = np.linalg.inv(prior.covariance)
         start, heading = start_of(hypothesis, measurements)
         events = hypothesis.events[np.newaxis]

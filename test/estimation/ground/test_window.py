@@ -133,7 +133,7 @@ def test_the_ground_is_found_from_torques_and_films(films):
         assert abs(value.value - true) < 3.0 * value.sigma
     assert state.stiffness.sigma < 0.1 * state.stiffness.value
     assert state.center_of_mass_x.sigma <= 0.005
-    assert estimator.known and estimator.changes == 0
+    assert estimator.known and estimator.status['ground_changes'] == 0
 
 
 def test_without_films_torques_show_stiffness_and_with_more_doubt_friction(torques, films):
@@ -167,7 +167,7 @@ def test_a_change_of_ground_is_found_and_located(changed):
     samples, estimator, found = changed
     crossed = next(s.stamp_ns for s in samples if isinstance(s, Odometry)
                    and s.position[0] > 2.2) / NS_PER_S
-    assert estimator.changes == 1
+    assert estimator.status['ground_changes'] == 1
     new = next(one.hypothesis.new for one in reversed(found) if one.hypothesis.new != ONE_GROUND)
     begin = min(s.stamp_ns for s in samples) / NS_PER_S
     for change, end in new:
@@ -201,7 +201,7 @@ def ridden():
 
 def test_a_side_that_rides_on_another_ground_is_found_with_its_begin_and_end(ridden):
     (begin, end), estimator, found = ridden
-    assert estimator.changes == 2 and end - begin > 1.5
+    assert estimator.status['ground_changes'] == 2 and end - begin > 1.5
     left, right = next(one.hypothesis.new for one in reversed(found)
                        if one.hypothesis.new != ONE_GROUND)
     assert left == pytest.approx((begin, end), abs=0.3)
@@ -714,7 +714,7 @@ def test_a_strip_that_is_crossed_in_a_second_is_a_disturbance_and_no_change():
     samples = drive(9.6, CHANGING, surfaces=onto(2.9))
     estimator, found = run(samples)
     assert any(one.hypothesis.disturbances for one in found)
-    assert estimator.changes == 0
+    assert estimator.status['ground_changes'] == 0
     state = estimator.state(found[-1])
     for value, true in ((state.stiffness, STIFFNESS), (state.rolling_resistance, DRAG)):
         assert abs(math.log(value.value / true)) < 2.5 * value.sigma / value.value
@@ -724,7 +724,7 @@ def test_a_strip_that_is_crossed_in_a_second_is_a_disturbance_and_no_change():
 def test_while_a_change_is_undecided_the_covariance_covers_both_grounds(changed, monkeypatch):
     monkeypatch.setattr(window, 'EVENT_EVIDENCE', 1e6)  # never decided
     estimator, found = run(changed[0])
-    assert estimator.changes == 0
+    assert estimator.status['ground_changes'] == 0
     first = next(i for i, one in enumerate(found) if one.hypothesis.disturbances)
     assert abs(found[first].end - changed[-1][first].end) < 1e-9
     for one in found[first:first + 2]:  # later the old ground is excluded
@@ -824,7 +824,7 @@ def lifted():
 
 def test_a_lifted_wheel_is_found_with_its_begin_and_end_and_is_no_change_of_ground(lifted):
     estimator, found, shift = lifted
-    assert estimator.changes == 0
+    assert estimator.status['ground_changes'] == 0
     lifts = [one.hypothesis.lifts[-1] for one in found if one.hypothesis.lifts]
     assert lifts
     assert lifts[-1].wheel in (WHEEL, 3 - WHEEL)  # both have lost their load
@@ -871,6 +871,6 @@ def test_an_event_that_stays_undecided_is_dropped_and_its_disturbance_forgotten(
         return solution
     monkeypatch.setattr(GroundWindow, 'solve', noted)
     estimator, found = run(samples)
-    assert estimator.changes == 0 and any(at is not None for _, at in times)
+    assert estimator.status['ground_changes'] == 0 and any(at is not None for _, at in times)
     assert all(end - at < LENGTH for end, at in times if at is not None)
     assert not found[-1].hypothesis.lifts and found[-1].hypothesis.new == ONE_GROUND
