@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS, UNINFORMATIVE
 from smart_tire.calibration.results import MIN_ROBUST, SIGNIFICANT_SIGMAS
-from smart_tire.estimation.contact.constants import PLAUSIBLE_BENDING
+from smart_tire.estimation.contact.detection import is_plausible_bending
 from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import CrossingSamples, PatchCrossing
 from smart_tire.estimation.friction.constants import CHANGE_SIGMA, LOG_ALPHA_SIGMA
@@ -216,10 +216,9 @@ class ObservationFitter:
         return self._fitters[observation.crossing.wheel].volts(observation.fit)
 
     def _plausible(self, fit: WaveformFit, wheel: str) -> bool:
-        low, high = PLAUSIBLE_BENDING
         return fit.excess < SIGNIFICANT_SIGMAS ** 2 and all(
-            low < (fit.film_parameter(i, PerFilm.BENDING).value
-                   / self._bending[wheel][film.film]) < high
+            is_plausible_bending(fit.film_parameter(i, PerFilm.BENDING).value,
+                                 self._bending[wheel][film.film])
             for i, film in enumerate(fit.samples.films))
 
 

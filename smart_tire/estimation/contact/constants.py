@@ -52,11 +52,11 @@ TABLE_STEPS = 25           # entries of the waveform table in that step; derived
 NORMALIZED_SLIPS = np.array([0.15, 0.5, 1.0])  # of the templates; from simulations; slip
 ENTRY_SHARE = 0.75         # of a film: before, the signal is small and bumps disturb; bumps_far
 BENDING_SIGMA = 0.5        # -, of the bending peak: it varies by cycle; Fig. 11(b); all
-PLAUSIBLE_BENDING = (0.3, 3.0)  # of the nominal bending peak; assumed; other signals
+MAX_BENDING_RATIO = 3.0    # of the bending peak to the nominal one, or inverse; other signals
 MAX_RESIDUAL = 0.2         # of the bending peak, rms; derived: of other signals; other signals
 POSITION_GATE = 0.5        # film lengths from the predicted position; derived; sparse samples
-MIN_FREE_COVERAGE = 0.7    # of a crossing accepted without being expected, and the share without
-#                            samples up to which one is expected; rolling in and out, radio loss
+MIN_EXPECTED_COVERAGE = 0.3  # of a crossing that is expected; assumed; radio loss
+MIN_FREE_COVERAGE = 0.7    # of one that is not, or of samples that would show one; radio loss
 
 # -- prediction and assembly ---------------------------------------------------------------------
 RECURSIVE_GAIN = 0.2       # share of a detection in the mounting position, of a median in the

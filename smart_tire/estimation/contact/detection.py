@@ -31,8 +31,6 @@ from smart_tire.estimation.contact.trajectory import WheelTrajectory
 from smart_tire.models.tire import strain_charge, tread_film
 from smart_tire.parameters.robot import RobotParams
 
-RELEASE_TAIL = 12.0 * tread_film.RECOVERY  # film lengths, after which the release has decayed
-
 
 class CrossingDetector:
     """Detects crossings of a robot's films in their samples."""
@@ -46,7 +44,7 @@ class CrossingDetector:
         self._step = c.SEARCH_STEP * film.length
         self._table_step = self._step / c.TABLE_STEPS
         self._table_begin = -film.length - self._table_step
-        x = np.arange(self._table_begin, patch + RELEASE_TAIL * film.length, self._table_step)
+        x = np.arange(self._table_begin, patch + c.OUTER_LENGTH * film.length, self._table_step)
         t = c.NORMALIZED_SLIPS[:, np.newaxis]
         strain = strain_charge.overlap_integral(x, t, t, 1.0, film.length, patch) / t
         first, second = tread_film.RELEASE_WEIGHTS.values()
@@ -91,8 +89,7 @@ class CrossingDetector:
         bend, strain = self._templates(table, x)[[0, 1 + j]]
         amplitude, stretch, _ = map(float, self._amplitudes(bend, strain, volts, bending, gain))
         residual = volts - amplitude * bend - stretch * strain
-        low, high = c.PLAUSIBLE_BENDING
-        if not (low * bending < amplitude < high * bending
+        if not (is_plausible_bending(amplitude, bending)
                 and math.sqrt(residual @ residual / len(residual)) < c.MAX_RESIDUAL * amplitude):
             return None
         return Detection(center, amplitude, stretch / gain, float(c.NORMALIZED_SLIPS[j]),
@@ -129,6 +126,11 @@ class CrossingDetector:
         return min(covered / (self._patch + c.ENTRY_SHARE * self._film_length), 1.0)
 
 
+def is_plausible_bending(peak: float, nominal: float) -> bool:
+    """Return whether the bending ``peak`` [V] can be that of a film with the ``nominal`` one."""
+    return nominal / c.MAX_BENDING_RATIO < peak < c.MAX_BENDING_RATIO * nominal
+
+
 def _peak_offset(values: Array, i: int) -> float:
     """Return the offset, in steps, of a parabola's maximum from the ``i``-th of ``values``."""
     if not 0 < i < len(values) - 1:
@@ -162,7 +164,7 @@ class FilmCrossingDetector:
         latest = direction * begin + group.half_inside
         distance = direction * rolled
         for coverage, low, high in (
-                (1.0 - c.MIN_FREE_COVERAGE, expected - gate, expected + gate),
+                (c.MIN_EXPECTED_COVERAGE, expected - gate, expected + gate),
                 # the first active sample is at most a film length after the entry
                 (c.MIN_FREE_COVERAGE, latest - 2.0 * group.half_crossing,
                  latest + group.film_length)):

@@ -114,7 +114,6 @@ class SegmentExtractor:
         self._gaps: list[tuple[int, int]] = []
         self._reversals: list[int] = []  # ns
         self._last: tuple[int, float] | None = None  # instant and position of the newest sample
-        self.stuck = 0  # times that a film was active for longer than a crossing
 
     @property
     def active(self) -> bool:
@@ -200,7 +199,6 @@ class SegmentExtractor:
                         c.MAX_ACTIVE_CROSSINGS * self._crossing):
                     self._baseline[film] = float(np.median(self._volts[:, film]))
                     self._extracted[film] = self._sampled[-1]
-                    self.stuck += 1
                 else:
                     self._open[film] = True
         return segments

@@ -103,17 +103,22 @@ class ContactTracker:
     def _advance(self, horizon: int, last: bool) -> list[PatchCrossing]:
         """Process samples up to ``horizon``; if it is the ``last`` one, await nothing further."""
         position, reversals = self._follow(horizon)
-        self._detect(self._segment(horizon, reversals))
+        instants, volts = self._buffer.take(horizon)
+        self._detect(self._extractor.extend(
+            instants, self._trajectory.interpolate(instants), volts,
+            [instant for instant, _ in reversals]))
         self._associator.predict([*reversals, position])
         last = last or bool(self._associator.pending) and self._stands_still(position)
         if last:
             self._detect(self._extractor.finish())
             self._associator.predict([position])
-        crossings = self._assemble(self._associator.release(
-            lambda predicted: last or self._settled(predicted, position)))
+        found = [self._assembler.assemble(
+            predicted, self._associator.take(predicted), self._reversals.points,
+            self._associator.mount.trusted) for predicted in self._associator.release(
+                lambda predicted: last or self._settled(predicted, position))]
         if reversals:
             self._associator.drop_before(reversals[-1][0])
-        return crossings
+        return [crossing for crossing in found if crossing is not None]
 
     def _follow(self, horizon: int) -> tuple[Point, list[Point]]:
         """Follow the wheel up to ``horizon``; return its position there, and reversals."""
@@ -123,12 +128,6 @@ class ContactTracker:
         instants = np.array([*range(begin, horizon, GRID_NS), horizon])
         distance = self._trajectory.interpolate(instants)
         return (horizon, float(distance[-1])), self._reversals.follow(instants, distance)
-
-    def _segment(self, horizon: int, reversals: list[Point]) -> list[ActiveSegment]:
-        """Return the segments that close with the samples up to ``horizon``."""
-        instants, volts = self._buffer.take(horizon)
-        return self._extractor.extend(instants, self._trajectory.interpolate(instants), volts,
-                                      [instant for instant, _ in reversals])
 
     def _detect(self, segments: list[ActiveSegment]) -> None:
         for segment in segments:
@@ -143,25 +142,16 @@ class ContactTracker:
 
     def _settled(self, predicted: PredictedCrossing, position: Point) -> bool:
         """Return whether no further detection can be expected while the wheel rolls."""
+        since = predicted.direction * (position[1] - predicted.position) - self._group.reach  # m
         return (self._associator.complete(predicted)
                 or self._reversals.direction != predicted.direction
                 or not self._extractor.active
-                and self._beyond(predicted, position) > c.OUTER_LENGTH * self._group.film_length)
-
-    def _beyond(self, predicted: PredictedCrossing, position: Point) -> float:
-        """Return the distance [m] rolled since the end of a predicted crossing."""
-        return predicted.direction * (position[1] - predicted.position) - self._group.reach
+                and since > c.OUTER_LENGTH * self._group.film_length)
 
     def _stands_still(self, position: Point) -> bool:
         before = self._trajectory.interpolate(np.array([position[0] - c.STANDSTILL_NS]))
         limit = c.MIN_FILM_SPEED * self._group.film_length * c.STANDSTILL_NS / NS_PER_S
         return abs(position[1] - float(before[0])) < limit
-
-    def _assemble(self, completed: list[PredictedCrossing]) -> list[PatchCrossing]:
-        found = (self._assembler.assemble(
-            predicted, self._associator.take(predicted), self._reversals.points,
-            self._associator.mount.trusted) for predicted in completed)
-        return [crossing for crossing in found if crossing is not None]
 
 
 class CrossingAssembler:

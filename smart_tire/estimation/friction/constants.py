@@ -15,8 +15,6 @@ Lengths are in lengths of the film. Runs are scenarios of ``benchmarks.friction`
 ``test/estimation/friction``.
 """
 
-import numpy as np
-
 # -- fit of the waveform: start and priors -------------------------------------------------------
 BUMP_SHARE = 0.12        # of the bending peak, prior and its sigma; Fig. 11(b): 0.10-0.15; bumps
 LOG_RECOVERY_SIGMA = 0.5  # of ln of the recovery length; assumed; releases fig8
@@ -50,7 +48,6 @@ FULL_SLIDING_ONSET = 0.8  # -, normalized slip from which the waveform hardly de
 FULL_SLIDING_SIGMAS = 4.0  # within which that onset counts as reached; wet tiles
 
 # -- friction of a single crossing ---------------------------------------------------------------
-DEVIATIONS = np.linspace(-6.0, 6.0, 301)  # of 1 / mu in the posterior, in sigmas; derived; noisy
+POSTERIOR_POINTS = 301   # of the density of 1 / mu; derived: errors far below its sigma; noisy
 MAX_CONTRADICTION = 13.8  # squared normalized difference of the films from the motion: 1 in 1000,
 #                           beyond which mu is unknown: a ground that changes; slow_readings
-MAX_WAIT_NS = 2_000_000_000  # of a crossing for a window of the ground; derived; standstill

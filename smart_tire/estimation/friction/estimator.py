@@ -22,13 +22,13 @@ from dataclasses import dataclass
 
 from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import PatchCrossing
-from smart_tire.estimation.friction.constants import MAX_WAIT_NS
 from smart_tire.estimation.friction.output import friction_record, stamp_of
 from smart_tire.estimation.friction.waveform_method import FilmResult, WaveformMethod
 from smart_tire.estimation.ground.estimator import GroundEstimator, WheelState
+from smart_tire.estimation.ground.unknowns import LENGTH
 from smart_tire.estimation.ground.window import Solution
 from smart_tire.parameters import FrictionEstimatorParams
-from smart_tire.samples import Friction, GroundState, Sample, TireSample
+from smart_tire.samples import Friction, GroundState, NS_PER_S, Sample, TireSample
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
@@ -132,7 +132,8 @@ class FrictionEstimator:
         """Return the estimates of a window up to ``now_ns``, if one is due."""
         solution = self._ground.advance(now_ns, last)
         if solution is None:
-            wait_ns = MAX_WAIT_NS if self._ground.waits and not last else 0
+            # of a crossing for a window, as long as one can have it
+            wait_ns = round(LENGTH * NS_PER_S) if self._ground.waits and not last else 0
             return self._released(now_ns - wait_ns, None)
         found = self._released(self._ground.end_ns, solution)
         if last:

@@ -109,12 +109,15 @@ def friction_estimate(inverse_mu: float, sigma: float, likely: float = math.nan)
     lowest = float(np.fmin(math.exp(LN_FRICTION.value), likely))
     if not sigma < MAX_SIGMA / lowest:
         return UNKNOWN
-    inverse = inverse_mu + sigma * c.DEVIATIONS
+    # in sigmas, to those whose density is below the rounding error of the largest one
+    edge = math.sqrt(-2.0 * math.log(np.finfo(float).eps))
+    deviation = np.linspace(-edge, edge, c.POSTERIOR_POINTS)
+    inverse = inverse_mu + sigma * deviation
     possible = inverse > 0.0
     grid = 1.0 / inverse[possible]
     # density over 1 / mu: that of ln mu times mu
     weight = grid * np.exp(-0.5 * (((np.log(grid) - LN_FRICTION.value) / LN_FRICTION.sigma)**2
-                                   + c.DEVIATIONS[possible]**2))
+                                   + deviation[possible]**2))
     total = float(weight.sum())
     if not total > 0.0:
         return UNKNOWN

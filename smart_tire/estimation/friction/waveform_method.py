@@ -24,7 +24,8 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.contact.constants import MAX_RESIDUAL, PLAUSIBLE_BENDING
+from smart_tire.estimation.contact.constants import MAX_RESIDUAL
+from smart_tire.estimation.contact.detection import is_plausible_bending
 from smart_tire.estimation.contact.records import PatchCrossing
 from smart_tire.estimation.friction import constants as c
 from smart_tire.estimation.friction.waveform_fit import (
@@ -123,11 +124,10 @@ class WaveformMethod:
                           *self._peaks(fit, crossing), waveform=fit)
 
     def _plausible(self, fit: WaveformFit) -> bool:
-        low, high = PLAUSIBLE_BENDING
         for i, film in enumerate(fit.samples.films):
             bending = fit.film_parameter(i, PerFilm.BENDING).value
             center = fit.film_parameter(i, PerFilm.CENTER)
-            if not (low < bending / self._bending[film.film] < high
+            if not (is_plausible_bending(bending, self._bending[film.film])
                     and fit.residual_rms < MAX_RESIDUAL * bending
                     and center.sigma < c.MAX_CENTER_STEP * self._film.length):
                 return False
