@@ -64,7 +64,8 @@ class MotorResponse:
         windows of ``feedback``, its torque the mean between their middles.
         """
         means = [mean for wheel in range(len(torque)) if (mean := feedback.mean(wheel))]
-        if not means or not all(abs(one) <= MAX_WHEEL_TORQUE for one in torque):  # false for NaN, too
+        if not means or not all(  # false for NaN, too
+                abs(one) <= MAX_WHEEL_TORQUE for one in torque):
             self.motors = ()
             self._readings.clear()
             return

@@ -22,7 +22,6 @@ SMOOTHING_NS = 400_000_000  # used before and after an interval; derived: twice 
 MAX_SILENCE_NS = 500_000_000  # extrapolated beyond the newest angle; assumed; silent wheels
 HISTORY_LENGTH = 1024      # angles kept, grid steps at once; derived: LOOKBACK at 200 Hz; start
 SEGMENT_POINTS = 200       # over a segment's distance; derived: below 1 mm; stops
-SPEED_POINTS = 9           # of the same, for the change of speed; stops
 ORDERS = np.arange(2, 14)  # of Legendre polynomials; 0 is a shift, 1 a scale error; slow drives
 PHASES = 0.1 * np.arange(2401)  # integration variable, frequency times duration; all
 MIN_SHAPE_SIGMA = 1e-4     # of the wheel radius; derived: 1 mV at the steepest edge; CPU time

@@ -188,7 +188,7 @@ class CrossingAssembler:
         speed = 2.0 * group.half_inside * NS_PER_S / max(end - begin, 1)
         reversed_inside = any(travel.instants[0] < instant < travel.instants[-1]
                               for instant, _ in reversals)
-        change = math.inf if reversed_inside else travel.speed_change()
+        change = math.inf if reversed_inside else travel.speed_change(group.film_length)
         samples = (self._samples(direction, list(films.values()), travel.trajectory,
                                  travel.instant_at(first), sampled)
                    if films and change < c.MAX_SPEED_CHANGE else None)

@@ -150,10 +150,10 @@ class TravelSegment:
         """Return the distance [m] rolled up to ``instant`` [ns]."""
         return float(np.interp(instant, self.instants, self.distance))
 
-    def speed_change(self) -> float:
-        """Return the range of mean speeds in the segment over their mean."""
-        # smoothing has moved the ends, too
-        edges = np.linspace(self.distance[0], self.distance[-1], c.SPEED_POINTS)
+    def speed_change(self, length: float) -> float:
+        """Return the range of mean speeds over parts of about a ``length`` [m] over their mean."""
+        begin, end = self.distance[[0, -1]].tolist()  # smoothing has moved the ends, too
+        edges = np.linspace(begin, end, max(round((end - begin) / length), 2) + 1)
         reached = np.interp(edges, self.distance, self.instants)
         speeds = 1.0 / np.maximum(reached[1:] - reached[:-1], 1.0)
         return float((speeds.max() - speeds.min()) / speeds.mean())

@@ -284,17 +284,17 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
 
 def average_crossings(states: cython.double[:, :, ::1], rolling: cython.double[:, :, ::1],
                       after: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
-                      wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
-                      runs: cython.double[:, ::1], robot: cython.double[::1],
-                      out: cython.double[:, :, ::1]) -> None:
+                      wheels: cython.Py_ssize_t[::1], least_load: cython.double,
+                      least_share: cython.double, runs: cython.double[:, ::1],
+                      robot: cython.double[::1], out: cython.double[:, :, ::1]) -> None:
     """
     Average slip, normalized slip, load and traction force of a wheel over each of m crossings.
 
     ``states`` (runs, n, OUTPUTS) are those of ``simulate``, ``rolling`` (runs, m, k) is r w [m/s]
     of the wheel ``wheels`` (m,) in the ``steps`` (m, k), ``after`` (runs, m) is 1 for crossings
-    on the second ground, else 0. ``limits`` (m, 3): largest normalized slip, least load [N]
-    and least share of the friction. ``out`` (runs, m, VALUES) is filled. Raise ValueError where
-    shapes disagree.
+    on the second ground, else 0. Loads are at least ``least_load`` [N], shares of the friction
+    that are left at least ``least_share``. ``out`` (runs, m, VALUES) is filled. Raise ValueError
+    where shapes disagree.
     """
     count: cython.Py_ssize_t = states.shape[0]
     m: cython.Py_ssize_t = wheels.shape[0]
@@ -303,24 +303,23 @@ def average_crossings(states: cython.double[:, :, ::1], rolling: cython.double[:
             and robot.shape[0] == GRAVITY + 1 and rolling.shape[0] == count
             and rolling.shape[1] == m and rolling.shape[2] == steps.shape[1]
             and after.shape[0] == count and after.shape[1] == m and steps.shape[0] == m
-            and limits.shape[0] == m and limits.shape[1] == 3
             and out.shape[0] == count and out.shape[1] == m and out.shape[2] == VALUES):
         raise ValueError('the shapes of the arrays disagree')
     if not cython.compiled:  # as in ``simulate``
         _average_run(*(np.moveaxis(array, 0, -1) for array in (states, rolling, after)), steps,
-                     wheels, limits, runs.T, robot, np.moveaxis(out, 0, -1))
+                     wheels, least_load, least_share, runs.T, robot, np.moveaxis(out, 0, -1))
         return
     for run in range(count):
-        _average_run(states[run], rolling[run], after[run], steps, wheels, limits, runs[run],
-                     robot, out[run])
+        _average_run(states[run], rolling[run], after[run], steps, wheels, least_load,
+                     least_share, runs[run], robot, out[run])
 
 
 @cython.cfunc
 def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
                  after: cython.double[::1], steps: cython.Py_ssize_t[:, ::1],
-                 wheels: cython.Py_ssize_t[::1], limits: cython.double[:, ::1],
-                 p: cython.double[::1], robot: cython.double[::1], out: cython.double[:, ::1]
-                 ) -> cython.void:
+                 wheels: cython.Py_ssize_t[::1], least_load: cython.double,
+                 least_share: cython.double, p: cython.double[::1], robot: cython.double[::1],
+                 out: cython.double[:, ::1]) -> cython.void:
     """Average the crossings of one run."""
     lateral_ratio: cython.double = p[LATERAL_RATIO]
     fall: cython.double = p[FALL]
@@ -347,12 +346,11 @@ def _average_run(states: cython.double[:, ::1], rolling: cython.double[:, ::1],
             w: cython.double = states[n, 2]
             slip: cython.double = (rolling[i, k] - states[n, 0] + (track - com_y) * w) * inverse
             lateral: cython.double = lateral_ratio * (states[n, 1] + (base - com_x) * w) * inverse
-            load: cython.double = max(states[n, 10 + wheel], limits[i, 1])
+            load: cython.double = max(states[n, 10 + wheel], least_load)
             t: cython.double = sqrt(slip * slip + lateral * lateral) * grip / load
-            kept: cython.double = max(friction_share(1.0 / max(t, 1.0), fall),
-                                      limits[i, 2])
+            kept: cython.double = max(friction_share(1.0 / max(t, 1.0), fall), least_share)
             sums[0] = sums[0] + slip
-            sums[1] = sums[1] + min(t / kept, limits[i, 0])
+            sums[1] = sums[1] + t / kept
             sums[2] = sums[2] + load
             sums[3] = sums[3] + states[n, 6 + wheel]
             sums[4] = sums[4] * kept

@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground.measurements import Measurements
 from smart_tire.estimation.ground.unknowns import (
-    BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, FREEDOM, GROUND, HOP, Hypothesis, Interval,
-    ITERATIONS, LENGTH, Lift, MAX_LIFTS, MAX_STEP, MOVED, NEVER, OLD_GROUND, ONE_GROUND, SIZE,
-    TIME_ERROR, TRIED_EVIDENCE, Unknown)
+    BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, EVENT_EVIDENCE, FREEDOM, GROUND, HOP, Hypothesis,
+    Interval, LENGTH, Lift, MAX_ITERATIONS, MAX_LIFTS, MAX_STEP, MOVED, NEVER, OLD_GROUND,
+    ONE_GROUND, REWEIGHTINGS, SIZE, TIME_ERROR, Unknown)
 from smart_tire.estimation.ground.window_fit import (
     start_of, student, Whitening, WindowEstimate, WindowFit)
 from smart_tire.samples import WHEELS
@@ -98,7 +98,7 @@ class EventSearch:
             gain = (student(own) - own / growth - np.log(growth)).sum()
             likely.append((float(gain), time))
         gain, time = max(likely)
-        return time if gain > TRIED_EVIDENCE else None
+        return time if gain > EVENT_EVIDENCE else None
 
     def rivals(self, plain: Hypothesis, fit: WindowEstimate, measurements: Measurements,
                leaving: float, time: float) -> list[Rival]:
@@ -139,10 +139,10 @@ class EventSearch:
         found = []
         for gain, start, event in (*likeliest(
                 lambda at: self._lifts(plain, fit.x, at)), *both, *one):
-            if gain < TRIED_EVIDENCE:
+            if gain < EVENT_EVIDENCE:
                 continue
             rival = self._rival(plain, event, start, measurements, leaving)
-            for _ in range(2 * ITERATIONS if len(event.times) == 2 else 0):
+            for _ in range(MAX_ITERATIONS if len(event.times) == 2 else 0):
                 before, x = event.times, rival.fit.x
                 moved = [one._replace(hypothesis=replace(one.hypothesis, x=x))
                          for one in self._changes(plain, x, [
@@ -247,7 +247,7 @@ class EventSearch:
         spread = np.diag([self._rows[row].sigma ** -2 for row in rows])
         off = np.array([self._rows[row].mean for row in rows]) - x[rows]
         value, left, matrix = np.zeros(len(rows)), rest, spread
-        for _ in range(ITERATIONS if len(rows) else 0):
+        for _ in range(REWEIGHTINGS if len(rows) else 0):
             weights = used / np.maximum((FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0)
             matrix = (slopes.T * weights) @ slopes + spread
             value = np.linalg.solve(matrix, (slopes.T * weights) @ rest + spread @ off)

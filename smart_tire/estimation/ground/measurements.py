@@ -28,7 +28,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.unknowns import (
     BLOCK, BLOCK_TIME, DYNAMIC, FILM_ERRORS, FILM_NORMALIZED_ERROR, FILM_SLIP_ERROR, GAINS,
-    Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_NORMALIZED, MAX_NORMALIZED, MODEL_ERROR,
+    Interval, LEAST_FORCE, LEAST_FRICTION, LEAST_NORMALIZED, MODEL_ERROR,
     MODEL_TIME, MOTORS, OFFSETS, RELAXATION_ERROR, SIZE, SLIDING_WEIGHT, START,
     TIME_STEP, TIMING_ERROR, TRANSIENT_SHARE, Unknown, UNMEASURED)
 from smart_tire.estimation.ground.wheel_motion import (
@@ -353,13 +353,11 @@ class Measurements:
         rolling = (np.exp(radius) * self.rolling[near, wheel[:, np.newaxis]]
                    + delay * self._delayed[near, wheel[:, np.newaxis] % 2])
         rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
-        limits = np.array([(np.inf if one.sliding else MAX_NORMALIZED, MIN_LOAD, LEAST_FRICTION)
-                           for one in crossings])
         begins, ends = (events[:, 2 * (wheel % 2) + one] for one in (0, 1))
         on_new = np.ascontiguousarray((begins <= times) & (times < ends), dtype=float)
         found = np.empty((len(x), len(crossings), model.VALUES))
         model.average_crossings(
-            states, rolling, on_new, near, wheel, limits,
+            states, rolling, on_new, near, wheel, MIN_LOAD, LEAST_FRICTION,
             self._parameters(x, events), self.robot_constants, found)
         found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(CROSSING_STEPS)
         return found

@@ -119,22 +119,20 @@ MIN_WHEEL_SAMPLES = 5   # of a window: their jerk is smoothed
 TIME_STEP = 0.016       # s, of the model
 BLOCK = 8               # steps of a block mean, slower than a wheel period; slow_readings
 BLOCK_TIME = TIME_STEP * BLOCK
-SMOOTHINGS = 4          # iterations of its weights
 
 # fit
-ITERATIONS = 2          # Gauss-Newton steps at most on a known ground
-MOST_ITERATIONS = 10    # ... and on an unknown one, or with an event; ice
+MAX_ITERATIONS = 10     # Gauss-Newton steps, and changes of the times of an event; ice
 CONVERGED = 1.0         # twice the log likelihood that a step gains, at least, for a further one
 FREEDOM = 5.0           # degrees of freedom of the Student distribution; lifted, pushes
+REWEIGHTINGS = 4        # iterations of such weights in a linear fit
 MAX_STEP = 0.7          # change of the ground in one step; beyond, the model is not linear
 HOP = GROUND_STATE_PERIOD_NS / NS_PER_S  # s, between two windows
 CANDIDATES = 3          # hops before the end, when something may have happened: events are tried
 # from a hop before on; jumps, lifted
 DISTURBANCE_TIME = 1.0  # s, of a push, assumed; pushes
 TIME_ERROR = 0.15       # s, of the time of an event, by blocks: before and after it is not used
-EVENT_EVIDENCE = 10.0   # twice the log likelihood ratio of an event: 2 ln 150, one in a minute at
-# one of the times of each window; jumps, pushes, lifted
-TRIED_EVIDENCE = 8.0    # ... and of one that is tried; slow_readings
+EVENT_EVIDENCE = 8.0    # twice the log likelihood ratio of an event, and of one that is tried: 2
+# ln 55, assumed; jumps, pushes, lifted, slow_readings
 
 # errors
 MODEL_ERROR = 0.05      # of forces, yaw rates and torques: tire curve, uneven tires, assumed
@@ -160,7 +158,6 @@ MAX_SIGMA = 0.35        # of ln mu, and of what films measure: above, a quantity
 
 # bounds
 UNMEASURED = 1e6        # standard deviation of a block without measurement
-MAX_NORMALIZED = 1.5    # normalized slip: beyond, a waveform does not change
 MAX_LIFTS = 2           # in a window: the model has as many
 LEAST_FRICTION = 0.2    # share of the friction that is left at the largest slip, at least
 

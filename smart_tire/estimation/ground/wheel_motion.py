@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimation.ground.unknowns import BLOCK, SMOOTHINGS
+from smart_tire.estimation.ground.unknowns import BLOCK, REWEIGHTINGS
 from smart_tire.estimation.plausibility import JERK_DENSITY
 from smart_tire.models.vehicle.skid_steer import AXLE_SIGNS, SIDE_SIGNS
 from smart_tire.numerics.jerk_smoothing import (
@@ -58,7 +58,7 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
     rate = np.gradient(y, times, axis=0)
     precision = 1.0 / ((jitter * rate) ** 2 + step ** 2 / 4.0)
     weight, found = np.ones(len(times) - 3), y
-    for _ in range(SMOOTHINGS):
+    for _ in range(REWEIGHTINGS):
         information = jerk_information(rows * np.sqrt(weight))
         found = np.column_stack([solve_smoothed(information, own, own * mode)
                                  for own, mode in zip(precision.T, y.T)])

@@ -28,9 +28,9 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import Measurements, TORQUE, WindowMotion
 from smart_tire.estimation.ground.unknowns import (
-    CONVERGED, CURVE, DERIVATIVE_STEP, DYNAMIC, FREEDOM, Hypothesis, ITERATIONS, MAX_SIGMA,
-    MAX_STEP, MOST_ITERATIONS, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES,
-    SIZE, TENSION, Unknown, UNMEASURED, WindowPrior)
+    CONVERGED, CURVE, DERIVATIVE_STEP, DYNAMIC, FREEDOM, Hypothesis, MAX_ITERATIONS, MAX_SIGMA,
+    MAX_STEP, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES, SIZE, TENSION,
+    Unknown, UNMEASURED, WindowPrior)
 from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
@@ -170,7 +170,7 @@ class WindowFit:
         acting[OLD_GROUND] = hypothesis.new != ONE_GROUND
         acting[MOVED] = bool(hypothesis.lifts)
         shown = np.concatenate([[0], acting * np.cumsum(acting)])  # runs by unknown
-        for iteration in range(ITERATIONS if known else MOST_ITERATIONS):
+        for iteration in range(MAX_ITERATIONS):
             steps[-1] = self._friction_step(x, prior.covariance)
             runs = np.tile(x, (DYNAMIC + 2, 1))
             runs[range(1, DYNAMIC + 2), (*range(DYNAMIC), Unknown.FRICTION)] += steps

@@ -109,10 +109,10 @@ def crossings(case: dict[str, np.ndarray], by=model, **arrays: np.ndarray) -> np
         'rolling': np.where(abs(rolling) < 0.05, 0.05, rolling), 'steps': steps, 'wheels': wheels,
         'after': np.ascontiguousarray(
             (runs[:, begins] <= steps[:, 0]) & (steps[:, 0] < runs[:, begins + 1]), dtype=float),
-        'limits': np.tile([1.5, 0.1, 0.2], (8, 1)), 'runs': runs, 'robot': case['robot'], **arrays}
+        'runs': runs, 'robot': case['robot'], **arrays}
     out = np.full((len(runs), 8, model.VALUES), np.nan)
     by.average_crossings(states, *(given[name] for name in (
-        'rolling', 'after', 'steps', 'wheels', 'limits', 'runs', 'robot')), out)
+        'rolling', 'after', 'steps', 'wheels')), 0.1, 0.2, given['runs'], given['robot'], out)
     return out
 
 
@@ -152,15 +152,15 @@ def test_the_means_of_a_crossing_are_those_of_its_wheel():
     t = np.hypot(s_x, s_y) / critical
     kept = np.maximum(1.0 - runs[:, [model.FALL]] * (1.0 - 1.0 / np.maximum(t, 1.0)), 0.2)
     np.testing.assert_allclose(
-        found[:, wheel, model.NORMALIZED], np.minimum(t / kept, 1.5).mean(axis=1))
+        found[:, wheel, model.NORMALIZED], (t / kept).mean(axis=1))
     np.testing.assert_allclose(found[:, wheel, model.LOSS], kept.prod(axis=1))
 
 
 def test_crossings_of_other_shapes_are_refused():
     case = random_case('driving')
-    for name in ('steps', 'wheels', 'limits', 'robot'):
+    for name in ('steps', 'wheels', 'robot'):
         given = {'steps': np.zeros((8, 6), dtype=int), 'wheels': np.arange(8) % 4,
-                 'limits': np.ones((8, 3)), 'robot': ROBOT}[name]
+                 'robot': ROBOT}[name]
         with pytest.raises(ValueError, match='shapes'):
             crossings(case, **{name: np.ascontiguousarray(given[..., :-1])})
 
