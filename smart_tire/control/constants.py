@@ -89,7 +89,7 @@ ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; sp
 # s, of bases and motors, that are learned; the step, below the period of commands, also of
 # predictions; assumed; test_base_response, test_motor_response
 DELAY_STEP = 0.025
-DELAYS: Array = DELAY_STEP * np.arange(25)
+DELAYS: Array = DELAY_STEP * np.arange(25, dtype=np.float64)
 DELAY_EVIDENCE = 0.1     # (m/s)^2 s, that is kept: four starts to 0.5 m/s, 0.1 s apart; assumed
 DELAY_MARGIN = 1e-4      # (m/s)^2 s, by which another delay must be likelier; assumed
 # s, lags of speed and yaw rate that the given delay contains: control of the wheels, relaxation of
