@@ -77,12 +77,12 @@ help:
 setup: $(READY)
 
 # An editable installation compiles in the source tree: again after each change of COMPILED.
-COMPILED := smart_tire/estimation/ground/body_model.py smart_tire/estimation/slip/kalman.py smart_tire/estimation/slip/motion.py smart_tire/estimation/slip/output.py smart_tire/estimation/slip/tire_forces.py smart_tire/models/tire/brush_tire.py smart_tire/models/tire/film_equations.py
+COMPILED := $(shell grep -rl '^COMPILED: bool = cython.compiled' smart_tire --include='*.py')
 REMOVE_EXTENSIONS := find smart_tire -name '*.so' -delete
 
 $(CORE): EXTRAS := $(CORE_EXTRAS)
 $(CORE): PACKAGES := $(CORE_PACKAGES)
-$(READY) $(CORE): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml $(COMPILED) $(wildcard smart_tire/models/*/*.pxd)
+$(READY) $(CORE): constraints.txt requirements.txt setup.py setup.cfg pyproject.toml $(COMPILED) $(shell find smart_tire -name '*.pxd')
 	@$(REMOVE_EXTENSIONS)
 ifdef ROS_DISTRO
 	@echo 'Installing into $(VENV), on top of ROS $(ROS_DISTRO); log: $(LOG)'

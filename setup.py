@@ -21,10 +21,9 @@ from setuptools.errors import CompileError
 PACKAGE = 'smart_tire'
 NODES = [path.stem for path in sorted(Path(PACKAGE, 'nodes').glob('*.py'))
          if '\ndef main() -> int:' in path.read_text(encoding='utf-8')]
-COMPILED = ('smart_tire/estimation/ground/body_model.py',
-            'smart_tire/estimation/slip/kalman.py', 'smart_tire/estimation/slip/motion.py',
-            'smart_tire/estimation/slip/output.py', 'smart_tire/estimation/slip/tire_forces.py',
-            'smart_tire/models/tire/brush_tire.py', 'smart_tire/models/tire/film_equations.py')
+COMPILED = [str(path) for path in sorted(Path(PACKAGE).rglob('*.py'))
+            if '\nCOMPILED: bool = cython.compiled\n' in path.read_text(encoding='utf-8')]
+TYPES = [str(path) for path in sorted(Path(PACKAGE).rglob('*.pxd'))]  # what one takes of another
 
 
 class BuildFromPython(build_ext):
@@ -61,15 +60,15 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={PACKAGE: ['checks/findings.yaml', 'analysis/html_report/page.css',
                             'analysis/html_report/page.html', 'analysis/html_report/page.js',
-                            'cli/verbs.yaml', 'messages/topics.yaml', 'models/tire/brush_tire.pxd',
-                            'parameters/urdf_templates.yaml', 'papers/sections.yaml',
-                            'py.typed']},
+                            'cli/verbs.yaml', 'messages/topics.yaml',
+                            'parameters/urdf_templates.yaml', 'papers/sections.yaml', 'py.typed',
+                            *(path.removeprefix(f'{PACKAGE}/') for path in TYPES)]},
     ext_modules=[
         # without fused multiply-add, results are those of Python on every processor; with symbols
         # for debuggers the files are five times as large; what Cython writes leaves a tuple
         # uninitialized where it returns an error
         Extension(path.removesuffix('.py').replace('/', '.'), [path], optional=True,
-                  depends=glob(f'{PACKAGE}/models/*/*.pxd'),
+                  depends=TYPES,
                   extra_compile_args=['-ffp-contract=off', '-g0', '-Wno-unused-variable',
                                       '-Wno-maybe-uninitialized'])
         for path in COMPILED],

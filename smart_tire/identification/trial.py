@@ -150,7 +150,7 @@ class _Kalman(KalmanFilter):
 
     def correct_jointly(self, y: Array, *arguments: Any) -> float:
         """Correct, and keep the innovations of both rolled distances."""
-        self._innovations[0].extend(y.tolist())
+        self._innovations[0].extend(y)
         return super().correct_jointly(y, *arguments)
 
 

@@ -226,7 +226,7 @@ class PrintedSlipFilter(SlipFilter):
         return super()._correct_distances(y, H, mix @ R @ mix.T, sides, dt)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
-                        change: list[float], W: float, *, continued: bool = True) -> None:
+                        change: tuple[float, float], W: float, *, continued: bool = True) -> None:
         super()._restart_travel(replace(wheels, from_positions=False), sides, lag, change, W,
                                 continued=continued)
 

@@ -8,7 +8,13 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Slip estimator: IMU and wheel samples in, odometry, slip and ICR on a time grid out."""
+# cython: language_level=3, infer_types=True, show_performance_hints=False
+
+"""
+Slip estimator: IMU and wheel samples in, odometry, slip and ICR on a time grid out.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +22,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 import math
 from typing import Any, Protocol
-
 
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
@@ -26,7 +31,7 @@ from smart_tire.estimation.slip.filter import SlipFilter
 from smart_tire.estimation.slip.inputs import (
     ImuInput, merged, SpikeFilter, WheelOdometry, WheelSpeeds,
     ZeroVelocityDetector)
-from smart_tire.estimation.slip.kalman import COMPILED, StateRecorder
+from smart_tire.estimation.slip.kalman import StateRecorder
 from smart_tire.estimation.slip.output import (
     ContinuousPose, EstimateRecord, OutputContext, SlipOutputBuilder)
 from smart_tire.estimation.slip.state import (
@@ -39,6 +44,13 @@ from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.samples import (
     GRAVITY, GroundState, ImuSample, NS_PER_S, Odometry, WheelSample)
 from smart_tire.uncertain import Uncertain
+
+try:
+    import cython
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
+
+COMPILED: bool = cython.compiled
 
 TOPICS = {ImuSample: 'imu/data', WheelSample: 'wheel_states', GroundState: 'ground_state'}
 

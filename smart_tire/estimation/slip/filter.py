@@ -8,6 +8,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
+# cython: language_level=3, cdivision=True, infer_types=True, initializedcheck=False
+# cython: show_performance_hints=False
+
 """
 Kalman filter for slip, pose and sensor biases of a skid-steer robot.
 
@@ -20,6 +23,8 @@ of forces are the corrections, B(6) to B(8). Three choices:
 - The distance rolled since the last wheel sample is a state: one late timestamp makes one wheel
   speed too high and the next one too low, so that the errors cancel, and the slip may change
   between two samples.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
 """
 
 from __future__ import annotations
@@ -29,23 +34,55 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.slip import state
 from smart_tire.estimation.slip.ground import ForceBalance
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
 from smart_tire.estimation.slip.kalman import (
-    CONSIDERED, GYRO_HELD, KalmanFilter, LearnedVariance, SENSORS_HELD, StateRecorder)
-from smart_tire.estimation.slip.motion import MotionModel, Noise, slip_speed
-from smart_tire.estimation.slip.rolling_history import RollingHistory
+    CONSIDERED, GYRO_HELD, IDENTITY, SENSORS_HELD, StateRecorder)
+from smart_tire.estimation.slip.motion import Noise
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, common_slip, COMMON_SLIP_SHARE, ICR_WALK_SHARE, ImuReading, ImuStep,
-    initial_state, LEARNING_TIME, MAX_NIS, MIN_SIGMA, N, OUTLIER_SIGMAS, QUIET_TIME,
-    SLIP_CORRELATION_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA, START_SLIP, State, TRAVELS,
-    TYPICAL_PERIOD)
+    initial_state, LEARNING_TIME, N, QUIET_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA,
+    START_SLIP, State)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.rotation import euler
-from smart_tire.samples import Four, GRAVITY, GroundState, MAX_WHEEL_SPEED, Odometry
+from smart_tire.samples import Four, GroundState, MAX_WHEEL_SPEED, Odometry
+from smart_tire.samples import GRAVITY as G
 from smart_tire.uncertain import Uncertain
 
-SLOPES = State.ROLL, State.PITCH
+try:
+    import cython
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
+
+if cython.compiled:
+    from cython.cimports.libc.math import expm1, sqrt
+    from cython.cimports.smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance
+    from cython.cimports.smart_tire.estimation.slip.motion import (
+        MotionModel, RollingHistory, slip_speed)
+else:
+    from math import expm1, sqrt
+    from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance
+    from smart_tire.estimation.slip.motion import MotionModel, RollingHistory, slip_speed
+
+COMPILED: bool = cython.compiled
+
+# constants and rows of the state that are numbers of C
+cython.declare(
+    MAX_NIS=cython.double, MIN_SIGMA=cython.double, OUTLIER_SIGMAS=cython.double,
+    SLIP_CORRELATION_TIME=cython.double, TYPICAL_PERIOD=cython.double, ROLL=cython.int,
+    PITCH=cython.int, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
+    SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, TRAVEL_L=cython.int, TRAVEL_R=cython.int,
+    ICR_X=cython.int, ICR_L=cython.int, ICR_R=cython.int, RADIUS=cython.int, IMU_X=cython.int,
+    IMU_Y=cython.int)
+MAX_NIS, MIN_SIGMA, OUTLIER_SIGMAS = state.MAX_NIS, state.MIN_SIGMA, state.OUTLIER_SIGMAS
+SLIP_CORRELATION_TIME, TYPICAL_PERIOD = state.SLIP_CORRELATION_TIME, state.TYPICAL_PERIOD
+(ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, TRAVEL_L, TRAVEL_R, ICR_X, ICR_L,
+ ICR_R, RADIUS, IMU_X, IMU_Y) = map(int, (
+     State.ROLL, State.PITCH, State.V_X, State.V_Y, State.GYRO_BIAS_Z, State.SLIP_VEL_L,
+     State.SLIP_VEL_R, State.TRAVEL_L, State.TRAVEL_R, State.ICR_X, State.ICR_L, State.ICR_R,
+     State.RADIUS, State.IMU_X, State.IMU_Y))
+
 POSE = State.X, State.Y, State.YAW
 # where the forces show the lateral speed, B(8) does not: sliding tires leave their ICRs
 ICR_LEARNED = np.ones(N)
@@ -63,15 +100,15 @@ class SlipFilter:
         self.motion = MotionModel(robot)
         self.forces = ForceBalance(robot, self.kalman)
         self._history = RollingHistory()
-        # a smaller slope is one of the errors of the balance
-        self._slopes = [LearnedVariance(params.slope_sigma, BALANCE_SIGMA / GRAVITY,
-                                        SLIP_LEARNING_TIME)
-                        for _ in SLOPES]
+        # of roll and pitch; a smaller slope is one of the errors of the balance
+        self._slopes = [LearnedVariance(params.slope_sigma, BALANCE_SIGMA / G, SLIP_LEARNING_TIME)
+                        for _ in range(2)]
         self._icr_walk = ICR_WALK_SHARE * robot.track_width
         self._lateral_sigma = params.lateral_sigma
-        self._common, self._difference = (LearnedVariance(
+        self._standstill_speed = robot.slip.standstill_speed
+        self._common, self._difference = [LearnedVariance(
             sigma, params.free_rolling_slip_sigma, SLIP_LEARNING_TIME)
-            for sigma in (params.common_slip_sigma, params.differential_slip_sigma))
+            for sigma in (params.common_slip_sigma, params.differential_slip_sigma)]
         self._slip_difference_prior = self._difference.variance
         self._wheel_noise = LearnedVariance(SPEED_SIGMA, SPEED_SIGMA, LEARNING_TIME)
         self._time, self._gyro_z = 0.0, 0.0  # s and rad/s, of the last step
@@ -88,6 +125,10 @@ class SlipFilter:
         self._blind_row = np.zeros(N)
         self._blind_row[[State.GYRO_BIAS_Z, *SLIP_VELS]] = (
             -1.0, -1.0 / robot.track_width, 1.0 / robot.track_width)
+        # of a restart of the travels; other rows stay
+        self._restart_jacobian, self._restart_noise = np.eye(N), np.zeros((N, N))
+        self._restart_noise[TRAVEL_L, TRAVEL_L] = MIN_SIGMA * MIN_SIGMA
+        self._restart_noise[TRAVEL_R, TRAVEL_R] = MIN_SIGMA * MIN_SIGMA
         self._blind_slip = 0.0    # m/s, slip difference beyond the ICR kinematics in a dropout
         self.nis = LearnedVariance(1.0, MIN_SIGMA, LEARNING_TIME)  # of the wheel speeds
 
@@ -112,9 +153,13 @@ class SlipFilter:
         Tires that slide can do so at any slip: it changes by as much as it is, and at most by the
         speed of the wheels.
         """
-        slip = 0.5 * sum(self.kalman.x[row] for row in SLIP_VELS) / slip_speed(*self._sides)
-        return (self._common.variance + self._difference.variance
-                + min(abs(slip), 1.0) ** 2)
+        x: cython.double[::1] = self.kalman.x
+        left, right = self._sides
+        slip = 0.5 * (x[SLIP_VEL_L] + x[SLIP_VEL_R]) / slip_speed(left, right)
+        share = min(abs(slip), 1.0)
+        common: LearnedVariance = self._common
+        difference: LearnedVariance = self._difference
+        return common.variance + difference.variance + share * share
 
     @property
     def hidden_variance(self) -> tuple[float, float]:
@@ -125,7 +170,9 @@ class SlipFilter:
         limits their slip where friction is known better than its prior. As part of the noise,
         these variances would let the accelerometer rule.
         """
-        beyond = max(self._difference.variance - self._slip_difference_prior, 0.0)
+        beyond = self._difference.variance - self._slip_difference_prior
+        if not beyond > 0.0:
+            return 0.0, 0.0
         shown = beyond * (0.5 * sum(self._sides)) ** 2 * self.forces.friction_ignorance
         return COMMON_SLIP_SHARE ** 2 * shown, shown
 
@@ -174,33 +221,46 @@ class SlipFilter:
         In a ``blind`` one its yaw rate is by the wheels, so that its error is that of the slip,
         which lasts, and not that of the gyro bias.
         """
-        kalman, motion, self.blind = self.kalman, self.motion, blind
-        self.forces.age(step.dt)
-        roll, pitch = (math.sqrt(one.variance) for one in self._slopes)
-        noise = Noise((roll, pitch), math.sqrt(self._common_variance),
-                      math.sqrt(self._difference.variance), self._icr_walk)
-        x = kalman.x
-        left, right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
-        after, F, Q = motion.predict(x, step, noise)
+        kalman: KalmanFilter = self.kalman
+        motion: MotionModel = self.motion
+        history: RollingHistory = self._history
+        x: cython.double[::1] = kalman.x
+        dt: cython.double = step.dt
+        rate: cython.double = step.mean[0]
+        W: cython.double = self._gyro_z - x[GYRO_BIAS_Z]
+        self.forces.age(dt)
+        slope_x: LearnedVariance = self._slopes[0]
+        slope_y: LearnedVariance = self._slopes[1]
+        difference: LearnedVariance = self._difference
+        noise = Noise((sqrt(slope_x.variance), sqrt(slope_y.variance)),
+                      sqrt(self._common_variance), sqrt(difference.variance), self._icr_walk)
+        left, right = motion.rolling_rate(x, W, 0), motion.rolling_rate(x, W, 1)
+        after = motion.predict(kalman.x, step, noise)
+        self.blind = blind
         if blind:
-            F = self._by_slip(F)
-            F[State.GYRO_BIAS_Z] = np.eye(N)[State.GYRO_BIAS_Z]
+            F = self._by_slip(np.asarray(motion.F))
+            F[GYRO_BIAS_Z] = np.eye(N)[GYRO_BIAS_Z]
+            kalman.predict(after, F, motion.Q)
         else:
-            self._turned += step.gyro_variance * step.dt
-        kalman.predict(after, F, Q)
-        self._gyro_z = step.mean.yaw_rate
-        new_left, new_right = motion.rolling_rates(x, self._gyro_z - x[State.GYRO_BIAS_Z])
-        self._history.add_step(time, step.dt, new_left - left, new_right - right)
-        self._time = time
+            self._turned += step.gyro_variance * dt
+            kalman.predict(after, motion.F, motion.Q)
+        W = rate - x[GYRO_BIAS_Z]
+        history.add_step(time, dt, motion.rolling_rate(x, W, 0) - left,
+                         motion.rolling_rate(x, W, 1) - right)
+        self._gyro_z, self._time = rate, time
 
     def correct_forces(self, imu: ImuInput, residual: Four, dt: float) -> None:
         """Correct with the balance of forces after a step of ``dt`` [s] unless wheels lock."""
-        rolling = min(map(abs, self._sides)) >= self._robot.slip.standstill_speed
-        self._balanced = rolling and self.forces.correct(imu, residual, dt)
+        left, right = self._sides
+        slowest: cython.double = min(abs(left), abs(right))
+        self._balanced = slowest >= self._standstill_speed and self.forces.correct(
+            imu, residual, dt)
         if self._balanced:
-            x, P = self.kalman.x, self.kalman.P
-            for slope, row in zip(self._slopes, SLOPES):
-                slope.add_square(x[row] ** 2 + float(P[row, row]), dt)
+            x: cython.double[::1] = self.kalman.x
+            P: cython.double[:, ::1] = self.kalman.P
+            for i in range(2):
+                row, slope = ROLL + i, self._slopes[i]
+                slope.add_square(x[row] * x[row] + P[row, row], dt)
 
     def find_change(self, imu: ImuInput, torques: Four | None, wheels: WheelSpeeds) -> None:
         """Look for a change of the ground, with the motor torques [N m] if they are measured."""
@@ -243,33 +303,43 @@ class SlipFilter:
 
         ``independent`` sides were measured each; otherwise both carry their mean.
         """
-        kalman, lag, dt = self.kalman, self._time - time, wheels.duration
-        x = kalman.x
-        W = gyro_z - x[State.GYRO_BIAS_Z]
-        sides = [speed * (1.0 + x[State.RADIUS]) for speed in wheels.side_speeds]
+        kalman: KalmanFilter = self.kalman
+        motion: MotionModel = self.motion
+        dt: cython.double = wheels.duration
+        lag: cython.double = self._time - time
+        x: cython.double[::1] = kalman.x
+        W: cython.double = gyro_z - x[GYRO_BIAS_Z]
+        speeds = wheels.side_speeds
+        sides = [speed * (1.0 + x[RADIUS]) for speed in speeds]
         change = self._history.travel_change(time)
         provisional, self._provisional = self._provisional, not self._started
         if not self._started or provisional and wheels.from_positions:
             self._start(wheels, sides, W)
             self._restart_travel(wheels, sides, lag, change, W, continued=False)
             return
-        after = [lag * rate + more
-                 for rate, more in zip(self.motion.rolling_rates(x, W), change)]
-        y, H = np.zeros(2), np.zeros((2, N))
-        for i, (travel, slip, arm) in enumerate(zip(TRAVELS, SLIP_VELS, self.motion.arms(x))):
-            y[i] = dt * sides[i] - (x[travel] - after[i])
-            H[i, travel], H[i, State.V_X], H[i, slip] = 1.0, -lag, -lag
-            H[i, State.GYRO_BIAS_Z], H[i, State.RADIUS] = lag * arm, -dt * wheels.side_speeds[i]
-            H[i, State.IMU_Y] = -lag * W
-        H = self._by_slip(H)
+        innovations, jacobian = np.zeros(2), np.zeros((2, N))
+        y: cython.double[::1] = innovations
+        H: cython.double[:, ::1] = jacobian
+        for i in range(2):
+            side: cython.double = sides[i]
+            speed: cython.double = speeds[i]
+            more: cython.double = change[i]
+            y[i] = dt * side - (x[TRAVEL_L + i] - (lag * motion.rolling_rate(x, W, i) + more))
+            H[i, TRAVEL_L + i], H[i, V_X], H[i, SLIP_VEL_L + i] = 1.0, -lag, -lag
+            H[i, GYRO_BIAS_Z], H[i, RADIUS] = lag * motion.arm(x, i), -dt * speed
+            H[i, IMU_Y] = -lag * W
+        if self.blind:
+            jacobian = H = self._by_slip(jacobian)
         # the yaw rate by the wheels is no measurement of their difference
-        R = self._wheel_covariance(wheels, sides, independent and not self.blind)
-        self._add_slip_change(sides, self._wheel_covariance(wheels, sides, True), dt, lag)
-        moving = max(map(abs, sides)) >= self._robot.slip.standstill_speed
+        R = own = self._wheel_covariance(wheels, sides, True)
+        if not independent or self.blind:
+            R = self._wheel_covariance(wheels, sides, False)
+        self._add_slip_change(sides, own, dt, lag)
+        moving = max(map(abs, sides)) >= self._standstill_speed
         if not moving:
             left, both, right = kalman.covariance(H, R)  # of y
-            self._add_sliding(y, H, 0.25 * (left + both + both + right), dt)
-        nis = self._correct_distances(y, H, R, sides, dt)
+            self._add_sliding(0.5 * (y[0] + y[1]), H, 0.25 * (left + both + both + right), dt)
+        nis = self._correct_distances(innovations, jacobian, R, sides, dt)
         if moving:
             self.nis.add_square(nis, dt)  # stationary wheels have no noise
             self._wheel_noise.add_square(self._wheel_noise.variance * min(nis, MAX_NIS), dt)
@@ -290,8 +360,8 @@ class SlipFilter:
                 x[row], F[row], Q[row, row] = 0.0, 0.0, MIN_SIGMA ** 2
             self._turned = 0.0
         self._sides, self._started = sides, True
-        x[State.V_X] = 0.5 * sum(side - x[slip] - arm * W for side, slip, arm in zip(
-            sides, SLIP_VELS, self.motion.arms(x)))
+        x[State.V_X] = 0.5 * sum(sides[i] - x[slip] - self.motion.arm(x, i) * W
+                                 for i, slip in enumerate(SLIP_VELS))
         F[State.V_X, State.V_X] = 0.0
         F[State.V_X, SLIP_VELS], F[State.V_X, State.IMU_Y] = -0.5, -W
         F[State.V_X, State.RADIUS] = 0.5 * sum(wheels.side_speeds)
@@ -306,14 +376,16 @@ class SlipFilter:
         # a mean velocity depends on two timestamps, of which each also enters its neighbor
         jitter = self._robot.encoder.stamp_jitter * (
             1.0 if wheels.from_positions else math.sqrt(2.0))
-        left, right = (jitter * side for side in sides)  # m, one timestamp for both sides
+        left, right = [jitter * side for side in sides]  # m, one timestamp for both sides
         own = wheels.duration ** 2 * (wheels.variance + self._wheel_noise.variance)
         # of the difference, if it is unknown: that of any two wheels
         unknown = 0.0 if independent else (
             MAX_WHEEL_SPEED * self._robot.wheel_radius * wheels.duration) ** 2
         both = left * right - unknown
-        return np.array([[left * left + own + unknown, both],
-                         [both, right * right + own + unknown]])
+        R = np.empty((2, 2))
+        R[0, 0], R[1, 1] = left * left + own + unknown, right * right + own + unknown
+        R[0, 1] = R[1, 0] = both
+        return R
 
     def _add_slip_change(self, sides: list[float], R: Array, dt: float, lag: float) -> None:
         """
@@ -323,28 +395,31 @@ class SlipFilter:
         follow. It has happened at some time of the period: of a way ``w`` in relaxation lengths,
         ``(1 - exp(-w)) / w`` of it are still slip.
         """
-        noise, since = OUTLIER_SIGMAS * math.sqrt(2.0 * R[0, 0]) / dt, 0.5 * dt + lag
-        steps = []
-        for now, before in zip(sides, self._sides):
-            way = max(0.5 * (abs(now) + abs(before)) * dt / self.forces.relaxation, MIN_SIGMA)
-            steps.append(-math.expm1(-way) / way * max(abs(now - before) - noise, 0.0))
-        self._step = max(steps)
+        noise: cython.double = OUTLIER_SIGMAS * sqrt(2.0 * R[0, 0]) / dt
+        since: cython.double = 0.5 * dt + lag
+        relaxation: cython.double = self.forces.relaxation
+        self._step = 0.0
+        Q: cython.double[:, ::1] = np.zeros((N, N))
+        for i in range(2):
+            now: cython.double = sides[i]
+            before: cython.double = self._sides[i]
+            way = max(0.5 * (abs(now) + abs(before)) * dt / relaxation, MIN_SIGMA)
+            step = -expm1(-way) / way * max(abs(now - before) - noise, 0.0)
+            a, b, late = SLIP_VEL_L + i, TRAVEL_L + i, step * since
+            Q[a, a], Q[b, b] = step * step, late * late
+            Q[a, b] = Q[b, a] = step * step * since
+            self._step = max(self._step, step)
         self._sides = sides
-        if any(steps):
-            Q = np.zeros((N, N))
-            for a, b, step in zip(SLIP_VELS, TRAVELS, steps):
-                Q[a, a], Q[b, b] = step ** 2, (step * since) ** 2
-                Q[a, b] = Q[b, a] = step ** 2 * since
-            self.kalman.add_noise(Q)
+        if self._step:
+            self.kalman.add_noise(np.asarray(Q))
 
-    def _add_sliding(self, y: Array, H: Array, variance: float, dt: float) -> None:
+    def _add_sliding(self, innovation: float, H: Array, variance: float, dt: float) -> None:
         """Inflate the common slip after a mean innovation beyond noise: locked wheels slide."""
-        innovation = float(y.mean())
-        least = self._robot.slip.standstill_speed * max(dt, TYPICAL_PERIOD)
+        least = self._standstill_speed * max(dt, TYPICAL_PERIOD)
         if innovation ** 2 > max(MAX_NIS * variance, least ** 2):
             g = np.zeros(N)
             g[list(SLIP_VELS)] = innovation / (0.5 * dt)
-            g[list(TRAVELS)] = innovation / (0.5 * dt) * (0.5 * dt - H[0, State.V_X])
+            g[[TRAVEL_L, TRAVEL_R]] = innovation / (0.5 * dt) * (0.5 * dt - H[0, V_X])
             self.kalman.add_noise(np.outer(g, g))
 
     def _correct_distances(self, y: Array, H: Array, R: Array, sides: list[float], dt: float
@@ -358,56 +433,71 @@ class SlipFilter:
 
         The gyroscope shows the slip difference, the forces the common slip.
         """
-        x, P = self.kalman.x, self.kalman.P
-        speed = slip_speed(*self.motion.rolling_rates(x, W))
-        left, right = (x[row] - icr for row, icr in zip(SLIP_VELS, self.motion.icr_slip(x, W)))
-        a, b = SLIP_VELS
-        variance = float(P[a, a] + P[b, b] + 2.0 * P[a, b])
-        common = 0.25 * ((left + right) ** 2 + variance) / speed ** 2
+        motion: MotionModel = self.motion
+        x: cython.double[::1] = self.kalman.x
+        P: cython.double[:, ::1] = self.kalman.P
+        speed = slip_speed(motion.rolling_rate(x, W, 0), motion.rolling_rate(x, W, 1))
+        left, right = x[SLIP_VEL_L] + x[ICR_L] * W, x[SLIP_VEL_R] - x[ICR_R] * W
+        variance = (P[SLIP_VEL_L, SLIP_VEL_L] + P[SLIP_VEL_R, SLIP_VEL_R]
+                    + 2.0 * P[SLIP_VEL_L, SLIP_VEL_R])
+        common = 0.25 * ((left + right) * (left + right) + variance) / (speed * speed)
         # a mean over the correlation time has half the variance, and no noise of single samples
         gain = dt / (dt + SLIP_CORRELATION_TIME)
-        self._mean_difference += gain * (0.5 * (right - left) / speed - self._mean_difference)
+        mean: cython.double = self._mean_difference
+        mean += gain * (0.5 * (right - left) / speed - mean)
+        self._mean_difference = mean
         if independent:
-            self._difference.add_square(2.0 * self._mean_difference ** 2, dt)
+            self._difference.add_square(2.0 * (mean * mean), dt)
         self._common.add_square(common, dt)
 
     def _restart_travel(self, wheels: WheelSpeeds, sides: list[float], lag: float,
-                        change: list[float], W: float, *, continued: bool = True) -> None:
+                        change: tuple[float, float], W: float, *, continued: bool = True) -> None:
         """
         Count the rolled distance from the wheel sample on.
 
         Positions are exact references, whatever the error of their timestamps. Without them, or
         if it is not ``continued``, it is counted from the timestamp.
         """
-        x, F, Q = self.kalman.x[:], np.eye(N), np.zeros((N, N))
-        rates = self.motion.rolling_rates(x, W)
-        for i, (travel, slip) in enumerate(zip(TRAVELS, SLIP_VELS)):
-            Q[travel, travel] = MIN_SIGMA ** 2
-            if wheels.from_positions and continued:
-                x[travel] -= wheels.duration * sides[i]
-                F[travel, State.RADIUS] = -wheels.duration * wheels.side_speeds[i]
+        kalman: KalmanFilter = self.kalman
+        motion: MotionModel = self.motion
+        moved = kalman.x[:]
+        x: cython.double[::1] = moved
+        F: cython.double[:, ::1] = self._restart_jacobian
+        Q: cython.double[:, ::1] = self._restart_noise
+        dt: cython.double = wheels.duration
+        from_positions: cython.bint = wheels.from_positions and continued
+        for i in range(2):
+            travel, slip = TRAVEL_L + i, SLIP_VEL_L + i
+            F[travel, travel] = from_positions
+            F[travel, V_X] = F[travel, slip] = F[travel, GYRO_BIAS_Z] = 0.0
+            F[travel, IMU_Y] = F[travel, RADIUS] = 0.0
+            if from_positions:
+                side: cython.double = sides[i]
+                speed: cython.double = wheels.side_speeds[i]
+                x[travel] -= dt * side
+                F[travel, RADIUS] = -dt * speed
             else:
-                x[travel] = lag * rates[i] + change[i]
-                F[travel, travel] = 0.0
-                F[travel, State.V_X] = F[travel, slip] = lag
-                F[travel, State.GYRO_BIAS_Z] = -lag * self.motion.arms(x)[i]
-                F[travel, State.IMU_Y] = lag * W
-        self.kalman.predict(x, F, Q)
+                more: cython.double = change[i]
+                x[travel] = lag * motion.rolling_rate(x, W, i) + more
+                F[travel, V_X] = F[travel, slip] = lag
+                F[travel, GYRO_BIAS_Z] = -lag * motion.arm(x, i)
+                F[travel, IMU_Y] = lag * W
+        kalman.predict(moved, F, Q)
 
     def correct_lateral(self, gyro_z: float, duration: float) -> None:
         """Correct with B(8): the lateral speed of base_link is -S times the yaw rate."""
-        x = self.kalman.x
-        W = gyro_z - x[State.GYRO_BIAS_Z]
-        arm = self._x_imu + x[State.IMU_X] - x[State.ICR_X]
+        x: cython.double[::1] = self.kalman.x
+        W: cython.double = gyro_z - x[GYRO_BIAS_Z]
+        arm: cython.double = self._x_imu + x[IMU_X] - x[ICR_X]
         h = np.zeros(N)
-        h[[State.V_Y, State.ICR_X, State.IMU_X, State.GYRO_BIAS_Z]] = 1.0, W, -W, arm
-        y = arm * W - x[State.V_Y]
+        h[V_Y], h[ICR_X], h[IMU_X], h[GYRO_BIAS_Z] = 1.0, W, -W, arm
+        y = arm * W - x[V_Y]
         # slip that varies moves the ICRs forward and backward by a share of the wheelbase
         h = self._by_slip(h)
         # tires that slide share their force as their slip: F_y = F v_y / slip velocity
         sigma = math.hypot(self._lateral_sigma, math.sqrt(self._difference.variance)
                            * W * self._robot.wheelbase,
-                           0.5 * sum(x[row] for row in SLIP_VELS)
+                           0.5 * (x[SLIP_VEL_L] + x[SLIP_VEL_R])
                            * math.sqrt(self._slopes[0].variance) / self.forces.least_friction)
         variance = sigma ** 2 * 2.0 * SLIP_CORRELATION_TIME / max(duration, 1e-3)
         known = self._balanced and self.forces.given and not self.forces.follows  # the ground
@@ -416,7 +506,7 @@ class SlipFilter:
     def correct_zero_velocity(self) -> None:
         """Correct with zero velocity over ground and of the wheels."""
         for row in (State.V_X, State.V_Y, *SLIP_VELS):
-            self.kalman.correct(-self.kalman.x[row], np.eye(N)[row], SPEED_SIGMA ** 2, GYRO_HELD)
+            self.kalman.correct(-self.kalman.x[row], IDENTITY[row], SPEED_SIGMA ** 2, GYRO_HELD)
 
     def correct_gyro_bias(self, rate: Uncertain, unwinding: float, density: float) -> None:
         """
@@ -431,5 +521,5 @@ class SlipFilter:
         shared = min(density, before * variance / density)
         self._turned -= shared * density / variance
         row = State.GYRO_BIAS_Z
-        self.kalman.correct(rate.value - self.kalman.x[row], np.eye(N)[row],
-                            variance + unwinding, CONSIDERED, (State.YAW, -shared))
+        self.kalman.correct(rate.value - self.kalman.x[row], IDENTITY[row],
+                            variance + unwinding, CONSIDERED, State.YAW, -shared)

@@ -8,6 +8,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
+# cython: language_level=3, cdivision=True, infer_types=True, initializedcheck=False
+# cython: show_performance_hints=False
+
 """
 The ground with its errors considered: corrections with the forces, and changes of the ground.
 
@@ -16,6 +19,8 @@ covariance P of the errors of the ground g and the innovation y, ``P_yg P_gg^-1`
 a change of the ground on the innovation, through all corrections since (sensitivity of Friedland's
 separate bias filter). The change that explains the innovations best is a least squares fit, its
 likelihood ratio the test of Willsky and Jones.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
 """
 
 from __future__ import annotations
@@ -28,25 +33,51 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.slip import state
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
-from smart_tire.estimation.slip.kalman import FORCES_HELD, KalmanFilter, LearnedVariance
+from smart_tire.estimation.slip.kalman import FORCES_HELD
 from smart_tire.estimation.slip.state import (
-    BALANCE_SIGMA, EVIDENCE, EXPIRY_TIME, FORCE_ERROR, GROUND, ImuReading, LEARNING_TIME,
-    MAX_NIS, MAX_REPEATS, MIN_SIGMA, MIN_SLIP_SPEED, MODEL_TIME, N, PUSH_SIGMAS,
-    PUSH_TIME, SLIP_VELS, State, SUDDEN)
-from smart_tire.estimation.slip.tire_forces import TireForces
-from smart_tire.models.tire.brush_tire import (
-    LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS)
+    BALANCE_SIGMA, FORCE_ERROR, GROUND, ImuReading, LEARNING_TIME, MAX_REPEATS,
+    N, SLIP_VELS, State, SUDDEN)
+from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.drive import torque_errors, traction_force
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import Four, GroundState
 from smart_tire.uncertain import log_normal, Uncertain
 
+try:
+    import cython
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
+
+if cython.compiled:
+    from cython.cimports.libc.math import exp, expm1, log, sqrt
+    from cython.cimports.smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance
+    from cython.cimports.smart_tire.estimation.slip.tire_forces import TireForces
+else:
+    from math import exp, expm1, log, sqrt
+    from smart_tire.estimation.slip.kalman import KalmanFilter, LearnedVariance
+    from smart_tire.estimation.slip.tire_forces import TireForces
+
+COMPILED: bool = cython.compiled
+
+# constants and rows of the state that are numbers of C
+cython.declare(
+    EXPIRY_TIME=cython.double, MAX_NIS=cython.double, MIN_SLIP_SPEED=cython.double,
+    MODEL_TIME=cython.double, PUSH_TIME=cython.double, PUSH=cython.double, EVIDENCE=cython.double,
+    MIN_VARIANCE=cython.double, V_X=cython.int,
+    V_Y=cython.int, GYRO_BIAS_Z=cython.int, SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int,
+    LN_STIFFNESS=cython.int)
+EXPIRY_TIME, MAX_NIS, MIN_SLIP_SPEED = state.EXPIRY_TIME, state.MAX_NIS, state.MIN_SLIP_SPEED
+MODEL_TIME, PUSH_TIME = state.MODEL_TIME, state.PUSH_TIME
+PUSH = state.PUSH_SIGMAS * state.PUSH_SIGMAS  # of a variance
+EVIDENCE, MIN_VARIANCE = state.EVIDENCE, state.MIN_SIGMA * state.MIN_SIGMA
+V_X, V_Y, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, LN_STIFFNESS = map(int, (
+    State.V_X, State.V_Y, State.GYRO_BIAS_Z, State.SLIP_VEL_L, State.SLIP_VEL_R,
+    State.LN_STIFFNESS))
+
 RELATIVE = [row - GROUND.start for row in (
     State.LN_STIFFNESS, State.LN_FRICTION, State.LN_LATERAL)]  # errors of the ground as given
-# ln of the rolling resistance of any ground: the window finds it, and begins with firm ground,
-# where its errors are smaller (concrete without films); the filter does not (starvation, sand)
-UNKNOWN_RESISTANCE = LN_RESISTANCE._replace(value=math.log(0.035))
 FOLLOWED = FORCES_HELD.copy()  # after a change the ground is estimated
 FOLLOWED[SUDDEN] = 0.0
 
@@ -113,15 +144,18 @@ class MotorTorques:
 def ground_prior(robot: RobotParams) -> tuple[Uncertain, ...]:
     """Return C_x, mu, rolling resistance, its lateral share, C_y / C_x and center of mass."""
     tire = robot.tire
-    logs = (LN_STIFFNESS.value + math.log(tire.longitudinal_stiffness), math.hypot(
-        LN_STIFFNESS.sigma, tire.longitudinal_stiffness_sigma)), LN_FRICTION, LN_LATERAL_RATIO
+    prior, share = brush_tire.LN_STIFFNESS, brush_tire.LATERAL_SHARE
+    logs = ((prior.value + math.log(tire.longitudinal_stiffness), math.hypot(
+        prior.sigma, tire.longitudinal_stiffness_sigma)),
+            brush_tire.LN_FRICTION, brush_tire.LN_LATERAL_RATIO)
     stiffness, friction, lateral = (
         Uncertain(math.exp(mean), sigma * math.exp(mean)) for mean, sigma in logs)
-    share = Uncertain(0.5 + 0.25 * LATERAL_SHARE.value, 0.25 * LATERAL_SHARE.sigma)
-    return (stiffness, friction, log_normal(*UNKNOWN_RESISTANCE), share, lateral,
+    share = Uncertain(0.5 + 0.25 * share.value, 0.25 * share.sigma)
+    return (stiffness, friction, log_normal(*state.UNKNOWN_RESISTANCE), share, lateral,
             *map(Uncertain, robot.center_of_mass[:2], robot.center_of_mass_sigma))
 
 
+@cython.cclass
 class LastingError:
     """
     Lasting error of the balance along one axis.
@@ -133,61 +167,88 @@ class LastingError:
     [(m/s2)^2], and ends as any lasting error does.
     """
 
+    _recent: cython.double  # m/s2, innovations over PUSH_TIME ...
+    _mean: cython.double    # ... and MODEL_TIME
+    _usual: LearnedVariance
+    _lasting: LearnedVariance
+    push = cython.declare(cython.double, visibility='readonly')
+
     def __init__(self) -> None:
-        self._recent, self._mean = 0.0, 0.0  # m/s2, innovations over PUSH_TIME and MODEL_TIME
-        self._usual, self._lasting = (LearnedVariance(
-            BALANCE_SIGMA, BALANCE_SIGMA, LEARNING_TIME) for _ in range(2))
-        self.push = 0.0
+        self._recent = self._mean = self.push = 0.0
+        self._usual = LearnedVariance(BALANCE_SIGMA, BALANCE_SIGMA, LEARNING_TIME)
+        self._lasting = LearnedVariance(BALANCE_SIGMA, BALANCE_SIGMA, LEARNING_TIME)
 
     @property
     def variance(self) -> float:
         """Return the variance [(m/s2)^2] without that of a push."""
         return self._lasting.variance
 
-    def add_innovation(self, y: float, dt: float) -> None:
+    @cython.ccall
+    def add_innovation(self, y: cython.double, dt: cython.double) -> None:
         """Add an innovation ``y`` [m/s2] over ``dt`` [s]."""
-        self._recent -= math.expm1(-dt / PUSH_TIME) * (y - self._recent)
-        kept = math.exp(-dt / MODEL_TIME)
+        self._recent -= expm1(-dt / PUSH_TIME) * (y - self._recent)
+        kept = exp(-dt / MODEL_TIME)
         self._mean += (1.0 - kept) * (y - self._mean)
-        change, usual = (self._recent - self._mean) ** 2, self._usual.variance
+        change, usual = self._recent - self._mean, self._usual.variance
+        change *= change
         self._usual.add_square(min(change, MAX_NIS * usual), dt)
         self.push *= kept
-        if change > PUSH_SIGMAS ** 2 * usual:
+        if change > PUSH * usual:
             self.push = max(self.push, change)
 
-    def learn(self, explained: float, dt: float) -> None:
+    @cython.ccall
+    def learn(self, explained: cython.double, dt: cython.double) -> None:
         """Learn from the mean innovation, with the variance ``explained`` by white errors."""
-        self._lasting.add_square(
-            min(max(self._mean ** 2 - explained, 0.0), MAX_NIS * self.variance), dt)
+        self._lasting.add_square(min(max(self._mean * self._mean - explained, 0.0),
+                                     MAX_NIS * self._lasting.variance), dt)
 
 
+@cython.cfunc
+def adjugate(A: cython.p_double, out: cython.p_double) -> cython.double:
+    """Set ``out`` to the adjugate of ``A``, 9 numbers each; return its determinant."""
+    out[0], out[1], out[2] = (A[4] * A[8] - A[5] * A[7], A[2] * A[7] - A[1] * A[8],
+                              A[1] * A[5] - A[2] * A[4])
+    out[3], out[4], out[5] = (A[5] * A[6] - A[3] * A[8], A[0] * A[8] - A[2] * A[6],
+                              A[2] * A[3] - A[0] * A[5])
+    out[6], out[7], out[8] = (A[3] * A[7] - A[4] * A[6], A[1] * A[6] - A[0] * A[7],
+                              A[0] * A[4] - A[1] * A[3])
+    return A[0] * out[0] + A[1] * out[3] + A[2] * out[6]
+
+
+@cython.cclass
 class GroundChange:
     """The likelihood ratio of a change in the last ``MODEL_TIME``."""
 
+    _kalman: KalmanFilter
+    _spread: cython.double[3]  # variances of the change
+    _vector: cython.double[3]
+    _matrix: cython.double[9]
+    _new_vector: cython.double[3]  # since the last call of ``find``
+    _new_matrix: cython.double[9]
+
     def __init__(self, kalman: KalmanFilter, spread: Array) -> None:
-        self._kalman, self._spread = kalman, spread  # (3, 3), of the change
-        self._restart()
+        self._kalman, self._spread = kalman, spread.tolist()
+        self._vector, self._new_vector = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        self._matrix = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        self._new_matrix = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 
-    def _restart(self) -> None:
-        self._vector, self._matrix = np.zeros(3), np.zeros((3, 3))
-        self._forget_interval()
-
-    def _forget_interval(self) -> None:
-        self._new_vector, self._new_matrix = [0.0] * 3, [0.0] * 9
-
-    def age(self, dt: float, time: float) -> None:
+    @cython.ccall
+    def age(self, dt: cython.double, time: cython.double) -> None:
         """Let ``dt`` [s] pass: the errors have an effect since the last ``time`` [s] only."""
-        self._kalman.fade_ground(math.exp(-dt / time))
+        self._kalman.fade_ground(exp(-dt / time))
 
-    def add_innovation(self, covariance: Sequence[float], y: float, variance: float) -> None:
+    @cython.ccall
+    def add_innovation(self, covariance: Sequence[float], y: cython.double,
+                       variance: cython.double) -> None:
         """Add an innovation ``y`` with its ``covariance`` (3,) with the errors of the ground."""
-        limit = math.sqrt(MAX_NIS * variance)
-        y = min(max(y, -limit), limit) / variance
-        vector, matrix = self._new_vector, self._new_matrix
-        for i, c in enumerate(covariance):
-            vector[i] += c * y
-            for j, other in enumerate(covariance):
-                matrix[3 * i + j] += c * (other / variance)
+        limit = sqrt(MAX_NIS * variance)
+        clipped = min(max(y, -limit), limit) / variance
+        for i in range(3):
+            one: cython.double = covariance[i]
+            self._new_vector[i] += one * clipped
+            for j in range(3):
+                other: cython.double = covariance[j]
+                self._new_matrix[3 * i + j] += one * (other / variance)
 
     def find(self, steady: bool, dt: float) -> Array | None:
         """
@@ -195,20 +256,56 @@ class GroundChange:
 
         The innovations since the last call, ``dt`` [s] ago, count if the motion was ``steady``.
         """
-        own, keep = self._kalman.P[SUDDEN, SUDDEN], math.exp(-dt / MODEL_TIME)
-        inverse = np.linalg.inv(own + MIN_SIGMA ** 2 * np.eye(3))
-        self._vector *= keep
-        self._matrix *= keep
+        keep = exp(-dt / MODEL_TIME)
+        for i in range(9):
+            self._matrix[i] *= keep
+        for i in range(3):
+            self._vector[i] *= keep
         if steady:
-            self._vector += inverse @ self._new_vector
-            self._matrix += inverse @ np.reshape(self._new_matrix, (3, 3)) @ inverse
+            self._add_interval()
         self._forget_interval()
-        ratio = np.eye(3) + self._spread @ self._matrix
-        change = np.linalg.solve(ratio, self._spread @ self._vector)
-        if self._vector @ change - np.linalg.slogdet(ratio)[1] < EVIDENCE:
+        change: cython.double[3] = [0.0] * 3
+        A: cython.double[9] = [0.0] * 9
+        inverse: cython.double[9] = [0.0] * 9
+        for i in range(9):
+            A[i] = self._spread[i // 3] * self._matrix[i] + (i % 4 == 0)
+        determinant = adjugate(A, inverse)
+        evidence = -log(abs(determinant))
+        for i in range(3):
+            for j in range(3):
+                change[i] += inverse[3 * i + j] / determinant * self._spread[j] * self._vector[j]
+            evidence += self._vector[i] * change[i]
+        if evidence < EVIDENCE:
             return None
-        self._restart()
-        return np.asarray(change, dtype=np.float64)
+        self._vector = [0.0, 0.0, 0.0]
+        self._matrix = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        return np.array([change[0], change[1], change[2]])
+
+    @cython.cfunc
+    def _add_interval(self) -> cython.void:
+        """Add the new innovations by their sensitivity to the ground, with its own covariance."""
+        P: cython.double[:, ::1] = self._kalman.P
+        own: cython.double[9] = [0.0] * 9
+        inverse: cython.double[9] = [0.0] * 9
+        for i in range(9):
+            own[i] = P[LN_STIFFNESS + i // 3, LN_STIFFNESS + i % 3] + MIN_VARIANCE * (i % 4 == 0)
+        determinant = adjugate(own, inverse)
+        for i in range(9):
+            inverse[i] /= determinant
+        for i in range(3):
+            for j in range(3):
+                self._vector[i] += inverse[3 * i + j] * self._new_vector[j]
+                product = 0.0  # of the inverse and the new matrix
+                for k in range(3):
+                    product += inverse[3 * i + k] * self._new_matrix[3 * k + j]
+                for k in range(3):
+                    self._matrix[3 * i + k] += product * inverse[3 * j + k]
+
+    @cython.cfunc
+    def _forget_interval(self) -> cython.void:
+        for i in range(9):
+            self._new_matrix[i] = 0.0
+            self._new_vector[i // 3] = 0.0
 
     def replace(self, change: Array, covariance: Array) -> None:
         """
@@ -217,7 +314,7 @@ class GroundChange:
         What the errors so far have caused in the state moves with the ground.
         """
         kalman, own = self._kalman, self._kalman.P[GROUND, GROUND]
-        effect = kalman.P[:, GROUND] @ np.linalg.inv(own + MIN_SIGMA ** 2 * np.eye(len(own)))
+        effect = kalman.P[:, GROUND] @ np.linalg.inv(own + MIN_VARIANCE * np.eye(len(own)))
         effect[GROUND] = np.eye(len(own))
         rest = np.eye(N)
         rest[:, GROUND] -= effect
@@ -237,11 +334,10 @@ class ForceBalance:
         self._prior_variances = np.square(_sigmas(self._prior))
         kalman.P[GROUND, GROUND] = np.diag(self._prior_variances)
         self._set_given([one.value for one in self._prior])
-        self._spread = np.diag(self._prior_variances[:3])
-        self._change = GroundChange(kalman, self._spread)
+        self._change = GroundChange(kalman, self._prior_variances[:3])
         self._torques = MotorTorques(robot)
         self._along, self._across = LastingError(), LastingError()
-        self._rolling = [0.0] * 4      # m/s, r w of the wheels at the last step
+        self._slowest = 0.0            # m/s, least magnitude of r w of the wheels at the last step
         self.relaxation = 0.5 * robot.tire.contact_length  # m, length of a brush tire
         self._transient = 0.0          # m/s, of the slip, that forces do not follow yet
         self._silent = math.inf        # s, since the last ground_state
@@ -263,7 +359,7 @@ class ForceBalance:
     def friction_ignorance(self) -> float:
         """Return the share [-] of the prior variance of the friction that is left."""
         variance = float(self._kalman.P[State.LN_FRICTION, State.LN_FRICTION])
-        return variance / LN_FRICTION.sigma ** 2
+        return variance / brush_tire.LN_FRICTION.sigma ** 2
 
     @property
     def follows(self) -> bool:
@@ -304,10 +400,12 @@ class ForceBalance:
         self._silent += dt
         self._since_change += dt
         if not self.given:
+            P: cython.double[:, ::1] = self._kalman.P
+            priors: cython.double[::1] = self._prior_variances
             share = min(dt / EXPIRY_TIME, 1.0)
-            for row, prior in enumerate(self._prior_variances, int(State.LN_STIFFNESS)):
-                variance = float(self._kalman.P[row, row])
-                self._kalman.P[row, row] += share * max(float(prior) - variance, 0.0)
+            for i in range(priors.shape[0]):
+                row = LN_STIFFNESS + i
+                P[row, row] += share * max(priors[i] - P[row, row], 0.0)
 
     def find_change(self, imu: ImuInput, torques: Four | None, wheels: WheelSpeeds, step: float
                     ) -> None:
@@ -320,7 +418,7 @@ class ForceBalance:
         self._transient = max(self._transient, step)
         if not self.given or imu.reading is None:
             return  # the friction of the motors is part of it, and a prior does not change
-        if torques is not None and min(map(abs, self._rolling)) >= MIN_SLIP_SPEED:
+        if torques is not None and self._slowest >= MIN_SLIP_SPEED:
             self._correct_torques(imu.reading, torques, wheels, step)
         # the tires follow a change of speed between two samples before it is measured
         change = self._change.find(step == 0.0, wheels.duration)
@@ -328,7 +426,7 @@ class ForceBalance:
             return
         covariance = self._kalman.P[GROUND, GROUND].copy()
         covariance[:3], covariance[:, :3] = 0.0, 0.0
-        covariance[:3, :3] = self._spread
+        covariance[:3, :3] = np.diag(self._prior_variances[:3])
         self._change.replace(np.pad(change, (0, len(covariance) - 3)), covariance)
         self._add_to_ground(change)
         self._since_change = 0.0
@@ -344,13 +442,21 @@ class ForceBalance:
         self._given = given  # in the order of State
         self._forces.set_ground(given)
 
-    def _correct(self, y: float, h: Array, variance: float, shared: tuple[int, float] = (0, 0.0)
-                 ) -> None:
-        """Correct with an innovation of the forces; the ground too while it is followed."""
-        kalman = self._kalman
-        total = kalman.correct(y, h, variance, FOLLOWED if self.follows else FORCES_HELD, shared)
-        self._change.add_innovation(kalman.ground, y, total)
-        if self.follows:
+    def _correct(self, y: cython.double, axis: cython.int, variance: cython.double,
+                 row: cython.int = 0, shared: cython.double = 0.0) -> None:
+        """
+        Correct with an innovation of the forces along ``axis``; the ground too while it follows.
+
+        ``shared`` is the covariance with the error of the state in ``row``.
+        """
+        kalman: KalmanFilter = self._kalman
+        forces: TireForces = self._forces
+        change: GroundChange = self._change
+        follows: cython.bint = self.follows
+        total = kalman.correct(
+            y, forces.H[axis], variance, FOLLOWED if follows else FORCES_HELD, row, shared)
+        change.add_innovation(kalman.ground, y, total)
+        if follows:
             self._add_to_ground(kalman.x[SUDDEN])
             kalman.x[SUDDEN] = array('d', bytes(24))
 
@@ -361,51 +467,65 @@ class ForceBalance:
         Return False if it does not hold: the robot is too slow, or speed and slip are so
         uncertain that the forces are no linear function of them.
         """
-        reading, x = imu.reading, self._kalman.x
+        reading = imu.reading
         assert reading is not None
+        kalman: KalmanFilter = self._kalman
+        forces: TireForces = self._forces
+        x: cython.double[::1] = kalman.x
+        P: cython.double[:, ::1] = kalman.P
         # a prior is that of all grounds: its errors last
         self._change.age(dt, MODEL_TIME if self.given else EXPIRY_TIME)
-        W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
-        self._rolling = self._forces.rolling_speeds(x, W, residual)
-        speed = max(0.25 * sum(map(abs, self._rolling)), MIN_SLIP_SPEED)
-        self._transient *= math.exp(-speed * dt / self.relaxation)
-        P = self._kalman.P
-        if min(map(abs, self._rolling)) < MIN_SLIP_SPEED or max(
-                P[row, row] for row in (State.V_X, *SLIP_VELS)) > speed ** 2:
+        W: cython.double = reading[0] - x[GYRO_BIAS_Z]
+        slowest, speed = forces.roll(x, W, residual)
+        speed = max(speed, MIN_SLIP_SPEED)
+        relaxation: cython.double = self.relaxation
+        transient: cython.double = self._transient * exp(-speed * dt / relaxation)
+        self._slowest, self._transient = slowest, transient
+        if slowest < MIN_SLIP_SPEED or max(
+                P[V_X, V_X], P[SLIP_VEL_L, SLIP_VEL_L], P[SLIP_VEL_R, SLIP_VEL_R]
+                ) > speed * speed:
             return False
-        expected = self._forces.balance(
-            x, self._rolling, W, imu.yaw_accel, reading.force_x, reading.force_y)
-        shared = -0.5 * dt * imu.force_variance  # the sample ends the step that was predicted
-        arm_x, arm_y = self._forces.center_arm(x)
-        for error, h, velocity, arm, lasting in zip(
-                expected, self._forces.H, (State.V_X, State.V_Y), (arm_y, arm_x),
-                (self._along, self._across)):
-            lasting.add_innovation(-error, dt)
-            late = float(h[SLIP_VELS[0]] + h[SLIP_VELS[1]]) * self._transient
-            white = (imu.force_variance + arm * arm * imu.yaw_accel_variance
-                     + 2.0 * self.relaxation / (speed * dt) * late * late)
+        along, across = forces.balance(x, W, imu.yaw_accel, reading[1], reading[2])
+        arm_x, arm_y = forces.center_arm(x)
+        force_variance: cython.double = imu.force_variance
+        turn_variance: cython.double = imu.yaw_accel_variance
+        for axis in range(2):
+            y = -across if axis else -along
+            arm = arm_x if axis else arm_y
+            lasting: LastingError = self._across if axis else self._along
+            lasting.add_innovation(y, dt)
+            late = (forces.H[axis, SLIP_VEL_L] + forces.H[axis, SLIP_VEL_R]) * transient
+            white = (force_variance + arm * arm * turn_variance
+                     + 2.0 * relaxation / (speed * dt) * late * late)
             # along x, starts and stops change the innovations as pushes do
-            own = lasting.variance + (lasting.push if velocity == State.V_Y else 0.0)
-            # an error that lasts: as white noise it has the same mean over its time
-            self._correct(-error, h, 2.0 * MODEL_TIME / dt * own + white, (velocity, shared))
+            own = lasting._lasting.variance + (lasting.push if axis else 0.0)
+            # an error that lasts: as white noise it has the same mean over its time; the sample
+            # ends the step that was predicted
+            self._correct(y, axis, 2.0 * MODEL_TIME / dt * own + white, V_Y if axis else V_X,
+                          -0.5 * dt * force_variance)
             lasting.learn(0.5 * dt / MODEL_TIME * white, dt)
         return True
 
     def _correct_torques(self, reading: ImuReading, torques: Four, wheels: WheelSpeeds,
                          step: float) -> None:
         """Correct with the traction forces of both sides by the motor torques."""
-        x = self._kalman.x
-        loads = self._forces.loads(x, reading.force_x, reading.force_y)
+        forces: TireForces = self._forces
+        x: cython.double[::1] = self._kalman.x
+        loads = forces.loads(x, reading.force_x, reading.force_y)
         measured = self._torques.forces(torques, wheels.wheel_speeds, loads)
         if measured is None:
             return
-        left, right = (abs(measured[side]) + abs(measured[side + 2]) for side in (0, 1))
-        for side, size in enumerate((left, right)):
-            W = reading.yaw_rate - x[State.GYRO_BIAS_Z]
-            expected = self._forces.tractions(x, self._rolling, W, loads)[side]
-            h, y = self._forces.H[side], measured[side] + measured[side + 2] - expected
-            self._correct(y, h, (h[SLIP_VELS[side]] * self._transient) ** 2
-                          + self._torques.variance(side, y, size, step, wheels.duration))
+        transient: cython.double = self._transient
+        rate: cython.double = reading.yaw_rate
+        for side in range(2):
+            front: cython.double = measured[side]
+            rear: cython.double = measured[side + 2]
+            W = rate - x[GYRO_BIAS_Z]
+            expected: cython.double = forces.tractions(x, W, loads)[side]
+            y = front + rear - expected
+            late = forces.H[side, SLIP_VEL_L + side] * transient
+            self._correct(y, side, late * late + self._torques.variance(
+                side, y, abs(front) + abs(rear), step, wheels.duration))
 
 
 def _sigmas(ground: Sequence[Uncertain]) -> list[float]:

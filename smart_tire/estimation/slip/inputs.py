@@ -8,8 +8,14 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
+# cython: language_level=3, cdivision=True, infer_types=True, initializedcheck=False
+# cython: show_performance_hints=False
 
-"""IMU and wheel samples to what the slip filter takes: steps, side speeds, standstill."""
+"""
+IMU and wheel samples to what the slip filter takes: steps, side speeds, standstill.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +25,51 @@ from dataclasses import dataclass, replace
 import math
 
 from smart_tire.estimation.plausibility import is_imu_spike, is_speed_contradicted
+from smart_tire.estimation.slip import state
 from smart_tire.estimation.slip.kalman import LearnedVariance
 from smart_tire.estimation.slip.state import (
-    DRIVE_JERK, IMU_WINDOW, ImuReading, ImuStep, LEARNING_TIME, MAX_SAMPLE_GAP,
-    MAX_STATIONARY_WHEEL_SPEED, MODEL_TIME, OUTLIER_SIGMAS, PERIOD_GAIN, QUIET_TIME,
-    RESIDUAL_GAIN, SPEED_WALK, TYPICAL_PERIOD, UNWINDING_SHARE, UNWINDING_TIME)
+    ImuReading, ImuStep, LEARNING_TIME, MAX_SAMPLE_GAP, MAX_STATIONARY_WHEEL_SPEED,
+    OUTLIER_SIGMAS, SPEED_WALK, UNWINDING_SHARE, UNWINDING_TIME)
 from smart_tire.parameters import RobotParams
 from smart_tire.rotation import matrix
-from smart_tire.samples import Four, four, ImuSample, WheelSample
+from smart_tire.samples import Four, four, ImuSample, Vector3, WheelSample
 from smart_tire.uncertain import Uncertain
 
+try:
+    import cython
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
 
+if cython.compiled:
+    from cython.cimports.libc.math import exp, expm1, sqrt
+else:
+    from math import exp, expm1, sqrt
+
+COMPILED: bool = cython.compiled
+
+# constants that are numbers of C
+cython.declare(
+    DRIVE_JERK=cython.double, IMU_WINDOW=cython.double, MODEL_TIME=cython.double,
+    PERIOD_GAIN=cython.double, QUIET_TIME=cython.double, RESIDUAL_GAIN=cython.double,
+    TYPICAL_PERIOD=cython.double)
+DRIVE_JERK, IMU_WINDOW, MODEL_TIME = state.DRIVE_JERK, state.IMU_WINDOW, state.MODEL_TIME
+PERIOD_GAIN, QUIET_TIME = state.PERIOD_GAIN, state.QUIET_TIME
+RESIDUAL_GAIN, TYPICAL_PERIOD = state.RESIDUAL_GAIN, state.TYPICAL_PERIOD
+
+
+@cython.cclass
 class Period:
     """Smoothed period of samples; gaps hardly change it."""
+
+    _measured: cython.bint
+    value = cython.declare(cython.double, visibility='readonly')
 
     def __init__(self) -> None:
         self._measured = False
         self.value = TYPICAL_PERIOD  # s
 
-    def add_gap(self, gap: float) -> None:
+    @cython.ccall
+    def add_gap(self, gap: cython.double) -> None:
         """Add the time [s] between two samples."""
         if self._measured:
             self.value += PERIOD_GAIN * (min(gap, 2.0 * self.value) - self.value)
@@ -64,6 +96,7 @@ class SpikeFilter:
         return last
 
 
+@cython.cclass
 class ImuInput:
     """
     Rotates IMU samples into base axes, replaces spikes and integrates them over steps.
@@ -72,33 +105,58 @@ class ImuInput:
     motion does not excite it, while rough ground vibrates all axes alike.
     """
 
-    def __init__(self, robot: RobotParams) -> None:
-        self._imu = robot.imu
-        self._rotation: list[list[float]] = matrix(*robot.imu.rotation).tolist()
-        self._spikes = SpikeFilter()
-        self._vertical: list[float] | None = None  # mean [m/s2] and variance of the force
-        self.time: float | None = None          # s, of the last sample
-        self.reading: ImuReading | None = None  # last one, or its substitute in a dropout
-        self.period = Period()
-        self.yaw_accel = 0.0                    # rad/s2
-        self.turn_rate = 0.0                    # rad/s, yaw rate smoothed over ``MODEL_TIME``
-        self._begin_rate = 0.0                  # rad/s, that at the begin of the step
-        self.force: tuple[float, float] | None = None  # m/s2, without vibration
-        self.vibration = 0.0                    # m/s2
+    _rotation: cython.double[9]
+    _gyro_scale: cython.double
+    _gyro_noise: cython.double
+    _accel_noise: cython.double
+    _spikes = cython.declare(object)
+    _sampled: cython.bint
+    _last_time: cython.double
+    _mean: cython.double      # m/s2, of the vertical force
+    _variance: cython.double
+    _begin_rate: cython.double
+    period = cython.declare(Period, visibility='readonly')
+    reading = cython.declare(object, visibility='readonly')
+    force = cython.declare(object, visibility='readonly')
+    yaw_accel = cython.declare(cython.double, visibility='readonly')
+    turn_rate = cython.declare(cython.double, visibility='readonly')
+    vibration = cython.declare(cython.double, visibility='readonly')
 
-    def add_sample(self, time: float, sample: ImuSample) -> ImuReading | None:
+    def __init__(self, robot: RobotParams) -> None:
+        self._rotation = matrix(*robot.imu.rotation).ravel().tolist()
+        self._gyro_scale, self._gyro_noise = robot.imu.gyro_scale, robot.imu.gyro_noise
+        self._accel_noise = robot.imu.accel_noise
+        self._spikes = SpikeFilter()
+        self._sampled = False
+        self._last_time = self._mean = self._variance = 0.0
+        self.reading = None     # last one, or its substitute in a dropout
+        self.period = Period()
+        self.yaw_accel = 0.0    # rad/s2
+        self.turn_rate = 0.0    # rad/s, yaw rate smoothed over ``MODEL_TIME``
+        self._begin_rate = 0.0  # rad/s, that at the begin of the step
+        self.force = None       # m/s2, x and y without vibration
+        self.vibration = 0.0    # m/s2
+
+    @property
+    def time(self) -> float | None:
+        """Return the time [s] of the last sample."""
+        return self._last_time if self._sampled else None
+
+    def add_sample(self, time: cython.double, sample: ImuSample) -> ImuReading | None:
         """Add a sample of ``time`` [s]; return its reading, None if it is not newer."""
-        if self.time is not None and time <= self.time:
+        if self._sampled and time <= self._last_time:
             return None
-        reading = self._spikes.clean(
-            self.in_base_axes(sample), self.reading, self.vibration)
-        dt = self.period.value if self.time is None else min(time - self.time, IMU_WINDOW)
+        last = self.reading
+        reading = self._spikes.clean(self.in_base_axes(sample), last, self.vibration)
+        dt = min(time - self._last_time, IMU_WINDOW) if self._sampled else self.period.value
         self._measure_vibration(sample.acceleration[2], dt)
-        if self.time is not None and self.reading is not None:
+        rate: cython.double = reading[0]
+        if self._sampled and last is not None:
+            before: cython.double = last[0]
             self.period.add_gap(dt)
-            self.yaw_accel = (reading.yaw_rate - self.reading.yaw_rate) / dt
-        self.turn_rate += dt / (dt + MODEL_TIME) * (reading.yaw_rate - self.turn_rate)
-        self.time, self.reading = time, reading
+            self.yaw_accel = (rate - before) / dt
+        self.turn_rate += dt / (dt + MODEL_TIME) * (rate - self.turn_rate)
+        self._sampled, self._last_time, self.reading = True, time, reading
         return reading
 
     @property
@@ -126,63 +184,88 @@ class ImuInput:
         """
         begin_rate, self._begin_rate = self._begin_rate, self.turn_rate
         rate = x = y = shape = 0.0
-        for (_, (old_rate, old_x, old_y)), (time, (new_rate, new_x, new_y)) in zip(
-                readings, readings[1:]):
-            dt = time - begin
-            begin = time
+        first, last = readings[0], readings[0][1]
+        duration: cython.double = readings[-1][0] - first[0]
+        old_rate: cython.double = last[0]
+        old_x: cython.double = last[1]
+        old_y: cython.double = last[2]
+        for time, reading in readings[1:]:
+            end: cython.double = time
+            new_rate: cython.double = reading[0]
+            new_x: cython.double = reading[1]
+            new_y: cython.double = reading[2]
+            dt = end - begin
             rate += 0.5 * dt * (old_rate + new_rate)
             x += 0.5 * dt * (old_x + new_x)
             y += 0.5 * dt * (old_y + new_y)
             # variance if the force changed stepwise at an unknown time between the samples
-            shape += dt * dt / 12.0 * max((new_x - old_x) ** 2, (new_y - old_y) ** 2)
-        duration = readings[-1][0] - readings[0][0]
+            change = max(abs(new_x - old_x), abs(new_y - old_y))
+            shape += dt * dt / 12.0 * (change * change)
+            begin, old_rate, old_x, old_y = end, new_rate, new_x, new_y
         period = duration / (len(readings) - 1)
-        own = self.force_variance * period
-        mean = ImuReading(rate / duration, *self._without_vibration(
-            x / duration, y / duration, duration, own))
+        own = self._force_variance() * period
+        force_x, force_y = self._without_vibration(x / duration, y / duration, duration, own)
         return ImuStep(
-            duration, mean, self._imu.gyro_noise ** 2 * period, own + shape / duration,
-            begin_rate, self.turn_rate)
+            duration, ImuReading(rate / duration, force_x, force_y),
+            self._gyro_noise * self._gyro_noise * period, own + shape / duration, begin_rate,
+            self.turn_rate)
 
-    def _without_vibration(self, force_x: float, force_y: float, dt: float, density: float
-                           ) -> tuple[float, float]:
+    def _without_vibration(self, force_x: cython.double, force_y: cython.double,
+                           dt: cython.double, density: cython.double) -> tuple[float, float]:
         """
         Return the force of the motion: the steady Kalman filter of a random walk in white noise.
 
         Vibration and pitching that are integrated between wheel samples would be taken for motion.
         """
-        time = math.sqrt(density) / DRIVE_JERK
-        gain = -math.expm1(-dt / time) if time > 0.0 else 1.0
-        x, y = self.force or (force_x, force_y)
-        self.force = x + gain * (force_x - x), y + gain * (force_y - y)
-        return self.force
+        time = sqrt(density) / DRIVE_JERK
+        gain = -expm1(-dt / time) if time > 0.0 else 1.0
+        last = self.force
+        x: cython.double = force_x if last is None else last[0]
+        y: cython.double = force_y if last is None else last[1]
+        force = x + gain * (force_x - x), y + gain * (force_y - y)
+        self.force = force
+        return force
 
     @property
     def force_variance(self) -> float:
         """Return the variance [(m/s2)^2] of a horizontal force: noise and vibration."""
-        return self._imu.accel_noise ** 2 + self.vibration ** 2
+        return self._force_variance()
+
+    @cython.cfunc
+    def _force_variance(self) -> cython.double:
+        return self._accel_noise * self._accel_noise + self.vibration * self.vibration
 
     @property
     def yaw_accel_variance(self) -> float:
         """Return the variance [(rad/s2)^2] of the yaw acceleration: noise of two samples."""
-        return 2.0 * (self._imu.gyro_noise / self.period.value) ** 2
+        noise = self._gyro_noise / self.period.value
+        return 2.0 * (noise * noise)
 
-    def _measure_vibration(self, force: float, dt: float) -> None:
-        if self._vertical is None:
-            self._vertical = [force, 0.0]
-        mean, variance = self._vertical
-        gain = 1.0 - math.exp(-dt / IMU_WINDOW)
-        self._vertical = [mean + gain * (force - mean),
-                          variance + gain * ((force - mean) ** 2 - variance)]
-        self.vibration = math.sqrt(max(
-            self._vertical[1] - 2.0 * self._imu.accel_noise ** 2, 0.0))
+    @cython.cfunc
+    def _measure_vibration(self, force: cython.double, dt: cython.double) -> cython.void:
+        if not self._sampled:
+            self._mean, self._variance = force, 0.0
+        gain = 1.0 - exp(-dt / IMU_WINDOW)
+        deviation = force - self._mean
+        self._mean += gain * deviation
+        self._variance += gain * (deviation * deviation - self._variance)
+        self.vibration = sqrt(max(
+            self._variance - 2.0 * (self._accel_noise * self._accel_noise), 0.0))
 
     def in_base_axes(self, sample: ImuSample) -> ImuReading:
         """Return the reading of a sample."""
-        x, y, z = self._rotation
-        return ImuReading(_dot(z, sample.rate) / self._imu.gyro_scale,
-                          _dot(x, sample.acceleration),
-                          _dot(y, sample.acceleration))
+        force = sample.acceleration
+        return ImuReading(self._along(2, sample.rate) / self._gyro_scale, self._along(0, force),
+                          self._along(1, force))
+
+    @cython.cfunc
+    def _along(self, axis: cython.int, vector: Vector3) -> cython.double:
+        """Return the component of ``vector``, in the axes of the IMU, along one of the base."""
+        x: cython.double = vector[0]
+        y: cython.double = vector[1]
+        z: cython.double = vector[2]
+        return (self._rotation[3 * axis] * x + self._rotation[3 * axis + 1] * y
+                + self._rotation[3 * axis + 2] * z)
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +313,8 @@ class WheelOdometry:
 
     def add_sample(self, time: float, sample: WheelSample) -> WheelSpeeds | None:
         """Add a sample of ``time`` [s]; return the mean speeds, None if it is not newer."""
-        speeds: Four = tuple(self._radius * w for w in sample.velocity)  # type: ignore[assignment]
+        radius: cython.double = self._radius
+        speeds = four([radius * one for one in sample.velocity])
         if self._last is None:
             self._last = (time, sample)
             return self._mean_speeds(self._period.value, speeds)
@@ -252,27 +336,34 @@ class WheelOdometry:
         if any(map(is_speed_contradicted, rates, sample.velocity)):
             self.position_jumps += 1
             return None
-        return tuple(self._radius * rate for rate in rates)  # type: ignore[return-value]
+        radius: cython.double = self._radius
+        return four([radius * rate for rate in rates])
 
     def _mean_speeds(self, duration: float, speeds: Four, *, missing: float = 0.0,
                      from_positions: bool = False) -> WheelSpeeds:
         """Return means over ``duration`` [s]; the ``missing`` part [s] of it is interpolated."""
         sides = _side_mean(speeds[0], speeds[2]), _side_mean(speeds[1], speeds[3])
-        speeds = tuple(side if math.isnan(speed) else speed  # type: ignore[assignment]
-                       for speed, side in zip(speeds, sides * 2))
+        share: cython.double = 0.5 * missing / duration  # of the sample before in the mean
+        used, means, residuals = [], [], []
+        for i in range(4):
+            side: cython.double = sides[i % 2]
+            speed: cython.double = speeds[i]
+            residual: cython.double = self.wheel_residual[i]
+            before: cython.double = self._speeds[i]
+            if speed != speed:  # not measured
+                speed = side
+            used.append(speed)
+            residuals.append(residual + RESIDUAL_GAIN * (speed - side - residual))
+            means.append(speed + share * (before - speed))
         self.independent = self.independent or sides[0] != sides[1]
-        self.wheel_residual = tuple(  # type: ignore[assignment]
-            old + RESIDUAL_GAIN * (speeds[i] - sides[i % 2] - old)
-            for i, old in enumerate(self.wheel_residual))
-        share = 0.5 * missing / duration  # of the sample before in the mean
-        means = [new + share * (old - new) for old, new in zip(self._speeds, speeds)]
-        change = max(abs(new - old) for old, new in zip(self.side_speeds, sides))
+        self.wheel_residual = four(residuals)
+        change = max(abs(sides[0] - self.side_speeds[0]), abs(sides[1] - self.side_speeds[1]))
         # both ends are uniform over a count; a side is the mean of its encoders
         variance = ((self._count / duration) ** 2 / (6.0 * self._encoders)
                     + self._speed_walk.variance * missing ** 3 / (12.0 * duration ** 2))
         self._speed_walk.add_square(change ** 2 / duration, duration)
-        self.side_speeds, self._speeds = sides, speeds
-        return WheelSpeeds(duration, tuple(means),  # type: ignore[arg-type]
+        self.side_speeds, self._speeds = sides, four(used)
+        return WheelSpeeds(duration, four(means),
                            (0.5 * (means[0] + means[2]), 0.5 * (means[1] + means[3])),
                            variance, from_positions)
 
@@ -377,10 +468,6 @@ def merged(samples: Sequence[WheelSample]) -> WheelSample:
         map(_mean, zip(*(one.effort for one in samples if one.effort is not None))))
     return replace(last, velocity=four(map(_mean, zip(*(one.velocity for one in samples)))),
                    effort=effort)
-
-
-def _dot(row: Sequence[float], vector: Sequence[float]) -> float:
-    return row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2]
 
 
 def _side_mean(front: float, rear: float) -> float:

@@ -17,8 +17,8 @@ Kalman filter with considered (Schmidt) states, robust to outliers.
 It predicts, and corrects with one or two innovations; motion and measurement models are those of
 the caller (``filter``, ``ground``). ``state`` names the rows.
 
-This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. Without one,
-numpy takes the place of loops over the covariance.
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler (types:
+``kalman.pxd``). Without one, numpy takes the place of loops over the covariance.
 """
 
 from __future__ import annotations
@@ -47,11 +47,6 @@ else:
 COMPILED: bool = cython.compiled
 LOOPS = COMPILED  # over the covariance, otherwise numpy: loops in Python would take milliseconds
 
-# constants and rows of the state that are numbers of C
-cython.declare(
-    INFINITY=cython.double, OUTLIER_SIGMAS=cython.double, MIN_SHARE=cython.double, X=cython.int,
-    Y=cython.int, YAW=cython.int, GYRO_BIAS_Z=cython.int, LN_STIFFNESS=cython.int,
-    LN_FRICTION=cython.int, RESISTANCE=cython.int)
 INFINITY, OUTLIER_SIGMAS = math.inf, state.OUTLIER_SIGMAS
 MIN_SHARE = 1e-9  # of a variance that is left given other states; numerical
 X, Y, YAW, GYRO_BIAS_Z, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
@@ -75,7 +70,7 @@ class LearnedVariance:
     """Exponential mean of a variance over ``time`` [s], from a prior standard deviation."""
 
     def __init__(self, sigma: float, floor: float, time: float) -> None:
-        self._variance, self._floor, self._time = sigma ** 2, floor ** 2, time
+        self._variance, self._floor, self._time = sigma * sigma, floor * floor, time
         self.variance = max(self._variance, self._floor)  # at least the square of the floor
 
     def add_square(self, square: float, duration: float) -> None:
@@ -93,7 +88,6 @@ class StateRecorder(Protocol):
         """Record the transition of ``x`` (n,), ``P`` (n, n) by ``F`` to ``next_x``, ``next_P``."""
 
 
-@cython.cclass
 class KalmanFilter:
     """
     Mean ``x`` (n numbers) and covariance ``P`` (n, n) of a state, both changed in place.
@@ -103,52 +97,46 @@ class KalmanFilter:
     is one, receives the transitions of the estimated states.
     """
 
-    x = cython.declare(object, visibility='readonly')
-    P = cython.declare(object, visibility='readonly')
-    # (3,), covariances of the last scalar innovation with ln C_x, ln mu and rolling resistance
-    ground = cython.declare(list, visibility='readonly')
-    _recorder = cython.declare(object)
-    _x: cython.double[::1]  # the same memory
-    _P: cython.double[:, ::1]
-    _A: cython.double[:, ::1]
-    _G: cython.double[:, ::1]  # rows: gains of two innovations, the part that is not applied
-
     def __init__(self, x: Sequence[float], P: Array, recorder: StateRecorder | None = None
                  ) -> None:
         self.x, self.P, self._recorder = array('d', x), P, recorder
         self._x, self._P = self.x, P
+        # of the last scalar innovation with ln C_x, ln mu and rolling resistance
         self.ground = [0.0] * 3
         self._A, self._G = np.empty_like(P), np.empty((3, len(x)))
 
-    def predict(self, next_x: array[float], F: cython.double[:, ::1], Q: cython.double[:, ::1]
-                ) -> None:
+    def predict(self, next_x: array[float], F: Array, Q: Array) -> None:
         """Replace the state by ``next_x``, with Jacobian ``F`` (n, n) and noise ``Q`` (n, n)."""
         n, recorder = ESTIMATED, self._recorder
-        before = None if recorder is None else (np.array(self.x[:n]), self.P[:n, :n].copy())
+        if recorder is None:
+            self._propagate(F, Q)
+            self.x[:] = next_x
+            return
+        x, P = np.array(self.x[:n]), self.P[:n, :n].copy()
         self._propagate(F, Q)
         self.x[:] = next_x
-        if recorder is not None and before is not None:
-            recorder.record_transition(
-                *before, np.asarray(F)[:n, :n], np.array(next_x[:n]), self.P[:n, :n])
+        recorder.record_transition(
+            x, P, np.asarray(F)[:n, :n], np.array(next_x[:n]), self.P[:n, :n])
 
     def add_noise(self, Q: Array) -> None:
         """Add ``Q`` (n, n) to the covariance."""
-        self.predict(self.x, IDENTITY, Q)
+        if self._recorder is None:
+            self.P += Q
+        else:
+            self.predict(self.x, IDENTITY, Q)
 
     def is_sound(self) -> bool:
         """Return whether the state is finite and no variance is negative."""
-        x: cython.double[::1] = self._x
-        P: cython.double[:, ::1] = self._P
-        for i in range(len(x)):
+        x, P = self._x, self._P
+        for i in range(P.shape[0]):
             # comparisons with NaN are false
             if not (-INFINITY < x[i] < INFINITY and 0.0 <= P[i, i] < INFINITY):
                 return False
         return True
 
-    @cython.ccall
-    def fade_ground(self, keep: cython.double) -> cython.void:
+    def fade_ground(self, keep: float) -> None:
         """Multiply the covariances of the corrected states with the changing ground."""
-        P: cython.double[:, ::1] = self._P
+        P = self._P
         for i in range(LN_STIFFNESS):
             for j in range(LN_STIFFNESS, RESISTANCE + 1):
                 P[i, j] *= keep
@@ -161,11 +149,9 @@ class KalmanFilter:
             self.P[row, :] = self.P[:, row] = 0.0
             self.P[row, row] = sigma ** 2
 
-    @cython.cfunc
-    def _propagate(self, F: cython.double[:, ::1], Q: cython.double[:, ::1]) -> cython.void:
+    def _propagate(self, F: Array, Q: Array) -> None:
         """Replace the covariance by F P F' + Q."""
-        A: cython.double[:, ::1] = self._A
-        P: cython.double[:, ::1] = self._P
+        A, P = self._A, self._P
         if not LOOPS:
             full = np.asarray(F) @ np.asarray(P) @ np.asarray(F).T + np.asarray(Q)
             np.asarray(P)[:] = 0.5 * (full + full.T)  # rounding errors would grow
@@ -180,11 +166,9 @@ class KalmanFilter:
         for j in range(P.shape[0]):
             self._fill_column(F, j)
 
-    @cython.cfunc
-    def _fill_column(self, F: cython.double[:, ::1], j: cython.Py_ssize_t) -> cython.void:
+    def _fill_column(self, F: Array, j: cython.Py_ssize_t) -> None:
         """Add (F P) F' to the lower half of a column of Q, and copy it to the row."""
-        A: cython.double[:, ::1] = self._A
-        P: cython.double[:, ::1] = self._P
+        A, P = self._A, self._P
         for k in range(P.shape[0]):
             if F[j, k] != 0.0:
                 for i in range(j, P.shape[0]):
@@ -192,34 +176,31 @@ class KalmanFilter:
         for i in range(j, P.shape[0]):
             P[j, i] = P[i, j]
 
-    def correct(self, y: cython.double, h: cython.double[::1], variance: cython.double,
-                held: cython.double[::1], shared: tuple[int, float] = (0, 0.0)) -> float:
+    def correct(self, y: float, h: Array, variance: float, held: Array, row: cython.int = 0,
+                shared: float = 0.0) -> float:
         """
         Correct with an innovation ``y`` with Jacobian ``h`` (n,); return its variance.
 
-        ``shared`` is a row and the covariance of its error with that of the measurement. An
-        innovation beyond ``OUTLIER_SIGMAS`` counts less, the more the larger it is.
+        ``shared`` is the covariance of the error of the state in ``row`` with that of the
+        measurement. An innovation beyond ``OUTLIER_SIGMAS`` counts less, the more the larger it
+        is.
         """
-        row: cython.int = shared[0]
-        covariance: cython.double = shared[1]
-        g: cython.double[::1] = self._G[0]
+        g = self._G[0]
         self._project(h, g)
-        total = variance + _dot(h, g) + 2.0 * covariance * h[row]
-        g[row] += covariance
+        total = variance + _dot(h, g) + 2.0 * shared * h[row]
+        g[row] += shared
         self.ground = [g[LN_STIFFNESS], g[LN_FRICTION], g[RESISTANCE]]
         self._apply(g, y, max(total, _least_variance(y)), held)
         return total
 
-    def correct_jointly(self, y: cython.double[::1], H: cython.double[:, ::1],
-                        R: cython.double[:, ::1], held: cython.double[::1]) -> float:
+    def correct_jointly(self, y: Array, H: Array, R: Array, held: Array) -> float:
         """
         Correct with two innovations ``y`` with Jacobian ``H`` (2, n); return the NIS over 2.
 
         First with ``y[0]``, then with the part of ``y[1]`` that is not correlated with it. NIS:
         normalized innovation squared.
         """
-        g: cython.double[::1] = self._G[0]
-        other: cython.double[::1] = self._G[1]
+        g, other = self._G[0], self._G[1]
         first, both, second = self.covariance(H, R)
         first = max(first, _least_variance(y[0]))
         scale = 1.0 / sqrt(first)
@@ -233,19 +214,16 @@ class KalmanFilter:
         self._apply(other, new, second, held)
         return 0.5 * (y[0] * y[0] / first + new * new / second)
 
-    @cython.ccall
-    def covariance(self, H: cython.double[:, ::1], R: cython.double[:, ::1]
-                   ) -> tuple[cython.double, cython.double, cython.double]:
+    def covariance(self, H: Array, R: Array) -> tuple[float, float, float]:
         """Return variance, covariance and variance of two innovations: H P H' + R."""
         self._project(H[0], self._G[0])
         self._project(H[1], self._G[1])
         return (_dot(H[0], self._G[0]) + R[0, 0], _dot(H[0], self._G[1]) + R[0, 1],
                 _dot(H[1], self._G[1]) + R[1, 1])
 
-    @cython.cfunc
-    def _project(self, h: cython.double[::1], out: cython.double[::1]) -> cython.void:
+    def _project(self, h: Array, out: Array) -> None:
         """Set ``out`` to P h."""
-        P: cython.double[:, ::1] = self._P
+        P = self._P
         if not LOOPS:
             np.matmul(P, h, out=np.asarray(out))
             return
@@ -255,13 +233,10 @@ class KalmanFilter:
                 for j in range(h.shape[0]):
                     out[j] += h[i] * P[i, j]
 
-    @cython.cfunc
-    def _apply(self, g: cython.double[::1], y: cython.double, variance: cython.double,
-               held: cython.double[::1]) -> cython.void:
+    def _apply(self, g: Array, y: float, variance: float, held: Array) -> None:
         """Correct with an innovation ``y``; ``g``, its covariance with ``x``, is overwritten."""
-        x: cython.double[::1] = self._x
-        P: cython.double[:, ::1] = self._P
-        d: cython.double[::1] = self._G[2]  # of g, the part that is not applied
+        x, P = self._x, self._P
+        d = self._G[2]  # of g, the part that is not applied
         scale = 1.0 / sqrt(variance)
         for i in range(g.shape[0]):
             g[i] *= scale
@@ -277,8 +252,7 @@ class KalmanFilter:
             for j in range(g.shape[0]):
                 P[i, j] -= g[i] * g[j] - d[i] * d[j]
 
-    @cython.cfunc
-    def _hold_position(self, d: cython.double[::1]) -> cython.void:
+    def _hold_position(self, d: Array) -> None:
         """
         Hold the part of the position that it shares with the held heading and gyro bias.
 
@@ -286,7 +260,7 @@ class KalmanFilter:
         were one: by decimeters at rest after a drive of 10 m. ``d`` are the parts not applied; the
         regression of the position on heading and bias is by their covariance.
         """
-        P: cython.double[:, ::1] = self._P
+        P = self._P
         yaw, bias = P[YAW, YAW], P[GYRO_BIAS_Z, GYRO_BIAS_Z]
         share = P[YAW, GYRO_BIAS_Z] / bias if bias > 0.0 else 0.0
         rest = yaw - share * P[YAW, GYRO_BIAS_Z]
@@ -297,14 +271,12 @@ class KalmanFilter:
             d[row] = P[row, YAW] * by_yaw + P[row, GYRO_BIAS_Z] * by_bias
 
 
-@cython.cfunc
-def _least_variance(y: cython.double) -> cython.double:
+def _least_variance(y: float) -> float:
     """Return the least variance of an innovation: outliers count less, the larger they are."""
     return (y / OUTLIER_SIGMAS) * (y / OUTLIER_SIGMAS)
 
 
-@cython.cfunc
-def _dot(a: cython.double[::1], b: cython.double[::1]) -> cython.double:
+def _dot(a: Array, b: Array) -> float:
     total = 0.0
     for i in range(a.shape[0]):
         total += a[i] * b[i]

@@ -19,13 +19,17 @@ about its instantaneous center of rotation (Pentzer): its slip velocity is the y
 distance ``ICR_L``, ``ICR_R`` of that center beyond the wheels. The rest of the slip is a
 first-order Gauss-Markov process, common to both sides and different.
 
-This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler. States are
-``array('d')``: fast to index in Python, and memory that C and numpy share.
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler (types:
+``motion.pxd``). States are ``array('d')``: fast to index in Python, and memory that C and numpy
+share.
 """
 
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_right
+from collections import deque
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -48,16 +52,9 @@ else:
 
 COMPILED: bool = cython.compiled
 
-# constants and rows of the state that are numbers of C
-cython.declare(
-    GRAVITY=cython.double, SLIP_CORRELATION_TIME=cython.double, SLOPE_LENGTH=cython.double,
-    MIN_SLIP_SPEED=cython.double, X=cython.int, Y=cython.int, YAW=cython.int, ROLL=cython.int,
-    PITCH=cython.int, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
-    ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
-    SLIP_VEL_R=cython.int, TRAVEL_L=cython.int, ICR_X=cython.int, ICR_L=cython.int,
-    ICR_R=cython.int, IMU_X=cython.int, IMU_Y=cython.int)
-GRAVITY, MIN_SLIP_SPEED = G, state.MIN_SLIP_SPEED
+NAN, GRAVITY, MIN_SLIP_SPEED = math.nan, G, state.MIN_SLIP_SPEED
 SLIP_CORRELATION_TIME, SLOPE_LENGTH = state.SLIP_CORRELATION_TIME, state.SLOPE_LENGTH
+MAX_SAMPLE_GAP = state.MAX_SAMPLE_GAP
 
 (X, Y, YAW, ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L,
  SLIP_VEL_R, TRAVEL_L, _, ICR_X, ICR_L, ICR_R, _, IMU_X, IMU_Y) = map(
@@ -73,15 +70,12 @@ class Noise(NamedTuple):
     icr: float               # m per sqrt(rad), random walk of the ICRs
 
 
-@cython.ccall
-def slip_speed(left: cython.double, right: cython.double) -> cython.double:
+def slip_speed(left: float, right: float) -> float:
     """Return the speed [m/s] that slip ratios refer to, from r w of both sides."""
     return max(0.5 * (abs(left) + abs(right)), MIN_SLIP_SPEED)
 
 
-@cython.ccall
-def wheel_slip_ratio(rolling: cython.double, ground: cython.double,
-                     standstill_speed: cython.double) -> cython.double:
+def wheel_slip_ratio(rolling: float, ground: float, standstill_speed: float) -> float:
     """
     Return ``skid_steer.slip_ratio`` of one wheel from numbers.
 
@@ -90,70 +84,91 @@ def wheel_slip_ratio(rolling: cython.double, ground: cython.double,
     """
     if abs(rolling) < standstill_speed:
         if abs(ground) < standstill_speed:
-            return np.nan
+            return NAN
         if rolling * ground <= 0.0:
             return -1.0
     return min(max(1.0 - ground / rolling, -1.0), 1.0)
 
 
-@cython.cclass
-class MotionModel:
-    """Motion of the state ``x`` (N numbers) over ``dt`` [s]."""
+class RollingHistory:
+    """
+    Predicted r w of both sides over the latest time, for wheel samples that arrive late.
 
-    _arms: cython.double[2]     # m, v_x of the sides by the yaw rate, nominal
-    _x_imu: cython.double
-    _y_imu: cython.double
-    _gyro_walk: cython.double   # (rad/s)^2 per s, of the gyro bias
-    _accel_walk: cython.double  # (m/s2)^2 per s
-    _jacobian: Array
-    _noise: Array
-    _F: cython.double[:, ::1]  # the same memory
-    _Q: cython.double[:, ::1]
+    It is without the steps of corrections. A correction holds for the past, too: going back from
+    the present state, only the predicted changes are undone.
+    """
+
+    def __init__(self) -> None:
+        # time [s], r w [m/s] and distance [m] of both sides, all by predictions alone
+        self._points: deque[tuple[float, float, float, float, float]] = deque()
+        self._last = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def add_step(self, time: float, dt: float, left: float, right: float) -> None:
+        """Add a prediction over ``dt`` [s] to ``time`` [s] that changes r w [m/s] of the sides."""
+        points = self._points
+        if not points:
+            points.append((time - dt, 0.0, 0.0, 0.0, 0.0))
+        _, left_before, right_before, left_travel, right_travel = self._last
+        u_left: cython.double = left_before
+        u_right: cython.double = right_before
+        s_left: cython.double = left_travel
+        s_right: cython.double = right_travel
+        self._last = (time, u_left + left, u_right + right, s_left + dt * (u_left + 0.5 * left),
+                      s_right + dt * (u_right + 0.5 * right))
+        points.append(self._last)
+        while points[0][0] < time - MAX_SAMPLE_GAP:
+            points.popleft()
+
+    def travel_change(self, since: cython.double) -> tuple[float, float]:
+        """Return the distances [m] since a time [s] beyond those at the present speeds."""
+        if not self._points or since >= self._last[0]:
+            return 0.0, 0.0
+        points = list(self._points)
+        i = min(max(bisect_right(points, (since, math.inf)), 1), len(points) - 1)
+        (t0, *u0, left, right), (t1, *u1, _, _), (now, *u, s_left, s_right) = (
+            points[i - 1], points[i], self._last)
+        h = min(max(since - t0, 0.0), t1 - t0)
+        a, b = [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * speed
+                for end, s, a, b, speed in zip((s_left, s_right), (left, right), u0, u1, u)]
+        return a, b
+
+
+class MotionModel:
+    """
+    Motion of the state ``x`` (N numbers) over ``dt`` [s].
+
+    ``F`` and ``Q`` (N, N) are Jacobian and noise of the last prediction.
+    """
 
     def __init__(self, robot: RobotParams) -> None:
         self._x_imu, self._y_imu = robot.imu.position[:2]
         self._gyro_walk = (state.BIAS_WALK_SHARE * robot.imu.gyro_bias) ** 2
         self._accel_walk = (state.BIAS_WALK_SHARE * robot.imu.accel_bias) ** 2
         self._arms = [self._y_imu + sign * 0.5 * robot.track_width for sign in (-1.0, 1.0)]
-        self._jacobian, self._noise = np.eye(N), np.zeros((N, N))
-        self._F, self._Q = self._jacobian, self._noise
+        self.F, self.Q = np.eye(N), np.zeros((N, N))
 
-    def arms(self, x: cython.double[::1]) -> list[float]:
-        """Return the derivatives [m] of v_x of both sides by the yaw rate."""
-        return [self._arms[0] + x[IMU_Y], self._arms[1] + x[IMU_Y]]
+    def arm(self, x: array[float], side: cython.int) -> float:
+        """Return the derivative [m] of v_x of the left (0) or right (1) side by the yaw rate."""
+        return self._arms[side] + x[IMU_Y]
 
-    @cython.cfunc
-    def _rolling_rate(self, x: cython.double[::1], W: cython.double, side: cython.int
-                      ) -> cython.double:
+    def rolling_rate(self, x: array[float], W: float, side: cython.int) -> float:
         """Return r w [m/s] of the left (0) or right (1) side."""
         return x[V_X] + (self._arms[side] + x[IMU_Y]) * W + x[SLIP_VEL_L + side]
 
-    def rolling_rates(self, x: cython.double[::1], W: cython.double) -> list[float]:
-        """Return r w [m/s] of both sides."""
-        return [self._rolling_rate(x, W, 0), self._rolling_rate(x, W, 1)]
-
-    def icr_slip(self, x: cython.double[::1], W: cython.double) -> list[float]:
-        """Return the slip velocities [m/s] of the ICR kinematics at the yaw rate [rad/s]."""
-        return [-x[ICR_L] * W, x[ICR_R] * W]
-
-    @cython.ccall
-    def steady_force(self, x: cython.double[::1], W: cython.double
-                     ) -> tuple[cython.double, cython.double]:
+    def steady_force(self, x: array[float], W: float) -> tuple[float, float]:
         """Return the specific force [m/s2] x, y that the IMU measures at constant velocity."""
         return (x[ACCEL_BIAS_X] - W * x[V_Y] - GRAVITY * x[PITCH],
                 x[ACCEL_BIAS_Y] + W * x[V_X] + GRAVITY * x[ROLL])
 
-    def extrapolate(self, x: array[float], imu: ImuReading, dt: cython.double
-                    ) -> array[float]:
+    def extrapolate(self, x: array[float], imu: ImuReading, dt: float) -> array[float]:
         """Return the state after ``dt`` [s]."""
         moved = x[:]
-        W: cython.double = imu.yaw_rate - moved[GYRO_BIAS_Z]
-        self._move(x, moved, W, imu.force_x, imu.force_y, dt)
+        rate, force_x, force_y = imu
+        self._move(x, moved, rate - moved[GYRO_BIAS_Z], force_x, force_y, dt)
         return moved
 
-    def wheel_slips(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
-                    residual: Four, hidden: Four, standstill_speed: cython.double
-                    ) -> tuple[Four, Four, Four]:
+    def wheel_slips(self, x: array[float], P: Array, W: float, residual: Four, hidden: Four,
+                    standstill_speed: float) -> tuple[Four, Four, Four]:
         """
         Return slip ratio, slip velocity [m/s] and standard deviation of the ratio of the wheels.
 
@@ -162,24 +177,24 @@ class MotionModel:
         """
         ratios, velocities, sigmas = [], [], []
         for i in range(4):
-            side_speed: cython.double = self._rolling_rate(x, W, i % 2)
-            ground: cython.double = side_speed - x[SLIP_VEL_L + i % 2]
-            rolling: cython.double = side_speed + residual[i] + hidden[i]
-            ratio: cython.double = wheel_slip_ratio(rolling, ground, standstill_speed)
+            side_speed = self.rolling_rate(x, W, i % 2)
+            ground = side_speed - x[SLIP_VEL_L + i % 2]
+            rest: cython.double = residual[i]
+            unmeasured: cython.double = hidden[i]
+            rolling = side_speed + rest + unmeasured
+            ratio = wheel_slip_ratio(rolling, ground, standstill_speed)
             ratios.append(ratio)
             velocities.append(rolling - ground)
             sigmas.append(self._slip_sigma(x, P, W, i % 2) if ratio == ratio else 1.0)
         return four(ratios), four(velocities), four(sigmas)
 
-    @cython.cfunc
-    def _slip_sigma(self, x: cython.double[::1], P: cython.double[:, :], W: cython.double,
-                    side: cython.int) -> cython.double:
+    def _slip_sigma(self, x: array[float], P: Array, W: float, side: cython.int) -> float:
         """
         Return the standard deviation [-] of the slip ratio of a side, at most 1.
 
         Slip ratio = slip velocity / u, with u = v + slip velocity.
         """
-        slip, u = SLIP_VEL_L + side, self._rolling_rate(x, W, side)
+        slip, u = SLIP_VEL_L + side, self.rolling_rate(x, W, side)
         v, by_v = u - x[slip], -x[slip]
         arm = self._arms[side] + x[IMU_Y]
         speed_variance = (P[V_X, V_X] - 2.0 * arm * P[V_X, GYRO_BIAS_Z]
@@ -188,13 +203,12 @@ class MotionModel:
                     + 2.0 * v * by_v * (P[slip, V_X] + W * P[slip, IMU_Y]))
         return min(1.0, sqrt(max(0.0, variance)) / max(u * u, 1e-9))
 
-    def predict(self, x: array[float], step: ImuStep, noise: Noise
-                ) -> tuple[array[float], Array, Array]:
-        """Return the state after a step, its Jacobian and noise (N, N), to be used at once."""
+    def predict(self, x: array[float], step: ImuStep, noise: Noise) -> array[float]:
+        """Return the state after a step; set its Jacobian and noise."""
         moved = x[:]
         old: cython.double[::1] = x
         new: cython.double[::1] = moved
-        Q: cython.double[:, ::1] = self._Q
+        Q = self.Q
         dt: cython.double = step.dt
         yaw_rate, force_x, force_y = step.mean
         W: cython.double = yaw_rate - old[GYRO_BIAS_Z]
@@ -212,18 +226,16 @@ class MotionModel:
         Q[ACCEL_BIAS_X, ACCEL_BIAS_X] = self._accel_walk * dt
         Q[ACCEL_BIAS_Y, ACCEL_BIAS_Y] = Q[ACCEL_BIAS_X, ACCEL_BIAS_X]
         Q[ICR_X, ICR_X] = Q[ICR_L, ICR_L] = Q[ICR_R, ICR_R] = noise.icr ** 2 * abs(W) * dt
-        return moved, self._jacobian, self._noise
+        return moved
 
-    @cython.cfunc
-    def _move(self, x: cython.double[::1], moved: cython.double[::1], W: cython.double,
-              force_x: cython.double, force_y: cython.double, dt: cython.double
-              ) -> cython.double:
+    def _move(self, x: array[float], moved: array[float], W: float, force_x: float,
+              force_y: float, dt: float) -> float:
         """
         Write pose and velocity after ``dt`` to ``moved``; return the way of base_link [m].
 
         The Jacobian is without terms of second order in ``dt``.
         """
-        F: cython.double[:, ::1] = self._F
+        F = self.F
         steady_x, steady_y = self.steady_force(x, W)
         a_x, a_y = force_x - steady_x, force_y - steady_y
         x_imu, y_imu = self._x_imu + x[IMU_X], self._y_imu + x[IMU_Y]
@@ -248,26 +260,21 @@ class MotionModel:
         F[V_X, PITCH], F[V_Y, ROLL] = GRAVITY * dt, -GRAVITY * dt
         return sqrt(b_x * b_x + b_y * b_y) * dt
 
-    @cython.cfunc
-    def _predict_slope(self, x: cython.double[::1], moved: cython.double[::1], W: cython.double,
-                       dt: cython.double, way: cython.double, row: cython.int,
-                       sigma: cython.double) -> cython.void:
+    def _predict_slope(self, x: array[float], moved: array[float], W: float, dt: float,
+                       way: float, row: cython.int, sigma: float) -> None:
         """Predict roll or pitch: fixed to the ground, a Gauss-Markov process along the path."""
         other, keep = ROLL + PITCH - row, exp(-way / SLOPE_LENGTH)
         turn = W * dt if row == ROLL else -W * dt
         moved[row] = keep * (x[row] + turn * x[other])
-        self._F[row, row], self._F[row, other] = keep, keep * turn
-        self._Q[row, row] = sigma * sigma * (1.0 - keep * keep)
+        self.F[row, row], self.F[row, other] = keep, keep * turn
+        self.Q[row, row] = sigma * sigma * (1.0 - keep * keep)
 
-    @cython.cfunc
-    def _predict_slip(self, x: cython.double[::1], moved: cython.double[::1],
-                      begin_rate: cython.double, end_rate: cython.double, W: cython.double,
-                      dt: cython.double, noise: Noise) -> cython.void:
+    def _predict_slip(self, x: array[float], moved: array[float], begin_rate: float,
+                      end_rate: float, W: float, dt: float, noise: Noise) -> None:
         """Predict slip velocities and travels of both sides."""
-        F: cython.double[:, ::1] = self._F
-        Q: cython.double[:, ::1] = self._Q
-        decay: cython.double = exp(-dt / SLIP_CORRELATION_TIME)
-        speed = slip_speed(self._rolling_rate(x, W, 0), self._rolling_rate(x, W, 1))
+        F, Q = self.F, self.Q
+        decay = exp(-dt / SLIP_CORRELATION_TIME)
+        speed = slip_speed(self.rolling_rate(x, W, 0), self.rolling_rate(x, W, 1))
         innovation = (1.0 - decay * decay) * speed * speed
         common: cython.double = innovation * noise.slip_common ** 2
         difference: cython.double = innovation * noise.slip_difference ** 2
@@ -278,7 +285,7 @@ class MotionModel:
             slip, icr, travel = SLIP_VEL_L + side, ICR_L + side, TRAVEL_L + side
             sign = 2.0 * side - 1.0
             moved[slip] = decay * x[slip] + sign * gain * x[icr]
-            moved[travel] += dt * (self._rolling_rate(x, W, side) + 0.5 * (
+            moved[travel] += dt * (self.rolling_rate(x, W, side) + 0.5 * (
                 moved[V_X] - x[V_X] + moved[slip] - x[slip]))
             F[slip, slip], F[slip, icr] = decay, sign * gain
             F[slip, GYRO_BIAS_Z] = -sign * (1.0 - decay) * x[icr] * (gain != 0.0)
@@ -289,9 +296,8 @@ class MotionModel:
         Q[SLIP_VEL_L, SLIP_VEL_R] = Q[SLIP_VEL_R, SLIP_VEL_L] = common - difference
 
 
-def fill_covariances(P: cython.double[:, :], W: cython.double, x_imu: cython.double,
-                     y_imu: cython.double, pose: cython.double[::1], twist: cython.double[::1]
-                     ) -> None:
+def fill_covariances(P: Array, W: float, x_imu: float, y_imu: float, pose: array[float],
+                     twist: array[float]) -> None:
     """
     Write the covariance of pose and twist of base_link into those of ROS, each 36 numbers.
 

@@ -27,7 +27,6 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.slip import state
-from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 from smart_tire.estimation.slip.state import (
     common_slip, ImuReading, PLANAR_VARIANCE, State)
 from smart_tire.parameters import SlipEstimatorParams
@@ -41,8 +40,10 @@ except ImportError:
 
 if cython.compiled:
     from cython.cimports.libc.math import cos, expm1, remainder, sin, sqrt
+    from cython.cimports.smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 else:
     from math import cos, expm1, remainder, sin, sqrt
+    from smart_tire.estimation.slip.motion import fill_covariances, MotionModel
 
 COMPILED: bool = cython.compiled
 EstimateRecord = Odometry | WheelSlip | Icr
@@ -103,6 +104,7 @@ class ContinuousPose:
         """Continue with the next estimated pose, as at the start."""
         self._started = False
 
+    @cython.ccall
     def follow(self, stamp_ns: cython.longlong, wanted: Pose, twist: Pose,
                covariance: cython.double[::1], twist_covariance: cython.double[::1]) -> Pose:
         """
@@ -188,6 +190,7 @@ class ScaleEffect:
         """Begin again at the next pose."""
         self._started, self._by = False, [0.0, 0.0, 0.0]
 
+    @cython.ccall
     def add(self, x: cython.double, y: cython.double, yaw: cython.double,
             covariance: cython.double[::1]) -> None:
         """Follow the pose to x, y [m] and yaw [rad]; add its errors to its ``covariance`` (36)."""
@@ -208,9 +211,9 @@ class ScaleEffect:
 class SlipOutputBuilder:
     """Builds the output records of the slip estimator, with a continuous ``pose`` if given."""
 
-    _motion = cython.declare(object)
-    _pose = cython.declare(object)
-    _scale = cython.declare(object)
+    _motion: MotionModel
+    _pose = cython.declare(ContinuousPose)
+    _scale: ScaleEffect
     _scale_variance: cython.double
     _unmeasured = cython.declare(object)
     _covariance = cython.declare(object)
@@ -240,30 +243,36 @@ class SlipOutputBuilder:
     def build(self, context: OutputContext, x: Sequence[float], P: Array) -> list[EstimateRecord]:
         """Return the records for at least the estimated states ``x`` with covariance ``P``."""
         imu, stamp_ns = context.imu, context.instant_ns
-        if any(context.hidden):
-            along, across = context.hidden
+        along, across = context.hidden
+        if along or across:
             P = P + along * common_slip(len(P))
             P[State.V_Y, State.V_Y] += across
+        covariance: cython.double[:, :] = P
         moved = self._motion.extrapolate(array('d', x), context.mean or imu,
                                          context.extrapolation)
         now: cython.double[::1] = moved
-        W: cython.double = imu.yaw_rate - now[GYRO_BIAS_Z]
+        rate: cython.double = imu[0]
+        W = rate - now[GYRO_BIAS_Z]
         x_imu: cython.double = self._x_imu + now[IMU_X]
         y_imu: cython.double = self._y_imu + now[IMU_Y]
         v_x: cython.double = now[V_X] + y_imu * W
         v_y: cython.double = now[V_Y] - x_imu * W
-        fill_covariances(P, W, x_imu, y_imu, self._covariance, self._rates)
-        self._rates[35] += context.rate_variance + self._scale_variance * W * W
-        self._scale.add(now[X], now[Y], now[YAW], self._covariance)
+        errors: cython.double[::1] = self._covariance
+        rates: cython.double[::1] = self._rates
+        fill_covariances(covariance, W, x_imu, y_imu, errors, rates)
+        rate_variance: cython.double = context.rate_variance
+        rates[35] += rate_variance + self._scale_variance * W * W
+        self._scale.add(now[X], now[Y], now[YAW], errors)
         pose = now[X], now[Y], now[YAW]
         if self._pose is not None:
-            pose = self._pose.follow(stamp_ns, pose, (v_x, v_y, W), self._covariance, self._rates)
+            pose = self._pose.follow(stamp_ns, pose, (v_x, v_y, W), errors, rates)
         records: list[EstimateRecord] = [
             Odometry(stamp_ns, (pose[0], pose[1], 0.0),
                      quaternion(now[ROLL], now[PITCH], pose[2]), (v_x, v_y, 0.0), (0.0, 0.0, W),
                      tuple(self._covariance), tuple(self._rates)),
             WheelSlip(stamp_ns, *self._motion.wheel_slips(
-                moved, P, W, context.wheel_residual, self._unmeasured, self._standstill_speed))]
+                now, covariance, W, context.wheel_residual, self._unmeasured,
+                self._standstill_speed))]
         if abs(W) > MIN_YAW_RATE:
             records.append(Icr(stamp_ns, -v_y / W, v_x / W))
         return records

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.models.tire.brush_tire import LN_RESISTANCE
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.parameters.robot import MOUNTING_TILT
 from smart_tire.samples import GRAVITY
@@ -75,6 +76,10 @@ START_SIGMA = 0.2             # m/s, of velocity and slip velocities, assumed; s
 START_SLIP = 0.3              # -, sigma of the slip of a robot that starts in motion, assumed; ice
 ICR_SHARES = 0.25, 0.2        # of the track, mean and sigma of ICR_L, ICR_R: effective tracks of
 # 1 to 2.2 times the track are published for skid-steer robots; field
+
+# ln of the rolling resistance of any ground: the window finds it, and begins with firm ground,
+# where its errors are smaller (concrete without films); the filter does not (starvation, sand)
+UNKNOWN_RESISTANCE = LN_RESISTANCE._replace(value=math.log(0.035))
 
 # process noise
 BIAS_WALK_SHARE = 0.002        # of the turn-on biases of the IMU, per sqrt(s), assumed; field

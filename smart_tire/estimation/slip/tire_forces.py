@@ -17,11 +17,13 @@ Tire forces on a given ground with their derivatives by the state of the slip fi
 The forces of the ground minus the rolling resistance equal mass times specific force at the center
 of mass: the slope cancels. Tire forces are those of ``models/tire/brush_tire``.
 
-This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler (types:
+``tire_forces.pxd``).
 """
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,15 +50,7 @@ else:
 
 COMPILED: bool = cython.compiled
 
-# constants and rows of the state that are numbers of C
-cython.declare(
-    SLIP_FLOOR=cython.double, MIN_RESISTED_SPEED=cython.double, MIN_LOAD=cython.double,
-    V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
-    ACCEL_BIAS_X=cython.int, ACCEL_BIAS_Y=cython.int, SLIP_VEL_L=cython.int,
-    LN_STIFFNESS=cython.int, LN_FRICTION=cython.int, RESISTANCE=cython.int,
-    LATERAL_SHARE=cython.int, LN_LATERAL=cython.int, COM_X=cython.int, COM_Y=cython.int,
-    IMU_X=cython.int, IMU_Y=cython.int)
-SLIP_FLOOR, MIN_LOAD = skid_steer.SLIP_FLOOR, skid_steer.MIN_LOAD
+INFINITY, SLIP_FLOOR, MIN_LOAD = np.inf, skid_steer.SLIP_FLOOR, skid_steer.MIN_LOAD
 MIN_RESISTED_SPEED = DRY_FRICTION_SPEED  # below it, rolling resistance is linear, too
 V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L, IMU_X, IMU_Y = map(int, (
     State.V_X, State.V_Y, State.GYRO_BIAS_Z, State.ACCEL_BIAS_X, State.ACCEL_BIAS_Y,
@@ -65,51 +59,37 @@ V_X, V_Y, GYRO_BIAS_Z, ACCEL_BIAS_X, ACCEL_BIAS_Y, SLIP_VEL_L, IMU_X, IMU_Y = ma
     int, list(State)[State.LN_STIFFNESS:])
 
 
-@cython.cclass
 class TireForces:
-    """Balance of forces at an IMU reading, on a given ground."""
+    """
+    Balance of forces at an IMU reading, on a given ground.
 
-    # (3, N), Jacobian of the last forces; the last row is not used
-    H = cython.declare(object, visibility='readonly')
-    _H: cython.double[:, ::1]  # the same memory
-    _P: cython.double[:, ::1]  # covariance of the state
-    _wheel_x: cython.double[4]
-    _wheel_y: cython.double[4]
-    _x_imu: cython.double
-    _y_imu: cython.double
-    _robot = cython.declare(object)
-    _mass: cython.double
-    _level: cython.double[4]  # N, loads at rest ...
-    _by_x: cython.double[4]   # kg, ... and their derivatives by acceleration
-    _by_y: cython.double[4]
-    _scale: cython.double     # of derivatives in the Jacobian
-    _x_row: cython.int        # of the Jacobian, of forces along x ...
-    _y_row: cython.int        # ... and along y
-    _stiffness: cython.double
-    _friction: cython.double
-    _resistance: cython.double
-    _share: cython.double
-    _lateral_ratio: cython.double
-    _com_x: cython.double
-    _com_y: cython.double
+    ``H`` (3, N) is the Jacobian of the last forces, without its last row; ``rolling`` [m/s] is r w
+    of the wheels.
+    """
 
     def __init__(self, robot: RobotParams, P: Array) -> None:
-        self.H = np.zeros((3, N))
-        self._H, self._P, self._robot, self._mass = self.H, P, robot, robot.mass
+        self.H, self.rolling = np.zeros((3, N)), [0.0] * 4
+        self._P, self._robot, self._mass = P, robot, robot.mass
         self._wheel_x = (0.5 * robot.wheelbase * AXLE_SIGNS).tolist()
         self._wheel_y = (0.5 * robot.track_width * SIDE_SIGNS).tolist()
         self._x_imu, self._y_imu = robot.imu.position[:2]
         self._com_x, self._com_y = robot.center_of_mass[:2]
         self._set_center(self._com_x, self._com_y)
 
-    def rolling_speeds(self, x: cython.double[::1], W: cython.double, residual: Four
-                       ) -> list[float]:
-        """Return r w [m/s] of the wheels from those of the sides; ``residual`` is the rest."""
-        rolling = []
+    def roll(self, x: array[float], W: float, residual: Four) -> tuple[float, float]:
+        """
+        Set r w [m/s] of the wheels from those of the sides; ``residual`` is the rest.
+
+        Return the least and the mean magnitude.
+        """
+        least, total = INFINITY, 0.0
         for i in range(4):
-            rolling.append(x[V_X] + (self._y_imu + x[IMU_Y] - self._wheel_y[i]) * W
-                           + x[SLIP_VEL_L + i % 2] + residual[i])
-        return rolling
+            rest: cython.double = residual[i]
+            rolling = (x[V_X] + (self._y_imu + x[IMU_Y] - self._wheel_y[i]) * W
+                       + x[SLIP_VEL_L + i % 2] + rest)
+            self.rolling[i] = rolling
+            least, total = min(least, abs(rolling)), total + abs(rolling)
+        return least, 0.25 * total
 
     def set_ground(self, ground: Sequence[float]) -> None:
         """
@@ -129,50 +109,45 @@ class TireForces:
             self._robot, (com_x, com_y, self._robot.center_of_mass[2]))
         self._level, self._by_x, self._by_y = rest.tolist(), by_x.tolist(), by_y.tolist()
 
-    @cython.cfunc
-    def _arms(self, i: cython.int, x: cython.double[::1]) -> tuple[cython.double, cython.double]:
+    def _arms(self, i: cython.int, x: array[float]) -> tuple[float, float]:
         """Return the derivatives [m] of v_x and v_y of a wheel by the yaw rate."""
         return (self._y_imu + x[IMU_Y] - self._wheel_y[i],
                 self._wheel_x[i] - self._x_imu - x[IMU_X])
 
-    @cython.cfunc
-    def _load(self, i: cython.int, a_x: cython.double, a_y: cython.double) -> cython.double:
+    def _load(self, i: cython.int, a_x: float, a_y: float) -> float:
         """Return the load [N] of a wheel at a specific force [m/s2]."""
         return max(MIN_LOAD, self._level[i] + self._by_x[i] * a_x + self._by_y[i] * a_y)
 
-    def loads(self, x: cython.double[::1], force_x: cython.double, force_y: cython.double
-              ) -> list[float]:
+    def loads(self, x: array[float], force_x: float, force_y: float) -> list[float]:
         """Return the loads [N] of the wheels at a specific force [m/s2] as measured."""
         return [self._load(i, force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y])
                 for i in range(4)]
 
-    def tractions(self, x: cython.double[::1], rolling: list[float], W: cython.double,
-                  loads: list[float]) -> list[float]:
+    def tractions(self, x: array[float], W: float, loads: Sequence[float]) -> list[float]:
         """Return the forces [N] along x on the wheels of both sides; set their Jacobian."""
-        H: cython.double[:, ::1] = self._H
+        H = self.H
         H[:, :] = 0.0
         forces = [0.0, 0.0]
         self._scale, self._y_row = 1.0, 2
         for i in range(4):
             self._x_row = i % 2
-            f_x, _ = self._add_tread(i, x, rolling[i], W, loads[i])
+            load: cython.double = loads[i]
+            f_x, _ = self._add_tread(i, x, W, load)
             forces[i % 2] += f_x
         return forces
 
-    @cython.ccall
-    def center_arm(self, x: cython.double[::1]) -> tuple[cython.double, cython.double]:
+    def center_arm(self, x: array[float]) -> tuple[float, float]:
         """Return the position [m] of the center of mass from the IMU."""
         return (self._com_x - self._x_imu - x[IMU_X], self._com_y - self._y_imu - x[IMU_Y])
 
-    def balance(self, x: cython.double[::1], rolling: list[float], W: cython.double,
-                yaw_accel: cython.double, force_x: cython.double, force_y: cython.double
-                ) -> tuple[float, float]:
+    def balance(self, x: array[float], W: float, yaw_accel: float, force_x: float,
+                force_y: float) -> tuple[float, float]:
         """Return model minus measurement [m/s2] along x and y, and set its Jacobian."""
         a_x, a_y = force_x - x[ACCEL_BIAS_X], force_y - x[ACCEL_BIAS_Y]
         arm_x, arm_y = self.center_arm(x)
         sum_x = -self._mass * (a_x - yaw_accel * arm_y - W * W * arm_x)
         sum_y = -self._mass * (a_y + yaw_accel * arm_x - W * W * arm_y)
-        H: cython.double[:, ::1] = self._H
+        H = self.H
         H[:, :] = 0.0
         H[0, ACCEL_BIAS_X] = H[1, ACCEL_BIAS_Y] = 1.0
         H[0, COM_X] = H[1, COM_Y] = W * W
@@ -182,17 +157,16 @@ class TireForces:
         self._scale, self._x_row, self._y_row = 1.0 / self._mass, 0, 1
         for i in range(4):
             load = self._load(i, a_x, a_y)
-            f_x, f_y = self._add_tread(i, x, rolling[i], W, load)
+            f_x, f_y = self._add_tread(i, x, W, load)
             d_x, d_y = self._add_drag(i, x, W, load)
             sum_x += f_x - d_x
             sum_y += f_y - d_y
         return sum_x / self._mass, sum_y / self._mass
 
-    @cython.cfunc
-    def _add_tread(self, i: cython.int, x: cython.double[::1], rolling: cython.double,
-                   W: cython.double, load: cython.double) -> tuple[cython.double, cython.double]:
+    def _add_tread(self, i: cython.int, x: array[float], W: float, load: float
+                   ) -> tuple[float, float]:
         """Return the force [N] of the tread of a wheel and add its derivatives."""
-        P: cython.double[:, ::1] = self._P
+        P, rolling = self._P, self.rolling[i]
         slip = SLIP_VEL_L + i % 2
         arm_x, arm_y = self._arms(i, x)
         v_x, v_y = x[V_X] + arm_x * W, x[V_Y] + arm_y * W
@@ -217,9 +191,8 @@ class TireForces:
         self._add(LN_LATERAL, xy * s_y, yy * s_y)
         return f_x, f_y
 
-    @cython.cfunc
-    def _add_drag(self, i: cython.int, x: cython.double[::1], W: cython.double,
-                  load: cython.double) -> tuple[cython.double, cython.double]:
+    def _add_drag(self, i: cython.int, x: array[float], W: float, load: float
+                  ) -> tuple[float, float]:
         """Return the rolling resistance [N] of a wheel and subtract its derivatives."""
         resistance, share = self._resistance, self._share
         arm_x, arm_y = self._arms(i, x)
@@ -233,10 +206,8 @@ class TireForces:
         self._add(LATERAL_SHARE, resistance * (load * heading - along_x), -resistance * along_y)
         return resistance * drag_x, resistance * drag_y
 
-    @cython.cfunc
-    def _add_velocity(self, x_by_u: cython.double, y_by_u: cython.double, x_by_v: cython.double,
-                      y_by_v: cython.double, arm_x: cython.double, arm_y: cython.double,
-                      W: cython.double) -> cython.void:
+    def _add_velocity(self, x_by_u: float, y_by_u: float, x_by_v: float, y_by_v: float,
+                      arm_x: float, arm_y: float, W: float) -> None:
         """Add derivatives by the velocity of a wheel: that of the IMU plus yaw rate times arms."""
         self._add(V_X, x_by_u, y_by_u)
         self._add(V_Y, x_by_v, y_by_v)
@@ -244,8 +215,7 @@ class TireForces:
         self._add(IMU_X, -x_by_v * W, -y_by_v * W)
         self._add(IMU_Y, x_by_u * W, y_by_u * W)
 
-    @cython.cfunc
-    def _add(self, row: cython.int, x: cython.double, y: cython.double) -> cython.void:
+    def _add(self, row: cython.int, x: float, y: float) -> None:
         """Add derivatives of the forces [N] along x and y by a state to the Jacobian."""
-        self._H[self._x_row, row] += x * self._scale
-        self._H[self._y_row, row] += y * self._scale
+        self.H[self._x_row, row] += x * self._scale
+        self.H[self._y_row, row] += y * self._scale

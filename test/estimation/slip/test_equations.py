@@ -65,14 +65,14 @@ def run(modules, kind, loops):
                                  kalman.KalmanFilter(x, P))
     x = correction.x
     step = ImuStep(0.01, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.4, 0.6)
-    correction.predict(*model.predict(x, step, NOISE))
-    rolling = forces.rolling_speeds(x, 0.5, RESIDUAL)
+    correction.predict(model.predict(x, step, NOISE), model.F, model.Q)
+    numbers += forces.roll(x, 0.5, RESIDUAL)
     forces.set_ground(GROUND)
     loads = forces.loads(x, 0.3, -0.2)
-    numbers += [*loads, *forces.tractions(x, rolling, 0.5, loads), *forces.H.ravel()]
-    expected = forces.balance(x, rolling, 0.5, 0.1, 0.3, -0.2)
-    for error, h, row in zip(expected, forces.H, (State.V_X, State.V_Y)):
-        numbers.append(correction.correct(-error, h, 0.01, SENSORS_HELD, (row, -1e-5)))
+    numbers += [*loads, *forces.tractions(x, 0.5, loads), *np.ravel(forces.H)]
+    expected = forces.balance(x, 0.5, 0.1, 0.3, -0.2)
+    for error, h, row in zip(expected, np.array(forces.H), (State.V_X, State.V_Y)):
+        numbers.append(correction.correct(-error, h, 0.01, SENSORS_HELD, row, -1e-5))
         numbers += correction.ground
     H = np.zeros((2, N))
     H[0, State.TRAVEL_L] = H[1, State.TRAVEL_R] = 1.0
@@ -157,12 +157,13 @@ def test_the_jacobian_of_the_motion_is_its_derivative():
     x, _ = state()
     step = ImuStep(1e-4, ImuReading(0.5, 0.3, -0.2), 1e-6, 1e-4, 0.5, 0.5)
     model = MotionModel(ROBOT)
-    F = model.predict(x, step, NOISE)[1].copy()
+    model.predict(x, step, NOISE)
+    F = np.array(model.F)
 
     def predicted(row, delta):
         moved = x[:]
         moved[row] += delta
-        return np.array(model.predict(moved, step, NOISE)[0])
+        return np.array(model.predict(moved, step, NOISE))
     for row in State:
         # neglected: terms of second order in dt, the change of a slope by speed and yaw rate
         np.testing.assert_allclose(
@@ -197,12 +198,12 @@ def test_covariances_of_the_outputs_are_those_of_their_derivatives():
     np.testing.assert_allclose(sigmas, np.sqrt(np.diag(T @ small @ T.T)), rtol=1e-4)
 
 
-def balance(model, x, rolling):
-    return model.balance(x, rolling, 0.5, 0.1, 0.3, -0.2)
+def balance(model, x):
+    return model.balance(x, 0.5, 0.1, 0.3, -0.2)
 
 
-def tractions(model, x, rolling):
-    return model.tractions(x, rolling, 0.5, [25.0, 20.0, 30.0, 28.0])
+def tractions(model, x):
+    return model.tractions(x, 0.5, [25.0, 20.0, 30.0, 28.0])
 
 
 SPEEDS = State.V_X, State.V_Y, State.SLIP_VEL_L, State.SLIP_VEL_R, State.IMU_X, State.IMU_Y
@@ -225,9 +226,10 @@ def test_the_jacobian_of_the_forces_is_their_derivative(kind, output, rows, resi
         if i >= 0:
             given[i] = given[i] * np.exp(delta) if row in RATIOS else given[i] + delta
         model.set_ground(given)
-        return np.array(output(model, moved, model.rolling_speeds(moved, 0.5, RESIDUAL)))
+        model.roll(moved, 0.5, RESIDUAL)
+        return np.array(output(model, moved))
     forces(rows[0], 0.0)
-    H = model.H.copy()
+    H = np.array(model.H)
     for row in rows:
         slope = derivative(partial(forces, row), 0.0, 1e-6)
         np.testing.assert_allclose(H[:2, row], slope, rtol=1e-5, atol=1e-6, err_msg=str(row))

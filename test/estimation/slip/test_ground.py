@@ -13,7 +13,6 @@
 from dataclasses import replace
 from functools import cache
 import math
-from types import SimpleNamespace
 
 from benchmarks.events import inputs_of, truth_of
 from benchmarks.motion import (
@@ -28,6 +27,7 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.filter import ICR_LEARNED, SlipFilter
 from smart_tire.estimation.slip.ground import ground_prior, LastingError, MotorTorques
 from smart_tire.estimation.slip.inputs import ImuInput, WheelSpeeds
+from smart_tire.estimation.slip.kalman import KalmanFilter
 from smart_tire.estimation.slip.output import OutputContext, SlipOutputBuilder
 from smart_tire.estimation.slip.state import (
     BALANCE_SIGMA, EXPIRY_TIME, ImuReading, ImuStep, LEARNING_TIME, MODEL_TIME, N, PUSH_TIME,
@@ -99,6 +99,18 @@ def test_the_velocity_of_the_robot_stays_when_the_position_of_the_imu_is_given()
     np.testing.assert_allclose(new[rows], old[rows], rtol=1e-9)
     assert np.diag(P)[[State.IMU_X, State.IMU_Y]] == pytest.approx([0.0004, 0.0009])
     assert new[State.V_Y, State.IMU_X] == pytest.approx(0.0, abs=1e-12)
+
+
+class Corrected(KalmanFilter):
+    """Keeps the arguments of corrections, and makes none."""
+
+    def __init__(self, other):
+        super().__init__(other.x, other.P)
+        self.found = []
+
+    def correct(self, *arguments):
+        self.found.append(arguments)
+        return 0.0
 
 
 def lasting_sigmas(innovations, dt=0.008):
@@ -254,14 +266,13 @@ def test_what_is_hidden_depends_on_how_well_friction_is_known():
 def test_tires_that_slide_along_hold_the_lateral_speed_less():
     """A slope is held by F v_y / slip velocity, with mu two sigmas low in F = mu m g."""
     def noise(slip, friction=None):
-        slip_filter, found = SlipFilter(PARAMS), []
+        slip_filter = SlipFilter(PARAMS)
         slip_filter.kalman.x[State.SLIP_VEL_L] = slip_filter.kalman.x[State.SLIP_VEL_R] = slip
         if friction is not None:
             slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0), friction))
-        slip_filter.kalman = SimpleNamespace(
-            x=slip_filter.kalman.x, correct=lambda *args: found.append(args[2]))
+        slip_filter.kalman = Corrected(slip_filter.kalman)
         slip_filter.correct_lateral(0.0, 2.0 * SLIP_CORRELATION_TIME)
-        return found[0] - PARAMS.lateral_sigma ** 2
+        return slip_filter.kalman.found[0][2] - PARAMS.lateral_sigma ** 2
 
     ice = Uncertain(0.1, 0.01)
     least, prior = 0.1 * math.exp(-2.0 * 0.1), 0.4 * math.exp(-2.0 * 0.6)
@@ -276,16 +287,15 @@ def test_tires_that_slide_along_hold_the_lateral_speed_less():
     (True, True, True, False)])
 def test_where_the_forces_show_the_lateral_speed_only_the_icr_is_learned(
         balanced, given, changed, learned):
-    slip_filter, found = SlipFilter(PARAMS), []
+    slip_filter = SlipFilter(PARAMS)
     if given:
         slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
     slip_filter._balanced = balanced
     if changed:
         slip_filter.forces._since_change = 0.0
-    slip_filter.kalman = SimpleNamespace(
-        x=slip_filter.kalman.x, correct=lambda *args: found.append(args[3]))
+    slip_filter.kalman = Corrected(slip_filter.kalman)
     slip_filter.correct_lateral(0.5, 0.1)
-    assert (found[0] is ICR_LEARNED) is learned
+    assert np.array_equal(slip_filter.kalman.found[0][3], ICR_LEARNED) is learned
 
 
 @pytest.mark.parametrize(('given', 'sigma', 'taken'), [
@@ -319,7 +329,7 @@ def test_the_balance_at_an_imu_far_from_the_center_of_mass_has_the_noise_of_the_
         slip_filter.kalman.x[State.V_X] = 0.7
         slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
         monkeypatch.setattr(slip_filter.forces, '_correct',
-                            lambda y, h, variance, shared: found.append(variance))
+                            lambda y, axis, variance, *shared: found.append(variance))
         assert slip_filter.forces.correct(imu, (0.0,) * 4, 0.01)
         return np.array(found)
 
@@ -335,8 +345,8 @@ def balanced(monkeypatch, step, distances=()):
         imu.add_sample(0.01 * tick, ImuSample(0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)))
     slip_filter.kalman.x[State.V_X] = 0.5
     slip_filter.set_ground(GroundState(0, Uncertain(50.0, 2.0)))
-    monkeypatch.setattr(slip_filter.forces, '_correct',
-                        lambda y, h, variance, *_: found.append((variance, h.copy())))
+    monkeypatch.setattr(slip_filter.forces, '_correct', lambda y, axis, variance, *_: found.append(
+        (variance, np.array(slip_filter.forces._forces.H[axis]))))
     wheels = WheelSpeeds(0.06, (0.5,) * 4, (0.5, 0.5), 0.0, True)
     slip_filter.forces.find_change(imu, None, wheels, step)
     slip_filter.forces.find_change(imu, None, wheels, 0.5 * step)  # a smaller one afterwards

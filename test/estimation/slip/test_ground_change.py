@@ -23,7 +23,7 @@ from support.torques import required_torque
 
 ROBOT = RobotParams()
 PERIOD = 0.0625  # s, of the wheels
-SPREAD = np.diag(np.square([0.4, 0.6, 0.04]))  # of ln C_x, ln mu and rolling resistance
+SPREAD = np.square([0.4, 0.6, 0.04])  # of ln C_x, ln mu and rolling resistance
 
 
 def correlated():
