@@ -85,7 +85,7 @@ class Run:
 
 
 def combined(runs: Sequence[Run]) -> Figures:
-    """Return 'quantity.figure' of the pooled errors, and mean and maximum of the values."""
+    """Return 'quantity.figure' of the pooled errors; mean, its error, and maximum of values."""
     found: Figures = {}
     for name in dict.fromkeys(name for run in runs for name in run.errors):
         own = [run.errors[name] for run in runs if name in run.errors]
@@ -95,7 +95,8 @@ def combined(runs: Sequence[Run]) -> Figures:
         found |= {f'{name}.{part}': value for part, value in whole.items()}
     for name in dict.fromkeys(name for run in runs for name in run.values):
         values = [run.values[name] for run in runs if name in run.values]
-        found |= {name: mean(values), f'{name}.max': max(values)}
+        found |= {name: mean(values), f'{name}.max': max(values),
+                  f'{name}.error': standard_error(values)}
     return found
 
 
@@ -116,6 +117,13 @@ def mean(values: ArrayLike) -> float:
     array = np.asarray(values, np.float64)
     known = array[~np.isnan(array)]
     return float(np.mean(known)) if len(known) else math.nan
+
+
+def standard_error(values: Sequence[float]) -> float:
+    """Return the standard error of the mean of the values; NaN with less than two."""
+    if len(values) < 2:
+        return math.nan
+    return float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
 def _quantiles(values: Array, *shares: float) -> list[float]:

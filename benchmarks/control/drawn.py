@@ -26,7 +26,7 @@ from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.pursuit import PursuitControl
 from benchmarks.control.robot_stack import PathStack, StackParams
 from benchmarks.control.scenarios import FILM, MAX_DURATION, OURS, SHORT, SHORT_LOOK_AHEAD
-from benchmarks.control.tracking import path_errors, sampled
+from benchmarks.control.tracking import score_drive
 from benchmarks.grounds import ground
 from benchmarks.robots.draws import DISTRIBUTIONS, PURE_BRUSH_SHARE
 from benchmarks.robots.plant import plant_with, Traits
@@ -34,7 +34,7 @@ from benchmarks.scoring import Run
 import numpy as np
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.control import path_library
-from smart_tire.control.trajectory_control import PathState, TrajectoryControl
+from smart_tire.control.trajectory_control import TrajectoryControl
 from smart_tire.parameters import FrictionEstimatorParams, SimulatorParams, SlipEstimatorParams
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.robot import RobotParams, TreadFilmParams
@@ -140,7 +140,6 @@ class SlopeStack(PathStack):
 
     def __init__(self, params: StackParams, path: PlannedPath, robot: DrawnRobot) -> None:
         super().__init__(params, path)
-        self.truth: list[Odometry] = []
         self._slope, self._direction = robot.traits.slope, robot.traits.direction or 0.0
         self._to_imu = matrix(*robot.simulator.robot.imu.rotation)
 
@@ -148,8 +147,6 @@ class SlopeStack(PathStack):
         """Process a message received at ``now_ns``."""
         if isinstance(sample, ImuSample):
             sample = self._tilted(sample)
-        elif topic == 'ground_truth/odom' and isinstance(sample, Odometry):
-            self.truth.append(sample)
         super().receive(topic, sample, now_ns)
 
     def _tilted(self, sample: ImuSample) -> ImuSample:
@@ -184,32 +181,27 @@ def stack_params(robot: DrawnRobot, controller: str, *, estimated: bool) -> Stac
 
 def run_drawn(path: str, seed: int, *, estimated: bool, row: str) -> list[Run]:
     """
-    Return the figures of all controllers on a path: rms distance [m] of the true pose from it.
+    Return the figures of all controllers on a path, of ``tracking.score_drive``.
 
-    A ratio is that of our error to another one, which has lost if it is the larger one.
+    A ratio is that of our distance of the true pose from the path to another one's, who has lost
+    if it is the larger one.
     """
     robot, values = draw_robot(seed), dict[str, float]()
     for controller in CONTROLLERS:
-        stack, end_ns = driven(robot, path, controller, estimated=estimated)
-        errors = path_errors(PATHS[path], np.array([
-            one.position[:2] for one in sampled(stack.truth)
-            if stack.start_ns <= one.stamp_ns <= end_ns]))
-        values |= {f'{controller}.rms': math.sqrt(np.mean(errors ** 2)),
-                   f'{controller}.arrived': float(stack.trajectory.state == PathState.ARRIVED),
-                   f'{controller}.duration': (end_ns - stack.start_ns) / NS_PER_S}
+        _, found = score_drive(PATHS[path], driven(robot, path, controller, estimated=estimated))
+        values |= {f'{controller}.{name}': value for name, value in found.items()}
     for other in CONTROLLERS[1:]:
-        ratio = values[f'{OURS}.rms'] / values[f'{other}.rms']
+        ratio = values[f'{OURS}.true_rms'] / values[f'{other}.true_rms']
         values |= {f'{other}.ratio': ratio, f'{other}.lost': float(ratio < 1.0)}
     return [Run(f'{row}/{path}', seed, values=values)]
 
 
-def driven(robot: DrawnRobot, path: str, controller: str, *, estimated: bool) -> tuple[
-        SlopeStack, int]:
-    """Return the software after it has driven the robot along a path, and when it ended [ns]."""
+def driven(robot: DrawnRobot, path: str, controller: str, *, estimated: bool) -> SlopeStack:
+    """Return the software after it has driven the robot along a path."""
     params = robot.simulator
     if not estimated:
         params = replace(params, robot=replace(params.robot, film=TreadFilmParams(wheels=())))
     stack = SlopeStack(stack_params(robot, controller, estimated=estimated), PATHS[path], robot)
     run_closed_loop(params, stack, MAX_DURATION, wheel_rate=robot.rate, control_rate=robot.rate,
                     plant=plant_with(robot.traits))
-    return stack, stack.ended_ns or stack.truth[-1].stamp_ns
+    return stack

@@ -35,10 +35,9 @@ LATE, SLOPING = (321, 322, 323), 305  # seeds
 
 def track(robot: DrawnRobot, path: str, controller: str) -> tuple[Array, bool]:
     """Return the true positions (n, 2) along a path, and whether the robot arrived."""
-    stack, end_ns = driven(robot, path, controller, estimated=False)
-    return np.array([one.position[:2] for one in sampled(stack.truth)
-                     if stack.start_ns <= one.stamp_ns <= end_ns]), (
-                         stack.trajectory.state == PathState.ARRIVED)
+    stack = driven(robot, path, controller, estimated=False)
+    return np.array([one.position[:2] for one in sampled(stack.drive()[0])]), (
+        stack.trajectory.state == PathState.ARRIVED)
 
 
 def draw(file: Path) -> None:

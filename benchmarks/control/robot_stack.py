@@ -87,6 +87,7 @@ class PathStack(RobotStack):
         self._due_ns = 0                    # next step of the trajectory controller
         self._commands = deque[tuple[int, VelocityCommand]]()  # and when they are received
         self._ended_ns: int | None = None
+        self.truth: list[Odometry] = []     # poses of the robot
         self.poses: list[Odometry] = []     # of the trajectory controller
         self.commands: list[VelocityCommand] = []
 
@@ -100,10 +101,19 @@ class PathStack(RobotStack):
         """Return when following ended; None if it has not."""
         return self._ended_ns
 
+    def drive(self) -> tuple[list[Odometry], list[Odometry]]:
+        """Return the true poses, and those of the controller, from start to end of following."""
+        end_ns = self.ended_ns or self.truth[-1].stamp_ns
+        true, followed = ([pose for pose in poses if self.start_ns <= pose.stamp_ns <= end_ns]
+                          for poses in (self.truth, self.poses))
+        return true, followed
+
     def receive(self, topic: str, sample: Sample, now_ns: int) -> None:
         """Process a message received at ``now_ns``."""
         if isinstance(sample, WheelSample):
             self.trajectory.add_wheels(sample)
+        elif topic == 'ground_truth/odom' and isinstance(sample, Odometry):
+            self.truth.append(sample)
         super().receive(topic, sample, now_ns)
         self._follow(now_ns)
 

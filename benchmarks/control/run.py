@@ -42,8 +42,8 @@ MAX_LOCALIZATION = 0.005     # rms error over the length of the path
 NOTES = """\
 Wheel speed steps of 0, 6, 12, 3, -6, 0 rad/s: settled within 5 % of the step. Path tracking:
 control error is the distance of the pose that the controller was given from the wanted path, rms
-from the start to the end of following; localization the rms distance of that pose from the true
-one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least 0.18 m; best: with the
+from the start to the end of following, mean over seeds with its standard error; localization the
+rms distance of that pose from the true one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least 0.18 m; best: with the
 best look-ahead of each path; icr: filter of the instantaneous centers of rotation; ours:
 slip-compensated. Poses and slips are true or estimated, both. Starts and stops: distance over that
 of full friction, at a stop its inverse; sliding: longest time above critical slip; against,
@@ -55,23 +55,27 @@ effective track of tires that adhere; pursuit: regulated pure pursuit.
 STEPS = (Column('rise\n[s]', 'rise.mean', 2), percent('overshoot\n[%] mean', 'overshoot.mean'),
          percent('\nmost', 'overshoot.max'), Column('settling\n[s] mean', 'settling.mean', 2),
          Column('\nmost', 'settling.max', 2), percent('settled\n[%]', 'settled.mean', 0))
-TRACKING = (*(milli(f'control\n{one} [mm]', f'{one}.control.rms') for one in KINEMATICS),
+TRACKING = (*(column for one in KINEMATICS for column in (
+                milli(f'control\n{one} [mm]', f'{one}.control_rms'),
+                milli('+-', f'{one}.control_rms.error'))),
             milli('allowed\n[mm]', 'allowed'), milli('maximum\nours', f'{OURS}.control.max'),
-            milli('locali-\nzation', f'{OURS}.localization.rms'),
-            milli('true\nours', f'{OURS}.true.rms'),
+            milli('locali-\nzation', f'{OURS}.localization_rms'),
+            milli('true\nours', f'{OURS}.true_rms'),
             *(Column(f'time [s]\n{one}', f'{one}.duration') for one in KINEMATICS),
             *(Column(f'yaw\n{one}', f'{one}.yaw.rms', 2) for one in KINEMATICS))
 STARTS = (percent('distance\n[%] mean', 'distance'), Column('sliding\n[s] most', 'sliding.max', 2),
           Column('drift\n[m] most', 'drift.max', 3), Column('turn\n[deg]', 'turn.max', 1, DEGREES),
           Column('against', 'against.max', 0), Column('beyond\n[m/s]', 'beyond.max', 2),
           Column('stopped\n[s]', 'stopped.max', 2))
-DRIVES = (*(milli(f'mean rms [mm]\n{one}', f'{one}.rms') for one in drawn.CONTROLLERS),
-          milli('most\nours', f'{OURS}.rms.max'),
+DRIVES = (*(milli(f'mean rms [mm]\n{one}', f'{one}.true_rms') for one in drawn.CONTROLLERS),
+          milli('most\nours', f'{OURS}.true_rms.max'),
           *(column for one in drawn.CONTROLLERS[1:] for column in (
               percent(f'won [%]\n{one}', f'{one}.lost', 0),
               Column(f'ratio\n{one}', f'{one}.ratio.max', 2))),
           *(percent(f'arrived [%]\n{one}', f'{one}.arrived', 0) for one in drawn.CONTROLLERS),
           *(Column(f'time [s]\n{one}', f'{one}.duration') for one in drawn.CONTROLLERS))
+APART = tuple(milli(f'{name} [mm]\n{one}', f'{one}.{name}_rms')
+              for name in ('localization', 'control') for one in (OURS, SHORT))
 
 
 def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
@@ -106,23 +110,23 @@ def run_case(case: TrackingCase, seed: int) -> list[Run]:
 
 def max_error(row: Figures) -> float:
     """
-    Return the largest rms control error [m] that is allowed for a row of the table.
+    Return the largest control error [m], mean of the rms, that a row of the table may have.
 
     A best look-ahead counts only where it arrives, and smoothly.
     """
     counts = row[f'{BEST}.arrived'] == 1.0 and row[f'{BEST}.yaw.rms'] <= MAX_YAW_ACCELERATION
-    return min(MAX_SHARE * row[f'{SHORT}.control.rms'],
-               MAX_BEST_SHARE * row[f'{BEST}.control.rms'] if counts else math.inf)
+    return min(MAX_SHARE * row[f'{SHORT}.control_rms'],
+               MAX_BEST_SHARE * row[f'{BEST}.control_rms'] if counts else math.inf)
 
 
 def missed(row: Figures) -> list[str]:
     """Return what a row of the table misses: nothing if all requirements are met."""
     ours = part_of(row, OURS)
     checks = {
-        'arrival': ours['arrived'] == 1.0, 'error': ours['control.rms'] <= max_error(row),
+        'arrival': ours['arrived'] == 1.0, 'error': ours['control_rms'] <= max_error(row),
         'time': ours['duration'] <= MAX_DURATION_SHARE * row[f'{BEST}.duration'],
         'yaw': ours['yaw.rms'] <= MAX_YAW_ACCELERATION,
-        'localization': ours['localization.rms'] <= MAX_LOCALIZATION * ours['length']}
+        'localization': ours['localization_rms'] <= MAX_LOCALIZATION * ours['length']}
     return [name for name, met in checks.items() if not met]
 
 
@@ -132,7 +136,7 @@ def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
                                  (TRACTION, 'Starts and stops', STARTS),
                                  (DRAWN, 'Robots drawn at random, true pose', DRIVES),
                                  (DRAWN_ESTIMATED, 'Robots drawn at random, estimated pose',
-                                  DRIVES)):
+                                  (*APART, *DRIVES))):
         own = [(row.partition('/')[2], figures) for row, figures in rows.items()
                if row.startswith(f'{name}/')]
         if own:

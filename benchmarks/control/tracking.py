@@ -19,7 +19,7 @@ from benchmarks.control.closed_loop import run_closed_loop
 from benchmarks.control.other_plant import OtherPlant
 from benchmarks.control.robot_stack import PathStack
 from benchmarks.control.scenarios import MAX_DURATION, OWN, TrackingCase
-from benchmarks.scoring import Errors, Run
+from benchmarks.scoring import Errors, Figures, Run
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 from smart_tire.arrays import Array
@@ -37,25 +37,29 @@ MATCH_NS = 5_000_000   # from an estimated to the true pose at the same time
 
 def run_tracking(case: TrackingCase, seed: int) -> Run:
     """Simulate ``case``; return its scores by kinematics."""
-    stack, params = PathStack(case.stack(), case.wanted()), case.simulator(seed)
-    events = run_closed_loop(params, stack, MAX_DURATION,
-                             plant=Plant if case.plant == OWN else OtherPlant)
-    truth = [sample for _, topic, sample in events
-             if topic == 'ground_truth/odom' and isinstance(sample, Odometry)]
-    end_ns = stack.ended_ns or truth[-1].stamp_ns
-    true, followed = ([pose for pose in poses if stack.start_ns <= pose.stamp_ns <= end_ns]
-                      for poses in (truth, stack.poses))
-    errors, length = score_tracking(case.wanted(), true, followed)
-    values = {'duration': (end_ns - stack.start_ns) / NS_PER_S, 'length': length,
-              'arrived': float(stack.trajectory.state == PathState.ARRIVED)}
+    stack = PathStack(case.stack(), case.wanted())
+    run_closed_loop(case.simulator(seed), stack, MAX_DURATION,
+                    plant=Plant if case.plant == OWN else OtherPlant)
+    errors, values = score_drive(case.wanted(), stack)
     return Run(case.name, seed, {f'{case.kinematics}.{name}': one for name, one in errors.items()},
                {f'{case.kinematics}.{name}': value for name, value in values.items()})
 
 
+def score_drive(wanted: PlannedPath, stack: PathStack) -> tuple[dict[str, Errors], Figures]:
+    """Return the errors of a drive; their rms, time [s], length of the path [m] and arrival."""
+    true, followed = stack.drive()
+    errors = score_tracking(wanted, true, followed)
+    return errors, {
+        **{f'{name}_rms': one.figures['rms'] for name, one in errors.items()},
+        'duration': (true[-1].stamp_ns - stack.start_ns) / NS_PER_S,
+        'length': SPACING * (len(dense_points(wanted)) - 1),
+        'arrived': float(stack.trajectory.state == PathState.ARRIVED)}
+
+
 def score_tracking(wanted: PlannedPath, truth: Sequence[Odometry], followed: Sequence[Odometry]
-                   ) -> tuple[dict[str, Errors], float]:
+                   ) -> dict[str, Errors]:
     """
-    Return the errors of a run, and the length of the path [m].
+    Return the errors of a run.
 
     Control and true are the distances [m] of ``followed``, the pose that the controller was given,
     and of ``truth`` from the path, localization is that between both, yaw the acceleration
@@ -65,8 +69,7 @@ def score_tracking(wanted: PlannedPath, truth: Sequence[Odometry], followed: Seq
         one.position[:2] for one in sampled(poses)])) for poses in (followed, truth))
     return {'control': Errors.without_sigma(control), 'true': Errors.without_sigma(true),
             'localization': Errors.without_sigma(_localization(truth, followed)),
-            'yaw': Errors.without_sigma(_yaw_accelerations(truth))}, (
-                SPACING * (len(dense_points(wanted)) - 1))
+            'yaw': Errors.without_sigma(_yaw_accelerations(truth))}
 
 
 def path_errors(wanted: PlannedPath, position: Array) -> Array:
