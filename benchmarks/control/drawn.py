@@ -181,16 +181,17 @@ def stack_params(robot: DrawnRobot, controller: str, *, estimated: bool) -> Stac
 
 def run_drawn(path: str, seed: int, *, estimated: bool, row: str) -> list[Run]:
     """
-    Return the figures of all controllers on a path, of ``tracking.score_drive``.
+    Return the figures of the controllers on a path, of ``tracking.score_drive``.
 
     A ratio is that of our distance of the true pose from the path to another one's, who has lost
     if it is the larger one.
     """
     robot, values = draw_robot(seed), dict[str, float]()
-    for controller in CONTROLLERS:
+    controllers = (OURS, SHORT) if estimated else CONTROLLERS
+    for controller in controllers:
         _, found = score_drive(PATHS[path], driven(robot, path, controller, estimated=estimated))
         values |= {f'{controller}.{name}': value for name, value in found.items()}
-    for other in CONTROLLERS[1:]:
+    for other in controllers[1:]:
         ratio = values[f'{OURS}.true_rms'] / values[f'{other}.true_rms']
         values |= {f'{other}.ratio': ratio, f'{other}.lost': float(ratio < 1.0)}
     return [Run(f'{row}/{path}', seed, values=values)]

@@ -67,15 +67,19 @@ STARTS = (percent('distance\n[%] mean', 'distance'), Column('sliding\n[s] most',
           Column('drift\n[m] most', 'drift.max', 3), Column('turn\n[deg]', 'turn.max', 1, DEGREES),
           Column('against', 'against.max', 0), Column('beyond\n[m/s]', 'beyond.max', 2),
           Column('stopped\n[s]', 'stopped.max', 2))
-DRIVES = (*(milli(f'mean rms [mm]\n{one}', f'{one}.true_rms') for one in drawn.CONTROLLERS),
-          milli('most\nours', f'{OURS}.true_rms.max'),
-          *(column for one in drawn.CONTROLLERS[1:] for column in (
-              percent(f'won [%]\n{one}', f'{one}.lost', 0),
-              Column(f'ratio\n{one}', f'{one}.ratio.max', 2))),
-          *(percent(f'arrived [%]\n{one}', f'{one}.arrived', 0) for one in drawn.CONTROLLERS),
-          *(Column(f'time [s]\n{one}', f'{one}.duration') for one in drawn.CONTROLLERS))
 APART = tuple(milli(f'{name} [mm]\n{one}', f'{one}.{name}_rms')
               for name in ('localization', 'control') for one in (OURS, SHORT))
+
+
+def drives(*controllers: str) -> tuple[Column, ...]:
+    """Return the columns of robots drawn at random."""
+    return (*(milli(f'mean rms [mm]\n{one}', f'{one}.true_rms') for one in controllers),
+            milli('most\nours', f'{OURS}.true_rms.max'),
+            *(column for one in controllers[1:] for column in (
+                percent(f'won [%]\n{one}', f'{one}.lost', 0),
+                Column(f'ratio\n{one}', f'{one}.ratio.max', 2))),
+            *(percent(f'arrived [%]\n{one}', f'{one}.arrived', 0) for one in controllers),
+            *(Column(f'time [s]\n{one}', f'{one}.duration') for one in controllers))
 
 
 def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
@@ -134,9 +138,10 @@ def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
     """Yield the tables of the runs."""
     for name, title, columns in ((WHEEL_STEPS, 'Wheel speed steps', STEPS),
                                  (TRACTION, 'Starts and stops', STARTS),
-                                 (DRAWN, 'Robots drawn at random, true pose', DRIVES),
+                                 (DRAWN, 'Robots drawn at random, true pose',
+                                  drives(*drawn.CONTROLLERS)),
                                  (DRAWN_ESTIMATED, 'Robots drawn at random, estimated pose',
-                                  (*APART, *DRIVES))):
+                                  (*APART, *drives(OURS, SHORT)))):
         own = [(row.partition('/')[2], figures) for row, figures in rows.items()
                if row.startswith(f'{name}/')]
         if own:

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import math
 
 import numpy as np
 
@@ -29,10 +30,11 @@ class BaseResponse:
     """
     The base follows commands after a dead time, speed and yaw rate each with a lag of first order.
 
-    Of all dead times and lags, those count with which the commands explain the reached speed and
-    yaw rate best, if the difference to the present ones is above ``DELAY_MARGIN``. Only changes of
-    the commands show it: they are forgotten as others follow, beyond ``DELAY_EVIDENCE``. What
-    they leave unexplained is a disturbance. Times are nanoseconds of the message clock.
+    Of all dead times and lags, those count with which the commands explain the speed and the yaw
+    rate of the last ``HISTORY_NS`` best, each times one factor: slip that is not known yet is no
+    delay. The present ones remain unless they leave ``DELAY_RATIO`` times as much unexplained.
+    What the commands over their ``factors`` leave is a disturbance. Times are nanoseconds of the
+    message clock.
     """
 
     def __init__(self, given: float, arm: float) -> None:
@@ -40,8 +42,9 @@ class BaseResponse:
         self._scale = np.array([1.0, arm])
         self.given = given          # may be replaced at run time
         self._commands = History()  # v_x, yaw rate, and how far each got with each of the lags
-        # (m/s)^2 s, by dead time, lag of the speed, lag of the yaw rate
-        self._errors = np.zeros((len(c.DELAYS), len(LAGS), len(LAGS)))
+        # over time, of products of commands and motion, by dead time, axis and lag
+        self._sums = np.zeros((3, len(c.DELAYS), 2, len(LAGS)))
+        self.factors = np.ones(2)   # commanded over reached speed and yaw rate
         self._learned_ns: int | None = None
         self._learned: tuple[int, int, int] | None = None
         self._disturbance = np.zeros(2)  # m/s, rad/s
@@ -55,7 +58,7 @@ class BaseResponse:
         return max(self.given, float(c.DELAYS[dead_time] + LAGS[lag]))
 
     def command(self, v_x: float, yaw_rate: float, now_ns: int) -> None:
-        """Add the velocity [m/s, rad/s] of the body that is commanded from now on."""
+        """Add the velocity [m/s, rad/s] that is commanded from now on."""
         reached = self._modeled(np.array([now_ns]))
         self._commands.add(now_ns, v_x, yaw_rate, *reached.ravel().tolist())
 
@@ -67,19 +70,28 @@ class BaseResponse:
             return
         elapsed, reached = (stamp_ns - last_ns) / NS_PER_S, _twist(motion)
         modeled = self._modeled(stamp_ns - _ns(c.DELAYS))
-        v_x, yaw_rate = (((modeled - reached[:, None]) * self._scale[:, None]) ** 2).swapaxes(0, 1)
-        squares = v_x[:, :, None] + yaw_rate[:, None]
-        self._errors += elapsed * (squares - squares.min())
-        self._errors *= min(1.0, c.DELAY_EVIDENCE / max(float(np.ptp(self._errors)), c.TINY))
-        delay, *lags = np.unravel_index(self._errors.argmin(), self._errors.shape)
-        best = int(delay), int(lags[0]), int(lags[1])
-        # a robot that is blocked does not follow at any delay
-        follows = squares[best] < 0.25 * np.sum((reached * self._scale) ** 2)
-        if follows and self._errors[self._present()] > self._errors[best] + c.DELAY_MARGIN:
-            self._learned = best
+        self._correlate(modeled, reached, elapsed)
+        unexplained = self._unexplained()
+        best = np.unravel_index(unexplained.argmin(), unexplained.shape)
+        if unexplained[self._present()] > c.DELAY_RATIO * unexplained[best] + c.DELAY_MARGIN:
+            delay, speed, turn = map(int, best)
+            self._learned = delay, speed, turn
         row, *columns = self._present()
         self._disturbance += elapsed / (elapsed + c.DELAYS[row] + LAGS[columns]) * (
-            reached - modeled[row, (0, 1), columns] - self._disturbance)
+            reached - modeled[row, (0, 1), columns] / self.factors - self._disturbance)
+
+    def _correlate(self, modeled: Array, reached: Array, elapsed: float) -> None:
+        """Add to the sums over the latest seconds."""
+        m, y = modeled * self._scale[:, None], (reached * self._scale)[:, None]
+        self._sums *= math.exp(-elapsed * NS_PER_S / c.HISTORY_NS)
+        self._sums += elapsed * np.stack(np.broadcast_arrays(m * m, m * y, y * y))
+
+    def _unexplained(self) -> Array:
+        """Return what the commands leave of the motion [(m/s)^2 s], by dead time and lags."""
+        mm, my, yy = self._sums
+        rest = yy - np.maximum(my, 0.0) ** 2 / np.maximum(mm, c.TINY)
+        speed, turn = rest.swapaxes(0, 1)
+        return speed[:, :, None] + turn[:, None]
 
     def predicted(self, motion: Motion, stamp_ns: int, now_ns: int) -> Motion:
         """
@@ -97,7 +109,7 @@ class BaseResponse:
         count = max(round(duration / c.DELAY_STEP), 1)
         time = duration * np.append(0.0, (np.arange(count) + 0.5) / count)
         expected = self._disturbance + self._modeled(
-            stamp_ns + _ns(time - c.DELAYS[row]))[:, (0, 1), columns]
+            stamp_ns + _ns(time - c.DELAYS[row]))[:, (0, 1), columns] / self.factors
         expected += (_twist(motion) - expected[0]) * np.exp(-time[:, None] / LAGS[columns])
         for v_x, yaw_rate in expected[1:].tolist():
             found = replace(found, v_x=v_x, yaw_rate=yaw_rate).after(duration / count)

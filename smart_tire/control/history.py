@@ -15,6 +15,7 @@ from __future__ import annotations
 from bisect import bisect
 
 from smart_tire.control import constants as c
+from smart_tire.samples import NS_PER_S
 
 
 class History:
@@ -55,3 +56,10 @@ class History:
         (t_0, t_1), (one, two) = self.times[after - 1:after + 1], self.values[after - 1:after + 1]
         share = (time_ns - t_0) / max(t_1 - t_0, 1)
         return tuple(a + share * (b - a) for a, b in zip(one, two))
+
+
+def time_step(now_ns: int, before_ns: int | None, rate: float) -> float:
+    """Return the time [s] of a controller's step since the one before; a period for the first."""
+    if before_ns is None or now_ns <= before_ns:
+        return 1.0 / rate
+    return min((now_ns - before_ns) / NS_PER_S, c.MAX_STEP_PERIODS / rate)

@@ -278,16 +278,16 @@ class SlipKinematics:
         if v_x == yaw_rate == 0.0:
             self._feedback.reset()
             return 0.0, 0.0
-        (speed, turn), added = self.factors(v_x, yaw_rate, now_ns), (0.0, 0.0)
+        (speed, turn), added, slide = self.factors(v_x, yaw_rate, now_ns), (0.0, 0.0), 0.0
         if self._motions.times:
             reached, lateral, reached_rate, cos, sin = self._motions.latest
             added = self._feedback.correction(
                 (reached, reached_rate), self._motions.times[-1], delay,
                 (c.MAX_SPEED_SHARE * abs(v_x), c.MAX_YAW_SHARE * params.limits.yaw_rate))
             if math.hypot(reached, lateral) <= c.MAX_HOLD_SPEED:  # else it slides off
-                v_x -= float(self._slide.expected(
+                slide = float(self._slide.expected(
                     v_x, yaw_rate, math.atan2(sin, cos) + delay * reached_rate)[0])
-        command = speed * (v_x + added[0]), turn * (yaw_rate + added[1])
+        command = speed * (v_x + added[0] - slide), turn * (yaw_rate + added[1])
         share = command_share(command, params)
         self._feedback.want((share * v_x, share * yaw_rate), now_ns)
         return share * command[0], share * command[1]

@@ -20,6 +20,7 @@ from smart_tire.control import constants as c
 from smart_tire.control.base_response import BaseResponse
 from smart_tire.control.ground_knowledge import GroundKnowledge
 from smart_tire.control.ground_motion import MotionMonitor, wrap
+from smart_tire.control.history import time_step
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_follower import Conditions, no_lateral_speed, PathFollower
 from smart_tire.control.path_plan import (
@@ -192,7 +193,8 @@ class TrajectoryControl:
             else:
                 self._check(now_ns)
         if self.state == PathState.FOLLOWING and self._follower is not None:
-            return self._follow(self._follower, now_ns, self._time_step(now_ns, last_ns))
+            dt = time_step(now_ns, last_ns, self.params.rate)
+            return self._follow(self._follower, now_ns, dt)
         return self._stop(now_ns)
 
     def progress(self, now_ns: int) -> PathProgress:
@@ -291,9 +293,10 @@ class TrajectoryControl:
         params = self.params
         assert self._motion.stamp_ns is not None
         self._response.given = params.follower.actuation_delay
-        motion = self._response.predicted(self._motion.motion, self._motion.stamp_ns, now_ns)
         factors = (self._kinematics.factors(*self._last, now_ns) if params.slip_compensation
                    else (1.0, 1.0))
+        self._response.factors[:] = factors
+        motion = self._response.predicted(self._motion.motion, self._motion.stamp_ns, now_ns)
         limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
         limits = replace(limits, speed=min(limits.speed, self.max_speed))
         lateral = self._kinematics.lateral_speed if params.slip_compensation else no_lateral_speed
@@ -339,17 +342,10 @@ class TrajectoryControl:
 
     def _compensated(self, now_ns: int) -> tuple[float, float]:
         """Return the command for the wanted motion of the body, within its bounds."""
-        command, factors = self._last, (1.0, 1.0)
+        command = self._last
         if self.params.slip_compensation:
-            factors = self._kinematics.factors(*self._last, now_ns)
             command = self._kinematics.command(*command, now_ns, self._response.delay, self.params)
         share = command_share(command, self.params)
-        self._response.command(
-            share * command[0] / factors[0], share * command[1] / factors[1], now_ns)
-        return (share * command[0], share * command[1]) if share else (0.0, 0.0)
-
-    def _time_step(self, now_ns: int, last_ns: int | None) -> float:
-        period = 1.0 / self.params.rate
-        if last_ns is None:
-            return period
-        return min((now_ns - last_ns) / NS_PER_S, c.MAX_STEP_PERIODS * period)
+        v_x, yaw_rate = (share * one if share else 0.0 for one in command)
+        self._response.command(v_x, yaw_rate, now_ns)
+        return v_x, yaw_rate

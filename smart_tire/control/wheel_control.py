@@ -17,6 +17,7 @@ from dataclasses import replace
 import math
 
 from smart_tire.control import constants as c
+from smart_tire.control.history import time_step
 from smart_tire.control.motor_response import error_of, MotorResponse
 from smart_tire.control.slip_limits import TireLoad
 from smart_tire.control.traction import TractionControl
@@ -105,11 +106,10 @@ class WheelServo:
         duty = self._pid.duty(feed_forward, error, feedback.slope(self._wheel), dt,
                               current=follows and feedback.is_current(now_ns))
         reference.limit_input(self._input - self._pid.excess / self._model.speed_gain)
-        return duty if math.isfinite(duty) else self._failed()
-
-    def _failed(self) -> float:
-        self.reset()
-        return 0.0
+        if not math.isfinite(duty):
+            self.reset()
+            return 0.0
+        return duty
 
     def _error(self, reference: SpeedReference, feedback: WheelFeedback, delay: float) -> float:
         """Return the speed error [rad/s] of the latest readings, 0 without any."""
@@ -205,7 +205,8 @@ class WheelControl:
         prevents windup. ``stamp_ns`` is the time of the message clock; without it there is no
         traction control.
         """
-        dt = self._elapsed(now_ns)
+        dt = time_step(now_ns, self._stepped_ns, self._params.rate)
+        self._stepped_ns = now_ns
         driven = (velocity is not None and all(map(math.isfinite, velocity))
                   and not self.emergency_stop)
         set_points = self._limited(velocity) if velocity is not None and driven else STOPPED
@@ -235,10 +236,3 @@ class WheelControl:
     def _limited(self, velocity: Sequence[float]) -> Four:
         excess = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
         return four(speed / excess for speed in velocity)
-
-    def _elapsed(self, now_ns: int) -> float:
-        period = 1.0 / self._params.rate
-        before, self._stepped_ns = self._stepped_ns, now_ns
-        if before is None or now_ns <= before:
-            return period
-        return min((now_ns - before) / NS_PER_S, c.MAX_STEP_PERIODS * period)
