@@ -126,6 +126,24 @@ def test_a_robot_that_is_blocked_has_no_delay():
         assert response.delay == 0.15
 
 
+@pytest.mark.parametrize('gain', [0.3, 1.7])
+def test_slip_that_is_not_known_yet_is_no_delay(gain):
+    base = Base(0.1, lags=(0.05, 0.2), gain=gain)
+    for _ in range(24):
+        assert base.run(0.25).response.delay == 0.15
+
+
+def test_commands_count_over_their_factors_in_the_prediction():
+    base = Base(0.5, given=0.1, gain=0.5, lags=(0.025, 0.025))
+    base.response.factors[:] = 2.0
+    base.run(18.4)  # from -0.2 rad/s on; the stop has not reached the base
+    now = START + round(PERIOD * (base.steps - 1) * NS_PER_S)
+    motion = base.motion(PERIOD * (base.steps - 1))
+    assert motion.yaw_rate == pytest.approx(-0.2)
+    found = base.response.predicted(motion, now, now)
+    assert (found.v_x, found.yaw_rate) == pytest.approx((0.0, 0.0), abs=0.02)
+
+
 def test_with_the_given_delay_the_twist_is_kept_over_it():
     response, motion = BaseResponse(0.2, ARM), Motion(1.0, 2.0, 0.3, 0.4, 0.1, 0.5)
     response.command(0.9, 0.0, START)

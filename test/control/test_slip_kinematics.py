@@ -313,6 +313,14 @@ def test_the_wheels_drive_against_the_slide_of_a_turn_in_place():
     assert max(map(abs, moved)) < 0.2 * max(map(abs, free))
 
 
+def test_the_slide_of_a_turn_in_place_is_made_up_for_once():
+    world = Slope()
+    world.drive(0.08, 0.8, 2.0)
+    moved, free = zip(*((world.drive(0.08, 0.8, STEP)[0], world.speeds(0.8, world.yaw)[0])
+                        for _ in range(500)))
+    assert np.abs(np.array(moved) - 0.08).max() < 0.25 * max(map(abs, free))
+
+
 def test_in_place_the_speed_ahead_is_commanded_for_the_slip_of_the_turn():
     world = World(kinematics(), track=0.8)
     straight = world.kinematics.factors(0.5, 0.0, world.now_ns)[0]
