@@ -8,9 +8,11 @@ EXTRAS := [test,view,camera]
 CORE_EXTRAS :=
 else
 SUPPORTED := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
-PYTHON ?= $(firstword $(shell for python in python3 python3.13 python3.12 python3.11 python3.10; \
-	do "$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
 VENV := .venv
+# That of the environment comes first: what was installed once needs no other.
+PYTHON ?= $(firstword $(shell for python in $(VENV)/bin/python python3 python3.13 python3.12 \
+	python3.11 python3.10; do \
+	"$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
 EXTRAS := [ros,test,lint,view,camera]
 CORE_EXTRAS := [ros]
 # Number of packages with these extras, for the share of the installation that is done.
@@ -30,12 +32,25 @@ INSTALLED = ls -d $(VENV)/lib/*/site-packages/*.dist-info 2> /dev/null | wc -l
 SHARE = $(if $(PACKAGES),$$(share=$$(( ($$(grep -c -e '^Collecting ' -e '^Processing ' $(LOG)) + \
 	$$present + $$($(INSTALLED))) * 50 / $(PACKAGES) )); echo "$$((share < 99 ? share : 99)) %"))
 
+# $(new_environment) makes $(VENV), or refuses the Python before anything is written. What another
+# Python has left there is removed.
+define new_environment
+@$(or $(PYTHON),python3) -c '$(SUPPORTED)' 2> /dev/null || { echo "$(or $(PYTHON),python3) is" \
+	"$$($(or $(PYTHON),python3) --version 2>&1 | head -n 1), expected" \
+	'Python 3.10 to 3.13 with venv: install one (on Debian: python3-venv) or name it: make PYTHON=...' >&2; exit 1; }
+@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
+@$(PYTHON) -m venv $(if $(filter-out $(BIN)/python,$(PYTHON)),--clear) $(VENV)
+endef
+
+# What pip does now, without its warnings.
+LATEST = grep -v -i '^ *\(warning\|deprecation\)' $(LOG) | tail -n 1
+
 # $(call step,TEXT,COMMAND) prints what is done, every five seconds the share and the last line of
 # its log, and how long it took; the end of the log if it failed.
 define step
 @echo '$(1)'; begin=$$(date +%s); present=$$($(INSTALLED)); : > $(LOG); \
 ( while sleep 5 > /dev/null 2>&1 && kill -0 $$$$ 2> /dev/null; do printf '  %3d s  %4s  %.74s\n' \
-	$$(($$(date +%s) - begin)) "$(SHARE)" "$$(tail -n 1 $(LOG))"; done ) & ticker=$$!; \
+	$$(($$(date +%s) - begin)) "$(SHARE)" "$$($(LATEST))"; done ) & ticker=$$!; \
 $(2) >> $(LOG) 2>&1; status=$$?; kill $$ticker; \
 if [ $$status -ne 0 ]; then tail -n 30 $(LOG) >&2; exit $$status; fi; \
 echo "  done in $$(($$(date +%s) - begin)) s"
@@ -90,10 +105,7 @@ ifdef ROS_DISTRO
 	$(call step,1/2 packages without rosdep key,$(PIP) -r requirements.txt)
 	$(call step,2/2 smart_tire and its tools,$(PIP) --editable '.$(EXTRAS)')
 else
-	@test -n '$(PYTHON)' || { echo 'no Python 3.10 to 3.13 with venv found: install one (on' \
-		'Debian: python3-venv) or name it: make PYTHON=...' >&2; exit 1; }
-	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
-	@$(PYTHON) -m venv $(VENV)
+	$(new_environment)
 	$(call step,1/2 setuptools,$(PIP) --constraint constraints.txt cython setuptools)
 	$(call step,2/2 smart_tire with rclpy and libraries ($(if $(filter $@,$(CORE)),0.7,1.7) GB): \
 		takes a few minutes,$(PIP) \
@@ -156,8 +168,7 @@ JAZZY := .venv-jazzy-wheels
 test-jazzy $(JAZZY)/ready: VENV := $(JAZZY)
 $(JAZZY)/ready: PACKAGES := 121
 $(JAZZY)/ready: requirements-jazzy.txt constraints.txt
-	@echo 'Installing into $(VENV), with $(PYTHON); log: $(LOG)'
-	@$(PYTHON) -m venv $(VENV)
+	$(new_environment)
 	@grep -v '^ros-\|^setuptools' constraints.txt > $(VENV)/constraints.txt
 	$(call step,1/1 rclpy of ROS 2 Jazzy with libraries and linters,{ $(PIP) \
 		--requirement requirements-jazzy.txt --constraint $(VENV)/constraints.txt || \
