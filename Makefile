@@ -118,11 +118,11 @@ demo: $(DEMO_NEEDS)
 	$(BIN)/smart_tire demo --force $(if $(VIEW),--view) $(if $(CAMERA),--camera)
 
 bench: $(READY)
-	$(BIN)/python -m benchmarks.load
-	$(BIN)/python -m benchmarks.offline
-	$(BIN)/python -m benchmarks.capacity
-	$(BIN)/python -m benchmarks.start
-	$(BIN)/python -m benchmarks.calibration --seeds 20 --first-seed 201 --force
+	@failed=; run() { echo "$(BIN)/python -m benchmarks.$$*"; \
+		$(BIN)/python -m "benchmarks.$$@" || failed="$$failed $$1"; }; \
+	run load; run offline; run capacity; run start; \
+	run calibration --seeds 20 --first-seed 201 --force; \
+	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 
 bench-slip: $(READY)
 	$(BIN)/python -m benchmarks.slip --force

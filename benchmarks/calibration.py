@@ -29,7 +29,7 @@ from pathlib import Path
 import sys
 from tempfile import TemporaryDirectory
 
-from benchmarks.harness import Benchmark, Column, figure_table, Job, percent, Rows
+from benchmarks.harness import Benchmark, Column, figure_table, Job, percent, Range, Rows
 from benchmarks.scoring import Errors, Figures, part_of, Run
 import numpy as np
 from rich.table import Table
@@ -60,6 +60,8 @@ Errors over standard errors of the identified parameters. identified: share of t
 mean of the squared errors; 2 s.: share within two standard errors.
 """
 POOLED = 'all, pooled'
+RANGES = (Range('calibration: values within two standard errors, guided', 0.9, 1.0),
+          Range('calibration: NEES of all values, guided', 0.2, 1.3))
 SCORES = (percent('identified\n[%]', 'identified', 0), percent('2 s.\n[%]', 'within_two', 0),
           Column('NEES', 'nees', 2), Column('mean error\n[sigma]', 'mean', 2))
 
@@ -205,9 +207,22 @@ def jobs(route: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job
 def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
     """Yield the scores of each parameter and of all pooled, by route."""
     for route, figures in rows.items():
-        lines = {name.removesuffix('.identified'): part_of(figures, name.removesuffix(
-            '.identified')) for name in figures if name.endswith('.identified')}
+        lines = by_parameter(figures)
         yield figure_table(route, [*lines.items(), (POOLED, pooled(list(lines.values())))], SCORES)
+
+
+def by_parameter(figures: Figures) -> dict[str, Figures]:
+    """Return the figures of each parameter."""
+    return {name.removesuffix('.identified'): part_of(figures, name.removesuffix('.identified'))
+            for name in figures if name.endswith('.identified')}
+
+
+def in_ranges(rows: Rows) -> list[tuple[Range, float]]:
+    """Return the scores of the guided calibration, if it was run, with their ranges."""
+    if 'guided' not in rows:
+        return []
+    found = pooled(list(by_parameter(rows['guided']).values()))
+    return list(zip(RANGES, (found['within_two'], found['nees'])))
 
 
 def pooled(parts: Sequence[Figures]) -> Figures:
@@ -220,7 +235,8 @@ def pooled(parts: Sequence[Figures]) -> Figures:
 
 CALIBRATION = Benchmark(
     'calibration', 'consistency and refusals of smart_tire calibrate', NOTES,
-    {'demo': 'route of the demo', 'guided': 'steps of a guided calibration'}, jobs, tables)
+    {'demo': 'route of the demo', 'guided': 'steps of a guided calibration'}, jobs, tables,
+    in_ranges=in_ranges)
 
 if __name__ == '__main__':
     sys.exit(CALIBRATION.main())

@@ -23,6 +23,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+import math
 import os
 from pathlib import Path
 import sys
@@ -30,7 +31,8 @@ import tempfile
 import time
 from typing import Any
 
-from benchmarks.harness import machine, new_table, print_tables, run_benchmark
+from benchmarks.harness import (
+    check_ranges, machine, new_table, print_tables, Range, run_benchmark)
 from benchmarks.load import cpu_seconds
 from smart_tire.cli._stack import isolated_environment, params_arguments, Stack
 from smart_tire.errors import SmartTireError
@@ -53,6 +55,8 @@ START_TIMEOUT = 30.0      # s
 DISCOVERY_TIME = 4.0      # s until all nodes have found each other
 DRAIN_TIME = 2.0          # s after the last byte until the counts are read
 MAX_AGE = 0.25            # s, of odom; older ones stop the robot
+RANGES = (Range('largest factor of the rates without loss', 6.0, 16.0),
+          Range('greatest age of `odom` there [s]', 0.0, 0.1))
 STEPS = 'tire_receiver', 'imu_driver', 'slip_estimator', 'friction_estimator'
 
 
@@ -114,6 +118,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 break
         print_tables(machine(), [table])
         print(limit(losses))
+        good = [(factor, loss.age) for factor, loss in losses.items() if loss.none]
+        check_ranges(zip(RANGES, good[-1] if good else (0.0, math.inf)))
     return run_benchmark('capacity', measure)
 
 

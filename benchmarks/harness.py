@@ -50,6 +50,19 @@ Job = Callable[[], Sequence[Run]]
 Result = TypeVar('Result')
 
 
+class Range(NamedTuple):
+    """What ``docs/benchmarks.md`` says of a measured figure."""
+
+    figure: str    # with its unit
+    least: float
+    most: float
+
+    @property
+    def text(self) -> str:
+        """Return both ends."""
+        return f'{self.least:g} to {self.most:g}'
+
+
 @dataclass(frozen=True)
 class Benchmark:
     """An accuracy benchmark; ``jobs`` and ``tables`` get the parsed arguments."""
@@ -62,6 +75,7 @@ class Benchmark:
     tables: Callable[[Rows, argparse.Namespace], Iterable[Table]]
     add_arguments: Callable[[argparse.ArgumentParser], object] = lambda parser: None
     draw: Callable[[Sequence[Run], Path], object] = lambda runs, folder: None  # figures
+    in_ranges: Callable[[Rows], Iterable[tuple[Range, float]]] = lambda rows: ()
 
     def main(self, argv: Sequence[str] | None = None) -> int:
         """Run the benchmark; return the exit status."""
@@ -110,6 +124,7 @@ class Benchmark:
             f'{self.notes}\n' + '\n'.join(map(markdown, tables)), encoding='utf-8')
         self.draw(runs, args.out)
         print(f'{len(jobs)} jobs; {self.name}.md and results.json in {args.out}')
+        check_ranges(self.in_ranges(rows))
 
 
 def _note_tables(runs: Sequence[Run]) -> Iterator[Table]:
@@ -180,6 +195,19 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
+
+
+def check_ranges(measured: Iterable[tuple[Range, float]]) -> None:
+    """Print figures next to their ranges; raise SmartTireError if one is outside."""
+    table, outside = new_table('Ranges in docs/benchmarks.md', '', 'measured', 'range', ''), []
+    for one, value in measured:
+        inside = one.least <= value <= one.most
+        table.add_row(Text(one.figure), f'{value:.3g}', one.text, '' if inside else 'OUTSIDE')
+        outside += [] if inside else [one.figure]
+    if table.row_count:
+        print_tables('', [table])
+    if outside:
+        raise SmartTireError(f'outside the range of docs/benchmarks.md: {"; ".join(outside)}')
 
 
 class Column(NamedTuple):

@@ -34,7 +34,8 @@ import time
 from types import TracebackType
 from typing import Any
 
-from benchmarks.harness import machine, new_table, print_tables, run_benchmark
+from benchmarks.harness import (
+    check_ranges, machine, new_table, print_tables, Range, run_benchmark)
 from benchmarks.start import memory
 import numpy as np
 from rich.table import Table
@@ -83,13 +84,23 @@ class Setup:
     imu_rate: float          # Hz
 
     @property
-    def name(self) -> str:
+    def title(self) -> str:
         """Return number of wheels and rate of the IMU."""
         count = len(self.wheels)
-        return f'{count} wheel{"s" * (count > 1)},\nIMU {self.imu_rate:g} Hz'
+        return f'{count} wheel{"s" * (count > 1)}, IMU {self.imu_rate:g} Hz'
 
 
 SETUPS = Setup(('front_right',), 100.0), Setup(WHEELS, 200.0)  # paper B, and all
+OF_THE_TABLE = 0.0255  # s, reference time of the machine of docs/benchmarks.md
+ROBOT = 'all but robot_simulator'
+RANGES = tuple(
+    Range(f'{setup.title}: {figure}', *ends[column]) for column, setup in enumerate(SETUPS)
+    for figure, *ends in (
+        ('cores of all nodes of a robot, at a reference of 25.5 ms', (0.25, 0.55), (0.4, 0.85)),
+        ('their memory [MB]', (250.0, 350.0), (250.0, 350.0)),
+        ('radio batch to `tire_samples`, 99 % [ms]', (10.0, 25.0), (20.0, 45.0)),
+        ('age of `odom`, median [ms]', (25.0, 45.0), (25.0, 45.0)),
+        ('later than that, 99 % [ms]', (0.0, 8.0), (0.0, 8.0))))
 
 
 @dataclass(frozen=True)
@@ -98,6 +109,12 @@ class Usage:
 
     cpu: float     # cores
     memory: float  # B, of the process alone
+
+    @classmethod
+    def of_robot(cls, usages: Mapping[str, Usage]) -> Usage:
+        """Return the sum of the processes on a robot, which has no simulator."""
+        own = [usage for name, usage in usages.items() if name != 'robot_simulator']
+        return cls(sum(one.cpu for one in own), sum(one.memory for one in own))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -111,30 +128,36 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='only the time of the estimators on one core, without ROS')
     args = parser.parse_args(argv)
     if args.reference:
-        print(machine(), reference_line(), sep='\n')
+        print(machine(), reference_line(reference_time()), sep='\n')
         return 0
     # Importing rclpy may start Python again, so it must come before any child is started.
     from smart_tire.nodes.pilot import Pilot
     from smart_tire.nodes.runner import NodeRunner
-    print(machine(), reference_line(), sep='\n', flush=True)
+    reference = reference_time()
+    print(machine(), reference_line(reference), sep='\n', flush=True)
     processes = (NODES[0], COMPOSED, *SEPARATE) if args.composed else NODES
 
     def measure() -> None:
-        usages = {}
+        usages: dict[str, Mapping[str, Usage]] = {}
+        figures: list[float] = []
         for setup in SETUPS:
-            print(setup.name.replace('\n', ' '), flush=True)
+            print(setup.title, flush=True)
             with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-                usages[setup.name] = measure_live(
+                usages[setup.title], delays = measure_live(
                     Path(folder), setup, args.seconds,
                     partial(NodeRunner, partial(Pilot, 'load')), processes)
+            robot = Usage.of_robot(usages[setup.title])
+            figures += robot.cpu * OF_THE_TABLE / reference, robot.memory / 1e6, *delays
         print_tables('', [usage_table(usages)])
+        if not args.composed:
+            check_ranges(zip(RANGES, figures))
     return run_benchmark('load', measure)
 
 
-def reference_line() -> str:
-    """Return the time that the estimators need on one core for a second of a drive, as text."""
-    return (f'reference: the estimators need {1e3 * reference_time():.1f} ms of CPU time per '
-            'second of a drive')
+def reference_line(reference: float) -> str:
+    """Return the time [s] that the estimators need for a second of a drive, as text."""
+    return (f'reference: the estimators need {1e3 * reference:.1f} ms of CPU time per second of '
+            'a drive')
 
 
 def reference_time() -> float:
@@ -224,8 +247,8 @@ class RadioTap:
 
 def measure_live(folder: Path, setup: Setup, seconds: float,
                  runner_class: Callable[[list[str]], Any], processes: Sequence[str]
-                 ) -> dict[str, Usage]:
-    """Run all nodes in ``processes``; print latencies, return what each process uses."""
+                 ) -> tuple[dict[str, Usage], tuple[float, float, float]]:
+    """Run all nodes in ``processes``; return what each process uses, and the delays [ms]."""
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
@@ -253,10 +276,8 @@ def measure_live(folder: Path, setup: Setup, seconds: float,
         raise SmartTireError(f'the path was not followed to the end of the measurement: '
                              f'{state.name.lower()}')
     print_host(host)
-    print_latency(tap.latencies)
-    print_jitter(ages)
-    return {name: Usage((after[name] - before[name]) / elapsed, sizes[name])
-            for name in processes}
+    return ({name: Usage((after[name] - before[name]) / elapsed, sizes[name])
+             for name in processes}, (print_latency(tap.latencies), *print_jitter(ages)))
 
 
 def path_for(seconds: float, odometry: Any) -> Poses:
@@ -303,14 +324,10 @@ def await_nodes(stack: Any, runner: Any, names: Sequence[str]) -> None:
 def usage_table(usages: Mapping[str, Mapping[str, Usage]]) -> Table:
     """Return the table of all processes, and their sum on a robot, which has no simulator."""
     table = new_table('CPU load and memory while a path is followed', '', *(
-        f'{name}\n[{unit}]' for name in usages for unit in ('cores', 'MB')))
-    names = [*dict.fromkeys(name for usage in usages.values() for name in usage)]
-    sums = {setup: {'all but robot_simulator': Usage(
-        sum(one.cpu for name, one in usage.items() if name != 'robot_simulator'),
-        sum(one.memory for name, one in usage.items() if name != 'robot_simulator'))}
-        for setup, usage in usages.items()}
-    for name in (*names, 'all but robot_simulator'):
-        found = [({**usage, **sums[setup]})[name] for setup, usage in usages.items()]
+        f'{name.replace(", ", chr(10))}\n[{unit}]' for name in usages for unit in ('cores', 'MB')))
+    rows = [{**usage, ROBOT: Usage.of_robot(usage)} for usage in usages.values()]
+    for name in rows[0]:
+        found = [row[name] for row in rows]
         table.add_row(name, *(text for one in found for text in (
             f'{one.cpu:.3f}', f'{one.memory / 1e6:.0f}')))
     return table
@@ -322,17 +339,22 @@ def print_host(host: HostLoad | None) -> None:
         print(f'  not a quiet machine: {host}')
 
 
-def print_latency(latencies: Sequence[float]) -> None:
-    """Print the latency of radio batches from the last byte to the topic."""
+def print_latency(latencies: Sequence[float]) -> float:
+    """Print the latency of radio batches from the last byte to the topic; return its 99 % [ms]."""
     if not latencies:
         raise SmartTireError('no radio batch reached tire_samples')
     median, p99, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
     print(f'  last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
           f'p50 {median:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms')
+    return float(p99)
 
 
-def print_jitter(ages: Sequence[tuple[int, float]]) -> None:
-    """Print the jitter of ``odom`` from its timestamps [ns] and its ages on arrival [s]."""
+def print_jitter(ages: Sequence[tuple[int, float]]) -> tuple[float, float]:
+    """
+    Print the jitter of ``odom`` from its timestamps [ns] and its ages on arrival [s].
+
+    Returns the median of the ages and the 99 % of the jitter [ms].
+    """
     stamps, age = np.array([stamp for stamp, _ in ages]), np.array([one for _, one in ages])
     phases = stamps // GRID_NS % ODOM_PHASES
     jitter = np.empty_like(age)
@@ -341,6 +363,7 @@ def print_jitter(ages: Sequence[tuple[int, float]]) -> None:
     p99, p999, worst = 1e3 * np.percentile(jitter, (99.0, 99.9, 100.0))
     print(f'  age of odom on arrival: p50 {1e3 * np.median(age):.1f} ms; later than usual by '
           f'p99 {p99:.1f} ms, p99.9 {p999:.1f} ms, worst {worst:.1f} ms')
+    return 1e3 * float(np.median(age)), float(p99)
 
 
 if __name__ == '__main__':

@@ -28,10 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 from smart_tire.analysis.metrics import compared_poses, distance, rms
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimates import PoseEstimate, SlipEstimate
+from smart_tire.estimates import at, PoseEstimate, SlipEstimate
 from smart_tire.models.vehicle.skid_steer import icr, SIDE_SIGNS
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import at, SampleArrays
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import Icr, LEFT, NS_PER_S, RIGHT, Sample, WheelSlip
 
 MIN_ROLLING_SPEED = 0.1     # m/s, |r w| of a steady side

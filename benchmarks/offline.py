@@ -25,8 +25,10 @@ from pathlib import Path
 import subprocess
 import sys
 import tempfile
+from typing import NamedTuple
 
-from benchmarks.harness import machine, new_table, print_tables, run_benchmark
+from benchmarks.harness import (
+    check_ranges, machine, new_table, print_tables, Range, run_benchmark)
 from benchmarks.scenarios import sequence
 from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.bags import BagWriter
@@ -40,6 +42,8 @@ DESCRIPTION = 'measure time and memory of the offline analysis'
 LEGS, DURATION = sequence(
     (3.0, 0.0, 0.0), *((15.0, 90.0, 90.0), (24.0, 120.0, 60.0), (16.0, 60.0, 120.0)) * 3,
     (12.0, 0.0, 0.0))
+RANGES = (Range('analysis of the longest bag, share of its duration', 0.0, 0.2),
+          Range('its memory [MB]', 0.0, 600.0))
 PARAMETERS = '/**:\n  ros__parameters:\n    film.wheels: {}\n'
 # Prints the CPU time of all processes [s], the duration [s] and the size of the largest one [MB].
 MEASURED = """
@@ -80,15 +84,41 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def measure() -> None:
         table = new_table('Analysis of a bag, times reading it with rosbags', 'bag [min]',
-                          'instrumented\nwheels', 'reading\n[s]', 'CPU', 'wall', 'size [MB]')
+                          'instrumented\nwheels', 'reading\n[s]', 'CPU', 'wall', 'size [MB]',
+                          'share of the\nduration')
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-            for row in rows(Path(folder), args.repeats, args.wheels):
-                table.add_row(*row)
+            found = list(rows(Path(folder), args.repeats, args.wheels))
+        for one in found:
+            table.add_row(*one.cells)
         print_tables(machine(), [table])
+        longest = max(found, key=lambda one: (one.seconds, -one.wheels))
+        check_ranges(zip(RANGES, (longest.share, longest.size)))
     return run_benchmark('offline', measure)
 
 
-def rows(folder: Path, repeats: Sequence[int], wheels: Sequence[int]) -> Iterator[list[str]]:
+class Row(NamedTuple):
+    """One bag: its duration [s], and what reading and analysis take."""
+
+    seconds: float
+    wheels: int                  # with films
+    plain: tuple[float, float]   # s, CPU time and duration of reading
+    ours: tuple[float, float]    # of the analysis
+    size: float                  # MB, of the analysis
+
+    @property
+    def share(self) -> float:
+        """Return the duration of the analysis over that of the bag."""
+        return self.ours[1] / self.seconds
+
+    @property
+    def cells(self) -> list[str]:
+        """Return the row of the table."""
+        return [f'{self.seconds / 60.0:.0f}', str(self.wheels), f'{self.plain[1]:.2f}',
+                *(f'{ours / plain:.1f}' for ours, plain in zip(self.ours, self.plain)),
+                f'{self.size:.0f}', f'{self.share:.3f}']
+
+
+def rows(folder: Path, repeats: Sequence[int], wheels: Sequence[int]) -> Iterator[Row]:
     """Yield the rows of the table: bags of growing length, then with more wheels."""
     shapes = dict.fromkeys([*((times, 1) for times in repeats), *((1, count) for count in wheels)])
     for times, count in shapes:
@@ -97,8 +127,7 @@ def rows(folder: Path, repeats: Sequence[int], wheels: Sequence[int]) -> Iterato
         write_bag(bag, simulated(count), times)
         plain = measured(PLAIN, bag)
         ours = measured(ANALYSIS, bag, params, folder / f'out_{times}_{count}')
-        yield [f'{times * DURATION / 60.0:.0f}', str(count), f'{plain[1]:.2f}',
-               f'{ours[0] / plain[0]:.1f}', f'{ours[1] / plain[1]:.1f}', f'{ours[2]:.0f}']
+        yield Row(times * DURATION, count, plain[:2], ours[:2], ours[2])
 
 
 def simulated(wheels: int) -> list[Event]:

@@ -28,7 +28,8 @@ import tempfile
 import time
 from typing import Any, NamedTuple
 
-from benchmarks.harness import machine, new_table, positive, print_tables, run_benchmark
+from benchmarks.harness import (
+    check_ranges, machine, new_table, positive, print_tables, Range, run_benchmark)
 from rich.table import Table
 from smart_tire.cli._stack import isolated_environment, NODES, Stack
 from smart_tire.errors import SmartTireError
@@ -36,6 +37,9 @@ from smart_tire.errors import SmartTireError
 DESCRIPTION = 'measure start, memory and idle load of each node'
 FLOOR = 'empty_node'
 IDLE = tuple(name for name in NODES if name != 'robot_simulator')
+RANGES = (Range('start of a node, largest CPU time over that of the empty node', 1.0, 1.8),
+          Range('its memory above that of the empty node, largest [MB]', 0.0, 12.0),
+          Range('largest idle load of a node [cores]', 0.0, 0.06))
 START_TIMEOUT = 60.0  # s until the first diagnostics
 SPIN_TIME = 0.02      # s, resolution of the time of a start
 WARM_UP_TIME = 3.0    # s after the last start, until all nodes have found each other
@@ -72,7 +76,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                       for _ in range(args.repeats)]
             least = {name: Start(*map(min, zip(*(one[name] for one in rounds))))
                      for name in (FLOOR, *NODES)}
-            print_tables(on, [table(least, idle_loads(stack, runner, args.seconds))])
+            idle = idle_loads(stack, runner, args.seconds)
+            print_tables(on, [table(least, idle)])
+            check_ranges(zip(RANGES, worst(least, idle)))
     return run_benchmark('start', measure)
 
 
@@ -133,6 +139,14 @@ def idle_loads(stack: Stack, runner: Any, seconds: float) -> dict[str, float]:
     time.sleep(seconds)
     return {name: (cpu_seconds(pid) - before[name]) / (time.monotonic() - begin)
             for name, pid in pids.items()}
+
+
+def worst(starts: Mapping[str, Start], idle: Mapping[str, float]) -> tuple[float, float, float]:
+    """Return the largest figures of ``RANGES`` among the nodes of a robot."""
+    floor = starts[FLOOR]
+    return (max(starts[name].cpu for name in IDLE) / floor.cpu,
+            (max(starts[name].private for name in IDLE) - floor.private) / 1e6,
+            max(idle[name] for name in IDLE))
 
 
 def table(starts: Mapping[str, Start], idle: Mapping[str, float]) -> Table:

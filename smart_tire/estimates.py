@@ -21,7 +21,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TYPE_CHECKING
+import math
+from typing import Any, TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 PLANAR_POSE = ('x', 'y', 'yaw')
 PLANAR_TWIST = ('v_x', 'v_y', 'yaw_rate')
+Own = TypeVar('Own', bound='Series')
 
 
 class Tabular(ABC):
@@ -95,6 +97,40 @@ class Tables(ABC):
         return f'{type(self).__name__}(rows of {counts})'
 
 
+def at(wanted_ns: Instants, stamp_ns: Instants, values: Array, max_gap: float = 0.5) -> Array:
+    """
+    Return ``values`` (n, ...), linearly interpolated at ``wanted_ns``.
+
+    NaN outside the timestamps, in gaps longer than ``max_gap`` [s], and next to a NaN.
+    """
+    result = np.full((len(wanted_ns), *values.shape[1:]), math.nan)
+    if len(stamp_ns) < 2:
+        return result
+    right = np.clip(np.searchsorted(stamp_ns, wanted_ns), 1, len(stamp_ns) - 1)
+    left = right - 1
+    gap = stamp_ns[right] - stamp_ns[left]
+    inside = ((stamp_ns[left] <= wanted_ns) & (wanted_ns <= stamp_ns[right])
+              & (gap <= max_gap * NS_PER_S))
+    share = ((wanted_ns - stamp_ns[left]) / gap).reshape(-1, *(1,) * (values.ndim - 1))
+    between = (1.0 - share) * values[left] + share * values[right]
+    result[inside] = between[inside]
+    return result
+
+
+class Series(Tabular):
+    """Quantities that change continuously between timestamps."""
+
+    def at(self: Own, stamp_ns: Instants) -> Own:
+        """
+        Return the same at other instants (m,) [ns], linearly interpolated.
+
+        NaN outside the timestamps, in gaps longer than 0.5 s, and next to a NaN.
+        """
+        make: Any = type(self)
+        return make(**{name: stamp_ns if name == 'stamp_ns' else at(
+            stamp_ns, self.stamp_ns, values) for name, values in vars(self).items()})
+
+
 def check_wheel(name: str) -> None:
     """Raise ParameterError if no wheel has this name."""
     if name not in WHEELS:
@@ -118,7 +154,7 @@ def by_wheel(name: str, values: Any, wheels: tuple[str, ...]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PoseEstimate(Tabular):
+class PoseEstimate(Series):
     """
     Planar pose of ``base_link`` in ``odom`` and its twist in ``base_link``.
 
@@ -144,7 +180,7 @@ class PoseEstimate(Tabular):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SlipEstimate(Tabular):
+class SlipEstimate(Series):
     """
     Longitudinal slip of the four wheels, positive when driving, in both directions.
 
@@ -166,7 +202,7 @@ class SlipEstimate(Tabular):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RotationCenter(Tabular):
+class RotationCenter(Series):
     """
     Instantaneous center of rotation in ``base_link``, while the robot turns.
 

@@ -312,23 +312,3 @@ class SampleArrays:
 def seconds(stamp_ns: Instants, origin_ns: int) -> Array:
     """Return timestamps as seconds after ``origin_ns``, without loss of precision."""
     return (stamp_ns - origin_ns) / NS_PER_S
-
-
-def at(wanted_ns: Instants, stamp_ns: Instants, values: Array, max_gap: float = 0.5) -> Array:
-    """
-    Return ``values`` (n, ...), linearly interpolated at ``wanted_ns``.
-
-    NaN outside the timestamps, in gaps longer than ``max_gap`` [s], and next to a NaN.
-    """
-    result = np.full((len(wanted_ns), *values.shape[1:]), math.nan)
-    if len(stamp_ns) < 2:
-        return result
-    right = np.clip(np.searchsorted(stamp_ns, wanted_ns), 1, len(stamp_ns) - 1)
-    left = right - 1
-    gap = stamp_ns[right] - stamp_ns[left]
-    inside = ((stamp_ns[left] <= wanted_ns) & (wanted_ns <= stamp_ns[right])
-              & (gap <= max_gap * NS_PER_S))
-    share = ((wanted_ns - stamp_ns[left]) / gap).reshape(-1, *(1,) * (values.ndim - 1))
-    between = (1.0 - share) * values[left] + share * values[right]
-    result[inside] = between[inside]
-    return result

@@ -15,6 +15,7 @@ from __future__ import annotations
 from pathlib import Path
 import re
 
+from benchmarks import calibration, capacity, load, offline, start
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -71,6 +72,16 @@ def test_the_position_of_the_demo_is_that_of_the_table():
                   for row in rows('method | position error, RMS')[:2])
     assert (f'{ours[0]:.2f} to {ours[1]:.2f} m RMS (gyroscope and wheels: {gyro[0]:.2f} to '
             f'{gyro[1]:.2f} m)') in README
+
+
+def test_the_ranges_are_those_that_make_bench_checks():
+    modules = calibration, capacity, load, offline, start
+    recipe = re.search(r'^bench:.*?\n\n', (ROOT / 'Makefile').read_text(encoding='utf-8'),
+                       re.MULTILINE | re.DOTALL)[0]
+    assert sorted(re.findall(r'run ([a-z]+)', recipe)) == sorted(
+        module.__name__.removeprefix('benchmarks.') for module in modules)
+    assert sorted(rows('figure | range')) == sorted(
+        [one.figure, one.text] for module in modules for one in module.RANGES)
 
 
 def holders():

@@ -39,7 +39,10 @@ from topics_page import details
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md')])
-TUTORIALS = sorted(path.stem for path in (ROOT / 'docs' / 'tutorials').glob('*.md'))
+# Pages whose Python code runs, block after block, without other files.
+PROGRAMS = sorted(path.relative_to(ROOT / 'docs').as_posix() for folder in (
+    'tutorials', 'how_to', 'reference') for path in (ROOT / 'docs' / folder).glob('*.md')
+    if '```python' in path.read_text(encoding='utf-8'))
 SOURCES = [path for folder in ('smart_tire', 'benchmarks')
            for path in sorted((ROOT / folder).rglob('*.py'))]
 MAX_README_WORDS = 700
@@ -251,13 +254,11 @@ def test_the_payload_in_the_document_is_that_of_the_decoder():
     assert packet.data == payload and packet.source == 0x0013A20040A1B2C3
 
 
-@pytest.mark.parametrize('name', TUTORIALS)
-def test_the_python_code_of_a_tutorial_runs(name):
+@pytest.mark.parametrize('name', PROGRAMS)
+def test_the_python_code_of_a_page_runs(name):
     names: dict[str, object] = {'__name__': '__main__'}  # a module that dataclasses know
-    blocks = fenced(ROOT / 'docs' / 'tutorials' / f'{name}.md', 'python')
-    assert blocks
-    for number, block in enumerate(blocks):
-        exec(compile(block, f'{name}.md, block {number}', 'exec'), names)
+    for number, block in enumerate(fenced(ROOT / 'docs' / name, 'python')):
+        exec(compile(block, f'{name}, block {number}', 'exec'), names)
 
 
 def test_every_verb_is_in_the_reference_of_the_command():

@@ -64,8 +64,8 @@ def checkout(tmp_path):
     return make
 
 
-# Its environments contain it; it installs what it is told to.
-PYTHON = '''#!/bin/sh
+# Its environments contain it; its pip only prints.
+PYTHON = """#!/bin/sh
 case "$*" in
 --version) echo Python {version};;
 -c*) exit {supported};;
@@ -73,7 +73,7 @@ case "$*" in
 "-m venv"*) ;;
 *) echo {version}: "$*";;
 esac
-'''
+"""
 
 
 def test_an_old_python_is_named_once_and_the_next_make_works(checkout, tmp_path):

@@ -15,7 +15,7 @@ from __future__ import annotations
 import ast
 import configparser
 from functools import cache
-from importlib.metadata import PackageNotFoundError, requires
+from importlib.metadata import files, PackageNotFoundError, requires
 import itertools
 from pathlib import Path
 import re
@@ -270,6 +270,20 @@ def test_the_share_of_an_installation_is_of_all_packages(setup_arguments):
         except PackageNotFoundError as error:
             pytest.skip(f'{error} is not installed')
         assert len(needed) == pytest.approx(int(number), rel=0.05)
+        assert disk_space(needed) == pytest.approx(
+            0.7e9 if variable == 'CORE_PACKAGES' else 1.7e9, abs=0.1e9)
+
+
+def test_the_space_of_an_installation_is_that_of_the_documents():
+    usage = ' '.join((ROOT / 'docs' / 'usage.md').read_text(encoding='utf-8').split())
+    assert '(0.7 GB; log:' in usage and 'tools of the tests too (1.7 GB)' in usage
+    assert '$(if $(filter $@,$(CORE)),0.7,1.7) GB' in MAKEFILE
+
+
+def disk_space(names):
+    """Return the space [B] of the files of distributions, in blocks of 4096."""
+    paths = (Path(str(file.locate())) for name in names for file in files(name) or [])
+    return sum(-path.stat().st_size // 4096 * -4096 for path in paths if path.exists())
 
 
 def test_the_readme_names_every_node_and_launch_file():

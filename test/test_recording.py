@@ -15,7 +15,8 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.recording import at, SampleArrays, seconds
+from smart_tire.estimates import at
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip
 
 EPOCH = 1_700_000_000_000_000_000
@@ -99,3 +100,13 @@ def test_interpolation_is_nan_outside_in_gaps_and_next_to_a_nan():
     wanted = EPOCH + np.array([-5, 5, 15, 25, 65, 101], np.int64) * (second // 100)
     assert np.isnan(at(wanted, stamps, values)).tolist() == [True, False, True, True, True, True]
     assert not np.isnan(at(wanted, stamps, values, max_gap=1.0))[4]
+
+
+def test_all_quantities_of_a_series_are_interpolated():
+    poses = SampleArrays(odometry(EPOCH + k * 100_000_000, 0.2 * k) for k in range(3)).poses()
+    found = poses.at(EPOCH + np.array([50_000_000, 100_000_000, 300_000_000], np.int64))
+    assert type(found) is type(poses) and len(found) == 3
+    assert found.pose[:, 2] == pytest.approx([0.1, 0.2, math.nan], nan_ok=True)
+    assert found.covariance[:2].tolist() == poses.covariance[:2].tolist()
+    assert found.twist_sigma[0].tolist() == poses.twist_sigma[0].tolist()
+    assert np.isnan(found.columns()['v_x_sigma']).tolist() == [False, False, True]

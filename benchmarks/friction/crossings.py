@@ -28,8 +28,8 @@ from benchmarks.scoring import Errors
 import numpy as np
 from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.arrays import Array, Instants
+from smart_tire.estimates import at
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import at
 from smart_tire.samples import Friction, NS_PER_S, Sample, WHEELS
 
 SINGLE, FUSED = 'friction_coefficient_single', 'friction_coefficient'

@@ -34,8 +34,9 @@ from smart_tire.analysis.metrics import rotated
 from smart_tire.analysis.pipeline import smooth
 from smart_tire.arrays import Array, Instants
 from smart_tire.bags import Bag
+from smart_tire.estimates import at
 from smart_tire.parameters import build, RobotParams, SlipEstimatorParams
-from smart_tire.recording import at, SampleArrays
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import NS_PER_S, Sample
 
 TRUTH = 'ground_truth/odom'

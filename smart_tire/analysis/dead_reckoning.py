@@ -25,10 +25,10 @@ import numpy as np
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.errors import EstimatorError
-from smart_tire.estimates import PoseEstimate, SlipEstimate
+from smart_tire.estimates import at, PoseEstimate, SlipEstimate
 from smart_tire.models.vehicle.skid_steer import slip_ratio
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import at, SampleArrays
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import matrix
 from smart_tire.samples import ImuSample, LEFT, NS_PER_S, RIGHT, WheelSample
 

@@ -34,8 +34,9 @@ from smart_tire.analysis.summary import errors_in, evaluation, plain, Tree
 from smart_tire.analysis.tables import error_tables, estimate_tables
 from smart_tire.arrays import Instants
 from smart_tire.bags import Bag
+from smart_tire.estimates import at
 from smart_tire.host_load import HostLoad, pace_lines, worst_of
-from smart_tire.recording import at, SampleArrays
+from smart_tire.recording import SampleArrays
 from smart_tire.rotation import wrapped
 
 CLEAR_SIGMA = 0.02  # of slip by the overhead camera; starts and stops have larger ones

@@ -27,8 +27,9 @@ from smart_tire.analysis.friction_metrics import (
     column, is_informative, kind_of, MAX_RELATIVE_SIGMA, of_wheel, stamps_of)
 from smart_tire.analysis.motion_figures import ESTIMATE, path_figure, slip_figure
 from smart_tire.analysis.result import Result
+from smart_tire.estimates import at
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import at, SampleArrays, seconds
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import Friction, WHEELS
 
 MAX_FRICTION = 1.2      # upper end of the friction axis

@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 
 from smart_tire.analysis.figure import MAX_SLIP_SIGMA
 from smart_tire.arrays import Array, Instants
-from smart_tire.estimates import PoseEstimate, SlipEstimate
-from smart_tire.recording import at
+from smart_tire.estimates import at, PoseEstimate, SlipEstimate
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT, WHEELS
 
 # m; shorter steps are not added to the distance, so that noise of a stationary robot does not

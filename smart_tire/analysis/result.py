@@ -25,8 +25,8 @@ from smart_tire.analysis.metrics import (
     carried, Compared, compared_poses, compared_slips, compared_twist, ComparedPoses, Intervals,
     START, UNALIGNED)
 from smart_tire.arrays import Array
-from smart_tire.estimates import PoseEstimate
-from smart_tire.recording import at, SampleArrays, seconds
+from smart_tire.estimates import at, PoseEstimate
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import ImuSample, NS_PER_S, TireSample, WheelSample
 
 FILTERED, SMOOTHED = 'filtered', 'smoothed'

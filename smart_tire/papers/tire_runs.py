@@ -22,12 +22,13 @@ from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.metrics import compared_slips, SIDES, slip_scores, SlipScore
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.arrays import Array
+from smart_tire.estimates import at
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.papers.printed import PrintedSlipEstimator
 from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
-from smart_tire.recording import at, SampleArrays
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import (
     Friction, GRAVITY, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample)
 from smart_tire.simulation.offline import Schedule, simulate

@@ -19,9 +19,10 @@ import pytest
 from smart_tire.analysis.dead_reckoning import (
     as_inputs, baselines, gyro_odometry, GYRO_WHEELS, wheel_odometry, WHEELS_ONLY)
 from smart_tire.errors import EstimatorError
+from smart_tire.estimates import at
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams
-from smart_tire.recording import at, SampleArrays
+from smart_tire.recording import SampleArrays
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 from support.driving import drive, ramp, START_NS
 

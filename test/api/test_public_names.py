@@ -54,6 +54,7 @@ SIGNATURES = {  # without annotations
     'Recording.received': '(self)',
     'Recording.tables': '(self)',
     'Recording.to_pandas': '(self, origin_ns=None)',
+    'SlipEstimate.at': '(self, stamp_ns)',
     'SlipEstimate.columns': '(self)',
     'SlipEstimate.to_pandas': '(self, origin_ns=None)',
     'TreadFilm': '(*, length=0.02, contact_length=0.046, bending_peak=0.83, bending_alpha=67.0, '

@@ -10,11 +10,13 @@
 
 """The command line, tables and results of a benchmark."""
 
+from dataclasses import replace
 from functools import partial
 import json
 import sys
 
-from benchmarks.harness import Benchmark, figure_table, markdown, percent
+from benchmarks.harness import (
+    Benchmark, check_ranges, figure_table, markdown, percent, Range, run_benchmark)
 from benchmarks.scoring import Errors, Run
 import pytest
 
@@ -53,6 +55,25 @@ def test_a_table_becomes_markdown():
     table = figure_table('Errors', [('sand', {'mu.rms': 0.123})], [percent('mu\n[%]', 'mu.rms')])
     assert markdown(table).splitlines() == [
         'Errors', '', '|  | mu [%] |', '| --- | --- |', '| sand | 12.3 |']
+
+
+def test_a_figure_outside_its_range_fails_after_all_are_printed(capsys):
+    low, high = Range('low [ms]', 1.0, 2.0), Range('high', 0.25, 3.0)
+    assert run_benchmark('own', lambda: check_ranges([(low, 1.0), (high, 3.0)])) == 0
+    text = capsys.readouterr().out
+    assert 'low [ms]' in text and '0.25 to 3' in text and 'OUTSIDE' not in text
+    for value in 0.9, 2.1, float('nan'):
+        assert run_benchmark('own', partial(check_ranges, [(low, value), (high, 3.0)])) == 1
+        out, error = capsys.readouterr()
+        assert out.count('OUTSIDE') == 1 and 'high' in out
+        assert error == 'benchmarks.own: outside the range of docs/benchmarks.md: low [ms]\n'
+
+
+def test_a_benchmark_checks_its_ranges(tmp_path, capsys):
+    one = replace(BENCHMARK, in_ranges=lambda rows: [
+        (Range('mu', 0.0, 0.01), rows['first']['mu.max'])])
+    assert one.main(['--quick', '--runs', 'first', '--out', str(tmp_path)]) == 1
+    assert 'OUTSIDE' in capsys.readouterr().out
 
 
 def test_results_of_an_earlier_run_are_kept_unless_forced(tmp_path, capsys):
