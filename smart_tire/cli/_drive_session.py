@@ -50,6 +50,10 @@ SILENCE_TIME = 3.0   # s without a report, nominally four per second
 MIN_MEAN_SPEED = 0.05  # m/s, expected at least
 EXTRA_TIME = 30.0    # s, beyond the time at this speed
 REPORT_TIME = 1.5        # s, in which a controller that follows a path has reported it
+RECORDED = (  # of a simulated robot: what an analysis of the bag needs
+    'odom', 'imu/data', 'wheel_states', 'tire_samples', 'ground_truth/odom',
+    'ground_truth/wheel_slip', 'ground_truth/tire_friction')
+RECORDED_REST = 2.0      # s before a drive, in which an analysis of the bag finds the gyro bias
 STANDSTILL_TIME = 1.0    # s that are recorded after the end of a path
 ZERO_TIME = 0.5          # s in which standstill is commanded after the keys were released
 REASON_TIME = 5.0        # s until a reason is in the diagnostics, which come once a second
@@ -138,9 +142,16 @@ class Session:
     def record(self, bag: Path, awaited: Sequence[str] = ('odom',)) -> None:
         """Start to record all topics; wait until the recorder receives those ``awaited``."""
         self.stack.start(RECORDER, 'smart_tire.cli.main', 'record', '--out', str(bag))
-        self.wait(lambda: all(re.search(rf'recording \S*/{topic}\b', self.stack.log(RECORDER))
-                              for topic in awaited), START_TIMEOUT,
-                  RobotError(f'the recorder does not receive {" and ".join(awaited)}'))
+        missing = list(awaited)
+
+        def complete() -> bool:
+            log = self.stack.log(RECORDER)
+            missing[:] = [topic for topic in missing if not re.search(
+                rf'recording {re.escape(self.pilot.resolve_topic_name(topic))}$', log, re.M)]
+            return not missing
+        self.wait(complete, START_TIMEOUT)
+        if missing:
+            raise RobotError(f'the recorder does not receive {", ".join(missing)}')
 
     def wait(self, condition: Callable[[], bool], seconds: float,
              error: Exception | None = None) -> None:

@@ -137,14 +137,14 @@ def _drive(out: Path, params: Path, pilot: Callable[[], Any], nodes: Sequence[st
     """Drive both acts and record them; return the time intervals of the legs."""
     # before the robot, which waits for this program
     from smart_tire.cli._dashboard import Dashboard
-    from smart_tire.cli._drive_session import started
+    from smart_tire.cli._drive_session import RECORDED, started
     from smart_tire.control.path_library import figure_eight
     eight = figure_eight(EIGHT_RADIUS).poses
     with started(out, [params], pilot, nodes=nodes) as session:
         if view:
             session.stack.start_viewer('--params', str(params))
         session.pilot.enable_path()
-        session.record(out / 'bag')
+        session.record(out / 'bag', RECORDED)
         with Dashboard() as dashboard:
             intervals = _drive_legs(session, dashboard)
             _drive_paths(session, dashboard, eight)

@@ -115,7 +115,7 @@ def _remove_results(out: Path) -> None:
 def _session(args: argparse.Namespace, pilot: Callable[[], Any],
              stopped: StopRequest) -> Iterator[Session]:
     """Start the nodes unless the robot runs, and the recorder; stop all at the end."""
-    from smart_tire.cli._drive_session import FOLLOWER, started
+    from smart_tire.cli._drive_session import FOLLOWER, RECORDED, RECORDED_REST, started
     from smart_tire.cli._stack import write_parameters
     params = [] if args.robot else [
         write_parameters(args.out, FILES[0], args.seed, {}), *args.params]
@@ -133,7 +133,8 @@ def _session(args: argparse.Namespace, pilot: Callable[[], Any],
         if args.view:
             session.stack.start_viewer(*(word for file in params
                                          for word in ('--params', str(file))))
-        session.record(args.out / 'bag')
+        session.record(args.out / 'bag', ('odom',) if args.robot else RECORDED)
+        session.wait(lambda: False, RECORDED_REST)
         yield session
 
 

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -167,6 +168,24 @@ def test_a_late_host_is_the_only_reason_but_not_for_orders(cause, named):
     assert session_of(pilot).reason(PathState.REFUSED) == 'too old'
     pilot.health['imu_driver'] = {}
     assert session_of(pilot).late_host == ''
+
+
+def test_a_recording_begins_when_all_awaited_topics_are_received(monkeypatch):
+    received = ['/r1/ground_truth/odom', '/r1/imu/data_raw', '/r1/imu/data', '/r1/odom']
+    log = []
+    stack = SimpleNamespace(
+        check_alive=lambda: None, start=lambda *words: log.clear(),
+        log=lambda name: ''.join(f'[recorder]: recording {topic}\n' for topic in log))
+    pilot = SimpleNamespace(resolve_topic_name=lambda topic: f'/r1/{topic}')
+    session = Session(stack, SimpleNamespace(
+        node=pilot, spin=lambda seconds: log.append(received[len(log)])))
+    session.record(Path('bag'), ('imu/data', 'odom'))
+    assert log == received
+    session.record(Path('bag'), ('imu/data',))
+    assert log == received[:3]
+    monkeypatch.setattr(_drive_session, 'START_TIMEOUT', 0.0)
+    with pytest.raises(RobotError, match='the recorder does not receive odom$'):
+        session.record(Path('bag'), ('odom',))
 
 
 def test_a_pose_of_the_standing_robot_that_is_measured_from_now_on_is_awaited(monkeypatch):
