@@ -28,7 +28,7 @@ from smart_tire.checks.recording import CheckedRecording, finding
 from smart_tire.checks.stalls import delays, due_ns, least_delays, runs
 from smart_tire.estimation.streams import INPUTS
 from smart_tire.findings import counted, Finding, Level
-from smart_tire.host_load import other_problems
+from smart_tire.host_load import FACTOR, other_problems
 from smart_tire.messages import NANOSEC, TOPICS
 from smart_tire.numerics.robust import MAD_TO_SIGMA
 from smart_tire.parameters import NODE_PARAMS
@@ -45,7 +45,8 @@ def check_host(recording: CheckedRecording) -> Iterator[Finding]:
     """Yield that the host was late; what this explains is not reported by the other checks."""
     stalls, reported = recording.stalls, recording.stalls.reported
     if reported is not None and reported.late:
-        if recording.host is None:
+        if recording.host is None and not any(
+                FACTOR in status.values for _, status in recording.statuses):  # its time waits
             yield finding('host_late', 'host', host=reported)
     elif stalls.shared:
         begin, duration = stalls.spans().T

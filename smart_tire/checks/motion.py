@@ -140,6 +140,8 @@ def _contradicted_radius(recording: CheckedRecording) -> tuple[list[Finding], Ch
     if abs(error) <= max(limits.SIGMAS * sigma, limits.TOLERANCE * robot.wheel_radius) + slip:
         fits = abs(error) - slip < sigma < 0.5 * limits.MAX_SIGMA * abs(value)
         return [finding('radius_fits', 'wheel_radius', **shown)] if fits else [], recording
+    if not _radii(recording, one_way=False):
+        return [], recording
     if value < 0.0 or not all(abs(weighted_mean(half)[0] - value) < 0.5 * abs(error)
                               for half in map(_radii, _halves(recording)) if half):
         return [], recording  # no radius: the forces have another cause
@@ -330,10 +332,14 @@ def correlation(first: Array, second: Array) -> float:
         return float(np.corrcoef(first, second)[0, 1])
 
 
-def _radii(recording: CheckedRecording) -> list[Uncertain]:
-    """Return the rolling radii [m] that turns and changes of the speed determine."""
+def _radii(recording: CheckedRecording, *, one_way: bool = True) -> list[Uncertain]:
+    """
+    Return the rolling radii [m] that turns and changes of the speed determine.
+
+    In turns in one direction the force may be that of a bias or of another place of the IMU.
+    """
     found, turns = [], lateral_fit(recording)
-    if turns is not None:
+    if turns is not None and (one_way or turns.both_ways):
         found.append((turns.radius, turns.signal))
     try:
         assert recording.motion is not None  # the robot drives

@@ -15,11 +15,12 @@ from __future__ import annotations
 from benchmarks.robots.draws import draw
 import pytest
 from smart_tire.bags import Bag
-from smart_tire.checks import CHECKS, findings
+from smart_tire.checks import CHECKS, findings, LIVE
 from smart_tire.checks.recording import read
 from smart_tire.findings import Level
-from smart_tire.parameters import RobotParams
+from smart_tire.parameters import build, RobotParams, SimulatorParams
 from smart_tire.parameters.robot import TreadFilmParams
+from smart_tire.simulation.offline import simulate
 from support.checked import clean, problems, recording, texts
 from support.real_recordings import real_recording
 
@@ -42,6 +43,15 @@ def test_a_clean_drive_has_no_warnings(seed, base):
 def test_a_drive_that_excites_little_proves_nothing(seed, base, drive, wheel_rate):
     robot = RobotParams(film=TreadFilmParams(wheels=()))
     assert texts(problems(clean(seed, base, drive, wheel_rate, robot), robot)) == ''
+
+
+@pytest.mark.parametrize('seed, drive, seconds', [
+    (68, (120.0, 60.0), 6.0), (68, (120.0, 60.0), 8.0), (71, (60.0, 120.0), 5.0)])
+def test_the_first_turn_in_one_direction_shows_no_radius(seed, drive, seconds):
+    params = build(SimulatorParams, {'seed': seed, 'film.wheels': []})
+    found = findings(recording([event for event in simulate(params, [(2.5, *drive)], seconds)
+                                if event[1] in ('imu/data', 'wheel_states')], params.robot), LIVE)
+    assert not [one for one in found if one.level is Level.ERROR]
 
 
 def test_a_straight_drive_whose_yaw_rate_follows_the_speed_has_no_errors():

@@ -22,7 +22,7 @@ from smart_tire.bags import SampleDecoder
 from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.checks import causes, films, messages, motion, sensors
 from smart_tire.checks.recording import CheckedRecording
-from smart_tire.host_load import HostLoad
+from smart_tire.host_load import FACTOR, HostLoad
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import EncoderParams, ImuParams, TireParams, TreadFilmParams
@@ -165,6 +165,12 @@ def test_a_late_host_is_named_with_its_load(typical, level):
     text = texts(messages.check_host(diagnosed((1, 'motor_driver', 0, 'ok', values))))
     assert text == (level and f'{level} host: timers late by 31 ms (99%), load 36.0 on 2 cores: '
                               'end other programs')
+
+
+def test_a_late_host_does_not_matter_to_a_simulated_time_that_waits_for_it():
+    values = {key: str(value) for key, value in HostLoad(0.4, 0.4, 36.0, 2).values.items()}
+    assert not texts(messages.check_host(diagnosed(
+        (1, 'motor_driver', 0, 'ok', values), (1, 'robot_simulator', 0, 'ok', {FACTOR: '0.6'}))))
 
 
 def test_many_lost_batches_are_a_warning():
