@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from smart_tire.analysis import figure
+from smart_tire.analysis.figures import MAX_CROSSING_GAP
 from smart_tire.analysis.metrics import compared_poses, measured, SIDES
 from smart_tire.errors import EstimatorError
 from smart_tire.estimates import Estimates, FrictionEstimate, SlipEstimate, Truth
@@ -48,13 +49,18 @@ def plot(estimates: Estimates, truth: Truth | None = None) -> Figure:
         paths += figure.truth_marks(figure.Curve(
             *compared_poses(pose, truth.pose).true[:, :2].T))
     panels = [figure.Panel(paths, 'x [m]', 'y [m]', 'path', equal=True)] if known else []
-    for title, marks in (
-            ('slip ratio [-]', [*_slips(slip, origin_ns),
-                                *(_true_slips(truth.slip, origin_ns) if truth else ())]),
-            ('friction coefficient [-]', [*_frictions(friction, origin_ns)])):
+    end = float(seconds(stamps, origin_ns).max())
+    slips = [*_slips(slip, origin_ns), *(_true_slips(truth.slip, origin_ns) if truth else ())]
+    frictions = [*_frictions(friction, origin_ns)]
+    bars = [mark.curve.y + sign * mark.curve.reach for mark in frictions for sign in (-1.0, 1.0)]
+    if frictions and truth is not None:
+        frictions += _true_frictions(truth.friction, origin_ns)
+    for title, marks, shown in (
+            ('slip ratio [-]', slips, [mark.curve.y for mark in slips]),
+            ('friction coefficient [-]', frictions, bars)):
         if marks:
-            panels.append(figure.Panel(marks, figure.TIME_LABEL, title, y_limits=figure.limits(
-                [mark.curve.y for mark in marks], 0.05)))
+            panels.append(figure.Panel(marks, figure.TIME_LABEL, title, x_limits=(0.0, end),
+                                       y_limits=figure.limits(shown, 0.05)))
     return render(figure.Figure('estimates', 'Path, slip and friction', figure.TWO_SIGMA,
                                 [[panel] for panel in panels], panel_legends=True))
 
@@ -72,6 +78,14 @@ def _true_slips(slip: SlipEstimate, origin_ns: int) -> Iterator[figure.Mark]:
     for wheels in SIDES.values():
         yield from figure.truth_marks(figure.interrupted(figure.Curve(
             seconds(slip.stamp_ns, origin_ns), slip.ratio[:, wheels].mean(axis=1))))
+
+
+def _true_frictions(friction: FrictionEstimate, origin_ns: int) -> Iterator[figure.Mark]:
+    for wheel in sorted(set(friction.wheel)):
+        own = friction.of(wheel)
+        yield from figure.truth_marks(figure.interrupted(figure.Curve(
+            seconds(own.stamp_ns, origin_ns), own.friction_coefficient.value),
+            MAX_CROSSING_GAP), 'mid')
 
 
 def _frictions(friction: FrictionEstimate, origin_ns: int) -> Iterator[figure.Mark]:

@@ -125,6 +125,13 @@ def test_a_plot_has_path_slip_and_friction_with_the_truth(recording, estimates):
     found = np.concatenate([one.lines[0].get_xdata() for one in friction.containers])
     known = estimates.friction.stamp_ns[np.isfinite(estimates.friction.friction_coefficient.value)]
     assert sorted(found) == pytest.approx((np.sort(known) - begin_ns) / 1e9)
+    assert slip.get_xlim() == friction.get_xlim()
+    true = recording.truth.friction.friction_coefficient.value
+    dashed = [line.get_ydata() for line in friction.lines if line.get_linestyle() == '--']
+    assert {*np.concatenate(dashed).round(6)} == {*true.round(6)}
+    mu = estimates.friction.friction_coefficient
+    typical = np.nanmedian(mu.value), 2.0 * np.median(mu.sigma[np.isfinite(mu.sigma)])
+    assert friction.get_ylim()[0] < typical[0] - typical[1] < sum(typical) < friction.get_ylim()[1]
 
 
 def test_a_plot_without_truth_or_friction_has_fewer_lines_and_panels(estimates):
