@@ -59,6 +59,8 @@ def main() -> int:
         status = smart_tire(['report', str(args.bag), '--params', str(args.params),
                              '--out', str(page)])
         if status == 0:
+            text = page.read_text(encoding='utf-8')
+            page.write_text(text.replace(f'{Path.cwd()}/', ''), encoding='utf-8')
             take(page, args.out)
     return status
 

@@ -2,7 +2,8 @@
 (() => {
   const LIGHT = {
     ink: '#1c2733', shade: '#7a8793', grid: '#e3e7eb', paper: '#ffffff',
-    blue: '#0072b2', vermillion: '#d55e00', orange: '#e69f00', sky: '#56b4e9', green: '#009e73',
+    blue: '#0072b2', vermillion: '#d55e00', orange: '#e69f00', sky: '#56b4e9',
+    green: '#009e73', purple: '#cc79a7',
   };
   const DARK = {
     ...LIGHT, ink: '#e6eaee', shade: '#8794a1', grid: '#2b343e', paper: '#14191f',

@@ -11,17 +11,34 @@
 """Plots: bands per run of values, digits, gaps, legends, and the number of points."""
 
 import math
+from pathlib import Path
+import re
 
 import numpy as np
 import pytest
 
 from smart_tire.analysis.figure import (
-    Curve, decimated, Figure, Mark, MAX_POINTS, Panel, truth_marks)
+    COLORS, Curve, decimated, Figure, Mark, MAX_POINTS, Panel, truth_marks)
+from smart_tire.analysis.html_report import plots
 from smart_tire.analysis.html_report.plots import plotly_spec
 
 CURVE = Curve(np.array([0.0, 1.0, 2.0, 3.00049]), np.array([1.0, 1.23456789, math.nan, 3.0]),
               np.array([0.5, 0.1, 0.2, 0.25]))
 COUNT = 60_000
+
+
+def test_the_page_has_each_color_of_the_palette():
+    script = Path(plots.__file__).with_name('page.js').read_text(encoding='utf-8')
+    light = re.search(r'LIGHT = \{(.*?)\}', script, re.DOTALL)[1]
+    found = dict(re.findall(r"(\w+): '(#\w+)'", light))
+    assert found.keys() >= COLORS.keys()
+    assert {name: found[name] for name in COLORS if name not in ('ink', 'shade')} == {
+        name: color for name, color in COLORS.items() if name not in ('ink', 'shade')}
+
+
+def test_an_area_has_the_opacity_of_a_band_once():
+    trace, = spec(Mark(CURVE, 'ellipse', 'blue', 'area', opacity=0.2))['data']
+    assert trace['opacity'] == 1.0 and trace['fillcolor'] == '@blue_band'
 
 
 def spec(*marks, panels=1, **options):
