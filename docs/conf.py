@@ -48,6 +48,7 @@ autodoc_type_aliases = {'Array': 'Array', 'ArrayLike': 'ArrayLike', 'Instants': 
 python_display_short_literal_types = True
 python_use_unqualified_type_names = True
 
+smartquotes = False  # it makes a dash of the two hyphens of an option
 html_theme = 'furo'
 html_title = f'smart_tire {version}'
 html_math_renderer = 'mathml'
