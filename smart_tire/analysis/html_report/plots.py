@@ -113,7 +113,8 @@ def traces(mark: Mark, panel: Panel, labels: set[str]) -> list[Spec]:
         else f'%{{y:.4g}}{unit}'}
     color = f'@{mark.color}'
     if mark.kind == 'area':
-        return [{**trace, **_filled(color), 'opacity': 1.0, 'line': {'color': color, 'width': 0.8}}]
+        return [{**trace, **_filled(color), 'opacity': 1.0,
+                 'line': {'color': color, 'width': 0.8}}]
     if mark.kind == 'points':
         trace['marker'] = {'color': color, 'size': 1.5 * mark.width}
     else:
