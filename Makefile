@@ -4,7 +4,7 @@
 ifdef ROS_DISTRO
 PYTHON ?= python3
 VENV := .venv-$(ROS_DISTRO)
-EXTRAS := [test,view,camera]
+EXTRAS := [test,view,camera,fleet]
 CORE_EXTRAS :=
 else
 SUPPORTED := import ensurepip, sys, venv; sys.exit(not (3, 10) <= sys.version_info < (3, 14))
@@ -13,10 +13,10 @@ VENV := .venv
 PYTHON ?= $(firstword $(shell for python in $(VENV)/bin/python python3 python3.13 python3.12 \
 	python3.11 python3.10; do \
 	"$$python" -c '$(SUPPORTED)' 2> /dev/null && echo "$$python"; done; true))
-EXTRAS := [ros,test,lint,view,camera]
+EXTRAS := [ros,test,lint,view,camera,fleet]
 CORE_EXTRAS := [ros]
 # Number of packages with these extras, for the share of the installation that is done.
-PACKAGES := 124
+PACKAGES := 173
 CORE_PACKAGES := 100
 endif
 BIN = $(VENV)/bin

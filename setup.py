@@ -60,7 +60,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={PACKAGE: ['checks/findings.yaml', 'analysis/html_report/page.css',
                             'analysis/html_report/page.html', 'analysis/html_report/page.js',
-                            'cli/verbs.yaml', 'messages/topics.yaml',
+                            'cli/verbs.yaml', 'fleet/columns.yaml', 'messages/topics.yaml',
                             'parameters/urdf_templates.yaml', 'papers/sections.yaml', 'py.typed',
                             *(path.removeprefix(f'{PACKAGE}/') for path in TYPES)]},
     ext_modules=[
@@ -98,12 +98,15 @@ setup(
         'view': ['rerun-sdk>=0.24'],  # smart_tire view
         'pandas': ['pandas'],         # results as data frames
         'parquet': ['pandas', 'pyarrow'],
+        # many bags: URLs, data sets, clusters
+        'fleet': ['aiohttp', 'distributed', 'fsspec', 'pyarrow', 's3fs'],
         'evo': ['evo; python_version >= "3.11"'],  # a test compares with it
         # smart_tire overhead; opencv from 4.12 on needs a newer numpy than ROS Jazzy has
         'camera': ['filterpy>=2.0', 'opencv-python-headless>=4.7,<4.12'],
         'docs': ['furo', 'ipykernel', 'latex2mathml', 'myst-nb', 'pandas', 'sphinx'],
         'test': [
-            'hypothesis', 'pandas', 'pytest', 'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
+            'duckdb', 'flask', 'flask-cors', 'hypothesis', 'moto[s3]', 'pandas', 'pytest',
+            'pytest-cov', 'pytest-xdist', 'urdf-parser-py'],
         'lint': ['mypy==2.4.1', 'ruff==0.17.5'],
     },
     zip_safe=False,

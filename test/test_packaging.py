@@ -46,7 +46,10 @@ PIP_NAMES = {'serial': 'pyserial', 'yaml': 'pyyaml'}  # where module and distrib
 WITHOUT_KEY = {'lz4', 'mcap', 'plotly', 'rosbags', 'zstandard'}
 # module -> extra and distribution with it
 EXTRAS = {'rerun': ('view', 'rerun-sdk'), 'pandas': ('pandas', 'pandas'),
-          'cv2': ('camera', 'opencv-python-headless'), 'filterpy': ('camera', 'filterpy')}
+          'cv2': ('camera', 'opencv-python-headless'), 'filterpy': ('camera', 'filterpy'),
+          'aiohttp': ('fleet', 'aiohttp'), 'botocore': ('fleet', 's3fs'),
+          'distributed': ('fleet', 'distributed'), 'fsspec': ('fleet', 'fsspec'),
+          'pyarrow': ('fleet', 'pyarrow')}
 BUILD = {'cython': 'cython3'}  # module -> its key; used to build, and not needed to run
 OPTIONAL = {'tf2_msgs'}  # not among the wheels; used where it is installed
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
