@@ -70,6 +70,10 @@ class ParameterError(ForeignDataError, ValueError):
     """A parameter is unknown, of the wrong type, or outside its range."""
 
 
+class OutputError(ParameterError):
+    """What many inputs write to cannot be written, which ends all of them."""
+
+
 class RejectedError(ForeignDataError, ValueError):
     """A message is rejected, for a reason that gets into logs and diagnostics."""
 

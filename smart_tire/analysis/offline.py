@@ -18,11 +18,12 @@ from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 import json
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 import os
 from pathlib import Path
 import signal
+import threading
 from typing import Any, TypeVar
 
 import numpy as np
@@ -139,7 +140,8 @@ class EstimateWriter:
 def analyze(path: Path, out: Path | None, params: EstimatorParams,
             progress: Progress = lambda share: None, *, smooth: bool = False,
             names: TopicNames = STANDARD_NAMES, source: BagParams | None = None,
-            checks: bool = False, overhead: Path | None = None) -> Analysis:
+            checks: bool = False, overhead: Path | None = None,
+            origin: str | None = None) -> Analysis:
     """
     Analyze the bag at ``path``; write the bag ``out``/estimates and ``out``/summary.json.
 
@@ -147,9 +149,9 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     are the topics with other names in the bag; ``source``, where ``params`` are from, is written
     to the summary. With ``checks`` the contents have the warnings and errors of ``doctor``.
     ``overhead`` is a bag with the estimates of the overhead camera, instead of those in the first
-    bag. The bags of estimates carry ``params``. Nothing is written without ``out`` or if nothing
-    can be estimated; existing estimates are replaced. Raises BagError if a bag cannot be read or
-    ``out`` cannot be written.
+    bag. ``origin`` is the URL of which ``path`` is a copy. The bags of estimates carry
+    ``params``. Nothing is written without ``out`` or if nothing can be estimated; existing
+    estimates are replaced. Raises BagError if a bag cannot be read or ``out`` cannot be written.
     """
     names_out = ('estimates', 'smoothed') if smooth else ('estimates',)
     folders = [None if out is None else out / name for name in names_out]
@@ -185,7 +187,7 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
     analysis.smoothed = writers[1].estimates if smooth else None
     if not writers[0].empty:
         analysis.summary = {**_summary(
-            path, analysis, slip, None if source is None else source.tree,
+            origin or path, analysis, slip, None if source is None else source.tree,
             params.robot.wheel_radius), 'remap': dict(names.remap)}
         if out is not None:
             _write(out / 'summary.json', analysis.summary)
@@ -255,10 +257,12 @@ def prefetch(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]
     """
     Yield the items of ``items()``, computed in a second process if a second core is available.
 
-    Every item is pickled and sent through a pipe, so items should be few and large. Errors of
-    this package are raised here; the process ends when the iterator is closed.
+    That is not so in a process or thread of several, which read a bag each. Every item is pickled
+    and sent through a pipe, so items should be few and large. Errors of this package are raised
+    here; the process ends when the iterator is closed.
     """
-    if len(os.sched_getaffinity(0)) < 2:
+    if len(os.sched_getaffinity(0)) < 2 or parent_process() is not None or (
+            threading.current_thread() is not threading.main_thread()):
         yield from items()
         return
     context = get_context('fork')  # spawning an interpreter takes longer than most bags
@@ -309,7 +313,7 @@ def _remove_old_bag(folder: Path) -> None:
         raise BagError(f'{folder}: cannot be replaced ({error.strerror})') from error
 
 
-def _summary(path: Path, analysis: Analysis, slip: SlipEstimator | SmoothedSlip,
+def _summary(path: Path | str, analysis: Analysis, slip: SlipEstimator | SmoothedSlip,
              source: Tree | None, wheel_radius: float) -> Tree:
     contents = analysis.contents
     fastest = wheel_radius * float(np.nanmax(np.abs(contents.inputs.speeds()[1]), initial=0.0))

@@ -16,13 +16,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from smart_tire.analysis.errors import ErrorCurve
 from smart_tire.analysis.figure import TRUTH
 from smart_tire.analysis.metrics import SIDES
 from smart_tire.analysis.summary import errors_in, plain, Tree
 from smart_tire.bags import BagTopic
+from smart_tire.samples import NS_PER_S
 
 UNKNOWN = '-'
+FIRST_DATE_NS = 946_684_800 * NS_PER_S  # 2000-01-01; earlier timestamps are not dates
 LATEX = str.maketrans({'σ': r'$\sigma$', 'µ': r'$\mu$', '\\': r'\textbackslash{}', **{
     sign: f'\\{sign}' for sign in '%_&#{}$'}})
 CONSISTENT = '1 σ: 68 %, 2 σ: 95 % if the estimator is consistent'
@@ -83,6 +87,7 @@ class Table:
     rows: Sequence[Sequence[str]]
     text_columns: int = 1  # leading columns aligned to the left; the others are numbers
     note: str = ''         # what the title does not say
+    links: Sequence[str | None] = ()  # of each row, what its name leads to in HTML
 
     def lines(self) -> Iterator[str]:
         """Yield the title, and the rows as text in aligned columns; nothing without rows."""
@@ -108,6 +113,13 @@ class Table:
 def text(value: Any, form: str) -> str:
     """Return a number as text; a dash for None."""
     return UNKNOWN if value is None else f'{value:{form}}'
+
+
+def date_text(stamp_ns: int) -> str:
+    """Return a receive time as date and time; simulated time is not a date."""
+    if stamp_ns < FIRST_DATE_NS:
+        return f'date unknown (receive times start at {stamp_ns / NS_PER_S:.1f} s)'
+    return f'{np.datetime64(stamp_ns, "ns").astype("M8[s]")} UTC'.replace('T', ' ', 1)
 
 
 def value_of(tree: Tree | None, key: str) -> Any:

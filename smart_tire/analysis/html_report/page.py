@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from html import escape
 from importlib.resources import files
+from itertools import zip_longest
 import json
 from pathlib import Path
 from string import Template
@@ -178,15 +179,18 @@ def _figure(figure: Figure, time_range: tuple[float, float]) -> str:
 
 
 def _table(table: Table) -> str:
-    def cell(tag: str, column: int, text: str, scope: str = '') -> str:
+    def cell(tag: str, column: int, text: str, scope: str = '', link: str | None = None) -> str:
         style = ' class="text"' if column < table.text_columns else ''
-        return f'<{tag}{style}{scope}>{escape(text)}</{tag}>'
+        shown = f'<a href="{escape(link)}">{escape(text)}</a>' if link else escape(text)
+        return f'<{tag}{style}{scope}>{shown}</{tag}>'
 
     narrow = ' class="narrow"' if len(table.head) <= NARROW_COLUMNS else ''
     head = ''.join(cell('th', i, text, ' scope="col"') for i, text in enumerate(table.head))
     rows = '\n'.join(
-        '<tr>' + ''.join(cell('td' if i else 'th', i, text, '' if i else ' scope="row"')
-                         for i, text in enumerate(row)) + '</tr>' for row in table.rows)
+        '<tr>' + ''.join(cell('td' if i else 'th', i, text, '' if i else ' scope="row"',
+                              None if i else link)
+                         for i, text in enumerate(row)) + '</tr>'
+        for row, link in zip_longest(table.rows, table.links))
     caption = f'{table.title}. {table.note}'.strip()
     return (f'<div class="scroll">\n<table{narrow}>\n<caption>{escape(caption)}</caption>\n'
             f'<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table>\n</div>')
