@@ -13,14 +13,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, ExitStack, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from itertools import count as numbers
+import logging
+from logging.handlers import BufferingHandler
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
+import time
+from typing import Any, TYPE_CHECKING, TypeVar
 
-from smart_tire.errors import BagError, ParameterError, printable
+from smart_tire.cli._progress import ProgressLine, remaining
+from smart_tire.errors import BagError, ParameterError, printable, SmartTireError
 from smart_tire.findings import Finding, Level
+from smart_tire.fleet import is_url, jobs_for, local_bag, run_each, Source
+from smart_tire.fleet.running import Outcome
 
 if TYPE_CHECKING:
     from smart_tire.analysis.pipeline import BagParams
@@ -30,6 +39,11 @@ if TYPE_CHECKING:
 
 REQUIRED = ('imu/data', 'wheel_states')  # inputs without which nothing is estimated
 ESTIMATED, NOTHING_ESTIMATED, DIVERGED, USAGE, CONTRADICTED = 0, 1, 1, 2, 4  # exit statuses
+FAILED = 1
+BAG_LOGGER = 'smart_tire.bags'  # of the losses
+MAX_LOSSES = 100  # lines about a bag
+Item = TypeVar('Item')
+Value = TypeVar('Value')
 
 
 def check_options(args: argparse.Namespace) -> None:
@@ -108,17 +122,92 @@ def bag_settings(paths: Sequence[Path], args: argparse.Namespace,
     return *found[0], status
 
 
-def each_bag(args: argparse.Namespace, outs: Sequence[Path],
-             work: Callable[[Path, Path, argparse.Namespace], int]) -> int:
-    """Call ``work`` with each bag and its output; return the largest exit status."""
+@dataclass(frozen=True)
+class BagCall:
+    """
+    A call of ``work`` with bag and output, the options, and the place of the bag, if it is a URL.
+
+    It may be in another process, so that what it prints and logs is part of the result.
+    """
+
+    work: Callable[[Path, Any, argparse.Namespace, str | None], Any]
+    args: argparse.Namespace
+    captured: bool  # else it prints and logs itself
+
+    def __call__(self, job: tuple[Source, Any]) -> tuple[Any, str, list[str]]:
+        """Return result, or the error of the bag, printed text and logged losses."""
+        source, out = job
+        text, log, copy = StringIO(), BufferingHandler(MAX_LOSSES), ''
+        with ExitStack() as stack:
+            if self.captured or is_url(source):
+                stack.enter_context(redirect_stdout(text))
+                logger = logging.getLogger(BAG_LOGGER)
+                logger.addHandler(log)
+                stack.callback(logger.removeHandler, log)
+            try:
+                with local_bag(source, time.sleep) as bag:
+                    copy = str(bag)
+                    url = str(source) if is_url(source) else None
+                    found: Any = self.work(bag, out, self.args, url)
+            except SmartTireError as error:
+                found = error
+        printed = text.getvalue()
+        return (found, printed.replace(copy, str(source)) if copy else printed,
+                [str(record.args[1]) for record in log.buffer if isinstance(record.args, tuple)])
+
+
+def each_bag(args: argparse.Namespace, outs: Sequence[Any],
+             work: Callable[[Path, Any, argparse.Namespace, str | None], tuple[int, Any]]
+             ) -> tuple[int, dict[Any, Any]]:
+    """
+    Call ``work`` with each bag, its output, the options, and the URL of the bag or None.
+
+    It returns exit status and result. Return the largest status, and output -> result. Prints
+    what ``work`` prints; a bag that cannot be read does not stop the others.
+    """
+    found: dict[Any, Any] = {}
     status = ESTIMATED
-    for bag, out in zip(args.bags, outs):
-        try:
-            status = max(status, work(bag, out, args))
-        except BagError as error:
-            print(f'smart_tire {args.verb}: {error}', file=sys.stderr)
-            status = USAGE
-    return status
+    call = BagCall(work, args, captured=len(outs) > 1)
+    with closing(each_item(args, call, list(zip(args.bags, outs)))) as results:
+        for (source, out), value in results:
+            result, text, losses = (value, '', []) if isinstance(value, BaseException) else value
+            sys.stdout.write(text)
+            for line in losses:  # later ones of the same bag are more complete
+                logging.getLogger(BAG_LOGGER).warning('%s: %s', source, line)
+            if isinstance(result, BaseException):
+                print(f'smart_tire {args.verb}: {error_text(result)}', file=sys.stderr)
+                own = USAGE if isinstance(result, (BagError, ParameterError)) else FAILED
+            else:
+                own, found[out] = result
+            status = max(status, own)
+    return status, found
+
+
+def each_item(args: argparse.Namespace, function: Callable[[Item], Value], items: Sequence[Item],
+              *, isolated: bool = False) -> Generator[Outcome[Item, Value], None, None]:
+    """
+    Yield the results of ``run_each`` with ``--jobs`` and ``--dask``, and show the progress.
+
+    A single item is computed in this process unless ``isolated``.
+    """
+    jobs = jobs_for(len(items), args.jobs) if isolated or len(items) > 1 else 0
+    begin = time.monotonic()
+    with ExitStack() as stack:
+        results = stack.enter_context(closing(run_each(
+            function, items, jobs=jobs, cluster=args.dask, wait=time.sleep)))
+        progress = stack.enter_context(ProgressLine(f'smart_tire {args.verb}')) if len(
+            items) > 1 else None
+        for done in numbers():
+            if progress is not None:
+                progress.show(remaining(done, len(items), time.monotonic() - begin))
+            if (result := next(results, None)) is None:
+                return
+            yield result
+
+
+def error_text(error: BaseException) -> str:
+    """Return what is printed of an error; one that is not of this package has its type."""
+    return str(error) if isinstance(error, SmartTireError) else f'{type(error).__name__}: {error}'
 
 
 def print_errors(errors: Iterable[Finding], prefix: str = '') -> int:

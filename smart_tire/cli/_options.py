@@ -24,10 +24,11 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from smart_tire.fleet.sources import bags_of, is_url, path_of, Source
 from smart_tire.paths import check_file, check_writable, find_bag, is_analysis
 
 BAGS, FILES = ('bag', 'bags', 'lifted', 'overhead', 'truth'), ('params', 'variants', 'data')
-OUTPUTS, RUNS = ('out', 'save'), ('runs',)  # runs are bags or analyses
+OUTPUTS, RUNS = ('out', 'save', 'dataset'), ('runs',)  # runs are bags or analyses
 CONFIRMATION = 'drive'
 STEP_NAMES = ('rest', 'straight', 'turns', 'lifted')  # of a calibration
 
@@ -43,6 +44,18 @@ def positive(text: str) -> float:
 def not_negative(text: str) -> float:
     """Return ``text`` as a number; raise ValueError unless it is non-negative and finite."""
     return 0.0 if float(text) == 0.0 else positive(text)
+
+
+def source(text: str) -> Source:
+    """Return the path or URL of a bag."""
+    return text if is_url(text) else path_of(text)
+
+
+def count(text: str) -> int:
+    """Return ``text`` as a number; raise ValueError unless it is 1 or more."""
+    if (number := int(text)) < 1:
+        raise ValueError(text)
+    return number
 
 
 def step_and_bag(text: str) -> tuple[str, Path]:
@@ -62,11 +75,17 @@ def check_paths(args: argparse.Namespace) -> None:
 
     Raises BagError or ParameterError for the first path that cannot be used.
     """
+    several = hasattr(args, 'jobs')  # of the verb, which takes any number of bags
+    if several:
+        args.bags = [bag for one in args.bags for bag in _all_found(one)]
     for names, check in ((BAGS, _found), (RUNS, _found_run), (FILES, check_file),
                          (OUTPUTS, check_writable)):
         for name in names:
-            if hasattr(args, name):
+            if hasattr(args, name) and not (several and name == 'bags'):
                 setattr(args, name, _checked(getattr(args, name), check))
+    if getattr(args, 'dask', ''):  # workers have another working directory
+        for name in {*BAGS, *FILES, *OUTPUTS} & vars(args).keys():
+            setattr(args, name, _checked(getattr(args, name), Path.absolute))
 
 
 def _checked(given: Any, check: Callable[[Path], Path | None]) -> Any:
@@ -81,6 +100,16 @@ def _found(path: Path) -> Path:
     if bag != path:
         print(f'{path}: reading the bag {bag}', file=sys.stderr)
     return bag
+
+
+def _all_found(argument: Source) -> list[Source]:
+    """Return the bags that an argument names; print how many, or which one, if not this one."""
+    bags = bags_of([argument])
+    if len(bags) > 1:
+        print(f'{argument}: reading {len(bags)} bags', file=sys.stderr)
+    elif str(bags[0]) != str(argument):
+        print(f'{argument}: reading the bag {bags[0]}', file=sys.stderr)
+    return bags
 
 
 def _found_run(path: Path) -> Path:

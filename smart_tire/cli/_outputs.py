@@ -24,6 +24,7 @@ from pathlib import Path
 import re
 
 from smart_tire.errors import ParameterError
+from smart_tire.fleet import is_url, path_of, Source
 from smart_tire.paths import BAG_METADATA, bag_name
 
 # of analysis/figures.py and, for followed paths, analysis/drive_report.py
@@ -41,16 +42,23 @@ def export_names(formats: Iterable[str]) -> list[str]:
             for name in (PATHS if form in ('tum', 'kitti') else TABLES)]
 
 
-def folder_names(bags: Sequence[Path]) -> list[str]:
+def folder_names(bags: Sequence[Source]) -> list[str]:
     """Return a name for each bag: its own, or that of the nearest folder where they differ."""
-    levels = zip(*([bag_name(bag), *reversed(bag.resolve().parent.parts)] for bag in bags))
+    paths = list(map(path_of, bags))
+    levels = zip(*([bag_name(path), *reversed(path.resolve().parent.parts)] for path in paths))
     return next((list(names) for names in levels if len(set(names)) == len(names)),
-                [bag_name(bag) for bag in bags])
+                [bag_name(path) for path in paths])
 
 
-def next_to(bag: Path, what: str) -> Path:
-    """Return the path of results next to ``bag``, or to the bag of which it is a file."""
-    path = bag.resolve()
+def next_to(bag: Source, what: str) -> Path:
+    """
+    Return the path of results next to ``bag``, or to the bag of which it is a file.
+
+    Those of a URL are in the working directory.
+    """
+    if is_url(bag):
+        return Path(f'{bag_name(path_of(bag))}_{what}')
+    path = path_of(bag).resolve()
     if not path.is_dir() and (path.parent / BAG_METADATA).exists():
         path = path.parent
     return path.with_name(f'{bag_name(path)}_{what}')
@@ -81,9 +89,9 @@ def lock(folder: Path) -> None:
         raise ParameterError(f'{folder}: cannot be written ({error.strerror})') from error
 
 
-def refuse_existing(paths: Iterable[Path], *, force: bool, inputs: Iterable[Path] = ()) -> None:
+def refuse_existing(paths: Iterable[Path], *, force: bool, inputs: Iterable[Source] = ()) -> None:
     """Raise ParameterError if a path is an input or, without ``force``, if one exists."""
-    read = {path.resolve() for path in inputs}
+    read = {path_of(path).resolve() for path in inputs}
     for path in paths:
         if path.resolve() in read:
             raise ParameterError(f'{path} is an input: choose another --out')
@@ -103,10 +111,10 @@ def refuse_existing_bag(folder: Path, *, force: bool) -> None:
                              'choose another --out')
 
 
-def refuse_folder_of_bag(out: Path, bags: Iterable[Path]) -> None:
+def refuse_folder_of_bag(out: Path, bags: Iterable[Source]) -> None:
     """Raise ParameterError if ``out`` is or is inside the folder of one of ``bags``."""
     for bag in bags:
-        path = bag.resolve()
+        path = path_of(bag).resolve()
         folder = path if path.is_dir() else path.parent
         inside = path.is_dir() or (folder / BAG_METADATA).exists()  # not if a single file
         if out.resolve() == folder or inside and folder in out.resolve().parents:

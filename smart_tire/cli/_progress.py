@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack, redirect_stdout
+from multiprocessing import parent_process
 import os
 import signal
 import sys
@@ -27,6 +28,7 @@ import time
 from typing import Any, TextIO
 
 PERIOD = 4.0  # s without output until a line, and between lines
+MINUTES_FROM = 120.0  # s
 DEFAULT_WIDTH = 80  # characters, of a terminal that does not know its own
 ERASE_LINE = '\r\x1b[K'
 
@@ -44,8 +46,10 @@ class ProgressLine:
         stream = stream or sys.__stderr__ or sys.stderr
         self._what, self._clock = what, clock  # clock in s
         self._number, self._on_terminal = stream.fileno(), stream.isatty()
+        self._silent = parent_process() is not None  # which shows how many bags are done
         # signals are handled by the main thread only
-        self._timer = timer and threading.current_thread() is threading.main_thread()
+        self._timer = timer and not self._silent and (
+            threading.current_thread() is threading.main_thread())
         self._start = self._latest = clock()
         self._text, self._shown = '', False
         self._stack = ExitStack()
@@ -76,6 +80,8 @@ class ProgressLine:
 
     def beat(self) -> None:
         """Write the line; on a terminal, in place of the previous one."""
+        if self._silent:
+            return
         self._latest = self._clock()
         text = self._text or f'working, {self._latest - self._start:.0f} s'
         text = f'{self._what}: {text}' if self._what else text
@@ -111,6 +117,15 @@ class _Watched:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+
+def remaining(done: int, total: int, seconds: float) -> str:
+    """Return how many of ``total`` are ``done`` after ``seconds``, and the time that is left."""
+    if not done:
+        return f'0 of {total}'
+    left = seconds * (total - done) / done
+    return f'{done} of {total}, ' + (
+        f'{left:.0f} s left' if left < MINUTES_FROM else f'{left / 60.0:.0f} min left')
 
 
 class Rate:

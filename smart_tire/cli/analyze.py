@@ -28,14 +28,23 @@ from smart_tire.cli._outputs import (
     refuse_folder_of_bag, remove, remove_bag, undone_if_interrupted)
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
+from smart_tire.fleet import Source
 from smart_tire.paths import bag_name, check_writable
 
 if TYPE_CHECKING:
     from smart_tire.analysis.result import Result
 
 
+MAX_COMPARED = 20  # bags; the paths of more cannot be distinguished in one figure
+
+
 def run(args: argparse.Namespace) -> int:
-    """Analyze all bags, compare several; return the largest exit status."""
+    """Analyze all bags, compare some, or write a data set; return the largest exit status."""
+    if args.dataset is not None:
+        from smart_tire.cli._dataset import write_dataset
+        return write_dataset(args)
+    if args.reports or args.robot:
+        raise ParameterError('--reports and --robot are for --dataset DIR')
     outs = output_folders(args.bags, args.out)
     common = args.out if len(outs) > 1 else None  # of the files that compare the results
     for out in outs.values():
@@ -45,17 +54,15 @@ def run(args: argparse.Namespace) -> int:
         refuse_existing([common / name for name in COMPARISON], force=args.force)
     check_options(args)
     check_overhead(args)
-    found: dict[str, Result] = {}
-    work = partial(analyze_one, found=found)
     with undone_if_interrupted(partial(remove_results, outs.values(), common, args)):
-        status = each_bag(args, list(outs.values()), work)
-        if len(found) > 1:
-            print_comparison({name: found[str(out)] for name, out in outs.items()
-                              if str(out) in found}, common, figure=not args.no_figures)
+        status, found = each_bag(args, list(outs.values()), analyze_one)
+        results = {name: one for name, out in outs.items() if (one := found.get(out)) is not None}
+        if len(results) > 1:
+            print_comparison(results, common, figure=not args.no_figures)
     return status
 
 
-def output_folders(bags: Sequence[Path], out: Path | None) -> dict[str, Path]:
+def output_folders(bags: Sequence[Source], out: Path | None) -> dict[str, Path]:
     """Return the folder for the results of each bag, by its name; raise ParameterError."""
     names = folder_names(bags)
     for name, count in Counter(names).items():
@@ -90,11 +97,13 @@ def result_names(args: argparse.Namespace) -> list[str]:
     return ['summary.json', *(() if args.no_figures else FIGURES), *export_names(args.formats)]
 
 
-def analyze_one(bag: Path, out: Path, args: argparse.Namespace, found: dict[str, Result]) -> int:
+def analyze_one(bag: Path, out: Path, args: argparse.Namespace, url: str | None
+                ) -> tuple[int, Result | None]:
     """
-    Analyze one bag, write the results to ``out``, print a report; return the exit status.
+    Analyze one bag, write the results to ``out``, print a report.
 
-    The result is added to ``found``.
+    ``bag`` may be a copy of that at ``url``. Return exit status, and the result if the bag is one
+    of a few, which are compared.
     """
     from smart_tire.analysis.export import export
     from smart_tire.analysis.offline import analyze
@@ -103,17 +112,17 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace, found: dict[str,
     with open_bag(bag, args) as (opened, source):
         params, shown = source.params, opened.notes
         if lacks_inputs(opened):
-            return NOTHING_ESTIMATED
+            return NOTHING_ESTIMATED, None
     with ProgressLine(bag_name(bag)) as progress:
         analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
                            names=opened.names, source=source, checks=args.checks,
-                           overhead=args.overhead)
+                           overhead=args.overhead, origin=url)
     status = print_errors(analysis.contents.errors)
     if analysis.summary is None:
         print(f'{bag}: nothing can be estimated')
         for text in analysis.contents.skipped:
             print(f'  skipped: {text}')
-        return NOTHING_ESTIMATED
+        return NOTHING_ESTIMATED, None
     for line in lines(analysis.summary):
         print(line)
     for note in analysis.contents.notes:
@@ -125,5 +134,5 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace, found: dict[str,
     result = analysis.result
     export(out, result.comparisons, args.formats)
     print(f'  written to {out}')
-    found[str(out)] = replace(result, inputs=SampleArrays())
-    return diverged(bag, analysis.summary, status)
+    compared = replace(result, inputs=SampleArrays()) if len(args.bags) <= MAX_COMPARED else None
+    return diverged(bag, analysis.summary, status), compared

@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
 
+from smart_tire.cli._bags import each_bag
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.findings import counted, Finding, Level, worst
@@ -33,27 +35,41 @@ STYLES = {Level.OK: 'green', Level.INFO: 'cyan', Level.WARNING: 'yellow', Level.
 
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return the exit status."""
-    console = Console()
-    with ProgressLine(timer=False) as progress:
-        if args.json:
-            found = list(_findings(args, progress))
-            print(to_json(found))
-        else:
-            found = print_findings(_findings(args, progress), console)
-            print_summary(found, console)
-    return status_of(found)
-
-
-def _findings(args: argparse.Namespace, progress: ProgressLine) -> Iterator[Finding]:
+    if args.bags:
+        status, found = each_bag(args, list(map(str, args.bags)), check_one)
+        if args.json and found:
+            trees = {bag: tree(one) for bag, one in found.items()}
+            print(json.dumps(trees if len(args.bags) > 1 else trees.popitem()[1], indent=2))
+        return status
     files, unreadable = _valid_files(args.params)
-    yield from unreadable
-    if args.bag is None:
+    with ProgressLine(timer=False) as progress:
         from smart_tire.cli._live_checks import live_findings
-        yield from live_findings(args, files, progress.show)
-    else:
-        from smart_tire.bags import Bag, TopicNames
-        with Bag(args.bag, TopicNames.parse(args.remap)) as bag:
-            yield from _with_parameters(bag, files, progress)
+        live = print_or_collect(args, chain(unreadable, live_findings(args, files, progress.show)))
+    if args.json:
+        print(json.dumps(tree(live), indent=2))
+    return status_of(live)
+
+
+def check_one(path: Path, name: str, args: argparse.Namespace, _: str | None
+              ) -> tuple[int, list[Finding]]:
+    """Print the findings in one bag, unless all are printed as JSON; return the exit status."""
+    from smart_tire.bags import Bag, TopicNames
+    if len(args.bags) > 1 and not args.json:
+        print(f'{name}:')
+    files, unreadable = _valid_files(args.params)
+    with ProgressLine(timer=False) as progress, Bag(path, TopicNames.parse(args.remap)) as bag:
+        found = print_or_collect(args, chain(unreadable, _with_parameters(bag, files, progress)))
+    return status_of(found), found
+
+
+def print_or_collect(args: argparse.Namespace, findings: Iterable[Finding]) -> list[Finding]:
+    """Return all findings, printed as soon as they are found if not as JSON."""
+    if args.json:
+        return list(findings)
+    console = Console()
+    found = print_findings(findings, console)
+    print_summary(found, console)
+    return found
 
 
 def _with_parameters(bag: Bag, files: Sequence[Path],
@@ -117,11 +133,9 @@ def print_summary(findings: list[Finding], console: Console) -> None:
         for level in (Level.ERROR, Level.WARNING)), highlight=False)
 
 
-def to_json(findings: Iterable[Finding]) -> str:
-    """Return the findings as a JSON document."""
-    found = list(findings)
-    return json.dumps({'level': worst(found).name.lower(),
-                       'findings': [one.tree for one in found]}, indent=2)
+def tree(findings: Sequence[Finding]) -> dict[str, Any]:
+    """Return the findings in a bag for a JSON document."""
+    return {'level': worst(findings).name.lower(), 'findings': [one.tree for one in findings]}
 
 
 def status_of(findings: Iterable[Finding]) -> int:

@@ -33,7 +33,8 @@ import sys
 from typing import Any
 
 import smart_tire
-from smart_tire.cli._options import check_paths, not_negative, positive, step_and_bag
+from smart_tire.cli._options import (
+    check_paths, count, not_negative, positive, source, step_and_bag)
 from smart_tire.errors import (
     BagError, did_you_mean, ParameterError, printable, SmartTireError)
 from smart_tire.yaml_text import load_own
@@ -41,7 +42,7 @@ from smart_tire.yaml_text import load_own
 VERBS: dict[str, Any] = load_own(
     Path(__file__).with_name('verbs.yaml').read_text(encoding='utf-8'))['verbs']
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
-         'not_negative': not_negative, 'step': step_and_bag}
+         'not_negative': not_negative, 'step': step_and_bag, 'source': source, 'count': count}
 COMPUTING = {  # without output
     'analyze', 'compare', 'identify', 'measure', 'overhead', 'recover', 'report', 'reproduce'}
 FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit statuses
@@ -200,6 +201,8 @@ def install_hint(module: str) -> str:
         return 'pip install smart_tire[view]'
     if module == 'pyarrow':
         return 'pip install smart_tire[parquet]'
+    if module.split('.')[0] in ('fsspec', 'distributed', 's3fs'):
+        return 'pip install smart_tire[fleet]'
     if module.split('.')[0] in ('cv2', 'filterpy'):
         return 'pip install smart_tire[camera]'
     return 'pip install smart_tire installs all dependencies'

@@ -25,37 +25,40 @@ from smart_tire.cli._bags import (
 from smart_tire.cli._outputs import refuse_existing, refuse_folder_of_bag
 from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
+from smart_tire.fleet import path_of, Source
 from smart_tire.paths import bag_name, write_text
-from smart_tire.samples import NS_PER_S
 
 SUFFIXES = ('.html', '.htm')
 DEMO_BAG = 'bag'  # folder of the bag in the output of "smart_tire demo", which has no name
-FIRST_DATE_NS = 946_684_800 * NS_PER_S  # 2000-01-01; earlier timestamps are not dates
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the reports of all bags; return the largest exit status."""
-    outs = output_files(args.bags, args.out)
+    outs = output_files(args.bags, args.out, Path.cwd() if args.dask else Path())
     for out in outs:
         refuse_folder_of_bag(out, args.bags)
     refuse_existing(outs, force=args.force, inputs=[*args.bags, *args.params])
     check_options(args)
     check_overhead(args)
-    return each_bag(args, outs, report_one)
+    return each_bag(args, outs, report_one)[0]
 
 
-def output_files(paths: Sequence[Path], out: Path | None) -> list[Path]:
-    """Return the file to write for each of ``paths``; raise ParameterError if two are equal."""
+def output_files(paths: Sequence[Source], out: Path | None, folder: Path) -> list[Path]:
+    """
+    Return the file to write for each of ``paths``, in ``folder`` if ``out`` is not given.
+
+    Raises ParameterError if two are equal.
+    """
     if out is not None and out.suffix in SUFFIXES:
         if len(paths) > 1:
             raise ParameterError(f'--out {out} is one file for {len(paths)} bags: give a folder')
         return [out]
-    names = [f'{report_name(path)}_report.html' for path in paths]
+    names = [f'{report_name(path_of(path))}_report.html' for path in paths]
     for name, count in Counter(names).items():
         if count > 1:
             raise ParameterError(f'{count} bags would be written to {name}: report them one by '
                                  'one')
-    return [(out or Path()) / name for name in names]
+    return [(out or folder) / name for name in names]
 
 
 def report_name(bag: Path) -> str:
@@ -64,14 +67,16 @@ def report_name(bag: Path) -> str:
     return bag.resolve().parent.name if name == DEMO_BAG else name
 
 
-def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
-    """Analyze one bag and write its report; return the exit status."""
+def report_one(bag: Path, out: Path, args: argparse.Namespace, url: str | None
+               ) -> tuple[int, None]:
+    """Analyze one bag, which may be a copy of that at ``url``, and write its report."""
     from smart_tire.analysis.html_report.content import report_of
     from smart_tire.analysis.html_report.page import html_page
     from smart_tire.analysis.offline import analyze
+    from smart_tire.analysis.tables import date_text
     with open_bag(bag, args) as (opened, source):
         if lacks_inputs(opened):
-            return NOTHING_ESTIMATED
+            return NOTHING_ESTIMATED, None
     with ProgressLine(report_name(bag)) as progress:
         result = analyze(bag, None, source.params, progress.share, names=opened.names,
                          source=source, checks=args.checks, overhead=args.overhead)
@@ -80,17 +85,10 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace) -> int:
         print(f'{bag}: nothing can be estimated, no report is written')
         for text in result.contents.skipped:
             print(f'  skipped: {text}')
-        return NOTHING_ESTIMATED
-    facts = [('Recorded', date_text(result.contents.start_ns)), ('Bag', str(bag.resolve())),
+        return NOTHING_ESTIMATED, None
+    facts = [('Recorded', date_text(result.contents.start_ns)), ('Bag', url or str(bag.resolve())),
              ('Report', f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC'),
              ('Software', f'smart_tire {smart_tire.__version__}')]
     write_text(out, html_page(report_of(result, source, report_name(bag), facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
-    return diverged(bag, result.summary, status)
-
-
-def date_text(stamp_ns: int) -> str:
-    """Return a receive time as date and time; simulated time is not a date."""
-    if stamp_ns < FIRST_DATE_NS:
-        return f'date unknown (receive times start at {stamp_ns / NS_PER_S:.1f} s)'
-    return f'{datetime.fromtimestamp(stamp_ns // NS_PER_S, timezone.utc):%Y-%m-%d %H:%M:%S} UTC'
+    return diverged(bag, result.summary, status), None

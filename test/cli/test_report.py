@@ -18,8 +18,8 @@ import shutil
 import pytest
 
 from smart_tire.analysis.pipeline import EstimatorParams
+from smart_tire.analysis.tables import date_text
 from smart_tire.bags import Bag, BagWriter, PARAMETERS_KEY
-from smart_tire.cli import report as verb
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.simulation.offline import simulate
@@ -47,7 +47,7 @@ def test_the_report_of_a_demo_folder_has_its_name(demo, tmp_path, monkeypatch, c
     assert '<h1>my_demo</h1>' in text and str(demo / 'bag') in text
     assert 'Software</dt><dd>smart_tire 0.' in text
     with Bag(demo / 'bag') as bag:
-        assert f'Recorded</dt><dd>{verb.date_text(bag.span_ns[0])}</dd>' in text
+        assert f'Recorded</dt><dd>{date_text(bag.span_ns[0])}</dd>' in text
     assert [path.name for path in tmp_path.iterdir()] == ['my_demo_report.html']
 
 
@@ -112,5 +112,5 @@ def test_a_file_instead_of_the_folder_is_an_error_in_one_line(demo, tmp_path, ca
 
 
 def test_simulated_time_is_not_a_date():
-    assert verb.date_text(946_684_800 * 10 ** 9) == '2000-01-01 00:00:00 UTC'
-    assert verb.date_text(12_300_000_000) == 'date unknown (receive times start at 12.3 s)'
+    assert date_text(946_684_800 * 10 ** 9) == '2000-01-01 00:00:00 UTC'
+    assert date_text(12_300_000_000) == 'date unknown (receive times start at 12.3 s)'
