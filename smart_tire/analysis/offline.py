@@ -133,7 +133,7 @@ class EstimateWriter:
             if self._writer is None:
                 _remove_old_bag(self._folder)
                 self._writer = self._bags.enter_context(BagWriter(
-                    self._folder, custom_data={PARAMETERS_KEY: self._params.text}))
+                    self._folder, custom_data={PARAMETERS_KEY: self._params.text}, live=False))
             self._writer.write_sample(topic_of(estimate), receive_ns, estimate)
 
 

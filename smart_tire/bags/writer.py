@@ -55,7 +55,7 @@ class BagWriter:
     The writer has no clock: chunks end by message time. If messages may stop arriving, call
     ``flush`` periodically. A new file begins with the first message after a file has ``max_size``
     [bytes], without its last chunk and its index, or ``max_duration`` [s] of message time. If it
-    is not ``live``, metadata.yaml is written at the end only.
+    is not ``live``, chunks are full, and metadata.yaml is written at the end only.
     """
 
     def __init__(self, directory: str | Path, *, ros_distro: str = '',
@@ -118,9 +118,11 @@ class BagWriter:
         self._contents.span.add(receive_ns)
         self._span.add(receive_ns)
         self._receive_ns = receive_ns
+        if not self._live:
+            return
         if abs(receive_ns - self._flushed_ns) >= FLUSH_PERIOD_NS:
             self.flush()
-        if self._live and abs(receive_ns - self._metadata_ns) >= METADATA_PERIOD_NS:
+        if abs(receive_ns - self._metadata_ns) >= METADATA_PERIOD_NS:
             self._metadata_ns = receive_ns
             self._write_metadata()
 

@@ -399,7 +399,8 @@ class SlipFilter:
         since: cython.double = 0.5 * dt + lag
         relaxation: cython.double = self.forces.relaxation
         self._step = 0.0
-        Q: cython.double[:, ::1] = np.zeros((N, N))
+        noise_added = np.zeros((N, N))
+        Q: cython.double[:, ::1] = noise_added
         for i in range(2):
             now: cython.double = sides[i]
             before: cython.double = self._sides[i]
@@ -411,7 +412,7 @@ class SlipFilter:
             self._step = max(self._step, step)
         self._sides = sides
         if self._step:
-            self.kalman.add_noise(np.asarray(Q))
+            self.kalman.add_noise(noise_added)
 
     def _add_sliding(self, innovation: float, H: Array, variance: float, dt: float) -> None:
         """Inflate the common slip after a mean innovation beyond noise: locked wheels slide."""

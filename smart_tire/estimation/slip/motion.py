@@ -27,7 +27,6 @@ share.
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_right
 from collections import deque
 import math
 from typing import NamedTuple
@@ -123,14 +122,25 @@ class RollingHistory:
         """Return the distances [m] since a time [s] beyond those at the present speeds."""
         if not self._points or since >= self._last[0]:
             return 0.0, 0.0
-        points = list(self._points)
-        i = min(max(bisect_right(points, (since, math.inf)), 1), len(points) - 1)
-        (t0, *u0, left, right), (t1, *u1, _, _), (now, *u, s_left, s_right) = (
-            points[i - 1], points[i], self._last)
+        points = self._points
+        i: cython.int = len(points) - 1
+        while i > 1 and points[i - 1][0] > since:
+            i -= 1
+        before, after, last = points[i - 1], points[i], self._last
+        t0: cython.double = before[0]
+        t1: cython.double = after[0]
+        now: cython.double = last[0]
         h = min(max(since - t0, 0.0), t1 - t0)
-        a, b = [end - (s + h * (a + 0.5 * (b - a) * h / (t1 - t0))) - (now - t0 - h) * speed
-                for end, s, a, b, speed in zip((s_left, s_right), (left, right), u0, u1, u)]
-        return a, b
+        found = []
+        for side in range(2):
+            u0: cython.double = before[1 + side]
+            u1: cython.double = after[1 + side]
+            u: cython.double = last[1 + side]
+            s0: cython.double = before[3 + side]
+            s: cython.double = last[3 + side]
+            found.append(s - (s0 + h * (u0 + 0.5 * (u1 - u0) * h / (t1 - t0)))
+                         - (now - t0 - h) * u)
+        return found[0], found[1]
 
 
 class MotionModel:
