@@ -8,6 +8,8 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
+# cython: language_level=3, show_performance_hints=False
+
 """
 Reorder buffer on message time: identical sample order live, replayed and offline.
 
@@ -19,6 +21,8 @@ Topics that are themselves estimates can be awaited: they leave their estimator 
 their timestamps, and at five times real time a busy computer delivers them later than any window.
 While such a topic is active, an instant is closed only when the topic has reached it; samples of a
 periodic topic reach up to the next one. Without delays this changes nothing.
+
+This is plain Python; ``setup.py`` compiles it with Cython where there is a compiler.
 """
 
 from __future__ import annotations
@@ -31,6 +35,13 @@ from math import inf
 from typing import Any
 
 from smart_tire.samples import NS_PER_S
+
+try:
+    import cython
+except ImportError:
+    from smart_tire.numerics import uncompiled as cython
+
+COMPILED: bool = cython.compiled
 
 GRID_NS = 8_000_000       # output period, 125 Hz as in paper B
 MAX_JUMP_NS = NS_PER_S    # a timestamp that differs more from the newest one is suspect
@@ -106,8 +117,11 @@ class ReorderBuffer:
     def _close(self, newest: int) -> list[ClosedInstant]:
         if not self._heap and self._closed is None:
             return []
-        return self._close_until(min([newest - self._window_ns, *(
-            stamp for stamp in self._reached.values() if newest - stamp < MAX_AWAITED_LAG_NS)]))
+        limit = newest - self._window_ns
+        for reached in self._reached.values():
+            if newest - reached < MAX_AWAITED_LAG_NS:
+                limit = min(limit, reached)
+        return self._close_until(limit)
 
     def _close_until(self, limit: int) -> list[ClosedInstant]:
         heap, closed, instant = self._heap, [], self._next_instant()
