@@ -13,12 +13,14 @@
 import numpy as np
 import pytest
 
+from smart_tire.estimation.slip import ground
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.ground import GroundChange, MotorTorques
 from smart_tire.estimation.slip.kalman import KalmanFilter
 from smart_tire.estimation.slip.state import GROUND, LEARNING_TIME, N, State, SUDDEN
 from smart_tire.parameters import RobotParams, SlipEstimatorParams
 from smart_tire.samples import ImuSample, NS_PER_S, Odometry, WheelSample
+from support.compiled import load_source
 from support.torques import required_torque
 
 ROBOT = RobotParams()
@@ -58,6 +60,22 @@ def test_a_change_is_found_with_its_size():
     assert change[2] == pytest.approx(0.08, abs=0.04)
     opposite = found(0.08, seed=3, sign=-1.0)
     assert opposite == pytest.approx(-change)
+
+
+@pytest.mark.parametrize('module', [ground, load_source(ground)])
+def test_a_change_is_the_least_squares_fit_to_the_innovations(module):
+    kalman, _ = correlated()
+    change, rng = module.GroundChange(kalman, SPREAD), np.random.default_rng(7)
+    own, vector, matrix = kalman.P[SUDDEN, SUDDEN], np.zeros(3), np.zeros((3, 3))
+    for _ in range(40):
+        effect, y = np.array([0.3, 0.1, -9.81]) + rng.standard_normal(3), -0.6 * rng.random()
+        change.add_innovation(own @ effect, y, 0.09)
+        vector += own @ effect * y / 0.09
+        matrix += np.outer(own @ effect, own @ effect) / 0.09
+    inverse = np.linalg.inv(own + 1e-10 * np.eye(3))
+    ratio = np.eye(3) + SPREAD[:, np.newaxis] * (inverse @ matrix @ inverse)
+    assert change.find(True, PERIOD) == pytest.approx(
+        np.linalg.solve(ratio, SPREAD * (inverse @ vector)), rel=1e-6)
 
 
 def test_noise_is_no_change():
