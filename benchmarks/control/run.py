@@ -43,14 +43,15 @@ NOTES = """\
 Wheel speed steps of 0, 6, 12, 3, -6, 0 rad/s: settled within 5 % of the step. Path tracking:
 control error is the distance of the pose that the controller was given from the wanted path, rms
 from the start to the end of following, mean over seeds with its standard error; localization the
-rms distance of that pose from the true one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead 0.35 s and at least 0.18 m; best: with the
-best look-ahead of each path; icr: filter of the instantaneous centers of rotation; ours:
-slip-compensated. Poses and slips are true or estimated, both. Starts and stops: distance over that
-of full friction, at a stop its inverse; sliding: longest time above critical slip; against,
-beyond: wheels that turn against the command, or faster. Robots drawn at random: mean over robots
-of the rms distance of the true pose from the path; won: robots on which another controller has the
-larger one; ratio: ours over that of the other one, on the worst robot. calibrated: ideal, with the
-effective track of tires that adhere; pursuit: regulated pure pursuit.
+rms distance of that pose from the true one. ideal: r w = v -+ track / 2 * yaw rate, look-ahead
+0.35 s and at least 0.18 m; best: with the best look-ahead of each path; icr: filter of the
+instantaneous centers of rotation; ours: slip-compensated. Poses and slips are true or estimated,
+both. Starts and stops: distance over that of full friction, at a stop its inverse; sliding:
+longest time above critical slip; against, beyond: wheels that turn against the command, or
+faster. Robots drawn at random: mean over robots of the rms distance of the true pose from the
+path; won: robots on which another controller has the larger one; ratio: ours over that of the
+other one, on the worst robot. calibrated: ideal, with the effective track of tires that adhere;
+pursuit: regulated pure pursuit.
 """
 STEPS = (Column('rise\n[s]', 'rise.mean', 2), percent('overshoot\n[%] mean', 'overshoot.mean'),
          percent('\nmost', 'overshoot.max'), Column('settling\n[s] mean', 'settling.mean', 2),

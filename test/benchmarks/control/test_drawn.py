@@ -137,7 +137,8 @@ def test_all_controllers_follow_a_path_and_are_compared(monkeypatch):
     assert values[f'{SHORT}.ratio'] == ratio and values[f'{SHORT}.lost'] == (ratio < 1.0)
     table, = tables({runs[0].row: combined(runs)}, None)
     assert [str(cell) for cell in table.columns[0].cells] == ['straight']
-    true, followed = (stack := driven(draw_robot(202), 'straight', PURSUIT, estimated=False)).drive()
+    stack = driven(draw_robot(202), 'straight', PURSUIT, estimated=False)
+    true, followed = stack.drive()
     assert 0.0 <= true[0].stamp_ns - stack.start_ns < 0.1 * NS_PER_S
     assert abs(true[-1].stamp_ns - stack.ended_ns) < 0.1 * NS_PER_S
     assert {one.stamp_ns for one in followed} < {one.stamp_ns for one in true}
