@@ -34,6 +34,7 @@ TITLES = {
                   'the analysis.',
     'hardware.yaml': 'Drivers: ports and devices.',
     'tuning.yaml': 'Estimators and controllers.',
+    'mapping.yaml': 'Friction map of the present drive.',
     'overhead.yaml': 'Camera above the floor: its place, the tags on the robot.',
     'simulation.yaml': 'Simulated robot and ground; the geometry of the robot is in robot.yaml.',
 }

@@ -34,6 +34,7 @@ from smart_tire.samples import FRICTION_QUANTITIES, GROUND_ESTIMATES, NS_PER_S, 
 if TYPE_CHECKING:
     import pandas as pd
 
+SIDES = ('left', 'right')
 PLANAR_POSE = ('x', 'y', 'yaw')
 PLANAR_TWIST = ('v_x', 'v_y', 'yaw_rate')
 Own = TypeVar('Own', bound='Series')
@@ -253,6 +254,10 @@ class GroundEstimate(Tabular):
     * ``imu_y``: m, position of the IMU in ``base_link``
     * ``motor_friction``: -, of gears and axles, over that of the parameters
     * ``torque_scale``: -, true over measured motor torque
+    * ``friction_common_sigma``: (n,) -, relative standard deviation of mu by errors that all
+      estimates of the robot share; infinite: unknown
+    * ``change_age``: (n, 2) s, since the ground under the left and right wheels changed; infinite:
+      not in the window
     """
 
     stamp_ns: Instants
@@ -267,10 +272,14 @@ class GroundEstimate(Tabular):
     imu_y: Quantity
     motor_friction: Quantity
     torque_scale: Quantity
+    friction_common_sigma: Array
+    change_age: Array
 
     def columns(self) -> dict[str, Any]:
         """Return name -> array (n,) of all columns, without the timestamps."""
-        return quantity_columns(self, GROUND_ESTIMATES)
+        return {**quantity_columns(self, GROUND_ESTIMATES),
+                'friction_common_sigma': self.friction_common_sigma,
+                **by_wheel('change_age', self.change_age, SIDES)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

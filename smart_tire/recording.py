@@ -54,7 +54,8 @@ def _odometry_row(sample: Odometry) -> Row:
 
 def _ground_row(sample: GroundState) -> Row:
     estimates = [getattr(sample, name) for name in GROUND_ESTIMATES]
-    return *(one.value for one in estimates), *(one.sigma for one in estimates)
+    return (*(one.value for one in estimates), *(one.sigma for one in estimates),
+            sample.friction_common_sigma, sample.change_age_left, sample.change_age_right)
 
 
 class Layout(NamedTuple):
@@ -85,7 +86,8 @@ LAYOUTS: dict[type, Layout] = {
         lambda sample: sample.ratio + sample.sigma + sample.slip_velocity),
     Icr: Layout('icr', {'position': 2}, lambda sample: (sample.x, sample.y)),
     GroundState: Layout(
-        'ground_state', dict.fromkeys(('value', 'sigma'), len(GROUND_ESTIMATES)), _ground_row),
+        'ground_state', {**dict.fromkeys(('value', 'sigma'), len(GROUND_ESTIMATES)),
+                         'friction_common_sigma': 1, 'change_age': 2}, _ground_row),
 }
 
 
@@ -282,7 +284,10 @@ class SampleArrays:
     def grounds(self) -> GroundEstimate:
         """Return the states of the ground."""
         found = self.stream(GroundState).ordered
-        return GroundEstimate(found.stamp_ns, *map(Quantity, found['value'].T, found['sigma'].T))
+        quantities = map(Quantity, found['value'].T, found['sigma'].T)
+        return GroundEstimate(
+            found.stamp_ns, friction_common_sigma=found['friction_common_sigma'][:, 0],
+            change_age=found['change_age'], **dict(zip(GROUND_ESTIMATES, quantities)))
 
     def frictions(self) -> FrictionEstimate:
         """Return the patch crossings of all wheels, in order of time."""

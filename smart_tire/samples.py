@@ -228,6 +228,12 @@ class GroundState:
     motor_friction: Uncertain = UNKNOWN           # -, of gears and axles, over the nominal one
     torque_scale: Uncertain = UNKNOWN             # -, true over measured motor torque
     stiffness_friction_correlation: float = 0.0  # -, of the errors of ln C_x and ln mu
+    # -, relative standard deviation of mu by errors of the robot and its sensors, which all its
+    # estimates share; infinite: unknown
+    friction_common_sigma: float = math.inf
+    # s, since the ground under the wheels of a side changed; infinite: not in the window
+    change_age_left: float = math.inf
+    change_age_right: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,11 +266,30 @@ class Friction:
         return found
 
 
+@dataclass(frozen=True, slots=True)
+class FrictionGrid:
+    """
+    Friction of the square cells of a map; the first one has the smallest x and y.
+
+    ``values`` has a byte for each cell, row by row along x: 100 times mu, at most 100; 255 is
+    unknown.
+    """
+
+    stamp_ns: int
+    frame: str
+    resolution: float             # m, edge of a cell
+    origin: tuple[float, float]   # m, x and y of the corner of the first cell
+    columns: int
+    values: bytes
+
+
 FRICTION_QUANTITIES = tuple(one.name for one in fields(Friction) if one.default is UNKNOWN)
 GROUND_ESTIMATES = ('stiffness', *(one.name for one in fields(GroundState)
                                    if one.default is UNKNOWN))
+GROUND_NUMBERS = {  # without a standard deviation: name -> default
+    one.name: one.default for one in fields(GroundState) if isinstance(one.default, float)}
 
 
 Sample = (ImuSample | WheelSample | TireSample | TireSamples | BatterySample | VelocityCommand
           | WheelCommand | MotorCommand | PlannedPath | GoalPose | PathProgress | Odometry
-          | WheelSlip | Icr | GroundState | Friction)
+          | WheelSlip | Icr | GroundState | Friction | FrictionGrid)

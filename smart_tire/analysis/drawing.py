@@ -23,7 +23,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Polygon
 import numpy as np
 
-from smart_tire.analysis.figure import COLORS, decimated, Figure, Mark, Panel, runs, SIGMAS
+from smart_tire.analysis.figure import (
+    ColorField, COLORS, decimated, Figure, Mark, Panel, runs, SIGMAS)
 
 SOFT = '#55626f'
 DASHES = (0, (4, 2))  # points of the line width
@@ -89,6 +90,8 @@ def draw_panel(ax: Axes, panel: Panel, *, brief: bool = False) -> None:
         ax.imshow(panel.image, cmap='gray', vmin=0, vmax=255)
         ax.autoscale(False)
         ax.grid(False)
+    if panel.field is not None:
+        _draw_field(ax, panel.field)
     draw_marks(ax, panel.marks, brief=brief)
     ax.set(xlabel=panel.x_label, ylabel=panel.y_label, title=panel.title)
     if panel.x_limits is not None:
@@ -97,6 +100,15 @@ def draw_panel(ax: Axes, panel: Panel, *, brief: bool = False) -> None:
         ax.set_ylim(*panel.y_limits)
     if panel.equal:
         ax.set_aspect('equal', adjustable='datalim')
+
+
+def _draw_field(ax: Axes, field: ColorField) -> None:
+    low, high = field.limits
+    beyond = np.nanmax(field.values, initial=low) > high
+    drawn = ax.imshow(field.values, origin='lower', extent=field.extent, vmin=low, vmax=high,
+                      cmap='viridis', interpolation='nearest')
+    ax.figure.colorbar(drawn, ax=ax, label=field.label, extend='max' if beyond else 'neither')
+    ax.grid(False)
 
 
 def draw_marks(ax: Axes, marks: Iterable[Mark], *, brief: bool = False) -> None:

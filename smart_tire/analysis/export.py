@@ -48,7 +48,7 @@ def export(folder: Path, runs: Mapping[str, Comparison], formats: Sequence[str])
                                '\n'.join(write(stamps, poses)) + '\n')
                 continue
             for name, table in tables(one.estimates):
-                _write_table(folder / f'{prefix}{name}.{form}', table)
+                write_table(folder / f'{prefix}{name}.{form}', table)
 
 
 def tables(estimates: SampleArrays) -> Iterator[tuple[str, Tabular]]:
@@ -87,7 +87,7 @@ def _kitti(_: Instants, poses: Array) -> Iterator[str]:
 POSES: dict[str, Callable[[Instants, Array], Iterator[str]]] = {TUM: _tum, KITTI: _kitti}
 
 
-def _write_table(path: Path, table: Tabular) -> None:
+def write_table(path: Path, table: Tabular) -> None:
     """Write a table as CSV or Parquet, by the suffix of ``path``."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -93,6 +93,16 @@ class Mark:
 
 
 @dataclass(frozen=True, eq=False)
+class ColorField:
+    """Values of the cells of a plane, as colors with a scale; NaN is not drawn."""
+
+    values: Array                               # (rows, columns), the lowest row first
+    extent: tuple[float, float, float, float]   # left, right, bottom, top
+    label: str                                  # of the color scale
+    limits: tuple[float, float]                 # of the color scale
+
+
+@dataclass(frozen=True, eq=False)
 class Panel:
     """One pair of axes, whose labels carry units."""
 
@@ -104,6 +114,7 @@ class Panel:
     y_limits: Limits | None = None
     equal: bool = False  # both axes have the same scale
     image: NDArray[np.uint8] | None = None  # gray, behind the marks, whose unit is its pixels
+    field: ColorField | None = None              # behind the marks
 
     @property
     def over_time(self) -> bool:

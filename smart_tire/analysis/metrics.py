@@ -198,8 +198,9 @@ def compared_poses(estimate: PoseEstimate, truth: PoseEstimate, align: str = STA
         if align == START:
             true, spread = aligned(true, estimated[0], truth.covariance[known])
         else:
-            true, spread = (_fitted(true, estimated), np.full_like(covariance, math.nan)
-                            ) if align == SE2 else (true, _given(truth.covariance[known]))
+            true, spread = (
+                (_fitted(true, estimated), np.full_like(covariance, math.nan)) if align == SE2
+                else (true, given_covariance(truth.covariance[known])))
             true[:, 2] += math.tau * np.round(median(estimated[:, 2] - true[:, 2]) / math.tau)
         covariance = covariance + spread
     return ComparedPoses(stamps, estimated, true,
@@ -212,7 +213,7 @@ def aligned(poses: Array, start: Array, covariance: Array) -> tuple[Array, Array
 
     An error of the first pose moves and turns all of them.
     """
-    given, carried_poses = _given(covariance), carried(poses, poses[0], start)
+    given, carried_poses = given_covariance(covariance), carried(poses, poses[0], start)
     moved = carried_poses[:, :2] - start[:2]
     own = np.eye(3)
     own[:2, :2] = rotated(np.eye(2), start[2] - poses[0, 2]).T
@@ -229,7 +230,7 @@ def carried(poses: Array, first: Array, second: Array) -> Array:
                             poses[:, 2] + turn])
 
 
-def _given(covariance: Array) -> Array:
+def given_covariance(covariance: Array) -> Array:
     """Return covariances; one that is not given, which begins with -1 in ROS, counts as zero."""
     return np.where(covariance[:, :1, :1] >= 0.0, covariance, 0.0)
 

@@ -44,7 +44,8 @@ VERBS: dict[str, Any] = load_own(
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
          'not_negative': not_negative, 'step': step_and_bag, 'source': source, 'count': count}
 COMPUTING = {  # without output
-    'analyze', 'compare', 'identify', 'measure', 'overhead', 'recover', 'report', 'reproduce'}
+    'analyze', 'compare', 'identify', 'map', 'measure', 'overhead', 'recover', 'report',
+    'reproduce'}
 FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on

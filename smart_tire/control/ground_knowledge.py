@@ -12,13 +12,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
+import numpy as np
+
+from smart_tire.arrays import Array
 from smart_tire.control import constants as c
 from smart_tire.parameters.path_following import FrictionLimitParams, GroundParams
+from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import GRAVITY, GroundState, NS_PER_S
 from smart_tire.uncertain import fused, Uncertain
+
+
+# x, y [m] in ``odom`` and k -> mu - k sigma of a map; NaN where it is unknown
+LowerBound = Callable[[Array, Array, float], Array]
+
+
+def allowed_acceleration(lower: float, params: FrictionLimitParams) -> float:
+    """Return the acceleration [m/s2] of the body with a lower bound of the friction."""
+    return params.share * max(lower, params.minimum) * GRAVITY
+
+
+@dataclass(frozen=True)
+class MappedGround:
+    """Friction that a map knows, under the wheels of a robot."""
+
+    lower_bound: LowerBound
+    params: FrictionLimitParams
+    robot: RobotParams
+
+    def acceleration(self, x: Array, y: Array, yaw: Array) -> Array:
+        """
+        Return the acceleration [m/s2] that is allowed at poses (n,) of ``base_link``.
+
+        It is that of the wheel with the least lower bound; infinite where the map knows none.
+        """
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        lower = np.full(len(x), math.inf)
+        for along in (-0.5 * self.robot.wheelbase, 0.5 * self.robot.wheelbase):
+            for across in (-0.5 * self.robot.track_width, 0.5 * self.robot.track_width):
+                lower = np.fmin(lower, self.lower_bound(
+                    x + along * cos - across * sin, y + along * sin + across * cos,
+                    self.params.sigmas))
+        return self.params.share * np.maximum(lower, self.params.minimum) * GRAVITY
+
+    @property
+    def least(self) -> float:
+        """Return the least acceleration [m/s2] of any ground."""
+        return allowed_acceleration(0.0, self.params)
 
 
 @dataclass(frozen=True)
@@ -82,7 +125,7 @@ class GroundKnowledge:
         ``unknown``; an estimate that is less certain does not lower the bound.
         """
         mu, sigma = self.friction(params.unknown + params.sigmas * c.PRIOR_SIGMA, params)
-        return params.share * max(mu - params.sigmas * sigma, params.minimum) * GRAVITY
+        return allowed_acceleration(mu - params.sigmas * sigma, params)
 
     def _weighted(self, measured: Measured | None, prior: Uncertain, fading: GroundParams
                   ) -> tuple[Uncertain, float]:

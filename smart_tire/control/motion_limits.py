@@ -18,8 +18,12 @@ import math
 import numpy as np
 
 from smart_tire.control import constants as c
+from smart_tire.control.ground_knowledge import MappedGround
 from smart_tire.control.path_geometry import Segment
 from smart_tire.parameters.control import TrajectoryControllerParams
+
+
+LONGITUDINAL_SHARE = math.sqrt(1.0 - c.LATERAL_SHARE ** 2)  # of friction, for speed changes
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,7 @@ class MotionLimits:
     lateral: float           # m/s2, of speed times yaw rate
     yaw_rate: float          # rad/s
     yaw_acceleration: float  # rad/s2
+    mapped: MappedGround | None = None  # friction ahead, which lowers the limits
 
     def curve_speed(self, curvature: float) -> float:
         """Return the speed [m/s] in a curve with ``curvature`` [1/m]."""
@@ -43,19 +48,31 @@ class MotionLimits:
         Return the speed [m/s] at ``distance`` [m] along ``segment``.
 
         From it the speed limits of all curves ahead and the stop at the end are reached with the
-        planned deceleration: v(s)^2 <= v_limit(s')^2 + 2 d (s' - s) for all s' ahead.
+        planned deceleration: v(s)^2 <= v_limit(s')^2 + 2 d (s' - s) for all s' ahead. A map
+        lowers d and the limits of curves where its friction permits less.
         """
         planned = c.PLANNED_SHARE * self.deceleration
+        reach = planned if self.mapped is None else min(
+            planned, c.PLANNED_SHARE * LONGITUDINAL_SHARE * self.mapped.least)
         first = segment.index(distance)
-        last = segment.index(distance + self.speed ** 2 / (2.0 * planned)) + 1
+        last = segment.index(distance + self.speed ** 2 / (2.0 * reach)) + 1
         ahead = np.maximum(segment.distance[first:last] - distance, 0.0)
+        lateral, braking = np.full(len(ahead), self.lateral), 2.0 * planned * ahead
+        to_end = 2.0 * planned * max(segment.length - distance, 0.0)
+        if self.mapped is not None:
+            allowed = self.mapped.acceleration(*(
+                one[first:last] for one in (segment.x, segment.y, segment.heading)))
+            lateral = np.minimum(lateral, c.LATERAL_SHARE * allowed)
+            rate = np.minimum(planned, c.PLANNED_SHARE * LONGITUDINAL_SHARE * allowed)
+            braking = 2.0 * np.append(0.0, np.cumsum(
+                np.minimum(rate[1:], rate[:-1]) * np.diff(ahead)))
+            if last == segment.distance.size:
+                to_end = min(to_end, float(braking[-1]))
         curvature = np.maximum(np.abs(segment.curvature[first:last]), c.TINY)
         rate = np.maximum(segment.curvature_rate[first:last], c.TINY)
-        squared = np.minimum((self.yaw_rate / curvature) ** 2, self.lateral / curvature)
+        squared = np.minimum((self.yaw_rate / curvature) ** 2, lateral / curvature)
         squared = np.minimum(squared, c.PLANNED_SHARE * self.yaw_acceleration / rate)
-        to_end = 2.0 * planned * max(segment.length - distance, 0.0)
-        return math.sqrt(min(self.speed ** 2, to_end, float(np.min(
-            squared + 2.0 * planned * ahead))))
+        return math.sqrt(min(self.speed ** 2, to_end, float(np.min(squared + braking))))
 
     def next_speed(self, wanted: float, last: float, dt: float) -> float:
         """Return the speed [m/s] towards ``wanted``, ``dt`` [s] after ``last``; both >= 0."""
@@ -78,7 +95,7 @@ def motion_limits(params: TrajectoryControllerParams, friction: float,
     ``factors`` are the commanded over the reached speed and yaw rate: what the body can reach
     within the limits of the command.
     """
-    limits, longitudinal = params.limits, math.sqrt(1.0 - c.LATERAL_SHARE ** 2) * friction
+    limits, longitudinal = params.limits, LONGITUDINAL_SHARE * friction
     speed, yaw_rate = (c.COMMAND_SHARE / max(factor, c.COMMAND_SHARE) for factor in factors)
     return MotionLimits(
         speed * params.max_speed, min(limits.acceleration, longitudinal),

@@ -16,10 +16,12 @@ from dataclasses import replace
 from enum import Enum, IntEnum
 import math
 
+import numpy as np
+
 from smart_tire.control import constants as c
 from smart_tire.control.base_response import BaseResponse
-from smart_tire.control.ground_knowledge import GroundKnowledge
-from smart_tire.control.ground_motion import MotionMonitor, wrap
+from smart_tire.control.ground_knowledge import GroundKnowledge, LowerBound, MappedGround
+from smart_tire.control.ground_motion import Motion, MotionMonitor, wrap
 from smart_tire.control.history import time_step
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_follower import Conditions, no_lateral_speed, PathFollower
@@ -66,6 +68,7 @@ class TrajectoryControl:
         self.params = params  # may be replaced at run time
         self._kinematics = SlipKinematics(params)
         self._ground = GroundKnowledge()
+        self.lower_bound: LowerBound | None = None  # of a friction map; may be replaced, too
         self._motion = MotionMonitor()
         self._response = BaseResponse(
             params.follower.actuation_delay, 0.5 * params.robot.track_width)
@@ -284,10 +287,22 @@ class TrajectoryControl:
         motion, params = self._motion.motion, self.params
         if self._follower is not None and self._follower.finished:
             return False
-        limits = motion_limits(params, self._ground.acceleration(params.friction))
+        limits = motion_limits(params, self._allowed_acceleration(motion))
         braking = motion.speed() ** 2 / (2.0 * c.PLANNED_SHARE * limits.deceleration)
         distance = math.hypot(goal.pose[0] - motion.x, goal.pose[1] - motion.y)
         return distance <= braking + motion.speed() * self._response.delay
+
+    @property
+    def _mapped(self) -> MappedGround | None:
+        params = self.params
+        return None if self.lower_bound is None else MappedGround(
+            self.lower_bound, params.friction, params.robot)
+
+    def _allowed_acceleration(self, motion: Motion) -> float:
+        """Return the acceleration [m/s2] on the present ground, the less of estimate and map."""
+        estimated, mapped = self._ground.acceleration(self.params.friction), self._mapped
+        return estimated if mapped is None else min(estimated, *mapped.acceleration(
+            *(np.array([one]) for one in (motion.x, motion.y, motion.yaw))).tolist())
 
     def _follow(self, follower: PathFollower, now_ns: int, dt: float) -> VelocityCommand | None:
         params = self.params
@@ -297,8 +312,8 @@ class TrajectoryControl:
                    else (1.0, 1.0))
         self._response.factors[:] = factors
         motion = self._response.predicted(self._motion.motion, self._motion.stamp_ns, now_ns)
-        limits = motion_limits(params, self._ground.acceleration(params.friction), factors)
-        limits = replace(limits, speed=min(limits.speed, self.max_speed))
+        limits = motion_limits(params, self._allowed_acceleration(motion), factors)
+        limits = replace(limits, speed=min(limits.speed, self.max_speed), mapped=self._mapped)
         lateral = self._kinematics.lateral_speed if params.slip_compensation else no_lateral_speed
         self._last = follower.step(
             Conditions(motion, dt, limits, params, lateral, self._response.delay))

@@ -27,13 +27,12 @@ from smart_tire.messages.header import (
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE, wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
-    Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_FILM_VOLTAGE,
-    MAX_WHEEL_ANGLE, MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN, TireSample,
-    WheelCommand, WHEELS, WheelSample, WheelSlip)
+    Four, four, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GROUND_NUMBERS, GroundState,
+    MAX_FILM_VOLTAGE, MAX_WHEEL_ANGLE, MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN,
+    TireSample, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
-GROUND_CORRELATION = 'stiffness_friction_correlation'
 # Far beyond any tire, ground and robot; the squares and products of filters are finite.
 GROUND_RANGES = {
     'stiffness': (1e-2, 1e8), 'friction_coefficient': (1e-4, 10.0),  # N, -
@@ -42,7 +41,8 @@ GROUND_RANGES = {
     'center_of_mass_x': (-100.0, 100.0), 'center_of_mass_y': (-100.0, 100.0),  # m
     'imu_x': (-100.0, 100.0), 'imu_y': (-100.0, 100.0),
     'motor_friction': (1e-3, 1e3), 'torque_scale': (1e-3, 1e3),
-    GROUND_CORRELATION: (-1.0, 1.0)}
+    'stiffness_friction_correlation': (-1.0, 1.0), 'friction_common_sigma': (0.0, inf),
+    'change_age_left': (0.0, inf), 'change_age_right': (0.0, inf)}  # s
 GROUND_QUANTITIES = tuple(GROUND_RANGES)
 
 
@@ -190,11 +190,12 @@ def ground_state_from_msg(msg: Any) -> GroundState:
                            'expected stiffness and others once')
     values, sigmas = (dict(zip(names, _values(msg, field, 'ground_state')))
                       for field in ('position', 'effort'))
-    found = {name: _ground_estimate(name, values[name], sigmas[name])
+    found: dict[str, Any] = {name: _ground_estimate(name, values[name], sigmas[name])
              for name in GROUND_RANGES if name in values}
-    correlation = found.pop(GROUND_CORRELATION, UNKNOWN).value
-    return GroundState(stamp_of(msg), **found, stiffness_friction_correlation=(
-        0.0 if isnan(correlation) else correlation))
+    for name, default in GROUND_NUMBERS.items():
+        value = found.get(name, UNKNOWN).value
+        found[name] = default if isnan(value) else value
+    return GroundState(stamp_of(msg), **found)
 
 
 def _ground_estimate(name: str, value: float, sigma: float) -> Uncertain:
@@ -212,7 +213,7 @@ def _ground_estimate(name: str, value: float, sigma: float) -> Uncertain:
 def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
     """Write ``sample`` into a JointState and return it."""
     estimates = [*(getattr(sample, name) for name in GROUND_ESTIMATES),
-                 Uncertain(sample.stiffness_friction_correlation, 0.0)]
+                 *(Uncertain(getattr(sample, name), 0.0) for name in GROUND_NUMBERS)]
     return _set_quantities(msg, sample.stamp_ns, 'base_link', GROUND_QUANTITIES, estimates)
 
 

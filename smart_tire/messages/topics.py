@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from smart_tire.messages.grid import grid_from_msg, grid_to_msg
 from smart_tire.messages.joint_state import (
     friction_from_msg, friction_to_msg, ground_state_from_msg, ground_state_to_msg,
     motor_command_from_msg, motor_command_to_msg, tire_from_msg, tire_to_msg,
@@ -30,9 +31,9 @@ from smart_tire.messages.path import (
 from smart_tire.messages.typed import (
     BATCH, BATCH_RATE, FORMS, samples_from_msg, samples_to_msg, SUFFIX)
 from smart_tire.samples import (
-    BatterySample, Friction, GoalPose, GroundState, Icr, ImuSample, MotorCommand, Odometry,
-    PathProgress, PlannedPath, Sample, TireSample, TireSamples, VelocityCommand, WheelCommand,
-    WheelSample, WheelSlip)
+    BatterySample, Friction, FrictionGrid, GoalPose, GroundState, Icr, ImuSample, MotorCommand,
+    Odometry, PathProgress, PlannedPath, Sample, TireSample, TireSamples, VelocityCommand,
+    WheelCommand, WheelSample, WheelSlip)
 
 SampleClass = type[Any]
 
@@ -80,6 +81,8 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
           2.0, 'base_link', 'estimate'),
     Topic('tire_friction', JOINTS, Friction, friction_from_msg, friction_to_msg,
           2.0, '', 'estimate'),
+    Topic('friction_map', 'nav_msgs/msg/OccupancyGrid', FrictionGrid, grid_from_msg, grid_to_msg,
+          0.0, 'odom', 'estimate'),
     Topic('path', 'nav_msgs/msg/Path', PlannedPath, path_from_msg, path_to_msg,
           0.0, 'odom', 'command'),
     Topic('goal_pose', 'geometry_msgs/msg/PoseStamped', GoalPose, goal_from_msg, goal_to_msg,

@@ -27,11 +27,11 @@ from typing import Any
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
     bounded, finite, names_of, set_header, stamp_of, wheel_of)
-from smart_tire.messages.joint_state import film_indices, film_names, GROUND_CORRELATION
+from smart_tire.messages.joint_state import film_indices, film_names
 from smart_tire.messages.path import PROGRESS_NAMES
 from smart_tire.samples import (
-    Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, MAX_FILM_VOLTAGE, NS_PER_S,
-    PathProgress, TireSamples, WHEELS, WheelSlip)
+    Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GROUND_NUMBERS, GroundState, MAX_FILM_VOLTAGE,
+    NS_PER_S, PathProgress, TireSamples, WHEELS, WheelSlip)
 
 PACKAGE = 'smart_tire_msgs'
 SUFFIX = '/typed'  # of the topics
@@ -87,7 +87,7 @@ FORMS: dict[type[Any], Form] = {
         {'ratio': 'position', 'sigma': 'effort', 'slip_velocity': 'velocity'}),
     Friction: Form(f'{PACKAGE}/msg/TireFriction', dict.fromkeys(FRICTION_QUANTITIES, ESTIMATE)),
     GroundState: Form(f'{PACKAGE}/msg/GroundState', {
-        **dict.fromkeys(GROUND_ESTIMATES, ESTIMATE), GROUND_CORRELATION: NUMBER}),
+        **dict.fromkeys(GROUND_ESTIMATES, ESTIMATE), **dict.fromkeys(GROUND_NUMBERS, NUMBER)}),
     PathProgress: Form(
         f'{PACKAGE}/msg/PathProgress', {**dict.fromkeys(PROGRESS_NAMES, NUMBER), 'state': 'uint8'},
         constants=('IDLE', 'FOLLOWING', 'ARRIVED', 'STOPPED', 'REFUSED')),

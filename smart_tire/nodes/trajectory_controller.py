@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from functools import partial
 import math
+from pathlib import Path
 import sys
 import time
 from typing import Any
@@ -23,6 +24,7 @@ from smart_tire.control.publishers import MessageInfo, PublisherCheck
 from smart_tire.control.trajectory_control import Cause, PathState, TrajectoryControl
 from smart_tire.drivers.clock import SYSTEM
 from smart_tire.errors import CommandError
+from smart_tire.mapping.raster import Raster, read_raster
 from smart_tire.messages import (
     check_pose_count, path_from_bytes, path_from_msg, wheels_from_msg)
 from smart_tire.nodes.base import SmartTireNode
@@ -37,6 +39,7 @@ from std_srvs.srv import Trigger
 
 PROGRESS_PERIOD = 0.25  # s between messages of path_progress, docs/topics.md
 PUBLISHER_WINDOW = 5.0  # s: planners that renew their paths at 0.2 Hz and faster are in conflict
+MAP_PERIOD = 1.0  # s between two looks at the transform of the friction map
 LOG_PERIOD = 1.0  # s between log lines for messages that are refused
 SPEED_LIMIT = 'speed_limit'
 ORDERS = ('path', 'goal_pose', ACTION)
@@ -63,6 +66,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
     def __init__(self) -> None:
         super().__init__('trajectory_controller', TrajectoryControllerParams)
         params = self.params
+        self._server: FollowPathServer | None = None
         self._control = TrajectoryControl(params)
         self._given: Order | None = None  # the latest one that was accepted
         self._order: Order | None = None  # the same in the frame of odom
@@ -75,8 +79,10 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._publish_velocity = self.make_publisher('cmd_vel')
         self._publish_progress = self.make_publisher('path_progress')
         self._transforms = Transforms(self)
+        self._map_fault = ''  # why the friction map is not used
+        if params.friction_map:
+            self._use_map(read_raster(Path(params.friction_map)))
         self._subscribe_orders()
-        self._server: FollowPathServer | None = None
         action = installed_class('nav2_msgs/action/FollowPath')
         if action is not None and params.follow_path:
             self.inputs[ACTION] = InputCounter()
@@ -99,6 +105,25 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._step_timer = self.create_steady_timer(1.0 / params.rate, self._step)
         self._pace()
         self.call_every(PROGRESS_PERIOD, self._send_progress)
+
+    def _use_map(self, found: Raster) -> None:
+        """Limit the speed by a friction map, in whatever frame it is."""
+        def update() -> None:
+            try:
+                origin = self._transforms.in_frame(
+                    self.params.robot.frames['odom'], 'friction map',
+                    GoalPose(0, found.frame, (0.0, 0.0, 0.0)), self.params.transform_max_age)
+                if origin.frame not in ('', self.params.robot.frames['odom']):
+                    raise CommandError(f'friction map: frame {found.frame!r}, /tf is not received')
+            except CommandError as error:
+                self._control.lower_bound, self._map_fault = None, str(error)
+            else:
+                assert isinstance(origin, GoalPose)
+                self._control.lower_bound = partial(found.lower_bound, pose=origin.pose)
+                self._map_fault = ''
+
+        update()
+        self.call_every(MAP_PERIOD, update)
 
     def _subscribe_orders(self) -> None:
         self._senders = {name: PublisherCheck(name, PUBLISHER_WINDOW,
@@ -296,6 +321,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
             cross_track_error=progress.cross_track_error)
         if twist := self._control.twist_fault:
             status.warn(twist)
+        if self._map_fault:
+            status.warn(f'not used: {self._map_fault}')
         if state in (PathState.STOPPED, PathState.REFUSED):
             status.warn(f'{state.name.lower()}: {reason}',
                         by_host=self._may_be_host)

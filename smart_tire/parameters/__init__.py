@@ -17,6 +17,7 @@ from typing import Any
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.files import load_files
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
+from smart_tire.parameters.mapping import FrictionMapperParams
 from smart_tire.parameters.overhead import (
     ImageParams, OverheadCameraSimulatorParams, OverheadLocalizerParams)
 from smart_tire.parameters.robot import JointParams, RobotParams, STANDARD_JOINTS
@@ -32,6 +33,7 @@ FILES: dict[str, dict[str, type]] = {  # in config/ -> nodes with their paramete
         'slip_estimator': SlipEstimatorParams, 'friction_estimator': FrictionEstimatorParams,
         'wheel_controller': WheelControllerParams,
         'trajectory_controller': TrajectoryControllerParams},
+    'mapping.yaml': {'friction_mapper': FrictionMapperParams},
     'overhead.yaml': {'overhead_localizer': OverheadLocalizerParams},
     'simulation.yaml': {
         'robot_simulator': SimulatorParams,
@@ -60,8 +62,8 @@ def load_node(files: Iterable[str | Path], node: str,
 
 
 __all__ = [
-    'build', 'FILES', 'FrictionEstimatorParams', 'ImageParams', 'ImuDriverParams', 'JointParams',
-    'known_names', 'load_files', 'load_node', 'load_robot', 'MotorDriverParams', 'NODE_PARAMS',
-    'OverheadLocalizerParams', 'RobotParams', 'SimulatorParams', 'SlipEstimatorParams', 'Spec',
-    'specs', 'STANDARD_JOINTS', 'TireReceiverParams', 'TrajectoryControllerParams',
-    'WheelControllerParams']
+    'build', 'FILES', 'FrictionEstimatorParams', 'FrictionMapperParams', 'ImageParams',
+    'ImuDriverParams', 'JointParams', 'known_names', 'load_files', 'load_node', 'load_robot',
+    'MotorDriverParams', 'NODE_PARAMS', 'OverheadLocalizerParams', 'RobotParams',
+    'SimulatorParams', 'SlipEstimatorParams', 'Spec', 'specs', 'STANDARD_JOINTS',
+    'TireReceiverParams', 'TrajectoryControllerParams', 'WheelControllerParams']

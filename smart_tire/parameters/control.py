@@ -180,6 +180,8 @@ class TrajectoryControllerParams:
     follower: FollowerParams = nested(FollowerParams, live=True)
     arrival: ArrivalParams = nested(ArrivalParams, live=True)
     friction: FrictionLimitParams = nested(FrictionLimitParams, live=True)
+    friction_map: str = param(
+        '', '-', 'YAML file of a map of "smart_tire map", whose friction ahead limits the speed')
     checks: PathCheckParams = nested(PathCheckParams, live=True)
     reliability: str = reliability()
     robot: RobotParams = inlined(RobotParams)

@@ -15,11 +15,14 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from smart_tire.control.trajectory_control import PathState
+from smart_tire.errors import ParameterError
+from smart_tire.mapping.raster import Raster, write_raster
 from smart_tire.messages.path import path_to_msg
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.qos import latched
@@ -368,3 +371,49 @@ def test_publishers_of_paths_in_two_nodes_are_named(process, tmp_path):
         process.until(lambda: '2 publishers on path: /stranger, /test' in process.log(),
                       lambda: (process.follow(), stranger.publish(process.path())))
         process.until(lambda: process.speed == 0.0)
+
+
+@pytest.fixture
+def slippery(tmp_path):
+    """Return the file of a map with ice everywhere around the path."""
+    ice = np.full((40, 80), 0.05)
+    write_raster(tmp_path / 'ice.yaml', Raster('odom', 0.1, (-2.0, -2.0), ice, 0.1 * ice))
+    return tmp_path / 'ice.yaml'
+
+
+def fastest(file):
+    """Return the largest speed that is commanded on a path, and the health of the node."""
+    with virtual(TrajectoryController, follow_path='false', friction_map=str(file)) as node:
+        robot = Robot(node)
+        robot.until(lambda: 'receiving odom' in '\n'.join(node.log.lines))
+        robot.follow(robot.path(LONG))
+        end_ns = node.elapsed_ns + 2_000_000_000
+        robot.until(lambda: node.elapsed_ns > end_ns)
+        assert robot.progress.state == PathState.FOLLOWING
+        return max(speed for speed, _ in robot.commands), node.health()
+
+
+def test_a_friction_map_lowers_the_acceleration_on_it(isolated_ros, slippery):
+    speed, health = fastest(slippery)
+    # 0.7 of the friction 0.05 less two sigma, of which 0.6 are for changes of speed
+    assert 0.2 < speed <= 2.0 * 0.6 * 0.7 * 0.04 * 9.81 + 0.01
+    assert 'friction map' not in health.message
+
+
+def test_a_map_in_a_frame_that_is_not_connected_is_not_used(isolated_ros, slippery):
+    slippery.write_text(slippery.read_text().replace('frame_id: odom', 'frame_id: map'))
+    speed, health = fastest(slippery)
+    assert speed > 0.5
+    assert "not used: friction map: frame 'map'" in health.message
+
+
+@pytest.mark.parametrize('damage', ['missing', 'damaged'])
+def test_a_friction_map_that_cannot_be_read_refuses_the_start(isolated_ros, slippery, damage):
+    if damage == 'damaged':
+        slippery.with_suffix('.png').write_bytes(b'')
+    else:
+        slippery.unlink()
+    with pytest.raises(ParameterError, match='ice.yaml: ') as error, virtual(
+            TrajectoryController, friction_map=str(slippery)):
+        pass
+    assert len(str(error.value).splitlines()) == 1

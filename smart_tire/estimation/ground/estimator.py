@@ -27,7 +27,7 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground.body_model import LOAD, LOSS
 from smart_tire.estimation.ground.measurements import MeasuredCrossing, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CURVE_ERROR, DYNAMIC, HOP, LENGTH, MAX_GAP, MAX_SIGMA, MIN_WHEEL_SAMPLES, MODEL_ERROR,
+    CURVE_ERROR, DYNAMIC, HOP, LENGTH, MAX_GAP, MAX_SIGMA, MIN_WHEEL_SAMPLES, MODEL_ERROR, ROBOT,
     SETTLING, SIDES, SIZE, Unknown)
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
@@ -199,6 +199,8 @@ class GroundEstimator:
             _upper(math.sqrt(row @ covariance @ row)), CURVE_ERROR, side_friction)
         share = 1.0 / (1.0 + math.exp(-x[Unknown.LATERAL_SHARE]))
         known = friction_sigma < MAX_SIGMA
+        shared = (row @ covariance)[ROBOT]  # with the errors of the robot
+        common = shared @ np.linalg.solve(covariance[np.ix_(ROBOT, ROBOT)], shared)
         # of sides that differ by more than the prior: its mean would be no resistance
         resistance_sigma = math.hypot(float(sigma[Unknown.RESISTANCE]), side_resistance)
         both = float(to_one[Unknown.STIFFNESS] @ covariance @ row) + side_stiffness * side_friction
@@ -220,7 +222,10 @@ class GroundEstimator:
             motor_friction=scaled(Unknown.MOTOR_FRICTION),
             torque_scale=scaled(Unknown.TORQUE_SCALE),
             stiffness_friction_correlation=both * stiffness.value / (
-                stiffness.sigma * friction_sigma))
+                stiffness.sigma * friction_sigma),
+            friction_common_sigma=min(math.hypot(math.sqrt(common), CURVE_ERROR), friction_sigma),
+            change_age_left=self._window.change_age(0, solution.end),
+            change_age_right=self._window.change_age(1, solution.end))
 
     def wheel_state(self, solution: Solution, stamp_ns: int, wheel: str) -> WheelState:
         """

@@ -92,6 +92,7 @@ MOTORS = slice(Unknown.MOTOR_SCALE, Unknown.TORQUE_OFFSET)
 OFFSETS = slice(Unknown.TORQUE_OFFSET, Unknown.FILM_GAIN)
 GAINS = slice(Unknown.FILM_GAIN, Unknown.FILM_ERROR)
 FILM_ERRORS = slice(Unknown.FILM_ERROR, SIZE)
+ROBOT = [*range(Unknown.LATERAL_RATIO, Unknown.SLOPE_X), *range(Unknown.TORQUE_SCALE, SIZE)]
 
 # priors, in the unit of the unknown; those of the ground are in ``models.tire.brush_tire``
 FALL = Uncertain(0.15, 0.1)         # 0 (a brush) to .45, assumed

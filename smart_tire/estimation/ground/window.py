@@ -137,6 +137,11 @@ class GroundWindow:
         return Solution(end, measurements, hypothesis, fit._replace(
             covariance=excess * fit.covariance), tension)
 
+    def change_age(self, side: int, end: float) -> float:
+        """Return the time [s] at ``end`` since a side's ground changed; inf: not in the window."""
+        times = [time for time in self._main.new[side] if math.isfinite(time)]
+        return max(end - max(times), 0.0) if times else math.inf
+
     def _advanced(self, hypothesis: Hypothesis, fit: WindowEstimate, measurements: Measurements,
                   hop: float) -> Hypothesis:
         """Return the hypothesis before the next window."""
