@@ -1,0 +1,197 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Friction maps of drawn robots, and a drive that slows down before ice which an earlier one met.
+
+Run ``python -m benchmarks.friction_map [--drives N] [--first SEED] [--out DIR]``. The robots cross
+fields of concrete, sand and gravel, whose friction is that of the simulation's surfaces.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+import math
+from pathlib import Path
+
+from benchmarks.control.closed_loop import run_closed_loop
+from benchmarks.control.robot_stack import PathStack, StackParams
+from benchmarks.events import inputs_of, truth_of
+from benchmarks.grounds import ground
+from benchmarks.harness import new_table
+from benchmarks.robots.draws import draw, GROUNDS, ROWS
+from benchmarks.robots.scoring import estimates_of
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from smart_tire.analysis.drawing import save
+from smart_tire.analysis.friction_map import in_map, map_figure
+from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
+from smart_tire.arrays import Array
+from smart_tire.control.ground_knowledge import LowerBound
+from smart_tire.mapping.grid import friction_map, FrictionMap
+from smart_tire.mapping.track import friction_track, FrictionTrack
+from smart_tire.parameters import TrajectoryControllerParams, WheelControllerParams
+from smart_tire.parameters.simulation import SimulatorParams
+from smart_tire.recording import SampleArrays
+from smart_tire.samples import NAN, PlannedPath, Sample
+from smart_tire.simulation.plant import Plant
+
+ROW = 'jumps'
+SURFACES_OF_ALL = 'friction', 'stiffness', 'drag'  # not drawn: the place is the same
+BORDER_WIDTH = 0.3          # m from a border, within which cells are not scored
+MAX_DURATION = 60.0   # s, of a drive along the path
+ICE_BEGIN = 3.0       # m along x, where the bend begins
+BEND = 1.2            # m, radius of the bend on the ice
+CAMERA_SIGMA = 0.01  # m and rad, of the localization
+
+
+def drawn_track(seed: int) -> FrictionTrack:
+    """
+    Return the friction on the tracks of a drawn robot, localized by a camera.
+
+    All robots get the wheel speeds of the first one.
+    """
+    one = replace(draw(ROW, seed, SURFACES_OF_ALL), legs=draw(ROW, 1).legs,
+                  duration=draw(ROW, 1).duration)
+    events = one.events()
+    return track_of(estimates_of(one, inputs_of(events)), SampleArrays(truth_of(events)),
+                    one.params, str(seed))
+
+
+def track_of(estimates: Sequence[Sample], truth: SampleArrays, params: EstimatorParams, name: str
+             ) -> FrictionTrack:
+    """Return the friction on the tracks of estimates; each robot has its own errors."""
+    seen = truth.poses()
+    errors = np.broadcast_to(CAMERA_SIGMA ** 2 * np.eye(3), seen.covariance.shape)
+    found = SampleArrays(estimates)
+    return friction_track(in_map(found.poses(), replace(seen, covariance=errors)),
+                          found.grounds(), found.frictions(), params.robot, frame='map',
+                          drive=name, name=name)
+
+
+def true_friction(x: Array, row: str = ROW) -> tuple[Array, Array]:
+    """Return mu at ``x`` [m], and the distance [m] from the next border."""
+    surfaces = ROWS[row].surfaces
+    mu = np.full(len(x), surfaces[ROWS[row].base][0])
+    away = np.full(len(x), math.inf)
+    for name, begin, end in ROWS[row].fields:
+        mu[(x >= begin) & (x < end)] = surfaces[name][0]
+        away = np.minimum(away, np.minimum(np.abs(x - begin), np.abs(x - end)))
+    return mu, away
+
+
+def borders(found: FrictionMap, row: str = ROW) -> Iterator[tuple[float, float]]:
+    """
+    Yield each border [m] along x, and the median of where it is in the map.
+
+    That is, in each row of cells, where mu is halfway between those of both grounds.
+    """
+    raster = found.raster
+    x = raster.origin[0] + (np.arange(raster.friction.shape[1]) + 0.5) * raster.resolution
+    for edge in sorted({edge for _, *edges in ROWS[row].fields for edge in edges}):
+        (low, high), _ = true_friction(np.array([edge - 0.01, edge + 0.01]), row)
+        middle, near = 0.5 * (low + high), np.abs(x - edge) < 2.0
+        places = []
+        for values in raster.friction[:, near]:
+            known = np.isfinite(values)
+            side = (values[known] - middle) * (high - low) > 0.0
+            at = x[near][known]
+            if len(at) > 20 and not side[0] and side[-1]:
+                places.append(0.5 * (at[~side].max() + at[side].min()))
+        yield edge, float(np.median(places)) if places else math.nan
+
+
+def bend_on_ice() -> PlannedPath:
+    """Return 3 m straight, and a bend of 90 degrees."""
+    straight = [(x, 0.0, NAN) for x in np.arange(0.0, 3.0, 0.05).tolist()]
+    bend = [(3.0 + BEND * math.sin(a), BEND * (1.0 - math.cos(a)), NAN)
+            for a in np.linspace(0.0, 0.5 * math.pi, 40).tolist()]
+    return PlannedPath(0, 'odom', (*straight, *bend))
+
+
+def on_ice(seed: int, bound: LowerBound | None = None) -> tuple[Array, FrictionTrack]:
+    """
+    Return time, x, y, v_x of a drive along ``bend_on_ice``, and its friction.
+
+    The estimators, the controllers and the plant are those that ship; ``bound`` is of a map.
+    """
+    simulator = SimulatorParams(seed=seed, ground=ground(
+        'concrete', GROUNDS, (('ice', ICE_BEGIN, 100.0),)))
+    estimators = EstimatorParams()
+    stack = PathStack(StackParams(
+        estimators, TrajectoryControllerParams(max_speed=0.8), WheelControllerParams(),
+        estimated=True), bend_on_ice())
+    stack.trajectory.lower_bound = bound
+    rows: list[tuple[float, ...]] = []
+
+    def watch(plant: Plant) -> None:
+        rows.append((plant.time_ns * 1e-9, plant.x, plant.y, plant.v_x))
+
+    events = run_closed_loop(simulator, stack, MAX_DURATION, watch=watch)
+    pipeline = Pipeline(estimators)
+    estimates = [one for sample in inputs_of(events) for one in pipeline.update(sample)]
+    truth = SampleArrays(truth_of(events))
+    return np.array(rows), track_of([*estimates, *pipeline.finish()], truth, estimators, str(seed))
+
+
+def by_drives(found: FrictionMap, row: str = ROW) -> Table:
+    """Return the errors of the cells off the borders, by the number of drives in them."""
+    made = new_table('Cells', 'drives', 'cells', 'mu rms [%]', 'sigma [%]', 'NEES')
+    cells = found.cells
+    mu, away = true_friction(cells.x, row)
+    used = (cells.current == 1) & (away > BORDER_WIDTH)
+    error, sigma = (cells.friction - mu) / mu, cells.sigma / mu
+    for low, high in ((1, 1), (2, 3), (4, 6), (7, 99)):
+        rows = used & (cells.drives >= low) & (cells.drives <= high)
+        sizes = [float(np.sqrt(np.mean(one[rows] ** 2))) for one in (error, sigma)]
+        made.add_row(f'{low} to {high}', str(rows.sum()), *(f'{1e2 * one:.1f}' for one in sizes),
+                     f'{float(np.mean((error / sigma)[rows] ** 2)):.2f}')
+    return made
+
+
+def main() -> None:
+    """Print the tables, draw the map."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--drives', type=int, default=10)
+    parser.add_argument('--first', type=int, default=1, help='seed of the first robot')
+    parser.add_argument('--out', type=Path, default=Path('bench_output/friction_map'))
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    tracks = [drawn_track(seed) for seed in range(args.first, args.first + args.drives)]
+    console = Console(width=110)
+    found = friction_map(tracks)
+    console.print(by_drives(found))
+    for edge, place in borders(found):
+        console.print(f'border at {edge:g} m: {place:.2f} m in the map')
+    save(map_figure(found, tracks), args.out / 'drives.png')
+    made = new_table('Bend on ice', 'drive', 'speed before the ice [m/s]',
+                     'speed in the bend [m/s]', 'off the path [m]')
+    first, track = on_ice(args.first)
+    later, _ = on_ice(args.first + 1, friction_map([track]).raster.lower_bound)
+    for name, rows in (('without a map', first), ('with the map of the first', later)):
+        made.add_row(name, *(f'{one:.2f}' for one in ice_scores(rows)))
+    console.print(made)
+
+
+def ice_scores(rows: Array) -> tuple[float, float, float]:
+    """Return speeds [m/s] before the ice and in the bend, and the largest error [m] there."""
+    _, x, y, speed = rows.T
+    moving = speed > 0.05
+    before = float(speed[np.argmax(x >= ICE_BEGIN - 0.1)])
+    bend = moving & (x > 3.0)
+    off = np.abs(np.hypot(x[bend] - 3.0, y[bend] - BEND) - BEND)
+    return before, float(speed[bend].max()), float(off.max())
+
+
+if __name__ == '__main__':
+    main()
