@@ -190,8 +190,9 @@ def ground_state_from_msg(msg: Any) -> GroundState:
                            'expected stiffness and others once')
     values, sigmas = (dict(zip(names, _values(msg, field, 'ground_state')))
                       for field in ('position', 'effort'))
-    found: dict[str, Any] = {name: _ground_estimate(name, values[name], sigmas[name])
-             for name in GROUND_RANGES if name in values}
+    found: dict[str, Any] = {
+        name: _ground_estimate(name, values[name], sigmas[name])
+        for name in GROUND_RANGES if name in values}
     for name, default in GROUND_NUMBERS.items():
         value = found.get(name, UNKNOWN).value
         found[name] = default if isnan(value) else value
