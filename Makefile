@@ -107,7 +107,7 @@ ifdef ROS_DISTRO
 else
 	$(new_environment)
 	$(call step,1/2 setuptools,$(PIP) --constraint constraints.txt cython setuptools)
-	$(call step,2/2 smart_tire with rclpy and libraries ($(if $(filter $@,$(CORE)),0.7,1.7) GB): \
+	$(call step,2/2 smart_tire with rclpy and libraries ($(if $(filter $@,$(CORE)),0.7,1.9) GB): \
 		takes a few minutes,$(PIP) \
 		--constraint constraints.txt --no-build-isolation --use-pep517 \
 		--editable '.$(EXTRAS)')

@@ -30,6 +30,7 @@ from benchmarks.grounds import ground
 from benchmarks.harness import new_table
 from benchmarks.robots.draws import draw, GROUNDS, ROWS
 from benchmarks.robots.scoring import estimates_of
+from benchmarks.scoring import mean, standard_error
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -52,6 +53,7 @@ BORDER_WIDTH = 0.3          # m from a border, within which cells are not scored
 MAX_DURATION = 60.0   # s, of a drive along the path
 ICE_BEGIN = 3.0       # m along x, where the bend begins
 BEND = 1.2            # m, radius of the bend on the ice
+LATER = 1000         # after the seed of a drive: that of the one with its map
 CAMERA_SIGMA = 0.01  # m and rad, of the localization
 
 
@@ -165,6 +167,7 @@ def main() -> None:
     parser.add_argument('--drives', type=int, default=10)
     parser.add_argument('--first', type=int, default=1, help='seed of the first robot')
     parser.add_argument('--out', type=Path, default=Path('bench_output/friction_map'))
+    parser.add_argument('--bends', type=int, default=8, help='number of pairs of drives on ice')
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     tracks = [drawn_track(seed) for seed in range(args.first, args.first + args.drives)]
@@ -174,12 +177,12 @@ def main() -> None:
     for edge, place in borders(found):
         console.print(f'border at {edge:g} m: {place:.2f} m in the map')
     save(map_figure(found, tracks), args.out / 'drives.png')
-    made = new_table('Bend on ice', 'drive', 'speed before the ice [m/s]',
+    made = new_table('Bends on ice', 'drives', 'speed before the ice [m/s]',
                      'speed in the bend [m/s]', 'off the path [m]')
-    first, track = on_ice(args.first)
-    later, _ = on_ice(args.first + 1, friction_map([track]).raster.lower_bound)
-    for name, rows in (('without a map', first), ('with the map of the first', later)):
-        made.add_row(name, *(f'{one:.2f}' for one in ice_scores(rows)))
+    scores = [on_ice_twice(seed) for seed in range(args.first, args.first + args.bends)]
+    for name, rows in zip(('without a map', 'with the map of the first'), zip(*scores)):
+        made.add_row(name, *(f'{mean(one):.2f} ± {standard_error(one):.2f}'
+                             for one in zip(*rows)))
     console.print(made)
 
 
@@ -191,6 +194,13 @@ def ice_scores(rows: Array) -> tuple[float, float, float]:
     bend = moving & (x > 3.0)
     off = np.abs(np.hypot(x[bend] - 3.0, y[bend] - BEND) - BEND)
     return before, float(speed[bend].max()), float(off.max())
+
+
+def on_ice_twice(seed: int) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return the scores of a drive without a map, and of a later one with its map."""
+    first, track = on_ice(seed)
+    later, _ = on_ice(seed + LATER, friction_map([track]).raster.lower_bound)
+    return ice_scores(first), ice_scores(later)
 
 
 if __name__ == '__main__':

@@ -41,10 +41,12 @@ def fused(a: Uncertain, b: Uncertain) -> Uncertain:
     >>> fused(Uncertain(1.0, 0.5), Uncertain(3.0, 0.5)).value
     2.0
     """
-    if min(a.sigma, b.sigma) == 0.0:
-        return a if a.sigma == 0.0 else b
-    w_a, w_b = a.sigma ** -2, b.sigma ** -2
-    return Uncertain((w_a * a.value + w_b * b.value) / (w_a + w_b), (w_a + w_b) ** -0.5)
+    a, b = sorted((a, b), key=lambda one: one.sigma)
+    if a.sigma in (0.0, math.inf):
+        return a
+    weight = (a.sigma / b.sigma) ** 2  # of b, that of a is 1: the square of no sigma overflows
+    return Uncertain((a.value + weight * b.value) / (1.0 + weight),
+                     a.sigma / math.sqrt(1.0 + weight))
 
 
 def weighted_mean(estimates: Sequence[Uncertain]) -> Uncertain:

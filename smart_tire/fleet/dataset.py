@@ -74,7 +74,7 @@ def unit_of(table: str, column: str) -> str:
     name = column.partition('.')[0].removesuffix('_sigma')
     described = describe(table)
     quantities = {} if described is None else {one.name: one.unit for one in described.quantities}
-    return quantities.get(name) or UNITS[name]
+    return quantities.get(column.replace('.', '_')) or quantities.get(name) or UNITS[name]
 
 
 def estimate_tables(drive: str, estimates: SampleArrays) -> dict[str, pa.Table]:

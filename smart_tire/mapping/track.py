@@ -26,11 +26,10 @@ import numpy as np
 
 from smart_tire.arrays import Array, Instants
 from smart_tire.estimates import (
-    FrictionEstimate, GroundEstimate, PoseEstimate, SIDES, Tabular)
+    at, FrictionEstimate, GroundEstimate, PoseEstimate, SIDES, Tabular)
 from smart_tire.estimation.ground.unknowns import BLOCK_TIME, GROUND_WALK, LENGTH, TIME_ERROR
 from smart_tire.models.tire.brush_tire import LN_FRICTION
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.recording import at
 from smart_tire.samples import NS_PER_S
 
 SPACING = 0.025  # m of travel between two rows, a quarter of a cell of 0.1 m

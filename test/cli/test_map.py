@@ -42,9 +42,9 @@ def test_a_bag_and_its_analysis_give_the_same_map(bag, tmp_path, capsys):
     assert main(['map', str(tmp_path / 'analyzed'), '--out', str(tmp_path / 'b')]) == 0
     first, second = (read_raster(tmp_path / one / 'friction_map.yaml') for one in 'ab')
     np.testing.assert_array_equal(first.friction, second.friction)
-    known = np.isfinite(first.friction)
+    known = np.isfinite(first.friction)  # 3 m with known friction: 30 cells of each side
     error = np.abs(first.friction - 0.47)[known]
-    assert known.sum() > 100 and np.mean(error < 2.0 * first.sigma[known] + 0.01) > 0.95
+    assert known.sum() > 70 and np.mean(error < 2.0 * first.sigma[known] + 0.01) > 0.95
     mask = yaml.safe_load((tmp_path / 'a' / 'speed_mask.yaml').read_text())
     assert mask['mode'] == 'raw' and not (tmp_path / 'b' / 'speed_mask.yaml').exists()
     assert math.isfinite(load_node([], 'trajectory_controller').max_speed)
