@@ -156,11 +156,11 @@ class BagCall:
                 [str(record.args[1]) for record in log.buffer if isinstance(record.args, tuple)])
 
 
-def each_bag(args: argparse.Namespace, outs: Sequence[Any],
+def each_bag(args: argparse.Namespace, bags: Sequence[Source], outs: Sequence[Any],
              work: Callable[[Path, Any, argparse.Namespace, str | None], tuple[int, Any]]
              ) -> tuple[int, dict[Any, Any]]:
     """
-    Call ``work`` with each bag, its output, the options, and the URL of the bag or None.
+    Call ``work`` with each of ``bags``, its output, the options, and the URL of the bag or None.
 
     It returns exit status and result. Return the largest status, and output -> result. Prints
     what ``work`` prints; a bag that cannot be read does not stop the others.
@@ -168,7 +168,7 @@ def each_bag(args: argparse.Namespace, outs: Sequence[Any],
     found: dict[Any, Any] = {}
     status = ESTIMATED
     call = BagCall(work, args, captured=len(outs) > 1)
-    with closing(each_item(args, call, list(zip(args.bags, outs)))) as results:
+    with closing(each_item(args, call, list(zip(bags, outs)))) as results:
         for (source, out), value in results:
             result, text, losses = (value, '', []) if isinstance(value, BaseException) else value
             sys.stdout.write(text)

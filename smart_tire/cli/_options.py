@@ -77,14 +77,15 @@ def check_paths(args: argparse.Namespace) -> None:
     """
     several = hasattr(args, 'jobs')  # of the verb, which takes any number of bags
     if several:
-        args.bags = [bag for one in args.bags for bag in _all_found(one)]
+        name, all_found = ('runs', _all_runs) if hasattr(args, 'runs') else ('bags', _all_found)
+        setattr(args, name, [bag for one in getattr(args, name) for bag in all_found(one)])
     for names, check in ((BAGS, _found), (RUNS, _found_run), (FILES, check_file),
                          (OUTPUTS, check_writable)):
         for name in names:
-            if hasattr(args, name) and not (several and name == 'bags'):
+            if hasattr(args, name) and not (several and name in ('bags', 'runs')):
                 setattr(args, name, _checked(getattr(args, name), check))
     if getattr(args, 'dask', ''):  # workers have another working directory
-        for name in {*BAGS, *FILES, *OUTPUTS} & vars(args).keys():
+        for name in {*BAGS, *RUNS, *FILES, *OUTPUTS} & vars(args).keys():
             setattr(args, name, _checked(getattr(args, name), Path.absolute))
 
 
@@ -110,6 +111,11 @@ def _all_found(argument: Source) -> list[Source]:
     elif str(bags[0]) != str(argument):
         print(f'{argument}: reading the bag {bags[0]}', file=sys.stderr)
     return bags
+
+
+def _all_runs(argument: Source) -> list[Source]:
+    return [argument] if isinstance(argument, Path) and is_analysis(argument) else _all_found(
+        argument)
 
 
 def _found_run(path: Path) -> Path:

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     check_options(args)
     check_overhead(args)
     with undone_if_interrupted(partial(remove_results, outs.values(), common, args)):
-        status, found = each_bag(args, list(outs.values()), analyze_one)
+        status, found = each_bag(args, args.bags, list(outs.values()), analyze_one)
         results = {name: one for name, out in outs.items() if (one := found.get(out)) is not None}
         if len(results) > 1:
             print_comparison(results, common, figure=not args.no_figures)

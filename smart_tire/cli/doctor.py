@@ -36,7 +36,7 @@ STYLES = {Level.OK: 'green', Level.INFO: 'cyan', Level.WARNING: 'yellow', Level.
 def run(args: argparse.Namespace) -> int:
     """Print the findings; return the exit status."""
     if args.bags:
-        status, found = each_bag(args, list(map(str, args.bags)), check_one)
+        status, found = each_bag(args, args.bags, list(map(str, args.bags)), check_one)
         if args.json and found:
             trees = {bag: tree(one) for bag, one in found.items()}
             print(json.dumps(trees if len(args.bags) > 1 else trees.popitem()[1], indent=2))

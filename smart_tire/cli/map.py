@@ -16,18 +16,18 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smart_tire.cli._bags import check_options, lacks_inputs, NOTHING_ESTIMATED, open_bag
+from smart_tire.cli._bags import (
+    check_options, each_bag, lacks_inputs, NOTHING_ESTIMATED, open_bag)
 from smart_tire.cli._outputs import (
     folder_names, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag,
     undone_if_interrupted)
 from smart_tire.cli._progress import ProgressLine
-from smart_tire.errors import BagError
 from smart_tire.paths import bag_name, is_analysis
 
 if TYPE_CHECKING:
     from smart_tire.mapping.track import FrictionTrack
 
-MAPPED, BAD_BAG = 0, 2  # exit statuses
+MAPPED = 0  # exit status
 
 
 def run(args: argparse.Namespace) -> int:
@@ -41,14 +41,9 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing_bag(args.out / 'bag', force=args.force)
     check_options(args)
     control = load_node(args.params, 'trajectory_controller')
-    tracks, status = [], MAPPED
-    for path, name in zip(args.runs, folder_names(args.runs)):
-        try:
-            if (track := track_of(path, name, args)) is not None:
-                tracks.append(track)
-        except BagError as error:
-            print(f'{path}: not in the map: {error}')
-            status = BAD_BAG
+    drives = folder_names(args.runs)
+    status, results = each_bag(args, args.runs, drives, track_of)
+    tracks = [results[drive] for drive in drives if results.get(drive) is not None]
     if not tracks:
         print('no drive has any estimate of friction: no map')
         return max(status, NOTHING_ESTIMATED)
@@ -71,8 +66,9 @@ def run(args: argparse.Namespace) -> int:
     return status
 
 
-def track_of(path: Path, name: str, args: argparse.Namespace) -> FrictionTrack | None:
-    """Return the track of a bag or an analysis, named ``name``; None without friction."""
+def track_of(path: Path, name: str, args: argparse.Namespace, _: str | None
+             ) -> tuple[int, FrictionTrack | None]:
+    """Return status and track of a bag or an analysis, named ``name``; None without friction."""
     from smart_tire.analysis import friction_map
     from smart_tire.analysis.comparison import read_analysis
     from smart_tire.analysis.offline import analyze
@@ -86,7 +82,7 @@ def track_of(path: Path, name: str, args: argparse.Namespace) -> FrictionTrack |
     else:
         with open_bag(path, args, prefix=f'{name}: ') as (bag, source):
             if lacks_inputs(bag):
-                return None
+                return MAPPED, None
             robot, owner, names = source.params.robot, friction_map.robot_name(bag), bag.names
         with ProgressLine(bag_name(path)) as progress:
             found = analyze(path, None, source.params, progress.share, names=names, source=source)
@@ -94,5 +90,5 @@ def track_of(path: Path, name: str, args: argparse.Namespace) -> FrictionTrack |
     track = friction_map.track_of(estimates, camera, robot, drive=name, name=owner)
     if not len(track):
         print(f'{name}: no friction was estimated')
-        return None
-    return track
+        return MAPPED, None
+    return MAPPED, track

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     refuse_existing(outs, force=args.force, inputs=[*args.bags, *args.params])
     check_options(args)
     check_overhead(args)
-    return each_bag(args, outs, report_one)[0]
+    return each_bag(args, args.bags, outs, report_one)[0]
 
 
 def output_files(paths: Sequence[Source], out: Path | None, folder: Path) -> list[Path]:

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import math
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -54,6 +55,21 @@ def test_a_bag_and_its_analysis_give_the_same_map(bag, tmp_path, capsys):
     assert main(['map', str(tmp_path / 'analyzed'), '--out', str(tmp_path / 'b'), '--force',
                  '--resolution', '0.5']) == 0
     assert read_raster(tmp_path / 'b' / 'friction_map.yaml').resolution == 0.5
+
+
+def test_a_folder_of_bags_in_processes_gives_the_map_of_its_bags(bag, tmp_path, capsys):
+    for name in 'first', 'second':
+        copytree(bag, tmp_path / 'bags' / name)
+    (tmp_path / 'bags' / 'damaged.mcap').write_bytes(b'no bag')
+    assert main(['map', str(tmp_path / 'bags'), '--jobs', '2', '--out', str(tmp_path / 'a')]) == 2
+    printed = capsys.readouterr()
+    assert 'from 2 drives' in printed.out and 'damaged.mcap' in printed.err
+    both = [str(tmp_path / 'bags' / name) for name in ('first', 'second')]
+    assert main(['map', *both, '--jobs', '1', '--out', str(tmp_path / 'b')]) == 0
+    one, other = ((tmp_path / out / 'friction_map.csv').read_bytes() for out in 'ab')
+    assert one == other
+    drives = np.loadtxt(tmp_path / 'a' / 'friction_map.csv', delimiter=',', skiprows=1)
+    assert drives.max() > 1.0
 
 
 def test_an_output_in_the_bag_and_a_bag_that_is_missing_are_refused(bag, tmp_path, capsys):
