@@ -13,6 +13,7 @@
 from glob import glob
 import os
 from pathlib import Path
+from threading import Lock
 
 from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
@@ -34,6 +35,13 @@ class BuildFromPython(build_ext):
     installs the modules as Python only, because the extensions are optional.
     """
 
+    _translation = Lock()  # Cython translates one module at a time, while others are compiled
+
+    def finalize_options(self) -> None:
+        """Use all cores."""
+        super().finalize_options()
+        self.parallel = self.parallel or os.cpu_count()
+
     def build_extension(self, ext: Extension) -> None:
         """Translate the module to C in the build folder, and compile that."""
         if os.environ.get('SMART_TIRE_NO_COMPILER'):
@@ -44,7 +52,8 @@ class BuildFromPython(build_ext):
         except ImportError as error:
             raise CompileError(f'no Cython: {error}') from error
         try:
-            ext.sources = cythonize(ext, build_dir=self.build_temp, quiet=True)[0].sources
+            with self._translation:
+                ext.sources = cythonize(ext, build_dir=self.build_temp, quiet=True)[0].sources
         except TranslationError as error:
             raise CompileError(f'Cython: {error}') from error
         super().build_extension(ext)

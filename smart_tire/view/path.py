@@ -21,7 +21,7 @@ import rerun as rr
 from smart_tire.analysis.figure import ellipse, SIGMAS
 from smart_tire.arrays import Array
 from smart_tire.rotation import euler
-from smart_tire.samples import GoalPose, NS_PER_S, Odometry, PlannedPath
+from smart_tire.samples import FrictionGrid, GoalPose, NS_PER_S, Odometry, PlannedPath
 from smart_tire.view.writer import AXIS, Color, COMMAND, ESTIMATE, REFERENCES, ViewWriter
 
 SEGMENT_NS = NS_PER_S // 2  # of the path that becomes one shape
@@ -29,6 +29,7 @@ MIN_STEP = 0.005            # m between two points of the path
 ROBOT_LENGTH = 0.3          # m, of the arrow that shows the pose
 GRID_STEPS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # m
 MAX_GRID_LINES = 6
+SLIPPERY, GRIPPING = np.array([[40.0, 60.0, 140.0], [250.0, 220.0, 80.0]])  # colors of mu 0 and 1
 COVARIANCE_XY = (0, 1, 6, 7)  # in the row-major 6x6 covariance of the pose
 
 
@@ -107,6 +108,19 @@ class PathLayer:
     def add_wanted(self, order: PlannedPath | GoalPose) -> None:
         """Show a path to follow, or a goal, from the next estimate on: it may have no stamp."""
         self._wanted = order
+
+    def add_map(self, sample: FrictionGrid) -> None:
+        """Show the known cells of a friction map below the paths, if it is in ``odom``."""
+        if sample.frame != 'odom':
+            return
+        values = np.frombuffer(sample.values, np.uint8).reshape(-1, sample.columns)
+        rows, columns = np.nonzero(values <= 100)
+        mu = values[rows, columns, None] / 100.0
+        centers = np.array(sample.origin) + sample.resolution * (
+            np.column_stack([columns, rows]) + 0.5)
+        self._writer.shape('path/friction_map', sample.stamp_ns, rr.Points2D(
+            on_screen(centers), radii=0.5 * sample.resolution, draw_order=-1.0,
+            colors=(SLIPPERY + mu * (GRIPPING - SLIPPERY)).astype(np.uint8)))
 
     def add_reference(self, name: str, sample: Odometry) -> None:
         """Add a pose of the reference ``name``."""

@@ -69,6 +69,7 @@ class Scene:
             'tire_friction': (crossings.add_friction, forces.add_friction,
                               self._links.add_friction),
             'path': (path.add_wanted,), 'goal_pose': (path.add_wanted,),
+            'friction_map': (path.add_map,),
             'ground_truth/odom': (partial(path.add_reference, 'truth'),),
             'overhead/odom': (partial(path.add_reference, 'camera'),)}
 

@@ -84,7 +84,7 @@ FIELDS = {
                         'film_slip total_slip normal_load stiffness critical_slip traction_force',
     'GroundEstimate': 'stamp_ns stiffness friction_coefficient rolling_resistance lateral_share '
                       'lateral_stiffness_ratio center_of_mass_x center_of_mass_y imu_x imu_y '
-                      'motor_friction torque_scale',
+                      'motor_friction torque_scale friction_common_sigma change_age',
     'ImuData': 'stamp_ns acceleration rate orientation receive_ns',
     'Params': 'estimators simulator',
     'PoseEstimate': 'stamp_ns pose twist covariance twist_sigma',

@@ -10,9 +10,11 @@
 
 """``smart_tire compare``, and ``analyze`` of several bags: labels, references, files."""
 
+from concurrent.futures import wait
 import csv
 from pathlib import Path
 import shutil
+import signal
 
 import pytest
 
@@ -196,14 +198,23 @@ def test_an_interrupted_analysis_leaves_nothing_that_refuses_the_next(
     out, words = tmp_path / 'out', [*map(str, bags), '--params', str(robots[0]), '--out',
                                     str(tmp_path / 'out'), '--no-checks']
 
-    def interrupt(folder, *_):
-        if folder.name == 'blind':  # after the first bag
+    def pause(folder, *_):
+        if folder.name == 'blind':
             if mine:
+                (out / 'known').mkdir(parents=True, exist_ok=True)
                 (out / 'known' / 'notes.txt').write_text('mine')
-            raise KeyboardInterrupt
+            (tmp_path / 'paused').touch()
+            signal.pause()  # until this process, which reads the bag, is ended
         return []
+
+    def interrupted(running, **_):
+        while not (tmp_path / 'paused').exists():
+            if (found := wait(running, timeout=0.05)).done:
+                return found
+        raise KeyboardInterrupt
     with monkeypatch.context() as patch:
-        patch.setattr('smart_tire.analysis.figures.write_figures', interrupt)
+        patch.setattr('smart_tire.analysis.figures.write_figures', pause)
+        patch.setattr('smart_tire.fleet.running.wait_for', interrupted)
         assert main(['analyze', *words]) == 130
     assert [path for path in out.rglob('*') if path.is_file()] == (
         [out / 'known' / 'notes.txt'] if mine else [])

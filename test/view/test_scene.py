@@ -21,8 +21,8 @@ from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import build, FrictionEstimatorParams
 from smart_tire.samples import (
-    Friction, GoalPose, GroundState, MotorCommand, PathProgress, PlannedPath, TireSample,
-    VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
+    Friction, FrictionGrid, GoalPose, GroundState, MotorCommand, PathProgress, PlannedPath,
+    TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
 from smart_tire.view.writer import TRUTH, ViewWriter, WHEEL_COLORS
@@ -216,6 +216,20 @@ def test_a_wanted_path_and_a_goal_are_shown_from_the_next_estimate_on(recorded):
     assert [np.array(shapes).tolist() for _, shapes in strips] == [
         [[[0.0, 0.0], [2.0, -1.0]]], [], []]  # y points down on the screen
     assert [np.array(points).tolist() for _, points in goals] == [[[2.0, -1.0]], [[1.0, 1.0]], []]
+
+
+def test_known_cells_of_a_friction_map_are_shown_where_they_are(recorded):
+    def feed(scene):
+        scene.add_sample('friction_map', FrictionGrid(
+            START, 'odom', 0.5, (1.0, -2.0), 3, bytes([100, 255, 0, 255, 255, 50])))
+        scene.add_sample('friction_map', FrictionGrid(START + MS, 'map', 0.5, (0.0, 0.0), 1, b'1'))
+
+    found = recorded(feed)
+    (_, centers), = found.rows('path/friction_map', 'Points2D:positions')
+    assert np.array(centers).tolist() == [[1.25, 1.75], [2.25, 1.75], [2.25, 1.25]]
+    (_, colors), = found.rows('path/friction_map', 'Points2D:colors')
+    red = [color >> 24 for color in colors]
+    assert red[1] < red[2] < red[0]
 
 
 def test_every_topic_of_the_interface_is_shown(recorded):
