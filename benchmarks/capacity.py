@@ -55,7 +55,7 @@ START_TIMEOUT = 30.0      # s
 DISCOVERY_TIME = 4.0      # s until all nodes have found each other
 DRAIN_TIME = 2.0          # s after the last byte until the counts are read
 MAX_AGE = 0.25            # s, of odom; older ones stop the robot
-RANGES = (Range('largest factor of the rates without loss', 6.0, 16.0),
+RANGES = (Range('largest factor of the rates without loss', 2.0, 16.0),
           Range('greatest age of `odom` there [s]', 0.0, 0.1))
 STEPS = 'tire_receiver', 'imu_driver', 'slip_estimator', 'friction_estimator'
 

@@ -43,7 +43,7 @@ LEGS, DURATION = sequence(
     (3.0, 0.0, 0.0), *((15.0, 90.0, 90.0), (24.0, 120.0, 60.0), (16.0, 60.0, 120.0)) * 3,
     (12.0, 0.0, 0.0))
 RANGES = (Range('analysis of the longest bag, share of its duration', 0.0, 0.2),
-          Range('its memory [MB]', 0.0, 600.0))
+          Range('its memory [MB]', 0.0, 1000.0))
 PARAMETERS = '/**:\n  ros__parameters:\n    film.wheels: {}\n'
 # Prints the CPU time of all processes [s], the duration [s] and the size of the largest one [MB].
 MEASURED = """

@@ -39,6 +39,7 @@ from smart_tire.analysis.pipeline import bag_params, BagParams, EstimatorParams,
 from smart_tire.arrays import Array
 from smart_tire.bags import Bag, SampleDecoder
 from smart_tire.checks import findings
+from smart_tire.checks.live import errors_of
 from smart_tire.checks.recording import read
 from smart_tire.findings import Finding, Level
 from smart_tire.host_load import HostLoad
@@ -557,7 +558,8 @@ def result(events: Events, robot: RobotParams, variant: Variant, before: list[Fi
 
 def live_errors(path: Path, robot: RobotParams) -> list[Finding]:
     """Return what the diagnostics of ``slip_estimator`` say after the messages of a bag."""
-    faults, checks = Faults(), LiveChecks(robot, lambda work: work(), lambda: 0.0)
+    faults, checks = Faults(), LiveChecks(
+        robot, lambda work: work(), lambda *job: (errors_of(*job), 0.0))
     read = {name: SampleDecoder(name, faults) for name in CHANGED}
     with Bag(path) as bag:
         for receive_ns, channel, data in bag.raw(as_written=True):

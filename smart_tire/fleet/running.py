@@ -29,7 +29,7 @@ from typing import Any, TypeVar
 from smart_tire.errors import BagError, ParameterError, SmartTireError
 from smart_tire.fleet.sources import FLEET_EXTRA, Wait
 
-MEMORY_PER_BAG = 600e6  # bytes of a process that reads an hour, of benchmarks.offline
+MEMORY_PER_BAG = 900e6  # bytes of a process that reads an hour, of benchmarks.offline
 CONNECT_TIMEOUT = 10.0  # s, for scheduler and first worker of a cluster, assumed
 CONNECT_TRIES = 6       # after a scheduler was lost, for a restart of a minute
 TASKS_PER_THREAD = 2    # on a cluster: the next one waits where it will run

@@ -11,7 +11,7 @@
 """
 Checks of the latest IMU and wheel samples of a running robot: what they contradict.
 
-They are those of recordings (``smart_tire.checks``), of a window of the inputs, in a thread of
+They are those of recordings (``smart_tire.checks``), of a window of the inputs, in a process of
 their own, and at most for ``MAX_SHARE`` of a core. Only errors are kept: what a window of a drive
 may show by chance or slip, a recording does not call an error either. They hold until the robot
 has driven again for a window without them.
@@ -21,13 +21,14 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+import pickle
+import subprocess
+import sys
 from threading import Thread
-import time
 
-from smart_tire.findings import Finding, Level
+from smart_tire.findings import Finding
 from smart_tire.host_load import HostLoad
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 
 WINDOW = 30.0        # s of samples; a drive of 24 s shows all kinds (docs/other_robots.md)
@@ -37,7 +38,14 @@ MIN_SPEED = 0.5      # rad/s of a wheel, which shows motion
 MAX_CHANGE = 0.5     # s, of the delay from stamp to reception: a clock was set
 MAX_SAMPLES = 20_000  # of a topic in the window: more are of no use
 
+# with the modules of this process: the working directory of a user may have others of their names
+PROGRAM = ('import sys; sys.path[:] = sys.argv[1:]; '
+           'from smart_tire.checks.live import main; main()')
+
 Work = Callable[[], None]
+Received = Sequence[tuple[int, ImuSample | WheelSample]]
+# of robot, samples, load of the host and completed messages: errors, and the CPU time [s]
+Find = Callable[[RobotParams, Received, HostLoad, 'Counter[str]'], tuple[Sequence[Finding], float]]
 
 
 def in_thread(work: Work) -> None:
@@ -45,17 +53,34 @@ def in_thread(work: Work) -> None:
     Thread(target=work, daemon=True).start()
 
 
+def in_process(robot: RobotParams, received: Received, host: HostLoad, completed: Counter[str]
+               ) -> tuple[Sequence[Finding], float]:
+    """
+    Return the errors and the CPU time [s] of a process that checks the samples.
+
+    It loads libraries, and its memory is released; raises OSError or EOFError if it fails.
+    """
+    with subprocess.Popen([sys.executable, '-c', PROGRAM, *sys.path], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE, start_new_session=True) as process:
+        assert process.stdin is not None and process.stdout is not None
+        with process.stdin as samples:  # in parts, between which other threads run
+            pickle.dump((robot, received, host, completed), samples)
+        found: tuple[Sequence[Finding], float] = pickle.load(process.stdout)
+        return found
+
+
 class LiveChecks:
     """
     The samples of the last seconds, and what the checks find in them.
 
-    ``start`` begins a check: in a thread, or at once. Times are in ns of reception.
+    ``start`` begins a check: in a thread, which waits for ``find``, or at once. Times are in ns of
+    reception.
     """
 
     def __init__(self, robot: RobotParams, start: Callable[[Work], None] = in_thread,
-                 cpu_time: Callable[[], float] = time.thread_time) -> None:
+                 find: Find = in_process) -> None:
         self.errors: Sequence[Finding] = ()
-        self._robot, self._start, self._cpu_time = robot, start, cpu_time
+        self._robot, self._start, self._find = robot, start, find
         self._samples: dict[type, deque[tuple[int, ImuSample | WheelSample]]] = {
             kind: deque(maxlen=MAX_SAMPLES) for kind in (ImuSample, WheelSample)}
         self._due_ns: int | None = None
@@ -90,20 +115,11 @@ class LiveChecks:
             self._start(lambda: self._check(now_ns, received, host, completed.copy()))
         return self.errors
 
-    def _check(self, now_ns: int, received: Sequence[tuple[int, ImuSample | WheelSample]],
-               host: HostLoad, completed: Counter[str]) -> None:
-        begin = self._cpu_time()
-        # these need scipy, without which nodes start
-        from smart_tire.checks import findings, LIVE
-        from smart_tire.checks.recording import CheckedRecording
-        samples = SampleArrays()
-        for receive_ns, sample in received:
-            samples.add_sample(sample, receive_ns)
+    def _check(self, now_ns: int, received: Received, host: HostLoad, completed: Counter[str]
+               ) -> None:
+        spent = 0.0
         try:
-            found = findings(CheckedRecording(
-                self._robot, samples, Faults(completed=completed), live=True, host=host), LIVE)
-            self.errors = [one for one in found if one.level is Level.ERROR]
+            self.errors, spent = self._find(self._robot, received, host, completed)
         finally:  # an error of a check does not end those of later samples
-            spent = (self._cpu_time() - begin) / MAX_SHARE
-            self._due_ns = now_ns + round(max(PERIOD, spent) * NS_PER_S)
+            self._due_ns = now_ns + round(max(PERIOD, spent / MAX_SHARE) * NS_PER_S)
             self._busy = False

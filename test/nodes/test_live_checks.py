@@ -20,6 +20,7 @@ from benchmarks.strangers import ALL, DRIVE, NO_LOAD
 from benchmarks.wrong_data import CHANGED, encoded, Variant
 import pytest
 from rclpy.serialization import deserialize_message
+from smart_tire.checks.live import errors_of
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.live_checks import in_thread, LiveChecks, MAX_SHARE, PERIOD, WINDOW
@@ -36,6 +37,11 @@ pytestmark = pytest.mark.processes
 ROBOT = RobotParams(film=TreadFilmParams(wheels=()))
 
 
+def at_once(*job):
+    """Return the errors that a check finds, in no time."""
+    return errors_of(*job), 0.0
+
+
 @pytest.fixture(scope='module')
 def events():
     """Return a drive with turns, starts and stops."""
@@ -44,7 +50,7 @@ def events():
 
 def drive(node, events, variant):
     """Hand the messages of a variant of a drive to a node; its checks are made at once."""
-    node.checks = LiveChecks(node.params.robot, lambda work: work(), lambda: 0.0)
+    node.checks = LiveChecks(node.params.robot, lambda work: work(), at_once)
     ahead_ns = node.now_ns() - events[0][0]
     now = [(at + ahead_ns, topic, replace(sample, stamp_ns=sample.stamp_ns + ahead_ns))
            for at, topic, sample in events]
@@ -100,8 +106,8 @@ def polled(checks, now_ns):
 
 
 def test_checks_take_their_share_of_a_core_and_rest_with_the_robot():
-    begun, clock = [], iter(float(k // 2) for k in range(1, 99))  # each check takes 1 s
-    checks = LiveChecks(ROBOT, lambda work: (begun.append(work), work()), lambda: next(clock))
+    begun = []
+    checks = LiveChecks(ROBOT, lambda work: (begun.append(work), work()), lambda *_: ((), 1.0))
     polled(checks, NS_PER_S)
     now_ns = filled(checks, PERIOD)
     polled(checks, now_ns - 1)
@@ -115,7 +121,7 @@ def test_checks_take_their_share_of_a_core_and_rest_with_the_robot():
 
 
 def test_an_error_holds_until_the_robot_has_driven_without_it():
-    checks = LiveChecks(ROBOT, lambda work: work(), lambda: 0.0)
+    checks = LiveChecks(ROBOT, lambda work: work(), at_once)
     polled(checks, NS_PER_S)
     found = polled(checks, filled(checks, PERIOD, factor=1.0 / 9.81))
     assert [one for one in found if 'in g' in one.text]
@@ -127,7 +133,7 @@ def test_an_error_holds_until_the_robot_has_driven_without_it():
 
 def test_one_check_is_made_at_a_time_and_the_clock_may_be_set_back():
     works = []
-    checks = LiveChecks(ROBOT, works.append, lambda: 0.0)
+    checks = LiveChecks(ROBOT, works.append, at_once)
     polled(checks, 1000 * NS_PER_S)
     polled(checks, NS_PER_S)
     for seconds in (PERIOD, PERIOD + 1.0, 3.0 * PERIOD):
@@ -140,7 +146,7 @@ def test_one_check_is_made_at_a_time_and_the_clock_may_be_set_back():
 
 @pytest.mark.parametrize(('received', 'stamped'), [(-20.0, -20.0), (0.0, 0.6), (0.0, -0.6)])
 def test_samples_before_a_clock_was_set_are_forgotten(received, stamped):
-    checks, sizes = LiveChecks(ROBOT, lambda work: work(), lambda: 0.0), []
+    checks, sizes = LiveChecks(ROBOT, lambda work: work(), at_once), []
     checks._check = lambda now_ns, samples, *_: sizes.append(len(samples))
     polled(checks, NS_PER_S)
     end_ns = filled(checks, 2.0 * WINDOW)
@@ -151,7 +157,9 @@ def test_samples_before_a_clock_was_set_are_forgotten(received, stamped):
     assert sizes == [5]
 
 
-def test_the_thread_ends_with_its_check():
+def test_the_thread_ends_with_its_check(tmp_path, monkeypatch):
+    (tmp_path / 'smart_tire.py').write_text('raise SystemExit("a module of the user")')
+    monkeypatch.chdir(tmp_path)
     checks, done = LiveChecks(ROBOT), Event()
     in_thread(done.set)
     assert done.wait(PATIENCE)
@@ -166,8 +174,8 @@ def test_an_error_of_a_check_does_not_end_those_of_later_samples(monkeypatch):
     def failing(*_):
         made.append(1)
         raise ArithmeticError('a check')
-    monkeypatch.setattr('smart_tire.checks.findings', failing)
-    checks, now_ns = LiveChecks(ROBOT, lambda work: work(), lambda: 0.0), 100 * NS_PER_S
+    monkeypatch.setattr('smart_tire.checks.live.findings', failing)
+    checks, now_ns = LiveChecks(ROBOT, lambda work: work(), at_once), 100 * NS_PER_S
     assert checks.poll(now_ns, NO_LOAD, Counter()) == ()  # the first one is due later
     for count in (1, 2):
         now_ns += round(PERIOD * NS_PER_S)
