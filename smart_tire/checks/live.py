@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Sequence
 import os
 import pickle
+import signal
 import sys
 
 from smart_tire.checks import findings, LIVE
@@ -45,5 +46,10 @@ def errors_of(robot: RobotParams, received: Sequence[tuple[int, ImuSample | Whee
 def main() -> None:
     """Read the arguments of ``errors_of`` from stdin, write its result and CPU time [s]."""
     os.nice(19)  # after all nodes
-    found = errors_of(*pickle.load(sys.stdin.buffer))
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # ends without a word if the node has ended
+    try:
+        job = pickle.load(sys.stdin.buffer)
+    except (EOFError, pickle.UnpicklingError):  # the node has ended
+        return
+    found = errors_of(*job)
     sys.stdout.buffer.write(pickle.dumps((found, sum(os.times()[:2]))))

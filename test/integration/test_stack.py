@@ -60,8 +60,8 @@ def run(tmp_path_factory, isolated_ros):
         released = graph.value('motor_driver', 'emergency_stop')
 
         def command():
-            # a simulator that a busy machine holds up has no encoder counts: the driver stops until
-            # commands pause
+            # a simulator that a busy machine holds up has no encoder counts, which stops the
+            # motors until commands pause
             if 'commands pause' not in graph.status_message('motor_driver'):
                 # without timestamp: its age is not checked
                 graph.publish('cmd_vel', VelocityCommand(0, 0.8, -1.4))

@@ -14,6 +14,9 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+import pickle
+import subprocess
+import sys
 from threading import Event
 
 from benchmarks.strangers import ALL, DRIVE, NO_LOAD
@@ -23,7 +26,8 @@ from rclpy.serialization import deserialize_message
 from smart_tire.checks.live import errors_of
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
-from smart_tire.nodes.live_checks import in_thread, LiveChecks, MAX_SHARE, PERIOD, WINDOW
+from smart_tire.nodes.live_checks import (
+    in_thread, LiveChecks, MAX_SHARE, PERIOD, PROGRAM, WINDOW)
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import TreadFilmParams
@@ -166,6 +170,14 @@ def test_the_thread_ends_with_its_check(tmp_path, monkeypatch):
     polled(checks, NS_PER_S)
     polled(checks, filled(checks, PERIOD, factor=1.0 / 9.81))
     wait_for(lambda: checks.errors)
+
+
+@pytest.mark.parametrize('cut', [0, 1000])
+def test_a_process_whose_node_has_ended_says_nothing(cut):
+    job = pickle.dumps((ROBOT, [(k, WheelSample(k, (1.0,) * 4)) for k in range(100)]))
+    done = subprocess.run([sys.executable, '-c', PROGRAM, *sys.path], input=job[:cut],
+                          capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b'', b'')
 
 
 def test_an_error_of_a_check_does_not_end_those_of_later_samples(monkeypatch):
