@@ -16,8 +16,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.estimation.slip.odometry import planar, planar_pose, planar_twist
+from smart_tire.estimation.slip.odometry import planar, planar_pose
 from smart_tire.samples import NS_PER_S, Odometry
+
+
+def planar_twist(odometry: Odometry) -> tuple[float, float, float]:
+    """Return v_x, v_y [m/s] and yaw rate [rad/s]."""
+    return *odometry.linear[:2], odometry.angular[2]
 
 
 class TwistFusion:

@@ -93,8 +93,3 @@ def planar(covariance: Sequence[float]) -> Array:
 def planar_pose(odometry: Odometry) -> Pose:
     """Return x, y [m] and yaw [rad]."""
     return *odometry.position[:2], euler(odometry.orientation)[2]
-
-
-def planar_twist(odometry: Odometry) -> Pose:
-    """Return v_x, v_y [m/s] and yaw rate [rad/s]."""
-    return *odometry.linear[:2], odometry.angular[2]

@@ -24,8 +24,7 @@ from smart_tire.analysis.pipeline import EstimatorParams, INPUTS, Pipeline
 from smart_tire.bags import Bag
 from smart_tire.estimation.slip import estimator as slip_estimator
 from smart_tire.estimation.slip.estimator import SlipEstimator
-from smart_tire.estimation.slip.odometry import (
-    OdometryOutput, planar, planar_pose, planar_twist)
+from smart_tire.estimation.slip.odometry import OdometryOutput, planar, planar_pose
 from smart_tire.estimation.slip.output import ContinuousPose, SlipOutputBuilder
 from smart_tire.estimation.slip.state import AGREEMENT_SIGMAS, CORRECTION_TIME
 from smart_tire.parameters import build, SimulatorParams, SlipEstimatorParams
@@ -33,7 +32,7 @@ from smart_tire.rotation import quaternion
 from smart_tire.samples import NS_PER_S, Odometry
 from smart_tire.simulation.offline import simulate
 from support.real_recordings import real_recording
-from support.twist_fusion import TwistFusion
+from support.twist_fusion import planar_twist, TwistFusion
 import yaml
 
 pytestmark = pytest.mark.slow
