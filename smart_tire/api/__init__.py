@@ -19,9 +19,8 @@ from smart_tire.api.crossing import CrossingFit, fit_crossing
 from smart_tire.api.models import (
     BrushTire, BucklingFilm, FilmMeasurement, FilmParams, FilmSensor, TreadFilm)
 from smart_tire.api.params import load_params, Params
-from smart_tire.api.plots import plot
 from smart_tire.api.recording import FilmData, ImuData, read_bag, Recording, WheelData, write_bag
-from smart_tire.api.runs import estimate, estimate_friction, estimate_slip, simulate
+from smart_tire.api.runs import estimate, estimate_friction, estimate_slip, plot, simulate
 from smart_tire.errors import BagError, EstimatorError, ParameterError, SmartTireError
 from smart_tire.estimates import (
     Estimates, FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter,

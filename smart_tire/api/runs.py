@@ -12,22 +12,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 import warnings
 
 import numpy as np
 
+from smart_tire.analysis import figure
+from smart_tire.analysis.figures import MAX_CROSSING_GAP
+from smart_tire.analysis.metrics import compared_poses, measured, SIDES
 from smart_tire.analysis.pipeline import LOST_WITHOUT, Pipeline
 from smart_tire.api.params import Params
 from smart_tire.api.recording import as_recording, read_bag, Recording
 from smart_tire.arrays import ArrayLike
-from smart_tire.errors import ParameterError
-from smart_tire.estimates import Estimates, FrictionEstimate, SlipEstimate
-from smart_tire.recording import SampleArrays
+from smart_tire.errors import EstimatorError, ParameterError
+from smart_tire.estimates import Estimates, FrictionEstimate, SlipEstimate, Truth
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.simulation import offline
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLORS = dict(zip(('left', 'right'), figure.PAIR))
 
 
 def estimate(recording: Recording | str | Path, params: Params | None = None) -> Estimates:
@@ -125,3 +133,69 @@ def _phases(speeds: ArrayLike) -> list[tuple[float, float, float]]:
                              'start time [s], left and right [rad/s]')
     rows[:, 1:] /= offline.RAD_PER_S_PER_RPM
     return [(start, left, right) for start, left, right in rows.tolist()]
+
+
+def plot(estimates: Estimates, truth: Truth | None = None) -> Figure:
+    """
+    Return a figure of matplotlib: path [m], slip of both sides [-], friction coefficient [-].
+
+    Bands and bars are two standard deviations. ``truth``, where it is given and known, is dashed,
+    its path so that both start at the same pose. In a notebook the figure shows itself; its
+    ``savefig(path)`` writes it. Raises EstimatorError if there is nothing to show.
+    """
+    from smart_tire.analysis.drawing import render  # loads matplotlib
+    pose, slip, friction = estimates.pose, estimates.slip, estimates.friction
+    stamps = np.concatenate([one.stamp_ns for one in (pose, slip, friction)])
+    if not len(stamps):
+        raise EstimatorError('there are no estimates to plot: expected pose, slip or friction')
+    known, origin_ns = len(pose) > 0, int(stamps.min())
+    paths = [figure.Mark(figure.Curve(*pose.pose[:, :2].T), 'estimate', 'ink')]
+    if truth is not None and known and len(truth.pose):
+        paths += figure.truth_marks(figure.Curve(
+            *compared_poses(pose, truth.pose).true[:, :2].T))
+    panels = [figure.Panel(paths, 'x [m]', 'y [m]', 'path', equal=True)] if known else []
+    end = float(seconds(stamps, origin_ns).max())
+    slips = [*_slips(slip, origin_ns), *(_true_slips(truth.slip, origin_ns) if truth else ())]
+    frictions = [*_frictions(friction, origin_ns)]
+    bars = [mark.curve.y + sign * mark.curve.reach for mark in frictions for sign in (-1.0, 1.0)]
+    if frictions and truth is not None:
+        frictions += _true_frictions(truth.friction, origin_ns)
+    for title, marks, shown in (
+            ('slip ratio [-]', slips, [mark.curve.y for mark in slips]),
+            ('friction coefficient [-]', frictions, bars)):
+        if marks:
+            panels.append(figure.Panel(marks, figure.TIME_LABEL, title, x_limits=(0.0, end),
+                                       y_limits=figure.limits(shown, 0.05)))
+    return render(figure.Figure('estimates', 'Path, slip and friction', figure.TWO_SIGMA,
+                                [[panel] for panel in panels], panel_legends=True))
+
+
+def _slips(slip: SlipEstimate, origin_ns: int) -> Iterator[figure.Mark]:
+    time = seconds(slip.stamp_ns, origin_ns)
+    for side, wheels in SIDES.items() if len(time) else ():
+        own = measured(slip.ratio, wheels)
+        curve, _ = figure.observable(figure.interrupted(figure.Curve(
+            time, slip.ratio[:, own].mean(axis=1), slip.sigma[:, own].mean(axis=1))))
+        yield figure.Mark(curve, f'{side} side ± 2σ', COLORS[side])
+
+
+def _true_slips(slip: SlipEstimate, origin_ns: int) -> Iterator[figure.Mark]:
+    for wheels in SIDES.values():
+        yield from figure.truth_marks(figure.interrupted(figure.Curve(
+            seconds(slip.stamp_ns, origin_ns), slip.ratio[:, wheels].mean(axis=1))))
+
+
+def _true_frictions(friction: FrictionEstimate, origin_ns: int) -> Iterator[figure.Mark]:
+    for wheel in sorted(set(friction.wheel)):
+        own = friction.of(wheel)
+        yield from figure.truth_marks(figure.interrupted(figure.Curve(
+            seconds(own.stamp_ns, origin_ns), own.friction_coefficient.value),
+            MAX_CROSSING_GAP), 'mid')
+
+
+def _frictions(friction: FrictionEstimate, origin_ns: int) -> Iterator[figure.Mark]:
+    mu = friction.friction_coefficient
+    for wheel, color in zip(sorted(set(friction.wheel)), figure.COLORS):
+        own = (friction.wheel == wheel) & np.isfinite(mu.value)
+        yield figure.dots(seconds(friction.stamp_ns[own], origin_ns), mu.value[own],
+                          f'{wheel.replace("_", " ")} ± 2σ', color, mu.sigma[own])

@@ -12,7 +12,7 @@
 Time of a simulated robot, shared by its processes on one machine through a mapped file.
 
 It passes as real time does, except that it stands while one of its participants is behind: each
-says until when it may pass without it, and the simulator (``simulation/time_keeper.py``) sets the
+says until when it may pass without it, and the simulator (``simulation/realtime.py``) sets the
 least of these times as the limit:
 
     simulated time = min(steady time of the machine - offset, limit)

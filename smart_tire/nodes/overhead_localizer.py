@@ -23,7 +23,7 @@ from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.samples import Odometry, WheelSlip
-from smart_tire.vision.live import LiveLocalizer
+from smart_tire.vision.overhead import LiveLocalizer
 
 
 class OverheadLocalizerNode(SmartTireNode[OverheadLocalizerParams]):

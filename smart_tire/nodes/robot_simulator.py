@@ -18,6 +18,7 @@ import time
 
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
+
 from smart_tire.drivers.clock import SYSTEM
 from smart_tire.errors import LinkError, ParameterError
 from smart_tire.host_load import FACTOR, GIVEN_UP, WAITED_FOR
@@ -27,8 +28,7 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import SimulatorParams
 from smart_tire.samples import NS_PER_S
-from smart_tire.simulation.realtime import SimulatedHardware
-from smart_tire.simulation.time_keeper import TimeKeeper
+from smart_tire.simulation.realtime import SimulatedHardware, TimeKeeper
 from smart_tire.simulation.truth import Truth, truth_topic
 
 THREAD_TIMEOUT = 5.0       # s for the thread of the simulation to end

@@ -12,13 +12,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.papers.buckling_film import BucklingFilm, FILMS
+from smart_tire.papers.buckling_film import FILMS
 from smart_tire.papers.film_bench import identify_film
 from smart_tire.papers.film_files import FilmParams, FilmRecording, PRODUCTS
 from smart_tire.papers.film_test_stand import FilmTestStand
@@ -26,23 +26,9 @@ from smart_tire.papers.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_
 from smart_tire.uncertain import Uncertain
 
 
-@dataclass(frozen=True)
-class Specimen:
-    """A film on the test stand, with its parameters as a sensor."""
-
-    film: BucklingFilm
-    gain: float  # C, K
-    hysteresis: DuhemParams
-
-    def charge(self, deflection: Array, model: str = 'exact') -> Array:
-        """Return Q_en [C] at ``deflection`` [m], before hysteresis."""
-        charge: Array = self.gain * self.film.normalized_charge(deflection, model)
-        return charge
-
-
-def specimen(name: str) -> Specimen:
+def specimen(name: str) -> FilmTestStand:
     """
-    Return one of paper A's films by its key in FILMS.
+    Return the test stand with one of paper A's films, by its key in FILMS.
 
     Table I is for one film. For the others K is scaled with the geometry as in A(15), and the loop
     has the same shape at the same stroke (alpha K is kept). Both are assumptions.
@@ -50,20 +36,16 @@ def specimen(name: str) -> Specimen:
     film = FILMS[name]
     gain = TABLE_I_GAIN * film.gain / FILMS['25x3'].gain
     alpha = TABLE_I.alpha * TABLE_I_GAIN / gain
-    return Specimen(film, gain, DuhemParams(alpha=alpha, a=TABLE_I.a, b=TABLE_I.b))
-
-
-def bench(film: Specimen, deflection: Array, rate: float, seed: int) -> FilmRecording:
-    """
-    Return the recording of ``deflection`` [m] (n,) at ``rate`` [Hz] by the test stand.
-
-    The amplifier range is set for the film; the noise is proportional to the range.
-    """
-    share = film.gain / TABLE_I_GAIN
+    share = gain / TABLE_I_GAIN
     return FilmTestStand(
-        film=film.film, hysteresis=film.hysteresis, gain=film.gain, rate=rate,
+        film=film, gain=gain, hysteresis=DuhemParams(alpha=alpha, a=TABLE_I.a, b=TABLE_I.b),
         charge_noise=FilmTestStand.charge_noise * share,
-        full_scale=FilmTestStand.full_scale * share).run(deflection, seed)
+        full_scale=FilmTestStand.full_scale * share)
+
+
+def bench(film: FilmTestStand, deflection: Array, rate: float, seed: int) -> FilmRecording:
+    """Return the recording of ``deflection`` [m] (n,) at ``rate`` [Hz] by the test stand."""
+    return replace(film, rate=rate).run(deflection, seed)
 
 
 SAMPLES = 200                                     # per cycle, at every frequency
@@ -202,7 +184,7 @@ def proportionality() -> Proportionality:
                            _rise(AMPLITUDES, models['linear']))
 
 
-def asymptotic_peak(film: Specimen, top: float, model: str) -> float:
+def asymptotic_peak(film: FilmTestStand, top: float, model: str) -> float:
     """Return half the range of the charge [C] of a film that moves between 0 and ``top`` [m]."""
     # the operator is rate-independent: the reversals determine the loop
     reversals = film.charge(np.array([top, 0.0]), model)
@@ -210,7 +192,7 @@ def asymptotic_peak(film: Specimen, top: float, model: str) -> float:
     return 0.5 * abs(float(charge[-1] - charge[-2]))
 
 
-def settled_loop(film: Specimen, amplitude: float,
+def settled_loop(film: FilmTestStand, amplitude: float,
                  frequency: float) -> Loop:
     """Return the loop of a sine with ``amplitude`` [m] about its mean deflection."""
     phase = 2.0 * math.pi * np.arange((SETTLING_CYCLES + AVERAGED_CYCLES) * SAMPLES) / SAMPLES
@@ -309,7 +291,7 @@ def identification() -> TableOneFits:
         estimated(recordings[0], film, fits[0][0]))
 
 
-def record(film: Specimen, seed: int) -> FilmRecording:
+def record(film: FilmTestStand, seed: int) -> FilmRecording:
     """Return the experiment of Fig. 8: the film is in motion when the recording begins."""
     time = np.arange(round((DURATION + PRE_RECORDING) * RATE)) / RATE
     full = bench(
@@ -319,7 +301,7 @@ def record(film: Specimen, seed: int) -> FilmRecording:
                          full.output[begin:])
 
 
-def estimated(recording: FilmRecording, film: Specimen, params: FilmParams) -> Estimated:
+def estimated(recording: FilmRecording, film: FilmTestStand, params: FilmParams) -> Estimated:
     """Return the estimated and the measured charge of a recording."""
     v = film.film.normalized_charge(np.maximum(recording.input, 0.0))
     operator, elapsed = params.operator, recording.time

@@ -49,6 +49,11 @@ class FilmTestStand:
     full_scale: float = 50e-9      # C, the range of the converter is +-full_scale
     bits: int = 16                 # of the converter
 
+    def charge(self, deflection: Array, model: str = 'exact') -> Array:
+        """Return Q_en [C] at ``deflection`` [m], before hysteresis."""
+        charge: Array = self.gain * self.film.normalized_charge(deflection, model)
+        return charge
+
     def run(self, deflection: ArrayLike, seed: int) -> FilmRecording:
         """
         Return the recording of ``deflection`` [m] (n,), one value per sample.
@@ -60,7 +65,7 @@ class FilmTestStand:
         rng = np.random.default_rng(seed)
         fine = np.interp(np.arange((path.size - 1) * OVERSAMPLING + 1) / OVERSAMPLING,
                          np.arange(path.size), path)
-        charge = respond(self.gain * self.film.normalized_charge(fine), self.hysteresis)
+        charge = respond(self.charge(fine), self.hysteresis)
         output = self._amplified(charge)[::OVERSAMPLING]
         output = output + self.charge_noise * rng.standard_normal(path.size)
         return FilmRecording(np.arange(path.size) / self.rate,

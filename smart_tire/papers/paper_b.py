@@ -26,12 +26,11 @@ from smart_tire.analysis.overhead import frame_panel
 from smart_tire.analysis.result import Comparison, Result
 from smart_tire.arrays import Array
 from smart_tire.papers import tire_maps
-from smart_tire.papers.camera_runs import View
 from smart_tire.papers.report import PaperSection, section
 from smart_tire.papers.tire_maps import (
     CRITICAL, METHODS, MIN_SLIP, MU, Outline, OUTLINE_SLIP, OUTLINE_SPEED, Signals, SLIPS,
     STIFFNESS, Sweep)
-from smart_tire.papers.tire_runs import AccelerationFit, Drive, ROBOT, side_slips
+from smart_tire.papers.tire_runs import AccelerationFit, Drive, ROBOT, side_slips, View
 from smart_tire.samples import NS_PER_S
 
 MAX_ZERO_SLIP = 0.05  # slip that counts as close to zero

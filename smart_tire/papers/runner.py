@@ -19,9 +19,9 @@ from smart_tire.analysis.drawing import save
 from smart_tire.analysis.html_report import page
 from smart_tire.analysis.tables import Table
 from smart_tire.papers import film_experiments, paper_a, paper_b, tire_maps, tire_runs
-from smart_tire.papers.camera_runs import camera_view, DURATIONS
 from smart_tire.papers.report import PaperSection
-from smart_tire.papers.tire_runs import Crossings, crossings, drive, steady
+from smart_tire.papers.tire_runs import (
+    camera_view, Crossings, crossings, drive, RENDERED_DURATIONS, steady)
 
 Progress = Callable[[int, int, str], None]  # steps done, total number of steps, next task
 
@@ -106,7 +106,7 @@ def tire_sections(steps: _Steps) -> Iterator[PaperSection]:
     steps.start('paper B, Fig. 9')
     runs = {ground: drive(ground, steady(120.0, 60.0), SLIP_DURATION)
             for ground in ('concrete', 'sand')}
-    views = {ground: camera_view(run, DURATIONS[ground]) for ground, run in runs.items()}
+    views = {ground: camera_view(run, RENDERED_DURATIONS[ground]) for ground, run in runs.items()}
     yield paper_b.view_section(views['concrete'], runs['concrete'])
     steps.start('paper B, Fig. 10')
     yield paper_b.slip_section(runs, views, *(

@@ -8,11 +8,16 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Drives of the simulated robot for the figures of paper B, with the estimators of the robot."""
+"""
+Drives of the simulated robot for the figures of paper B, with the estimators of the robot.
+
+Also: rendered images of an overhead camera above a drive, and what they show.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 
 import numpy as np
@@ -20,18 +25,26 @@ from numpy.typing import NDArray
 
 from smart_tire.analysis.friction_metrics import column, match
 from smart_tire.analysis.metrics import compared_slips, SIDES, slip_scores, SlipScore
+from smart_tire.analysis.overhead import estimates_of, INFO_TYPE
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
 from smart_tire.arrays import Array
+from smart_tire.bags.cdr import empty
 from smart_tire.estimates import at
+from smart_tire.messages.header import set_header
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.papers.printed import PrintedSlipEstimator
-from smart_tire.parameters import build, RobotParams, SimulatorParams, SlipEstimatorParams
-from smart_tire.recording import SampleArrays
+from smart_tire.parameters import (
+    build, ImageParams, OverheadLocalizerParams, RobotParams, SimulatorParams, SlipEstimatorParams)
+from smart_tire.parameters.overhead import OverheadParams
+from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import (
     Friction, GRAVITY, GroundState, ImuSample, NS_PER_S, WHEELS, WheelSample)
 from smart_tire.simulation.offline import Schedule, simulate
+from smart_tire.vision.detection import fill_image
+from smart_tire.vision.overhead import CameraResult, OverheadLocalizer
+from smart_tire.vision.renderer import between, Renderer
 
 RPM = math.tau / 60.0       # rad/s
 WHEEL = 'front_right'       # with the films
@@ -39,6 +52,10 @@ STANDSTILL_TIME = 1.0       # s before every drive
 SETTLING_TIME = 2.0         # s of a drive that averages exclude
 ROBOT = RobotParams()       # Table I of paper B
 PEAK_SEARCH_MARGIN = 0.004  # m before and after a crossing, in the search of raw peaks
+RENDERED_DURATIONS = {'concrete': 11.0, 'sand': 7.0}  # s: a circle, steady slip
+CAMERA_HEIGHT = 3.5  # m of the camera above the floor, so that it sees this circle
+IMAGE_RATE = 10.0     # Hz
+IMAGE_SIZE, FOCAL_LENGTH = (960, 540), 750.0  # pixels; fewer than 1280 x 720 and 15 Hz save time
 
 
 @dataclass(frozen=True)
@@ -237,3 +254,37 @@ def stiffness(run: Drive, mu: float) -> AccelerationFit:
 def _blocks(values: Array) -> Array:
     whole = values[:values.size // BLOCK_SAMPLES * BLOCK_SAMPLES]
     return whole.reshape(-1, BLOCK_SAMPLES).mean(axis=1)
+
+
+@dataclass(frozen=True)
+class View:
+    """What the camera has found in a drive."""
+
+    found: CameraResult
+    params: OverheadLocalizerParams
+
+    @cached_property
+    def estimates(self) -> SampleArrays:
+        """Return poses and slips."""
+        return SampleArrays(estimates_of(self.found, ROBOT.wheel_radius))
+
+
+def camera_view(run: Drive, duration: float) -> View:
+    """Return what a camera above the path finds in the first ``duration`` [s]."""
+    truth = run.truth.poses()
+    time = seconds(truth.stamp_ns, run.origin_ns) + STANDSTILL_TIME
+    driven = truth.pose[time <= duration, :2]
+    x, y = (0.5 * (driven.min(axis=0) + driven.max(axis=0))).tolist()
+    image = ImageParams(size=IMAGE_SIZE, focal_length=FOCAL_LENGTH,
+                        position=(x, y, CAMERA_HEIGHT), rate=IMAGE_RATE)
+    params = OverheadLocalizerParams(robot=ROBOT, overhead=OverheadParams(
+        camera_position=image.position, camera_rotation=image.rotation))
+    renderer = Renderer(image, params.overhead, ROBOT.wheel_radius)
+    localizer = OverheadLocalizer(params)
+    localizer.add_camera_info(renderer.camera.intrinsics.fill(empty(INFO_TYPE)))
+    motion = between(time, truth.pose)
+    for instant in np.arange(0.5 / IMAGE_RATE, min(duration, time[-1]), 1.0 / IMAGE_RATE).tolist():
+        msg = fill_image(empty('sensor_msgs/msg/Image'), renderer.image(instant, motion))
+        set_header(msg, run.origin_ns + round((instant - STANDSTILL_TIME) * NS_PER_S), '')
+        localizer.add_image(msg)
+    return View(localizer.result(run.inputs), params)

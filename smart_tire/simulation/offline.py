@@ -22,8 +22,8 @@ from smart_tire.parameters.simulation import SimulatorParams
 from smart_tire.samples import Four, four, ImuSample, NS_PER_S, Sample, TireSample, WheelSample
 from smart_tire.simulation.films import FilmBatch
 from smart_tire.simulation.plant import Plant, TIME_STEP
-from smart_tire.simulation.robot import Observation, PeriodicTimer, Robot
-from smart_tire.simulation.sensors import encoder_counts, wheel_angles
+from smart_tire.simulation.robot import (
+    encoder_counts, Observation, PeriodicTimer, Robot, wheel_angles)
 from smart_tire.simulation.truth import truth_topic
 
 Event = tuple[int, str, Sample]  # receive time [ns], topic, sample

@@ -15,21 +15,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
+import numpy as np
 import rerun as rr
 
+from smart_tire.bags import Decoder
 from smart_tire.errors import MessageError
-from smart_tire.messages import NodeStatus
+from smart_tire.messages import NodeStatus, stamp_of
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Sample
-from smart_tire.view.camera import CameraLayer
 from smart_tire.view.contact import CrossingLayer, FilmLayer, ForceLayer
 from smart_tire.view.path import PathLayer
 from smart_tire.view.series import SeriesLayer
 from smart_tire.view.writer import (
-    Color, FILM_COLORS, NODE_COLORS, SeriesBuffer, TRUTH, ViewWriter, WARNING)
+    CAMERA, Color, FILM_COLORS, NODE_COLORS, SeriesBuffer, TRUTH, ViewWriter, WARNING)
+
+if TYPE_CHECKING:
+    from smart_tire.vision.detection import TagDetector
 
 # Counts of what went wrong; of each the sum over all nodes is always shown.
 COUNTS = {'batches_lost': 'radio batches lost', 'batches_late': 'radio batches late',
@@ -39,6 +43,7 @@ COUNT_COLORS = (*FILM_COLORS, WARNING)
 AGE = 'last_message_age'
 LEVELS = ('INFO', 'WARN', 'ERROR', 'WARN')  # of events by the level of a status: 3 is stale
 CHANGES = 'ground_changes'  # count of friction_estimator
+IMAGE_PERIOD_NS = NS_PER_S // 2  # between two images that are shown
 
 Handler = Callable[[Any], None]
 
@@ -208,3 +213,37 @@ def number(text: str) -> float | None:
 
 def _path(node: str, name: str) -> str:
     return '/'.join(part for part in (*node.split('/'), *name.split('/')) if part)
+
+
+class CameraLayer:
+    """The latest image as JPEG, and the outlines of the tags of one ``family`` in it."""
+
+    def __init__(self, writer: ViewWriter, family: str) -> None:
+        self._writer, self._family = writer, family
+        self._decoders: dict[str, Decoder] = {}
+        self._detector: TagDetector | None = None  # its library is loaded with the first image
+        self._shown_ns: int | None = None
+
+    def add_image(self, kind: str, data: bytes) -> None:
+        """
+        Show the message ``data`` (CDR) of the type ``kind``.
+
+        It is left out if another one was shown less than ``IMAGE_PERIOD_NS`` before or after it.
+        Raises MessageError for an invalid message, ModuleNotFoundError without opencv.
+        """
+        from smart_tire.vision.detection import gray_image, jpeg, TagDetector
+        msg = self._decoders.setdefault(kind, Decoder(kind))(data)
+        stamp_ns = stamp_of(msg)
+        if self._shown_ns is not None and abs(stamp_ns - self._shown_ns) < IMAGE_PERIOD_NS:
+            return
+        image = gray_image(msg)
+        self._shown_ns = stamp_ns
+        self._writer.begin(stamp_ns)
+        if self._detector is None:
+            self._detector = TagDetector(self._family)
+        tags, _ = self._detector.tags(image)
+        self._writer.shape('camera/image', stamp_ns, rr.EncodedImage(
+            contents=jpeg(image), media_type='image/jpeg'))
+        self._writer.shape('camera/tags', stamp_ns, rr.LineStrips2D(
+            [np.vstack([corners, corners[:1]]) for corners in tags.values()], colors=CAMERA,
+            labels=[f'tag {tag}' for tag in tags], radii=rr.Radius.ui_points(2.0)))

@@ -20,7 +20,7 @@ import re
 import pytest
 
 from smart_tire.cli.main import main
-from smart_tire.papers import camera_runs, runner
+from smart_tire.papers import runner, tire_runs
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ def written(tmp_path_factory):
         patch.setattr(runner, 'OTHER_SIDE_SPEEDS', (20.0, 100.0))
         for name in ('SWEEP', 'SLIP', 'SIGNAL', 'STIFFNESS'):
             patch.setattr(runner, f'{name}_DURATION', 4.0)
-        patch.setattr(camera_runs, 'RATE', 5.0)
+        patch.setattr(tire_runs, 'IMAGE_RATE', 5.0)
         with redirect_stdout(io.StringIO()) as output:
             assert main(['reproduce', '--out', str(out)]) == 0
     out.with_suffix('.txt').write_text(output.getvalue(), encoding='utf-8')

@@ -18,9 +18,9 @@ from typing import Any
 
 import pytest
 from rclpy.qos import QoSProfile
+
 from smart_tire.control.publishers import MessageInfo
-from smart_tire.nodes.kept_messages import KeptMessages
-from smart_tire.nodes.qos import latched
+from smart_tire.nodes.qos import KeptMessages, latched
 
 pytestmark = pytest.mark.processes
 

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smart_tire.papers import camera_runs, paper_b, tire_maps, tire_runs
+from smart_tire.papers import paper_b, tire_maps, tire_runs
 from smart_tire.papers.tire_maps import MU, STIFFNESS
 from smart_tire.simulation.offline import simulate
 from smart_tire.uncertain import Uncertain
@@ -101,7 +101,7 @@ def test_slips_have_the_signs_of_the_paper_and_agree_with_the_truth(slips):
 
 @pytest.fixture(scope='module')
 def views(slip_runs):
-    return {ground: camera_runs.camera_view(run, 5.0) for ground, run in slip_runs.items()}
+    return {ground: tire_runs.camera_view(run, 5.0) for ground, run in slip_runs.items()}
 
 
 def test_the_rendered_camera_sees_the_path_and_the_slip_of_the_truth(

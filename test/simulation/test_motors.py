@@ -14,13 +14,14 @@ import math
 
 import numpy as np
 import pytest
+
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.vehicle import drive
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import LEFT, NS_PER_S, RIGHT
 from smart_tire.simulation.offline import EPOCH_NS, simulate
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
-from smart_tire.simulation.sensors import Motors
+from smart_tire.simulation.robot import Motors
 
 CONCRETE = {'ground.base': 'concrete', 'ground.patches.names': []}
 EXACT = {'errors.torque_constant': 0.0, 'errors.torque_constant_spread': 0.0,

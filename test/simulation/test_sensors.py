@@ -14,11 +14,12 @@ import math
 
 import numpy as np
 import pytest
+
 from smart_tire import rotation
 from smart_tire.parameters import build, SimulatorParams
 from smart_tire.samples import GRAVITY
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
-from smart_tire.simulation.sensors import encoder_counts, ImuModel, wheel_angles
+from smart_tire.simulation.robot import encoder_counts, ImuModel, wheel_angles
 
 PERFECT = {'imu.gyro_noise': 1e-6, 'imu.accel_noise': 1e-6, 'imu.gyro_bias': 0.0,
            'imu.accel_bias': 0.0, 'errors.imu_tilt': 0.0}

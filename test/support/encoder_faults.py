@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
+
 from smart_tire.control.wheel_control import WheelControl
 from smart_tire.drivers.motor_board import CHECK_PERIOD_NS, MotionCheck, Reading
 from smart_tire.models.vehicle.drive import measured_torque
@@ -25,7 +26,7 @@ from smart_tire.parameters.robot import MotorParams, TreadFilmParams
 from smart_tire.parameters.simulation import DriveParams, SurfaceParams
 from smart_tire.samples import NS_PER_S, VelocityCommand
 from smart_tire.simulation.plant import Plant, SurfaceMap, TIME_STEP
-from smart_tire.simulation.sensors import Motors
+from smart_tire.simulation.robot import Motors
 
 RESOLUTION = math.tau / 2000
 GRAVITY = 9.81    # m/s2

@@ -17,6 +17,7 @@ from itertools import accumulate
 import math
 
 import numpy as np
+
 from smart_tire.calibration.recording import (
     CalibrationRecording, DutyRecord, ImuRecord, WheelRecord)
 from smart_tire.control.wheel_control import WheelControl
@@ -27,8 +28,7 @@ from smart_tire.parameters.simulation import SensorErrorParams, SurfaceParams
 from smart_tire.samples import ImuSample, MotorCommand, NS_PER_S, WheelSample
 from smart_tire.simulation.offline import EPOCH_NS, simulate
 from smart_tire.simulation.plant import TIME_STEP
-from smart_tire.simulation.robot import PeriodicTimer, Robot
-from smart_tire.simulation.sensors import encoder_counts, Motors, wheel_angles
+from smart_tire.simulation.robot import encoder_counts, Motors, PeriodicTimer, Robot, wheel_angles
 
 RATE = 16.0           # Hz, of wheel samples and commands
 STANDSTILL = 2.0      # s at the begin

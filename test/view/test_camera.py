@@ -18,6 +18,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from smart_tire.analysis.pipeline import EstimatorParams
 from smart_tire.bags import BagWriter
 from smart_tire.bags.cdr import empty, Encoder
@@ -26,7 +27,7 @@ from smart_tire.messages.header import set_header
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.samples import NS_PER_S, WheelSlip
 from smart_tire.view.bag import find_bags, show
-from smart_tire.view.camera import IMAGE_PERIOD_NS
+from smart_tire.view.scene import IMAGE_PERIOD_NS
 from smart_tire.view.writer import CAMERA
 from smart_tire.vision.detection import TagDetector
 from smart_tire.vision.renderer import Renderer

@@ -18,6 +18,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+
 from smart_tire.bags.cdr import empty
 from smart_tire.errors import ParameterError
 from smart_tire.estimation import streams
@@ -27,8 +28,7 @@ from smart_tire.parameters import OverheadLocalizerParams
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
-from smart_tire.vision.live import LiveLocalizer
-from smart_tire.vision.overhead import NO_TAG, OverheadLocalizer, SCALE, Scale
+from smart_tire.vision.overhead import LiveLocalizer, NO_TAG, OverheadLocalizer, SCALE, Scale
 from smart_tire.vision.renderer import Renderer
 from support.overhead import (
     fixes_of, image_msg, info_msg, RADIUS, SMALL, SMALL_PLACE, START_NS, wheel_samples)
