@@ -22,14 +22,15 @@ from typing import Any
 
 from benchmarks.harness import markdown, new_table, number, positive
 import numpy as np
+
 from smart_tire.arrays import Array
 from smart_tire.bags.cdr import empty
 from smart_tire.messages.header import set_header
 from smart_tire.parameters.overhead import ImageParams, OverheadLocalizerParams, OverheadParams
 from smart_tire.samples import four, ImuSample, NS_PER_S, WheelSample
 from smart_tire.vision.detection import fill_image, TagDetector
-from smart_tire.vision.live import LiveLocalizer
 from smart_tire.vision.localization import PoseFit, START_NOISE
+from smart_tire.vision.overhead import LiveLocalizer
 from smart_tire.vision.renderer import Renderer
 
 DESCRIPTION = 'measure the error of the pose in rendered images'
