@@ -19,7 +19,7 @@ from smart_tire.parameters.path_following import (
     PathCheckParams)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, nested, param
-from smart_tire.parameters.tuning import reliability
+from smart_tire.parameters.tuning import realtime_priority, reliability
 from smart_tire.samples import GRAVITY, WHEELS
 
 UNSTAMPED = 'Twist'  # of geometry_msgs, without a timestamp
@@ -86,9 +86,7 @@ class WheelControllerParams:
     """Wheel controller: one PID speed controller per wheel."""
 
     rate: float = param(16.0, 'Hz', 'control rate', (1.0, 200.0))
-    realtime_priority: int = param(
-        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
-        (0, 99))
+    realtime_priority: int = realtime_priority()
     cmd_vel_inputs: tuple[str, ...] = param(
         ('cmd_vel',), '-', 'topics of velocity commands, one publisher each')
     cmd_vel_priorities: tuple[int, ...] = param(
@@ -159,9 +157,7 @@ class TrajectoryControllerParams:
     """Trajectory controller: follows a path although the wheels slip."""
 
     rate: float = param(20.0, 'Hz', 'control rate', (1.0, 200.0))
-    realtime_priority: int = param(
-        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
-        (0, 99))
+    realtime_priority: int = realtime_priority()
     max_speed: float = param(0.6, 'm/s', 'maximum speed', (0.01, 10.0), live=True)
     slip_compensation: bool = param(
         True, '-', 'compensate the estimated slip; false: kinematics without slip', live=True)

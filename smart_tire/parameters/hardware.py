@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import inlined, param
+from smart_tire.parameters.tuning import realtime_priority
 from smart_tire.samples import WHEELS
 
 IMU_PROTOCOLS = ('vectornav_binary', 'vectornav_ascii', 'xsens')
@@ -27,9 +28,7 @@ class DriverParams:
 
     port: str = param('', '-', 'serial port')
     baud_rate: int = param(115200, 'baud', 'rate of the port', (300, 12_000_000))
-    realtime_priority: int = param(
-        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
-        (0, 99))
+    realtime_priority: int = realtime_priority()
     robot: RobotParams = inlined(RobotParams)
 
 

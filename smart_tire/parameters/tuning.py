@@ -27,6 +27,13 @@ def reliability() -> Any:
                  choices=('reliable', 'best_effort'))
 
 
+def realtime_priority() -> Any:
+    """Return the field of nodes that the motors depend on."""
+    return param(
+        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
+        (0, 99))
+
+
 @dataclass(frozen=True, kw_only=True)
 class SlipEstimatorParams:
     """Slip estimator: extended Kalman filter on IMU and wheel speeds."""
