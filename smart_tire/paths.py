@@ -16,15 +16,19 @@ A bag may be given by a folder that contains it, such as ``demo_output``.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+import csv
 import errno
 import fcntl
+from io import StringIO
 import json
 import os
 from pathlib import Path
 import stat
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from smart_tire.errors import BagError, ParameterError
+from smart_tire.errors import BagError, ParameterError, SmartTireError
 
 BAG_SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 BAG_METADATA = 'metadata.yaml'
@@ -216,12 +220,41 @@ def read_file(path: str | Path, max_size: int) -> bytes:
     return data
 
 
+@contextmanager
+def explained(path: Path, what: str, kind: type[SmartTireError] = ParameterError
+              ) -> Iterator[None]:
+    """Raise an error of ``kind`` for an OSError: ``path`` cannot be ``what``, such as read."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f'{path}: cannot be {what} ({error.strerror})') from error
+
+
 def check_file(path: Path) -> None:
     """Raise ParameterError unless ``path`` is a regular file that can be read."""
-    try:
+    with explained(path, 'read'):
         open_file(path).close()
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
+
+
+@contextmanager
+def csv_rows(path: Path, max_size: int, kind: str) -> Iterator[Any]:
+    """Yield the reader of a CSV file; raise ParameterError if it is no file of this ``kind``."""
+    try:
+        with explained(path, 'read'):
+            # decoded as a whole: the error has the position in the file
+            yield csv.reader(StringIO(read_file(path, max_size).decode('utf-8-sig'), newline=''),
+                             skipinitialspace=True)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ParameterError(f'{path}: not a {kind} ({error})') from error
+
+
+def is_number(text: str) -> bool:
+    """Return whether ``text`` is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def check_writable(path: Path) -> None:
@@ -237,8 +270,6 @@ def check_writable(path: Path) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a file and create its folder; raise ParameterError if that is not possible."""
-    try:
+    with explained(path, 'written'):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error

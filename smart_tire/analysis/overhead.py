@@ -23,12 +23,13 @@ import numpy as np
 from smart_tire.analysis.figure import CAMERA, Curve, Figure, GAP, Mark, Panel, PICTURE
 from smart_tire.analysis.summary import plain, Tree
 from smart_tire.bags import Bag, BagWriter, Decoder, PARAMETERS_KEY
-from smart_tire.errors import BagError, EstimatorError, MessageError, ParameterError
+from smart_tire.errors import BagError, EstimatorError, MessageError
 from smart_tire.messages import IMAGES, topic_of
 from smart_tire.parameters import (
     build, known_names, load_files, NODE_PARAMS, OverheadLocalizerParams)
 from smart_tire.parameters.files import blocks_in, snapshot_text, values_for
 from smart_tire.parameters.spec import values_of
+from smart_tire.paths import explained
 from smart_tire.samples import NS_PER_S, Sample
 
 if TYPE_CHECKING:
@@ -100,10 +101,8 @@ def write(result: CameraResult, bag: Path, out: Path, params: OverheadLocalizerP
     """Write estimates and summary into the folder ``out``; return the summary."""
     values = values_of(params)
     samples = estimates_of(result, params.robot.wheel_radius)
-    try:
+    with explained(out, 'made'):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(f'{out}: cannot be made ({error.strerror})') from error
     if samples:
         with BagWriter(out / 'estimates', custom_data={
                 PARAMETERS_KEY: snapshot_text({NODE: values})}) as writer:

@@ -25,7 +25,7 @@ import re
 
 from smart_tire.errors import ParameterError
 from smart_tire.fleet import is_url, path_of, Source
-from smart_tire.paths import BAG_METADATA, bag_name
+from smart_tire.paths import BAG_METADATA, bag_name, explained
 
 # of analysis/figures.py and, for followed paths, analysis/drive_report.py
 FIGURES = ('slip.png', 'path.png', 'friction.png', 'crossing.png', 'tracking.png')
@@ -80,13 +80,13 @@ def lock(folder: Path) -> None:
 
     Raises ParameterError if another process has it, or if it cannot be created.
     """
-    try:
+    with explained(folder, 'written'):
         folder.mkdir(parents=True, exist_ok=True)
-        fcntl.flock(os.open(folder, os.O_RDONLY), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise ParameterError(f'another run writes to {folder}: choose another --out') from error
-    except OSError as error:
-        raise ParameterError(f'{folder}: cannot be written ({error.strerror})') from error
+        try:
+            fcntl.flock(os.open(folder, os.O_RDONLY), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise ParameterError(
+                f'another run writes to {folder}: choose another --out') from error
 
 
 def refuse_existing(paths: Iterable[Path], *, force: bool, inputs: Iterable[Source] = ()) -> None:
@@ -129,13 +129,11 @@ def remove_bag(folder: Path) -> None:
 
 def remove(folder: Path, names: Iterable[str], *, keep: bool = False) -> None:
     """Delete files of ``folder``, and the folder itself if it is empty then, unless ``keep``."""
-    try:
+    with explained(folder, 'replaced'):
         for name in names:
             (folder / name).unlink(missing_ok=True)
         if not keep and folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
-    except OSError as error:
-        raise ParameterError(f'{folder}: cannot be replaced ({error.strerror})') from error
 
 
 def _bag_files(folder: Path) -> set[str]:

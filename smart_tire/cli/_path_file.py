@@ -13,15 +13,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-import csv
-from io import StringIO
 import math
 from pathlib import Path
 
 from smart_tire.bags import Bag
 from smart_tire.control.path_library import PATHS
 from smart_tire.errors import BagError, ParameterError
-from smart_tire.paths import BAG_SUFFIXES, find_bag, read_file
+from smart_tire.paths import BAG_SUFFIXES, csv_rows, find_bag, is_number
 from smart_tire.rotation import euler
 from smart_tire.samples import NAN, Odometry, Vector3
 
@@ -89,9 +87,8 @@ def _in_degrees(poses: Poses) -> bool:
 
 
 def _rows(path: Path) -> Iterator[Vector3]:
-    try:
-        text = read_file(path, MAX_SIZE).decode('utf-8-sig')
-        reader, columns = csv.reader(StringIO(text, newline=''), skipinitialspace=True), 0
+    columns = 0
+    with csv_rows(path, MAX_SIZE, 'CSV file') as reader:
         for row in reader:
             words = [word.strip() for word in row]
             if not any(words) or words[0].startswith(COMMENT):
@@ -102,33 +99,21 @@ def _rows(path: Path) -> Iterator[Vector3]:
                 if _is_header(words, where):
                     continue
             yield _pose(words, columns, where)
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ParameterError(f'{path}: not a CSV file ({error})') from error
 
 
 def _is_header(words: Sequence[str], where: str) -> bool:
     if tuple(word.lower() for word in words) in HEADERS:
         return True
-    if _is_number(words[0]):
+    if is_number(words[0]):
         return False
     raise ParameterError(f'{where}: header {",".join(words)!r}, expected x,y or x,y,yaw')
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _pose(words: Sequence[str], columns: int, where: str) -> Vector3:
     if len(words) != columns or columns not in (2, 3):
         raise ParameterError(f'{where}: {len(words)} columns, expected '
                              + (f'{columns} as before' if columns in (2, 3) else 'x,y or x,y,yaw'))
-    if bad := [word for word in words if not _is_number(word)]:
+    if bad := [word for word in words if not is_number(word)]:
         raise ParameterError(f'{where}: {bad[0]!r} is not a number')
     numbers = [float(word) for word in words]
     for name, number in zip(COLUMNS, numbers):

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from smart_tire.cli._outputs import refuse_existing, remove, undone_if_interrupted
 from smart_tire.cli._progress import ProgressLine
-from smart_tire.errors import ParameterError
+from smart_tire.paths import explained
 
 
 def run(args: argparse.Namespace) -> int:
@@ -27,12 +27,9 @@ def run(args: argparse.Namespace) -> int:
 
     refuse_existing(written(), force=args.force)
     from smart_tire.papers.runner import reproduce
-    try:
-        with ProgressLine('smart_tire reproduce') as progress, undone_if_interrupted(
-                lambda: remove(args.out, [path.name for path in written()])):
-            report = reproduce(args.out, lambda done, total, what: progress.show(
-                f'{done}/{total}  {what}'))
-    except OSError as error:
-        raise ParameterError(f'{args.out}: cannot be written ({error.strerror})') from error
+    with explained(args.out, 'written'), ProgressLine('smart_tire reproduce') as progress, (
+            undone_if_interrupted(lambda: remove(args.out, [path.name for path in written()]))):
+        report = reproduce(args.out, lambda done, total, what: progress.show(
+            f'{done}/{total}  {what}'))
     print(f'written to {report}')
     return 0

@@ -12,11 +12,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-import csv
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import StringIO
 import math
 from pathlib import Path
 import re
@@ -27,7 +24,7 @@ from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
 from smart_tire.papers.buckling_film import BucklingFilm
 from smart_tire.papers.hysteresis import DuhemParams, series
-from smart_tire.paths import read_file
+from smart_tire.paths import csv_rows, explained, is_number, read_file
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 from smart_tire.yaml_text import MAX_SIZE, parse_yaml
 
@@ -74,28 +71,15 @@ def check_series(time: Array, **others: Array) -> None:
 
 def header_of(path: Path) -> list[str]:
     """Return the names of the columns of a CSV file."""
-    with _csv_rows(path) as rows:
+    with csv_rows(path, MAX_TABLE_SIZE, 'text file') as rows:
         return [name.strip() for name in next(rows, [])]
-
-
-@contextmanager
-def _csv_rows(path: Path) -> Iterator[Any]:
-    """Yield the reader of a CSV file; raise ParameterError if the file is no text."""
-    try:
-        # decoded as a whole: the error has the position in the file
-        yield csv.reader(StringIO(
-            read_file(path, MAX_TABLE_SIZE).decode('utf-8-sig'), newline=''))
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ParameterError(f'{path}: not a text file ({error})') from error
 
 
 def read_columns(path: Path, columns: Sequence[str], only: bool) -> list[Array]:
     """Return the named columns of a CSV file; with ``only``, others are an error."""
     header = header_of(path)
     indices = _column_indices(path, header, columns, only)
-    with _csv_rows(path) as rows:
+    with csv_rows(path, MAX_TABLE_SIZE, 'text file') as rows:
         next(rows)
         table = [_numbers(path, rows.line_num, row, header, indices) for row in rows if row]
     return list(np.array(table, dtype=float).reshape(-1, len(indices)).T.copy())
@@ -140,11 +124,9 @@ def read_recording(path: Path, columns: Sequence[str] = COLUMNS) -> FilmRecordin
 
 def write_columns(path: Path, columns: Sequence[str], values: Sequence[Array]) -> None:
     """Write arrays (n,) as the columns of a CSV file, with nine digits."""
-    try:
+    with explained(path, 'written'):
         np.savetxt(path, np.column_stack(list(values)), fmt='%.9g', delimiter=',',
                    header=','.join(columns), comments='')
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be written ({error.strerror})') from error
 
 
 def _column_indices(path: Path, header: list[str], columns: Sequence[str],
@@ -171,17 +153,9 @@ def _numbers(path: Path, line: int, row: list[str], header: list[str], indices: 
         return [float(row[index]) for index in indices]
     except ValueError as error:
         texts = [f'{header[index]} is {row[index]!r}' for index in indices
-                 if not _is_number(row[index])]
+                 if not is_number(row[index])]
         raise ParameterError(
             f'{path}: line {line}: {", ".join(texts)}, expected numbers') from error
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 @dataclass(frozen=True, kw_only=True)

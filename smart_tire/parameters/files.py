@@ -27,7 +27,7 @@ from smart_tire.errors import ParameterError, printable
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.spec import (
     is_known, known_name, Spec, specs, unknown_name_error)
-from smart_tire.paths import read_file
+from smart_tire.paths import explained, read_file
 from smart_tire.yaml_text import BASE, MAX_SIZE, parse_yaml
 import yaml
 
@@ -173,10 +173,8 @@ def check_names(names: Iterable[str], known: Iterable[str], where: str = '') -> 
 
 def read_blocks(path: Path) -> list[Block]:
     """Return the blocks in a parameter file, as ``blocks_in``; raise ParameterError."""
-    try:
+    with explained(path, 'read'):
         return blocks_in(read_file(path, MAX_SIZE), str(path))
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
 
 
 def blocks_in(text: bytes | str, where: str) -> list[Block]:

@@ -30,6 +30,7 @@ from urllib.parse import quote
 import rerun as rr
 import rerun.blueprint as rrb
 
+from smart_tire.paths import explained
 from smart_tire.view.writer import ViewError
 
 APPLICATION = 'smart_tire'
@@ -129,10 +130,8 @@ def open_stream(name: str, blueprint: rrb.Blueprint, *, address: str | None = No
     if address is not None:
         sinks.append(rr.GrpcSink(address))
     if file is not None:
-        try:
+        with explained(file, 'written', ViewError):
             file.open('wb').close()
-        except OSError as error:
-            raise ViewError(f'{file}: cannot be written ({error.strerror})') from error
         sinks.append(rr.FileSink(file))
     stream.set_sinks(*sinks, default_blueprint=blueprint)
     stream.send_recording_name(name)
