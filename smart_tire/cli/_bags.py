@@ -23,7 +23,7 @@ from logging.handlers import BufferingHandler
 from pathlib import Path
 import sys
 import time
-from typing import Any, TYPE_CHECKING, TypeVar
+from typing import Any, NamedTuple, TYPE_CHECKING, TypeVar
 
 from smart_tire.cli._progress import ProgressLine, remaining
 from smart_tire.errors import BagError, ParameterError, printable, SmartTireError
@@ -32,6 +32,7 @@ from smart_tire.fleet import is_url, jobs_for, local_bag, run_each, Source
 from smart_tire.fleet.running import Outcome
 
 if TYPE_CHECKING:
+    from smart_tire.analysis.offline import Analysis
     from smart_tire.analysis.pipeline import BagParams
     from smart_tire.analysis.result import Result
     from smart_tire.analysis.summary import Tree
@@ -98,6 +99,41 @@ def lacks_inputs(bag: Bag) -> bool:
         print(f'{bag.path}: nothing can be estimated without {" and ".join(missing)}; '
               + '; '.join(contents(bag)))
     return bool(missing)
+
+
+class Analyzed(NamedTuple):
+    """What a verb gets from a bag."""
+
+    bag: Bag  # closed
+    source: BagParams
+    analysis: Analysis
+    summary: Tree
+    status: int  # by the errors in the recording
+
+
+def analyzed(path: Path, name: str, args: argparse.Namespace, *, prefix: str = '',
+             consequence: str = '', **options: Any) -> Analyzed | None:
+    """
+    Analyze the bag at ``path`` with the options of a verb, and ``name`` in the progress line.
+
+    Prints the errors that the checks find. Returns None, with the reasons and the ``consequence``
+    printed, if nothing can be estimated. ``options`` are those of ``analyze``, ``prefix`` begins
+    the lines about parameters and errors.
+    """
+    from smart_tire.analysis.offline import analyze
+    with open_bag(path, args, prefix=prefix) as (bag, source):
+        if lacks_inputs(bag):
+            return None
+    with ProgressLine(name) as progress:
+        found = analyze(path, options.pop('out', None), source.params, progress.share,
+                        names=bag.names, source=source, checks=args.checks, **options)
+    status = print_errors(found.contents.errors, prefix)
+    if found.summary is not None:
+        return Analyzed(bag, source, found, found.summary, status)
+    print(f'{path}: nothing can be estimated{consequence}')
+    for text in found.contents.skipped:
+        print(f'  skipped: {text}')
+    return None
 
 
 def bag_settings(paths: Sequence[Path], args: argparse.Namespace,

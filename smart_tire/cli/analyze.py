@@ -21,12 +21,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._bags import (
-    check_options, check_overhead, diverged, each_bag, lacks_inputs, NOTHING_ESTIMATED, open_bag,
-    print_comparison, print_errors)
+    analyzed, check_options, check_overhead, diverged, each_bag, NOTHING_ESTIMATED,
+    print_comparison)
 from smart_tire.cli._outputs import (
     COMPARISON, export_names, FIGURES, folder_names, next_to, refuse_existing, refuse_existing_bag,
     refuse_folder_of_bag, remove, remove_bag, undone_if_interrupted)
-from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.fleet import Source
 from smart_tire.paths import bag_name, check_writable
@@ -106,33 +105,22 @@ def analyze_one(bag: Path, out: Path, args: argparse.Namespace, url: str | None
     of a few, which are compared.
     """
     from smart_tire.analysis.export import export
-    from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.tables import lines
     from smart_tire.recording import SampleArrays
-    with open_bag(bag, args) as (opened, source):
-        params, shown = source.params, opened.notes
-        if lacks_inputs(opened):
-            return NOTHING_ESTIMATED, None
-    with ProgressLine(bag_name(bag)) as progress:
-        analysis = analyze(bag, out, params, progress.share, smooth=args.smooth,
-                           names=opened.names, source=source, checks=args.checks,
-                           overhead=args.overhead, origin=url)
-    status = print_errors(analysis.contents.errors)
-    if analysis.summary is None:
-        print(f'{bag}: nothing can be estimated')
-        for text in analysis.contents.skipped:
-            print(f'  skipped: {text}')
+    found = analyzed(bag, bag_name(bag), args, out=out, smooth=args.smooth,
+                     overhead=args.overhead, origin=url)
+    if found is None:
         return NOTHING_ESTIMATED, None
-    for line in lines(analysis.summary):
+    for line in lines(found.summary):
         print(line)
-    for note in analysis.contents.notes:
-        if note not in shown:  # found out while reading
+    for note in found.analysis.contents.notes:
+        if note not in found.bag.notes:  # found out while reading
             print(f'  {note}')
     if not args.no_figures:
         from smart_tire.analysis.figures import write_figures
-        write_figures(out, analysis.result, params.robot)
-    result = analysis.result
+        write_figures(out, found.analysis.result, found.source.params.robot)
+    result = found.analysis.result
     export(out, result.comparisons, args.formats)
     print(f'  written to {out}')
     compared = replace(result, inputs=SampleArrays()) if len(args.bags) <= MAX_COMPARED else None
-    return diverged(bag, analysis.summary, status), compared
+    return diverged(bag, found.summary, found.status), compared

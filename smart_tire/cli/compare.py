@@ -20,11 +20,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smart_tire.cli._bags import (
-    check_options, lacks_inputs, NOTHING_ESTIMATED, open_bag, print_comparison, print_errors)
+    analyzed, check_options, NOTHING_ESTIMATED, print_comparison)
 from smart_tire.cli._outputs import (
     COMPARISON, export_names, folder_names, refuse_existing, refuse_folder_of_bag, remove,
     undone_if_interrupted)
-from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.paths import is_analysis
 
@@ -82,7 +81,7 @@ def results_of(jobs: Mapping[str, tuple[Path, list[Path]]], args: argparse.Names
         if is_analysis(path):
             results[label] = read_analysis(path)
             continue
-        found, own = analyzed(label, path, argparse.Namespace(**{**vars(args), 'params': files}))
+        found, own = result_of(label, path, argparse.Namespace(**{**vars(args), 'params': files}))
         status = max(status, own)
         if found is not None:
             results[label] = found
@@ -109,19 +108,11 @@ def labeled(paths: Sequence[Path], variants: Sequence[list[Path]]
     return dict(jobs)
 
 
-def analyzed(label: str, bag: Path, args: argparse.Namespace) -> tuple[Result | None, int]:
+def result_of(label: str, bag: Path, args: argparse.Namespace) -> tuple[Result | None, int]:
     """Return what is estimated from a bag, None if nothing is, and the exit status."""
-    from smart_tire.analysis.offline import analyze
     from smart_tire.recording import SampleArrays
     print(f'{label}:')
-    with open_bag(bag, args, prefix='  ') as (opened, source):
-        if lacks_inputs(opened):
-            return None, NOTHING_ESTIMATED
-    with ProgressLine(label) as progress:
-        found = analyze(bag, None, source.params, progress.share, smooth=args.smooth,
-                        names=opened.names, source=source, checks=args.checks)
-    status = print_errors(found.contents.errors, prefix='  ')
-    if found.summary is None:
-        print(f'{bag}: nothing can be estimated')
+    found = analyzed(bag, label, args, prefix='  ', smooth=args.smooth)
+    if found is None:
         return None, NOTHING_ESTIMATED
-    return replace(found.result, inputs=SampleArrays()), status
+    return replace(found.analysis.result, inputs=SampleArrays()), found.status

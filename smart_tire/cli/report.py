@@ -20,10 +20,8 @@ from pathlib import Path
 
 import smart_tire
 from smart_tire.cli._bags import (
-    check_options, check_overhead, diverged, each_bag, lacks_inputs, NOTHING_ESTIMATED, open_bag,
-    print_errors)
+    analyzed, check_options, check_overhead, diverged, each_bag, NOTHING_ESTIMATED)
 from smart_tire.cli._outputs import refuse_existing, refuse_folder_of_bag
-from smart_tire.cli._progress import ProgressLine
 from smart_tire.errors import ParameterError
 from smart_tire.fleet import path_of, Source
 from smart_tire.paths import bag_name, write_text
@@ -72,23 +70,16 @@ def report_one(bag: Path, out: Path, args: argparse.Namespace, url: str | None
     """Analyze one bag, which may be a copy of that at ``url``, and write its report."""
     from smart_tire.analysis.html_report.content import report_of
     from smart_tire.analysis.html_report.page import html_page
-    from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.tables import date_text
-    with open_bag(bag, args) as (opened, source):
-        if lacks_inputs(opened):
-            return NOTHING_ESTIMATED, None
-    with ProgressLine(report_name(bag)) as progress:
-        result = analyze(bag, None, source.params, progress.share, names=opened.names,
-                         source=source, checks=args.checks, overhead=args.overhead)
-    status = print_errors(result.contents.errors)
-    if result.summary is None:
-        print(f'{bag}: nothing can be estimated, no report is written')
-        for text in result.contents.skipped:
-            print(f'  skipped: {text}')
+    found = analyzed(bag, report_name(bag), args, consequence=', no report is written',
+                     overhead=args.overhead)
+    if found is None:
         return NOTHING_ESTIMATED, None
-    facts = [('Recorded', date_text(result.contents.start_ns)), ('Bag', url or str(bag.resolve())),
+    facts = [('Recorded', date_text(found.analysis.contents.start_ns)),
+             ('Bag', url or str(bag.resolve())),
              ('Report', f'{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC'),
              ('Software', f'smart_tire {smart_tire.__version__}')]
-    write_text(out, html_page(report_of(result, source, report_name(bag), facts)))
+    write_text(out, html_page(report_of(
+        found.analysis, found.source, report_name(bag), facts)))
     print(f'{bag}: report written to {out} ({out.stat().st_size / 1e6:.1f} MB)')
-    return diverged(bag, result.summary, status), None
+    return diverged(bag, found.summary, found.status), None
