@@ -50,6 +50,8 @@ FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit 
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions
 ROS_ARGUMENTS = '--ros-args'  # rclpy reads the arguments from here on
 ROS_PACKAGE_SUFFIXES = ('rclpy', '_msgs', '_srvs', '_interfaces')
+EXTRAS = {'view': ('rerun', 'rerun_cli'), 'parquet': ('pyarrow',),  # of setup.py -> modules
+          'fleet': ('fsspec', 'distributed', 's3fs'), 'camera': ('cv2', 'filterpy')}
 
 
 def new_parser() -> argparse.ArgumentParser:
@@ -196,17 +198,12 @@ def run_verb(args: argparse.Namespace) -> int:
 
 def install_hint(module: str) -> str:
     """Return how to install a missing module."""
-    if module.split('.')[0].endswith(ROS_PACKAGE_SUFFIXES):
+    package = module.split('.')[0]
+    if package.endswith(ROS_PACKAGE_SUFFIXES):
         return 'source a ROS 2 distribution, or pip install smart_tire[ros]'
-    if module.split('.')[0] in ('rerun', 'rerun_cli'):
-        return 'pip install smart_tire[view]'
-    if module == 'pyarrow':
-        return 'pip install smart_tire[parquet]'
-    if module.split('.')[0] in ('fsspec', 'distributed', 's3fs'):
-        return 'pip install smart_tire[fleet]'
-    if module.split('.')[0] in ('cv2', 'filterpy'):
-        return 'pip install smart_tire[camera]'
-    return 'pip install smart_tire installs all dependencies'
+    extra = next((extra for extra, packages in EXTRAS.items() if package in packages), '')
+    return f'pip install smart_tire[{extra}]' if extra else (
+        'pip install smart_tire installs all dependencies')
 
 
 def report_error(verb: str, error: object, status: int) -> int:
