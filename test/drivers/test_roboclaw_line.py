@@ -16,14 +16,16 @@ import os
 
 import pytest
 from serial import SerialTimeoutException
+
 from smart_tire.drivers.clock import Clock
 from smart_tire.drivers.roboclaw_line import (
-    ACKNOWLEDGE_GAP, MAX_UNREQUESTED_BYTES, REPLY_TIMEOUT, RoboclawLine)
+    ACKNOWLEDGE_GAP, LineTiming, MAX_EXCHANGES, MAX_UNREQUESTED_BYTES, MIN_EXCHANGES,
+    REPLY_TIMEOUT, RoboclawLine)
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.errors import FrameError
 from smart_tire.protocol.roboclaw import (
-    encode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, READ_STATUS,
-    READ_STATUS_32, READ_TIMEOUT, SET_DUTY)
+    encode_reply, encode_request, READ_CURRENTS, READ_ENCODERS, READ_STATUS, READ_STATUS_32,
+    READ_TIMEOUT, SET_DUTY)
 from smart_tire.samples import NS_PER_S
 from support.pty_port import PtyPort
 from support.virtual_robot import VirtualClock, VirtualPort
@@ -35,6 +37,7 @@ CURRENTS = encode_reply(128, READ_CURRENTS, -10, 150)  # begins like an acknowle
 BAD_CURRENTS = CURRENTS[:-1] + bytes((CURRENTS[-1] ^ 1,))
 ENCODERS = encode_reply(128, READ_ENCODERS, 7, 8)
 BAD = GOOD[:-1] + bytes((GOOD[-1] ^ 1,))
+MS = 1_000_000
 
 
 class ScriptedPort:
@@ -322,3 +325,49 @@ def test_each_board_has_its_own_width():
     for _ in range(2):
         assert line.exchange(128, READ_STATUS) == (0x4000,)
         assert line.exchange(129, READ_STATUS) == (0x80000000,)
+
+
+def polled(count, *, currents=True, encoders=2.0):
+    """Return the timing after ``count`` polls; durations in ms."""
+    timing = LineTiming()
+    for _ in range(count):
+        timing.record(READ_ENCODERS, round(encoders * MS))
+        if currents:
+            timing.record(READ_CURRENTS, 1 * MS)
+        timing.record(SET_DUTY, round(1.5 * MS))
+    return timing
+
+
+def test_a_poll_is_encoders_currents_and_duty_of_both_boards():
+    timing = polled(MIN_EXCHANGES)
+    assert timing.poll_time == pytest.approx(2 * 4.5e-3)
+    assert str(timing) == '2 boards on the line: one poll takes 9.0 ms, at most 111 Hz'
+
+
+def test_a_rate_above_that_of_the_line_is_named():
+    timing = polled(MIN_EXCHANGES)
+    assert timing.excess(111.0) == ''
+    assert timing.excess(112.0) == f'rate is 112 Hz, expected less; {timing}'
+    assert LineTiming().excess(200.0) == ''
+
+
+def test_the_time_is_unknown_before_enough_polls():
+    timing = polled(MIN_EXCHANGES - 1)
+    assert timing.poll_time == 0.0 and timing.excess(200.0) == ''
+
+
+@pytest.mark.parametrize(('polls', 'later', 'seconds'), [
+    (MIN_EXCHANGES, [], 9e-3),
+    # a few exchanges that a busy host delayed do not count
+    (MAX_EXCHANGES, [(READ_ENCODERS, 500.0)] * (MAX_EXCHANGES // 2) + [(SET_DUTY, 500.0)], 9e-3),
+    # a line that has become slower
+    (MAX_EXCHANGES, [(READ_ENCODERS, 5.0)] * (MAX_EXCHANGES // 2 + 1) + [(SET_DUTY, 1.5)], 15e-3),
+    # another command is no part of a poll
+    (MIN_EXCHANGES, [(READ_STATUS, 900.0), (SET_DUTY, 1.5)], 9e-3)])
+def test_the_time_is_that_of_the_median_exchanges(polls, later, seconds):
+    timing = polled(polls)
+    for command, milliseconds in later:
+        timing.record(command, round(milliseconds * MS))
+    assert timing.poll_time == pytest.approx(seconds)
+    without = polled(polls, currents=False)
+    assert without.poll_time == pytest.approx(7e-3)  # boards that do not report them
