@@ -19,8 +19,9 @@ import pytest
 from smart_tire.cli._outputs import folder_names
 from smart_tire.cli.main import main
 from smart_tire.parameters import build, RobotParams, SimulatorParams
+from smart_tire.samples import GRAVITY, ImuSample, STOPPED, WheelSample
 from smart_tire.simulation.offline import simulate
-from support.recordings import write_bag
+from support.recordings import START_NS, write_bag
 
 ONE_WHEEL = {'film.wheels': ['front_left'], 'seed': 2}
 
@@ -116,6 +117,19 @@ def test_a_bag_without_inputs_gives_status_one_and_the_others_are_analyzed(
     output = capsys.readouterr().out
     assert f'{empty}: nothing can be estimated without imu/data and wheel_states' in output
     assert (tmp_path / 'out' / 'drive' / 'summary.json').exists()
+
+
+@pytest.mark.parametrize('verb', ['analyze', 'compare', 'report'])
+def test_of_a_bag_that_is_too_short_nothing_is_written_and_what_it_lacks_is_said(
+        verb, tmp_path, capsys):
+    short = write_bag(tmp_path / 'short', [
+        (START_NS, 'imu/data', ImuSample(START_NS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))),
+        (START_NS + 1, 'wheel_states', WheelSample(START_NS + 1, STOPPED))])
+    assert main([verb, str(short), '--out', str(tmp_path / 'out')]) == 1
+    output = capsys.readouterr().out
+    assert f'{short}: nothing can be estimated' in output
+    assert '  skipped: tire_samples is not in the bag: no tire_friction' in output
+    assert not (tmp_path / 'out').exists()
 
 
 def test_a_damaged_bag_gives_status_two_and_the_others_are_analyzed(
