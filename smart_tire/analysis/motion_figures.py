@@ -29,7 +29,7 @@ from smart_tire.analysis.metrics import (
     carried, compared_poses, ComparedPoses, measured, SE2, SIDES, START, UNALIGNED)
 from smart_tire.analysis.result import Comparison, Result
 from smart_tire.arrays import Array
-from smart_tire.estimates import PoseEstimate
+from smart_tire.estimates import PoseEstimate, SlipEstimate
 from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import NS_PER_S, WHEELS
 
@@ -60,19 +60,21 @@ class SlipCurve:
 def slip_curves(estimates: SampleArrays, references: Mapping[str, SampleArrays], origin_ns: int,
                 groups: Mapping[str, Sequence[int]] = SIDES) -> list[SlipCurve]:
     """Return the slip of each group of wheels, the mean of the measured ones; NaN if unknown."""
-    def curve_of(recording: SampleArrays, wheels: Sequence[int]) -> tuple[Curve, float]:
-        slips = recording.slips()
-        return observable(interrupted(Curve(
-            seconds(slips.stamp_ns, origin_ns), slips.ratio[:, wheels].mean(axis=1),
-            slips.sigma[:, wheels].mean(axis=1))))
-
     found = []
     for name, members in groups.items():
         wheels = measured(estimates.slips().ratio, members)
-        curve, hidden = curve_of(estimates, wheels)
-        others = {source: curve_of(one, wheels)[0] for source, one in references.items()}
+        curve, hidden = mean_slip(estimates.slips(), wheels, origin_ns)
+        others = {source: mean_slip(one.slips(), wheels, origin_ns)[0]
+                  for source, one in references.items()}
         found.append(SlipCurve(name, curve, _exact(others), hidden))
     return found
+
+
+def mean_slip(slips: SlipEstimate, wheels: Sequence[int], origin_ns: int) -> tuple[Curve, float]:
+    """Return the mean slip of ``wheels``, and the share of it that is not shown."""
+    return observable(interrupted(Curve(
+        seconds(slips.stamp_ns, origin_ns), slips.ratio[:, wheels].mean(axis=1),
+        slips.sigma[:, wheels].mean(axis=1))))
 
 
 def _exact(curves: Mapping[str, Curve]) -> dict[str, Curve]:

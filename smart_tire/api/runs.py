@@ -23,6 +23,7 @@ import numpy as np
 from smart_tire.analysis import figure
 from smart_tire.analysis.figures import MAX_CROSSING_GAP
 from smart_tire.analysis.metrics import compared_poses, measured, SIDES
+from smart_tire.analysis.motion_figures import mean_slip
 from smart_tire.analysis.pipeline import LOST_WITHOUT, Pipeline
 from smart_tire.api.params import Params
 from smart_tire.api.recording import as_recording, read_bag, Recording
@@ -171,11 +172,8 @@ def plot(estimates: Estimates, truth: Truth | None = None) -> Figure:
 
 
 def _slips(slip: SlipEstimate, origin_ns: int) -> Iterator[figure.Mark]:
-    time = seconds(slip.stamp_ns, origin_ns)
-    for side, wheels in SIDES.items() if len(time) else ():
-        own = measured(slip.ratio, wheels)
-        curve, _ = figure.observable(figure.interrupted(figure.Curve(
-            time, slip.ratio[:, own].mean(axis=1), slip.sigma[:, own].mean(axis=1))))
+    for side, wheels in SIDES.items() if len(slip) else ():
+        curve, _ = mean_slip(slip, measured(slip.ratio, wheels), origin_ns)
         yield figure.Mark(curve, f'{side} side ± 2σ', COLORS[side])
 
 
