@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smart_tire.arrays import Array
+from smart_tire.estimation.ground.body_model import LIFT, PARAMETERS
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
 from smart_tire.models.tire.brush_tire import (
     LATERAL_SHARE, LN_FRICTION, LN_LATERAL_RATIO, LN_RESISTANCE, LN_STIFFNESS)
@@ -83,7 +84,7 @@ GROUND = slice(Unknown.STIFFNESS, Unknown.OLD_STIFFNESS)
 OLD_GROUND = slice(Unknown.OLD_STIFFNESS, Unknown.LATERAL_SHARE)
 SIDES = slice(Unknown.SIDE_STIFFNESS, Unknown.DELAY)
 START = slice(Unknown.START_U, Unknown.GYRO_BIAS)
-MOVED = slice(Unknown.MOVED_LOAD, Unknown.MOVED_LOAD + 1)
+MOVED = slice(Unknown.MOVED_LOAD, Unknown.BEND_X)
 CURVE = (
     Unknown.STIFFNESS, Unknown.FRICTION, Unknown.OLD_STIFFNESS, Unknown.OLD_FRICTION,
     Unknown.SIDE_STIFFNESS, Unknown.SIDE_FRICTION, Unknown.FALL)  # of the force over the slip
@@ -159,7 +160,6 @@ MAX_SIGMA = 0.35        # of ln mu, and of what films measure: above, a quantity
 
 # bounds
 UNMEASURED = 1e6        # standard deviation of a block without measurement
-MAX_LIFTS = 2           # in a window: the model has as many
 LEAST_FRICTION = 0.2    # share of the friction that is left at the largest slip, at least
 
 
@@ -288,6 +288,9 @@ class Lift(NamedTuple):
     wheel: int = -1          # index in WHEELS; -1: none
     begin: float = math.inf  # s
     end: float = math.inf    # s
+
+
+MAX_LIFTS = (PARAMETERS - LIFT) // len(Lift._fields)  # in a window: the model has as many
 
 
 @dataclass(frozen=True, eq=False)

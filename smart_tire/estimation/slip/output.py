@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -56,7 +57,7 @@ cython.declare(
     MIN_YAW_RATE=cython.double, X=cython.int, Y=cython.int, YAW=cython.int, ROLL=cython.int,
     PITCH=cython.int, V_X=cython.int, V_Y=cython.int, GYRO_BIAS_Z=cython.int,
     SLIP_VEL_L=cython.int, SLIP_VEL_R=cython.int, IMU_X=cython.int, IMU_Y=cython.int)
-SECOND, TURN = float(NS_PER_S), 2.0 * np.pi
+SECOND, TURN = float(NS_PER_S), math.tau
 AGREEMENT_SIGMAS, CORRECTION_TIME = state.AGREEMENT_SIGMAS, state.CORRECTION_TIME
 MAX_CORRECTION_SPEED, MIN_YAW_RATE = state.MAX_CORRECTION_SPEED, state.MIN_YAW_RATE
 X, Y, YAW, ROLL, PITCH, V_X, V_Y, GYRO_BIAS_Z, SLIP_VEL_L, SLIP_VEL_R, IMU_X, IMU_Y = map(int, (
@@ -175,7 +176,7 @@ class ScaleEffect:
     correction, and all of its correlations are these.
     """
 
-    _variance: cython.double  # of the scale
+    variance: cython.double  # of the scale
     _started: cython.bint
     _x: cython.double
     _y: cython.double
@@ -183,7 +184,7 @@ class ScaleEffect:
     _by: cython.double[3]  # derivatives of x, y [m] and yaw [rad]
 
     def __init__(self, sigma: float) -> None:
-        self._variance = sigma * sigma
+        self.variance = sigma * sigma
         self.reset()
 
     def reset(self) -> None:
@@ -204,7 +205,7 @@ class ScaleEffect:
         rows: cython.int[3] = [0, 1, 5]
         for i in range(3):
             for j in range(3):
-                covariance[6 * rows[i] + rows[j]] += self._variance * (self._by[i] * self._by[j])
+                covariance[6 * rows[i] + rows[j]] += self.variance * (self._by[i] * self._by[j])
 
 
 @cython.cclass
@@ -214,7 +215,6 @@ class SlipOutputBuilder:
     _motion: MotionModel
     _pose = cython.declare(ContinuousPose)
     _scale: ScaleEffect
-    _scale_variance: cython.double
     _unmeasured = cython.declare(object)
     _covariance = cython.declare(object)
     _rates = cython.declare(object)
@@ -228,7 +228,6 @@ class SlipOutputBuilder:
             0.0 if one else NAN for one in params.robot.joints.measured])
         self._motion, self._pose = MotionModel(params.robot), pose
         self._scale = ScaleEffect(params.robot.imu.gyro_scale_sigma)
-        self._scale_variance = params.robot.imu.gyro_scale_sigma ** 2
         self._x_imu, self._y_imu = params.robot.imu.position[:2]
         # of pose and twist in the order of ROS; the planar part is overwritten
         self._covariance, self._rates = (
@@ -261,7 +260,7 @@ class SlipOutputBuilder:
         rates: cython.double[::1] = self._rates
         fill_covariances(covariance, W, x_imu, y_imu, errors, rates)
         rate_variance: cython.double = context.rate_variance
-        rates[35] += rate_variance + self._scale_variance * W * W
+        rates[35] += rate_variance + self._scale.variance * W * W
         self._scale.add(now[X], now[Y], now[YAW], errors)
         pose = now[X], now[Y], now[YAW]
         if self._pose is not None:

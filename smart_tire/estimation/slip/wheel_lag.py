@@ -39,14 +39,13 @@ COMPILED: bool = cython.compiled
 cython.declare(
     LAG_SIGMA=cython.double, LAG_WINDOW=cython.double, MAX_LAG_RATE=cython.double,
     MIN_LAG=cython.double, SLIP_CORRELATION_TIME=cython.double, SLIP_LEARNING_TIME=cython.double,
-    LAG_STEP=cython.double, HISTORY=cython.double, COUNT=cython.int)
+    LAG_STEP=cython.double, MAX_SAMPLE_GAP=cython.double, COUNT=cython.int)
 LAG_SIGMA, LAG_WINDOW, MIN_LAG = state.LAG_SIGMA, state.LAG_WINDOW, state.MIN_LAG
 MAX_LAG_RATE, SLIP_CORRELATION_TIME = state.MAX_LAG_RATE, state.SLIP_CORRELATION_TIME
-SLIP_LEARNING_TIME = state.SLIP_LEARNING_TIME
+SLIP_LEARNING_TIME, MAX_SAMPLE_GAP = state.SLIP_LEARNING_TIME, state.MAX_SAMPLE_GAP
 COUNT = 16  # lags that are compared: up to three sigmas
 LAG_STEP = 0.2 * LAG_SIGMA  # s
 MAX_LAG = (COUNT - 1) * LAG_STEP
-HISTORY = 3.0 * MAX_LAG + LAG_WINDOW  # s, of yaw angles
 
 
 @cython.cclass
@@ -93,7 +92,7 @@ class WheelLag:
         if time > before:
             angles.append((time, angle + 0.5 * (time - before) * (self._rate + rate)))
         self._rate = rate
-        while time - angles[0][0] > HISTORY:
+        while time - angles[0][0] > MAX_SAMPLE_GAP:
             angles.popleft()
 
     @cython.ccall
