@@ -209,8 +209,10 @@ def _slip_variance_ratio(errors: Array, variance: Array, previous: float) -> flo
 
 @dataclass(frozen=True, eq=False)
 class GainAdjustment:
-    """An adjustment with the robot and the fitter it is based on."""
+    """An adjustment with the observations, the robot and the fitter it is based on."""
 
+    observations: list[GainObservation]
+    recordings: list[int]          # number of the recording of each observation
     robot: RobotParams             # nominal parameters of ``result``
     groups: list[tuple[int, ...]]  # of films that cross the patch together
     fitter: ObservationFitter
@@ -241,7 +243,7 @@ def per_film(robot: RobotParams) -> RobotParams:
 
 
 def iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
-            robot: RobotParams) -> tuple[list[GainObservation], list[int], GainAdjustment]:
+            robot: RobotParams) -> GainAdjustment:
     """Fit all crossings until the shared parameters converge."""
     groups = robot.film_groups
     for _ in range(MAX_ITERATIONS):
@@ -257,12 +259,12 @@ def iterate(recordings: Sequence[Sequence[CrossingWithSlip]],
                 f'{len(observations)} crossings of films could be fitted, of '
                 f'{sum(map(len, recordings))} with known slip; expected at least {MIN_ROBUST}')
         result = _Adjuster(observations, sources, robot).solve()
-        found = GainAdjustment(robot, groups, fitter, result)
+        found = GainAdjustment(observations, sources, robot, groups, fitter, result)
         change = result.value / np.sqrt(np.diag(result.covariance))
-        robot = _updated(found, observations)
+        robot = _updated(found)
         if np.max(np.abs(change[:result.index.radius])) < CONVERGED_SIGMAS:
             break
-    return observations, sources, found
+    return found
 
 
 def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
@@ -270,14 +272,14 @@ def _makes_gains_observable(crossing: CrossingWithSlip) -> bool:
     return abs(slip) > max(MIN_SLIP, SIGNIFICANT_SIGMAS * sigma)
 
 
-def _updated(found: GainAdjustment, observations: Sequence[GainObservation]) -> RobotParams:
+def _updated(found: GainAdjustment) -> RobotParams:
     """Return the robot with the adjusted parameters."""
     robot, result = found.robot, found.result
     film, index = robot.film, result.index
     factor = 1.0 + result.value[:index.length]
     factor = np.where(factor > 0.0, factor, 1.0)  # else its poles are swapped
     length, alpha = np.exp(result.value[[index.length, index.alpha]]).tolist()
-    peaks = (bending_peaks(observations, wheel, i)
+    peaks = (bending_peaks(found.observations, wheel, i)
              for wheel in film.wheels for i in range(film.count))
     bending = [winsorized_mean(values, SIGNIFICANT_SIGMAS).value if values else nominal
                for values, nominal in zip(peaks, film.bending_peak)]

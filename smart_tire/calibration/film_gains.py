@@ -122,12 +122,9 @@ def volts_per_slip(gain: float, film_length: float, contact_length: float) -> fl
 class Results:
     """Fills a ``GainFit`` from the adjustment of the shared parameters."""
 
-    def __init__(self, fit: GainFit, observations: Sequence[GainObservation],
-                 recordings: Sequence[int], found: GainAdjustment) -> None:
-        self._fit, self._groups = fit, found.groups
-        self._observations, self._recordings = observations, recordings
-        self._robot, self._fitter, self._result = found.robot, found.fitter, found.result
-        self._index = found.result.index
+    def __init__(self, fit: GainFit, found: GainAdjustment) -> None:
+        self._fit, self._found, self._robot = fit, found, found.robot
+        self._result, self._index = found.result, found.result.index
 
     def fill(self) -> None:
         """Fill in all values and reasons."""
@@ -148,7 +145,7 @@ class Results:
 
     def _fill_film(self, wheel: str, film: int) -> None:
         name = f'gain of film {film + 1}, {wheel}'
-        observed = [one for one in self._observations
+        observed = [one for one in self._found.observations
                     if one.crossing.wheel == wheel and film in one.films]
         if len(observed) < MIN_ROBUST:
             self._fit.refused[name] = (f'detected in {len(observed)} crossings, expected at least '
@@ -164,8 +161,8 @@ class Results:
                             for observation in informative]).reshape(-1, 4).T
         self._fit.films.append(FilmGain(
             wheel, film, gain, None if gain is None else self._per_slip(gain, index),
-            winsorized_mean(
-                bending_peaks(self._observations, wheel, film), SIGNIFICANT_SIGMAS), *columns))
+            winsorized_mean(bending_peaks(self._found.observations, wheel, film),
+                            SIGNIFICANT_SIGMAS), *columns))
 
     def _per_slip(self, gain: Uncertain, index: int) -> Uncertain:
         """Return the volts per unit slip with the errors of gain and contact length."""
@@ -195,7 +192,7 @@ class Results:
                 scale * abs(slip) * math.sqrt(float(gains[i, i])))
 
     def _fill_angles(self) -> None:
-        for recording in sorted(set(self._recordings)):
+        for recording in sorted(set(self._found.recordings)):
             for wheel in self._robot.film.wheels:
                 angle = self._fit.attempt(f'angle of film 1, {wheel}',
                                           partial(self._angle, recording, wheel))
@@ -214,8 +211,8 @@ class Results:
                         group: int) -> list[tuple[int, float, float]]:
         """Return time [ns], angle of a group's first film [rad] and speed [rad/s] of crossings."""
         radius, places = self._robot.wheel_radius, self._robot.film.centers
-        members, found = self._groups[group], []
-        for observation, number in zip(self._observations, self._recordings):
+        members, found = self._found.groups[group], []
+        for observation, number in zip(self._found.observations, self._found.recordings):
             crossing = observation.crossing
             film = observation.films[0]
             if number == recording and crossing.wheel == wheel and film in members:
@@ -227,7 +224,7 @@ class Results:
     def _fill_positions(self) -> None:
         """Fill positions within groups from single crossings, of groups from their angles."""
         robot = self._robot
-        for number, group in enumerate(self._groups):
+        for number, group in enumerate(self._found.groups):
             start = Uncertain(0.0, 0.0)
             if number:
                 distance = self._fit.attempt(f'spacing, film 1 to {group[0] + 1}',
@@ -264,7 +261,7 @@ class Results:
 
     def _example_crossing(self) -> Waveform | None:
         """Return a crossing of many films with a large, yet not extreme slip."""
-        informative = [observation for observation in self._observations if observation.gains]
+        informative = [one for one in self._found.observations if one.gains]
         if not informative:
             return None
         count = max(len(observation.films) for observation in informative)
@@ -277,7 +274,8 @@ class Results:
         return Waveform(
             observation.crossing.wheel, observation.crossing.slip[0], observation.films,
             tuple(film.distance - center for film in samples.films),
-            tuple(film.volts for film in samples.films), tuple(self._fitter.volts(observation)))
+            tuple(film.volts for film in samples.films),
+            tuple(self._found.fitter.volts(observation)))
 
 
 def _checked(gain: Uncertain, observed: Sequence[GainObservation],
@@ -303,9 +301,9 @@ def identify_gains(recordings: Sequence[Sequence[CrossingWithSlip]],
     Raises EstimatorError if there are too few crossings that can be fitted.
     """
     robot = per_film(robot)
-    observations, sources, found = iterate(recordings, robot)
-    fit = GainFit(robot=found.robot, crossings=len(observations),
-                  informative=sum(observation.gains for observation in observations),
+    found = iterate(recordings, robot)
+    fit = GainFit(robot=found.robot, crossings=len(found.observations),
+                  informative=sum(observation.gains for observation in found.observations),
                   segments=found.result.segments, excess=found.result.slip_variance_ratio)
-    Results(fit, observations, sources, found).fill()
+    Results(fit, found).fill()
     return fit

@@ -31,7 +31,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import (
-    CalibrationRecording, period, side_slip, Signal, WheelIntervals)
+    CalibrationRecording, period, side_slip, Signal, wheel_intervals, WheelIntervals)
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay import DelayFit, fit_delay
@@ -68,16 +68,22 @@ class SpeedChangeFit:
     rolled: Array       # (n,) m/s, speed changes of the wheels, without slip
 
 
-def min_interval(recording: CalibrationRecording) -> float:
-    """Return the minimum length [s] of intervals that the IMU resolves."""
-    return max(MIN_INTERVAL, IMU_SAMPLES_PER_INTERVAL * period(recording.imu.time))
-
-
 def moving_intervals(recording: CalibrationRecording, robot: RobotParams, latency: float = 0.0,
-                     margin: float = MAX_DELAY) -> WheelIntervals:
-    """Return the intervals near motion, see ``CalibrationRecording.moving_intervals``."""
-    return recording.moving_intervals(
-        min_interval(recording), robot.slip.standstill_speed / robot.wheel_radius, margin, latency)
+                     margin: float = MAX_DELAY, least: float = MIN_INTERVAL) -> WheelIntervals:
+    """
+    Return the wheel intervals near motion, inside the IMU samples by ``margin`` [s].
+
+    They last ``least`` [s] or more, and so long that the IMU resolves them; ``latency`` [s] is
+    that of the wheels. Raises EstimatorError if there are fewer than two.
+    """
+    time = recording.imu.time
+    found = wheel_intervals(recording.wheels, max(least, IMU_SAMPLES_PER_INTERVAL * period(time)))
+    found = found.where(found.near_motion(robot.slip.standstill_speed / robot.wheel_radius)
+                        & (found.begin - latency > time[0] + margin)
+                        & (found.end - latency < time[-1] - margin))
+    if len(found.end) < 2:
+        raise EstimatorError('the wheels do not rotate')
+    return found
 
 
 def yaw_motion(gyro: Signal, begin: Array, end: Array) -> tuple[Array, Array]:

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from smart_tire.arrays import Array
-from smart_tire.errors import EstimatorError
 from smart_tire.estimation.plausibility import speed_spikes
 from smart_tire.estimation.slip.state import MAX_SAMPLE_GAP
 from smart_tire.parameters import RobotParams
@@ -133,22 +132,6 @@ class CalibrationRecording:
     def scaled(self, factor: float) -> CalibrationRecording:
         """Return the recording with the forward specific force times ``factor``."""
         return replace(self, imu=replace(self.imu, force=self.imu.force * [factor, 1.0, 1.0]))
-
-    def moving_intervals(self, min_duration: float, min_speed: float, margin: float,
-                         latency: float = 0.0) -> WheelIntervals:
-        """
-        Return the wheel intervals near motion, inside the IMU samples by ``margin`` [s].
-
-        ``min_speed`` [rad/s] is that of a wheel in motion, ``latency`` [s] that of the wheels.
-        Raises EstimatorError if there are fewer than two.
-        """
-        intervals, time = wheel_intervals(self.wheels, min_duration), self.imu.time
-        intervals = intervals.where(
-            intervals.near_motion(min_speed) & (intervals.begin - latency > time[0] + margin)
-            & (intervals.end - latency < time[-1] - margin))
-        if len(intervals.end) < 2:
-            raise EstimatorError('the wheels do not rotate')
-        return intervals
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.calibration.latency import (
-    fit_speed_changes, min_interval, moving_intervals, yaw_motion)
+    fit_speed_changes, moving_intervals, yaw_motion)
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.recording import CalibrationRecording, Mask, side_slip, Signal
 from smart_tire.checks import limits
@@ -307,9 +307,7 @@ def force_intervals(motion: CalibrationRecording, robot: RobotParams
                     ) -> tuple[Array, Array, Array, Array, Array] | None:
     """Return time (n,), wheel speeds (n, 2), yaw rate, its change, force (n, 2); None if few."""
     try:
-        found = motion.moving_intervals(
-            max(INTERVAL, min_interval(motion)),
-            robot.slip.standstill_speed / robot.wheel_radius, INTERVAL)
+        found = moving_intervals(motion, robot, margin=INTERVAL, least=INTERVAL)
     except EstimatorError:
         return None
     if len(found.end) < limits.MIN_READINGS:

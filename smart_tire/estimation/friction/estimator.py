@@ -45,15 +45,6 @@ class EvaluatedCrossing:
 OnCrossing = Callable[[EvaluatedCrossing], None]
 
 
-@dataclass(frozen=True, slots=True)
-class _Pending:
-    """A crossing that waits for the window to reach it."""
-
-    wheel: str
-    crossing: PatchCrossing
-    result: FilmResult | None
-
-
 class FrictionEstimator:
     """
     Friction from the films of all instrumented wheels, and the state of the ground.
@@ -74,7 +65,8 @@ class FrictionEstimator:
     def _start(self) -> None:
         robot = self._params.robot
         self._ground = GroundEstimator(robot, self._params.load_sigma)
-        self._pending: list[_Pending] = []
+        # crossings that wait for the window to reach them
+        self._pending: list[tuple[str, PatchCrossing, FilmResult | None]] = []
         self._methods = {wheel: WaveformMethod(wheel, robot) for wheel in robot.film.wheels}
         self._friction: dict[str, Uncertain] = dict.fromkeys(robot.film.wheels, UNKNOWN)
 
@@ -122,7 +114,7 @@ class FrictionEstimator:
         self.crossings += 1
         self.crossings_lost += crossing.samples is None
         result = self._methods[wheel].measure(crossing)
-        self._pending.append(_Pending(wheel, crossing, result))
+        self._pending.append((wheel, crossing, result))
         if result is not None:
             slips = result.slips
             self._ground.add_crossing(stamp_of(crossing, result), wheel, slips.slip,
@@ -143,12 +135,12 @@ class FrictionEstimator:
     def _released(self, until_ns: int, solution: Solution | None
                   ) -> list[Friction | GroundState]:
         """Return the records of the crossings up to an instant."""
-        due = [one for one in self._pending if one.crossing.stamp_ns <= until_ns]
-        self._pending = [one for one in self._pending if one.crossing.stamp_ns > until_ns]
-        return [self._estimate(one, solution) for one in due]
+        due = [one for one in self._pending if one[1].stamp_ns <= until_ns]
+        self._pending = [one for one in self._pending if one[1].stamp_ns > until_ns]
+        return [self._estimate(*one, solution) for one in due]
 
-    def _estimate(self, pending: _Pending, solution: Solution | None) -> Friction:
-        wheel, crossing, result = pending.wheel, pending.crossing, pending.result
+    def _estimate(self, wheel: str, crossing: PatchCrossing, result: FilmResult | None,
+                  solution: Solution | None) -> Friction:
         state = WheelState() if solution is None else self._ground.wheel_state(
             solution, crossing.stamp_ns, wheel)
         friction = friction_record(
