@@ -27,8 +27,9 @@ from smart_tire.arrays import Array
 from smart_tire.estimation.ground.body_model import LOAD, LOSS
 from smart_tire.estimation.ground.measurements import MeasuredCrossing, WindowData
 from smart_tire.estimation.ground.unknowns import (
-    CURVE_ERROR, DYNAMIC, HOP, LENGTH, MAX_GAP, MAX_SIGMA, MIN_WHEEL_SAMPLES, MODEL_ERROR, ROBOT,
-    SETTLING, SIDES, SIZE, Unknown)
+    CURVE_ERROR, DYNAMIC, HOP, LENGTH, MAX_GAP, MAX_SIGMA, MODEL_ERROR, ROBOT, SETTLING, SIDES,
+    SIZE, Unknown)
+from smart_tire.estimation.ground.wheel_motion import CUBIC_POINTS
 from smart_tire.estimation.ground.window import GroundWindow, Solution
 from smart_tire.estimation.plausibility import is_speed_contradicted
 from smart_tire.estimation.streams import GROUND_STATE_PERIOD_NS
@@ -161,7 +162,7 @@ class GroundEstimator:
         if end - begin < HOP or (
                 self.solution is not None and end <= self.solution.end) or (
                 bisect_right(self._wheels, (end, math.inf)) - bisect_right(
-                    self._wheels, (begin, math.inf)) < MIN_WHEEL_SAMPLES):
+                    self._wheels, (begin, math.inf)) < CUBIC_POINTS):
             return None
         data = WindowData(np.array(self._imu), np.array(self._wheels), self._crossings)
         before = end - HOP if self.solution is None else self.solution.end

@@ -117,7 +117,6 @@ LENGTH = 3.0            # s, of the window, assumed; concrete
 SETTLING = 0.5          # s before, in which the model forgets its start; before that, of samples
 # that are smoothed with it; assumed
 MAX_GAP = 0.6           # s, of a stream: after a longer one the window restarts; assumed
-MIN_WHEEL_SAMPLES = 5   # of a window: their jerk is smoothed
 TIME_STEP = 0.016       # s, of the model
 BLOCK = 8               # steps of a block mean, slower than a wheel period; slow_readings
 BLOCK_TIME = TIME_STEP * BLOCK

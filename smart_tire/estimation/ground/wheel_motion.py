@@ -35,7 +35,8 @@ from smart_tire.numerics.jerk_smoothing import (
 MODES = np.array([np.ones_like(SIDE_SIGNS), -SIDE_SIGNS, AXLE_SIGNS, SIDE_SIGNS * AXLE_SIGNS]
                  ) / len(SIDE_SIGNS)
 
-OTHERS = np.array([[j for j in range(4) if j != i] for i in range(4)])  # neighbors of each of four
+CUBIC_POINTS = 4  # of a cubic, by which angles become rates
+OTHERS = np.array([[j for j in range(CUBIC_POINTS) if j != i] for i in range(CUBIC_POINTS)])
 
 
 class WheelMotion(NamedTuple):
@@ -75,7 +76,8 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
 def rate_weights(times: Array, at: Array) -> Array:
     """Return the matrix (m, n) that gives rates at ``at`` (m,) from values at ``times`` (n,)."""
     at = np.minimum(at, times[-1])
-    index = np.clip(np.searchsorted(times, at) - 2, 0, len(times) - 4)[:, np.newaxis] + range(4)
+    index = np.clip(np.searchsorted(times, at) - 2, 0, len(times) - CUBIC_POINTS)[
+        :, np.newaxis] + range(CUBIC_POINTS)
     knots, weights = times[index], np.zeros((len(at), len(times)))
     # derivative of the cubic through four neighbors (Lagrange)
     others = knots[:, OTHERS]

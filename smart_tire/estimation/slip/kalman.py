@@ -26,6 +26,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 import math
+import sys
 from typing import Protocol
 
 import numpy as np
@@ -48,7 +49,7 @@ COMPILED: bool = cython.compiled
 LOOPS = COMPILED  # over the covariance, otherwise numpy: loops in Python would take milliseconds
 
 INFINITY, OUTLIER_SIGMAS = math.inf, state.OUTLIER_SIGMAS
-MIN_SHARE = 1e-9  # of a variance that is left given other states; numerical
+MIN_SHARE = math.sqrt(sys.float_info.epsilon)  # of a variance given other states: half the digits
 X, Y, YAW, GYRO_BIAS_Z, LN_STIFFNESS, LN_FRICTION, RESISTANCE = map(int, (
     State.X, State.Y, State.YAW, State.GYRO_BIAS_Z, State.LN_STIFFNESS, State.LN_FRICTION,
     State.RESISTANCE))
