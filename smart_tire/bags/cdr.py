@@ -27,13 +27,15 @@ from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    cdr, definitions, forms_of, imu_from_msg, OtherJointsError, stamp_of, Topic)
+    cdr, definitions, forms_of, imu_from_msg, imus_from_columns, OtherJointsError, stamp_of,
+    tire_from_msg, tires_from_columns, Topic)
 from smart_tire.messages.wheel_reader import WheelReader
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
 from smart_tire.samples import NS_PER_S, Sample, TireSamples, WheelSample
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
+FROM_COLUMNS = {tire_from_msg: tires_from_columns, imu_from_msg: imus_from_columns}
 BIG_ENDIAN, LITTLE_ENDIAN = cdr.BYTE_ORDERS
 
 
@@ -160,8 +162,9 @@ class SampleDecoder:
         forms = forms_of(topic)
         form = forms[type_name] if type_name else next(iter(forms.values()))
         self._from_msg: Callable[[Any], Any] = form.from_msg
+        self._from_columns: Callable[[Any, Any], Any] | None = FROM_COLUMNS.get(form.from_msg)
         read = Decoder(form.type)
-        self._read = cdr.LayoutDecoder(form.type, read) if form.type in cdr.FIELDS else read
+        self._read: Any = cdr.LayoutDecoder(form.type, read) if form.type in cdr.FIELDS else read
         if form.sample is WheelSample:
             reader = WheelReader(joints)
             self._from_msg, faults.completed = reader, reader.completed
@@ -185,6 +188,26 @@ class SampleDecoder:
         if sample is None:
             return ()
         return sample.samples if isinstance(sample, TireSamples) else (sample,)
+
+    def block(self, messages: Sequence[bytes]) -> list[Sequence[Sample] | None]:
+        """
+        Return the samples in each of ``messages``, decoded together.
+
+        None are messages to be read one by one: what is invalid, unusual or rare.
+        """
+        found: list[Sequence[Sample] | None] = [None] * len(messages)
+        if self._from_columns is None:
+            return found
+        for msg, indices, columns in self._read.columns(messages):
+            try:
+                samples, valid = self._from_columns(msg, columns)
+            except MessageError:
+                continue
+            self._frames[msg.header.frame_id] += int(valid.sum())
+            for i, sample, good in zip(indices.tolist(), samples, valid.tolist()):
+                if good:
+                    found[i] = (sample,)
+        return found
 
 
 class SampleEncoder:

@@ -57,6 +57,7 @@ MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
 MAX_DUTY = 1.0
 DUTY_TOLERANCE = 1e-3   # -, a board rounds a duty to 3e-5; torques agree by chance only
 RECENT_COMMANDS = 8     # of which one caused the effort
+BLOCK_MESSAGES = 500    # that are decoded together
 SAMPLES_TO_DECIDE = 50  # wheel samples with an effort
 MIN_SAMPLES = 5
 MIN_AGREEING = 0.8      # of the wheel samples; the driver limits some commands, e.g. in a stop
@@ -384,11 +385,13 @@ class Bag:
                        standard, faults, *self._joints_of(standard, name), self.types[name]))
                    for standard, name in found.items() if name in self.types}
         correct = Corrector(steps) if steps.host or steps.stamps else None
-        for receive_ns, channel, data in self.raw(readers, as_written=steps.back):
+        messages = self.raw(readers, as_written=steps.back)
+        if correct is None:
+            yield from _decoded(messages, readers)
+            return
+        for receive_ns, channel, data in messages:
             standard, read = readers[channel.topic]
-            ahead_ns = 0
-            if correct is not None:
-                receive_ns, ahead_ns = correct(channel.topic, receive_ns)
+            receive_ns, ahead_ns = correct(channel.topic, receive_ns)
             for sample in read(data, ahead_ns):
                 yield receive_ns, standard, sample
 
@@ -435,6 +438,20 @@ class Bag:
     def _has_other_type(self, name: str) -> bool:
         topic = find_topic(name)
         return topic is None or self.types[name] != topic.type
+
+
+def _decoded(messages: Iterator[Message], readers: Mapping[str, tuple[str, SampleDecoder]]
+             ) -> Iterator[tuple[int, str, Sample]]:
+    """Yield the samples in ``messages``, of which many are decoded together."""
+    while block := list(islice(messages, BLOCK_MESSAGES)):
+        by_topic: dict[str, list[bytes]] = {}
+        for _, channel, data in block:
+            by_topic.setdefault(channel.topic, []).append(data)
+        found = {name: iter(readers[name][1].block(same)) for name, same in by_topic.items()}
+        for receive_ns, channel, data in block:
+            samples, (standard, read) = next(found[channel.topic]), readers[channel.topic]
+            for sample in read(data) if samples is None else samples:
+                yield receive_ns, standard, sample
 
 
 def report_losses(path: Path, lines: Iterable[str]) -> None:

@@ -22,14 +22,18 @@ encapsulation header; the bytes in between have no meaning.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter, itemgetter
 import struct
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.arrays import Instants
 from smart_tire.errors import MessageError
-from smart_tire.messages.header import MAX_NAME_LENGTH, MAX_NAMES
+from smart_tire.messages.header import Columns, MAX_NAME_LENGTH, MAX_NAMES
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE
 from smart_tire.samples import NS_PER_S
 
@@ -122,6 +126,8 @@ class MessageLayout:
         self._order = order
         self._scalars: list[tuple[str, int]] = []  # path and index
         self._arrays: list[tuple[str, slice]] = []
+        self._bytes: list[tuple[str, str, int, int]] = []  # path, type, first byte and end
+        self._static_bytes: list[tuple[int, bytes]] = []   # first byte and content
         shapes = iter(shape)
         for path, kind in FIELDS[type_name]:
             self._add_field(path, kind, shapes)
@@ -141,6 +147,9 @@ class MessageLayout:
             setattr(owner, name, SimpleNamespace(sec=0, nanosec=0))
             self._scalars += [(f'{path}.{part}', self._add('iI'[i], 4))
                               for i, part in enumerate(('sec', 'nanosec'))]
+            end = HEADER_SIZE + self._size
+            self._bytes += [(f'{path}.sec', 'i4', end - 8, end - 4),
+                            (f'{path}.nanosec', 'u4', end - 4, end)]
         elif kind == STRING:
             setattr(owner, name, text := next(shapes))
             self._add_string(text)
@@ -152,6 +161,7 @@ class MessageLayout:
         elif isinstance(kind, tuple):
             setattr(owner, name, SimpleNamespace(**dict.fromkeys(kind, 0.0)))
             self._scalars += [(f'{path}.{part}', self._add('d', 8)) for part in kind]
+            self._add_doubles(path, len(kind))
         else:
             count = kind if isinstance(kind, int) else int(next(shapes))
             if kind == DOUBLES:
@@ -162,6 +172,12 @@ class MessageLayout:
                 self._add('d', 8)
             if count:
                 self._arrays.append((path, slice(begin, begin + count)))
+            self._add_doubles(path, count)
+
+    def _add_doubles(self, path: str, count: int) -> None:
+        """Note where the latest doubles are."""
+        end = HEADER_SIZE + self._size
+        self._bytes.append((path, 'f8', end - 8 * count, end))
 
     def _count(self, count: int) -> bytes:
         return struct.pack(self._order + 'I', count)
@@ -173,6 +189,7 @@ class MessageLayout:
     def _add_static(self, data: bytes) -> None:
         self._static.append(self._add(f'{len(data)}s', 4, len(data)))
         self._template[-1] = data
+        self._static_bytes.append((HEADER_SIZE + self._size - len(data), data))
 
     def _add(self, code: str, alignment: int, size: int = 0) -> int:
         """Add a number or bytes to the format; return their index."""
@@ -192,6 +209,19 @@ class MessageLayout:
         for owner, name, part in self._array_places:
             setattr(owner, name, values[part])
         return self.msg
+
+    def rows_in(self, data: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which messages (n, bytes) have this layout."""
+        found = (data[:, :2] == np.frombuffer(self._template[0], np.uint8)).all(axis=1)
+        for begin, content in self._static_bytes:
+            found &= (data[:, begin:begin + len(content)]
+                      == np.frombuffer(content, np.uint8)).all(axis=1)
+        return found
+
+    def columns(self, data: NDArray[np.uint8]) -> Columns:
+        """Return the numbers of messages (n, bytes) of this layout."""
+        return {path: np.ascontiguousarray(data[:, begin:end]).view(self._order + kind)
+                for path, kind, begin, end in self._bytes}
 
     def write(self, msg: Any) -> bytes:
         """Return ``msg``, which must have this layout, as CDR."""
@@ -234,6 +264,25 @@ class LayoutDecoder:
         self._layouts.setdefault(len(data), []).append(layout)
         msg = layout.read(data)
         return self._read_other(data) if msg is None else msg
+
+    def columns(self, data: Sequence[bytes]) -> Iterator[tuple[Any, Instants, Columns]]:
+        """
+        Yield the messages in ``data`` with a layout that was called before, by layout.
+
+        Each with a message that has its strings, the indices (n,) of its messages, and their
+        numbers. Others are left out.
+        """
+        sizes: dict[int, list[int]] = {}
+        for i, one in enumerate(data):
+            if len(one) in self._layouts:
+                sizes.setdefault(len(one), []).append(i)
+        for size, indices in sizes.items():
+            left = np.array(indices)
+            rows = np.frombuffer(b''.join([data[i] for i in indices]), np.uint8).reshape(-1, size)
+            for layout in self._layouts[size]:
+                same = layout.rows_in(rows)
+                yield layout.msg, left[same], layout.columns(rows[same])
+                left, rows = left[~same], rows[~same]
 
     def _layout_of(self, data: bytes) -> MessageLayout:
         reader = CdrReader(data, self._type)

@@ -12,17 +12,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any, cast, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from smart_tire.arrays import Array, Instants
 from smart_tire.errors import MessageError
 from smart_tire.samples import NS_PER_S, WHEELS
 
 MAX_NAMES = 64         # of a JointState: a humanoid robot has some 40 joints
 MAX_NAME_LENGTH = 255  # characters, as of the names of ROS
 NANOSEC = 'header.stamp.nanosec'
+Columns = Mapping[str, Array]  # path -> numbers (n, k) of n messages of a layout
 Numbers = TypeVar('Numbers', bound=Sequence[float])
 
 
@@ -32,6 +37,13 @@ def stamp_of(msg: Any) -> int:
     if stamp.nanosec >= NS_PER_S:
         raise MessageError(f'{NANOSEC} is 1e9 or more, expected the nanoseconds of a second')
     return cast(int, stamp.sec * NS_PER_S + stamp.nanosec)
+
+
+def stamps_of(columns: Columns) -> tuple[Instants, NDArray[np.bool_]]:
+    """Return the stamps (n,) [ns] of the headers of n messages, and which are valid."""
+    sec, nanosec = (columns[f'header.stamp.{part}'][:, 0].astype(np.int64)
+                    for part in ('sec', 'nanosec'))
+    return sec * NS_PER_S + nanosec, nanosec < NS_PER_S
 
 
 def set_header(msg: Any, stamp_ns: int, frame: str) -> None:

@@ -18,12 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import repeat
 from math import inf, isfinite, isinf, isnan
 from typing import Any, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
-    bounded, finite, names_of, not_finite_error, set_joints, stamp_of, wheel_of)
+    bounded, Columns, finite, names_of, not_finite_error, set_joints, stamp_of, stamps_of,
+    wheel_of)
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE, wheel_layout, WheelLayout
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import (
@@ -152,6 +157,22 @@ def tire_from_msg(msg: Any) -> TireSample:
     return TireSample(stamp_of(msg), wheel, bounded(
         'tire_samples', 'position', finite('tire_samples', 'position', volts),
         MAX_FILM_VOLTAGE, 'V'))
+
+
+def tires_from_columns(msg: Any, columns: Columns) -> tuple[list[TireSample], NDArray[np.bool_]]:
+    """
+    Return the samples in JointStates of a layout as ``tire_from_msg`` does, and which are valid.
+
+    ``msg`` has their strings. Raises MessageError if these are invalid.
+    """
+    wheel = wheel_of(msg, 'tire_samples')
+    indices = film_indices(names_of(msg, 'tire_samples'), wheel)
+    (stamps, valid), values = stamps_of(columns), columns['position']
+    if values.shape[1] != len(msg.name):
+        return [], np.zeros(len(values), dtype=bool)
+    volts = values[:, indices]
+    valid &= (np.abs(volts) <= MAX_FILM_VOLTAGE).all(axis=1)
+    return list(map(TireSample, stamps.tolist(), repeat(wheel), zip(*volts.T.tolist()))), valid
 
 
 def tire_to_msg(msg: Any, sample: TireSample) -> Any:

@@ -17,9 +17,12 @@ from collections.abc import Sequence
 from math import isfinite, isnan, nan
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
-    bounded, finite, not_finite_error, set_header, stamp_of, wheel_of)
+    bounded, Columns, finite, not_finite_error, set_header, stamp_of, stamps_of, wheel_of)
 from smart_tire.samples import (
     BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_POSITION, MAX_SPECIFIC_FORCE, MAX_SPEED,
     Odometry, Vector3, VelocityCommand)
@@ -95,6 +98,28 @@ def _orientation(msg: Any) -> tuple[float, float, float, float] | None:
     if msg.orientation_covariance[0] == NOT_MEASURED or any(map(isnan, xyzw)) or not any(xyzw):
         return None
     return finite('imu/data', 'orientation', xyzw)
+
+
+def imus_from_columns(msg: Any, columns: Columns) -> tuple[list[ImuSample], NDArray[np.bool_]]:
+    """
+    Return the samples in n Imus of a layout as ``imu_from_msg`` does, and which are plainly valid.
+
+    Not those that contradict themselves: they are to be read one by one.
+    """
+    stamps, valid = stamps_of(columns)
+    for field, limit in (('linear_acceleration', MAX_SPECIFIC_FORCE),
+                         ('angular_velocity', MAX_ANGULAR_RATE)):
+        valid &= (np.abs(columns[field]) <= limit).all(axis=1) & (
+            columns[f'{field}_covariance'][:, 0] != NOT_MEASURED)
+    turned = columns['orientation']
+    given = ((columns['orientation_covariance'][:, 0] != NOT_MEASURED)
+             & ~np.isnan(turned).any(axis=1) & turned.any(axis=1))
+    valid &= ~given | np.isfinite(turned).all(axis=1)
+    vectors = (zip(*columns[field].T.tolist()) for field in (
+        'linear_acceleration', 'angular_velocity'))
+    orientations = [one if known else None for one, known in zip(
+        zip(*turned.T.tolist()), given.tolist())]
+    return list(map(ImuSample, stamps.tolist(), *vectors, orientations)), valid
 
 
 def imu_to_msg(msg: Any, sample: ImuSample, gyro_noise: float = 0.0, accel_noise: float = 0.0

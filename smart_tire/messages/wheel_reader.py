@@ -148,6 +148,8 @@ class WheelReader:
         step = now - before
         for full in WRAPS:
             turns = np.rint((expected - step) / full)
+            if not turns.any():  # most samples
+                continue
             inside = np.maximum(np.abs(before), np.abs(now)) <= (1.0 + WRAP_TOLERANCE) * full
             wrapped = inside & (np.abs(turns) == 1.0) & (step * expected <= 0.0) & (
                 np.abs(step + turns * full - expected) < WRAP_TOLERANCE * full)

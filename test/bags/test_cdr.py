@@ -211,3 +211,54 @@ def test_type_hashes_equal_those_of_ros():
 
 def test_an_unknown_type_has_no_definition():
     assert definition('strange_msgs/msg/Thing') == ('', '')
+
+
+def changed(rng, topic, sample):
+    """Return the message of a sample in which, at times, one number is not what it should be."""
+    msg = empty(TOPICS[topic].type)
+    TOPICS[topic].to_msg(msg, sample)
+    number = rng.choice([0.0, np.nan, np.inf, -np.inf, 1e3, -1.0, 1e-9])
+    where = rng.integers(8)
+    if topic == 'tire_samples':
+        msg.header.frame_id = str(rng.choice(['front_left', 'rear_right', 'base_link']))
+        msg.name = [f'{msg.header.frame_id}_pvdf_{film}' for film in rng.permutation([1, 2])]
+        volts = [1.2, 1.3, number, 1.6]
+        msg.position = volts[:2] if where > 1 else volts[1:2 + where]
+    else:
+        part = str(rng.choice(['linear_acceleration', 'angular_velocity', 'orientation']))
+        if where < 2:
+            setattr(getattr(msg, part), str(rng.choice(['x', 'z'])), number)
+        elif where == 2:
+            setattr(msg, f'{part}_covariance', [-1.0, *[0.0] * 8])
+        elif where == 3:
+            msg.orientation.x, msg.orientation.w = (0.0, 0.6), (0.0, 0.8)[rng.integers(2)]
+            msg.orientation.x = msg.orientation.w
+    msg.header.stamp.sec = int(rng.integers(-2**31, 2**31))
+    msg.header.stamp.nanosec = int(rng.choice([0, 999_999_999, 1_000_000_000]))
+    return Encoder(TOPICS[topic].type)(msg)
+
+
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('topic', ['tire_samples', 'imu/data'])
+def test_messages_decoded_together_are_those_decoded_one_by_one(topic, seed):
+    rng = np.random.default_rng(seed)
+    sample = next(one for one in SAMPLES if type(one) is TOPICS[topic].sample)
+    data = [changed(rng, topic, sample) for _ in range(300)]
+    data += [data[0][:-9], data[1] + bytes(3), b'', data[2] + bytes(3)]
+    one_by_one, together = Faults(), Faults()
+    read, read_block = (SampleDecoder(topic, faults) for faults in (one_by_one, together))
+    expected = [read(one) for one in data]
+    assert read_block.block(data) == [None] * len(data)  # no layout is known yet
+    for one in data:
+        read_block(one)  # as ``read`` did
+    for faults in (one_by_one, together):
+        for counter in (faults.rejected, faults.contradictions, *faults.frames.values()):
+            counter.clear()
+        faults.reasons.clear()
+    for one in data:
+        read(one)
+    block = read_block.block(data)
+    assert 30 < sum(one is not None for one in block) < len(data)
+    found = [read_block(one) if known is None else known for one, known in zip(data, block)]
+    assert repr(found) == repr(expected)
+    assert one_by_one == together
