@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from smart_tire.arrays import Array
+from smart_tire.arrays import Array, Instants
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion
 from smart_tire.control.history import History
@@ -42,6 +42,7 @@ class BaseResponse:
         self._scale = np.array([1.0, arm])
         self.given = given          # may be replaced at run time
         self._commands = History()  # v_x, yaw rate, and how far each got with each of the lags
+        self._known: tuple[Instants, Array] = np.empty(0, np.int64), np.empty((0, 0))  # of them
         # over time, of products of commands and motion, by dead time, axis and lag
         self._sums = np.zeros((3, len(c.DELAYS), 2, len(LAGS)))
         self.factors = np.ones(2)   # commanded over reached speed and yaw rate
@@ -61,6 +62,7 @@ class BaseResponse:
         """Add the velocity [m/s, rad/s] that is commanded from now on."""
         reached = self._modeled(np.array([now_ns]))
         self._commands.add(now_ns, v_x, yaw_rate, *reached.ravel().tolist())
+        self._known = np.array(self._commands.times), np.array(self._commands.values)
 
     def learn(self, motion: Motion, stamp_ns: int) -> None:
         """Compare the motion at ``stamp_ns`` with the commands before it."""
@@ -69,7 +71,7 @@ class BaseResponse:
                 not self._commands.times):
             return
         elapsed, reached = (stamp_ns - last_ns) / NS_PER_S, _twist(motion)
-        modeled = self._modeled(stamp_ns - _ns(c.DELAYS))
+        modeled = self._modeled(stamp_ns - DELAYS_NS)
         self._correlate(modeled, reached, elapsed)
         unexplained = self._unexplained()
         best = np.unravel_index(unexplained.argmin(), unexplained.shape)
@@ -84,7 +86,8 @@ class BaseResponse:
         """Add to the sums over the latest seconds."""
         m, y = modeled * self._scale[:, None], (reached * self._scale)[:, None]
         self._sums *= math.exp(-elapsed * NS_PER_S / c.HISTORY_NS)
-        self._sums += elapsed * np.stack(np.broadcast_arrays(m * m, m * y, y * y))
+        for sums, product in zip(self._sums, (m * m, m * y, y * y)):
+            sums += elapsed * product
 
     def _unexplained(self) -> Array:
         """Return what the commands leave of the motion [(m/s)^2 s], by dead time and lags."""
@@ -122,14 +125,15 @@ class BaseResponse:
         speed, turn = (int(np.abs(LAGS - lag).argmin()) for lag in c.USUAL_LAGS)
         return int(np.abs(c.DELAYS + c.USUAL_LAGS[0] - self.given).argmin()), speed, turn
 
-    def _modeled(self, times_ns: Array) -> Array:
+    def _modeled(self, times_ns: Instants) -> Array:
         """Return speed and yaw rate at times (n,) without dead time, by lag: (n, 2, lags)."""
         if not self._commands.times:
             return np.zeros((len(times_ns), 2, len(LAGS)))
-        known, values = np.array(self._commands.times), np.array(self._commands.values)
+        known, values = self._known
         index = np.searchsorted(known, times_ns, 'right') - 1
         age = np.maximum(times_ns - known[index], 0) / NS_PER_S
-        command, begin = values[index, :2, None], values[index, 2:].reshape(-1, 2, len(LAGS))
+        at = values[index]
+        command, begin = at[:, :2, None], at[:, 2:].reshape(-1, 2, len(LAGS))
         modeled = command + (begin - command) * np.exp(-age[:, None] / LAGS)[:, None]
         return np.where((index >= 0)[:, None, None], modeled, 0.0)  # at rest before the first one
 
@@ -139,6 +143,9 @@ def _twist(motion: Motion) -> Array:
     return np.array([motion.v_x, motion.yaw_rate])
 
 
-def _ns(seconds: Array) -> Array:
+def _ns(seconds: Array) -> Instants:
     """Return times in nanoseconds."""
     return np.round(seconds * NS_PER_S).astype(np.int64)
+
+
+DELAYS_NS = _ns(c.DELAYS)
