@@ -32,6 +32,8 @@ class OdometryCheck:
 
     Wheels that roll move the robot in the direction in which they roll or, with opposite sides,
     turn it: on ice with a slip of up to ``max_slip``. A robot that moves rolls at least one side.
+    Of a turn in place the angle alone is judged: where tires slide in all directions, a slope
+    moves the body ahead of its wheels or against them, but gravity has no moment that turns it.
     """
 
     def __init__(self, robot: RobotParams, odom: Travel) -> None:
@@ -74,8 +76,11 @@ def contradict(wheels: Distances, odom: Distances, max_slip: float) -> bool:
     """Return whether wheels rolled these distances [m] while odometry moved by the others."""
     # wheels that roll: the component of the motion in their direction. Resistance to turning
     # makes one of drive and turn slip much more than the other.
-    rolled = math.hypot(*wheels)
-    moved = (wheels[0] * odom[0] + wheels[1] * odom[1]) / max(rolled, c.MIN_DISTANCE)
+    forward, turned = wheels
+    if abs(turned) > abs(forward):  # one side rolls back
+        forward = 0.0
+    rolled = math.hypot(forward, turned)
+    moved = (forward * odom[0] + turned * odom[1]) / max(rolled, c.MIN_DISTANCE)
     # wheels that stand: on ground of two kinds, one rolling side can turn and move the robot
     most_rolled, most_moved = (sum(map(abs, distances)) for distances in (wheels, odom))
     return (rolled > c.MIN_DISTANCE and moved < (1.0 - max_slip) * rolled
