@@ -253,10 +253,12 @@ class SlipKinematics:
             self._motions.add(stamp_ns, *motion)
 
     def add_slip(self, slip: WheelSlip) -> None:
-        """Add estimated slips; without motion of the same time they are ignored."""
+        """Add estimated slips; without motion of the same time, or at rest, they are ignored."""
         motion = self._motions.held(slip.stamp_ns, c.SLIP_WINDOW_NS)
         if motion is None or slip.stamp_ns < self._window_ns:
             return
+        if math.hypot(*motion[:2]) < c.STANDSTILL_SPEED and abs(motion[2]) < c.STANDSTILL_RATE:
+            return  # a slide with released motors has another slip than a drive
         half = 0.5 * self._track * motion[2]
         left = _side(slip, LEFT, motion[0] - half)
         right = _side(slip, RIGHT, motion[0] + half)

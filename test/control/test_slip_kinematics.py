@@ -388,6 +388,18 @@ def test_a_slip_that_is_not_plausible_teaches_nothing():
     assert world.kinematics.lateral_speed(0.0, 0.8, 0.0) == pytest.approx(known, abs=1e-3)
 
 
+def test_a_robot_that_rolls_down_a_slope_with_released_motors_teaches_nothing():
+    world = World(kinematics())
+    before = world.kinematics.command(0.5, 0.3, START, DELAY, WIDE)
+    world.drive(0.0, 0.0, 0.1)
+    for _ in range(400):
+        world.move(0.01, 0.0)
+        world.rolling = 0.0, 0.0  # the wheels stand
+        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_slip(world.wheel_slip())
+    assert world.kinematics.command(0.5, 0.3, START, DELAY, WIDE) == before
+
+
 def test_older_odometry_is_ignored_and_another_clock_discards_all():
     world = World(kinematics(), slip=(0.2, 0.2))
     world.drive(0.5, 0.0, 2.0)
