@@ -189,7 +189,7 @@ def run_drawn(path: str, seed: int, *, estimated: bool, row: str) -> list[Run]:
     robot, values = draw_robot(seed), dict[str, float]()
     controllers = (OURS, SHORT) if estimated else CONTROLLERS
     for controller in controllers:
-        _, found = score_drive(PATHS[path], driven(robot, path, controller, estimated=estimated))
+        _, found = score_drive(driven(robot, path, controller, estimated=estimated))
         values |= {f'{controller}.{name}': value for name, value in found.items()}
     for other in controllers[1:]:
         ratio = values[f'{OURS}.true_rms'] / values[f'{other}.true_rms']

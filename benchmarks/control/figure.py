@@ -23,21 +23,21 @@ import sys
 
 from benchmarks.control.drawn import draw_robot, DrawnRobot, driven, PATHS, PURSUIT
 from benchmarks.control.scenarios import OURS, SHORT
-from benchmarks.control.tracking import path_errors, sampled
+from benchmarks.control.tracking import sampled, score_drive
 from matplotlib.figure import Figure
 import numpy as np
 from smart_tire.arrays import Array
-from smart_tire.control.trajectory_control import PathState
 
 DELAYS = (0.0, 0.1, 0.2, 0.3, 0.4)  # s, from cmd_vel to the wheel control
 LATE, SLOPING = (321, 322, 323), 305  # seeds
 
 
-def track(robot: DrawnRobot, path: str, controller: str) -> tuple[Array, bool]:
-    """Return the true positions (n, 2) along a path, and whether the robot arrived."""
+def track(robot: DrawnRobot, path: str, controller: str) -> tuple[Array, float, bool]:
+    """Return true positions (n, 2) along a path, rms distance [m], and whether it arrived."""
     stack = driven(robot, path, controller, estimated=False)
+    _, found = score_drive(stack)
     return np.array([one.position[:2] for one in sampled(stack.drive()[0])]), (
-        stack.trajectory.state == PathState.ARRIVED)
+        found['true_rms']), bool(found['arrived'])
 
 
 def draw(file: Path) -> None:
@@ -49,11 +49,9 @@ def draw(file: Path) -> None:
         for delay in DELAYS:
             runs = [track(replace(draw_robot(seed), command_delay=delay), 'S', controller)
                     for seed in LATE]
-            means.append(1e3 * np.mean([
-                math.sqrt(np.mean(path_errors(PATHS['S'], positions) ** 2))
-                for positions, _ in runs]))
+            means.append(1e3 * np.mean([rms for _, rms, _ in runs]))
             print(f'{controller}, {delay:g} s: {means[-1]:.1f} mm, '
-                  f'{sum(arrived for _, arrived in runs)} of {len(LATE)} arrive', flush=True)
+                  f'{sum(arrived for *_, arrived in runs)} of {len(LATE)} arrive', flush=True)
         sweep.plot(1e3 * np.array(DELAYS), means, 'o-', label=controller)
     sweep.set(xlabel='delay of cmd_vel [ms]', ylabel='rms distance from the path [mm]',
               title=f'S, {len(LATE)} robots drawn at random', ylim=(0.0, None))
@@ -61,8 +59,7 @@ def draw(file: Path) -> None:
     robot = draw_robot(SLOPING)
     square.plot(*np.array(PATHS['square'].poses)[:, :2].T, 'k--', linewidth=1)
     for controller in (OURS, SHORT):
-        positions, _ = track(robot, 'square', controller)
-        rms = math.sqrt(np.mean(path_errors(PATHS['square'], positions) ** 2))
+        positions, rms, _ = track(robot, 'square', controller)
         print(f'square, {controller}: {1e3 * rms:.1f} mm', flush=True)
         square.plot(*positions.T, label=controller)
     direction = (robot.traits.direction or 0.0) + math.pi

@@ -39,8 +39,8 @@ def pair(path: str, seed: int, noise: int) -> tuple[float, float]:
     """Return the rms distances [m] of the robot of ``seed`` from a path: ours, ideal."""
     robot = draw_robot(seed)
     other = replace(robot, simulator=replace(robot.simulator, seed=noise))
-    ours, ideal = (score_drive(PATHS[path], driven(other, path, controller, estimated=False))[1]
-                   ['true_rms'] for controller in (OURS, SHORT))
+    ours, ideal = (score_drive(driven(other, path, controller, estimated=False))[1]['true_rms']
+                   for controller in (OURS, SHORT))
     return ours, ideal
 
 

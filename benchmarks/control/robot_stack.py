@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from benchmarks.control.wrong_estimates import Fault
 from smart_tire.analysis.pipeline import EstimatorParams, Pipeline
@@ -74,12 +74,16 @@ class StackParams:
 
 
 class PathStack(RobotStack):
-    """Controller for ``run_closed_loop`` that follows ``path`` after ``STANDSTILL``."""
+    """
+    Controller for ``run_closed_loop`` that follows ``path`` after ``STANDSTILL``.
+
+    It begins where the robot is then, which rolls down slopes while it waits.
+    """
 
     def __init__(self, params: StackParams, path: PlannedPath) -> None:
         super().__init__(params.estimators, params.wheels, estimated=params.estimated,
                          fault=params.fault)
-        self._path, self._timeout = path, params.wheels.cmd_vel_timeout
+        self.path, self._timeout = path, params.wheels.cmd_vel_timeout
         self._delay_ns = round(params.command_delay * NS_PER_S)
         self.trajectory = params.control(params.trajectory)
         self._period_ns = round(NS_PER_S / params.trajectory.rate)
@@ -135,7 +139,10 @@ class PathStack(RobotStack):
         if now_ns < self._due_ns:
             return
         if self._due_ns == self._start_ns:
-            self.trajectory.follow(self._path, now_ns)
+            x, y, _ = self.truth[-1].position
+            self.path = replace(self.path, poses=tuple(
+                (x + p_x, y + p_y, yaw) for p_x, p_y, yaw in self.path.poses))
+            self.trajectory.follow(self.path, now_ns)
         self._due_ns += self._period_ns
         command = self.trajectory.step(now_ns)
         if command is not None:

@@ -40,19 +40,19 @@ def run_tracking(case: TrackingCase, seed: int) -> Run:
     stack = PathStack(case.stack(), case.wanted())
     run_closed_loop(case.simulator(seed), stack, MAX_DURATION,
                     plant=Plant if case.plant == OWN else OtherPlant)
-    errors, values = score_drive(case.wanted(), stack)
+    errors, values = score_drive(stack)
     return Run(case.name, seed, {f'{case.kinematics}.{name}': one for name, one in errors.items()},
                {f'{case.kinematics}.{name}': value for name, value in values.items()})
 
 
-def score_drive(wanted: PlannedPath, stack: PathStack) -> tuple[dict[str, Errors], Figures]:
+def score_drive(stack: PathStack) -> tuple[dict[str, Errors], Figures]:
     """Return the errors of a drive; their rms, time [s], length of the path [m] and arrival."""
     true, followed = stack.drive()
-    errors = score_tracking(wanted, true, followed)
+    errors = score_tracking(stack.path, true, followed)
     return errors, {
         **{f'{name}_rms': one.figures['rms'] for name, one in errors.items()},
         'duration': (true[-1].stamp_ns - stack.start_ns) / NS_PER_S,
-        'length': SPACING * (len(dense_points(wanted)) - 1),
+        'length': SPACING * (len(dense_points(stack.path)) - 1),
         'arrived': float(stack.trajectory.state == PathState.ARRIVED)}
 
 
