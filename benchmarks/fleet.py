@@ -20,14 +20,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 import json
 import os
 from pathlib import Path
-import re
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 
 from benchmarks.harness import machine, new_table, print_tables, run_benchmark
 from smart_tire.bags import BagWriter
@@ -38,7 +40,8 @@ from smart_tire.simulation.offline import simulate
 DESCRIPTION = 'measure time and memory of many short bags'
 DURATION = 5.0  # s, of a bag by default
 PARAMETERS = '/**: {ros__parameters: {wheel_radius: 0.087, film: {wheels: [front_left]}}}\n'
-ONE, ALL, CLUSTER = 'one process', 'all cores', 'cluster'
+ONE, ALL, CLUSTER, KILLED = 'one process', 'all cores', 'cluster', 'cluster, worker killed'
+POLL = 0.2  # s, between two looks at what is done
 # Prints wall and CPU time [s], and the sizes of this process and of its largest child [MB].
 MEASURED = """
 import json, resource, sys, time
@@ -55,8 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='python -m benchmarks.fleet', description=DESCRIPTION)
     parser.add_argument('--bags', type=int, nargs='+', default=[10, 100], metavar='N',
                         help='numbers of bags (default: 10 100)')
-    parser.add_argument('--modes', nargs='+', choices=[ONE, ALL, CLUSTER],
-                        default=[ONE, ALL, CLUSTER], help='who reads them (default: all)')
+    parser.add_argument('--modes', nargs='+', choices=[ONE, ALL, CLUSTER, KILLED],
+                        default=[ONE, ALL, CLUSTER, KILLED], help='who reads them (default: all)')
     parser.add_argument('--duration', type=float, default=DURATION, metavar='S',
                         help='of a bag (default: %(default)s)')
     args = parser.parse_args(argv)
@@ -88,17 +91,21 @@ def rows(folder: Path, modes: Sequence[str], counts: Sequence[int], duration: fl
             bags, out = folder / f'bags_{count}', folder / f'{mode.split()[0]}_{count}'
             link_bags(first, bags, count)
             words = ['analyze', bags, '--params', params, '--dataset', out]
-            if mode == CLUSTER:
-                with local_cluster() as (address, scheduler):
+            if mode in (CLUSTER, KILLED):
+                with local_cluster() as (address, used), killed_worker(
+                        used.workers, out, count // 2 if mode == KILLED else 0):
                     found = measured([*words, '--dask', address])
-                    size = f'{peak_size(scheduler):.0f}'
-                cpu = worker = '-'
+                cpu, worker, size = used.cpu + found[1], used.worker, f'{used.scheduler:.0f}'
             else:
                 found = measured([*words, '--jobs', 1 if mode == ONE else os.cpu_count() or 1])
-                cpu, worker, size = f'{found[1] / count:.2f}', f'{found[3]:.0f}', '-'
+                (_, cpu, _, worker), size = found, '-'
+            done = len(list(out.glob('drives/*/*/*.parquet')))
+            if done != count:
+                raise SmartTireError(f'{done} of {count} bags are in the data set')
             written = sum(path.stat().st_size for path in out.rglob('*.parquet'))
-            yield [mode, str(count), f'{found[0]:.1f}', f'{found[0] / count:.2f}', cpu,
-                   f'{found[2]:.0f}', worker, size, f'{written / count / 1000.0:.0f}']
+            yield [mode, str(count), f'{found[0]:.1f}', f'{found[0] / count:.2f}',
+                   f'{cpu / count:.2f}', f'{found[2]:.0f}', f'{worker:.0f}', size,
+                   f'{written / count / 1000.0:.0f}']
 
 
 def link_bags(first: Path, folder: Path, count: int) -> None:
@@ -121,9 +128,19 @@ def measured(words: Sequence[object]) -> list[float]:
     return found[1:]
 
 
+@dataclass
+class ClusterUsage:
+    """What a cluster has used when it has ended."""
+
+    workers: int            # process that starts them, and again if they die
+    cpu: float = 0.0        # s, of all
+    worker: float = 0.0     # MB, the largest size of any
+    scheduler: float = 0.0  # MB
+
+
 @contextmanager
-def local_cluster() -> Iterator[tuple[str, int]]:
-    """Yield address and process of a scheduler that has a worker per core."""
+def local_cluster() -> Iterator[tuple[str, ClusterUsage]]:
+    """Yield the address of a scheduler with a worker per core, and what they use."""
     with socket.socket() as free:
         free.bind(('127.0.0.1', 0))
         port = free.getsockname()[1]
@@ -132,21 +149,49 @@ def local_cluster() -> Iterator[tuple[str, int]]:
     commands = [['scheduler', '--port', str(port), *common],
                 ['worker', address, '--nworkers', str(os.cpu_count() or 1), '--nthreads', '1',
                  *common]]
-    processes = [subprocess.Popen(
+    scheduler, workers = (subprocess.Popen(
         [sys.executable, '-m', f'distributed.cli.dask_{name}', *words],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for name, *words in commands]
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for name, *words in commands)
+    used = ClusterUsage(workers.pid)
     try:
-        yield address, processes[0].pid
+        yield address, used
     finally:
-        for process in reversed(processes):
+        sizes = []
+        for process in (workers, scheduler):
             process.terminate()
-            process.wait()
+            _, status, usage = os.wait4(process.pid, 0)  # with the children it has waited for
+            process.returncode = os.waitstatus_to_exitcode(status)
+            used.cpu += usage.ru_utime + usage.ru_stime
+            sizes.append(usage.ru_maxrss / 1024.0)
+        used.worker, used.scheduler = sizes
 
 
-def peak_size(process: int) -> float:
-    """Return the largest size [MB] that a process has had."""
-    text = Path(f'/proc/{process}/status').read_text(encoding='ascii')
-    return int(re.findall(r'VmHWM:\s+(\d+)', text)[0]) / 1024.0
+@contextmanager
+def killed_worker(parent: int, folder: Path, count: int) -> Iterator[None]:
+    """Kill a worker as soon as ``count`` drives are in the data set ``folder``; 0: none."""
+    ended, killed = threading.Event(), threading.Event()
+
+    def kill() -> None:
+        while len(list(folder.glob('drives/*/*/*.parquet'))) < count:
+            if ended.wait(POLL):
+                return
+        children = [child for task in Path(f'/proc/{parent}/task').iterdir()
+                    for child in (task / 'children').read_text(encoding='ascii').split()]
+        os.kill(next(int(child) for child in children if b'spawn_main' in Path(
+            f'/proc/{child}/cmdline').read_bytes()), signal.SIGKILL)
+        killed.set()
+
+    thread = threading.Thread(target=kill)
+    if count:
+        thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        if count:
+            thread.join()
+    if count and not killed.is_set():
+        raise SmartTireError('no worker was killed')
 
 
 if __name__ == '__main__':
