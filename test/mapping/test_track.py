@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from smart_tire.estimation.ground.unknowns import TIME_ERROR
 from smart_tire.mapping.track import (
-    friction_track, FrictionTrack, SPACING, WALK)
+    CHANGE_SIGMA, friction_track, FrictionTrack, SPACING, WALK)
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import Friction, GroundState, NS_PER_S
@@ -43,7 +43,8 @@ def ground(t, mu=0.4, *, sigma=0.05, common=0.03, left=math.inf, right=math.inf)
     """Return the state of the ground at ``t`` [s], which changed at ``left`` and ``right`` [s]."""
     ages = {f'change_age_{side}': t - at if at < t else math.inf
             for side, at in (('left', left), ('right', right))}
-    return GroundState(round(t * NS_PER_S), Uncertain(50.0, 2.0), Uncertain(mu, sigma * mu),
+    friction = UNKNOWN if math.isnan(mu) else Uncertain(mu, sigma * mu)
+    return GroundState(round(t * NS_PER_S), Uncertain(50.0, 2.0), friction,
                        friction_common_sigma=common, **ages)
 
 
@@ -95,13 +96,38 @@ def test_a_border_is_where_the_ground_has_changed_although_this_was_known_later(
     crossings = [crossing(t, 0.45 if t < known else 0.2) for t in np.arange(0.6, 8.0, 0.55)]
     track = made(estimates(grounds, crossings))
     for side in (0, 1):
-        rows = at(track, side, SPEED * change + np.array([-0.1, 0.1]))
-        np.testing.assert_allclose(track.position[rows, 0], SPEED * change + np.array(
-            [-1.0, 1.0]) * TIME_ERROR * SPEED, atol=1.5 * SPACING)
+        rows = at(track, side, SPEED * (change + 3.5 * np.array([-CHANGE_SIGMA, CHANGE_SIGMA])))
         np.testing.assert_allclose(track.friction[rows], [0.45, 0.2], rtol=1e-6)
-        own = track.side == side
-        assert set(np.round(track.friction[own], 6)) == {0.45, 0.2}
+        np.testing.assert_allclose(track.sigma[rows], 0.05 * track.friction[rows])
         assert track.block[rows[0]] != track.block[rows[1]]
+
+
+def test_at_a_border_the_ground_is_either_of_both():
+    change = 4.0
+    track = made(estimates([ground(t, 0.45 if t < 4.6 else 0.2, **dict.fromkeys(
+        ('left', 'right'), change if t >= 4.6 else math.inf)) for t in np.arange(1.0, 8.0, 0.5)]))
+    apart = math.log(0.45 / 0.2)
+    for sigmas, share in ((0.0, 0.5), (-1.0, 0.159), (1.0, 0.841), (2.0, 0.977)):
+        (row,) = at(track, 0, SPEED * (change + sigmas * CHANGE_SIGMA))
+        # 0.025 m between rows are half a standard deviation
+        assert math.log(0.45 / track.friction[row]) == pytest.approx(share * apart, abs=0.09)
+        expected = math.hypot(0.05, math.sqrt(share * (1.0 - share)) * apart)
+        assert track.sigma[row] / track.friction[row] == pytest.approx(expected, abs=0.06)
+    rows = np.flatnonzero(track.side == 0)
+    rows = rows[np.abs(track.position[rows, 0] - SPEED * change) < 0.3]
+    assert (np.diff(track.friction[rows]) < 1e-9).all()
+    middle = track.sigma[rows] / track.friction[rows]
+    assert middle[np.argmin(np.abs(track.friction[rows] - 0.3))] == pytest.approx(
+        math.hypot(0.05, 0.5 * apart), abs=0.005)
+
+
+def test_a_border_to_an_unknown_ground_is_unknown():
+    change = 4.0
+    track = made(estimates([ground(t, math.nan if t < 4.6 else 0.1, **dict.fromkeys(
+        ('left', 'right'), change if t >= 4.6 else math.inf)) for t in np.arange(1.0, 8.0, 0.5)]))
+    own = track.position[track.side == 0, 0]
+    assert own.min() == pytest.approx(SPEED * (change + TIME_ERROR), abs=SPACING)
+    np.testing.assert_allclose(track.friction, 0.1)
 
 
 def test_a_change_under_one_side_is_none_under_the_other():
@@ -111,7 +137,7 @@ def test_a_change_under_one_side_is_none_under_the_other():
     crossings = [crossing(t, 0.45) for t in np.arange(0.6, 8.0, 0.55)] + [
         crossing(t, 0.45 if t < 4.5 else 0.2, 'rear_left') for t in np.arange(0.7, 8.0, 0.55)]
     track = made(estimates(grounds, crossings))
-    left, right = at(track, 0, [1.9, 2.1]), at(track, 1, [1.9, 2.1])
+    left, right = at(track, 0, [1.8, 2.2]), at(track, 1, [1.8, 2.2])
     np.testing.assert_allclose(track.friction[left], [0.45, 0.2])
     np.testing.assert_allclose(track.friction[right], 0.45)
     # without films, the mean of two grounds is the friction of neither
