@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+import math
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +25,17 @@ from smart_tire.analysis.figure import ColorField, Curve, Figure, Mark, Panel
 from smart_tire.analysis.metrics import given_covariance, rotated
 from smart_tire.arrays import Array
 from smart_tire.bags import Bag, BagWriter
+from smart_tire.bags.cdr import Decoder
+from smart_tire.errors import MessageError
 from smart_tire.estimates import PoseEstimate
 from smart_tire.mapping.grid import FrictionMap
 from smart_tire.mapping.raster import grid_of, speed_mask, write_image, write_raster
 from smart_tire.mapping.track import friction_track, FrictionTrack
+from smart_tire.messages import stamp_of, transform_from_msg
 from smart_tire.parameters import TrajectoryControllerParams
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.recording import SampleArrays
+from smart_tire.samples import Vector3
 
 MAP, CELLS, FIGURE = 'friction_map', 'friction_map.csv', 'friction_map_figure.png'
 MASK = 'speed_mask'
@@ -38,28 +43,64 @@ FILES = (f'{MAP}.yaml', f'{MAP}.png', f'{MAP}_sigma.png', CELLS, FIGURE)
 MASK_FILES = (f'{MASK}.yaml', f'{MASK}.png')
 MAX_FRICTION, MAX_SIGMA = 1.0, 0.2  # upper ends of the color scales
 FIGURE_CELL = 5.0, 4.2  # inch
+TRANSFORMS = 'tf2_msgs/msg/TFMessage'
+LOCALIZED = 0.05, 0.05, 0.02  # m, m, rad: x, y, yaw of a localization by lidar, assumed
 
 
-def track_of(estimates: SampleArrays, camera: SampleArrays, robot: RobotParams, *, drive: str,
-             name: str) -> FrictionTrack:
+def track_of(estimates: SampleArrays, camera: SampleArrays, robot: RobotParams,
+             bag: Bag | None = None, *, drive: str) -> FrictionTrack:
     """
-    Return the friction on the tracks of a drive of the robot ``name``.
+    Return the friction on the tracks of a drive.
 
-    In ``map`` if the ``camera`` has seen the robot, else in ``odom``.
+    In ``map`` if the ``camera`` has seen the robot, or the recorded ``bag`` has its place there,
+    else in ``odom``. The bag also names the robot.
     """
     poses, seen = estimates.poses(), camera.poses()
+    if bag is not None and not (len(seen) and _overlap(poses, seen)):
+        seen = localization(bag, poses, robot)
     frame = 'odom'
-    if len(poses) and len(seen) and seen.stamp_ns[-1] > poses.stamp_ns[0] \
-            and seen.stamp_ns[0] < poses.stamp_ns[-1]:
+    if len(poses) and len(seen) and _overlap(poses, seen):
         poses, frame = in_map(poses, seen), 'map'
     return friction_track(poses, estimates.grounds(), estimates.frictions(), robot, frame=frame,
-                          drive=drive, name=name)
+                          drive=drive, name='' if bag is None else robot_name(bag))
+
+
+def _overlap(poses: PoseEstimate, seen: PoseEstimate) -> bool:
+    return bool(seen.stamp_ns[-1] > poses.stamp_ns[0] and seen.stamp_ns[0] < poses.stamp_ns[-1])
 
 
 def robot_name(bag: Bag) -> str:
     """Return the namespace of the inputs in a bag: drives in one namespace are of one robot."""
     name = bag.match(['wheel_states']).get('wheel_states', '').strip('/')
     return name.removesuffix('wheel_states').strip('/')
+
+
+def localization(bag: Bag, poses: PoseEstimate, robot: RobotParams) -> PoseEstimate:
+    """
+    Return the poses in ``map`` when it was related to the frame of ``poses``; empty if never.
+
+    By the transforms from ``map`` to the frame of the odometry in a bag, whose standard deviation
+    is ``LOCALIZED``: the messages have none.
+    """
+    found: dict[int, Vector3] = {}  # index of a pose -> x, y, yaw of the odometry in the map
+    names = {name for name, kind in bag.types.items() if kind == TRANSFORMS}
+    read = Decoder(TRANSFORMS)
+    for _, channel, data in bag.raw(names) if names and len(poses) > 1 else ():
+        try:
+            for one in read(data).transforms:
+                if (one.header.frame_id, one.child_frame_id) == ('map', robot.frames['odom']):
+                    offset, stamp_ns = transform_from_msg(one), stamp_of(one)
+                    if math.isfinite(offset[2]) and stamp_ns <= poses.stamp_ns[-1]:
+                        found[max(1, int(np.searchsorted(poses.stamp_ns, stamp_ns)))] = offset
+        except MessageError as error:
+            bag.faults.reject(channel.topic, error)
+    at = np.array(sorted(found), np.intp)
+    place = np.array([found[index] for index in at.tolist()]).reshape(-1, 3)
+    pose = poses.pose[at] + place
+    pose[:, :2] = place[:, :2] + rotated(poses.pose[at, :2], place[:, 2])
+    return PoseEstimate(
+        poses.stamp_ns[at], pose, poses.twist[at],
+        np.broadcast_to(np.diag(np.square(LOCALIZED)), (len(at), 3, 3)), poses.twist_sigma[at])
 
 
 def in_map(poses: PoseEstimate, references: PoseEstimate) -> PoseEstimate:

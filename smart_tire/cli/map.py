@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,7 @@ from smart_tire.cli._outputs import (
     folder_names, refuse_existing, refuse_existing_bag, refuse_folder_of_bag, remove, remove_bag,
     undone_if_interrupted)
 from smart_tire.cli._progress import ProgressLine
-from smart_tire.paths import bag_name, is_analysis
+from smart_tire.paths import analyzed_bag, bag_name, is_analysis
 
 if TYPE_CHECKING:
     from smart_tire.mapping.track import FrictionTrack
@@ -73,21 +74,25 @@ def track_of(path: Path, name: str, args: argparse.Namespace, _: str | None
     from smart_tire.analysis.comparison import read_analysis
     from smart_tire.analysis.offline import analyze
     from smart_tire.analysis.pipeline import bag_params
-    from smart_tire.bags import Bag
-    if is_analysis(path):
-        result = read_analysis(path)
-        estimates, camera = result.estimates, result.camera
-        with Bag(path / 'estimates') as bag:
-            robot, owner = bag_params(bag, args.params).params.robot, ''
-    else:
-        with open_bag(path, args, prefix=f'{name}: ') as (bag, source):
+    from smart_tire.bags import Bag, TopicNames
+    with ExitStack() as stack:
+        if is_analysis(path):
+            result = read_analysis(path)
+            estimates, camera = result.estimates, result.camera
+            with Bag(path / 'estimates') as written:
+                robot = bag_params(written, args.params).params.robot
+            recorded = analyzed_bag(path)
+            bag = recorded and stack.enter_context(Bag(recorded[0], TopicNames(recorded[1])))
+        else:
+            bag, source = stack.enter_context(open_bag(path, args, prefix=f'{name}: '))
             if lacks_inputs(bag):
                 return MAPPED, None
-            robot, owner, names = source.params.robot, friction_map.robot_name(bag), bag.names
-        with ProgressLine(bag_name(path)) as progress:
-            found = analyze(path, None, source.params, progress.share, names=names, source=source)
-        estimates, camera = found.estimates, found.contents.camera
-    track = friction_map.track_of(estimates, camera, robot, drive=name, name=owner)
+            robot = source.params.robot
+            with ProgressLine(bag_name(path)) as progress:
+                found = analyze(path, None, source.params, progress.share, names=bag.names,
+                                source=source)
+            estimates, camera = found.estimates, found.contents.camera
+        track = friction_map.track_of(estimates, camera, robot, bag, drive=name)
     if not len(track):
         print(f'{name}: no friction was estimated')
         return MAPPED, None

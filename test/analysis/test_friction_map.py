@@ -13,12 +13,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from smart_tire.analysis.friction_map import (
-    CELLS, FIGURE, FILES, in_map, MAP, map_figure, robot_name, track_of, write_map, write_mask)
-from smart_tire.bags import Bag, BagWriter
+    CELLS, FIGURE, FILES, in_map, localization, LOCALIZED, MAP, map_figure, robot_name, track_of,
+    TRANSFORMS, write_map, write_mask)
+from smart_tire.bags import Bag, BagWriter, channel_of
+from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.mapping.grid import friction_map
 from smart_tire.mapping.raster import read_raster, speed_mask
 from smart_tire.mapping.track import FrictionTrack, SPACING
@@ -66,9 +69,62 @@ def test_a_drive_is_mapped_where_the_camera_has_seen_it(seen, frame):
         estimates.add_sample(GroundState(
             seconds * NS_PER_S, Uncertain(50.0, 2.0), Uncertain(0.4, 0.02)))
     camera = drive(x=10.0, variance=1e-6) if seen else SampleArrays()
-    track = track_of(estimates, camera, RobotParams(), drive='a', name='r')
-    assert (track.frame, track.drive, track.robot) == (frame, 'a', 'r')
+    track = track_of(estimates, camera, RobotParams(), drive='a')
+    assert (track.frame, track.drive, track.robot) == (frame, 'a', '')
     assert (track.position[:, 0].min() > 9.0) == seen
+
+
+def write_transforms(path, transforms):
+    """Write a bag with (time [s], parent, child, x, y, yaw) on /tf, and a damaged message."""
+    write = Encoder(TRANSFORMS)
+    with BagWriter(path) as writer:
+        writer.add_topic(channel_of('/tf', TRANSFORMS))
+        writer.write('/tf', 1, b'\0\1\0\0\7\0\0\0')
+        for t, parent, child, x, y, yaw in transforms:
+            one = empty('geometry_msgs/msg/TransformStamped')
+            stamp_ns = round(t * NS_PER_S)
+            one.header.stamp.sec, one.header.stamp.nanosec = divmod(stamp_ns, NS_PER_S)
+            one.header.frame_id, one.child_frame_id = parent, child
+            one.transform.translation.x, one.transform.translation.y = x, y
+            one.transform.rotation.z, one.transform.rotation.w = (
+                math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+            writer.write('/tf', stamp_ns, write(SimpleNamespace(transforms=[one])))
+
+
+def test_transforms_in_the_bag_lead_to_the_map(tmp_path):
+    estimates = drive(drift=0.02, variance=1e-6)
+    poses, true = estimates.poses(), drive(x=3.0, y=-2.0, yaw=1.2).poses()
+    lines = [(9.0, 'map', 'odom', 99.0, 99.0, 0.0), (1.0, 'odom', 'base_link', 9.0, 9.0, 0.0),
+             (1.0, 'map', 'other/odom', 9.0, 9.0, 0.0)]
+    for row in range(20, 200, 20):
+        (x, y, yaw), (own_x, own_y, own_yaw) = true.pose[row], poses.pose[row]
+        turn = yaw - own_yaw
+        lines.append((row * 0.02, 'map', 'odom', x - math.cos(turn) * own_x
+                      + math.sin(turn) * own_y, y - math.sin(turn) * own_x
+                      - math.cos(turn) * own_y, turn))
+    write_transforms(tmp_path / 'bag', lines)
+    for seconds in (1, 2, 3):
+        estimates.add_sample(GroundState(
+            seconds * NS_PER_S, Uncertain(50.0, 2.0), Uncertain(0.4, 0.02)))
+    with Bag(tmp_path / 'bag') as bag:
+        seen = localization(bag, poses, RobotParams())
+        np.testing.assert_array_equal(seen.stamp_ns, true.stamp_ns[20:200:20])
+        np.testing.assert_allclose(seen.pose, true.pose[20:200:20], atol=1e-6)
+        np.testing.assert_allclose(seen.covariance[0], np.diag(np.square(LOCALIZED)))
+        assert bag.faults.rejected == {'/tf': 1}
+        assert not len(localization(bag, poses, RobotParams(frame_prefix='r1/')))
+        track = track_of(estimates, SampleArrays(), RobotParams(), bag, drive='a')
+        camera = track_of(estimates, drive(x=10.0, variance=1e-6), RobotParams(), bag, drive='a')
+    assert track.frame == 'map' and track.position[:, 1].min() < -1.5
+    assert track.covariance[:, 0].min() > LOCALIZED[0] ** 2
+    assert camera.position[:, 0].min() > 9.0  # which is more accurate
+
+
+def test_a_transform_from_before_the_drive_counts(tmp_path):
+    write_transforms(tmp_path / 'bag', [(0.0, 'map', 'odom', 1.0, 2.0, 0.0)])
+    with Bag(tmp_path / 'bag') as bag:
+        found = in_map(drive().poses(), localization(bag, drive().poses(), RobotParams()))
+    np.testing.assert_allclose(found.pose, drive().poses().pose + [1.0, 2.0, 0.0], atol=1e-9)
 
 
 def test_the_namespace_of_a_bag_names_its_robot(tmp_path):

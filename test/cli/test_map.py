@@ -12,13 +12,16 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 import math
 from shutil import copytree
 
 import numpy as np
 import pytest
 from smart_tire.api import load_params, simulate, write_bag
+from smart_tire.bags import Bag, BagWriter, channel_of
 from smart_tire.cli.main import main
+from smart_tire.cli.map import track_of
 from smart_tire.mapping.raster import read_raster
 from smart_tire.parameters import load_node
 import yaml
@@ -27,11 +30,15 @@ import yaml
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     """Return a short drive with turns, as a bag."""
-    made = tmp_path_factory.mktemp('map') / 'drive'
+    made, written = (tmp_path_factory.mktemp('map') / name for name in ('drive', 'written'))
     speeds = [[0.0, 0.0, 0.0], *([1.0 + 1.5 * i, *((9.0, 6.0) if i % 2 else (6.0, 9.0))]
                                  for i in range(4))]
-    write_bag(made, simulate(speeds, 7.0, params=load_params(values={
+    write_bag(written, simulate(speeds, 7.0, params=load_params(values={
         'ground.base': 'concrete', 'film.wheels': ['front_left', 'front_right']}), seed=5))
+    with Bag(written) as bag, BagWriter(made, custom_data=bag.custom_data) as writer:
+        for receive_ns, channel, data in bag.raw():
+            writer.add_topic(channel_of(f'/r7{channel.topic}', channel.type))
+            writer.write(f'/r7{channel.topic}', receive_ns, data)
     return made
 
 
@@ -41,6 +48,10 @@ def test_a_bag_and_its_analysis_give_the_same_map(bag, tmp_path, capsys):
     assert main(['analyze', str(bag), '--no-figures', '--no-checks',
                  '--out', str(tmp_path / 'analyzed')]) == 0
     assert main(['map', str(tmp_path / 'analyzed'), '--out', str(tmp_path / 'b')]) == 0
+    used = Namespace(params=[], remap=[])
+    one, other = (track_of(path, 'a', used, None)[1] for path in (bag, tmp_path / 'analyzed'))
+    assert one.robot == other.robot == 'r7'
+    np.testing.assert_array_equal(one.friction, other.friction)
     first, second = (read_raster(tmp_path / one / 'friction_map.yaml') for one in 'ab')
     np.testing.assert_array_equal(first.friction, second.friction)
     known = np.isfinite(first.friction)  # 3 m with known friction: 30 cells of each side
