@@ -50,6 +50,8 @@ from smart_tire.simulation.plant import Plant
 ROW = 'jumps'
 SURFACES_OF_ALL = 'friction', 'stiffness', 'drag'  # not drawn: the place is the same
 BORDER_WIDTH = 0.3          # m from a border, within which cells are not scored
+BORDER_RANGE = 1.0          # m to both sides, where it is looked for
+BORDER_CELLS = 6            # known cells on each side, at least
 MAX_DURATION = 60.0   # s, of a drive along the path
 ICE_BEGIN = 3.0       # m along x, where the bend begins
 BEND = 1.2            # m, radius of the bend on the ice
@@ -92,25 +94,28 @@ def true_friction(x: Array, row: str = ROW) -> tuple[Array, Array]:
     return mu, away
 
 
-def borders(found: FrictionMap, row: str = ROW) -> Iterator[tuple[float, float]]:
+def borders(found: FrictionMap, row: str = ROW) -> Iterator[tuple[float, Array]]:
     """
-    Yield each border [m] along x, and the median of where it is in the map.
+    Yield each border [m] along x, and where it is in each row of cells of the map that shows it.
 
-    That is, in each row of cells, where mu is halfway between those of both grounds.
+    That is where a step between mu of both grounds has the fewest cells on its wrong side.
     """
     raster = found.raster
     x = raster.origin[0] + (np.arange(raster.friction.shape[1]) + 0.5) * raster.resolution
     for edge in sorted({edge for _, *edges in ROWS[row].fields for edge in edges}):
         (low, high), _ = true_friction(np.array([edge - 0.01, edge + 0.01]), row)
-        middle, near = 0.5 * (low + high), np.abs(x - edge) < 2.0
+        middle, near = 0.5 * (low + high), np.abs(x - edge) < BORDER_RANGE
         places = []
         for values in raster.friction[:, near]:
             known = np.isfinite(values)
-            side = (values[known] - middle) * (high - low) > 0.0
             at = x[near][known]
-            if len(at) > 20 and not side[0] and side[-1]:
-                places.append(0.5 * (at[~side].max() + at[side].min()))
-        yield edge, float(np.median(places)) if places else math.nan
+            if min((at < edge).sum(), (at > edge).sum()) >= BORDER_CELLS:
+                after = (values[known] - middle) * (high - low) > 0.0
+                wrong = np.append(0, np.cumsum(after)) + np.append(
+                    np.cumsum(~after[::-1])[::-1], 0)
+                steps = np.append(np.append(at[0], 0.5 * (at[1:] + at[:-1])), at[-1])
+                places.append(steps[wrong == wrong.min()].mean())
+        yield edge, np.array(places)
 
 
 def bend_on_ice() -> PlannedPath:
@@ -146,17 +151,27 @@ def on_ice(seed: int, bound: LowerBound | None = None) -> tuple[Array, FrictionT
     return np.array(rows), track_of([*estimates, *pipeline.finish()], truth, estimators, str(seed))
 
 
-def by_drives(found: FrictionMap, row: str = ROW) -> Table:
-    """Return the errors of the cells off the borders, by the number of drives in them."""
+def bound_of(track: FrictionTrack) -> LowerBound:
+    """Return the lower bound of the friction in the map of a drive, as the controller uses it."""
+    params = TrajectoryControllerParams()
+    return friction_map([track]).raster.widened(
+        params.friction_map_margin, params.friction.sigmas).lower_bound
+
+
+def by_drives(maps: Sequence[FrictionMap], row: str = ROW) -> Table:
+    """Return the errors of the cells of all maps, by the number of drives in them."""
     made = new_table('Cells', 'drives', 'cells', 'mu rms [%]', 'sigma [%]', 'NEES')
-    cells = found.cells
-    mu, away = true_friction(cells.x, row)
-    used = (cells.current == 1) & (away > BORDER_WIDTH)
-    error, sigma = (cells.friction - mu) / mu, cells.sigma / mu
-    for low, high in ((1, 1), (2, 3), (4, 6), (7, 99)):
-        rows = used & (cells.drives >= low) & (cells.drives <= high)
+    x, friction, sigma, drives, current = (np.concatenate([
+        getattr(one.cells, name) for one in maps]) for name in (
+            'x', 'friction', 'sigma', 'drives', 'current'))
+    mu, away = true_friction(x, row)
+    error, sigma, off = (friction - mu) / mu, sigma / mu, away > BORDER_WIDTH
+    for name, chosen in (*((f'{low} to {high}', off & (drives >= low) & (drives <= high))
+                           for low, high in ((1, 1), (2, 3), (4, 6), (7, 99))),
+                         (f'all within {BORDER_WIDTH:g} m of a border', ~off)):
+        rows = chosen & (current == 1)
         sizes = [float(np.sqrt(np.mean(one[rows] ** 2))) for one in (error, sigma)]
-        made.add_row(f'{low} to {high}', str(rows.sum()), *(f'{1e2 * one:.1f}' for one in sizes),
+        made.add_row(name, str(rows.sum()), *(f'{1e2 * one:.1f}' for one in sizes),
                      f'{float(np.mean((error / sigma)[rows] ** 2)):.2f}')
     return made
 
@@ -164,19 +179,24 @@ def by_drives(found: FrictionMap, row: str = ROW) -> Table:
 def main() -> None:
     """Print the tables, draw the map."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--drives', type=int, default=10)
+    parser.add_argument('--drives', type=int, default=10, help='robots of a map')
+    parser.add_argument('--maps', type=int, default=3, help='each of other robots')
     parser.add_argument('--first', type=int, default=1, help='seed of the first robot')
     parser.add_argument('--out', type=Path, default=Path('bench_output/friction_map'))
     parser.add_argument('--bends', type=int, default=8, help='number of pairs of drives on ice')
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    tracks = [drawn_track(seed) for seed in range(args.first, args.first + args.drives)]
+    seeds = range(args.first, args.first + args.maps * args.drives)
+    tracks = [drawn_track(seed) for seed in seeds]
+    groups = [tracks[begin:begin + args.drives] for begin in range(0, len(tracks), args.drives)]
+    maps = [friction_map(group) for group in groups]
     console = Console(width=110)
-    found = friction_map(tracks)
-    console.print(by_drives(found))
-    for edge, place in borders(found):
-        console.print(f'border at {edge:g} m: {place:.2f} m in the map')
-    save(map_figure(found, tracks), args.out / 'drives.png')
+    console.print(by_drives(maps))
+    for same in zip(*map(borders, maps)):
+        (edge, _), places = same[0], np.concatenate([one for _, one in same])
+        console.print(f'border at {edge:g} m: {np.median(places):.2f} m in the maps, 90 % of '
+                      f'{len(places)} rows within {np.quantile(np.abs(places - edge), 0.9):.2f} m')
+    save(map_figure(maps[0], groups[0]), args.out / 'drives.png')
     made = new_table('Bends on ice', 'drives', 'speed before the ice [m/s]',
                      'speed in the bend [m/s]', 'off the path [m]')
     scores = [on_ice_twice(seed) for seed in range(args.first, args.first + args.bends)]
@@ -199,7 +219,7 @@ def ice_scores(rows: Array) -> tuple[float, float, float]:
 def on_ice_twice(seed: int) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Return the scores of a drive without a map, and of a later one with its map."""
     first, track = on_ice(seed)
-    later, _ = on_ice(seed + LATER, friction_map([track]).raster.lower_bound)
+    later, _ = on_ice(seed + LATER, bound_of(track))
     return ice_scores(first), ice_scores(later)
 
 

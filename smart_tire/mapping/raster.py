@@ -18,7 +18,7 @@ which map_server ignores: ``frame_id`` and ``sigma_image``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from pathlib import Path
 import struct
@@ -78,6 +78,28 @@ class Raster:
         found = np.full(np.shape(x), math.nan)
         found[inside] = self.friction[at] - sigmas * self.sigma[at]
         return found
+
+    def widened(self, margin: float, sigmas: float) -> Raster:
+        """
+        Return the map in which unknown cells may be of the ground of known ones near them.
+
+        The friction of an unknown cell is the least lower bound, at ``sigmas``, of those at most
+        ``margin`` [m] away along x and y, of which the map becomes larger.
+        """
+        reach = int(margin / self.resolution + 1e-6)
+        friction, sigma = (np.pad(one, reach, constant_values=math.nan)
+                           for one in (self.friction, self.sigma))
+        near = friction - sigmas * sigma
+        for axis in (0, 1):
+            width = 1  # of the window to one side, of which ``near`` is the least
+            while (step := min(width, 2 * reach + 1 - width)) > 0:
+                # nothing comes around from the other edge: it is unknown
+                near, width = np.fmin(near, np.roll(near, step, axis)), width + step
+            near = np.roll(near, -reach, axis)
+        known, (x, y) = np.isfinite(friction), self.origin
+        return replace(self, friction=np.where(known, friction, near),
+                       sigma=np.where(known, sigma, 0.0 * near), origin=(
+                           x - reach * self.resolution, y - reach * self.resolution))
 
 
 def pixels(values: Array, *, upwards: bool = False) -> Image:

@@ -81,7 +81,8 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
         self._transforms = Transforms(self)
         self._map_fault = ''  # why the friction map is not used
         if params.friction_map:
-            self._use_map(read_raster(Path(params.friction_map)))
+            self._use_map(read_raster(Path(params.friction_map)).widened(
+                params.friction_map_margin, params.friction.sigmas))
         self._subscribe_orders()
         action = installed_class('nav2_msgs/action/FollowPath')
         if action is not None and params.follow_path:

@@ -178,6 +178,9 @@ class TrajectoryControllerParams:
     friction: FrictionLimitParams = nested(FrictionLimitParams, live=True)
     friction_map: str = param(
         '', '-', 'YAML file of a map of "smart_tire map", whose friction ahead limits the speed')
+    friction_map_margin: float = param(
+        1.0, 'm', 'to which cells that the map does not know are as slippery as the known ones',
+        (0.0, 10.0))
     checks: PathCheckParams = nested(PathCheckParams, live=True)
     reliability: str = reliability()
     robot: RobotParams = inlined(RobotParams)

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from benchmarks.friction_map import ICE_BEGIN, ice_scores, on_ice, true_friction
+from benchmarks.friction_map import bound_of, ICE_BEGIN, ice_scores, on_ice, true_friction
 import numpy as np
 import pytest
 from smart_tire.control.constants import LATERAL_SHARE
@@ -37,8 +37,7 @@ def test_the_ice_is_in_the_map_of_the_first_drive_and_nothing_else(first):
 
 def test_a_drive_slows_down_before_ice_that_an_earlier_one_met(first):
     rows, track = first
-    found = friction_map([track])
-    later, _ = on_ice(1, found.raster.lower_bound)  # with the noise of the first
+    later, _ = on_ice(1, bound_of(track))  # with the noise of the first
     (before, bend, off), (slow, slow_bend, less) = ice_scores(rows), ice_scores(later)
     assert before > 0.78 and bend > 0.78  # at the largest speed, 0.8 m/s
     assert slow < 0.65 and slow_bend < 0.65 and less < off

@@ -151,6 +151,26 @@ def test_the_lower_bound_of_a_map_in_another_frame():
     np.testing.assert_allclose(found, [0.1, 1.3])
 
 
+def test_unknown_cells_may_be_as_slippery_as_known_ones_near_them():
+    rng = np.random.default_rng(3)
+    friction = np.where(rng.random((7, 9)) < 0.2, rng.uniform(0.05, 0.6, (7, 9)), np.nan)
+    sigma = np.where(np.isfinite(friction), rng.uniform(0.01, 0.1, (7, 9)), np.nan)
+    raster = Raster('map', 0.1, (1.0, -2.0), friction, sigma)
+    found = raster.widened(0.31, 2.0)
+    assert found.origin == pytest.approx((0.7, -2.3)) and found.friction.shape == (13, 15)
+    padded = [np.pad(one, 3, constant_values=np.nan) for one in (friction, sigma)]
+    for row, column in np.ndindex(13, 15):
+        near = [one[max(row - 3, 0):row + 4, max(column - 3, 0):column + 4] for one in padded]
+        expected = [one[row, column] for one in padded]
+        if np.isnan(expected[0]) and np.isfinite(near[0]).any():
+            expected = [np.nanmin(near[0] - 2.0 * near[1]), 0.0]
+        np.testing.assert_equal(
+            [found.friction[row, column], found.sigma[row, column]], expected)
+    same = raster.widened(0.0, 2.0)
+    np.testing.assert_equal(same.friction, friction)
+    assert same.origin == raster.origin
+
+
 def test_pixels_round_and_clip():
     assert pixels(np.array([[0.004, 0.006, 1.7, np.nan]])).tolist() == [[0, 1, 100, 255]]
     assert pixels(np.array([[0.001, 0.02]]), upwards=True).tolist() == [[1, 2]]
