@@ -175,8 +175,6 @@ def _between(wanted: Instants, begin: float, end: float, times: Instants, table:
     """
     times, rows = np.unique(times, return_index=True)
     table, known = table[rows], np.flatnonzero(np.isfinite(table[rows, 0]))
-    if not len(known):
-        return np.full((len(wanted), 3), math.nan)
     first = known[0] if math.isfinite(begin) else 0
     last = known[-1] + 1 if math.isfinite(end) else len(times)
     edges = [[int(one)] if math.isfinite(one) else [] for one in (begin, end)]

@@ -89,6 +89,17 @@ def test_a_ground_that_has_changed_keeps_its_older_friction_with_its_time():
     assert cells.stamp_ns[~now].max() < 2 * DAY_NS
 
 
+@pytest.mark.parametrize(('before', 'after'), [(0.45, 0.3), (0.3, 0.45)])
+def test_ground_may_become_slippery_or_better(before, after):
+    cells = friction_map([track(before), track(after, day=1)]).cells
+    assert cells.columns()['current'].sum() == 20 and len(cells) == 40
+    np.testing.assert_allclose(cells.friction[cells.current == 1], after)
+    assert 'stamp_ns' not in cells.columns() and len(cells.columns()) == 7
+    near = friction_map([track(before), track(before * math.exp(
+        math.copysign(0.16, after - before)), day=1)]).cells  # 2.8 sigma
+    assert (near.current == 1).all() and set(near.drives) == {2}
+
+
 def test_a_border_within_one_drive_is_no_change_over_time():
     def mu(x):
         return np.where(x < 1.03, 0.45, 0.2)

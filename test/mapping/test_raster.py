@@ -166,6 +166,7 @@ def test_unknown_cells_may_be_as_slippery_as_known_ones_near_them():
             expected = [np.nanmin(near[0] - 2.0 * near[1]), 0.0]
         np.testing.assert_equal(
             [found.friction[row, column], found.sigma[row, column]], expected)
+    assert raster.widened(0.3, 2.0).friction.shape == (13, 15)  # 0.3 / 0.1 is a bit less than 3
     same = raster.widened(0.0, 2.0)
     np.testing.assert_equal(same.friction, friction)
     assert same.origin == raster.origin

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from smart_tire.estimation.ground.unknowns import TIME_ERROR
 from smart_tire.mapping.track import (
-    CHANGE_SIGMA, friction_track, FrictionTrack, SPACING, WALK)
+    CHANGE_SIGMA, friction_track, FrictionTrack, ground_changes, SPACING, WALK)
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import Friction, GroundState, NS_PER_S
@@ -77,6 +77,42 @@ def test_each_side_has_a_track_midway_between_its_wheels():
     np.testing.assert_allclose(track.covariance[:, 0], VARIANCE * (
         1.0 + (0.5 * ROBOT.track_width) ** 2))
     np.testing.assert_allclose(track.covariance[:, 2], VARIANCE)
+
+
+def test_the_left_track_is_to_the_left_of_a_robot_in_any_direction():
+    found = SampleArrays(odometry(round(t * NS_PER_S), 0.0, SPEED * t, 0.5 * math.pi, v_x=SPEED,
+                                  variance=VARIANCE) for t in np.arange(0.0, 4.0, 0.008))
+    for t in (1.0, 2.0, 3.0):
+        found.add_sample(ground(t))
+    track = made(found)
+    half = 0.5 * ROBOT.track_width
+    np.testing.assert_allclose(track.position[:, 0], np.where(track.side == 0, -half, half),
+                               atol=1e-9)
+    np.testing.assert_allclose(track.covariance[:, 0], VARIANCE)
+    np.testing.assert_allclose(track.covariance[:, 2], VARIANCE * (1.0 + half ** 2))
+
+
+def test_a_change_that_is_reported_again_is_one():
+    grounds = [ground(t, 0.45 if t < 4.6 else 0.2, left=4.0 + 0.05 * (t > 5.2) if t >= 4.6
+                      else math.inf) for t in np.arange(1.0, 7.0, 0.5)]
+    grounds += [ground(7.0, 0.3, left=6.0)]
+    changes, reported = ground_changes(estimates(grounds).grounds(), 0)
+    assert (changes / NS_PER_S).tolist() == pytest.approx([4.0, 6.0])
+    assert (reported / NS_PER_S).tolist() == pytest.approx([5.0, 7.0])
+    assert not len(ground_changes(estimates(grounds).grounds(), 1)[0])
+
+
+def test_between_changes_the_last_estimate_holds_until_the_next_ground():
+    grounds = [ground(t, mu, left=at, right=at) for t, mu, at in (
+        (1.0, 0.45, math.inf), (1.5, 0.45, math.inf), (2.0, math.nan, math.inf),
+        (3.0, math.nan, 2.5), (3.5, 0.2, 2.5), (4.0, math.nan, 2.5), (5.0, 0.3, 4.5))]
+    track = made(estimates(grounds, seconds=6.0))
+    own = np.flatnonzero(track.side == 0)
+    first, last = SPEED * (1.0 + np.array([0.0, 4.0]))
+    assert track.position[own[[0, -1]], 0] == pytest.approx([first, last], abs=SPACING)
+    assert np.diff(track.position[own, 0]).max() < 1.5 * SPACING
+    for t, mu in ((2.1, 0.45), (2.9, 0.2), (4.1, 0.2), (4.9, 0.3)):
+        assert track.friction[at(track, 0, SPEED * t)] == pytest.approx(mu)
 
 
 def test_the_friction_is_that_of_the_crossings_and_without_films_that_of_the_ground():

@@ -14,16 +14,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import logging
 import math
 from pathlib import Path
 from random import Random
 import shutil
+import struct
 import tempfile
 from unittest.mock import patch
+import zlib
 
 from mcap.writer import CompressionType, Writer as McapWriter
+import numpy as np
 from smart_tire.bags import Bag, recover
 from smart_tire.bags.cdr import Decoder, SampleDecoder, SampleEncoder
 from smart_tire.cli._path_file import read_path
@@ -32,6 +35,7 @@ from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.drivers.tire_receiver import TireStream
 from smart_tire.errors import BagError, FrameError, LinkError, MessageError, ParameterError
+from smart_tire.mapping.raster import png_bytes, read_raster
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
@@ -250,6 +254,31 @@ def _file_target(read_file: Callable[[Path], object], seeds: Callable[[], Sequen
     return Target(seeds, read, tokens)
 
 
+def _map_files() -> list[bytes]:
+    """Return a YAML file, which names one image twice, and this image."""
+    return [b'image: i.png\nsigma_image: i.png\nmode: raw\nresolution: 0.1\n'
+            b'origin: [0.0, 1.0, 0.0]\nframe_id: map\n',
+            png_bytes(np.arange(90, dtype=np.uint8).reshape(9, 10))]
+
+
+def _map_image(lines: bytes) -> bytes:
+    """Return this image with other ``lines``, of which each begins with a filter."""
+    plain, data = _map_files()[1], zlib.compress(lines)
+    chunk = struct.pack('>I', len(data)) + b'IDAT' + data
+    begin, end = plain.index(b'IDAT') - 4, plain.index(b'IEND') - 4
+    return plain[:begin] + chunk + struct.pack('>I', zlib.crc32(b'IDAT' + data)) + plain[end:]
+
+
+def _read_map(path: Path) -> None:
+    """Read a map whose YAML file is ``path``, or whose images are."""
+    files, data = _map_files()[:2], path.read_bytes()
+    files[data[1:4] == b'PNG'] = data
+    text, image = files
+    path.with_name('m.yaml').write_bytes(text)
+    path.with_name('i.png').write_bytes(image)
+    read_raster(path.with_name('m.yaml'))
+
+
 def _parameter_files() -> list[bytes]:
     return [path.read_bytes() for path in sorted((ROOT / 'config').glob('*.yaml'))
             if path.name != 'rosbag2_qos.yaml']
@@ -369,6 +398,9 @@ TARGETS: Mapping[str, Target] = {
     'film_params': _file_target(read_params, lambda: [FILM], YAML_TOKENS),
     'film_csv': _file_target(read_recording, lambda: [CSV], CSV_TOKENS),
     'path_csv': _file_target(read_path, lambda: [PATH], CSV_TOKENS),
+    'friction_map': replace(
+        _file_target(_read_map, _map_files, YAML_TOKENS), seal=_map_image,
+        bodies=lambda: [(bytes([kind]) + b'0123456789') * 9 for kind in range(5)]),
     'urls': Target(lambda: [b'simulated:imu', b'/dev/ttyUSB0', b'loop://?logging=error',
                             b'socket://10.0.0.1:4000', b'rfc2217://10.0.0.1:2217?ign_set_control',
                             b'spy:///dev/ttyUSB0?file=log.txt&raw', b'hwgrep://0403:6001&n=1',
