@@ -21,7 +21,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 import math
 from typing import Any, cast, NamedTuple
@@ -128,9 +128,13 @@ class Stream:
         return Stream(self.kind, self.wheel, self.stamp_ns[rows], self.receive_ns[rows],
                       self.values[rows])
 
-    @cached_property
+    @property
     def ordered(self) -> Stream:
         """Return the samples in the order of their timestamps, of equal ones the last."""
+        return self if (np.diff(self.stamp_ns) > 0).all() else self._sorted
+
+    @cached_property
+    def _sorted(self) -> Stream:
         order = np.argsort(self.stamp_ns, kind='stable')
         stamps = self.stamp_ns[order]
         return self.where(order[np.append(np.diff(stamps) > 0, True)[:len(stamps)]])
@@ -154,32 +158,53 @@ class Stream:
 
 
 class _Table:
-    """Growing table of numbers with timestamps; a row may be longer than those before."""
+    """
+    Growing table of numbers with timestamps; a row may be longer than those before.
 
-    def __init__(self, width: int) -> None:
-        self.width = width
-        self.stamps, self.received, self.values = array('q'), array('q'), array('d')
+    What was asked for as a stream is kept as this stream only.
+    """
+
+    def __init__(self, kind: type, wheel: str, width: int) -> None:
+        self._width = width
+        self._stream = Stream(kind, wheel, np.empty(0, np.int64), np.empty(0, np.int64),
+                              np.empty((0, width)))
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin to collect rows, those after the stream."""
+        self._stamps, self._received, self._values = array('q'), array('q'), array('d')
 
     def append(self, stamp_ns: int, receive_ns: int, row: Row) -> None:
         """Append one row; missing numbers at its end are NaN."""
-        if len(row) != self.width:
-            if len(row) > self.width:
+        if len(row) != self._width:
+            if len(row) > self._width:
                 self._widen(len(row))
-            row = (*row, *[math.nan] * (self.width - len(row)))
-        self.stamps.append(stamp_ns)
-        self.received.append(receive_ns)
-        self.values.extend(row)
+            row = (*row, *[math.nan] * (self._width - len(row)))
+        self._stamps.append(stamp_ns)
+        self._received.append(receive_ns)
+        self._values.extend(row)
 
-    def stream(self, kind: type, wheel: str = '') -> Stream:
-        """Return the rows as a stream."""
-        return Stream(kind, wheel, np.array(self.stamps, np.int64),
-                      np.array(self.received, np.int64),
-                      np.array(self.values, np.float64).reshape(-1, self.width))
+    def stream(self) -> Stream:
+        """Return the rows as a stream, of the memory of the table."""
+        if not self._stamps:
+            return self._stream
+        before, rows = self._stream, (
+            np.asarray(self._stamps), np.asarray(self._received),
+            np.asarray(self._values).reshape(-1, self._width))
+        if len(before):
+            stamps, received, values = map(np.concatenate, zip(
+                (before.stamp_ns, before.receive_ns, before.values), rows))
+        else:
+            stamps, received, values = rows
+        self._stream = Stream(before.kind, before.wheel, stamps, received, values)
+        self._begin()
+        return self._stream
 
     def _widen(self, width: int) -> None:
-        wide = np.full((len(self.stamps), width), math.nan)
-        wide[:, :self.width] = np.array(self.values).reshape(-1, self.width)
-        self.width, self.values = width, array('d', wide.ravel().tolist())
+        before = self.stream()
+        values = np.full((len(before), width), math.nan)
+        values[:, :self._width] = before.values
+        self._width, self._stream = width, replace(before, values=values)
 
 
 @dataclass
@@ -213,7 +238,6 @@ class SampleArrays:
         self.crossings: list[Friction] = []
         self._tables: dict[tuple[type, str], _Table] = {}
         self._index: dict[tuple[type, str], int] = {}
-        self._streams: dict[tuple[type, str], Stream] = {}  # of the tables, when last asked for
         self._order = array('H')  # index of its table for each sample
         for sample in samples:
             self.add_sample(sample)
@@ -233,18 +257,16 @@ class SampleArrays:
         key, row = (kind, getattr(sample, 'wheel', '')), layout.row(sample)
         table = self._tables.get(key)
         if table is None:
-            table = self._tables[key] = _Table(len(row))
+            table = self._tables[key] = _Table(*key, len(row))
             self._index[key] = len(self._index)
         table.append(sample.stamp_ns, sample.stamp_ns if receive_ns is None else receive_ns, row)
         self._order.append(self._index[key])
 
     def stream(self, kind: type, wheel: str = '') -> Stream:
         """Return the samples of a type (and wheel), an empty stream if there are none."""
-        table = self._tables.get((kind, wheel)) or _Table(sum(LAYOUTS[kind].columns.values()))
-        found = self._streams.get((kind, wheel))
-        if found is None or len(found) != len(table.stamps):
-            found = self._streams[kind, wheel] = table.stream(kind, wheel)
-        return found
+        table = self._tables.get((kind, wheel)) or _Table(
+            kind, wheel, sum(LAYOUTS[kind].columns.values()))
+        return table.stream()
 
     def order(self, streams: Sequence[Stream]) -> Instants:
         """Return the index of its stream for each sample of ``streams``, as they were received."""

@@ -11,6 +11,8 @@
 """Samples are collected into arrays, sorted by timestamp."""
 
 import math
+import pickle
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -43,6 +45,41 @@ def test_an_empty_series_has_empty_arrays():
     assert recording.poses().pose.shape == (0, 3)
     assert recording.slips().ratio.shape == (0, 4)
     assert recording.film_wheels() == []
+
+
+def films(stamp_ns, count=2):
+    return TireSample(stamp_ns, 'front_left', tuple(float(stamp_ns + i) for i in range(count)))
+
+
+def test_samples_that_follow_a_stream_extend_the_next_one():
+    recording = SampleArrays(map(films, range(3)))
+    assert recording.stream(TireSample, 'front_left') is recording.stream(TireSample, 'front_left')
+    recording.add_sample(films(3))
+    recording.add_sample(films(4, 3))  # a further film
+    recording.add_sample(films(5))
+    found = recording.stream(TireSample, 'front_left')
+    assert found.stamp_ns.tolist() == list(range(6)) == found.receive_ns.tolist()
+    expected = np.arange(6.0)[:, np.newaxis] + range(3)
+    expected[[0, 1, 2, 3, 5], 2] = np.nan
+    np.testing.assert_array_equal(found.values, expected)
+    assert recording.films('front_left')[1].shape == (5, 2)
+    assert len(pickle.loads(pickle.dumps(recording)).films('front_left')[0]) == 5
+
+
+def test_a_recording_is_in_memory_once():
+    count, row = 50_000, 8 * 4 + 2  # two timestamps and two voltages; the order of reception
+    recording, streams = SampleArrays(), 0
+    tracemalloc.start()
+    try:
+        for stamp_ns in range(count):
+            recording.add_sample(films(stamp_ns))
+        streams = len(recording.stream(TireSample, 'front_left').ordered)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert streams == count
+    assert peak < 1.5 * row * count  # arrays that grow have some memory to spare
+    assert len(pickle.dumps(recording)) < 1.1 * row * count
 
 
 def test_planar_covariances_are_extracted_from_those_of_ros():

@@ -22,6 +22,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 import os
 from pathlib import Path
+import pickle
 import signal
 import threading
 from typing import Any, TypeVar
@@ -258,8 +259,8 @@ def prefetch(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]
     Yield the items of ``items()``, computed in a second process if a second core is available.
 
     That is not so in a process or thread of several, which read a bag each. Every item is pickled
-    and sent through a pipe, so items should be few and large. Errors of this package are raised
-    here; the process ends when the iterator is closed.
+    and sent through a pipe, so items should be few and large; of arrays no copy is made. Errors of
+    this package are raised here; the process ends when the iterator is closed.
     """
     if len(os.sched_getaffinity(0)) < 2 or parent_process() is not None or (
             threading.current_thread() is not threading.main_thread()):
@@ -282,7 +283,11 @@ def prefetch(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]
 
 def _receive(receiver: Connection) -> Any:
     try:
-        return receiver.recv()
+        data, sizes = receiver.recv()
+        buffers = [bytearray(size) for size in sizes]
+        for buffer in buffers:
+            receiver.recv_bytes_into(buffer)
+        return pickle.loads(data, buffers=buffers)
     except EOFError as error:
         raise EstimatorError('the prefetching process has died') from error
 
@@ -293,12 +298,27 @@ def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Con
     try:
         try:
             for item in items():
-                sender.send(item)
+                _send_one(sender, item)
         except SmartTireError as error:
-            sender.send(error)
-        sender.send(None)
+            _send_one(sender, error)
+        _send_one(sender, None)
     except BrokenPipeError:
         pass  # the parent needs no more items
+
+
+def _send_one(sender: Connection, item: Any) -> None:
+    """Send an item, and its arrays as they are in memory, without those that are empty."""
+    buffers: list[pickle.PickleBuffer] = []
+
+    def is_copied(buffer: pickle.PickleBuffer) -> bool:
+        view = buffer.raw()
+        if view.nbytes:
+            buffers.append(buffer)
+        return not view.nbytes  # empty messages cannot be received
+    data = pickle.dumps(item, 5, buffer_callback=is_copied)
+    sender.send((data, [buffer.raw().nbytes for buffer in buffers]))
+    for buffer in buffers:
+        sender.send_bytes(buffer.raw())
 
 
 def _remove_old_bag(folder: Path) -> None:

@@ -343,26 +343,28 @@ class Bag:
 
     def clock_steps(self, found: Mapping[str, str]) -> ClockSteps:
         """Return the clocks that were set, by the topics ``found``: standard name -> name."""
-        names, rows = list(found.values()), array('q')
-        for receive_ns, channel, data in self.raw(names, as_written=True):
-            rows.extend((names.index(channel.topic), receive_ns, stamp_in(data)))
-        index, received, stamps = np.array(rows, np.int64).reshape(-1, 3).T
+        received, stamps = array('q'), array('q')
+        places: dict[str, array[int]] = {name: array('I') for name in found.values()}
+        for place, (receive_ns, channel, data) in enumerate(self.raw(places, as_written=True)):
+            places[channel.topic].append(place)
+            received.append(receive_ns)
+            stamps.append(stamp_in(data))
+        heard, stamped = np.asarray(received), np.asarray(stamps)  # of the same memory
 
-        def times() -> dict[str, Times]:
-            return {name: Times(received[index == i], stamps[index == i])
-                    for i, name in enumerate(names) if (index == i).any()}
-        clocked = [one for name, one in times().items()
-                   if name in (found.get(topic) for topic in CLOCKED)]
+        def times_of(name: str) -> Times:
+            return Times(heard[places[name]], stamped[places[name]])
+        clocked = [times_of(name) for name, own in places.items()
+                   if own and name in (found.get(topic) for topic in CLOCKED)]
         turns = WheelTurns.of(self._samples(
             {WHEELS_TOPIC: found[WHEELS_TOPIC]}, Faults())) if WHEELS_TOPIC in found and any(
                 map(has_pause, clocked)) else None
         steps = host_steps(clocked, turns)
         if steps.host:
             correct = Corrector(steps)
-            received = np.array([correct('', at)[0] for at in received.tolist()], np.int64)
-            self._stepped_span = int(received.min()), int(received.max())
-        return replace(steps, stamps={
-            name: stepped for name, one in times().items() if (stepped := stamp_steps(one))})
+            heard = np.array([correct('', at)[0] for at in heard.tolist()], np.int64)
+            self._stepped_span = int(heard.min()), int(heard.max())
+        return replace(steps, stamps={name: stepped for name in places
+                                      if (stepped := stamp_steps(times_of(name)))})
 
     def statuses(self) -> Iterator[tuple[int, NodeStatus]]:
         """Yield the diagnostic statuses of all nodes with their timestamps [ns]."""

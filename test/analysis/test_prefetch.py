@@ -13,6 +13,7 @@
 import multiprocessing
 import os
 
+import numpy as np
 import pytest
 
 from smart_tire.analysis.offline import prefetch
@@ -36,6 +37,11 @@ def squares():
         yield number ** 2, os.getpid()
 
 
+def arrays():
+    yield {'empty': np.empty(0), 'rows': np.arange(300_000.0).reshape(-1, 3),
+           'columns': np.arange(6.0).reshape(2, 3).T, 'part': np.arange(9.0)[::2]}
+
+
 def failing():
     yield 1
     raise BagError('the disk is full of sand')
@@ -55,6 +61,13 @@ def test_all_items_come_in_order_from_either_process(cores):
     items = list(prefetch(squares))
     assert [square for square, _ in items] == [number ** 2 for number in range(1000)]
     assert {pid == os.getpid() for _, pid in items} == {cores == 1}
+
+
+def test_arrays_arrive_as_they_are_and_may_be_changed(cores):
+    (found,), (expected,) = prefetch(arrays), arrays()
+    for name, array in expected.items():
+        np.testing.assert_array_equal(found[name], array)
+        found[name] += 1.0
 
 
 def test_errors_of_the_package_are_raised_after_the_preceding_items(cores):
