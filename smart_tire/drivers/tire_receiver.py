@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 import heapq
+import math
 import threading
 
 from smart_tire.drivers.clock import SYSTEM
@@ -41,7 +42,9 @@ BATTERY_PERIOD_NS = NS_PER_S      # between two reports of a battery
 SAMPLE_SPACING_NS = 1_000_000  # between two samples of any wheels, if the sampling period permits
 MAX_SPACING_SHARE = 0.8        # of the sampling period: a batch is sent before the next arrives
 WAKE_PERIOD_NS = 2_000_000     # between wake-ups, which cost CPU time here and in each subscriber
-MAX_BURST_SAMPLES = 4          # per wake-up; 2000/s exceed the rate of four wheels at 400 Hz
+MIN_WAKE_PERIOD_NS = 250_000
+MIN_BURST_SAMPLES = 4          # per wake-up that are permitted: four wheels at 400 Hz
+MAX_BURST_SAMPLES = 8          # less than the history of 10; above, wake-ups are more frequent
 MAX_PENDING_SAMPLES = 128      # two batches of 16 from each of four wheels
 CLOSE_TIMEOUT = 2.0            # s for the thread to send the remaining samples and end
 
@@ -209,10 +212,17 @@ class PacingQueue:
         self._slots: list[tuple[int, str]] = []  # heap of (time, wheel)
         self._waiting: dict[str, deque[TireSample]] = {}
         self._next_tick_ns = 0
+        self._burst, self._wake_ns = MIN_BURST_SAMPLES, WAKE_PERIOD_NS
 
     def put(self, batch: Sequence[TireSample], now_ns: int) -> None:
         """Add the samples of one batch of one wheel, received at ``now_ns``."""
-        wheel, spacing_ns = batch[0].wheel, self._spacing_ns(batch)
+        wheel, period_ns = batch[0].wheel, _period_ns(batch)
+        spacing_ns = min(SAMPLE_SPACING_NS * self._wheels, int(MAX_SPACING_SHARE * period_ns))
+        # at the spacing of all wheels, so that none waits for the next batch
+        needed = math.ceil(WAKE_PERIOD_NS * self._wheels / spacing_ns) if spacing_ns else 0
+        self._burst = min(max(needed, MIN_BURST_SAMPLES), MAX_BURST_SAMPLES)
+        self._wake_ns = max(MIN_WAKE_PERIOD_NS, WAKE_PERIOD_NS * MAX_BURST_SAMPLES // max(
+            needed, MAX_BURST_SAMPLES))
         self._waiting.setdefault(wheel, deque()).extend(batch)
         for index in range(len(batch)):
             heapq.heappush(self._slots, (now_ns + index * spacing_ns, wheel))
@@ -225,7 +235,7 @@ class PacingQueue:
     def take(self, now_ns: int) -> list[TireSample]:
         """Return the samples to send at ``now_ns``; all of them if too many are pending."""
         due_ns = self.due_ns() or now_ns
-        count, horizon_ns = MAX_BURST_SAMPLES, now_ns + WAKE_PERIOD_NS - SAMPLE_SPACING_NS
+        count, horizon_ns = self._burst, now_ns + max(self._wake_ns - SAMPLE_SPACING_NS, 0)
         if len(self._slots) > MAX_PENDING_SAMPLES:
             count, horizon_ns = len(self._slots), max(self._slots)[0]
         samples: list[TireSample] = []
@@ -234,12 +244,13 @@ class PacingQueue:
             _, wheel = heapq.heappop(self._slots)
             samples.append(self._waiting[wheel].popleft())
         # Small wake-up delays do not accumulate; a long one is not compensated.
-        self._next_tick_ns = max(due_ns + WAKE_PERIOD_NS, now_ns + WAKE_PERIOD_NS // 2)
+        self._next_tick_ns = max(due_ns + self._wake_ns, now_ns + self._wake_ns // 2)
         return samples
 
-    def _spacing_ns(self, batch: Sequence[TireSample]) -> int:
-        period_ns = (batch[-1].stamp_ns - batch[0].stamp_ns) / max(1, len(batch) - 1)
-        return max(0, min(SAMPLE_SPACING_NS * self._wheels, int(MAX_SPACING_SHARE * period_ns)))
+
+def _period_ns(batch: Sequence[TireSample]) -> float:
+    """Return the period of the samples [ns]; 0 of a single one or of stamps that run back."""
+    return max(0.0, (batch[-1].stamp_ns - batch[0].stamp_ns) / max(1, len(batch) - 1))
 
 
 class PacedSender:

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import itertools
 import threading
 
@@ -19,9 +20,9 @@ import pytest
 
 from smart_tire.drivers import tire_receiver
 from smart_tire.drivers.tire_receiver import (
-    MAX_BURST_SAMPLES, MAX_PENDING_SAMPLES, PacedSender, PacingQueue, SAMPLE_SPACING_NS,
-    WAKE_PERIOD_NS)
-from smart_tire.samples import TireSample, WHEELS
+    MAX_BURST_SAMPLES, MAX_PENDING_SAMPLES, MIN_BURST_SAMPLES, PacedSender, PacingQueue,
+    SAMPLE_SPACING_NS, WAKE_PERIOD_NS)
+from smart_tire.samples import NS_PER_S, TireSample, WHEELS
 from support.waiting import PATIENCE
 
 PERIOD_NS = 2_500_000           # of the conversions, 400 Hz
@@ -119,6 +120,27 @@ def test_samples_are_spread_over_time_in_order_and_without_a_backlog(arriving, w
             assert {sample.wheel for _, sample in sent[start:start + 4]} == set(WHEELS)
 
 
+@pytest.mark.parametrize('factor', [1, 2, 3, 4, 8])
+def test_four_wheels_at_higher_rates_have_no_backlog_either(factor):
+    def faster(sample):
+        return replace(sample, stamp_ns=sample.stamp_ns // factor)
+    batches = [(now_ns // factor, [faster(sample) for sample in one])
+               for number in range(50) for now_ns, one in staggered(number)]
+    taken = run(batches, 4)  # without overruns
+    assert max(len(samples) for _, samples in taken) <= MAX_BURST_SAMPLES < DEPTH
+    age = max(now_ns - sample.stamp_ns for now_ns, sample in flat(taken))
+    assert age <= (15 * PERIOD_NS + RADIO_NS) // factor + WAKE_PERIOD_NS
+
+
+@pytest.mark.parametrize('period_ns', [0, 1, -PERIOD_NS])
+def test_impossible_periods_keep_no_core_busy(period_ns):
+    queue = PacingQueue(4)
+    queue.put([TireSample(index * period_ns, 'front_left', (1.65,)) for index in range(16)], 0)
+    taken = drain(queue, NS_PER_S)
+    assert sum(len(samples) for _, samples in taken) == 16
+    assert len(taken) <= 16
+
+
 def test_a_batch_that_arrives_after_the_next_one_is_sent_after_it():
     sent = [sample for _, sample in flat(run(
         [(arrival(1), batch(1)), (arrival(1) + 1, batch(0))], 1))]
@@ -127,7 +149,7 @@ def test_a_batch_that_arrives_after_the_next_one_is_sent_after_it():
 
 def test_a_late_wake_up_does_not_cause_a_burst():
     taken = run([(arrival(0), batch(0))], 1, late_ns=20_000_000)
-    assert max(len(samples) for _, samples in taken) <= MAX_BURST_SAMPLES
+    assert max(len(samples) for _, samples in taken) <= MIN_BURST_SAMPLES
 
 
 def test_batches_that_arrive_together_are_sent_faster():

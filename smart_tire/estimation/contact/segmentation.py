@@ -67,7 +67,7 @@ class FilmSampleBuffer:
         stamps, rows = self._stamps[:count], self._volts[:count]
         del self._stamps[:count], self._volts[:count]
         films = max(self._films) + 1
-        if any(len(row) != films for row in rows):
+        if set(map(len, rows)) - {films}:
             rows = [(*row, *(math.nan,) * (films - len(row)))[:films] for row in rows]
         volts: Array = np.array(rows).reshape(-1, films)[:, self._films]
         return self._regularized(stamps), volts
