@@ -44,7 +44,7 @@ VERBS: dict[str, Any] = load_own(
 TYPES = {'path': Path, 'int': int, 'float': float, 'positive': positive,
          'not_negative': not_negative, 'step': step_and_bag, 'source': source, 'count': count}
 COMPUTING = {  # without output
-    'analyze', 'compare', 'identify', 'map', 'measure', 'overhead', 'recover', 'report',
+    'analyze', 'compare', 'design', 'identify', 'map', 'measure', 'overhead', 'recover', 'report',
     'reproduce'}
 FAILED, USAGE, INCOMPLETE, INTERRUPTED, BROKEN_PIPE = 1, 2, 3, 130, 141  # exit statuses
 COMPLETING = '_ARGCOMPLETE'   # set by the shell that asks for completions

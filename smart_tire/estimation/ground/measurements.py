@@ -117,10 +117,7 @@ class Measurements:
         mean_wheels, self.torque_count = sample_means(
             near[np.isfinite(near[:, 5:]).all(axis=1)], self.edges)
         self.values = np.vstack([mean_imu.T, mean_wheels[:, 4:].T])  # (STREAMS, blocks)
-        self.crossings = [one for one in data.crossings if first < one.time <= end]
-        self.crossing_measured = np.array(
-            [value for one in self.crossings for value in one.measured])
-        self._products = np.array([not one.sliding for one in self.crossings], dtype=bool)
+        self.set_crossings([one for one in data.crossings if first < one.time <= end])
         self._heading_data = data.imu
         self._inertia_torque = motor.inertia * block_means(self.acceleration).T
         self._moving = block_means(self.rates).T
@@ -135,6 +132,12 @@ class Measurements:
             0.5 * robot.track_width, robot.center_of_mass[2] + radius, SLIP_FLOOR,
             DRY_FRICTION_SPEED, GRAVITY])
         self._delayed = radius * 0.5 * (self.acceleration[:, :2] + self.acceleration[:, 2:])
+
+    def set_crossings(self, crossings: list[MeasuredCrossing]) -> None:
+        """Set the crossings of films in the window."""
+        self.crossings = crossings
+        self.crossing_measured = np.array([value for one in crossings for value in one.measured])
+        self._products = np.array([not one.sliding for one in crossings], dtype=bool)
 
     @property
     def travel(self) -> float:

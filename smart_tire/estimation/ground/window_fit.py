@@ -195,7 +195,7 @@ class WindowFit:
                                inside)
             columns = self._columns(
                 x, predicted, residual, measurements, varied, steps, slip_noise)
-            film_columns = self._film_columns(x, crossings, film_residual, measurements, steps)
+            film_columns = self.film_columns(x, crossings, film_residual, measurements, steps)
             white = whiten(columns, film_columns)
             rows = WhitenedRows(white[:, -1], white[:, :SIZE])
             hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
@@ -265,8 +265,8 @@ class WindowFit:
             dynamic[:, :, :DYNAMIC], measurements.linear(x, predicted[0], motion),
             dynamic[:, :, DYNAMIC:], residual[:, :, np.newaxis]], axis=2)
 
-    def _film_columns(self, x: Array, crossings: Array, residual: Array,
-                      measurements: Measurements, steps: Array) -> Array:
+    def film_columns(self, x: Array, crossings: Array, residual: Array,
+                     measurements: Measurements, steps: Array) -> Array:
         """Return derivatives of the crossings and their residual (2 * crossings, SIZE + 2)."""
         found = np.zeros((len(residual), SIZE + 2))
         dynamic = ((crossings[1:] - crossings[0]) / steps[:, np.newaxis]).T
