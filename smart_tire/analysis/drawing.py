@@ -106,7 +106,7 @@ def _draw_field(ax: Axes, field: ColorField) -> None:
     low, high = field.limits
     beyond = np.nanmax(field.values, initial=low) > high
     drawn = ax.imshow(field.values, origin='lower', extent=field.extent, vmin=low, vmax=high,
-                      cmap='viridis', interpolation='nearest')
+                      cmap='viridis', interpolation='nearest', aspect='auto')
     ax.figure.colorbar(drawn, ax=ax, label=field.label, extend='max' if beyond else 'neither')
     ax.grid(False)
 

@@ -57,8 +57,9 @@ class ExactCrossings:
         around = OUTER_LENGTH * group.film_length
         half_ns = (group.reach + around) / abs(place.speed) * NS_PER_S
         # the first sample is at any phase: that of the sampling at the instant of the crossing
-        instants = np.arange(math.ceil((stamp_ns - half_ns) / period_ns),
-                             math.floor((stamp_ns + half_ns) / period_ns) + 1) * period_ns
+        instants = np.round(period_ns * np.arange(
+            math.ceil((stamp_ns - half_ns) / period_ns),
+            math.floor((stamp_ns + half_ns) / period_ns) + 1)).astype(np.int64)
         begin_ns, end_ns = int(instants[0]), int(instants[-1])
         position = float(self._path.interpolate(np.array([stamp_ns]))[0])
         ahead = direction * group.reach
@@ -68,9 +69,10 @@ class ExactCrossings:
             return None
         distance = direction * (travel.trajectory.distance_at(instants) - position)
         centers = [direction * offset for offset in group.offsets]
-        none = np.zeros(0, dtype=np.int8)
-        samples = [FilmSamples(film, distance[np.abs(distance - center) < (
-            group.half_crossing + around)], none, none) for film, center in zip(films, centers)]
+        near = [distance[np.abs(distance - center) < group.half_crossing + around]
+                for center in centers]
+        samples = [FilmSamples(film, own, np.zeros(len(own)), np.zeros(len(own), dtype=np.int8))
+                   for film, own in zip(films, near)]
         low, high = (one - robot.film.rest_voltage for one in group.rails)
         samples = [FilmSamples(one.film, one.distance, np.clip(volts, low, high),
                                (volts > high).astype(np.int8) - (volts < low))

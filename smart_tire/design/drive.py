@@ -32,10 +32,11 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
     MeasuredCrossing, Measurements, WindowData, WindowMotion)
 from smart_tire.estimation.ground.unknowns import (
-    DERIVATIVE_STEP, DYNAMIC, FILM_ERRORS, HOP, Hypothesis, initial, LENGTH, OLD_GROUND, OWN,
-    priors, SETTLING, SIZE, Tension, Unknown, WindowPrior)
+    CURVE_ERROR, DERIVATIVE_STEP, DYNAMIC, FILM_ERRORS, HOP, Hypothesis, initial, LENGTH,
+    OLD_GROUND, OWN, priors, SETTLING, SIZE, Tension, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import Solution
 from smart_tire.estimation.ground.window_fit import start_of, WindowFit
+from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.parameters.simulation import SimulatorParams, SurfaceParams
 from smart_tire.samples import ImuSample, NS_PER_S, WHEELS, WheelSample
@@ -61,6 +62,14 @@ class Drive(NamedTuple):
     name: str
     legs: tuple[tuple[float, float, float], ...]  # start [s], left and right [rpm]
     duration: float  # s
+
+
+DRIVES = {one.name: one for one in (
+    Drive('turn', ((1.0, 60.0, 80.0),), 10.0), Drive('fast_turn', ((1.0, 120.0, 60.0),), 10.0),
+    Drive('s_curves', ((1.0, 100.0, 60.0), (2.5, 60.0, 100.0), (4.0, 100.0, 60.0),
+                       (5.5, 60.0, 100.0), (7.0, 100.0, 60.0), (8.5, 60.0, 100.0)), 10.0),
+    Drive('straight', ((1.0, 80.0, 80.0), (3.0, 0.0, 0.0), (4.0, 80.0, 80.0), (6.0, 0.0, 0.0),
+                       (7.0, 80.0, 80.0), (9.0, 0.0, 0.0)), 10.0))}
 
 
 class Place(NamedTuple):
@@ -148,28 +157,29 @@ class DriveInformation:
             left = information + fit.leaving[0] + self._of_films(
                 window, [one for one in inside if one.time < window.leaving])
             travel = measurements.travel * HOP / (end - measurements.begin)
-            prior = WindowPrior(self._truth.x, np.linalg.inv(left)).after(
+            prior = WindowPrior(self._truth.x, np.asarray(np.linalg.inv(left))).after(
                 HOP, travel, self._rows).without(OWN, self._rows).covariance
         return found
 
-    def sigmas(self, crossings: Sequence[MeasuredCrossing], products: Array
-               ) -> tuple[float, float]:
+    def sigmas(self, crossings: Sequence[MeasuredCrossing], products: Array, wheels: Sequence[int]
+               ) -> list[float]:
         """
         Return the relative standard deviation of mu after the drive, and that of the slip.
 
-        They are rms over the wheels and over the ends of the last windows: at one end, they
-        depend on the angle of the wheels.
+        They are rms over the indices ``wheels`` and over the ends of the last windows: at one end,
+        they depend on the angle of the wheels.
         """
         variances = []
         for covariance, window in zip(
                 self.covariances(crossings, products)[-AVERAGED:], self.windows[-AVERAGED:]):
-            _, slopes = window.solution.values_at(window.solution.end, range(len(WHEELS)))
-            slip = slopes[:, model.SLIP]
-            variances.append((
-                covariance[Unknown.FRICTION, Unknown.FRICTION], np.mean(np.sum(
-                    slip @ covariance[:DYNAMIC, :DYNAMIC] * slip, axis=1))))
+            _, slopes = window.solution.values_at(window.solution.end, wheels)
+            rows = np.zeros((2, len(wheels), SIZE))
+            rows[:, :, :DYNAMIC] = slopes[:, [model.LOSS, model.SLIP]].transpose(1, 0, 2)
+            rows[0, :, Unknown.FRICTION] += 1.0
+            rows[0, :, Unknown.SIDE_FRICTION] += [SIDE_SIGNS[wheel] for wheel in wheels]
+            variances.append(np.mean(np.sum(rows @ covariance * rows, axis=2), axis=1))
         friction, slip = np.sqrt(np.mean(variances, axis=0)).tolist()
-        return friction, slip
+        return [math.hypot(friction, CURVE_ERROR), slip]
 
     def _of_films(self, window: Window, crossings: list[MeasuredCrossing]) -> Array:
         """Return the information matrix of ``crossings`` in ``window``."""
@@ -216,16 +226,15 @@ class DriveInformation:
 
     def _simulated(self) -> tuple[WindowData, list[WheelTrajectory]]:
         """Return samples of IMU and wheels, times [s] from the start, and the wheels' paths."""
-        params = SimulatorParams(
-            robot=replace(self.robot, film=replace(self.robot.film, wheels=()), encoder=replace(
-                self.robot.encoder, stamp_jitter=0.0, latency=0.0,
-                counts_per_revolution=EXACT_COUNTS)),
-            ground=SurfaceParams(**{key: (value,) for key, value in zip(
-                ('names', 'stiffness', 'friction', 'drag'), self.ground)}, base=self.ground.name, patches=()))
-        encoder = self.robot.encoder
+        name, stiffness, friction, drag = self.ground
+        encoder, imu, wheels = self.robot.encoder, [], []
         paths = [WheelTrajectory(self.robot.wheel_radius, encoder.counts_per_revolution,
                                  encoder.stamp_jitter) for _ in WHEELS]
-        imu, wheels = [], []
+        params = SimulatorParams(
+            robot=replace(self.robot, film=replace(self.robot.film, wheels=()), encoder=replace(
+                encoder, stamp_jitter=0.0, latency=0.0, counts_per_revolution=EXACT_COUNTS)),
+            ground=SurfaceParams(names=(name,), friction=(friction,), stiffness=(stiffness,),
+                                 drag=(drag,), base=name, patches=()))
         for _, _, one in simulate(params, self.drive.legs, self.drive.duration, start_ns=0,
                                   wheel_rate=WHEEL_RATE, torque=self.torque):
             if isinstance(one, ImuSample):

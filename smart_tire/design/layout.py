@@ -9,11 +9,11 @@
 # the License.
 
 """
-Layouts of films, their accuracy on drives, and the best one under limits.
+Layouts of films, and their accuracy on drives.
 
-A film of another length has the signal chain of the robot's films with another gain: the range
-of its converter is reached at the same slip of an adhering tire. Its noise is one of the charge,
-which that gain amplifies, or one of the converter, which does not change with the length.
+A film of another length has the signal chain of the robot's films with another gain: the range of
+its converter is reached at the same slip of an adhering tire. The noise of a sample is one of the
+charge, which that gain amplifies; the steps of the converter do not change.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from smart_tire.design.drive import DriveInformation
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.friction.waveform_model import Shared
 from smart_tire.estimation.ground.measurements import MeasuredCrossing
+from smart_tire.estimation.ground.unknowns import MIN_RADIUS_SIGMA
 from smart_tire.models.tire.film_equations import bending_shape
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch
@@ -39,9 +40,10 @@ from smart_tire.samples import WHEELS
 WHEEL_ORDER = 'front_right', 'front_left', 'rear_right', 'rear_left'  # that get films, in turn
 CLEARANCE = 0.002      # m, between two films on one line; assumed
 LENGTH_SIGMA = 0.1     # relative, of the contact length before it is measured; assumed
-START_ANGLES = 3       # of the wheels, over which the accuracy is averaged
 PRESSURE_TILT = 0.2    # -, standard deviation of the relative pressure at a shoulder of the tread,
 #                        by side force and camber; assumed: the load moves by 3 % of the width
+START_ANGLES = 3       # of the wheels, over which the accuracy is averaged
+HEADER_BITS = 8 * len(encode_batch(TireBatch(0, 0, 0, 1, (), 0)))  # of the payload of a packet
 
 
 @dataclass(frozen=True)
@@ -56,15 +58,19 @@ class Layout:
     rate: float      # Hz
     bits: int
     noise: float     # V, standard deviation of a sample of the robot's films
-    charge_noise: bool = True  # the noise is one of the charge
 
     @classmethod
-    def of(cls, robot: RobotParams, charge_noise: bool = True) -> Layout:
+    def of(cls, robot: RobotParams) -> Layout:
         """Return that of ``robot``, in the middle of the tread."""
         film, centers = robot.film, robot.film.centers
-        spacing = (centers[-1] - centers[0]) / max(len(centers) - 1, 1) or film.spacing
-        return cls(len(film.wheels), film.count, film.length, spacing, 0.0, film.sample_rate,
-                   film.bits, film.noise, charge_noise)
+        return cls(len(film.wheels), film.count, film.length, (
+            centers[-1] - centers[0]) / max(len(centers) - 1, 1) or film.spacing, 0.0,
+            film.sample_rate, film.bits, film.noise)
+
+    def __str__(self) -> str:
+        apart = f', {1e3 * self.spacing:.0f} mm apart' if self.films > 1 else ''
+        return (f'{self.wheels} x {self.films} x {1e3 * self.length:.0f} mm{apart}, '
+                f'{self.across:g} across, {self.rate:.0f} Hz, {self.bits} bits')
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,27 +79,24 @@ class Layout:
 
     def robot(self, base: RobotParams) -> RobotParams:
         """Return ``base`` with these films; raise ParameterError where they do not fit."""
-        own, patch = base.film, base.tire.contact_length
+        own, scales = base.film, []
         if self.films > 1 and self.spacing < self.length + CLEARANCE:
-            raise ParameterError(f'films of {1e3 * self.length:g} mm at a distance of '
-                                 f'{1e3 * self.spacing:g} mm overlap')
+            raise ParameterError(f'{self}: the films overlap')
         bent = bending_shape(self.length, own.length, own.bending_alpha)[0]
-        gains, peaks, noise = [], [], 0.0
-        for i in range(self.films):
-            gain, peak = own.stretch_gain[i % own.count], own.bending_peak[i % own.count]
-            full = (own.voltage_range - own.rest_voltage - peak) / volts_per_slip(
-                gain, own.length, patch)  # slip
-            scale = (peak + full * volts_per_slip(gain, own.length, patch)) / (
-                bent * peak + full * volts_per_slip(gain, self.length, patch))
-            gains.append(scale * gain)
-            peaks.append(scale * bent * peak)
-            noise = max(noise, self.noise * (scale if self.charge_noise else 1.0))
+        gains, peaks = (values[:own.count] for values in (own.stretch_gain, own.bending_peak))
+        for gain, peak in zip(gains, peaks):
+            before, after = (volts_per_slip(gain, length, base.tire.contact_length)
+                             for length in (own.length, self.length))
+            full = own.voltage_range - own.rest_voltage  # V
+            scales.append(full / (bent * peak + (full - peak) * after / before))
+        index = [i % own.count for i in range(self.films)]
         try:
             return replace(base, film=replace(
-                own, wheels=self.names, length=self.length, spacing=self.spacing,
+                own, wheels=self.names, length=self.length, sample_rate=self.rate, bits=self.bits,
                 positions=tuple(i * self.spacing for i in range(self.films)),
-                stretch_gain=tuple(gains), bending_peak=tuple(peaks), noise=noise,
-                bits=self.bits, sample_rate=self.rate))
+                stretch_gain=tuple(scales[i] * gains[i] for i in index),
+                bending_peak=tuple(scales[i] * bent * peaks[i] for i in index),
+                noise=max(scales) * self.noise))
         except ValueError as error:
             raise ParameterError(str(error)) from error
 
@@ -103,8 +106,7 @@ class Layout:
 
         Samples are packed with their bits; ``batch`` of them share a header, as in the payload.
         """
-        header = 8 * len(encode_batch(TireBatch(0, 0, 0, 1, ((0,),), 0))) - 16
-        return self.wheels * self.rate * (self.films * self.bits + header / batch)
+        return self.wheels * self.rate * (self.films * self.bits + HEADER_BITS / batch)
 
 
 class Accuracy(NamedTuple):
@@ -117,63 +119,56 @@ class Accuracy(NamedTuple):
 
 
 class Study:
-    """
-    Accuracy of layouts on ``drives`` of one robot.
+    """Accuracy of layouts on ``drives`` of one robot; friction and slip are of ``wheels``."""
 
-    The tread is ``round``: contact length and pressure fall from its middle as in an elliptic
-    contact; or they are the same over the width.
-    """
-
-    def __init__(self, drives: Sequence[DriveInformation], round_tread: bool = False) -> None:
-        self.drives, self.round_tread, self.robot = drives, round_tread, drives[0].robot
+    def __init__(self, drives: Sequence[DriveInformation], wheels: Sequence[str] = WHEELS) -> None:
+        self.drives, self.robot = drives, drives[0].robot
+        self._wheels = [WHEELS.index(name) for name in wheels]
         self._known: dict[Layout, Accuracy] = {}
 
     def accuracy(self, layout: Layout) -> Accuracy:
         """Return the accuracy with ``layout``; infinite where its films do not fit."""
-        if not self.round_tread and layout.films > 1:
-            layout = replace(layout, across=0.0)  # of which nothing depends on it
+        if layout.films > 1:  # films on both sides of the middle: no effect
+            layout = replace(layout, across=0.0)
         if layout not in self._known:
             try:
                 rows = [self._on(drive, layout) for drive in self.drives]
             except ParameterError:
-                rows = [[math.inf] * len(Accuracy._fields)]
-            self._known[layout] = Accuracy(*np.sqrt(np.mean(np.square(rows), axis=0)).tolist())
+                rows = [[math.inf] * 4]
+            self._known[layout] = Accuracy(*_rms(rows))
         return self._known[layout]
-
-    def drives_alone(self) -> Accuracy:
-        """Return the accuracy without films."""
-        rows = [drive.sigmas((), np.zeros(len(WHEELS))) for drive in self.drives]
-        return Accuracy(*np.sqrt(np.mean(np.square(rows), axis=0)), math.inf, LENGTH_SIGMA)
 
     def _on(self, drive: DriveInformation, layout: Layout) -> list[float]:
         """Return the accuracy on one drive."""
         robot, rows, single = layout.robot(self.robot), [], []
-        share = math.sqrt(1.0 - layout.across**2) if self.round_tread else 1.0
-        robot = replace(robot, tire=replace(
-            robot.tire, contact_length=share * robot.tire.contact_length))
-        scale = np.diag([1.0, share])  # of the normalized slip, which is that of local pressure
-        fitters = {name: [ExactCrossings(robot, name, drive.trajectories[WHEELS.index(name)], sigma)
-                          for sigma in (0.0, LENGTH_SIGMA)] for name in layout.names}
+        radius_sigma = max(robot.wheel_radius_sigma, MIN_RADIUS_SIGMA)
+        fitters = [(wheel, [ExactCrossings(robot, WHEELS[wheel], drive.trajectories[wheel], sigma)
+                            for sigma in (0.0, LENGTH_SIGMA)])
+                   for wheel in map(WHEELS.index, layout.names)]
         for start in range(START_ANGLES):
             found, products = [], np.zeros(len(WHEELS))
-            for name, (exact, free) in fitters.items():
-                wheel = WHEELS.index(name)
+            for wheel, (exact, free) in fitters:
                 for films in robot.film_groups:
                     center = float(np.mean([robot.film.centers[i] for i in films]))
+                    result = None
                     for place in drive.places(wheel, center, start / START_ANGLES):
-                        local = place._replace(normalized_slip=place.normalized_slip / share)
-                        result = exact.measure(films, local)
+                        result = exact.measure(films, place)
                         if result is not None:
                             found.append(MeasuredCrossing(
                                 place.time, wheel, place.slip, place.normalized_slip,
-                                scale @ result.slips.covariance @ scale, result.sliding))
-                    last = free.measure(films, local)
-                    if result is not None and last is not None and last.waveform is not None:
-                        single.append((result.slips.slip_sigma,
-                                       last.waveform.shared(Shared.LENGTH).sigma))
-                if layout.films == 1:  # others are on both sides of the middle
-                    products[wheel] = PRESSURE_TILT * layout.across * abs(
-                        place.slip * place.normalized_slip)
-            rows.append(drive.sigmas(found, products))
-        return [*np.sqrt(np.mean(np.square(rows), axis=0)), *np.sqrt(np.mean(np.square(
-            single or [(math.inf, LENGTH_SIGMA)]), axis=0))]
+                                result.slips.covariance, result.sliding))
+                            last = place
+                    fit = None if result is None else free.measure(films, last)
+                    if result is not None and fit is not None and fit.waveform is not None:
+                        length = fit.waveform.shared(Shared.LENGTH).sigma
+                        single.append((result.slips.slip_sigma, math.hypot(length, radius_sigma)))
+                        products[wheel] = PRESSURE_TILT * layout.across * abs(
+                            last.slip * last.normalized_slip)
+            rows.append(drive.sigmas(found, products, self._wheels))
+        return [*_rms(rows), *_rms(single or [(math.inf, LENGTH_SIGMA)])]
+
+
+def _rms(rows: Sequence[Sequence[float]]) -> list[float]:
+    """Return the root mean square of each column."""
+    found: list[float] = np.sqrt(np.mean(np.square(rows), axis=0)).tolist()
+    return found

@@ -39,8 +39,8 @@ MAPS = (('length', 'spacing'), ('length', 'across'), ('wheels', 'films'),
 FACTORS = 0.5, 1.0, 2.0  # of wheel speed, contact length and stiffness
 MIN_IMPROVEMENT = 2e-3   # relative, of a step of the search: less is no reason for another layout
 MAP_CELL = 3.6, 3.2      # inch
-QUANTITIES = {'friction': 'mu after the drive', 'slip': 'slip at its end',
-              'contact_length': 'contact length of a crossing'}
+QUANTITIES = {'friction': 'mu after the drive [%]', 'slip': 'slip at the end [0.01]',
+              'contact_length': 'contact length, one crossing [%]'}
 
 
 def values_of(name: str) -> list[Any]:
@@ -112,26 +112,24 @@ def sensitivity(study: Study, layout: Layout) -> Iterator[tuple[str, float, Accu
             yield name, value, study.accuracy(replace(layout, **{name: value}))
     for i, name in enumerate(('wheel_speed', 'tire_length', 'tire_stiffness')):
         for factor in FACTORS:
-            yield name, factor, _varied(study, *(
-                factor if i == k else 1.0 for k in range(3))).accuracy(layout)
+            yield name, factor, Study([_varied(drive, *(
+                factor if i == k else 1.0 for k in range(3)))
+                for drive in study.drives]).accuracy(layout)
 
 
-def _varied(study: Study, speed: float, length: float, stiffness: float) -> Study:
-    tire = study.robot.tire
-    robot = replace(study.robot, tire=replace(
-        tire, contact_length=length * tire.contact_length,
-        longitudinal_stiffness=stiffness * tire.longitudinal_stiffness))
-    return Study([DriveInformation(
-        robot, one.ground._replace(stiffness=stiffness * one.ground.stiffness),
-        one.drive._replace(legs=tuple((begin, speed * left, speed * right)
-                                      for begin, left, right in one.drive.legs)), one.torque)
-        for one in study.drives], study.round_tread)
+def _varied(drive: DriveInformation, speed: float, length: float, stiffness: float
+            ) -> DriveInformation:
+    tire, legs = drive.robot.tire, np.array(drive.drive.legs) * [1.0, speed, speed]
+    return DriveInformation(
+        replace(drive.robot, tire=replace(
+            tire, contact_length=length * tire.contact_length,
+            longitudinal_stiffness=stiffness * tire.longitudinal_stiffness)),
+        drive.ground._replace(stiffness=stiffness * drive.ground.stiffness),
+        drive.drive._replace(legs=tuple(map(tuple, legs.tolist()))), drive.torque)
 
 
 def maps(study: Study, layout: Layout, quantity: str, report: Callable[[str], object]) -> Figure:
     """Return maps of a quantity around ``layout``, over two properties each."""
-    label = f'{QUANTITIES[quantity]} [{"0.01" if quantity == "slip" else "%"}]'
-
     def panel(x: str, y: str) -> Panel:
         report(f'map over {x} and {y}')
         values = 100.0 * np.array([[getattr(study.accuracy(
@@ -142,10 +140,11 @@ def maps(study: Study, layout: Layout, quantity: str, report: Callable[[str], ob
         low, high = np.nanpercentile(values, [0.0, 95.0]).tolist()
         return Panel((), AXES[x][-1], AXES[y][-1], field=ColorField(values, (
             left - 0.5 * width, left + (columns - 0.5) * width, bottom - 0.5 * height,
-            bottom + (rows - 0.5) * height), label, (low, max(high, 1.01 * low))))
+            bottom + (rows - 0.5) * height), QUANTITIES[quantity], (low, max(high, 1.01 * low))))
 
     panels = [panel(*axes) for axes in MAPS]
     return Figure(
-        'design_maps', f'Maps of the accuracy of the {QUANTITIES[quantity]}',
-        f'Bound of the standard deviation around this layout, two properties changed in each map: '
-        f'{layout}. White: the films do not fit.', [panels[:3], panels[3:]], MAP_CELL)
+        'design_maps', f'Maps of the accuracy: {QUANTITIES[quantity]}',
+        f'Bound of the standard deviation around the layout {layout} (wheels x films x length), '
+        'two properties changed in each map. White: the films do not fit.',
+        [panels[:3], panels[3:]], MAP_CELL)

@@ -1,0 +1,163 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+The bound of ``smart_tire design`` next to the errors of the friction estimator.
+
+Robots are drawn around and away from the model of the estimators, as in ``benchmarks.robots``,
+with the films of each layout, whose gains are drawn by their tolerance. mu and slip are those of
+the crossings in the last seconds of a drive, of all wheels with films; slip of the films and
+contact length are those of single crossings.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+import sys
+
+from benchmarks.friction.crossings import FUSED, match_rows, true_crossings
+from benchmarks.harness import Benchmark, Column, figure_table, Job, percent, Rows
+from benchmarks.robots.draws import draw, GROUNDS, TORQUES
+from benchmarks.scoring import Errors, Run
+import numpy as np
+from rich.table import Table
+from smart_tire.arrays import Array
+from smart_tire.design.drive import AVERAGED, DriveInformation, DRIVES, Ground
+from smart_tire.design.layout import Accuracy, Layout, LENGTH_SIGMA, Study
+from smart_tire.estimation.friction.estimator import EvaluatedCrossing, FrictionEstimator
+from smart_tire.estimation.friction.waveform_method import WaveformMethod
+from smart_tire.estimation.friction.waveform_model import Shared
+from smart_tire.estimation.ground.unknowns import HOP
+from smart_tire.parameters import FrictionEstimatorParams, RobotParams
+from smart_tire.samples import Friction, NS_PER_S, Sample
+from smart_tire.simulation.offline import EPOCH_NS
+
+PAPER = Layout.of(RobotParams())
+ROWS = {'concrete': 'slow_turn', 'sand': 'sand_turn'}  # of benchmarks.robots, by ground
+QUANTITIES = {'friction': 'mu', 'slip': 'slip', 'film_slip': 'slip of the films',
+              'contact_length': 'contact length'}
+NOTES = """\
+Standard deviation by the bound of smart_tire design, rms error of the estimator on robots drawn at
+random, and their ratio. mu and contact length in percent of the true ones, slips in 0.01.
+"""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A layout on a drive."""
+
+    title: str
+    layout: Layout = PAPER
+    drive: str = 'turn'
+    ground: str = 'concrete'
+    torque: bool = True
+
+
+POINTS: Mapping[str, Point] = {
+    'paper': Point('paper B: 2 x 20 mm, 30 mm apart, 400 Hz, 10 bits'),
+    'paper_sand': Point('the same on sand', ground='sand'),
+    'paper_fast': Point('the same, 120/60 rpm', drive='fast_turn'),
+    'paper_curves': Point('the same, S-curves', drive='s_curves'),
+    'paper_no_torque': Point('the same, without torque', torque=False),
+    'apart': Point('2 films, 140 mm apart', replace(PAPER, spacing=0.140)),
+    'one_film': Point('1 x 20 mm', replace(PAPER, films=1)),
+    'two_wheels': Point('1 x 12 mm on 2 wheels', replace(PAPER, wheels=2, films=1, length=0.012)),
+    'four_wheels': Point('2 x 20 mm on 4 wheels', replace(PAPER, wheels=4)),
+    'coarse': Point('2 x 20 mm, 150 Hz, 8 bits', replace(PAPER, rate=150.0, bits=8))}
+
+
+def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]:
+    """Return one job for each robot."""
+    return [partial(run_point, name, seed) for seed in seeds]
+
+
+@cache
+def bound(point: Point) -> Accuracy:
+    """Return the bound of a point, of the wheels with films."""
+    friction, stiffness, drag = GROUNDS[point.ground]
+    drive = DriveInformation(RobotParams(), Ground(point.ground, stiffness, friction, drag),
+                             DRIVES[point.drive], point.torque)
+    return Study([drive], wheels=point.layout.names).accuracy(point.layout)
+
+
+def run_point(name: str, seed: int) -> list[Run]:
+    """Return the errors with one drawn robot, with the bound as their standard deviation."""
+    point = POINTS[name]
+    robot, drive = point.layout.robot(RobotParams()), DRIVES[point.drive]
+    one = draw(ROWS[point.ground], seed)
+    factors = 1.0 + robot.film.stretch_gain_tolerance * np.random.default_rng(
+        [seed, 3]).standard_normal(point.layout.films * point.layout.wheels)
+    true = replace(one.true, film=replace(robot.film, stretch_gain=tuple(
+        np.multiply(factors, robot.film.stretch_gain * point.layout.wheels).tolist())))
+    one = replace(one, simulator=replace(one.simulator, robot=true), legs=drive.legs,
+                  duration=drive.duration, without=() if point.torque else (TORQUES,))
+    evaluated: list[EvaluatedCrossing] = []
+    estimator = FrictionEstimator(FrictionEstimatorParams(robot=robot), evaluated.append)
+    for sample in one.inputs():
+        estimator.update(sample)
+    estimator.finish()
+    least, errors = bound(point), {}
+    frictions = [each.friction for each in evaluated]
+    for quantity, found in _errors(one.truth(), frictions, true, drive.duration).items():
+        errors[quantity] = Errors(found, np.full(len(found), getattr(least, quantity)))
+    lengths = np.array([value for wheel in point.layout.names
+                        for value in _lengths(evaluated, wheel, robot)])
+    errors['contact_length'] = Errors(lengths, np.full(len(lengths), least.contact_length))
+    return [Run(name, seed, errors, {f'bound.{key}': value
+                                     for key, value in least._asdict().items()})]
+
+
+def _errors(truth: Sequence[Sample], frictions: Sequence[Friction], true: RobotParams,
+            duration: float) -> dict[str, Array]:
+    """Return errors of mu, relative, and of slips at the end of the drive, of all wheels."""
+    found: dict[str, list[Array]] = {'friction': [], 'slip': [], 'film_slip': []}
+    begin_ns = EPOCH_NS + round((duration - AVERAGED * HOP) * NS_PER_S)
+    for wheel in true.film.wheels:
+        rows = match_rows(true_crossings(truth, true, wheel), frictions, wheel)
+        late = rows.stamp_ns > begin_ns
+        for quantity, name in ('friction', FUSED), ('slip', 'slip'), ('film_slip', 'film_slip'):
+            error = (rows.value[name] - rows.true[name])[late]
+            found[quantity].append(
+                error / rows.true[name][late] if quantity == 'friction' else error)
+    return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def _lengths(evaluated: Sequence[EvaluatedCrossing], wheel: str, robot: RobotParams
+             ) -> Iterator[float]:
+    """Yield the error of ln of the contact length of each crossing, which is unknown."""
+    method = WaveformMethod(wheel, robot, LENGTH_SIGMA)
+    for one in evaluated:
+        if one.friction.wheel == wheel:
+            result = method.measure(one.crossing)
+            if result is not None and result.waveform is not None:
+                yield result.waveform.shared(Shared.LENGTH).value
+
+
+def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
+    """Yield the table of bounds and errors."""
+    shown = [(POINTS[name].title, figures | {
+        f'ratio.{one}': figures[f'{one}.rms'] / figures[f'bound.{one}'] for one in QUANTITIES})
+        for name, figures in rows.items()]
+    yield figure_table('Bound and errors', shown, [column for one, title in QUANTITIES.items()
+                       for column in (
+                           percent(f'{title}:\nbound', f'bound.{one}', 2),
+                           percent('\nrms', f'{one}.rms', 2), Column('\nratio', f'ratio.{one}', 2),
+                           percent('\nknown [%]', f'{one}.finite', 0))])
+
+
+DESIGN = Benchmark(
+    'design', 'the bound of smart_tire design, next to the errors of the estimator', NOTES,
+    {name: point.title for name, point in POINTS.items()}, jobs, tables)
+
+if __name__ == '__main__':
+    sys.exit(DESIGN.main())
