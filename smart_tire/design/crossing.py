@@ -65,9 +65,9 @@ class ExactCrossings:
         ahead = direction * group.reach
         travel = self._path.segment(position - ahead, position + ahead, end_ns, (begin_ns, end_ns))
         change = travel.speed_change(group.film_length)
-        if not change < MAX_SPEED_CHANGE:
-            return None
         distance = direction * (travel.trajectory.distance_at(instants) - position)
+        if not change < MAX_SPEED_CHANGE or min(-distance[0], distance[-1]) < group.reach:
+            return None
         centers = [direction * offset for offset in group.offsets]
         near = [distance[np.abs(distance - center) < group.half_crossing + around]
                 for center in centers]

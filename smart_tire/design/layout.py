@@ -27,11 +27,11 @@ import numpy as np
 
 from smart_tire.calibration.film_gains import volts_per_slip
 from smart_tire.design.crossing import ExactCrossings
-from smart_tire.design.drive import DriveInformation
+from smart_tire.design.drive import AVERAGED, DriveInformation
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.friction.waveform_model import Shared
 from smart_tire.estimation.ground.measurements import MeasuredCrossing
-from smart_tire.estimation.ground.unknowns import MIN_RADIUS_SIGMA
+from smart_tire.estimation.ground.unknowns import HOP, MIN_RADIUS_SIGMA
 from smart_tire.models.tire.film_equations import bending_shape
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch
@@ -43,7 +43,8 @@ LENGTH_SIGMA = 0.1     # relative, of the contact length before it is measured; 
 PRESSURE_TILT = 0.2    # -, standard deviation of the relative pressure at a shoulder of the tread,
 #                        by side force and camber; assumed: the load moves by 3 % of the width
 START_ANGLES = 3       # of the wheels, over which the accuracy is averaged
-HEADER_BITS = 8 * len(encode_batch(TireBatch(0, 0, 0, 1, (), 0)))  # of the payload of a packet
+# of the payload of a packet: without its only sample
+HEADER_BITS = 8 * len(encode_batch(TireBatch(0, 0, 0, 1, ((0,),), 0))) - 16
 
 
 @dataclass(frozen=True)
@@ -114,8 +115,8 @@ class Accuracy(NamedTuple):
 
     friction: float        # relative, of mu after the drive
     slip: float            # -, of a wheel at its end
-    film_slip: float       # -, of the films alone, in one crossing
-    contact_length: float  # relative, in one crossing
+    film_slip: float       # -, of the films alone, in a crossing at its end
+    contact_length: float  # relative, in a crossing at its end
 
 
 class Study:
@@ -145,25 +146,26 @@ class Study:
         fitters = [(wheel, [ExactCrossings(robot, WHEELS[wheel], drive.trajectories[wheel], sigma)
                             for sigma in (0.0, LENGTH_SIGMA)])
                    for wheel in map(WHEELS.index, layout.names)]
+        late = drive.drive.duration - AVERAGED * HOP  # s
         for start in range(START_ANGLES):
             found, products = [], np.zeros(len(WHEELS))
             for wheel, (exact, free) in fitters:
                 for films in robot.film_groups:
                     center = float(np.mean([robot.film.centers[i] for i in films]))
-                    result = None
                     for place in drive.places(wheel, center, start / START_ANGLES):
                         result = exact.measure(films, place)
-                        if result is not None:
-                            found.append(MeasuredCrossing(
-                                place.time, wheel, place.slip, place.normalized_slip,
-                                result.slips.covariance, result.sliding))
-                            last = place
-                    fit = None if result is None else free.measure(films, last)
-                    if result is not None and fit is not None and fit.waveform is not None:
-                        length = fit.waveform.shared(Shared.LENGTH).sigma
-                        single.append((result.slips.slip_sigma, math.hypot(length, radius_sigma)))
-                        products[wheel] = PRESSURE_TILT * layout.across * abs(
-                            last.slip * last.normalized_slip)
+                        if result is None:
+                            continue
+                        product = place.slip * place.normalized_slip
+                        products[wheel] = PRESSURE_TILT * layout.across * abs(product)
+                        found.append(MeasuredCrossing(
+                            place.time, wheel, place.slip, place.normalized_slip,
+                            result.slips.covariance, result.sliding))
+                        fit = free.measure(films, place) if place.time > late else None
+                        if fit is not None and fit.waveform is not None:
+                            length = fit.waveform.shared(Shared.LENGTH).sigma
+                            single.append((result.slips.slip_sigma,
+                                           math.hypot(length, radius_sigma)))
             rows.append(drive.sigmas(found, products, self._wheels))
         return [*_rms(rows), *_rms(single or [(math.inf, LENGTH_SIGMA)])]
 
