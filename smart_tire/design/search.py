@@ -29,7 +29,7 @@ AXES: Mapping[str, Axis] = {  # of each property: first value, step, count, fact
     'length': (8.0, 4.0, 8, 1e-3, 'film length [mm]'),
     'across': (0.0, 0.2, 5, 1.0, 'place across, of the half width'),
     'bits': (6, 2, 4, 1, 'bits of a sample'),
-    'rate': (100.0, 100.0, 9, 1.0, 'sampling rate [Hz]'),
+    'rate': (200.0, 200.0, 5, 1.0, 'sampling rate [Hz]'),
     'noise': (2.0, 4.0, 6, 1e-3, 'noise of a sample [mV]'),
     'films': (1, 1, 4, 1, 'films per wheel'),
     'wheels': (1, 1, 4, 1, 'instrumented wheels')}

@@ -13,7 +13,7 @@
 from dataclasses import replace
 
 import pytest
-from smart_tire.design.crossing import ExactCrossings
+from smart_tire.design.crossing import ExactCrossings, REPEATED
 from smart_tire.design.drive import Place
 from smart_tire.estimation.contact.trajectory import WheelTrajectory
 from smart_tire.estimation.friction.waveform_model import Shared
@@ -36,11 +36,11 @@ def trajectory(robot, stop=99.0):
 
 
 def measured(place=PLACE, films=(0, 1), length_sigma=0.0, count=1, **values):
-    """Return the result of the last of ``count`` crossings."""
+    """Return the result of the last of ``count`` crossings, which differ a little."""
     robot = build(RobotParams, {f'film.{name}': value for name, value in values.items()})
     exact = ExactCrossings(robot, 'front_right', trajectory(robot), length_sigma)
-    for _ in range(count):
-        result = exact.measure(films, place)
+    for i in range(count):
+        result = exact.measure(films, place._replace(slip=place.slip + 0.001 * i))
     return result
 
 
@@ -98,6 +98,16 @@ def test_clipped_samples_have_no_information():
 def test_the_shape_is_learned():
     assert measured(count=8).slips.normalized_slip_sigma < (
         0.9 * measured().slips.normalized_slip_sigma)
+
+
+def test_crossings_of_steady_motion_are_computed_some_times_only():
+    robot = RobotParams()
+    exact = ExactCrossings(robot, 'front_right', trajectory(robot))
+    first, *others = [exact.measure((0, 1), PLACE._replace(time=2.0 + 0.0003 * i))
+                      for i in range(REPEATED + 3)]
+    assert len(set(map(id, [first, *others]))) == REPEATED
+    assert others[-1].slips.normalized_slip_sigma < first.slips.normalized_slip_sigma
+    assert exact.measure((0,), PLACE) is not others[-1]
 
 
 def test_reverse_is_like_forward():

@@ -102,7 +102,7 @@ def test_the_table_changes_one_property_after_another(monkeypatch):
     assert list(dict.fromkeys(row[0] for row in rows)) == [
         *AXES, 'wheel_speed', 'tire_length', 'tire_stiffness']
     by_rate = {value: accuracy.friction for name, value, accuracy in rows if name == 'rate'}
-    assert by_rate[100.0] == pytest.approx(2.0 * by_rate[400.0])
+    assert by_rate[200.0] == pytest.approx(2.0 * by_rate[800.0])
     assert np.array(made) == pytest.approx(np.array([
         *((one, 1.0, 1.0, 1.0, True) for one in FACTORS),
         *((1.0, one, 1.0, 1.0, True) for one in FACTORS),

@@ -1,0 +1,50 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""The bound of ``smart_tire design`` next to the estimator: one robot of a point."""
+
+import math
+
+from benchmarks.design import bound, DESIGN, POINTS, run_point
+from benchmarks.scoring import combined
+import pytest
+
+
+def test_the_points_contain_the_layout_of_the_paper_and_are_ten():
+    layout = POINTS['paper'].layout
+    assert (layout.wheels, layout.films, layout.length, layout.spacing, layout.rate) == (
+        1, 2, 0.020, 0.030, 400.0)
+    assert len(POINTS) == 10
+
+
+def test_errors_of_a_robot_are_of_the_size_of_the_bound():
+    run, = run_point('four_wheels', 3001)
+    figures = combined([run])
+    least = bound(POINTS['four_wheels'])
+    for name, value in least._asdict().items():
+        assert figures[f'bound.{name}'] == value
+        assert 0.0 < figures[f'{name}.rms'] < 3.0 * value
+        assert figures[f'{name}.finite'] == 1.0
+    assert len(run.errors['film_slip'].error) >= 8  # 3 s, four wheels
+
+
+def test_the_table_has_the_ratio_of_error_and_bound():
+    figures = {f'{name}.rms': 0.02 for name in ('friction', 'slip', 'film_slip',
+                                               'contact_length')}
+    figures |= {f'bound.{name[:-4]}': 0.04 for name in list(figures)}
+    table, = DESIGN.tables({'paper': figures}, None)
+    cells = [list(column.cells)[0] for column in table.columns]
+    assert cells[:4] == [POINTS['paper'].title, '4.00', '2.00', '0.50']
+
+
+def test_the_bound_without_torque_is_larger():
+    assert bound(POINTS['paper_no_torque']).friction > 1.2 * bound(POINTS['paper']).friction
+    assert math.isfinite(bound(POINTS['coarse']).contact_length)
+    assert bound(POINTS['four_wheels']).slip == pytest.approx(0.0013, rel=0.3)
