@@ -43,6 +43,7 @@ FILES = (f'{MAP}.yaml', f'{MAP}.png', f'{MAP}_sigma.png', CELLS, FIGURE)
 MASK_FILES = (f'{MASK}.yaml', f'{MASK}.png')
 MAX_FRICTION, MAX_SIGMA = 1.0, 0.2  # upper ends of the color scales
 FIGURE_CELL = 5.0, 4.2  # inch
+MAX_STEP = 0.1  # m between the points of a line: four of a track
 TRANSFORMS = 'tf2_msgs/msg/TFMessage'
 LOCALIZED = 0.05, 0.05, 0.02  # m, m, rad: x, y, yaw of a localization by lidar, assumed
 
@@ -168,5 +169,8 @@ def map_figure(found: FrictionMap, tracks: Sequence[FrictionTrack]) -> Figure:
 
 
 def _line(track: FrictionTrack, side: int) -> tuple[Array, Array]:
-    x, y = track.position[track.side == side].T
+    """Return the track of a side, with NaN where it is interrupted."""
+    places = track.position[track.side == side]
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    x, y = np.insert(places, np.flatnonzero(steps > MAX_STEP) + 1, np.nan, axis=0).T
     return x, y

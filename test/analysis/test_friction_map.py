@@ -184,3 +184,14 @@ def test_the_figure_shows_friction_and_its_error_with_the_tracks(found):
     assert friction.field.extent == pytest.approx((0.0, 2.0, 0.0, 0.1))
     assert len(friction.marks) == 4
     assert '20 of 20 cells have changed' in figure.caption
+
+
+def test_lines_end_where_a_track_does(found):
+    made, (track, _) = found
+    rows = np.abs(track.position[:, 0] - 1.0) > 0.2
+    broken = FrictionTrack(*(getattr(track, name)[rows] for name in (
+        'stamp_ns', 'position', 'covariance', 'friction', 'sigma', 'common', 'side', 'block')))
+    line = map_figure(made, [broken]).rows[0][0].marks[0].curve
+    assert len(line.x) == rows.sum() + 1 and np.isnan(line.x).sum() == np.isnan(line.y).sum() == 1
+    whole = map_figure(made, [track]).rows[0][0].marks[0].curve
+    np.testing.assert_array_equal(whole.x, track.position[:, 0])

@@ -89,6 +89,11 @@ def test_a_ground_that_has_changed_keeps_its_older_friction_with_its_time():
     assert cells.stamp_ns[~now].max() < 2 * DAY_NS
 
 
+def test_an_error_that_is_common_to_all_drives_is_not_all_of_it():
+    raster = friction_map([track(0.4, sigma=0.04, common=0.04)]).raster
+    np.testing.assert_allclose(raster.sigma, 0.04 * 0.4, rtol=0.02)
+
+
 @pytest.mark.parametrize(('before', 'after'), [(0.45, 0.3), (0.3, 0.45)])
 def test_ground_may_become_slippery_or_better(before, after):
     cells = friction_map([track(before), track(after, day=1)]).cells
