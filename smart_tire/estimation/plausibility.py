@@ -40,10 +40,7 @@ def is_possible(sample: (ImuSample | WheelSample | TireSample | Odometry | Wheel
     """Return whether a robot and its sensors can have produced ``sample``; False for NaN."""
     match sample:
         case TireSample():  # by far the most frequent
-            for volts in sample.volts:
-                if not abs(volts) <= MAX_FILM_VOLTAGE:
-                    return False
-            return True
+            return all(abs(volts) <= MAX_FILM_VOLTAGE for volts in sample.volts)
         case ImuSample():
             return (all(abs(force) <= MAX_SPECIFIC_FORCE for force in sample.acceleration)
                     and all(abs(rate) <= MAX_ANGULAR_RATE for rate in sample.rate))
