@@ -32,7 +32,7 @@ from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.measurements import (
     MeasuredCrossing, Measurements, WindowData, WindowMotion)
 from smart_tire.estimation.ground.unknowns import (
-    CURVE_ERROR, DERIVATIVE_STEP, DYNAMIC, FILM_ERRORS, HOP, Hypothesis, initial, LENGTH,
+    CURVE_ERROR, DYNAMIC, FILM_ERRORS, HOP, Hypothesis, initial, LENGTH,
     OLD_GROUND, OWN, priors, SETTLING, SIZE, Tension, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import Solution
 from smart_tire.estimation.ground.window_fit import start_of, WindowFit
@@ -94,7 +94,7 @@ class _TrueFit(WindowFit):
     """The fit with the local derivative by the friction, as a bound has it."""
 
     def _friction_step(self, x: Array, covariance: Array) -> float:
-        return DERIVATIVE_STEP
+        return float(self.steps[Unknown.FRICTION])
 
 
 class DriveInformation:
@@ -197,9 +197,9 @@ class DriveInformation:
         values, load = values_of(runs, fit.varied.states)
         relaxed, _ = values_of(runs[:1], window.relaxed)
         noise = measurements.crossing_noise(values[0], relaxed[0] - values[0], load)
-        columns = self._fit.film_columns(  # of which the secant is not used
-            self._truth.x, np.vstack([values, values[:1]]), np.zeros(len(noise)), measurements,
-            np.append(self._fit.steps, DERIVATIVE_STEP))[:, :SIZE]
+        steps = np.append(np.diagonal(runs[1:] - runs[0]), 1.0)  # the secant is not used
+        columns = self._fit.film_columns(self._truth.x, np.vstack([values, values[:1]]),
+                                         np.zeros(len(noise)), measurements, steps)[:, :SIZE]
         information: Array = columns.T @ np.linalg.solve(noise, columns)
         return information
 

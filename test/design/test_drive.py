@@ -18,6 +18,7 @@ import pytest
 from smart_tire.design.drive import Drive, DriveInformation, Ground
 from smart_tire.estimation.ground.measurements import MeasuredCrossing
 from smart_tire.estimation.ground.unknowns import CURVE_ERROR, Unknown
+from smart_tire.estimation.ground.window_fit import start_of
 from smart_tire.models.tire.brush_tire import LN_FRICTION
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import WHEELS
@@ -37,6 +38,12 @@ def crossings(drive, wheel, sigma=0.005, turn=0.0):
     return [MeasuredCrossing(one.time, wheel, one.slip, one.normalized_slip,
                              sigma**2 * np.eye(2), False)
             for one in drive.places(wheel, 0.0, turn)]
+
+
+def noise_of(one):
+    """Return the covariance of slip and of its product with the normalized slip."""
+    by_slips = np.array([[1.0, 0.0], [one.normalized_slip, one.slip]])
+    return by_slips @ one.covariance @ by_slips.T
 
 
 def test_the_fit_stays_at_the_truth(turn):
@@ -91,9 +98,24 @@ def test_one_exact_crossing_has_the_information_of_its_noise(turn):
     error = Unknown.FILM_ERROR + 1  # of slip times normalized slip, with a derivative of 1
     before, after = (np.linalg.inv(turn.covariances(found, NONE)[0])[error, error]
                      for found in ((), [one]))
-    own = 0.5**2 * np.diag([1.0, one.slip**2 + one.normalized_slip**2])
-    own[0, 1] = own[1, 0] = 0.5**2 * one.normalized_slip
-    assert after - before == pytest.approx(np.linalg.inv(own)[1, 1], rel=0.03)
+    assert after - before == pytest.approx(np.linalg.inv(noise_of(one))[1, 1], rel=0.03)
+
+
+def test_the_derivative_by_the_friction_is_that_of_the_motion(turn):
+    one, = [one for one in crossings(turn, 1, 0.5) if 2.0 < one.time < 3.0]
+    error, mu = Unknown.FILM_ERROR + 1, Unknown.FRICTION
+    before, after = (np.linalg.inv(turn.covariances(found, NONE)[0]) for found in ((), [one]))
+    solution = turn.windows[0].solution
+    measurements, truth = solution.measurements, solution.hypothesis
+    measurements.set_crossings([one])
+    varied = []
+    for step in (-0.02, 0.02):  # of ln mu
+        x = truth.x[np.newaxis].copy()
+        x[0, mu] += step
+        varied.append(measurements.crossing_values(x, measurements.simulate(
+            x, *start_of(truth, measurements), truth.events[np.newaxis]))[0])
+    expected = np.linalg.inv(noise_of(one))[1] @ (varied[1] - varied[0]) / 0.04
+    assert (after - before)[error, mu] == pytest.approx(expected, rel=0.05)
 
 
 def test_less_noise_and_more_wheels_lower_the_bound(turn):
