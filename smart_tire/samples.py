@@ -283,6 +283,33 @@ class FrictionGrid:
     values: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class FilmCharge:
+    """One conversion of the charge amplifier of a buckling film."""
+
+    stamp_ns: int
+    charge: float             # C, output of the amplifier
+    saturated: bool = False   # the output is at a limit of the converter
+    discharged: bool = False  # the amplifier has lost charge: reset or overload
+
+
+@dataclass(frozen=True, slots=True)
+class FilmTemperature:
+    """Temperature of a buckling film."""
+
+    stamp_ns: int
+    value: float        # degree Celsius
+    sigma: float = 0.0  # K, 0: unknown
+
+
+@dataclass(frozen=True, slots=True)
+class FilmDeflection:
+    """Deflection of a buckling film, from flat."""
+
+    stamp_ns: int
+    deflection: Uncertain  # m, approach of its ends
+
+
 FRICTION_QUANTITIES = tuple(one.name for one in fields(Friction) if one.default is UNKNOWN)
 GROUND_ESTIMATES = ('stiffness', *(one.name for one in fields(GroundState)
                                    if one.default is UNKNOWN))
@@ -292,4 +319,5 @@ GROUND_NUMBERS = {  # without a standard deviation: name -> default
 
 Sample = (ImuSample | WheelSample | TireSample | TireSamples | BatterySample | VelocityCommand
           | WheelCommand | MotorCommand | PlannedPath | GoalPose | PathProgress | Odometry
-          | WheelSlip | Icr | GroundState | Friction | FrictionGrid)
+          | WheelSlip | Icr | GroundState | Friction | FrictionGrid | FilmCharge | FilmTemperature
+          | FilmDeflection)

@@ -21,7 +21,7 @@ from smart_tire.bags.metadata import Metadata, metadata_in
 from smart_tire.cli.main import main
 from smart_tire.errors import (
     BagError, MAX_REASON, MAX_TEXT, MessageError, ParameterError, printable)
-from smart_tire.papers.film_files import read_params
+from smart_tire.estimation.film.calibration import read_params
 from smart_tire.parameters import load_robot
 from smart_tire.yaml_text import MAX_DEPTH, MAX_SIZE, parse_yaml
 from support.yaml_attacks import ATTACKS

@@ -55,9 +55,10 @@ def run_film(args: argparse.Namespace) -> int:
     from smart_tire.identification.figures import fit_figure
     from smart_tire.analysis.drawing import save
     from smart_tire.papers.film_bench import identify_film, write_params
-    from smart_tire.papers.buckling_film import BucklingFilm, FILMS
+    from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
+    from smart_tire.estimation.film.calibration import PRODUCTS
     from smart_tire.papers.film_files import (
-        check_units, COLUMNS, MAX_CHARGE, MAX_STEP, PRODUCTS, read_recording)
+        check_units, COLUMNS, MAX_CHARGE, MAX_STEP, read_recording)
     columns = args.columns.split(',') if args.columns else list(COLUMNS)
     recording = read_recording(args.data, columns)
     film = None if args.raw else BucklingFilm(

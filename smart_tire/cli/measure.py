@@ -28,8 +28,9 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
     from smart_tire.identification.figures import measurement_figure
     from smart_tire.analysis.drawing import save
+    from smart_tire.estimation.film.calibration import read_params
     from smart_tire.papers.film_files import (
-        check_series, check_units, MAX_CHARGE, MAX_STEP, read_columns, read_params, write_columns)
+        check_series, check_units, MAX_CHARGE, MAX_STEP, read_columns, write_columns)
     from smart_tire.papers.film_measurement import measure
     params, columns = read_params(args.params), _columns(args)
     time, charge, *rest = read_columns(args.data, columns, only=False)

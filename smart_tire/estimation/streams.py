@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from smart_tire.samples import (
-    Friction, GroundState, Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
+    FilmCharge, FilmDeflection, FilmTemperature, Friction, GroundState, Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
 
 Topics = Mapping[type[Any], str]  # class of the samples -> topic
 GROUND_STATE_PERIOD_NS = 500_000_000  # of message time: at multiples of it
@@ -42,6 +42,9 @@ FRICTION = Streams(
 SLIP = Streams(
     inputs={ImuSample: 'imu/data', WheelSample: 'wheel_states', GroundState: 'ground_state'},
     outputs={Odometry: 'odom', WheelSlip: 'wheel_slip', Icr: 'icr'})
+FILM = Streams(
+    inputs={FilmCharge: 'film_charge', FilmTemperature: 'film_temperature'},
+    outputs={FilmDeflection: 'film_deflection'})
 
 # samples of these topics hold until the next one: topic -> period [ns]
 HOLDING = {'ground_state': GROUND_STATE_PERIOD_NS}

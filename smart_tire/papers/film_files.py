@@ -8,29 +8,22 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Files of a film: recordings on a bench (CSV), and the parameters of a calibrated film (YAML)."""
+"""Recordings of a film on a test stand (CSV)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-import math
 from pathlib import Path
 import re
-from typing import Any
 
 import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
-from smart_tire.papers.buckling_film import BucklingFilm
-from smart_tire.papers.hysteresis import DuhemParams, series
-from smart_tire.paths import csv_rows, explained, is_number, read_file
-from smart_tire.uncertain import MAX_RELATIVE_SIGMA
-from smart_tire.yaml_text import MAX_SIZE, parse_yaml
+from smart_tire.models.film.hysteresis import series
+from smart_tire.paths import csv_rows, explained, is_number
 
 COLUMNS = ('time_s', 'deflection_m', 'charge_C')
-PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')  # alpha K, a K, b K with the input gain K
-AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
 MIN_SAMPLES = 20  # of a recording
 MAX_TABLE_SIZE = 1 << 28  # bytes of a CSV file, which is read into memory: 6 million samples
 SEPARATORS = ';\t '  # of other tables than CSV
@@ -38,9 +31,6 @@ PREFIXES = {'m': 1e-3, 'u': 1e-6, 'n': 1e-9, 'p': 1e-12, 'µ': 1e-6, 'c': 1e-2} 
 MIN_UNIT_RATIO = 2.0  # of a magnitude over the largest plausible one: less is no other unit
 MAX_STEP = 0.5     # s between samples; assumed: the amplifier loses the charge of slower motion
 MAX_CHARGE = 1e-6  # C; assumed: thirty times the gain of the film of paper A, Table I
-# of the calibrated range, up to which the covariance of undetermined products describes the error;
-# assumed
-EXTRAPOLATION_FACTOR = 1.5
 
 
 @dataclass(frozen=True)
@@ -156,69 +146,3 @@ def _numbers(path: Path, line: int, row: list[str], header: list[str], indices: 
                  if not is_number(row[index])]
         raise ParameterError(
             f'{path}: line {line}: {", ".join(texts)}, expected numbers') from error
-
-
-@dataclass(frozen=True, kw_only=True)
-class FilmParams:
-    """Parameters of a calibrated film, the input of ``measure``; see ``PRODUCTS``."""
-
-    film: BucklingFilm | None  # geometry; None: the input is that of the operator itself
-    alpha_gain: float          # 1 / unit of the input
-    a_gain: float              # C / unit of the input
-    b_gain: float              # C / unit of the input
-    low_corner: float   # Hz, 0 if no amplifier was found
-    drift: float        # C/s, in addition to the discharge of the amplifier
-    covariance: Array   # (5, 5), of ``alpha_gain`` to ``drift``
-    span: float         # range of the input in the calibration
-    noise: float        # C, of one sample
-    model_error: float  # C, rms of the residuals without noise
-
-    @property
-    def max_input(self) -> float:
-        """Return the largest valid input, which is limited only if a product is undetermined."""
-        products = np.array([self.alpha_gain, self.a_gain, self.b_gain])
-        determined = np.sqrt(np.diag(self.covariance)[:3]) <= MAX_RELATIVE_SIGMA * np.abs(products)
-        return math.inf if determined.all() else EXTRAPOLATION_FACTOR * self.span
-
-    @property
-    def max_charge(self) -> float:
-        """Return the largest charge [C] of the calibrated inputs, in magnitude."""
-        return abs(self.a_gain) * (self.span if self.film is None else 1.0)
-
-    @property
-    def operator(self) -> DuhemParams:
-        """Return the operator from the normalized input to the charge; raise ParameterError."""
-        return DuhemParams(alpha=self.alpha_gain, a=self.a_gain, b=self.b_gain)
-
-
-def read_params(path: Path) -> FilmParams:
-    """Return the parameters in a file of ``smart_tire identify film``, or raise ParameterError."""
-    try:
-        tree = parse_yaml(read_file(path, MAX_SIZE))
-    except OSError as error:
-        raise ParameterError(f'{path}: cannot be read ({error.strerror})') from error
-    except ValueError as error:
-        raise ParameterError(f'{path}: not valid YAML: {error}') from error
-    try:
-        return _params(tree)
-    except KeyError as error:
-        raise ParameterError(f'{path}: {error.args[0]} is missing') from error
-    except (TypeError, ValueError) as error:
-        raise ParameterError(f'{path}: {error}') from error
-
-
-def _params(tree: Mapping[str, Any]) -> FilmParams:
-    film = tree['film']
-    values = {name: float(tree[group][name]['value'])
-              for group, names in (('products', PRODUCTS), ('amplifier', AMPLIFIER))
-              for name in names}
-    values.update({name: float(tree[name]) for name in ('span', 'noise', 'model_error')})
-    covariance = np.array(tree['covariance'], dtype=float)
-    if covariance.shape != (5, 5) or not np.isfinite([*values.values(), *covariance.flat]).all():
-        raise ParameterError('products, amplifier, covariance (5 x 5), span, noise and '
-                             'model_error must be finite numbers')
-    return FilmParams(
-        film=None if film is None else BucklingFilm(
-            length=film['length_m'], width=film['width_m'], thickness=film['thickness_m'],
-            convention=film['convention']),
-        covariance=covariance, **values)

@@ -25,9 +25,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from smart_tire.arrays import Array, ArrayLike
-from smart_tire.papers.buckling_film import BucklingFilm, FILMS
+from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
 from smart_tire.papers.film_files import FilmRecording
-from smart_tire.papers.hysteresis import DuhemParams, respond, series, TABLE_I, TABLE_I_GAIN
+from smart_tire.models.film.hysteresis import DuhemParams, respond, series, TABLE_I, TABLE_I_GAIN
 
 OVERSAMPLING = 8  # steps of the amplifier per sample
 

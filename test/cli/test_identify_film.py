@@ -16,7 +16,8 @@ import pytest
 from smart_tire.cli import identify
 from smart_tire.cli.main import new_parser
 from smart_tire.errors import ParameterError
-from smart_tire.papers.film_files import read_params, write_columns
+from smart_tire.estimation.film.calibration import read_params
+from smart_tire.papers.film_files import write_columns
 from support.film_bench import one_loop, several_loops, write_recording
 
 

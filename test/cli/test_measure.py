@@ -17,7 +17,7 @@ import pytest
 from smart_tire.cli import measure
 from smart_tire.cli.main import new_parser
 from smart_tire.errors import ParameterError
-from smart_tire.papers.buckling_film import FILMS
+from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.papers.film_bench import identify_film, write_params
 from smart_tire.papers.film_files import read_columns, write_columns
 from support.film_bench import several_loops, write_recording

@@ -41,7 +41,8 @@ from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.nodes.wheel_controller import WheelController
-from smart_tire.papers.film_files import COLUMNS, read_params, read_recording
+from smart_tire.estimation.film.calibration import read_params
+from smart_tire.papers.film_files import COLUMNS, read_recording
 from smart_tire.parameters import load_node, NODE_PARAMS
 from smart_tire.paths import BAG_METADATA, port_url
 from smart_tire.protocol import roboclaw, vectornav, vectornav_ascii, xbee, xsens

@@ -26,7 +26,7 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.models import validation
-from smart_tire.papers import elastica, elastica_with_weight
+from smart_tire.models.film import elastica, elastica_with_weight
 from smart_tire.samples import GRAVITY
 
 # stroke over deflection / L: A(8b) needs half of the end displacement for each half of the film,

@@ -35,13 +35,14 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import lambertw
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import validation
 
 BAND_TOLERANCE = 1e-9  # relative to the band: rounding of a state on its border
+MAX_NEWTON_STEPS = 12  # of the inverse; seven suffice, see the tests
+STEP_TOLERANCE = 1e-9  # relative, of the input: the next Newton step would be its square
 
 Indices = npt.NDArray[np.intp]
 
@@ -202,10 +203,8 @@ def invert(y: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (0
     branches, z = monotone_branches(path, dead_band), _inside_band(params, *start)
     scale, band, numbers = params.alpha / params.a, params.band, branches.numbers
     corners, starts = path[np.concatenate([[0], branches.starts])], [z]
-    for rise, sign in zip(scale * np.abs(np.diff(corners)), branches.signs[:-1].tolist()):
-        reach = band + sign * z
-        z += sign * reach * math.expm1(-float(input_distance(rise, np.array(scale * reach))))
-        starts.append(z)
+    for rise in np.diff(corners):
+        starts.append(float(advanced(0.0, starts[-1], rise, params.alpha, params.a, params.b)[1]))
     signs, begin = branches.signs[numbers], np.array(starts)[numbers]
     reach = band + signs * begin
     x = input_distance(scale * np.abs(path[1:] - corners[numbers]), scale * reach)
@@ -224,6 +223,25 @@ def _inside_band(params: DuhemParams, u: float, y: float) -> float:
     return min(max(z, -band), band)
 
 
+def advanced(u: ArrayLike, z: ArrayLike, dy: ArrayLike, alpha: ArrayLike, a: ArrayLike,
+             b: ArrayLike) -> tuple[Array, Array]:
+    """
+    Return input and z after the output has changed by ``dy`` on one branch; arrays.
+
+    The state ``u``, ``z`` at its start must be inside the band; each has its own constants.
+
+    >>> start, one = np.zeros(1), np.ones(1)
+    >>> u, z = advanced(start, start, one, 0.15 * one, 0.54 * one, 0.28 * one)
+    >>> print(u.round(3), z.round(3))
+    [3.022] [-0.632]
+    """
+    u, z, dy, alpha, a, b = (np.asarray(value, dtype=float) for value in (u, z, dy, alpha, a, b))
+    signs, scale = np.sign(dy), alpha / a
+    reach = (a - b) / alpha + signs * z
+    x = input_distance(scale * np.abs(dy), scale * reach)
+    return u + signs * x / alpha, z + signs * reach * np.expm1(-x)
+
+
 def input_distance(r: Array, m: Array) -> Array:
     """
     Return the solution x >= 0 of ``x - m (1 - exp(-x)) = r`` for r >= 0 and 0 <= m <= 1; arrays.
@@ -234,11 +252,12 @@ def input_distance(r: Array, m: Array) -> Array:
     linear = 1.0 - m
     # lower bound: root of (1 - m) x + m x^2 / 2 = r, exact for small x
     with np.errstate(divide='ignore', invalid='ignore'):
-        bound = 2.0 * r / (linear + np.sqrt(linear * linear + 2.0 * m * r))
-        # scipy's W is NaN at -1 / e itself, where fmax selects the lower bound
-        x = np.fmax(bound, r + m + lambertw(-m * np.exp(-(r + m))).real)
-        # r + m + W cancels; two Newton steps on the equation itself restore the digits
-        for _ in range(2):
+        x = np.fmax(2.0 * r / (linear + np.sqrt(linear * linear + 2.0 * m * r)), r)
+        # convex: after the first step Newton's method converges from above
+        for _ in range(MAX_NEWTON_STEPS):
             decay = np.expm1(-x)
-            x = np.maximum(x - (x + m * decay - r) / (1.0 - m - m * decay), r)
+            step = (x + m * decay - r) / (linear - m * decay)
+            x = np.maximum(x - step, r)
+            if not (np.abs(step) > STEP_TOLERANCE * x).any():
+                break
     return np.where(r > 0.0, x, 0.0)

@@ -29,8 +29,8 @@ import numpy.typing as npt
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
-from smart_tire.papers import elastica
-from smart_tire.papers.elastica import EULER_LOAD
+from smart_tire.models.film import elastica
+from smart_tire.models.film.elastica import EULER_LOAD
 
 NODE_COUNT = 40
 BLOCK_SIZE = 256            # films that are solved together; limits the size of the matrices

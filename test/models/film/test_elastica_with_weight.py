@@ -17,8 +17,8 @@ from scipy.integrate import solve_bvp, trapezoid
 from scipy.optimize import minimize_scalar
 
 from smart_tire.errors import ParameterError
-from smart_tire.papers import elastica
-from smart_tire.papers.elastica_with_weight import GREEN, INTEGRAL_WEIGHTS, NODES, solve
+from smart_tire.models.film import elastica
+from smart_tire.models.film.elastica_with_weight import GREEN, INTEGRAL_WEIGHTS, NODES, solve
 
 
 def by_solve_bvp(stroke, weight):

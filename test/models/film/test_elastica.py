@@ -17,7 +17,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from smart_tire.errors import ParameterError
-from smart_tire.papers import elastica
+from smart_tire.models.film import elastica
 from support.derivatives import derivative
 
 STROKES = st.floats(0.0, 0.999)

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.papers import elastica
-from smart_tire.papers.buckling_film import BucklingFilm, FILMS, Material
+from smart_tire.models.film import elastica
+from smart_tire.models.film.buckling_film import BucklingFilm, FILMS, Material
 
 TABLE_I_FILM = FILMS['25x3']
 

@@ -18,7 +18,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from smart_tire.errors import ParameterError
-from smart_tire.papers.hysteresis import (
+from smart_tire.models.film.hysteresis import (
     DuhemParams, input_distance, invert, monotone_branches, respond, series, TABLE_I, TABLE_I_GAIN)
 
 NC = 1e-9  # C

@@ -1,0 +1,242 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+"""
+Live inverse of the Duhem operator with its standard deviation, branch by branch.
+
+Between two turning points the inverse is exact, so the state is needed at turning points only. It
+is a divided-difference filter (Noergaard, Poulsen and Ravn 2000): the nominal state and a pair of
+members for each column of a root of its covariance follow the same branch, each with its own
+operator, amplifier and pyroelectric coefficient. Their distances are the standard deviation, also
+where a small error of the charge is a large one of the input, after a reversal. What is unknown in
+addition (noise, motion in a gap, lost charge) is a further column.
+
+A reversal is confirmed when the charge has come back by ``DEAD_BAND`` standard deviations. Before,
+the two explanations, noise and reversal, are averaged by their probabilities, and their distance is
+part of the variance. The extreme of n samples with noise is beyond the true turning point by the
+expected maximum of n normal variables, which is subtracted.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+import math
+from statistics import NormalDist
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.models.film.hysteresis import advanced, DuhemParams
+
+# value, unit, meaning; origin
+DEAD_BAND = 10.0   # sigmas; derived: white noise of 1e5 samples spans 9
+TURNING_NOISE = 0.7  # of that of a sample: extreme of several samples; assumed, derived 0.5 to 1
+REVERSAL_SIGMAS = 2.0  # behind the extreme, from which a branch that ends was a reversal; assumed
+MAX_DWELL = 1e5    # samples at a turning point, as for DEAD_BAND
+STEP = 3.0**0.5    # sigmas of a member; derived: fourth moment of a normal variable
+MIN_LOOP = 1e-3    # of 1 - b / a of a member; assumed
+MIN_SHARE = 1e-2   # of alpha and a of a member over the nominal ones; assumed
+NORMAL = NormalDist()
+
+
+COLUMNS = 10       # of the root: one per row of the state, and the noise
+NOISE = np.zeros(1 + 2 * COLUMNS)  # of the members, in STEP sigmas
+NOISE[[COLUMNS, 2 * COLUMNS]] = 1.0, -1.0
+
+
+class State(IntEnum):
+    """Rows of the state at a turning point."""
+
+    ALPHA = 0   # 1/input
+    A = 1       # C/input
+    B = 2       # C/input
+    CORNER = 3  # Hz, of the charge amplifier
+    DRIFT = 4   # C/s
+    PYRO = 5    # C/K
+    INPUT = 6   # of the operator, zero for the flat film
+    Z = 7       # C, charge minus A times input
+    CHARGE = 8  # C, since the zero of the sensor
+
+
+class Signal(IntEnum):
+    """What is measured at an instant, since the zero of the sensor."""
+
+    CHARGE = 0       # C, output of the amplifier
+    INTEGRAL = 1     # C s, of the output
+    TIME = 2         # s
+    TEMPERATURE = 3  # K
+
+
+class BranchFilter:
+    """
+    State of a film at its latest turning point, and its input after it.
+
+    ``covariance`` (9, 9) is that of the ``state`` (9,), ``noise`` [C] the standard deviation of a
+    charge. Raises ParameterError for an operator without an inverse.
+    """
+
+    def __init__(self, state: Array, covariance: Array, noise: float) -> None:
+        DuhemParams(alpha=state[State.ALPHA], a=state[State.A], b=state[State.B])
+        self.turnings = 0
+        self.noise = noise
+        # relative units: the rows differ by many orders of magnitude
+        units = np.sqrt(np.diag(covariance))
+        units[units == 0.0] = 1.0
+        variances, axes = np.linalg.eigh(covariance / np.outer(units, units))
+        self._set(state, units[:, None] * axes * np.sqrt(np.maximum(variances, 0.0)))
+        self._restart_branch(np.zeros(len(Signal)), 0.0)
+
+    @property
+    def nominal(self) -> Array:
+        """Return the state (9,) at the latest turning point."""
+        nominal: Array = self._members[:, 0]
+        return nominal
+
+    def _set(self, nominal: Array, root: Array) -> None:
+        """Replace state and root (9, n) of its covariance, reduced to nine columns."""
+        self._root = np.linalg.qr(root.T, mode='r').T
+        steps = STEP * np.column_stack([self._root, np.zeros(len(State))])
+        members = nominal[:, None] + np.column_stack([np.zeros(len(State)), steps, -steps])
+        alpha, a, b = members[:3]
+        np.maximum(alpha, MIN_SHARE * alpha[0], out=alpha)
+        np.maximum(a, MIN_SHARE * a[0], out=a)
+        np.clip(b, 0.5 * a, (1.0 - MIN_LOOP) * a, out=b)
+        self._band = (a - b) / alpha
+        np.clip(members[State.Z], -self._band, self._band, out=members[State.Z])
+        self._members = members
+
+    def _restart_branch(self, signal: Array, sign: float) -> None:
+        self._sign, self._extreme, self._dwell, self._missed = sign, signal, 1.0, 0.0
+
+    def _charges(self, signal: Array) -> Array:
+        """Return the charge [C] of the film (members,) since the zero of the sensor."""
+        members = self._members
+        found: Array = (
+            signal[Signal.CHARGE]
+            + 2.0 * math.pi * members[State.CORNER] * signal[Signal.INTEGRAL]
+            - members[State.DRIFT] * signal[Signal.TIME]
+            - members[State.PYRO] * signal[Signal.TEMPERATURE])
+        return found
+
+    def _advanced(self, charge: Array) -> tuple[Array, Array]:
+        """Return input and z (members,) at ``charge`` on the branch from the turning point."""
+        inputs, z, start = self._members[State.INPUT:]
+        return advanced(inputs, z, charge - start, *self._members[:3])
+
+    def add_signal(self, signal: Array, charge_sigma: float, missed: float = 0.0
+                   ) -> tuple[float, float]:
+        """
+        Return the input at ``signal`` and its standard deviation; follow reversals.
+
+        ``charge_sigma`` [C] is that of errors of the charge in addition to the noise, ``missed``
+        [C] that of a turning point between this signal and the one before.
+        """
+        charge = self._charges(signal)
+        if self._sign:
+            self._follow(signal, float(charge[0]), missed)
+            charge = self._charges(signal)  # members of a new branch
+        elif abs(step := charge[0] - self.nominal[State.CHARGE]) > DEAD_BAND * self.noise:
+            self._restart_branch(signal, math.copysign(1.0, step))
+        return self._estimate(charge, STEP * math.hypot(self.noise, charge_sigma))
+
+    def _follow(self, signal: Array, charge: float, missed: float) -> None:
+        """Move the extreme of the branch, or turn there."""
+        band = DEAD_BAND * self.noise
+        advance = self._sign * (charge - float(self._charges(self._extreme)[0]))
+        if advance >= 0.0:
+            self._dwell = min(self._dwell * max(1.0 - advance / band, 0.0) + 1.0, MAX_DWELL)
+            self._extreme, self._missed = signal, missed
+        elif advance < -band:
+            sign = -self._sign
+            self._turn()
+            self._restart_branch(signal, sign)
+        else:
+            if self._dwell < 2.0:  # the first sample after the extreme
+                self._missed = max(self._missed, missed)
+            self._dwell = min(self._dwell + 1.0, MAX_DWELL)
+
+    def _turning_charge(self) -> Array:
+        """Return the charge (members,) at the extreme without the bias of a maximum."""
+        bias = NORMAL.inv_cdf((self._dwell - 0.375) / (self._dwell + 0.25))  # Blom 1958
+        charge: Array = self._charges(self._extreme) - self._sign * bias * self.noise
+        return charge
+
+    def _turn(self) -> None:
+        """Make the extreme of the branch the new turning point."""
+        self.turnings += 1
+        self._move_to(self._turning_charge(),
+                      math.hypot(TURNING_NOISE * self.noise, self._missed))
+
+    def stop_at(self, signal: Array, *, charge_sigma: float = 0.0, mixing: float = 0.0,
+                zero: bool = False) -> None:
+        """
+        Begin a branch of unknown direction at ``signal``, after the present one.
+
+        ``charge_sigma`` [C] is lost charge, ``mixing`` the share of the hysteresis that unseen
+        motion has replaced. With ``zero`` the film is flat.
+        """
+        behind = float((self._turning_charge() - self._charges(signal))[0]) * self._sign
+        if behind > REVERSAL_SIGMAS * self.noise:
+            self._turn()
+        self._move_to(self._charges(signal), math.hypot(self.noise, charge_sigma))
+        nominal, root = self.nominal.copy(), self._root
+        if mixing:
+            column = np.zeros(len(State))
+            column[State.Z] = math.sqrt(mixing / 3.0) * self._band[0]
+            root = np.column_stack([root, column])
+            for rows in (nominal, root):
+                rows[State.INPUT] += mixing * rows[State.Z] / nominal[State.A]
+                rows[State.Z] *= 1.0 - mixing
+            root[State.Z, -1] = column[State.Z]
+            root[State.INPUT, -1] = -column[State.Z] / nominal[State.A]
+        if zero:
+            nominal[State.INPUT], root[State.INPUT] = 0.0, 0.0
+        self._set(nominal, root)
+        self._restart_branch(signal, 0.0)
+
+    def _move_to(self, charge: Array, sigma: float) -> None:
+        """Move the state along the branch to ``charge`` (members,), known to ``sigma`` [C]."""
+        charge = charge + STEP * sigma * NOISE
+        members = self._members.copy()
+        members[State.INPUT], members[State.Z] = self._advanced(charge)
+        members[State.CHARGE] = charge
+        mean, root = _moments(members)
+        self._set(mean, root)
+
+    def _estimate(self, charge: Array, error: float) -> tuple[float, float]:
+        """Return the input at ``charge`` (members,) with ``error`` [C], and its sigma."""
+        charge = charge + error * NOISE
+        inputs, z, turning = self._members[State.INPUT:]
+        if self._sign:
+            same, turning = self._advanced(charge)[0], self._turning_charge()
+            behind = np.maximum(self._sign * (turning - charge), 0.0)
+        else:
+            same, behind = inputs, np.abs(charge - turning)
+            # the noise where it means the most motion, of what z may be
+            z = np.clip(z + STEP * float(np.linalg.norm(self._root[State.Z])) * NOISE,
+                        -self._band, self._band)
+        found, ambiguity = same, 0.0
+        if behind.any():
+            reversal = -np.expm1(-0.5 * (behind / self.noise)**2)  # probability of each member
+            if self._sign:
+                inputs, z = self._advanced(turning)
+            turned = advanced(inputs, z, charge - turning, *self._members[:3])[0]
+            found = reversal * turned + (1.0 - reversal) * same
+            ambiguity = float(reversal[0] * (1.0 - reversal[0]) * (turned[0] - same[0])**2)
+        mean, root = _moments(found)
+        return float(mean), math.sqrt(float(np.sum(root**2)) + ambiguity)
+
+
+def _moments(values: Array) -> tuple[Array, Array]:
+    """Return mean (...) and root (..., 2 n) of the covariance of members (..., 2 n + 1)."""
+    center = values[..., :1]
+    up, down = values[..., 1:COLUMNS + 1], values[..., COLUMNS + 1:]
+    bend = up + down - 2.0 * center
+    mean = center[..., 0] + bend.sum(axis=-1) / 6.0
+    return mean, np.concatenate([(up - down) / (2.0 * STEP), bend * 2.0**0.5 / 6.0], axis=-1)

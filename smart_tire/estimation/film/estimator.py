@@ -1,0 +1,279 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""
+Film estimator: charge and temperature of a film to its deflection, with standard deviation.
+
+It starts with a zero: the flat film at rest, whose charge is averaged. ``zero`` does it again at any
+time. After some strokes it is worth much more than the first one, since the hysteresis has then
+forgotten its unknown beginning.
+
+Charge that heat produces (pyroelectricity) is subtracted, with the temperature that is received.
+Without it the temperature moves away at ``temperature_rate``, correlated over ``RATE_TIME``. All
+inputs pass one reorder buffer, so live, replayed and recorded data give identical results.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+import math
+from pathlib import Path
+
+import numpy as np
+
+from smart_tire.arrays import Array
+from smart_tire.errors import ParameterError
+from smart_tire.estimation.film.branch_filter import (
+    BranchFilter, DEAD_BAND, Signal, State)
+from smart_tire.estimation.film.calibration import FilmParams, read_params
+from smart_tire.estimation.reorder_buffer import ReorderBuffer
+from smart_tire.estimation.streams import FILM
+from smart_tire.models.film import elastica
+from smart_tire.numerics.robust import noise_level
+from smart_tire.parameters.film import FilmSensorParams
+from smart_tire.samples import FilmCharge, FilmDeflection, FilmTemperature, NS_PER_S
+from smart_tire.uncertain import Uncertain, UNKNOWN
+
+# value, unit, meaning; origin
+RATE_TIME = 60.0        # s, in which the rate of an unknown temperature changes; assumed
+AVERAGED_SHARE = 1 / 16  # of the shortest period of the motion; derived: 0.6 % of an amplitude
+MIN_ZERO_SAMPLES = 20   # of a zero; assumed
+MAX_REST_NOISE = 3.0    # standard deviation of a film at rest, of the white noise; assumed
+MAX_REST_STEP = 5.0     # sigmas between the means of the two halves of a rest; assumed
+LEAST_NOISE_SHARE = 0.1  # of the calibrated noise, if the converter shows less; assumed
+LONG_PERIOD = 1.5       # periods, beyond which a sample was lost; derived
+TENSION_SIGMAS = 4.0    # beyond flat: the film is under tension, not buckled; as in measurements
+STROKES = np.linspace(0.0, 0.999, 2000)  # of the table of charges; interpolation error below 1e-6
+
+
+class FilmEstimator:
+    """Deflection of one film; ``update`` takes the samples of ``FILM.inputs``."""
+
+    def __init__(self, params: FilmSensorParams, film: FilmParams | None = None) -> None:
+        if film is None:
+            if not params.calibration_file:
+                raise ParameterError('calibration_file must be given: "smart_tire identify film" '
+                                     'writes it')
+            film = read_params(Path(params.calibration_file))
+        self._params, self._film = params, film
+        self._pyro = (0.0 if film.film is None else
+                      params.pyroelectric_coefficient * film.film.length * film.film.width)
+        # limit of a gap in which a reversal of the motion is possible
+        self._max_gap = 0.5 / params.bandwidth
+        charges = elastica.charge(STROKES)
+        self._table = -charges, STROKES, -elastica.charge_slope(STROKES)
+        self._buffer = ReorderBuffer(round(params.reorder_window * NS_PER_S))
+        self.zeros = self.gaps = self.saturated = self.discharged = self.restarts = 0
+        self._start()
+
+    def _start(self) -> None:
+        self.state = 'zeroing: the flat film must be at rest'
+        self._filter: BranchFilter | None = None
+        self._rest: deque[tuple[int, float]] = deque()
+        self._window: deque[Array] = deque()
+        self._temperature: FilmTemperature | None = None
+        self._last: FilmCharge | None = None  # valid
+        self._saturated = self._discharged = self._beyond = False
+        self._speed = 0.0  # C/s, largest of the charge
+        self._averaged_before: Array | None = None
+
+    @property
+    def late(self) -> Counter[str]:
+        """Return the samples per topic that arrived after their grid instant had closed."""
+        return self._buffer.late
+
+    def update(self, sample: FilmCharge | FilmTemperature) -> list[FilmDeflection]:
+        """Add a sample of one of the inputs; return the estimates that it completes."""
+        closed = self._buffer.push(FILM.inputs[type(sample)], sample.stamp_ns, sample)
+        if self._buffer.resets > self.restarts:
+            self.restarts = self._buffer.resets
+            self._start()
+        return [estimate for _, samples in closed for item in samples
+                for estimate in self._add(item)]
+
+    def finish(self) -> list[FilmDeflection]:
+        """Return the last estimates, at the end of all inputs."""
+        return [estimate for _, samples in self._buffer.finish() for item in samples
+                for estimate in self._add(item)]
+
+    def _add(self, sample: FilmCharge | FilmTemperature) -> list[FilmDeflection]:
+        if isinstance(sample, FilmTemperature):
+            self._temperature = sample
+            return []
+        if sample.saturated or sample.discharged:
+            self.saturated += sample.saturated
+            self.discharged += sample.discharged
+            self._saturated |= sample.saturated
+            self._discharged |= sample.discharged
+            self._rest.clear()
+            return [FilmDeflection(sample.stamp_ns, UNKNOWN)]
+        if self._last is not None and sample.stamp_ns <= self._last.stamp_ns:
+            return []
+        if self._filter is None:
+            self._find_zero(sample)
+            return [FilmDeflection(sample.stamp_ns, UNKNOWN)]
+        return self._measure(sample)
+
+    def zero(self) -> bool:
+        """Take the film as flat now; return whether it is measured at present."""
+        if self._filter is None or not self._window or self._saturated or self._discharged:
+            return False
+        self._filter.stop_at(self._averaged(), zero=True)
+        self._beyond = False
+        self.zeros += 1
+        return True
+
+    def _find_zero(self, sample: FilmCharge) -> None:
+        """Begin with the latest ``zero_time`` if the film was at rest."""
+        self._saturated = self._discharged = False
+        self._last = sample
+        rest = self._rest
+        rest.append((sample.stamp_ns, sample.charge))
+        if (sample.stamp_ns - rest[0][0]) / NS_PER_S < self._params.zero_time:
+            return
+        stamps, charges = (np.array(values) for values in zip(*rest))
+        rest.popleft()
+        noise, half = float(np.std(charges, ddof=1)), charges.size // 2
+        least = LEAST_NOISE_SHARE * self._film.noise
+        step = abs(float(charges[half:].mean() - charges[:half].mean()))
+        if (charges.size < MIN_ZERO_SAMPLES
+                or noise > MAX_REST_NOISE * max(noise_level(charges), self._film.noise)
+                or step > MAX_REST_STEP * 2.0 * max(noise, least) / math.sqrt(charges.size)):
+            return
+        self._begin(sample, float(charges.mean()), max(noise, least),
+                    float(np.median(np.diff(stamps))) / NS_PER_S)
+
+    def _begin(self, sample: FilmCharge, zero: float, noise: float, period: float) -> None:
+        film, params = self._film, self._params
+        self._level, self._period = zero, period
+        self._count = max(1, round(AVERAGED_SHARE / params.bandwidth / period))
+        state, covariance = np.zeros(len(State)), np.zeros((len(State),) * 2)
+        state[:State.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
+                               film.drift, self._pyro)
+        covariance[:5, :5] = film.covariance
+        covariance[State.PYRO, State.PYRO] = (params.pyroelectric_tolerance * self._pyro)**2
+        if not params.fresh:  # uniform over the band that attracts all states
+            covariance[State.Z, State.Z] = film.operator.band**2 / 3.0
+        self._filter = BranchFilter(state, covariance, noise / math.sqrt(self._count))
+        self._zero_ns, self._shift = sample.stamp_ns, 0.0
+        self._signal = np.zeros(len(Signal))
+        self._zero_temperature = self._temperature.value if self._temperature else math.nan
+        self._heat_variance = 0.0  # K2, of the change until the first temperature
+        self.state = 'measuring'
+        self.zeros += 1
+
+    def _measure(self, sample: FilmCharge) -> list[FilmDeflection]:
+        assert self._last is not None and self._filter is not None
+        gap = (sample.stamp_ns - self._last.stamp_ns) / NS_PER_S
+        before, self._signal = self._signal, self._next_signal(sample, gap)
+        if self._discharged or self._saturated or gap > self._max_gap:
+            self._pass_gap(before, gap)
+        self._last = sample
+        self._window.append(self._signal)
+        if len(self._window) < self._count:
+            return []
+        signal = self._averaged()
+        self._window.popleft()
+        missed = self._speed * gap / 8.0 if gap > LONG_PERIOD * self._period else 0.0
+        estimate = self._filter.add_signal(signal, self._charge_sigma(signal), missed)
+        self._learn_speed(signal)
+        return [FilmDeflection(self._zero_ns + round(float(signal[Signal.TIME]) * NS_PER_S),
+                               self._deflection(*estimate))]
+
+    def _averaged(self) -> Array:
+        mean: Array = np.mean(self._window, axis=0)
+        return mean
+
+    def _next_signal(self, sample: FilmCharge, gap: float) -> Array:
+        """Return the signal at a valid sample, ``gap`` [s] after the one before."""
+        assert self._last is not None
+        signal = self._signal.copy()
+        output, last = (item.charge - self._level for item in (sample, self._last))
+        signal[Signal.TIME] += gap
+        if self._discharged:
+            self._shift = output - signal[Signal.CHARGE]
+        else:
+            signal[Signal.INTEGRAL] += 0.5 * (output + last) * gap
+        signal[Signal.CHARGE] = output - self._shift
+        if self._temperature is not None:
+            if math.isnan(self._zero_temperature):
+                self._zero_temperature = self._temperature.value
+                self._heat_variance = self._temperature_variance(signal[Signal.TIME])
+            signal[Signal.TEMPERATURE] = self._temperature.value - self._zero_temperature
+        return signal
+
+    def _pass_gap(self, before: Array, gap: float) -> None:
+        """Continue after ``gap`` [s] without samples, with what may have happened in it."""
+        assert self._filter is not None
+        self.gaps += 1
+        alpha, _, b = self._filter.nominal[:3]
+        moved = min(self._speed * gap, self._film.max_charge)
+        lost = moved / 3.0**0.5 if self._discharged else (
+            2.0 * math.pi * self._film.low_corner * gap * moved / 12.0**0.5)
+        path = self._speed / b * max(gap - self._max_gap, 0.0)
+        self._filter.stop_at(before, mixing=-math.expm1(-alpha * path), charge_sigma=math.hypot(
+            lost, self._filter.noise * math.sqrt(self._count)))
+        self._window.clear()
+        self._saturated = self._discharged = False
+        self._averaged_before = None
+
+    def _learn_speed(self, signal: Array) -> None:
+        """Keep the largest speed [C/s] of the charge, beyond noise."""
+        assert self._filter is not None
+        if self._averaged_before is not None:
+            step, time = (signal - self._averaged_before)[[Signal.CHARGE, Signal.TIME]]
+            self._speed = max(
+                self._speed, (abs(step) - DEAD_BAND * self._filter.noise) / time)
+        self._averaged_before = signal
+
+    def _temperature_variance(self, age: float) -> float:
+        """Return the variance [K2] of the change of an unknown temperature in ``age`` [s]."""
+        return 2.0 * self._params.temperature_rate**2 * RATE_TIME * (
+            age + RATE_TIME * math.expm1(-age / RATE_TIME))
+
+    def _charge_sigma(self, signal: Array) -> float:
+        """Return the standard deviation [C] of the model and of the heat."""
+        temperature, variance = self._temperature, self._heat_variance
+        age = float(signal[Signal.TIME])
+        if temperature is not None:
+            sigma = temperature.sigma or self._params.temperature_sigma
+            variance += 2.0 * sigma**2  # now and at the zero
+            age = max(age - (temperature.stamp_ns - self._zero_ns) / NS_PER_S, 0.0)
+        variance += self._temperature_variance(age)
+        return math.hypot(self._film.model_error, self._pyro * math.sqrt(variance))
+
+    def _deflection(self, value: float, sigma: float) -> Uncertain:
+        """Return deflection [m] or, without geometry, the input of the operator."""
+        film = self._film.film
+        self._beyond |= abs(value) > self._film.max_input
+        if self._beyond:
+            self.state = 'beyond the calibrated range, until the next zero'
+            return UNKNOWN
+        self.state = 'measuring'
+        if film is None:
+            return Uncertain(value, sigma)
+        if value > TENSION_SIGMAS * sigma or value <= -self._table[0][-1]:
+            self.state = 'under tension, or the zero is wrong'
+            return UNKNOWN
+        charges, strokes, slopes = self._table
+        per_stroke = float(film.deflection(0.5)) / 0.5
+        sigma *= per_stroke / float(np.interp(-value, charges, slopes))
+        if sigma > film.length / 12.0**0.5:  # not better than any deflection
+            return UNKNOWN
+        return Uncertain(per_stroke * float(np.interp(-value, charges, strokes)), sigma)
+
+    def status(self) -> dict[str, str | int | float]:
+        """Return the values for diagnostics."""
+        return {'state': self.state, 'zeros': self.zeros, 'gaps': self.gaps,
+                'saturated': self.saturated, 'discharged': self.discharged,
+                'clock_resets': self.restarts,
+                'turning_points': self._filter.turnings if self._filter else 0,
+                'noise': self._filter.noise if self._filter else math.nan,
+                'temperature': self._temperature.value if self._temperature else math.nan}
