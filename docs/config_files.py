@@ -35,6 +35,7 @@ TITLES = {
     'hardware.yaml': 'Drivers: ports and devices.',
     'tuning.yaml': 'Estimators and controllers.',
     'mapping.yaml': 'Friction map of the present drive.',
+    'film.yaml': 'Buckling film as a sensor, and its simulation.',
     'overhead.yaml': 'Camera above the floor: its place, the tags on the robot.',
     'simulation.yaml': 'Simulated robot and ground; the geometry of the robot is in robot.yaml.',
 }

@@ -37,7 +37,7 @@ MARKER = '<!-- fields -->'
 GROUPS = {  # marker in the document -> topics of its table
     'measurements': [name for name, topic in TOPICS.items() if topic.quality == 'sensor'],
     'estimates': ['odom', '/tf', '/tf_static', 'wheel_slip', 'icr', 'ground_state',
-                  'tire_friction', 'friction_map'],
+                  'tire_friction', 'friction_map', 'film_deflection'],
     'commands': ['path', 'goal_pose', 'path_progress', 'cmd_vel', 'wheel_commands',
                  'motor_commands', 'emergency_stop_active', 'motors_enabled', '/diagnostics'],
     'camera': ['overhead_camera/image_raw', 'overhead_camera/image_raw/compressed',

@@ -48,8 +48,11 @@ ENDED = (0, 2)  # exit status: interrupted, wrong arguments or parameters; not s
 STOP = {'start_stopped': True}  # parameter with which motor_driver starts again
 SEPARATE = ('motor_driver', 'wheel_controller')  # processes of their own, for safety
 CAMERA = ('overhead_camera_simulator', 'overhead_localizer')
-MAPPER = 'friction_mapper'  # not always wanted
-TEST_STAND = ('robot_simulator', *CAMERA)  # no nodes of a robot
+MAPPER = 'friction_mapper'
+FILM = ('film_driver', 'film_sensor')
+OPTIONAL = (MAPPER, *FILM)  # not always wanted
+FILM_SIMULATOR = 'film_simulator'
+TEST_STAND = ('robot_simulator', *CAMERA, FILM_SIMULATOR)  # no nodes of a robot
 
 Converter = Callable[[str], Any]  # of a launch argument; raises ValueError if it is invalid
 

@@ -38,7 +38,8 @@ from smart_tire.cli._stack import PORTS
 from smart_tire.cli.policy import policy
 from smart_tire.errors import ParameterError
 from smart_tire.launching import (
-    CAMERA, check_arguments, hold_interrupts, MAPPER, SEPARATE, TEST_STAND, view_of)
+    CAMERA, check_arguments, FILM, FILM_SIMULATOR, hold_interrupts, MAPPER, OPTIONAL, SEPARATE,
+    TEST_STAND, view_of)
 from smart_tire.nodes.command_line import COMPOSED_NODES
 from smart_tire.parameters import build, load_node, NODE_PARAMS, RobotParams, specs
 from smart_tire.parameters.urdf_writer import urdf_text
@@ -171,7 +172,8 @@ def test_default_files_exist(path, described):
 def test_each_node_gets_the_robot_file_and_its_own(path, described):
     own = {'slip_estimator': 'tuning', 'friction_estimator': 'tuning',
            'wheel_controller': 'tuning', 'trajectory_controller': 'tuning',
-           MAPPER: 'mapping', **dict.fromkeys(TEST_STAND, 'simulation')}
+           MAPPER: 'mapping', **dict.fromkeys(TEST_STAND, 'simulation'),
+           **dict.fromkeys((*FILM, FILM_SIMULATOR), 'film')}
     nodes = [node for node in of_kind(described(path), 'Node')
              if node.options['executable'] != 'smart_tire']
     for node in nodes:
@@ -181,7 +183,7 @@ def test_each_node_gets_the_robot_file_and_its_own(path, described):
 
 def test_the_robot_consists_of_all_nodes_except_the_simulator(described):
     found = described(LAUNCH / 'robot.launch.py')
-    assert sorted(executables(found)) == sorted(NODE_PARAMS.keys() - {*TEST_STAND, MAPPER})
+    assert sorted(executables(found)) == sorted(NODE_PARAMS.keys() - {*TEST_STAND, *OPTIONAL})
 
 
 def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
@@ -218,7 +220,7 @@ def test_a_composed_robot_has_two_nodes_in_processes_of_their_own(simulated, des
     installed('robot_state_publisher')
     found = described(LAUNCH / 'robot.launch.py', composed='true', simulated=simulated)
     assert sorted(executables(found)) == ['composed', 'motor_driver', 'wheel_controller']
-    assert {*SEPARATE, *COMPOSED_NODES} == NODE_PARAMS.keys() - {*TEST_STAND, MAPPER}
+    assert {*SEPARATE, *COMPOSED_NODES} == NODE_PARAMS.keys() - {*TEST_STAND, *OPTIONAL}
     port = [{'port': 'simulated'}] if simulated == 'true' else []
     own = {node.options['executable']: [part for part in node.options['parameters']
                                         if isinstance(part, dict)]
@@ -237,7 +239,7 @@ def test_drivers_and_controllers_are_left_out_if_they_are_not_wanted(
     nodes = list(started(LAUNCH / 'robot.launch.py', f'composed:={composed}', *words))
     running = [name for node in nodes
                for name in node.options['arguments'] or [node.options['executable']]]
-    assert sorted(running) == sorted(NODE_PARAMS.keys() - {*TEST_STAND, MAPPER} - missing)
+    assert sorted(running) == sorted(NODE_PARAMS.keys() - {*TEST_STAND, *OPTIONAL} - missing)
     assert all((node.options['executable'] == 'composed') == bool(node.options['arguments'])
                for node in nodes)
 

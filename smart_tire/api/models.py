@@ -20,13 +20,13 @@ import numpy as np
 from smart_tire.api.params import Params
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
+from smart_tire.estimation.film.calibration import FilmParams, read_params
 from smart_tire.models import validation
+from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
+from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.models.tire import brush_tire
 from smart_tire.models.tire.tread_film import crossing_voltage, RELEASES
-from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
-from smart_tire.estimation.film.calibration import FilmParams, read_params
 from smart_tire.papers.film_measurement import FilmMeasurement, measure
-from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.samples import WHEELS
 
 __all__ = ['BrushTire', 'BucklingFilm', 'FilmMeasurement', 'FilmParams', 'FilmSensor', 'TreadFilm']

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from smart_tire.drivers.clock_sync import ArrivalTimestamps, ClockSync
 from smart_tire.errors import FrameError
-from smart_tire.protocol import vectornav, vectornav_ascii, xsens
+from smart_tire.protocol import film_charge, vectornav, vectornav_ascii, xsens
 from smart_tire.protocol.deframer import Deframer
 
 Item = TypeVar('Item')
@@ -45,6 +45,8 @@ IMU_PROTOCOLS = {
         xsens.XsensDeframer, xsens.decode_imu, xsens.SAMPLE_TIME_WRAP_NS,
         'x forward, y left, z up on the device: unchanged'),
 }
+FILM_CHARGE = Protocol(
+    film_charge.FilmDeframer, film_charge.decode_charge, film_charge.TIMER_WRAP_NS)
 
 
 class FrameReceiver:

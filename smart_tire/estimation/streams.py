@@ -21,7 +21,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from smart_tire.samples import (
-    FilmCharge, FilmDeflection, FilmTemperature, Friction, GroundState, Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
+    FilmCharge, FilmDeflection, FilmTemperature, Friction, GroundState, Icr, ImuSample, Odometry,
+    TireSample, WheelSample, WheelSlip)
 
 Topics = Mapping[type[Any], str]  # class of the samples -> topic
 GROUND_STATE_PERIOD_NS = 500_000_000  # of message time: at multiples of it

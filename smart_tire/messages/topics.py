@@ -17,6 +17,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from smart_tire.messages.film import (
+    charge_from_msg, charge_to_msg, deflection_from_msg, deflection_to_msg, FRAME,
+    temperature_from_msg, temperature_to_msg)
 from smart_tire.messages.grid import grid_from_msg, grid_to_msg
 from smart_tire.messages.joint_state import (
     friction_from_msg, friction_to_msg, ground_state_from_msg, ground_state_to_msg,
@@ -31,9 +34,9 @@ from smart_tire.messages.path import (
 from smart_tire.messages.typed import (
     BATCH, BATCH_RATE, FORMS, samples_from_msg, samples_to_msg, SUFFIX)
 from smart_tire.samples import (
-    BatterySample, Friction, FrictionGrid, GoalPose, GroundState, Icr, ImuSample, MotorCommand,
-    Odometry, PathProgress, PlannedPath, Sample, TireSample, TireSamples, VelocityCommand,
-    WheelCommand, WheelSample, WheelSlip)
+    BatterySample, FilmCharge, FilmDeflection, FilmTemperature, Friction, FrictionGrid, GoalPose,
+    GroundState, Icr, ImuSample, MotorCommand, Odometry, PathProgress, PlannedPath, Sample,
+    TireSample, TireSamples, VelocityCommand, WheelCommand, WheelSample, WheelSlip)
 
 SampleClass = type[Any]
 
@@ -71,6 +74,10 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
     Topic('tire_samples', JOINTS, TireSample, tire_from_msg, tire_to_msg, 400.0, '', 'sensor'),
     Topic('tire_battery', 'sensor_msgs/msg/BatteryState', BatterySample,
           battery_from_msg, battery_to_msg, 1.0, '', 'sensor'),
+    Topic('film_charge', JOINTS, FilmCharge, charge_from_msg, charge_to_msg,
+          500.0, FRAME, 'sensor'),
+    Topic('film_temperature', 'sensor_msgs/msg/Temperature', FilmTemperature,
+          temperature_from_msg, temperature_to_msg, 1.0, FRAME, 'sensor'),
     Topic('odom', ODOMETRY, Odometry, odometry_from_msg, odometry_to_msg,
           125.0, 'odom', 'estimate'),
     Topic('wheel_slip', JOINTS, WheelSlip, wheel_slip_from_msg, wheel_slip_to_msg,
@@ -81,6 +88,8 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
           2.0, 'base_link', 'estimate'),
     Topic('tire_friction', JOINTS, Friction, friction_from_msg, friction_to_msg,
           2.0, '', 'estimate'),
+    Topic('film_deflection', JOINTS, FilmDeflection, deflection_from_msg, deflection_to_msg,
+          500.0, FRAME, 'estimate'),
     Topic('friction_map', 'nav_msgs/msg/OccupancyGrid', FrictionGrid, grid_from_msg, grid_to_msg,
           0.0, 'odom', 'estimate'),
     Topic('path', 'nav_msgs/msg/Path', PlannedPath, path_from_msg, path_to_msg,
@@ -102,6 +111,9 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in (
         100.0, 'base_link', 'truth'),
     Topic('ground_truth/tire_friction', JOINTS, Friction, partial(
         friction_from_msg, topic='ground_truth/tire_friction'), friction_to_msg, 2.0, '', 'truth'),
+    Topic('ground_truth/film_deflection', JOINTS, FilmDeflection, partial(
+        deflection_from_msg, topic='ground_truth/film_deflection'), deflection_to_msg,
+        100.0, FRAME, 'truth'),
     Topic('overhead/odom', ODOMETRY, Odometry, partial(
         odometry_from_msg, topic='overhead/odom'), partial(odometry_to_msg, frame='map'),
         30.0, 'map', 'truth'),

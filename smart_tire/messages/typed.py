@@ -30,8 +30,8 @@ from smart_tire.messages.header import (
 from smart_tire.messages.joint_state import film_indices, film_names
 from smart_tire.messages.path import PROGRESS_NAMES
 from smart_tire.samples import (
-    Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GROUND_NUMBERS, GroundState, MAX_FILM_VOLTAGE,
-    NS_PER_S, PathProgress, TireSamples, WHEELS, WheelSlip)
+    FilmDeflection, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GROUND_NUMBERS, GroundState,
+    MAX_FILM_VOLTAGE, NS_PER_S, PathProgress, TireSamples, WHEELS, WheelSlip)
 
 PACKAGE = 'smart_tire_msgs'
 SUFFIX = '/typed'  # of the topics
@@ -86,6 +86,7 @@ FORMS: dict[type[Any], Form] = {
         'name': NAMES, 'ratio': NUMBERS, 'sigma': NUMBERS, 'slip_velocity': NUMBERS},
         {'ratio': 'position', 'sigma': 'effort', 'slip_velocity': 'velocity'}),
     Friction: Form(f'{PACKAGE}/msg/TireFriction', dict.fromkeys(FRICTION_QUANTITIES, ESTIMATE)),
+    FilmDeflection: Form(f'{PACKAGE}/msg/FilmDeflection', {'deflection': ESTIMATE}),
     GroundState: Form(f'{PACKAGE}/msg/GroundState', {
         **dict.fromkeys(GROUND_ESTIMATES, ESTIMATE), **dict.fromkeys(GROUND_NUMBERS, NUMBER)}),
     PathProgress: Form(

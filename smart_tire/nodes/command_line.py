@@ -17,7 +17,7 @@ from pathlib import Path
 import sys
 
 import smart_tire
-from smart_tire.launching import MAPPER, SEPARATE, TEST_STAND
+from smart_tire.launching import OPTIONAL, SEPARATE, TEST_STAND
 from smart_tire.messages.describe import (
     columns, describe, DIAGNOSTICS, NODE_TABLE, NodeEntry, paragraph, plain, topic_lines)
 from smart_tire.parameters import FILES, NODE_PARAMS, RobotParams, Spec, specs
@@ -28,7 +28,8 @@ HELP, VERSION = ('-h', '--help'), ('--version',)
 INDENT = '  '
 COMPOSED = 'composed'  # executable of several nodes in one process
 # All but those of a test stand, the mapper, and those that are processes of their own, for safety:
-COMPOSED_NODES = tuple(name for name in NODE_TABLE if name not in (*SEPARATE, *TEST_STAND, MAPPER))
+COMPOSED_NODES = tuple(
+    name for name in NODE_TABLE if name not in (*SEPARATE, *TEST_STAND, *OPTIONAL))
 EXIT_STATUSES = (
     ('0', 'ended by SIGINT or SIGTERM'),
     ('1', 'ended by an uncaught exception, which is printed'),

@@ -40,7 +40,8 @@ OTHER_DEPTH = 100     # messages: ground truth, overhead camera, diagnostics
 MIN_RECORDED_DEPTH = 100  # messages of any topic: all commands count, not only the latest
 FOREIGN_DEPTH = 1000  # messages of a topic that is not in TOPICS, or of a burst in a bag
 LATCHED = ('path', 'friction_map', 'tf_static')
-READ_BY_ESTIMATORS = ('imu/data', 'wheel_states', 'tire_samples', 'wheel_slip', 'odom')
+READ_BY_ESTIMATORS = (
+    'imu/data', 'wheel_states', 'tire_samples', 'wheel_slip', 'odom', 'film_charge')
 CHECK_PERIOD = 0.25  # s, in which a new publisher is noticed
 # in which a kept message is received: two periods of the heartbeats of Fast DDS, with which it
 # repeats a lost discovery and a lost message, and some reserve

@@ -36,14 +36,14 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.numerics.least_squares import nonlinear_fit, Prior, regression, Rows
-from smart_tire.numerics.robust import mad_sigma, noise_level
+from smart_tire.estimation.film.calibration import AMPLIFIER, FilmParams, PRODUCTS
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.elastica import TOUCHING_STROKE
-from smart_tire.estimation.film.calibration import AMPLIFIER, FilmParams, PRODUCTS
+from smart_tire.models.film.hysteresis import Branches, monotone_branches, relaxed
+from smart_tire.numerics.least_squares import nonlinear_fit, Prior, regression, Rows
+from smart_tire.numerics.robust import mad_sigma, noise_level
 from smart_tire.papers.film_files import FilmRecording
 from smart_tire.papers.film_measurement import DEAD_BAND_NOISE_FACTOR, smoothed, without_spikes
-from smart_tire.models.film.hysteresis import Branches, monotone_branches, relaxed
 from smart_tire.paths import write_text
 from smart_tire.uncertain import Uncertain
 import yaml

@@ -18,12 +18,12 @@ import math
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.papers.film_bench import identify_film
 from smart_tire.estimation.film.calibration import FilmParams, PRODUCTS
+from smart_tire.models.film.buckling_film import FILMS
+from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
+from smart_tire.papers.film_bench import identify_film
 from smart_tire.papers.film_files import FilmRecording
 from smart_tire.papers.film_test_stand import FilmTestStand
-from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.uncertain import Uncertain
 
 

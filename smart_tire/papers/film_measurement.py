@@ -29,11 +29,11 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
-from smart_tire.numerics.robust import noise_level
-from smart_tire.models.film import elastica
 from smart_tire.estimation.film.calibration import FilmParams
-from smart_tire.papers.film_files import check_series
+from smart_tire.models.film import elastica
 from smart_tire.models.film.hysteresis import DuhemParams, invert, monotone_branches
+from smart_tire.numerics.robust import noise_level
+from smart_tire.papers.film_files import check_series
 
 # value, unit, meaning; origin; the run that needs it
 DEAD_BAND_NOISE_FACTOR = 10.0  # of the noise; derived: white noise of 1e5 samples spans 9; all

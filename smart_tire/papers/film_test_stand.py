@@ -26,8 +26,8 @@ from scipy.signal import lfilter
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
-from smart_tire.papers.film_files import FilmRecording
 from smart_tire.models.film.hysteresis import DuhemParams, respond, series, TABLE_I, TABLE_I_GAIN
+from smart_tire.papers.film_files import FilmRecording
 
 OVERSAMPLING = 8  # steps of the amplifier per sample
 

@@ -22,11 +22,11 @@ import math
 import numpy as np
 
 from smart_tire.analysis.figure import Curve, dots, Mark, Panel, straight, TIME_LABEL
+from smart_tire.estimation.film.calibration import PRODUCTS
 from smart_tire.models.film.elastica import TOUCHING_STROKE
+from smart_tire.models.film.hysteresis import TABLE_I_GAIN
 from smart_tire.papers.film_experiments import (
     FREQUENCY, Loop, Proportionality, RateIndependence, TableOneFits, Trace)
-from smart_tire.estimation.film.calibration import PRODUCTS
-from smart_tire.models.film.hysteresis import TABLE_I_GAIN
 from smart_tire.papers.report import PaperSection, section
 from smart_tire.uncertain import Uncertain
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from smart_tire.parameters.control import TrajectoryControllerParams, WheelControllerParams
 from smart_tire.parameters.files import load_files
+from smart_tire.parameters.film import FilmDriverParams, FilmSensorParams, FilmSimulatorParams
 from smart_tire.parameters.hardware import ImuDriverParams, MotorDriverParams, TireReceiverParams
 from smart_tire.parameters.mapping import FrictionMapperParams
 from smart_tire.parameters.overhead import (
@@ -34,6 +35,9 @@ FILES: dict[str, dict[str, type]] = {  # in config/ -> nodes with their paramete
         'wheel_controller': WheelControllerParams,
         'trajectory_controller': TrajectoryControllerParams},
     'mapping.yaml': {'friction_mapper': FrictionMapperParams},
+    'film.yaml': {
+        'film_driver': FilmDriverParams, 'film_sensor': FilmSensorParams,
+        'film_simulator': FilmSimulatorParams},
     'overhead.yaml': {'overhead_localizer': OverheadLocalizerParams},
     'simulation.yaml': {
         'robot_simulator': SimulatorParams,

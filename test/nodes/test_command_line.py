@@ -18,7 +18,7 @@ import sys
 
 import pytest
 import smart_tire
-from smart_tire.launching import MAPPER, SEPARATE, TEST_STAND
+from smart_tire.launching import OPTIONAL, SEPARATE, TEST_STAND
 from smart_tire.messages.describe import NODE_TABLE
 from smart_tire.nodes.command_line import answer, started_module
 from smart_tire.parameters import NODE_PARAMS, RobotParams, specs
@@ -100,7 +100,7 @@ def test_the_help_of_several_nodes_in_one_process_names_them():
     text = answer(['composed', '--help'])
     assert text.startswith('composed (smart_tire ')
     assert set(re.findall(r'\w+_\w+', text)) >= NODE_TABLE.keys() - {
-        *TEST_STAND, *SEPARATE, MAPPER}
+        *TEST_STAND, *SEPARATE, *OPTIONAL}
     assert 'wheel_controller' not in text
     begins = [line.split()[0] if line else '' for line in text.splitlines()[1:]]
     assert [one for one in begins if not one.endswith((',', ';'))] == [

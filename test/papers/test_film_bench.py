@@ -17,9 +17,9 @@ import pytest
 from scipy.signal import lfilter
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.models.film.buckling_film import FILMS
+from smart_tire.models.film.hysteresis import DuhemParams, respond
 from smart_tire.papers.film_bench import identify
 from smart_tire.papers.film_measurement import smoothed
-from smart_tire.models.film.hysteresis import DuhemParams, respond
 from support.film_bench import several_loops, TRUE
 from support.identifying import assert_agrees, assert_consistent
 

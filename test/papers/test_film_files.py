@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from smart_tire.errors import EstimatorError, ParameterError
+from smart_tire.estimation.film.calibration import PRODUCTS, read_params
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.papers.film_bench import identify_film, write_params
-from smart_tire.estimation.film.calibration import PRODUCTS, read_params
 from smart_tire.papers.film_files import COLUMNS, FilmRecording, read_recording
 from support.film_bench import one_loop, several_loops, TRUE, write_recording
 from support.real_recordings import real_recording

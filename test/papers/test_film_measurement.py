@@ -16,9 +16,9 @@ from functools import cache
 import numpy as np
 import pytest
 from smart_tire.errors import ParameterError
+from smart_tire.estimation.film.calibration import FilmParams
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.papers.film_bench import identify_film
-from smart_tire.estimation.film.calibration import FilmParams
 from smart_tire.papers.film_measurement import measure
 from smart_tire.papers.film_test_stand import FilmTestStand
 from support.film_bench import ramps, RATE, several_loops, sine, TRUE

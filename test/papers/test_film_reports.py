@@ -18,10 +18,10 @@ import math
 import numpy as np
 import pytest
 
-from smart_tire.papers import film_experiments, paper_a
 from smart_tire.models.film.elastica import TOUCHING_STROKE
-from smart_tire.papers.film_experiments import specimen
 from smart_tire.models.film.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
+from smart_tire.papers import film_experiments, paper_a
+from smart_tire.papers.film_experiments import specimen
 
 
 @pytest.fixture(scope='module')

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 from smart_tire.errors import ParameterError
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.papers.film_test_stand import FilmTestStand
 from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
+from smart_tire.papers.film_test_stand import FilmTestStand
 from support.film_bench import sine
 
 IDEAL = FilmTestStand(low_corner=0.0, high_corner=1e6, charge_noise=0.0, laser_noise=0.0, bits=32)

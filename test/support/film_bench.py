@@ -16,9 +16,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
 from smart_tire.papers.film_files import COLUMNS, write_columns
 from smart_tire.papers.film_test_stand import FilmTestStand
-from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
 
 TRUE = {'alpha_gain': TABLE_I.alpha * TABLE_I_GAIN, 'a_gain': TABLE_I.a * TABLE_I_GAIN,
         'b_gain': TABLE_I.b * TABLE_I_GAIN}

@@ -35,13 +35,13 @@ from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.drivers.tire_receiver import TireStream
 from smart_tire.errors import BagError, FrameError, LinkError, MessageError, ParameterError
+from smart_tire.estimation.film.calibration import read_params
 from smart_tire.mapping.raster import png_bytes, read_raster
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.friction_estimator import FrictionEstimatorNode
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.nodes.trajectory_controller import TrajectoryController
 from smart_tire.nodes.wheel_controller import WheelController
-from smart_tire.estimation.film.calibration import read_params
 from smart_tire.papers.film_files import COLUMNS, read_recording
 from smart_tire.parameters import load_node, NODE_PARAMS
 from smart_tire.paths import BAG_METADATA, port_url

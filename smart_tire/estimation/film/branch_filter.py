@@ -17,10 +17,10 @@ operator, amplifier and pyroelectric coefficient. Their distances are the standa
 where a small error of the charge is a large one of the input, after a reversal. What is unknown in
 addition (noise, motion in a gap, lost charge) is a further column.
 
-A reversal is confirmed when the charge has come back by ``DEAD_BAND`` standard deviations. Before,
-the two explanations, noise and reversal, are averaged by their probabilities, and their distance is
-part of the variance. The extreme of n samples with noise is beyond the true turning point by the
-expected maximum of n normal variables, which is subtracted.
+A reversal is confirmed when the charge has come back by ``DEAD_BAND`` standard deviations. Until
+then the two explanations, noise and reversal, are averaged by their probabilities, and their
+distance is part of the variance. The extreme of n samples with noise is beyond the true turning
+point by the expected maximum of n normal variables, which is subtracted.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ class BranchFilter:
 
     def _set(self, nominal: Array, root: Array) -> None:
         """Replace state and root (9, n) of its covariance, reduced to nine columns."""
-        self._root = np.linalg.qr(root.T, mode='r').T
+        reduced: Array = np.linalg.qr(root.T)[1]
+        self._root = reduced.T
         steps = STEP * np.column_stack([self._root, np.zeros(len(State))])
         members = nominal[:, None] + np.column_stack([np.zeros(len(State)), steps, -steps])
         alpha, a, b = members[:3]

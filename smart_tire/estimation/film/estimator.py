@@ -11,9 +11,9 @@
 """
 Film estimator: charge and temperature of a film to its deflection, with standard deviation.
 
-It starts with a zero: the flat film at rest, whose charge is averaged. ``zero`` does it again at any
-time. After some strokes it is worth much more than the first one, since the hysteresis has then
-forgotten its unknown beginning.
+It starts with a zero: the flat film at rest, whose charge is averaged. ``zero`` does it again at
+any time. After some strokes it is worth much more than the first one, since the hysteresis has
+then forgotten its unknown beginning.
 
 Charge that heat produces (pyroelectricity) is subtracted, with the temperature that is received.
 Without it the temperature moves away at ``temperature_rate``, correlated over ``RATE_TIME``. All
@@ -51,6 +51,9 @@ LEAST_NOISE_SHARE = 0.1  # of the calibrated noise, if the converter shows less;
 LONG_PERIOD = 1.5       # periods, beyond which a sample was lost; derived
 TENSION_SIGMAS = 4.0    # beyond flat: the film is under tension, not buckled; as in measurements
 STROKES = np.linspace(0.0, 0.999, 2000)  # of the table of charges; interpolation error below 1e-6
+
+
+MEASURING = 'measuring'
 
 
 class FilmEstimator:
@@ -166,7 +169,7 @@ class FilmEstimator:
         self._signal = np.zeros(len(Signal))
         self._zero_temperature = self._temperature.value if self._temperature else math.nan
         self._heat_variance = 0.0  # K2, of the change until the first temperature
-        self.state = 'measuring'
+        self.state = MEASURING
         self.zeros += 1
 
     def _measure(self, sample: FilmCharge) -> list[FilmDeflection]:
@@ -256,7 +259,7 @@ class FilmEstimator:
         if self._beyond:
             self.state = 'beyond the calibrated range, until the next zero'
             return UNKNOWN
-        self.state = 'measuring'
+        self.state = MEASURING
         if film is None:
             return Uncertain(value, sigma)
         if value > TENSION_SIGMAS * sigma or value <= -self._table[0][-1]:

@@ -31,7 +31,6 @@ the last sample of its branch. ``path`` (n + 1,) is the signal (n,) preceded by 
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
 
 import numpy as np
 import numpy.typing as npt

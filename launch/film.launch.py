@@ -1,0 +1,52 @@
+# Copyright 2026 The smart_tire developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Start a buckling film as a sensor: its driver, or a simulated film, and the estimator."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from smart_tire.launching import (
+    boolean, check_arguments, enclave, file, FILM, FILM_SIMULATOR, hold_interrupts, text)
+
+ARGUMENTS = {'namespace': text, 'film': file, 'calibration': file, 'simulated': boolean}
+
+
+def start(context):
+    """Return the nodes."""
+    chosen = context.launch_configurations
+    simulated = boolean(chosen['simulated'])
+    own = {'film_sensor': [{'calibration_file': chosen['calibration']}],
+           **({'film_driver': [{'port': 'simulated'}]} if simulated else {})}
+    return [Node(package='smart_tire', executable=node, output='screen',
+                 namespace=LaunchConfiguration('namespace'), ros_arguments=enclave(context, node),
+                 parameters=[LaunchConfiguration('film'), *own.get(node, [])])
+            for node in ((FILM_SIMULATOR,) if simulated else ()) + FILM]
+
+
+def generate_launch_description():
+    """Return the nodes of one film."""
+    config = PathJoinSubstitution([FindPackageShare('smart_tire'), 'config'])
+    return LaunchDescription([
+        DeclareLaunchArgument('namespace', default_value='',
+                              description='namespace of all nodes, one for each film'),
+        DeclareLaunchArgument('film', description='parameter file: film',
+                              default_value=PathJoinSubstitution([config, 'film.yaml'])),
+        DeclareLaunchArgument('calibration',
+                              description='file of "smart_tire identify film" for this film'),
+        DeclareLaunchArgument('simulated', default_value='false',
+                              description='start a simulated film, and open its port only'),
+        OpaqueFunction(function=check_arguments, args=[ARGUMENTS]),
+        OpaqueFunction(function=hold_interrupts),
+        OpaqueFunction(function=start),
+    ])
