@@ -105,7 +105,8 @@ def string_constants(tree: ast.AST) -> set[str]:
 
 def estimator_topics() -> dict[str, set[str]]:
     """Return node -> topics that ``estimation/streams.py`` declares for its estimator."""
-    return {f'{target.id.lower()}_estimator': string_constants(node.value)
+    return {f'{target.id.lower()}_{kind}': string_constants(node.value)
+            for kind in ('estimator', 'sensor')
             for node in parse(PACKAGE / 'estimation' / 'streams.py').body
             if isinstance(node, ast.Assign) for target in node.targets
             if isinstance(target, ast.Name)}

@@ -23,7 +23,7 @@ FRAME = 'film_link'
 CHARGE_NAMES = ('charge', 'saturated', 'discharged')
 DEFLECTION_NAMES = ('deflection',)
 MAX_CHARGE = 1e-3          # C, far beyond any film
-MAX_DEFLECTION = 100.0     # m, likewise; the input of an operator without geometry is below, too
+MAX_DEFLECTION = 100.0     # m, far beyond any film
 TEMPERATURES = -273.15, 1000.0  # degree Celsius
 
 

@@ -23,7 +23,7 @@ from smart_tire.samples import FilmCharge
 from std_srvs.srv import Trigger
 
 
-class FilmSensor(EstimatorNode[FilmSensorParams]):
+class FilmSensorNode(EstimatorNode[FilmSensorParams]):
     """
     Estimates the deflection of a film, by the inverse of its hysteresis.
 
@@ -64,7 +64,7 @@ class FilmSensor(EstimatorNode[FilmSensorParams]):
 
 def main() -> int:
     """Run the node."""
-    return run(FilmSensor)
+    return run(FilmSensorNode)
 
 
 if __name__ == '__main__':

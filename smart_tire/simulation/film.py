@@ -85,7 +85,7 @@ class SimulatedFilm:
         """Return the next sample."""
         rate = self._params.rate
         times = [(self._index + share) / rate
-                 for share in np.linspace(1.0 / SUBSTEPS - 1.0, 0.0, SUBSTEPS)]
+                 for share in np.linspace(1.0 / SUBSTEPS - 1.0, 0.0, SUBSTEPS).tolist()]
         time = times[-1]
         inputs = self.gain * self.film.normalized_charge(
             [self.deflection(max(one, 0.0)) for one in times])

@@ -17,11 +17,13 @@ import math
 
 from hypothesis import assume, given, settings, strategies as st
 import pytest
-from smart_tire.protocol import vectornav, vectornav_ascii, xbee, xsens
+from smart_tire.protocol import film_charge, vectornav, vectornav_ascii, xbee, xsens
 from smart_tire.protocol.deframer import HeaderDeframer
 from support.frames import each_frame, frames
 
 ASCII = st.text('ABCVNYMR0123456789.,+-', max_size=60).map(str.encode)
+
+FILM_BODIES = st.binary(min_size=9, max_size=9).map(bytes((film_charge.KIND,)).__add__)
 
 
 class Protocol:
@@ -51,7 +53,12 @@ PROTOCOLS = [
              ASCII, b'$', vectornav_ascii.MAX_SENTENCE_LENGTH),
     Protocol('xsens', xsens.XsensDeframer, xsens.encode_message,
              st.binary(min_size=1, max_size=300), b'\xfa', xsens.MAX_DATA_LENGTH + 8),
+    Protocol('film_charge', film_charge.FilmDeframer, film_charge.encode_frame, FILM_BODIES,
+             b'\xa5', film_charge.SIZE),
 ]
+SIZED = {  # deframers whose frames have a size by their header -> a body
+    vectornav.BinaryDeframer: vectornav_body(b''),
+    film_charge.FilmDeframer: bytes((film_charge.KIND, *range(9)))}
 each_protocol = pytest.mark.parametrize('protocol', PROTOCOLS, ids=repr)
 few_examples = settings(max_examples=60, deadline=None, derandomize=True)
 
@@ -164,7 +171,7 @@ def test_noise_does_not_fill_the_buffer(protocol, chunks):
 def test_a_frame_behind_many_start_bytes_is_found(protocol):
     deframer = protocol.deframer()
     assert list(deframer.extract(protocol.start * 3000)) == []
-    body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
+    body = SIZED.get(protocol.deframer, b'ABC')
     assert list(deframer.extract(protocol.encode(body))) == [body]
 
 
@@ -207,7 +214,7 @@ def test_an_invalid_header_inside_an_incomplete_frame_is_data(protocol, header):
 
 @each_protocol
 def test_bodies_that_were_not_consumed_are_yielded_by_the_next_feed(protocol):
-    body = vectornav_body(b'') if protocol.deframer is vectornav.BinaryDeframer else b'ABC'
+    body = SIZED.get(protocol.deframer, b'ABC')
     deframer = protocol.deframer()
     deframer.extract(protocol.encode(body))
     assert list(deframer.extract(b'')) == [body]

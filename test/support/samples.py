@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 
 from smart_tire.samples import (
-    BatterySample, Friction, FRICTION_QUANTITIES, FrictionGrid, GoalPose, GroundState, Icr,
-    ImuSample, MotorCommand, NAN, Odometry, PathProgress, PlannedPath, TireSample, VelocityCommand,
+    BatterySample, FilmCharge, FilmDeflection, FilmTemperature, Friction, FRICTION_QUANTITIES,
+    FrictionGrid, GoalPose, GroundState, Icr, ImuSample, MotorCommand, NAN, Odometry, PathProgress, PlannedPath, TireSample, VelocityCommand,
     WheelCommand, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
@@ -41,6 +41,11 @@ SAMPLES = [
     GroundState(STAMP, Uncertain(25.0, 1.5), Uncertain(0.05, math.inf),
                 *(Uncertain(0.1 * k, 0.01) for k in range(9)), -0.9, 0.04, 1.5, math.inf),
     Friction(STAMP, 'rear_right', **dict.fromkeys(FRICTION_QUANTITIES, Uncertain(0.5, math.inf))),
+    FilmCharge(STAMP, -2.5e-9),
+    FilmCharge(STAMP, 5e-8, saturated=True, discharged=True),
+    FilmTemperature(STAMP, 21.5, 0.25),
+    FilmTemperature(STAMP, -10.0),
+    FilmDeflection(STAMP, Uncertain(0.002, 0.00025)),
     FrictionGrid(STAMP, 'odom', 0.125, (-1.5, 2.25), 3, bytes([0, 47, 100, 255, 255, 9])),
     PlannedPath(STAMP, 'odom', ((1.0, -2.5, 0.0), (1.5, 0.25, NAN))),
     GoalPose(STAMP, 'odom', (1.0, -2.5, 0.0)),

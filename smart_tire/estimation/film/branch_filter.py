@@ -39,18 +39,18 @@ DEAD_BAND = 10.0   # sigmas; derived: white noise of 1e5 samples spans 9
 TURNING_NOISE = 0.7  # of that of a sample: extreme of several samples; assumed, derived 0.5 to 1
 REVERSAL_SIGMAS = 2.0  # behind the extreme, from which a branch that ends was a reversal; assumed
 MAX_DWELL = 1e5    # samples at a turning point, as for DEAD_BAND
-STEP = 3.0**0.5    # sigmas of a member; derived: fourth moment of a normal variable
+MEMBER_STEP = 3.0**0.5    # sigmas of a member; derived: fourth moment of a normal variable
 MIN_LOOP = 1e-3    # of 1 - b / a of a member; assumed
 MIN_SHARE = 1e-2   # of alpha and a of a member over the nominal ones; assumed
 NORMAL = NormalDist()
 
 
 COLUMNS = 10       # of the root: one per row of the state, and the noise
-NOISE = np.zeros(1 + 2 * COLUMNS)  # of the members, in STEP sigmas
+NOISE = np.zeros(1 + 2 * COLUMNS)  # of the members, in MEMBER_STEP sigmas
 NOISE[[COLUMNS, 2 * COLUMNS]] = 1.0, -1.0
 
 
-class State(IntEnum):
+class FilmState(IntEnum):
     """Rows of the state at a turning point."""
 
     ALPHA = 0   # 1/input
@@ -64,7 +64,7 @@ class State(IntEnum):
     CHARGE = 8  # C, since the zero of the sensor
 
 
-class Signal(IntEnum):
+class FilmSignal(IntEnum):
     """What is measured at an instant, since the zero of the sensor."""
 
     CHARGE = 0       # C, output of the amplifier
@@ -75,22 +75,23 @@ class Signal(IntEnum):
 
 class BranchFilter:
     """
-    State of a film at its latest turning point, and its input after it.
+    FilmState of a film at its latest turning point, and its input after it.
 
     ``covariance`` (9, 9) is that of the ``state`` (9,), ``noise`` [C] the standard deviation of a
-    charge. Raises ParameterError for an operator without an inverse.
+    charge, ``law_error`` [C] that of the operator: of Z, by each branch. Raises ParameterError for an operator without an inverse.
     """
 
-    def __init__(self, state: Array, covariance: Array, noise: float) -> None:
-        DuhemParams(alpha=state[State.ALPHA], a=state[State.A], b=state[State.B])
+    def __init__(self, state: Array, covariance: Array, noise: float, law_error: float = 0.0
+                 ) -> None:
+        DuhemParams(alpha=state[FilmState.ALPHA], a=state[FilmState.A], b=state[FilmState.B])
         self.turnings = 0
-        self.noise = noise
+        self.noise, self._law_error = noise, law_error
         # relative units: the rows differ by many orders of magnitude
         units = np.sqrt(np.diag(covariance))
         units[units == 0.0] = 1.0
         variances, axes = np.linalg.eigh(covariance / np.outer(units, units))
         self._set(state, units[:, None] * axes * np.sqrt(np.maximum(variances, 0.0)))
-        self._restart_branch(np.zeros(len(Signal)), 0.0)
+        self._restart_branch(np.zeros(len(FilmSignal)), 0.0)
 
     @property
     def nominal(self) -> Array:
@@ -102,14 +103,14 @@ class BranchFilter:
         """Replace state and root (9, n) of its covariance, reduced to nine columns."""
         reduced: Array = np.linalg.qr(root.T)[1]
         self._root = reduced.T
-        steps = STEP * np.column_stack([self._root, np.zeros(len(State))])
-        members = nominal[:, None] + np.column_stack([np.zeros(len(State)), steps, -steps])
+        steps = MEMBER_STEP * np.column_stack([self._root, np.zeros(len(FilmState))])
+        members = nominal[:, None] + np.column_stack([np.zeros(len(FilmState)), steps, -steps])
         alpha, a, b = members[:3]
         np.maximum(alpha, MIN_SHARE * alpha[0], out=alpha)
         np.maximum(a, MIN_SHARE * a[0], out=a)
         np.clip(b, 0.5 * a, (1.0 - MIN_LOOP) * a, out=b)
         self._band = (a - b) / alpha
-        np.clip(members[State.Z], -self._band, self._band, out=members[State.Z])
+        np.clip(members[FilmState.Z], -self._band, self._band, out=members[FilmState.Z])
         self._members = members
 
     def _restart_branch(self, signal: Array, sign: float) -> None:
@@ -119,15 +120,15 @@ class BranchFilter:
         """Return the charge [C] of the film (members,) since the zero of the sensor."""
         members = self._members
         found: Array = (
-            signal[Signal.CHARGE]
-            + 2.0 * math.pi * members[State.CORNER] * signal[Signal.INTEGRAL]
-            - members[State.DRIFT] * signal[Signal.TIME]
-            - members[State.PYRO] * signal[Signal.TEMPERATURE])
+            signal[FilmSignal.CHARGE]
+            + 2.0 * math.pi * members[FilmState.CORNER] * signal[FilmSignal.INTEGRAL]
+            - members[FilmState.DRIFT] * signal[FilmSignal.TIME]
+            - members[FilmState.PYRO] * signal[FilmSignal.TEMPERATURE])
         return found
 
     def _advanced(self, charge: Array) -> tuple[Array, Array]:
         """Return input and z (members,) at ``charge`` on the branch from the turning point."""
-        inputs, z, start = self._members[State.INPUT:]
+        inputs, z, start = self._members[FilmState.INPUT:]
         return advanced(inputs, z, charge - start, *self._members[:3])
 
     def add_signal(self, signal: Array, charge_sigma: float, missed: float = 0.0
@@ -142,9 +143,9 @@ class BranchFilter:
         if self._sign:
             self._follow(signal, float(charge[0]), missed)
             charge = self._charges(signal)  # members of a new branch
-        elif abs(step := charge[0] - self.nominal[State.CHARGE]) > DEAD_BAND * self.noise:
+        elif abs(step := charge[0] - self.nominal[FilmState.CHARGE]) > DEAD_BAND * self.noise:
             self._restart_branch(signal, math.copysign(1.0, step))
-        return self._estimate(charge, STEP * math.hypot(self.noise, charge_sigma))
+        return self._estimate(charge, MEMBER_STEP * math.hypot(self.noise, charge_sigma))
 
     def _follow(self, signal: Array, charge: float, missed: float) -> None:
         """Move the extreme of the branch, or turn there."""
@@ -173,6 +174,14 @@ class BranchFilter:
         self.turnings += 1
         self._move_to(self._turning_charge(),
                       math.hypot(TURNING_NOISE * self.noise, self._missed))
+        self._set(self.nominal.copy(), np.column_stack([
+            self._root, self._z_column(self._law_error)]))
+
+    def _z_column(self, sigma: float) -> Array:
+        """Return a column of the root: an error of Z [C] at the same charge."""
+        column = np.zeros(len(FilmState))
+        column[[FilmState.Z, FilmState.INPUT]] = sigma, -sigma / self.nominal[FilmState.A]
+        return column
 
     def stop_at(self, signal: Array, *, charge_sigma: float = 0.0, mixing: float = 0.0,
                 zero: bool = False) -> None:
@@ -188,39 +197,38 @@ class BranchFilter:
         self._move_to(self._charges(signal), math.hypot(self.noise, charge_sigma))
         nominal, root = self.nominal.copy(), self._root
         if mixing:
-            column = np.zeros(len(State))
-            column[State.Z] = math.sqrt(mixing / 3.0) * self._band[0]
-            root = np.column_stack([root, column])
+            root = root.copy()
             for rows in (nominal, root):
-                rows[State.INPUT] += mixing * rows[State.Z] / nominal[State.A]
-                rows[State.Z] *= 1.0 - mixing
-            root[State.Z, -1] = column[State.Z]
-            root[State.INPUT, -1] = -column[State.Z] / nominal[State.A]
+                rows[FilmState.INPUT] += mixing * rows[FilmState.Z] / nominal[FilmState.A]
+                rows[FilmState.Z] *= 1.0 - mixing
+            root = np.column_stack([
+                root, self._z_column(math.sqrt(mixing / 3.0) * self._band[0])])
         if zero:
-            nominal[State.INPUT], root[State.INPUT] = 0.0, 0.0
+            nominal[FilmState.INPUT], root = 0.0, root.copy()
+            root[FilmState.INPUT] = 0.0
         self._set(nominal, root)
         self._restart_branch(signal, 0.0)
 
     def _move_to(self, charge: Array, sigma: float) -> None:
         """Move the state along the branch to ``charge`` (members,), known to ``sigma`` [C]."""
-        charge = charge + STEP * sigma * NOISE
+        charge = charge + MEMBER_STEP * sigma * NOISE
         members = self._members.copy()
-        members[State.INPUT], members[State.Z] = self._advanced(charge)
-        members[State.CHARGE] = charge
+        members[FilmState.INPUT], members[FilmState.Z] = self._advanced(charge)
+        members[FilmState.CHARGE] = charge
         mean, root = _moments(members)
         self._set(mean, root)
 
     def _estimate(self, charge: Array, error: float) -> tuple[float, float]:
         """Return the input at ``charge`` (members,) with ``error`` [C], and its sigma."""
         charge = charge + error * NOISE
-        inputs, z, turning = self._members[State.INPUT:]
+        inputs, z, turning = self._members[FilmState.INPUT:]
         if self._sign:
             same, turning = self._advanced(charge)[0], self._turning_charge()
             behind = np.maximum(self._sign * (turning - charge), 0.0)
         else:
             same, behind = inputs, np.abs(charge - turning)
             # the noise where it means the most motion, of what z may be
-            z = np.clip(z + STEP * float(np.linalg.norm(self._root[State.Z])) * NOISE,
+            z = np.clip(z + MEMBER_STEP * float(np.linalg.norm(self._root[FilmState.Z])) * NOISE,
                         -self._band, self._band)
         found, ambiguity = same, 0.0
         if behind.any():
@@ -240,4 +248,4 @@ def _moments(values: Array) -> tuple[Array, Array]:
     up, down = values[..., 1:COLUMNS + 1], values[..., COLUMNS + 1:]
     bend = up + down - 2.0 * center
     mean = center[..., 0] + bend.sum(axis=-1) / 6.0
-    return mean, np.concatenate([(up - down) / (2.0 * STEP), bend * 2.0**0.5 / 6.0], axis=-1)
+    return mean, np.concatenate([(up - down) / (2.0 * MEMBER_STEP), bend * 2.0**0.5 / 6.0], axis=-1)

@@ -31,7 +31,7 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
 from smart_tire.estimation.film.branch_filter import (
-    BranchFilter, DEAD_BAND, Signal, State)
+    BranchFilter, DEAD_BAND, FilmSignal, FilmState)
 from smart_tire.estimation.film.calibration import FilmParams, read_params
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.streams import FILM
@@ -48,6 +48,7 @@ MIN_ZERO_SAMPLES = 20   # of a zero; assumed
 MAX_REST_NOISE = 3.0    # standard deviation of a film at rest, of the white noise; assumed
 MAX_REST_STEP = 5.0     # sigmas between the means of the two halves of a rest; assumed
 LEAST_NOISE_SHARE = 0.1  # of the calibrated noise, if the converter shows less; assumed
+LAW_ERROR_FACTOR = 2.0  # of the residuals of a fit, for motion that it has not seen; assumed
 LONG_PERIOD = 1.5       # periods, beyond which a sample was lost; derived
 TENSION_SIGMAS = 4.0    # beyond flat: the film is under tension, not buckled; as in measurements
 STROKES = np.linspace(0.0, 0.999, 2000)  # of the table of charges; interpolation error below 1e-6
@@ -68,6 +69,8 @@ class FilmEstimator:
         self._params, self._film = params, film
         self._pyro = (0.0 if film.film is None else
                       params.pyroelectric_coefficient * film.film.length * film.film.width)
+        self._operator = film.operator  # ParameterError without an inverse
+        self._law_error = LAW_ERROR_FACTOR * film.model_error
         # limit of a gap in which a reversal of the motion is possible
         self._max_gap = 0.5 / params.bandwidth
         charges = elastica.charge(STROKES)
@@ -157,16 +160,17 @@ class FilmEstimator:
         film, params = self._film, self._params
         self._level, self._period = zero, period
         self._count = max(1, round(AVERAGED_SHARE / params.bandwidth / period))
-        state, covariance = np.zeros(len(State)), np.zeros((len(State),) * 2)
-        state[:State.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
+        state, covariance = np.zeros(len(FilmState)), np.zeros((len(FilmState),) * 2)
+        state[:FilmState.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
                                film.drift, self._pyro)
         covariance[:5, :5] = film.covariance
-        covariance[State.PYRO, State.PYRO] = (params.pyroelectric_tolerance * self._pyro)**2
+        covariance[FilmState.PYRO, FilmState.PYRO] = (params.pyroelectric_tolerance * self._pyro)**2
         if not params.fresh:  # uniform over the band that attracts all states
-            covariance[State.Z, State.Z] = film.operator.band**2 / 3.0
-        self._filter = BranchFilter(state, covariance, noise / math.sqrt(self._count))
+            covariance[FilmState.Z, FilmState.Z] = self._operator.band**2 / 3.0
+        self._filter = BranchFilter(state, covariance, noise / math.sqrt(self._count),
+                                    self._law_error)
         self._zero_ns, self._shift = sample.stamp_ns, 0.0
-        self._signal = np.zeros(len(Signal))
+        self._signal = np.zeros(len(FilmSignal))
         self._zero_temperature = self._temperature.value if self._temperature else math.nan
         self._heat_variance = 0.0  # K2, of the change until the first temperature
         self.state = MEASURING
@@ -187,7 +191,7 @@ class FilmEstimator:
         missed = self._speed * gap / 8.0 if gap > LONG_PERIOD * self._period else 0.0
         estimate = self._filter.add_signal(signal, self._charge_sigma(signal), missed)
         self._learn_speed(signal)
-        return [FilmDeflection(self._zero_ns + round(float(signal[Signal.TIME]) * NS_PER_S),
+        return [FilmDeflection(self._zero_ns + round(float(signal[FilmSignal.TIME]) * NS_PER_S),
                                self._deflection(*estimate))]
 
     def _averaged(self) -> Array:
@@ -199,17 +203,17 @@ class FilmEstimator:
         assert self._last is not None
         signal = self._signal.copy()
         output, last = (item.charge - self._level for item in (sample, self._last))
-        signal[Signal.TIME] += gap
+        signal[FilmSignal.TIME] += gap
         if self._discharged:
-            self._shift = output - signal[Signal.CHARGE]
+            self._shift = output - signal[FilmSignal.CHARGE]
         else:
-            signal[Signal.INTEGRAL] += 0.5 * (output + last) * gap
-        signal[Signal.CHARGE] = output - self._shift
+            signal[FilmSignal.INTEGRAL] += 0.5 * (output + last) * gap
+        signal[FilmSignal.CHARGE] = output - self._shift
         if self._temperature is not None:
             if math.isnan(self._zero_temperature):
                 self._zero_temperature = self._temperature.value
-                self._heat_variance = self._temperature_variance(signal[Signal.TIME])
-            signal[Signal.TEMPERATURE] = self._temperature.value - self._zero_temperature
+                self._heat_variance = self._temperature_variance(signal[FilmSignal.TIME])
+            signal[FilmSignal.TEMPERATURE] = self._temperature.value - self._zero_temperature
         return signal
 
     def _pass_gap(self, before: Array, gap: float) -> None:
@@ -230,11 +234,13 @@ class FilmEstimator:
     def _learn_speed(self, signal: Array) -> None:
         """Keep the largest speed [C/s] of the charge, beyond noise."""
         assert self._filter is not None
-        if self._averaged_before is not None:
-            step, time = (signal - self._averaged_before)[[Signal.CHARGE, Signal.TIME]]
+        if self._averaged_before is None:
+            self._averaged_before = signal
+        step, time = (signal - self._averaged_before)[[FilmSignal.CHARGE, FilmSignal.TIME]]
+        if time >= self._max_gap:
+            self._averaged_before = signal
             self._speed = max(
                 self._speed, (abs(step) - DEAD_BAND * self._filter.noise) / time)
-        self._averaged_before = signal
 
     def _temperature_variance(self, age: float) -> float:
         """Return the variance [K2] of the change of an unknown temperature in ``age`` [s]."""
@@ -244,13 +250,13 @@ class FilmEstimator:
     def _charge_sigma(self, signal: Array) -> float:
         """Return the standard deviation [C] of the model and of the heat."""
         temperature, variance = self._temperature, self._heat_variance
-        age = float(signal[Signal.TIME])
+        age = float(signal[FilmSignal.TIME])
         if temperature is not None:
             sigma = temperature.sigma or self._params.temperature_sigma
             variance += 2.0 * sigma**2  # now and at the zero
             age = max(age - (temperature.stamp_ns - self._zero_ns) / NS_PER_S, 0.0)
         variance += self._temperature_variance(age)
-        return math.hypot(self._film.model_error, self._pyro * math.sqrt(variance))
+        return math.hypot(self._law_error, self._pyro * math.sqrt(variance))
 
     def _deflection(self, value: float, sigma: float) -> Uncertain:
         """Return deflection [m] or, without geometry, the input of the operator."""
