@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from smart_tire.cli._bags import print_counts, print_warnings, REQUIRED
 from smart_tire.cli._progress import ProgressLine, Rate
 from smart_tire.errors import BagError, did_you_mean
-from smart_tire.estimation.streams import INPUTS
+from smart_tire.estimation.streams import REPLAYED
 
 if TYPE_CHECKING:
     from smart_tire.bags import Bag
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         names = chosen(bag, args.topics, everything=args.all, clock=args.clock)
         renamed = standard_names(bag, names)
         if not names:
-            print(f'smart_tire replay: {args.bag} has none of {", ".join(INPUTS)}; its topics: '
+            print(f'smart_tire replay: {args.bag} has none of {", ".join(REPLAYED)}; its topics: '
                   f'{listed(bag)}', file=sys.stderr)
             return FAILED
         from smart_tire.nodes.replayer import replay
@@ -113,7 +113,7 @@ def chosen(bag: Bag, topics: Sequence[str], *, everything: bool, clock: bool) ->
     if everything:
         names += without_commands(bag, clock=clock)
     elif not topics:
-        names += bag.match(INPUTS).values()
+        names += bag.match(REPLAYED).values()
     return list(dict.fromkeys(names))
 
 

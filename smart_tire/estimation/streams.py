@@ -59,3 +59,4 @@ def sensor_inputs(*estimators: Streams) -> tuple[str, ...]:
 
 
 INPUTS = sensor_inputs(SLIP, FRICTION)
+REPLAYED = (*INPUTS, *FILM.inputs.values())  # of a bag, by default

@@ -20,7 +20,7 @@ from smart_tire.bags import Bag, BagWriter, channel_of, Qos
 from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.cli.main import main
 from smart_tire.cli.replay import find, without_commands
-from smart_tire.estimation.streams import INPUTS
+from smart_tire.estimation.streams import INPUTS, REPLAYED
 from smart_tire.messages import TOPICS
 from smart_tire.samples import MotorCommand, VelocityCommand, WheelCommand
 from support.command import command
@@ -195,8 +195,8 @@ def test_a_topic_missing_in_the_bag_is_a_usage_error(source, capsys):
 def test_a_bag_without_inputs_is_not_replayed(tmp_path, capsys):
     events = [event for event in stream(0.2) if event[1] == 'odom']
     assert main(['replay', str(write_bag(tmp_path / 'bag', events))]) == 1
-    assert 'has none of imu/data, wheel_states, tire_samples; its topics: /odom' \
-        in capsys.readouterr().err
+    assert (f'has none of {", ".join(REPLAYED)}; its topics: /odom'
+            in capsys.readouterr().err)
 
 
 def test_inputs_of_other_names_are_published_under_the_standard_ones(tmp_path, listener):

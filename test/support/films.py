@@ -37,10 +37,11 @@ def calibration(operator: DuhemParams = TABLE_I, *, low_corner: float = 1e-3,
     values = np.array([operator.alpha, operator.a, operator.b]) * TABLE_I_GAIN
     sigmas = np.array([*(values * SIGMAS), 1e-4, 1e-12])
     errors = np.zeros(5) if rng is None else rng.standard_normal(5) * sigmas
-    alpha, a, b = values + errors[:3]
+    alpha, a, b = (values + errors[:3]).tolist()
     return FilmParams(
-        film=FILM, alpha_gain=alpha, a_gain=a, b_gain=b, low_corner=low_corner + errors[3],
-        drift=errors[4], covariance=np.diag(sigmas**2), span=0.27, noise=NOISE, model_error=0.0)
+        film=FILM, alpha_gain=alpha, a_gain=a, b_gain=b, low_corner=low_corner + float(errors[3]),
+        drift=float(errors[4]), covariance=np.diag(sigmas**2), span=0.27, noise=NOISE,
+        model_error=0.0)
 
 
 def strokes(seconds: float, *, top: float = 0.01, frequency: float = 3.0,

@@ -16,8 +16,8 @@ import math
 
 from smart_tire.samples import (
     BatterySample, FilmCharge, FilmDeflection, FilmTemperature, Friction, FRICTION_QUANTITIES,
-    FrictionGrid, GoalPose, GroundState, Icr, ImuSample, MotorCommand, NAN, Odometry, PathProgress, PlannedPath, TireSample, VelocityCommand,
-    WheelCommand, WheelSample, WheelSlip)
+    FrictionGrid, GoalPose, GroundState, Icr, ImuSample, MotorCommand, NAN, Odometry, PathProgress,
+    PlannedPath, TireSample, VelocityCommand, WheelCommand, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 
 STAMP = 1_700_000_000_123_456_789

@@ -21,8 +21,9 @@ from smart_tire.estimation.friction.estimator import FrictionEstimator
 from smart_tire.messages import NodeStatus, TOPICS
 from smart_tire.parameters import build, FrictionEstimatorParams
 from smart_tire.samples import (
-    Friction, FrictionGrid, GoalPose, GroundState, MotorCommand, PathProgress, PlannedPath,
-    TireSample, VelocityCommand, WheelCommand, WHEELS, WheelSample, WheelSlip)
+    FilmCharge, FilmDeflection, FilmTemperature, Friction, FrictionGrid, GoalPose, GroundState,
+    MotorCommand, PathProgress, PlannedPath, TireSample, VelocityCommand, WheelCommand, WHEELS,
+    WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from smart_tire.view.contact import thinned
 from smart_tire.view.writer import TRUTH, ViewWriter, WHEEL_COLORS
@@ -46,6 +47,12 @@ SHOWN = [  # topic, sample, path -> shown values; None is a gap
         'slip/rear_left/estimate': [None] * 3, 'slip/rear_right/estimate': [None, None, None]}),
     ('ground_truth/wheel_slip', slip(0, (0.11, 0.2, 0.3, math.nan), (0.0,) * 4), {
         'slip/front_left/truth': [0.11], 'slip/rear_right/truth': [None]}),
+    ('film_charge', FilmCharge(START, -2e-9), {'film_signals/charge': [-2e-9]}),
+    ('film_temperature', FilmTemperature(START, 21.0), {'film_signals/temperature': [21.0]}),
+    ('film_deflection', FilmDeflection(START, Uncertain(0.004, 0.0005)), {
+        'film/deflection': [0.004, 0.003, 0.005]}),
+    ('ground_truth/film_deflection', FilmDeflection(START, Uncertain(0.004, 0.0)), {
+        'film/truth': [0.004]}),
     ('tire_friction', Friction(
         START, 'front_left', friction_coefficient=Uncertain(0.5, 0.05),
         friction_coefficient_single=Uncertain(0.6, 0.1), stiffness=Uncertain(50.0, 5.0),

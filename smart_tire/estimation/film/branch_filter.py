@@ -78,7 +78,8 @@ class BranchFilter:
     FilmState of a film at its latest turning point, and its input after it.
 
     ``covariance`` (9, 9) is that of the ``state`` (9,), ``noise`` [C] the standard deviation of a
-    charge, ``law_error`` [C] that of the operator: of Z, by each branch. Raises ParameterError for an operator without an inverse.
+    charge, ``law_error`` [C] that of Z by the operator, for each branch. The operator must have an
+    inverse.
     """
 
     def __init__(self, state: Array, covariance: Array, noise: float, law_error: float = 0.0
@@ -248,4 +249,5 @@ def _moments(values: Array) -> tuple[Array, Array]:
     up, down = values[..., 1:COLUMNS + 1], values[..., COLUMNS + 1:]
     bend = up + down - 2.0 * center
     mean = center[..., 0] + bend.sum(axis=-1) / 6.0
-    return mean, np.concatenate([(up - down) / (2.0 * MEMBER_STEP), bend * 2.0**0.5 / 6.0], axis=-1)
+    slopes, curvatures = (up - down) / (2.0 * MEMBER_STEP), bend * 2.0**0.5 / 6.0
+    return mean, np.concatenate([slopes, curvatures], axis=-1)

@@ -131,7 +131,9 @@ class FilmEstimator:
         """Take the film as flat now; return whether it is measured at present."""
         if self._filter is None or not self._window or self._saturated or self._discharged:
             return False
-        self._filter.stop_at(self._averaged(), zero=True)
+        signal = self._averaged()
+        self._filter.stop_at(signal, zero=True)
+        self._flat_time, self._heat_variance = float(signal[FilmSignal.TIME]), 0.0
         self._beyond = False
         self.zeros += 1
         return True
@@ -164,7 +166,8 @@ class FilmEstimator:
         state[:FilmState.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
                                film.drift, self._pyro)
         covariance[:5, :5] = film.covariance
-        covariance[FilmState.PYRO, FilmState.PYRO] = (params.pyroelectric_tolerance * self._pyro)**2
+        covariance[FilmState.PYRO, FilmState.PYRO] = (
+            params.pyroelectric_tolerance * self._pyro)**2
         if not params.fresh:  # uniform over the band that attracts all states
             covariance[FilmState.Z, FilmState.Z] = self._operator.band**2 / 3.0
         self._filter = BranchFilter(state, covariance, noise / math.sqrt(self._count),
@@ -172,7 +175,8 @@ class FilmEstimator:
         self._zero_ns, self._shift = sample.stamp_ns, 0.0
         self._signal = np.zeros(len(FilmSignal))
         self._zero_temperature = self._temperature.value if self._temperature else math.nan
-        self._heat_variance = 0.0  # K2, of the change until the first temperature
+        self._flat_time = 0.0      # s, of the latest zero
+        self._heat_variance = 0.0  # K2, of the change from it to the first temperature
         self.state = MEASURING
         self.zeros += 1
 
@@ -212,7 +216,8 @@ class FilmEstimator:
         if self._temperature is not None:
             if math.isnan(self._zero_temperature):
                 self._zero_temperature = self._temperature.value
-                self._heat_variance = self._temperature_variance(signal[FilmSignal.TIME])
+                self._heat_variance = self._temperature_variance(
+                    float(signal[FilmSignal.TIME]) - self._flat_time)
             signal[FilmSignal.TEMPERATURE] = self._temperature.value - self._zero_temperature
         return signal
 
@@ -250,11 +255,12 @@ class FilmEstimator:
     def _charge_sigma(self, signal: Array) -> float:
         """Return the standard deviation [C] of the model and of the heat."""
         temperature, variance = self._temperature, self._heat_variance
-        age = float(signal[FilmSignal.TIME])
+        age = float(signal[FilmSignal.TIME]) - self._flat_time
         if temperature is not None:
             sigma = temperature.sigma or self._params.temperature_sigma
             variance += 2.0 * sigma**2  # now and at the zero
-            age = max(age - (temperature.stamp_ns - self._zero_ns) / NS_PER_S, 0.0)
+            age = max(min(age, float(signal[FilmSignal.TIME]) - (
+                temperature.stamp_ns - self._zero_ns) / NS_PER_S), 0.0)
         variance += self._temperature_variance(age)
         return math.hypot(self._law_error, self._pyro * math.sqrt(variance))
 

@@ -73,7 +73,8 @@ def test_normalized_errors_are_near_one_for_operators_drawn_at_random():
         path = strokes(3.5, top=rng.uniform(0.004, 0.012), frequency=rng.uniform(1.0, 6.0))
         charge = charge_of(path, operator=operator, seed=seed,
                            z=rng.uniform(-1.0, 1.0) * operator.band)
-        found = between(measured(samples_of(charge), film=calibration(operator, rng=rng)), 1.5, 3.5)
+        found = between(measured(
+            samples_of(charge), film=calibration(operator, rng=rng)), 1.5, 3.5)
         squares.append(float(np.mean((errors(found, path) / found[:, 2])**2)))
     assert 0.4 < np.mean(squares) < 1.8
     assert max(squares) < 9.0
