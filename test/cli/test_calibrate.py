@@ -22,6 +22,7 @@ from smart_tire.cli.main import main
 from smart_tire.parameters import load_robot
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import NS_PER_S, Odometry
+from support.ideal_robot import odometry
 
 
 @pytest.fixture(scope='module')
@@ -38,9 +39,7 @@ def bags(tmp_path_factory):
                 if topic in ('imu/data', 'wheel_states'):
                     writer.write_sample(topic, received, sample)
                 elif isinstance(sample, Odometry):  # at rest
-                    writer.write_sample(topic, received, Odometry(
-                        sample.stamp_ns, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3,
-                        (0.0,) * 36, (0.0,) * 36))
+                    writer.write_sample(topic, received, odometry(sample.stamp_ns))
     return folder
 
 

@@ -30,7 +30,8 @@ from smart_tire.cli.main import main
 from smart_tire.control.path_library import PATHS
 from smart_tire.control.trajectory_control import PathState
 from smart_tire.errors import ParameterError
-from smart_tire.samples import NAN, NS_PER_S, Odometry, PathProgress
+from smart_tire.samples import NAN, NS_PER_S, PathProgress
+from support.ideal_robot import odometry
 
 LINE = ((0.0, 0.0, NAN), (1.0, 0.0, NAN))
 
@@ -46,8 +47,7 @@ class Pilot:
     """A pilot whose robot reports ``states``, one per look, after a path was published."""
 
     def __init__(self, states=(), answers=True):
-        self.odometry = Odometry(0, (1.0, 2.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3,
-                                 (0.0,) * 36, (0.0,) * 36)
+        self.odometry = odometry(0, 1.0, 2.0)
         self.wheels = self.slip = self.progress = None
         self.friction, self.crossings, self.health, self.stopped = {}, {}, {}, ''
         self.emergency_stop = False

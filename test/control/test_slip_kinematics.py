@@ -21,13 +21,12 @@ from smart_tire.control.constants import MAX_SLIDE, SPIN_SLIDE
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import MotionLimitParams
-from smart_tire.rotation import quaternion
-from smart_tire.samples import NS_PER_S, Odometry, WheelSlip
+from smart_tire.samples import NS_PER_S, WheelSlip
+from support.ideal_robot import odometry
 
 TRACK, WHEELBASE = 0.38, 0.26
 STEP = 0.008   # s, between estimates
 START = 1_000 * NS_PER_S
-ZEROS = (0.0,) * 36
 NANS = (math.nan,) * 4
 # bounds that do not act
 DELAY = 0.15  # s
@@ -74,9 +73,8 @@ class World:
 
     def odometry(self):
         v_x, yaw_rate = self.motion
-        return Odometry(self.now_ns, (0.0,) * 3, quaternion(0.0, 0.0, self.yaw),
-                        (v_x, self.lateral(*self.motion, self.yaw), 0.0), (0.0, 0.0, yaw_rate),
-                        ZEROS, ZEROS)
+        return odometry(self.now_ns, yaw=self.yaw, v_x=v_x, yaw_rate=yaw_rate,
+                        v_y=self.lateral(*self.motion, self.yaw))
 
     def wheel_slip(self):
         half = 0.5 * TRACK * self.motion[1]

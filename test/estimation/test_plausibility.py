@@ -19,15 +19,14 @@ import pytest
 from smart_tire.estimation.plausibility import (
     is_imu_spike, is_position_jump, is_possible, is_speed_contradicted, MAX_FORCE_CHANGE,
     MAX_RATE_CHANGE, speed_spikes)
-from smart_tire.samples import (
-    GroundState, ImuSample, Odometry, TireSample, WheelSample, WheelSlip)
+from smart_tire.samples import GroundState, ImuSample, TireSample, WheelSample, WheelSlip
 from smart_tire.uncertain import Uncertain, UNKNOWN
+from support.ideal_robot import odometry
 
 IMU = ImuSample(0, (0.0, 0.0, 9.81), (0.0, 0.0, 1.0))
 WHEELS = WheelSample(0, (10.0, 10.0, -10.0, 10.0))
 TIRE = TireSample(0, 'front_left', (1.0, 2.0))
-ODOMETRY = Odometry(0, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.5),
-                    (0.0,) * 36, (0.0,) * 36)
+ODOMETRY = odometry(0, v_x=1.0, yaw_rate=0.5)
 SLIP = WheelSlip(0, (math.nan, 0.1, -1.0, 1.0), (0.0,) * 4, (math.inf, 0.01, 1.0, 1.0))
 
 GROUND = GroundState(0, Uncertain(25.0, 1.5), *(UNKNOWN,) * 10, -1.0)

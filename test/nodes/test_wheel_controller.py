@@ -19,8 +19,9 @@ import pytest
 from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.wheel_controller import WheelController
-from smart_tire.samples import NS_PER_S, Odometry, VelocityCommand, WheelSample
+from smart_tire.samples import NS_PER_S, VelocityCommand, WheelSample
 from std_msgs.msg import Bool
+from support.ideal_robot import odometry
 from support.virtual_node import virtual
 
 pytestmark = pytest.mark.processes
@@ -73,9 +74,7 @@ def drive(node, seconds=1.0, v_x=0.5, yaw_rate=0.0, speed=1.0, name='cmd_vel', o
                      else VelocityCommand(stamp_ns, v_x, yaw_rate), topic='cmd_vel')
         node.publish('wheel_states', WheelSample(stamp_ns, (speed,) * 4))
         if odom is not None:
-            node.publish('odom', Odometry(
-                stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (odom, 0.0, 0.0),
-                (0.0, 0.0, 0.0), (0.0,) * 36, (0.0,) * 36))
+            node.publish('odom', odometry(stamp_ns, v_x=odom))
         node.run(PERIOD)
 
 

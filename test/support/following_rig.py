@@ -18,15 +18,15 @@ import time
 from typing import Any
 
 from smart_tire.control.trajectory_control import PathState
-from smart_tire.rotation import quaternion
-from smart_tire.samples import NS_PER_S, Odometry, PlannedPath
+from smart_tire.samples import NS_PER_S, PlannedPath
+from support.ideal_robot import odometry, straight_path
 from support.robot_rig import RobotRig
 
 RADIUS = 0.087   # m
 LENGTH = 30.0    # m, of a path
 DRIVEN = 0.5     # m/s, below max_speed of trajectory_controller
 PATIENCE = 0.5   # s, after which a path is sent again if it is not followed
-COVARIANCE = tuple(1e-4 * (index % 7 == 0) for index in range(36))
+VARIANCE = 1e-4  # of odom
 
 
 class FollowingRig(RobotRig):
@@ -67,14 +67,12 @@ class FollowingRig(RobotRig):
             self.x += speed * min((sample.stamp_ns - self._stamp_ns) / NS_PER_S, 0.5)
             self._stamp_ns = sample.stamp_ns
         self.graph.received['wheel_states'][:] = self.graph.received['wheel_states'][-1:]
-        self.graph.publish('odom', Odometry(
-            self._stamp_ns, (self.x, 0.0, 0.0), quaternion(0.0, 0.0, 0.0), (speed, 0.0, 0.0),
-            (0.0, 0.0, 0.0), COVARIANCE, COVARIANCE))
+        self.graph.publish(
+            'odom', odometry(self._stamp_ns, self.x, v_x=speed, variance=VARIANCE))
 
     def path(self, length: float = LENGTH) -> PlannedPath:
         """Return a path straight ahead of ``length`` [m]."""
-        return PlannedPath(time.time_ns(), 'odom', tuple(
-            (self.x + 0.05 * index, 0.0, 0.0) for index in range(round(length / 0.05) + 1)))
+        return straight_path(time.time_ns(), self.x, length)
 
     def drive(self, v_x: float = DRIVEN) -> None:
         """Follow a path until the wheels turn at ``v_x``."""

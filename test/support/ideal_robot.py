@@ -38,6 +38,12 @@ def path(*points, frame='odom'):
     return PlannedPath(0, frame, tuple((*one, NAN)[:3] for one in points))
 
 
+def straight_path(stamp_ns, x, length, frame='odom'):
+    """Return a path along x from ``x`` [m], with a pose every 0.05 m."""
+    return PlannedPath(stamp_ns, frame, tuple(
+        (x + 0.05 * index, 0.0, 0.0) for index in range(round(length / 0.05) + 1)))
+
+
 @dataclass
 class IdealRobot:
     """Differential drive with first-order lag of speed and yaw rate, and dead time."""

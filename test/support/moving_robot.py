@@ -17,14 +17,14 @@ import time
 
 from smart_tire.control.trajectory_control import PathState
 from smart_tire.messages import TOPICS
-from smart_tire.rotation import quaternion
 from smart_tire.samples import (
-    NAN, NS_PER_S, Odometry, PathProgress, PlannedPath, WheelSample, WheelSlip)
+    NAN, NS_PER_S, PathProgress, PlannedPath, WheelSample, WheelSlip)
 from support.graph import Graph
+from support.ideal_robot import odometry, straight_path
 from support.virtual_node import VirtualNode
 
 RADIUS = 0.087  # m
-COVARIANCE = tuple(1e-4 * (index % 7 == 0) for index in range(36))
+VARIANCE = 1e-4  # of odom
 SHORT, LONG = 0.3, 10.0  # m
 
 
@@ -58,9 +58,8 @@ class Robot:
             self.shown_x + self.odom_speed * passed)
         if self.has_wheels:
             self.graph.publish('wheel_states', WheelSample(now_ns, (self.speed / RADIUS,) * 4))
-        self.graph.publish('odom', Odometry(
-            now_ns, (self.shown_x, 0.0, 0.0), quaternion(0.0, 0.0, 0.0), (self.speed, 0.0, 0.0),
-            (0.0, 0.0, 0.0), COVARIANCE, COVARIANCE))
+        self.graph.publish(
+            'odom', odometry(now_ns, self.shown_x, v_x=self.speed, variance=VARIANCE))
         self.graph.publish('wheel_slip', WheelSlip(
             now_ns, (0.0,) * 4, (0.0,) * 4, (0.01,) * 4))
 
@@ -105,8 +104,8 @@ class Robot:
     def path(self, length: float = LONG, stamp_ns: int | None = None,
              frame: str = 'odom') -> PlannedPath:
         """Return a path straight ahead of ``length`` [m], by default with the present time."""
-        return PlannedPath(time.time_ns() if stamp_ns is None else stamp_ns, frame, tuple(
-            (self.x + 0.05 * index, 0.0, 0.0) for index in range(round(length / 0.05) + 1)))
+        return straight_path(
+            time.time_ns() if stamp_ns is None else stamp_ns, self.x, length, frame)
 
     def follow(self, path: PlannedPath | None = None) -> None:
         """Publish a path, by default a long one."""

@@ -44,7 +44,8 @@ from smart_tire.messages import TOPICS
 from smart_tire.parameters import (
     build, MotorDriverParams, TrajectoryControllerParams, WheelControllerParams)
 from smart_tire.samples import (
-    four, MotorCommand, NS_PER_S, Odometry, PlannedPath, VelocityCommand, WheelSample)
+    four, MotorCommand, NS_PER_S, VelocityCommand, WheelSample)
+from support.ideal_robot import odometry, straight_path
 from support.motor_boards import Faults, FREE_SPEED, MotorBoards, Record, State
 
 START_NS = 1_000 * NS_PER_S      # steady clock at the beginning
@@ -60,7 +61,7 @@ DUTY_PERIOD_NS = 60_000_000      # between commands of a test without controller
 STEP = 0.001                     # s, between checks of a condition
 MAX_WAIT = 30.0                  # s, for a condition
 MAX_SCRIPT_NS = 600 * NS_PER_S
-COVARIANCE = tuple(1e-4 * (index % 7 == 0) for index in range(36))
+VARIANCE = 1e-4                  # of odom
 
 
 class Ended(Exception):  # noqa: N818
@@ -524,14 +525,12 @@ class FollowingRobot(VirtualRobot):
         if speed is None:
             return
         self.x += speed * ODOM_PERIOD
-        odometry = Odometry(self.clock.time_ns(), (self.x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0),
-                            (speed, 0.0, 0.0), (0.0, 0.0, 0.0), COVARIANCE, COVARIANCE)
-        self.send(FOLLOWER, lambda: self.control.add_odometry(odometry, self.clock.time_ns()))
+        sample = odometry(self.clock.time_ns(), self.x, v_x=speed, variance=VARIANCE)
+        self.send(FOLLOWER, lambda: self.control.add_odometry(sample, self.clock.time_ns()))
 
     def order(self, sender: str) -> None:
         """Send a path."""
-        path = PlannedPath(self.clock.time_ns(), 'odom', tuple(
-            (self.x + 0.05 * index, 0.0, 0.0) for index in range(round(self.length / 0.05) + 1)))
+        path = straight_path(self.clock.time_ns(), self.x, self.length)
 
         def receive() -> None:
             if conflict := self._senders.record(sender.encode(), self.clock.now_ns()):

@@ -30,6 +30,7 @@ from smart_tire.recording import SampleArrays
 from smart_tire.samples import GRAVITY, NS_PER_S, Odometry, WheelSlip
 from smart_tire.vision.overhead import LiveLocalizer, NO_TAG, OverheadLocalizer, SCALE, Scale
 from smart_tire.vision.renderer import Renderer
+from support.ideal_robot import odometry
 from support.overhead import (
     fixes_of, image_msg, info_msg, RADIUS, SMALL, SMALL_PLACE, START_NS, wheel_samples)
 
@@ -215,9 +216,7 @@ def straight(scale, *, speed=0.4, rate=0.0, acceleration=0.0, step=0.1, count=30
     found = []
     for k in range(count):
         stamp_ns, wheels = START_NS + round(k * step * NS_PER_S), speed + acceleration * k * step
-        found.append(Odometry(
-            stamp_ns, (0.0,) * 3, (0.0, 0.0, 0.0, 1.0), (scale * wheels, 0.0, 0.0),
-            (0.0, 0.0, rate), (1e-12,) * 36, (1e-12,) * 36))
+        found.append(odometry(stamp_ns, v_x=scale * wheels, yaw_rate=rate, variance=1e-12))
         if slips:
             found.append(WheelSlip(stamp_ns, (0.0,) * 4, ((1.0 - scale) * wheels,) * 4,
                                    (0.01,) * 4))
