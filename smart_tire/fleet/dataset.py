@@ -147,9 +147,9 @@ class Dataset:
         rows: list[dict[str, Any]] = []
         # one at a time: pyarrow.dataset keeps 0.1 MB of each file
         for path in (self.folder / DRIVES).glob('robot=*/date=*/*.parquet'):
-            robot, date = (unquote(part.partition('=')[2]) for part in path.parts[-3:-1])
-            rows += [{**dict.fromkeys(COLUMNS), **row, 'robot': None if robot == UNKNOWN else robot,
-                      'date': None if date == UNKNOWN else date}
+            robot, date = (None if value == UNKNOWN else value for value in (
+                unquote(part.partition('=')[2]) for part in path.parts[-3:-1]))
+            rows += [{**dict.fromkeys(COLUMNS), **row, 'robot': robot, 'date': date}
                      for row in pq.ParquetFile(path).read().to_pylist()]
         return sorted(rows, key=lambda row: (
             row['robot'] or '', row['start_ns'] or 0, row['drive']))
