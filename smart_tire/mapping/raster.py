@@ -83,13 +83,14 @@ class Raster:
         """
         Return the map in which unknown cells may be of the ground of known ones near them.
 
-        The friction of an unknown cell is the least lower bound, at ``sigmas``, of those at most
-        ``margin`` [m] away along x and y, of which the map becomes larger.
+        An unknown cell is as the one that is most certainly slippery, with the least mu plus
+        ``sigmas`` standard deviations, of those at most ``margin`` [m] away along x and y. The
+        map becomes larger by the margin.
         """
         reach = int(margin / self.resolution + 1e-6)
         friction, sigma = (np.pad(one, reach, constant_values=math.nan)
                            for one in (self.friction, self.sigma))
-        near = friction - sigmas * sigma
+        near = friction + sigmas * sigma + 1j * sigma  # fmin compares the real parts
         for axis in (0, 1):
             width = 1  # of the window to one side, of which ``near`` is the least
             while (step := min(width, 2 * reach + 1 - width)) > 0:
@@ -97,9 +98,10 @@ class Raster:
                 near, width = np.fmin(near, np.roll(near, step, axis)), width + step
             near = np.roll(near, -reach, axis)
         known, (x, y) = np.isfinite(friction), self.origin
-        return replace(self, friction=np.where(known, friction, near),
-                       sigma=np.where(known, sigma, 0.0 * near), origin=(
-                           x - reach * self.resolution, y - reach * self.resolution))
+        return replace(
+            self, friction=np.where(known, friction, near.real - sigmas * near.imag),
+            sigma=np.where(known, sigma, near.imag), origin=(
+                x - reach * self.resolution, y - reach * self.resolution))
 
 
 def pixels(values: Array, *, upwards: bool = False) -> Image:

@@ -381,9 +381,10 @@ def slippery(tmp_path):
     return tmp_path / 'ice.yaml'
 
 
-def fastest(file):
+def fastest(file, **params):
     """Return the largest speed that is commanded on a path, and the health of the node."""
-    with virtual(TrajectoryController, follow_path='false', friction_map=str(file)) as node:
+    with virtual(TrajectoryController, follow_path='false', friction_map=str(file),
+                 **params) as node:
         robot = Robot(node)
         robot.until(lambda: 'receiving odom' in '\n'.join(node.log.lines))
         robot.follow(robot.path(LONG))
@@ -398,6 +399,12 @@ def test_a_friction_map_lowers_the_acceleration_on_it(isolated_ros, slippery):
     # 0.7 of the friction 0.05 less two sigma, of which 0.6 are for changes of speed
     assert 0.2 < speed <= 2.0 * 0.6 * 0.7 * 0.04 * 9.81 + 0.01
     assert 'friction map' not in health.message
+
+
+def test_unknown_cells_within_the_margin_are_as_slippery(isolated_ros, slippery):
+    slippery.write_text(slippery.read_text().replace('[-2.0, -2.0', '[-2.0, 0.8'))
+    beside, off = (fastest(slippery, friction_map_margin=margin)[0] for margin in (1.0, 0.3))
+    assert 0.2 < beside < 0.35 and off > 0.5
 
 
 def test_a_map_in_a_frame_that_is_not_connected_is_not_used(isolated_ros, slippery):
