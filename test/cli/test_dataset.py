@@ -280,3 +280,14 @@ def test_the_how_to_lists_all_columns_of_the_drives():
     listed = re.findall(r'^\| `(\w+)` \| (.*?) \| (.*) \|$', HOW_TO.read_text(encoding='utf-8'),
                         re.MULTILINE)
     assert listed == [(name, unit, meaning) for name, (_, unit, meaning) in COLUMNS.items()]
+
+
+def test_the_rows_of_all_drives_have_their_robots_and_dates(tmp_path):
+    from smart_tire.fleet.dataset import Dataset
+    dataset = Dataset(tmp_path)
+    for name, robot, date in (('c', '', ''), ('b', 'fleet/r7', '2026-01-02'), ('a', 'x', '')):
+        dataset.write(name, 'key', robot, date, {'bag': name, 'warnings': ['w']}, {})
+    assert [(row['drive'], row['robot'], row['date'], row['warnings'], row['friction'])
+            for row in dataset.drives()] == [
+        ('c', None, None, ['w'], None), ('b', 'fleet/r7', '2026-01-02', ['w'], None),
+        ('a', 'x', None, ['w'], None)]
