@@ -19,7 +19,9 @@ from launch_ros.substitutions import FindPackageShare
 from smart_tire.launching import (
     boolean, check_arguments, enclave, file, FILM, FILM_SIMULATOR, hold_interrupts, text)
 
-ARGUMENTS = {'namespace': text, 'film': file, 'calibration': file, 'simulated': boolean}
+FILES = {'robot': 'frames of the robot', 'film': 'film, amplifier and simulation'}
+ARGUMENTS = {'namespace': text, 'calibration': file, 'simulated': boolean,
+             **dict.fromkeys(FILES, file)}
 
 
 def start(context):
@@ -30,7 +32,7 @@ def start(context):
            **({'film_driver': [{'port': 'simulated'}]} if simulated else {})}
     return [Node(package='smart_tire', executable=node, output='screen',
                  namespace=LaunchConfiguration('namespace'), ros_arguments=enclave(context, node),
-                 parameters=[LaunchConfiguration('film'), *own.get(node, [])])
+                 parameters=[*map(LaunchConfiguration, FILES), *own.get(node, [])])
             for node in ((FILM_SIMULATOR,) if simulated else ()) + FILM]
 
 
@@ -40,8 +42,9 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='',
                               description='namespace of all nodes, one for each film'),
-        DeclareLaunchArgument('film', description='parameter file: film',
-                              default_value=PathJoinSubstitution([config, 'film.yaml'])),
+        *(DeclareLaunchArgument(name, description=f'parameter file: {content}',
+                                default_value=PathJoinSubstitution([config, f'{name}.yaml']))
+          for name, content in FILES.items()),
         DeclareLaunchArgument('calibration',
                               description='file of "smart_tire identify film" for this film'),
         DeclareLaunchArgument('simulated', default_value='false',

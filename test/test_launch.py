@@ -54,8 +54,9 @@ DEFAULTS = {'namespace': '', 'description': 'true', 'rviz': 'false', 'simulated'
             'composed': 'false', 'camera': 'false', 'drivers': 'true', 'control': 'true',
             'use_sim_time': 'false', 'imu': 'imu/data', 'wheel_states': 'wheel_states',
             'robot': str(ROOT / 'config' / 'robot.yaml'),
-            'tuning': str(ROOT / 'config' / 'tuning.yaml')}
+            'tuning': str(ROOT / 'config' / 'tuning.yaml'), 'calibration': '/tmp/film.yaml'}
 TUNING = DEFAULTS['tuning']
+CALIBRATION = f'calibration:={ROOT / "config" / "film.yaml"}'  # any file
 HUSKY = f'params:={ROOT / "config" / "platforms" / "husky.yaml"}'
 VIEW = ROOT / 'config' / 'view' / 'smart_tire.rviz'
 WITH_BASE = 'estimators.launch.py'
@@ -130,8 +131,8 @@ def test_arguments_that_are_used_are_declared_and_described(path, described):
     found = described(path)
     declared = {call.args[0]: call.options for call in of_kind(found, 'DeclareLaunchArgument')}
     assert all(options['description'] for options in declared.values())
-    by_function = {'simulated', 'respawn', 'composed', 'camera', 'drivers', 'control',
-                   'use_sim_time'}
+    by_function = {'calibration', 'simulated', 'respawn', 'composed', 'camera', 'drivers',
+                   'control', 'use_sim_time'}
     assert used(found) >= declared.keys() - by_function or path == INCLUDED
     assert used(found) <= declared.keys() or path == INCLUDED
 
@@ -203,7 +204,8 @@ def test_a_simulation_is_the_simulator_and_the_robot_connected_to_it(described):
     robot = described(LAUNCH / 'robot.launch.py', simulated='true')
     drivers = {node.options['executable'] for node in of_kind(robot, 'Node')
                if {'port': 'simulated'} in node.options['parameters']}
-    assert drivers == {name for name, cls in NODE_PARAMS.items() if 'port' in specs(cls)}
+    assert drivers == {name for name, cls in NODE_PARAMS.items() if 'port' in specs(cls)
+                       and name not in (*FILM, FILM_SIMULATOR)}
     assert ports == {f'ports.{name}': f'simulated:{name}' for name in PORTS}
 
 
@@ -309,7 +311,7 @@ def test_the_enclave_of_a_program_is_that_of_the_policy(
     installed('robot_state_publisher', 'rviz2')
     nodes = list(started(LAUNCH / 'simulation.launch.py', f'namespace:={namespace}',
                          f'composed:={composed}', 'rviz:=true', 'camera:=true'))
-    assert len(nodes) == (8 if composed == 'true' else len(NODE_PARAMS) + 1)
+    assert len(nodes) == (8 if composed == 'true' else len(NODE_PARAMS) - 2)
     for node in nodes:
         option, enclave = node.options['ros_arguments']
         assert option == '--enclave'
@@ -549,9 +551,11 @@ def test_an_invalid_argument_ends_the_launch_in_one_line(
 
 
 @pytest.mark.parametrize(('name', 'words', 'count'), [
-    ('robot', [], len(NODE_PARAMS) - 4), ('simulation', [], len(NODE_PARAMS) - 3),
-    ('simulation', ['camera:=true'], len(NODE_PARAMS) - 1), ('simulation', ['composed:=true'], 4),
-    ('replay', ['bag:=/tmp'], 3), ('estimators', [HUSKY], 2), ('mapping', [], 1)])
+    ('robot', [], len(NODE_PARAMS) - 7), ('simulation', [], len(NODE_PARAMS) - 6),
+    ('simulation', ['camera:=true'], len(NODE_PARAMS) - 4), ('simulation', ['composed:=true'], 4),
+    ('replay', ['bag:=/tmp'], 3), ('estimators', [HUSKY], 2), ('mapping', [], 1),
+    ('film', [CALIBRATION], 2),
+    ('film', [CALIBRATION, 'simulated:=true'], 3)])
 def test_a_launch_with_defaults_starts_its_processes(name, words, count, stand_ins):
     nodes = list(started(LAUNCH / f'{name}.launch.py', *words))
     assert len(set(executables(nodes))) == len(nodes) == count

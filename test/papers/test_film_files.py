@@ -18,8 +18,10 @@ import pytest
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.estimation.film.calibration import PRODUCTS, read_params
 from smart_tire.models.film.buckling_film import FILMS
+from smart_tire.models.film.hysteresis import monotone_branches, relaxed
 from smart_tire.papers.film_bench import identify_film, write_params
 from smart_tire.papers.film_files import COLUMNS, FilmRecording, read_recording
+from smart_tire.papers.film_measurement import smoothed
 from support.film_bench import one_loop, several_loops, TRUE, write_recording
 from support.real_recordings import real_recording
 import yaml
@@ -94,6 +96,25 @@ def test_a_real_piezo_stage_is_described_to_a_few_percent():
     assert any('times the noise' in note for note in notes)
     with pytest.raises(ParameterError, match='a > b >= a / 2'):
         _ = params.operator
+
+
+def test_the_charge_of_the_unseen_half_of_a_real_loop_is_predicted():
+    loop = read_recording(real_recording('piezo_loop/loop.csv'), ['t', 'input', 'output'])
+    half, (u, _) = loop.time.size // 2, smoothed(loop.input)
+    params, _, _ = identify_film(
+        FilmRecording(loop.time[:half], loop.input[:half], loop.output[:half]), None)
+    branches = monotone_branches(np.concatenate([u[:1], u]), 0.01 * np.ptp(u))
+    alpha, a, b = params.alpha_gain, params.a_gain, params.b_gain
+    known = a * u + relaxed(np.concatenate([u[:1], u]), branches, alpha, (a - b) / alpha, 0.0)
+    first = relaxed(np.concatenate([u[:1], u]), branches, alpha, 0.0, 1.0)
+    fits = {'duhem': (known, np.column_stack([first, np.ones(u.size)])),
+            'linear': (0.0 * u, np.column_stack([u, np.ones(u.size)]))}
+    error = {}
+    for name, (given, free) in fits.items():
+        factors = np.linalg.lstsq(free[:half], (loop.output - given)[:half], rcond=None)[0]
+        residual = (loop.output - given - free @ factors)[half:]
+        error[name] = np.sqrt(np.mean(residual**2)) / np.ptp(loop.output[half:])
+    assert error['duhem'] < 0.015 and error['linear'] > 0.06
 
 
 @pytest.mark.parametrize('change, why', [
