@@ -31,7 +31,7 @@ from smart_tire.bags import Bag, recover
 from smart_tire.bags.cdr import Decoder, SampleDecoder, SampleEncoder
 from smart_tire.cli._path_file import read_path
 from smart_tire.drivers.roboclaw_line import RoboclawLine
-from smart_tire.drivers.sample_stream import IMU_PROTOCOLS, SampleStream
+from smart_tire.drivers.sample_stream import FILM_CHARGE, IMU_PROTOCOLS, SampleStream
 from smart_tire.drivers.serial_port import open_port
 from smart_tire.drivers.tire_receiver import TireStream
 from smart_tire.errors import BagError, FrameError, LinkError, MessageError, ParameterError
@@ -45,7 +45,7 @@ from smart_tire.nodes.wheel_controller import WheelController
 from smart_tire.papers.film_files import COLUMNS, read_recording
 from smart_tire.parameters import load_node, NODE_PARAMS
 from smart_tire.paths import BAG_METADATA, port_url
-from smart_tire.protocol import roboclaw, vectornav, vectornav_ascii, xbee, xsens
+from smart_tire.protocol import film_charge, roboclaw, vectornav, vectornav_ascii, xbee, xsens
 from smart_tire.recording import Faults
 from smart_tire.samples import NS_PER_S
 from support.frames import frames
@@ -385,6 +385,9 @@ TARGETS: Mapping[str, Target] = {
         'vectornav_ascii', vectornav_ascii.encode_sentence, delimited=True),
     'xsens': _imu_target(
         'xsens', lambda body: xsens.encode_message(body[:1 + xsens.MAX_DATA_LENGTH] or b'\0')),
+    'film_charge': _receiver_target(
+        lambda: SampleStream(FILM_CHARGE), film_charge.encode_frame,
+        lambda: _frames('film_charge'), delimited=False),
     'roboclaw_replies': Target(
         lambda: [roboclaw.encode_reply(0x80, roboclaw.READ_ENCODERS, 7, 8).ljust(23),
                  roboclaw.encode_text_reply(0x80, roboclaw.READ_VERSION, 'USB Roboclaw 2x15a')],

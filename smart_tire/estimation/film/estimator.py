@@ -164,7 +164,7 @@ class FilmEstimator:
         self._count = max(1, round(AVERAGED_SHARE / params.bandwidth / period))
         state, covariance = np.zeros(len(FilmState)), np.zeros((len(FilmState),) * 2)
         state[:FilmState.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
-                               film.drift, self._pyro)
+                                   film.drift, self._pyro)
         covariance[:5, :5] = film.covariance
         covariance[FilmState.PYRO, FilmState.PYRO] = (
             params.pyroelectric_tolerance * self._pyro)**2
