@@ -34,7 +34,7 @@ class FilmSensorParams:
 
     calibration_file: str = param('', '-', 'file of "smart_tire identify film"; must be given')
     reorder_window: float = param(
-        0.03, 's', 'span of message timestamps that are sorted before use', (0.0, 1.0))
+        0.06, 's', 'span of message timestamps that are sorted before use', (0.0, 1.0))
     zero_time: float = param(
         0.5, 's', 'rest of the flat film at the start, which is averaged', (0.05, 60.0))
     fresh: bool = param(
