@@ -33,7 +33,7 @@ import numpy as np
 from rich.table import Table
 from smart_tire.arrays import Array
 from smart_tire.design.drive import AVERAGED, DriveInformation, DRIVES, Ground
-from smart_tire.design.layout import Accuracy, Layout, LENGTH_SIGMA, Study
+from smart_tire.design.layout import Accuracy, FilmLayout, LENGTH_SIGMA, Study
 from smart_tire.estimation.friction.estimator import EvaluatedCrossing, FrictionEstimator
 from smart_tire.estimation.friction.waveform_method import WaveformMethod
 from smart_tire.estimation.friction.waveform_model import Shared
@@ -42,7 +42,7 @@ from smart_tire.parameters import FrictionEstimatorParams, RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Sample
 from smart_tire.simulation.offline import EPOCH_NS
 
-PAPER = Layout.of(RobotParams())
+PAPER = FilmLayout.of(RobotParams())
 ROWS = {'concrete': 'slow_turn', 'sand': 'sand_turn'}  # of benchmarks.robots, by ground
 # properties of drawn robots that the model of the estimator does not have
 AWAY = ('fall', 'relaxation_length', 'load_transfer_time', 'bump_distance', 'bump_width',
@@ -60,7 +60,7 @@ class Point:
     """A layout on a drive."""
 
     title: str
-    layout: Layout = PAPER
+    layout: FilmLayout = PAPER
     drive: str = 'turn'
     ground: str = 'concrete'
     torque: bool = True

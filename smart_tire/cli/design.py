@@ -25,10 +25,10 @@ from smart_tire.errors import ParameterError
 from smart_tire.paths import write_text
 
 if TYPE_CHECKING:
-    from smart_tire.design.drive import Drive, Ground
+    from smart_tire.design.drive import DriveSchedule, Ground
     from smart_tire.parameters.simulation import SurfaceParams
 
-FILES = 'design.json', 'layouts.csv', 'sensitivity.csv', 'design_maps.png'
+FILES = 'summary.json', 'layouts.csv', 'sensitivity.csv', 'design_maps.png'
 DRIVE_COLUMNS = 'time_s', 'left_rpm', 'right_rpm'
 DURATIONS = 5.0, 60.0  # s: more than one window, and what the contact of films remembers
 
@@ -39,11 +39,11 @@ def run(args: argparse.Namespace) -> int:
     from smart_tire.analysis.drawing import save
     from smart_tire.analysis.summary import plain
     from smart_tire.design.drive import DriveInformation
-    from smart_tire.design.layout import Layout, Study
+    from smart_tire.design.layout import FilmLayout, Study
     from smart_tire.design.search import best_layouts, Limits, maps, sensitivity
     from smart_tire.parameters import load_node
     params = load_node(args.params, 'robot_simulator')
-    own, batch, ground = Layout.of(params.robot), params.radio.batch, params.ground
+    own, batch, ground = FilmLayout.of(params.robot), params.radio.batch, params.ground
     if not own.wheels:
         raise ParameterError('film.wheels is empty: layouts are compared with that of the robot')
     limits = Limits(args.films or own.wheels * own.films, args.rate or own.rate, own.bits,
@@ -102,9 +102,9 @@ def ground_of(text: str, known: SurfaceParams) -> Ground:
     return surfaces[text]
 
 
-def drive_of(text: str) -> Drive:
+def drive_of(text: str) -> DriveSchedule:
     """Return a drive of ``DRIVES``, or that of a CSV file; raise ParameterError for others."""
-    from smart_tire.design.drive import Drive, DRIVES
+    from smart_tire.design.drive import DriveSchedule, DRIVES
     if text in DRIVES:
         return DRIVES[text]
     path = Path(text)
@@ -117,7 +117,7 @@ def drive_of(text: str) -> Drive:
             and rows[0, 0] >= 0.0 and DURATIONS[0] <= rows[-1, 0] <= DURATIONS[1]):
         raise ParameterError(f'{path}: expected finite numbers, and times that increase from 0 s '
                              'or later to an end at {:g} to {:g} s'.format(*DURATIONS))
-    return Drive(path.name, tuple(map(tuple, rows.tolist())), float(rows[-1, 0]))
+    return DriveSchedule(path.name, tuple(map(tuple, rows.tolist())), float(rows[-1, 0]))
 
 
 def _csv(rows: Iterable[Mapping[str, Any]]) -> str:

@@ -56,7 +56,7 @@ class Ground(NamedTuple):
     drag: float       # -, rolling resistance over the load
 
 
-class Drive(NamedTuple):
+class DriveSchedule(NamedTuple):
     """Set points of the wheel speeds."""
 
     name: str
@@ -64,12 +64,12 @@ class Drive(NamedTuple):
     duration: float  # s
 
 
-DRIVES = {one.name: one for one in (
-    Drive('turn', ((1.0, 60.0, 80.0),), 10.0), Drive('fast_turn', ((1.0, 120.0, 60.0),), 10.0),
-    Drive('s_curves', ((1.0, 100.0, 60.0), (2.5, 60.0, 100.0), (4.0, 100.0, 60.0),
-                       (5.5, 60.0, 100.0), (7.0, 100.0, 60.0), (8.5, 60.0, 100.0)), 10.0),
-    Drive('straight', ((1.0, 80.0, 80.0), (3.0, 0.0, 0.0), (4.0, 80.0, 80.0), (6.0, 0.0, 0.0),
-                       (7.0, 80.0, 80.0), (9.0, 0.0, 0.0)), 10.0))}
+DRIVES = {name: DriveSchedule(name, legs, 10.0) for name, legs in {
+    'turn': ((1.0, 60.0, 80.0),), 'fast_turn': ((1.0, 120.0, 60.0),),
+    's_curves': ((1.0, 100.0, 60.0), (2.5, 60.0, 100.0), (4.0, 100.0, 60.0), (5.5, 60.0, 100.0),
+                 (7.0, 100.0, 60.0), (8.5, 60.0, 100.0)),
+    'straight': ((1.0, 80.0, 80.0), (3.0, 0.0, 0.0), (4.0, 80.0, 80.0), (6.0, 0.0, 0.0),
+                 (7.0, 80.0, 80.0), (9.0, 0.0, 0.0))}.items()}
 
 
 class Place(NamedTuple):
@@ -100,8 +100,8 @@ class _TrueFit(WindowFit):
 class DriveInformation:
     """Information of a drive on one ground; ``torque``: motor torques are measured."""
 
-    def __init__(self, robot: RobotParams, ground: Ground, drive: Drive, torque: bool = True
-                 ) -> None:
+    def __init__(self, robot: RobotParams, ground: Ground, drive: DriveSchedule,
+                 torque: bool = True) -> None:
         self.robot = replace(robot, imu=replace(
             robot.imu, rotation=(0.0, 0.0, 0.0), gyro_scale=1.0))
         self.ground, self.drive, self.torque = ground, drive, torque

@@ -48,7 +48,7 @@ HEADER_BITS = 8 * len(encode_batch(TireBatch(0, 0, 0, 1, ((0,),), 0))) - 16
 
 
 @dataclass(frozen=True)
-class Layout:
+class FilmLayout:
     """Films and their sampling: the same on each instrumented wheel."""
 
     wheels: int      # number of instrumented ones, the first of WHEEL_ORDER
@@ -61,7 +61,7 @@ class Layout:
     noise: float     # V, standard deviation of a sample of the robot's films
 
     @classmethod
-    def of(cls, robot: RobotParams) -> Layout:
+    def of(cls, robot: RobotParams) -> FilmLayout:
         """Return that of ``robot``, in the middle of the tread."""
         film, centers = robot.film, robot.film.centers
         return cls(len(film.wheels), film.count, film.length, (
@@ -125,9 +125,9 @@ class Study:
     def __init__(self, drives: Sequence[DriveInformation], wheels: Sequence[str] = WHEELS) -> None:
         self.drives, self.robot = drives, drives[0].robot
         self._wheels = [WHEELS.index(name) for name in wheels]
-        self._known: dict[Layout, Accuracy] = {}
+        self._known: dict[FilmLayout, Accuracy] = {}
 
-    def accuracy(self, layout: Layout) -> Accuracy:
+    def accuracy(self, layout: FilmLayout) -> Accuracy:
         """Return the accuracy with ``layout``; infinite where its films do not fit."""
         if layout.films > 1:  # films on both sides of the middle: no effect
             layout = replace(layout, across=0.0)
@@ -139,7 +139,7 @@ class Study:
             self._known[layout] = Accuracy(*_rms(rows))
         return self._known[layout]
 
-    def _on(self, drive: DriveInformation, layout: Layout) -> list[float]:
+    def _on(self, drive: DriveInformation, layout: FilmLayout) -> list[float]:
         """Return the accuracy on one drive."""
         robot, rows, single = layout.robot(self.robot), [], []
         radius_sigma = max(robot.wheel_radius_sigma, MIN_RADIUS_SIGMA)

@@ -21,7 +21,7 @@ import numpy as np
 
 from smart_tire.analysis.figure import ColorField, Figure, Panel
 from smart_tire.design.drive import DriveInformation
-from smart_tire.design.layout import Accuracy, Layout, Study
+from smart_tire.design.layout import Accuracy, FilmLayout, Study
 
 Axis = tuple[float, float, int, float, str]
 AXES: Mapping[str, Axis] = {  # of each property: first value, step, count, factor to SI, label
@@ -59,14 +59,14 @@ class Limits:
     budget: float   # bit/s, load of the radio link of all sensor nodes
     batch: int      # samples per packet
 
-    def sampled(self, layout: Layout) -> Layout:
+    def sampled(self, layout: FilmLayout) -> FilmLayout:
         """Return ``layout`` with the largest sampling rate that is allowed."""
         return replace(layout, rate=min(
             self.rate, self.budget / layout.radio_load(self.batch) * layout.rate))
 
 
-def search(objective: Callable[[Layout], float], start: Layout,
-           choices: Mapping[str, list[Any]]) -> Layout:
+def search(objective: Callable[[FilmLayout], float], start: FilmLayout,
+           choices: Mapping[str, list[Any]]) -> FilmLayout:
     """
     Return the layout with the least ``objective``, by descent along one property after another.
 
@@ -83,9 +83,10 @@ def search(objective: Callable[[Layout], float], start: Layout,
     return best
 
 
-def best_layouts(study: Study, start: Layout, limits: Limits, quantity: str) -> Iterator[Layout]:
+def best_layouts(study: Study, start: FilmLayout, limits: Limits, quantity: str
+                 ) -> Iterator[FilmLayout]:
     """Yield the best layout for each number of wheels and of films per wheel that is allowed."""
-    def objective(layout: Layout) -> float:
+    def objective(layout: FilmLayout) -> float:
         value: float = getattr(study.accuracy(limits.sampled(layout)), quantity)
         return value
 
@@ -101,7 +102,7 @@ def best_layouts(study: Study, start: Layout, limits: Limits, quantity: str) -> 
                 yield found
 
 
-def sensitivity(study: Study, layout: Layout) -> Iterator[tuple[str, float, Accuracy]]:
+def sensitivity(study: Study, layout: FilmLayout) -> Iterator[tuple[str, float, Accuracy]]:
     """
     Yield property, value and accuracy with ``layout``, one property after another changed.
 
@@ -128,7 +129,8 @@ def _varied(drive: DriveInformation, speed: float, length: float, stiffness: flo
         drive.drive._replace(legs=tuple(map(tuple, legs.tolist()))), drive.torque)
 
 
-def maps(study: Study, layout: Layout, quantity: str, report: Callable[[str], object]) -> Figure:
+def maps(study: Study, layout: FilmLayout, quantity: str, report: Callable[[str], object]
+         ) -> Figure:
     """Return maps of a quantity around ``layout``, over two properties each."""
     def panel(x: str, y: str) -> Panel:
         report(f'map over {x} and {y}')

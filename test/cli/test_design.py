@@ -36,7 +36,7 @@ def test_the_best_layout_is_printed_and_written(few, tmp_path, capsys):
                '--films', '2', '--rate', '300', '--budget', '9', '--out', str(out)]
     assert main(command) == 0
     printed = capsys.readouterr().out
-    found = json.loads((out / 'design.json').read_text())
+    found = json.loads((out / 'summary.json').read_text())
     assert [row['name'] for row in found['layouts']] == ['none', 'robot', '1 x 1', '2 x 1']
     none, robot, _, two = found['layouts']
     assert none['friction'] > robot['friction'] > two['friction']

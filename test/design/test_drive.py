@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.design.drive import Drive, DriveInformation, Ground
+from smart_tire.design.drive import DriveSchedule, DriveInformation, Ground
 from smart_tire.estimation.ground.measurements import MeasuredCrossing
 from smart_tire.estimation.ground.unknowns import CURVE_ERROR, Unknown
 from smart_tire.estimation.ground.window_fit import start_of
@@ -24,7 +24,7 @@ from smart_tire.parameters import RobotParams
 from smart_tire.samples import WHEELS
 
 ROBOT, CONCRETE = RobotParams(), Ground('concrete', 52.7, 0.47, 0.015)
-TURN = Drive('turn', ((0.5, 120.0, 60.0),), 5.0)
+TURN = DriveSchedule('turn', ((0.5, 120.0, 60.0),), 5.0)
 NONE, ALL = np.zeros(4), range(4)
 
 
@@ -54,7 +54,7 @@ def test_the_fit_stays_at_the_truth(turn):
 
 
 def test_a_robot_that_stands_knows_the_prior_only():
-    standing = DriveInformation(ROBOT, CONCRETE, Drive('none', ((0.0, 0.0, 0.0),), 5.0))
+    standing = DriveInformation(ROBOT, CONCRETE, DriveSchedule('none', ((0.0, 0.0, 0.0),), 5.0))
     covariance = standing.covariances((), NONE)[-1]
     assert math.sqrt(covariance[Unknown.FRICTION, Unknown.FRICTION]) == pytest.approx(
         LN_FRICTION.sigma, rel=1e-6)

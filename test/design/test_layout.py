@@ -15,14 +15,14 @@ import math
 
 import pytest
 from smart_tire.calibration.film_gains import volts_per_slip
-from smart_tire.design.drive import Drive, DriveInformation, Ground
-from smart_tire.design.layout import Accuracy, Layout, Study
+from smart_tire.design.drive import DriveSchedule, DriveInformation, Ground
+from smart_tire.design.layout import Accuracy, FilmLayout, Study
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, RobotParams
 
 ROBOT = RobotParams()
-PAPER = Layout.of(ROBOT)
-DRIVE = Drive('turn', ((0.5, 60.0, 80.0),), 4.0)
+PAPER = FilmLayout.of(ROBOT)
+DRIVE = DriveSchedule('turn', ((0.5, 60.0, 80.0),), 4.0)
 
 
 @pytest.fixture(scope='module')
@@ -32,7 +32,7 @@ def study():
 
 
 def test_the_layout_of_the_paper_gives_its_robot():
-    assert Layout(1, 2, 0.020, 0.030, 0.0, 400.0, 10, 0.005) == PAPER
+    assert FilmLayout(1, 2, 0.020, 0.030, 0.0, 400.0, 10, 0.005) == PAPER
     film, own = PAPER.robot(ROBOT).film, ROBOT.film
     assert film.stretch_gain == pytest.approx(own.stretch_gain)
     assert film.bending_peak == pytest.approx(own.bending_peak)

@@ -17,13 +17,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from smart_tire.design import search as searching
-from smart_tire.design.drive import Drive, Ground
-from smart_tire.design.layout import Accuracy, Layout
+from smart_tire.design.drive import DriveSchedule, Ground
+from smart_tire.design.layout import Accuracy, FilmLayout
 from smart_tire.design.search import (
     AXES, best_layouts, FACTORS, Limits, maps, search, sensitivity, values_of)
 from smart_tire.parameters import RobotParams
 
-PAPER = Layout.of(RobotParams())
+PAPER = FilmLayout.of(RobotParams())
 LIMITS = Limits(films=4, rate=800.0, bits=10, budget=20e3, batch=16)
 
 
@@ -34,7 +34,7 @@ class Bowl:
         self.robot, self.length, self.spacing = RobotParams(), length, spacing
         self.drives = [SimpleNamespace(
             robot=self.robot, ground=Ground('a', 50.0, 0.5, 0.01), torque=True,
-            drive=Drive('b', ((1.0, 60.0, 80.0),), 8.0))]
+            drive=DriveSchedule('b', ((1.0, 60.0, 80.0),), 8.0))]
 
     def accuracy(self, layout):
         off = (layout.length / self.length - 1.0)**2 + (layout.spacing / self.spacing - 1.0)**2
