@@ -147,8 +147,8 @@ class Dataset:
         rows: list[dict[str, Any]] = []
         # one at a time: pyarrow.dataset keeps 0.1 MB of each file
         for path in (self.folder / DRIVES).glob('robot=*/date=*/*.parquet'):
-            robot, date = (None if value == UNKNOWN else value for value in (
-                unquote(part.partition('=')[2]) for part in path.parts[-3:-1]))
+            robot, date = (None if (value := part.partition('=')[2]) == UNKNOWN else unquote(value)
+                           for part in path.parts[-3:-1])
             rows += [{**dict.fromkeys(COLUMNS), **row, 'robot': robot, 'date': date}
                      for row in pq.ParquetFile(path).read().to_pylist()]
         return sorted(rows, key=lambda row: (
