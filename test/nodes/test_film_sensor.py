@@ -14,7 +14,6 @@ from __future__ import annotations
 from contextlib import closing
 from functools import partial
 import time
-from types import SimpleNamespace
 
 from hypothesis import given, settings, strategies as st
 import pytest
@@ -27,11 +26,10 @@ from smart_tire.nodes import base
 from smart_tire.nodes.film_driver import FilmDriver
 from smart_tire.nodes.film_sensor import FilmSensorNode
 from smart_tire.nodes.film_simulator import FilmSimulator
-from smart_tire.papers.film_bench import write_params
 from smart_tire.protocol.film_charge import encode_charge, encode_frame
 from smart_tire.samples import FilmCharge, FilmTemperature, NS_PER_S
-from smart_tire.uncertain import Uncertain
-from support.films import calibration, charge_of, EPOCH_NS, measured, samples_of, strokes
+from support.films import (
+    calibration, charge_of, EPOCH_NS, measured, samples_of, strokes, write_calibration)
 from support.virtual_node import local, virtual
 
 pytestmark = pytest.mark.processes
@@ -147,14 +145,3 @@ def test_the_simulated_device_opens_its_port_and_publishes_the_truth(isolated_ro
         assert device.samples('film_temperature')[0].value == 20.0
         assert device.samples('ground_truth/film_deflection')[0].deflection == (0.0, 0.0)
     assert stream.frames_bad == 0
-
-
-def write_calibration(path):
-    """Write the parameters of a film as ``smart_tire identify film`` does."""
-    film, one = calibration(), Uncertain
-    fit = SimpleNamespace(
-        rms=0.0, share=0.0, correlation=1.0, alpha_gain=one(film.alpha_gain, 0.0),
-        a_gain=one(film.a_gain, 0.0), b_gain=one(film.b_gain, 0.0),
-        low_corner=one(film.low_corner, 0.0), drift=one(film.drift, 0.0))
-    write_params(path, film, fit, [])
-    return path

@@ -32,6 +32,7 @@ from smart_tire.nodes.qos import subscriber_qos
 from smart_tire.nodes.robot_simulator import RobotSimulator
 from smart_tire.nodes.wheel_controller import WheelController
 from smart_tire.parameters import NODE_PARAMS
+from support.films import write_calibration
 from support.graph import Process
 from support.virtual_node import local, virtual
 from support.waiting import PATIENCE, wait_for
@@ -83,6 +84,9 @@ def test_every_node_publishes_diagnostics_imports_little_and_ends_cleanly_after_
     if name == 'robot_simulator':
         words += [word for key, path in ports(tmp_path).items()
                   for word in ('-p', f'{key.replace("__", ".")}:={path}')]
+    if name == 'film_sensor':
+        film = write_calibration(tmp_path / 'film.yaml')
+        words += ['-p', f'calibration_file:={film}']
     if name == 'overhead_localizer':
         words += ['-p', 'overhead.camera_position:=[0.0, 0.0, 3.0]',
                   '-p', 'overhead.camera_rotation:=[3.14, 0.0, 0.0]']
@@ -93,7 +97,7 @@ def test_every_node_publishes_diagnostics_imports_little_and_ends_cleanly_after_
         assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
         assert 'Traceback' not in node.output
         assert 'realtime_priority' not in node.output
-        needed = ['cv2'] if name in CAMERA else []
+        needed = ['cv2'] if name in CAMERA else ['scipy'] if name == 'film_simulator' else []
         assert node.output.splitlines()[-1] == f'imported: {needed}'
 
 

@@ -14,14 +14,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from smart_tire.estimation.film.calibration import FilmParams
 from smart_tire.estimation.film.estimator import FilmEstimator
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
+from smart_tire.papers.film_bench import write_params
 from smart_tire.parameters.film import FilmSensorParams
 from smart_tire.samples import FilmCharge, NS_PER_S
+from smart_tire.uncertain import Uncertain
 
 EPOCH_NS = 1_700_000_000 * NS_PER_S
 RATE = 500.0            # Hz
@@ -89,3 +94,13 @@ def measured(samples: list, params: FilmSensorParams = QUIET, film: FilmParams |
 def flagged(sample: FilmCharge, **flags: bool) -> FilmCharge:
     """Return a sample with flags."""
     return replace(sample, **flags)
+
+
+def write_calibration(path: Path) -> Path:
+    """Write the parameters of a film as ``smart_tire identify film`` does; return the path."""
+    film = calibration()
+    fit: Any = SimpleNamespace(rms=0.0, share=0.0, correlation=1.0, **{
+        name: Uncertain(getattr(film, name), 0.0)
+        for name in ('alpha_gain', 'a_gain', 'b_gain', 'low_corner', 'drift')})
+    write_params(path, film, fit, [])
+    return path

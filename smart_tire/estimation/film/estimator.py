@@ -73,8 +73,6 @@ class FilmEstimator:
         self._law_error = LAW_ERROR_FACTOR * film.model_error
         # limit of a gap in which a reversal of the motion is possible
         self._max_gap = 0.5 / params.bandwidth
-        charges = elastica.charge(STROKES)
-        self._table = -charges, STROKES, -elastica.charge_slope(STROKES)
         self._buffer = ReorderBuffer(round(params.reorder_window * NS_PER_S))
         self.zeros = self.gaps = self.saturated = self.discharged = self.restarts = 0
         self._start()
@@ -161,6 +159,8 @@ class FilmEstimator:
     def _begin(self, sample: FilmCharge, zero: float, noise: float, period: float) -> None:
         film, params = self._film, self._params
         self._level, self._period = zero, period
+        charges = elastica.charge(STROKES)
+        self._table = -charges, STROKES, -elastica.charge_slope(STROKES)
         self._count = max(1, round(AVERAGED_SHARE / params.bandwidth / period))
         state, covariance = np.zeros(len(FilmState)), np.zeros((len(FilmState),) * 2)
         state[:FilmState.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,

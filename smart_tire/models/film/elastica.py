@@ -25,7 +25,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ellipe, ellipj, ellipk, elliprd
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
@@ -122,6 +121,7 @@ def shape(stroke: ArrayLike, s: ArrayLike) -> Shape:
     m = parameter_of(stroke)
     s, m = np.broadcast_arrays(s, m)
     root, k = 2.0 * _integrals(m)[0], np.sqrt(m)
+    from scipy.special import ellipj, elliprd  # nodes start without
     sn, cn, dn, _ = ellipj(root * s, m)
     # E(u) = u - m sn^3 R_D(cn^2, dn^2, 1) / 3 up to the quarter period, mirrored beyond;
     # scipy's ellipeinc is wrong by a tenth at single points
@@ -184,6 +184,7 @@ def _solved(m: Array, target: Array, function: Callable[[Array], Array],
 
 def _integrals(m: Array) -> tuple[Array, Array]:
     """Return K(m) and D(m) = (K - E) / m."""
+    from scipy.special import ellipe, ellipk  # nodes start without
     K = ellipk(m)
     large = np.maximum(m, MAX_SERIES_PARAMETER)
     D = np.where(m < MAX_SERIES_PARAMETER, np.polyval(D_SERIES, m), (K - ellipe(m)) / large)
