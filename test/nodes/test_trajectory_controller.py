@@ -403,8 +403,8 @@ def test_a_friction_map_lowers_the_acceleration_on_it(isolated_ros, slippery):
 
 def test_unknown_cells_within_the_margin_are_as_slippery(isolated_ros, slippery):
     slippery.write_text(slippery.read_text().replace('[-2.0, -2.0', '[-2.0, 0.8'))
-    beside, off = (fastest(slippery, friction_map_margin=margin)[0] for margin in (1.0, 0.3))
-    assert 0.2 < beside < 0.35 and off > 0.5
+    near, off = (fastest(slippery, friction_map_margin=margin)[0] for margin in (1.0, 0.3))
+    assert 0.2 < near < 0.35 and off > 0.5
 
 
 def test_a_map_in_a_frame_that_is_not_connected_is_not_used(isolated_ros, slippery):
