@@ -58,7 +58,7 @@ class TractionControl:
         self.tires: tuple[TireLoad | None, ...] = NOT_SLIPPING
         self._onset, self._direction = Onset(), 0
         self._latest: Four | None = None  # rad/s, set points of the latest step
-        self._ratio = 0.0                # difference over sum of the sides, latest command
+        self._turn_ratio = 0.0                # difference over sum of the sides, latest command
         self._yaw = YawControl(0.5 * robot.track_width / robot.yaw_inertia)
         # m, between wheels that roll without longitudinal force in a turn (isotropic tires)
         self._rolling_track = robot.track_width + robot.wheelbase ** 2 / robot.track_width
@@ -112,7 +112,7 @@ class TractionControl:
         left, right, *_ = set_points
         if left or right:  # a command to stop keeps the curve; NaN: a rotation
             sum_ = left + right
-            self._ratio = (right - left) / sum_ if abs(sum_) > abs(right - left) else math.nan
+            self._turn_ratio = (right - left) / sum_ if abs(sum_) > abs(right - left) else math.nan
         friction = self._ground.friction(params.unknown, params)
         least = max(friction.value - params.sigmas * friction.sigma, c.MIN_FRICTION)
         limited, tires, motion = self._within(set_points, now_ns, period, friction.value, least)
@@ -168,12 +168,12 @@ class TractionControl:
     def _balanced(self, speeds: Four, tires: tuple[TireLoad, ...], motion: Expected, least: float,
                   period: float, delay: float) -> Four:
         """Return the wheel speeds [rad/s] with less force on the side that turns the robot."""
-        if not self._direction or math.isnan(self._ratio):
+        if not self._direction or math.isnan(self._turn_ratio):
             self._yaw.reset()
             return speeds
         if abs(motion.v_x) < self.params.floor:  # a start is not prevented
             return speeds
-        commanded = 2.0 * motion.v_x * self._ratio / self._rolling_track
+        commanded = 2.0 * motion.v_x * self._turn_ratio / self._rolling_track
         shares = self._yaw.shares(motion.yaw_rate - commanded, period, delay,
                                   0.5 * least * self._robot.mass * GRAVITY, self._direction)
         return four(tire.with_share(speed, share)
