@@ -12,7 +12,7 @@
 
 import math
 
-from benchmarks.design import bound, DESIGN, POINTS, run_point
+from benchmarks.design import bound, DESIGN, POINTS, QUANTITIES, run_point
 from benchmarks.scoring import combined
 import pytest
 
@@ -36,8 +36,7 @@ def test_errors_of_a_robot_are_of_the_size_of_the_bound():
 
 
 def test_the_table_has_the_ratio_of_error_and_bound():
-    figures = {f'{name}.rms': 0.02 for name in ('friction', 'slip', 'film_slip',
-                                               'contact_length')}
+    figures = {f'{name}.rms': 0.02 for name in QUANTITIES}
     figures |= {f'bound.{name[:-4]}': 0.04 for name in list(figures)}
     table, = DESIGN.tables({'paper': figures}, None)
     cells = [list(column.cells)[0] for column in table.columns]

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 import pytest
-from smart_tire.design.drive import DriveSchedule, DriveInformation, Ground
+from smart_tire.design.drive import DriveInformation, DriveSchedule, Ground
 from smart_tire.estimation.ground.measurements import MeasuredCrossing
 from smart_tire.estimation.ground.unknowns import CURVE_ERROR, Unknown
 from smart_tire.estimation.ground.window_fit import start_of

@@ -15,7 +15,7 @@ import math
 
 import pytest
 from smart_tire.calibration.film_gains import volts_per_slip
-from smart_tire.design.drive import DriveSchedule, DriveInformation, Ground
+from smart_tire.design.drive import DriveInformation, DriveSchedule, Ground
 from smart_tire.design.layout import Accuracy, FilmLayout, Study
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import build, RobotParams
