@@ -26,16 +26,17 @@ from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter, itemgetter
 import struct
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from smart_tire.arrays import Instants
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import Columns, MAX_NAME_LENGTH, MAX_NAMES
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE
 from smart_tire.samples import NS_PER_S
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from smart_tire.arrays import Instants
 
 BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}  # CDR_BE, CDR_LE
 HEADER_SIZE = 4  # bytes: encapsulation identifier and options
@@ -212,6 +213,7 @@ class MessageLayout:
 
     def rows_in(self, data: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which messages (n, bytes) have this layout."""
+        import numpy as np
         found = (data[:, :2] == np.frombuffer(self._template[0], np.uint8)).all(axis=1)
         for begin, content in self._static_bytes:
             found &= (data[:, begin:begin + len(content)]
@@ -220,6 +222,7 @@ class MessageLayout:
 
     def columns(self, data: NDArray[np.uint8]) -> Columns:
         """Return the numbers of messages (n, bytes) of this layout."""
+        import numpy as np
         return {path: np.ascontiguousarray(data[:, begin:end]).view(self._order + kind)
                 for path, kind, begin, end in self._bytes}
 
@@ -272,6 +275,7 @@ class LayoutDecoder:
         Each with a message that has its strings, the indices (n,) of its messages, and their
         numbers. Others are left out.
         """
+        import numpy as np
         sizes: dict[int, list[int]] = {}
         for i, one in enumerate(data):
             if len(one) in self._layouts:

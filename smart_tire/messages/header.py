@@ -15,19 +15,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, cast, TypeVar
+from typing import Any, cast, TYPE_CHECKING, TypeAlias, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from smart_tire.arrays import Array, Instants
 from smart_tire.errors import MessageError
 from smart_tire.samples import NS_PER_S, WHEELS
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from smart_tire.arrays import Array, Instants
 
 MAX_NAMES = 64         # of a JointState: a humanoid robot has some 40 joints
 MAX_NAME_LENGTH = 255  # characters, as of the names of ROS
 NANOSEC = 'header.stamp.nanosec'
-Columns = Mapping[str, Array]  # path -> numbers (n, k) of n messages of a layout
+Columns: TypeAlias = 'Mapping[str, Array]'  # path -> numbers (n, k) of n messages of a layout
 Numbers = TypeVar('Numbers', bound=Sequence[float])
 
 
@@ -41,7 +42,7 @@ def stamp_of(msg: Any) -> int:
 
 def stamps_of(columns: Columns) -> tuple[Instants, NDArray[np.bool_]]:
     """Return the stamps (n,) [ns] of the headers of n messages, and which are valid."""
-    sec, nanosec = (columns[f'header.stamp.{part}'][:, 0].astype(np.int64)
+    sec, nanosec = (columns[f'header.stamp.{part}'][:, 0].astype('int64')
                     for part in ('sec', 'nanosec'))
     return sec * NS_PER_S + nanosec, nanosec < NS_PER_S
 

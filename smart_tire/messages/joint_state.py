@@ -20,10 +20,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import repeat
 from math import inf, isfinite, isinf, isnan
-from typing import Any, cast
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, cast, TYPE_CHECKING
 
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
@@ -36,6 +33,10 @@ from smart_tire.samples import (
     MAX_FILM_VOLTAGE, MAX_WHEEL_ANGLE, MAX_WHEEL_SPEED, MAX_WHEEL_TORQUE, MotorCommand, NAN,
     TireSample, WheelCommand, WHEELS, WheelSample, WheelSlip)
 from smart_tire.uncertain import Uncertain, UNKNOWN
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 QUANTITIES = frozenset(FRICTION_QUANTITIES)
 # Far beyond any tire, ground and robot; the squares and products of filters are finite.
@@ -165,6 +166,7 @@ def tires_from_columns(msg: Any, columns: Columns) -> tuple[list[TireSample], ND
 
     ``msg`` has their strings. Raises MessageError if these are invalid.
     """
+    import numpy as np
     wheel = wheel_of(msg, 'tire_samples')
     indices = film_indices(names_of(msg, 'tire_samples'), wheel)
     (stamps, valid), values = stamps_of(columns), columns['position']

@@ -15,10 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from math import isfinite, isnan, nan
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, TYPE_CHECKING
 
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import (
@@ -26,6 +23,10 @@ from smart_tire.messages.header import (
 from smart_tire.samples import (
     BatterySample, Icr, ImuSample, MAX_ANGULAR_RATE, MAX_POSITION, MAX_SPECIFIC_FORCE, MAX_SPEED,
     Odometry, Vector3, VelocityCommand)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 NOT_MEASURED = -1.0  # first element of a covariance if the quantity is not measured (REP-145)
 NOT_MEASURED_COVARIANCE = (NOT_MEASURED, *[0.0] * 8)
@@ -106,6 +107,7 @@ def imus_from_columns(msg: Any, columns: Columns) -> tuple[list[ImuSample], NDAr
 
     Not those that contradict themselves: they are to be read one by one.
     """
+    import numpy as np
     stamps, valid = stamps_of(columns)
     for field, limit in (('linear_acceleration', MAX_SPECIFIC_FORCE),
                          ('angular_velocity', MAX_ANGULAR_RATE)):
