@@ -28,7 +28,7 @@ from smart_tire.estimation.streams import INPUTS
 from smart_tire.messages import definitions, TOPICS, TYPED
 from smart_tire.parameters import RobotParams
 from smart_tire.samples import (
-    Friction, GroundState, PathProgress, TireSample, TireSamples, WheelSlip)
+    FilmDeflection, Friction, GroundState, PathProgress, TireSample, TireSamples, WheelSlip)
 from smart_tire.uncertain import Uncertain
 from support.recordings import (
     standard, START_NS, stream, typed, write_bag, write_with_rosbags)
@@ -36,6 +36,7 @@ from support.recordings import (
 EVENTS = sorted((*stream(0.5), *((START_NS + 10**8, name, sample) for name, sample in {
     'wheel_slip': WheelSlip(START_NS, (0.1, 0.2, 0.3, 0.4), (1.0,) * 4, (0.01,) * 4),
     'ground_state': GroundState(START_NS, Uncertain(25.0, 1.5)),
+    'film_deflection': FilmDeflection(START_NS, Uncertain(4e-3, 1e-4)),
     'tire_friction': Friction(START_NS, 'front_left', Uncertain(0.7, 0.02)),
     'path_progress': PathProgress(START_NS, 2.5, -0.125, 2)}.items())), key=lambda event: event[0])
 BATCH = TYPED['tire_samples']
