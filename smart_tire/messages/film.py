@@ -11,19 +11,19 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite, isnan, sqrt
+from math import inf, sqrt
 from typing import Any
 
 from smart_tire.errors import MessageError
 from smart_tire.messages.header import bounded, finite, names_of, set_header, set_joints, stamp_of
+from smart_tire.messages.joint_state import bounded_estimate, set_quantities
 from smart_tire.samples import FilmCharge, FilmDeflection, FilmTemperature
-from smart_tire.uncertain import Uncertain, UNKNOWN
 
 FRAME = 'film_link'
 CHARGE_NAMES = ('charge', 'saturated', 'discharged')
 DEFLECTION_NAMES = ('deflection',)
 MAX_CHARGE = 1e-3          # C, far beyond any film
-MAX_DEFLECTION = 100.0     # m, far beyond any film
+DEFLECTIONS = -100.0, 100.0  # m, far beyond any film
 TEMPERATURES = -273.15, 1000.0  # degree Celsius
 
 
@@ -67,18 +67,10 @@ def deflection_from_msg(msg: Any, topic: str = 'film_deflection') -> FilmDeflect
     if names_of(msg, topic) != DEFLECTION_NAMES or not len(msg.position) == len(msg.effort) == 1:
         raise MessageError(f'{topic}: name is {list(msg.name)}, expected deflection with one '
                            'position and one effort')
-    value, sigma = msg.position[0], msg.effort[0]
-    if isnan(value) and sigma > 0.0 and not isfinite(sigma):
-        return FilmDeflection(stamp_of(msg), UNKNOWN)
-    finite(topic, 'position and effort', (value, sigma))
-    bounded(topic, 'position', (value,), MAX_DEFLECTION, 'm')
-    if sigma < 0.0:
-        raise MessageError(f'{topic}: effort is {sigma}, expected a standard deviation')
-    return FilmDeflection(stamp_of(msg), Uncertain(value, sigma))
+    return FilmDeflection(stamp_of(msg), bounded_estimate(
+        topic, *DEFLECTION_NAMES, msg.position[0], msg.effort[0], DEFLECTIONS))
 
 
 def deflection_to_msg(msg: Any, sample: FilmDeflection) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    value, sigma = sample.deflection
-    return set_joints(msg, sample.stamp_ns, FRAME, DEFLECTION_NAMES,
-                      position=(value,), effort=(sigma,))
+    return set_quantities(msg, sample.stamp_ns, FRAME, DEFLECTION_NAMES, (sample.deflection,))

@@ -214,22 +214,23 @@ def ground_state_from_msg(msg: Any) -> GroundState:
     values, sigmas = (dict(zip(names, _values(msg, field, 'ground_state')))
                       for field in ('position', 'effort'))
     found: dict[str, Any] = {
-        name: _ground_estimate(name, values[name], sigmas[name])
-        for name in GROUND_RANGES if name in values}
+        name: bounded_estimate('ground_state', name, values[name], sigmas[name], limits)
+        for name, limits in GROUND_RANGES.items() if name in values}
     for name, default in GROUND_NUMBERS.items():
         value = found.get(name, UNKNOWN).value
         found[name] = default if isnan(value) else value
     return GroundState(stamp_of(msg), **found)
 
 
-def _ground_estimate(name: str, value: float, sigma: float) -> Uncertain:
-    """Return an estimate, which may be NaN or of infinite sigma; else it must be in its range."""
-    low, high = GROUND_RANGES[name]
+def bounded_estimate(topic: str, name: str, value: float, sigma: float,
+                     limits: tuple[float, float]) -> Uncertain:
+    """Return an estimate, NaN, of infinite sigma or within ``limits``; else a MessageError."""
+    low, high = limits
     if value < low or value > high:
-        raise MessageError(f'ground_state: position of {name} is {value:g}, '
+        raise MessageError(f'{topic}: position of {name} is {value:g}, '
                            f'expected {low:g} to {high:g}')
     if not 0.0 <= sigma <= high and sigma != inf:
-        raise MessageError(f'ground_state: effort of {name} is {sigma:g}, expected a sigma of 0 '
+        raise MessageError(f'{topic}: effort of {name} is {sigma:g}, expected a sigma of 0 '
                            f'to {high:g}, or inf')
     return Uncertain(value, sigma)
 
@@ -238,11 +239,12 @@ def ground_state_to_msg(msg: Any, sample: GroundState) -> Any:
     """Write ``sample`` into a JointState and return it."""
     estimates = [*(getattr(sample, name) for name in GROUND_ESTIMATES),
                  *(Uncertain(getattr(sample, name), 0.0) for name in GROUND_NUMBERS)]
-    return _set_quantities(msg, sample.stamp_ns, 'base_link', GROUND_QUANTITIES, estimates)
+    return set_quantities(msg, sample.stamp_ns, 'base_link', GROUND_QUANTITIES, estimates)
 
 
-def _set_quantities(msg: Any, stamp_ns: int, frame: str, names: Sequence[str],
-                    quantities: Sequence[Uncertain]) -> Any:
+def set_quantities(msg: Any, stamp_ns: int, frame: str, names: Sequence[str],
+                   quantities: Sequence[Uncertain]) -> Any:
+    """Write estimates with their names into a JointState and return it."""
     return set_joints(msg, stamp_ns, frame, names, position=[one.value for one in quantities],
                       effort=[one.sigma for one in quantities])
 
@@ -261,8 +263,8 @@ def friction_from_msg(msg: Any, topic: str = 'tire_friction') -> Friction:
 
 def friction_to_msg(msg: Any, sample: Friction) -> Any:
     """Write ``sample`` into a JointState and return it."""
-    return _set_quantities(msg, sample.stamp_ns, sample.wheel, FRICTION_QUANTITIES,
-                           [sample.quantity(name) for name in FRICTION_QUANTITIES])
+    return set_quantities(msg, sample.stamp_ns, sample.wheel, FRICTION_QUANTITIES,
+                          [sample.quantity(name) for name in FRICTION_QUANTITIES])
 
 
 def wheel_command_from_msg(msg: Any) -> WheelCommand:

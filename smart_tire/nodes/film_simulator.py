@@ -26,9 +26,9 @@ from smart_tire.simulation.pseudo_terminal import PtyPort
 from smart_tire.uncertain import Uncertain
 
 PERIOD = 0.01             # s between writes to the port
-TRUTH_RATE = 100.0        # Hz
-TEMPERATURE_RATE = 10.0   # Hz
 TEMPERATURE_SIGMA = 0.02  # K, reported
+PUBLISHED = {FilmTemperature: ('film_temperature', NS_PER_S // 10),  # topic, period [ns]
+             FilmDeflection: ('ground_truth/film_deflection', NS_PER_S // 100)}
 MAX_LAG_NS = NS_PER_S     # beyond it the film goes on from now, as after a step of the clock
 
 
@@ -51,8 +51,8 @@ class FilmSimulator(SmartTireNode[FilmSimulatorParams]):
         self._film = SimulatedFilm(self.params)
         self._next = self._film.next_instant()
         self._epoch_ns = SYSTEM.time_ns()
-        self._due_ns = dict.fromkeys(('film_temperature', 'ground_truth/film_deflection'), 0)
-        self._publish = {name: self.make_publisher(name) for name in self._due_ns}
+        self._publish = {name: self.make_publisher(name) for name, _ in PUBLISHED.values()}
+        self._due_ns = dict.fromkeys(self._publish, 0)
         self.call_every(PERIOD, self._advance)
 
     def stop(self) -> None:
@@ -66,17 +66,13 @@ class FilmSimulator(SmartTireNode[FilmSimulatorParams]):
             self._epoch_ns = now_ns - self._next.time_ns
         while (stamp_ns := self._epoch_ns + self._next.time_ns) <= now_ns:
             self._port.write(self._next.frame)
-            self._publish_due('film_temperature', TEMPERATURE_RATE, FilmTemperature(
-                stamp_ns, self._next.temperature, TEMPERATURE_SIGMA))
-            self._publish_due('ground_truth/film_deflection', TRUTH_RATE, FilmDeflection(
-                stamp_ns, Uncertain(self._next.deflection, 0.0)))
+            for sample in (FilmTemperature(stamp_ns, self._next.temperature, TEMPERATURE_SIGMA),
+                           FilmDeflection(stamp_ns, Uncertain(self._next.deflection, 0.0))):
+                name, period_ns = PUBLISHED[type(sample)]
+                if self._next.time_ns >= self._due_ns[name]:
+                    self._due_ns[name] += period_ns
+                    self._publish[name](sample)
             self._next = self._film.next_instant()
-
-    def _publish_due(self, name: str, rate: float,
-                     sample: FilmTemperature | FilmDeflection) -> None:
-        if self._next.time_ns >= self._due_ns[name]:
-            self._due_ns[name] += round(NS_PER_S / rate)
-            self._publish[name](sample)
 
     def fill_status(self, status: Status) -> None:
         """Add bytes that no driver has taken."""

@@ -16,13 +16,14 @@ alpha scaled to its length; the instrument errors are those of the test stand of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 
-from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
-from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
+from smart_tire.arrays import Array
+from smart_tire.models.film.buckling_film import FILMS
+from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.parameters.film import FilmSimulatorParams
 from smart_tire.protocol.film_charge import encode_charge, encode_frame
 from smart_tire.samples import FilmCharge, NS_PER_S
@@ -33,7 +34,7 @@ START_TEMPERATURE = 20.0  # degree Celsius
 LOW_CORNER = 1e-3        # Hz, of the amplifier
 NOISE_SHARE = 0.02 / 34.47  # of K, standard deviation of a sample; Table I, assumed noise
 RANGE_SHARE = 50.0 / 34.47  # of K, limit of the converter
-SUBSTEPS = 4             # of the deflection, between two samples
+SUBSTEPS = np.linspace(-0.75, 0.0, 4)  # samples, of the deflection before each of the charge
 
 
 @dataclass(frozen=True)
@@ -52,43 +53,36 @@ class SimulatedFilm:
 
     def __init__(self, params: FilmSimulatorParams) -> None:
         reference = FILMS['25x3']
-        self.film = BucklingFilm(length=params.length, width=reference.width,
-                                 thickness=reference.thickness)
+        self.film = replace(reference, length=params.length)
         self.gain = TABLE_I_GAIN * self.film.gain / reference.gain  # C
-        self.operator = DuhemParams(alpha=TABLE_I.alpha * TABLE_I_GAIN / self.gain,
-                                    a=TABLE_I.a, b=TABLE_I.b)
+        self.operator = replace(TABLE_I, alpha=TABLE_I.alpha * TABLE_I_GAIN / self.gain)
         self._params, self._rng = params, np.random.default_rng(params.seed)
         self._pyro = params.pyroelectric_coefficient * params.length * reference.width
         self._index = 0
         self._state = (0.0, 0.0)  # input and output [C] of the operator
         self._source = self._output = 0.0  # C, of film and amplifier
 
-    def deflection(self, time: float) -> float:
-        """Return the deflection [m] at ``time`` [s]."""
-        cycles = round(MOTION * self._params.frequency)
-        if not cycles:
-            return 0.0
-        moving = cycles / self._params.frequency
-        phase = max(time % (self._params.rest + moving) - self._params.rest, 0.0)
-        return 0.5 * self._params.stroke * (
-            1.0 - math.cos(2.0 * math.pi * self._params.frequency * phase))
+    def deflection(self, time: Array) -> Array:
+        """Return the deflection [m] at ``time`` [s]; arrays."""
+        rest, frequency = self._params.rest, self._params.frequency
+        cycles = round(MOTION * frequency)
+        phase = np.maximum(time % (rest + cycles / frequency) - rest, 0.0) if cycles else 0.0 * time
+        found: Array = 0.5 * self._params.stroke * (1.0 - np.cos(2.0 * math.pi * frequency * phase))
+        return found
 
     def temperature(self, time: float) -> float:
         """Return the temperature [degree Celsius] at ``time`` [s]: steps up and down."""
         step, since = divmod(time, MOTION)
-        decay = math.exp(-since / HEATING_TIME) if step else 1.0
-        up = 1.0 if step % 2 else 0.0
-        return START_TEMPERATURE + self._params.warming * (up + (1.0 - 2.0 * up) * decay * (
-            step > 0))
+        up, decay = step % 2.0, math.exp(-since / HEATING_TIME)
+        share = up + (1.0 - 2.0 * up) * decay if step else 0.0
+        return START_TEMPERATURE + self._params.warming * share
 
     def next_instant(self) -> FilmInstant:
         """Return the next sample."""
         rate = self._params.rate
-        times = [(self._index + share) / rate
-                 for share in np.linspace(1.0 / SUBSTEPS - 1.0, 0.0, SUBSTEPS).tolist()]
-        time = times[-1]
-        inputs = self.gain * self.film.normalized_charge(
-            [self.deflection(max(one, 0.0)) for one in times])
+        path = self.deflection(np.maximum(self._index + SUBSTEPS, 0.0) / rate)
+        time = self._index / rate
+        inputs = self.gain * self.film.normalized_charge(path)
         output = float(respond(inputs, self.operator, start=self._state)[-1])
         self._state = (float(inputs[-1]), output)
         temperature = self.temperature(time)
@@ -102,6 +96,5 @@ class SimulatedFilm:
         charge = FilmCharge(time_ns, min(max(measured, -limit), limit), abs(measured) >= limit)
         lost = self._rng.random() < self._params.loss
         self._index += 1
-        return FilmInstant(
-            time_ns, self.deflection(time), temperature, charge,
-            b'' if lost else encode_frame(encode_charge(time_ns, charge)))
+        return FilmInstant(time_ns, float(path[-1]), temperature, charge,
+                           b'' if lost else encode_frame(encode_charge(time_ns, charge)))

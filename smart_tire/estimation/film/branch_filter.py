@@ -37,8 +37,6 @@ from smart_tire.models.film.hysteresis import advanced, DuhemParams
 # value, unit, meaning; origin
 DEAD_BAND = 10.0   # sigmas; derived: white noise of 1e5 samples spans 9
 TURNING_NOISE = 0.7  # of that of a sample: extreme of several samples; assumed, derived 0.5 to 1
-REVERSAL_SIGMAS = 2.0  # behind the extreme, from which a branch that ends was a reversal; assumed
-MAX_DWELL = 1e5    # samples at a turning point, as for DEAD_BAND
 MEMBER_STEP = 3.0**0.5    # sigmas of a member; derived: fourth moment of a normal variable
 MIN_LOOP = 1e-3    # of 1 - b / a of a member; assumed
 MIN_SHARE = 1e-2   # of alpha and a of a member over the nominal ones; assumed
@@ -94,12 +92,6 @@ class BranchFilter:
         self._set(state, units[:, None] * axes * np.sqrt(np.maximum(variances, 0.0)))
         self._restart_branch(np.zeros(len(FilmSignal)), 0.0)
 
-    @property
-    def nominal(self) -> Array:
-        """Return the state (9,) at the latest turning point."""
-        nominal: Array = self._members[:, 0]
-        return nominal
-
     def _set(self, nominal: Array, root: Array) -> None:
         """Replace state and root (9, n) of its covariance, reduced to nine columns."""
         reduced: Array = np.linalg.qr(root.T)[1]
@@ -115,7 +107,7 @@ class BranchFilter:
         self._members = members
 
     def _restart_branch(self, signal: Array, sign: float) -> None:
-        self._sign, self._extreme, self._dwell, self._missed = sign, signal, 1.0, 0.0
+        self._sign, self._extreme, self._dwell = sign, signal, 1.0
 
     def _charges(self, signal: Array) -> Array:
         """Return the charge [C] of the film (members,) since the zero of the sensor."""
@@ -132,37 +124,33 @@ class BranchFilter:
         inputs, z, start = self._members[FilmState.INPUT:]
         return advanced(inputs, z, charge - start, *self._members[:3])
 
-    def add_signal(self, signal: Array, charge_sigma: float, missed: float = 0.0
-                   ) -> tuple[float, float]:
+    def add_signal(self, signal: Array, charge_sigma: float) -> tuple[float, float]:
         """
         Return the input at ``signal`` and its standard deviation; follow reversals.
 
-        ``charge_sigma`` [C] is that of errors of the charge in addition to the noise, ``missed``
-        [C] that of a turning point between this signal and the one before.
+        ``charge_sigma`` [C] is that of errors of the charge in addition to the noise.
         """
         charge = self._charges(signal)
         if self._sign:
-            self._follow(signal, float(charge[0]), missed)
+            self._follow(signal, float(charge[0]))
             charge = self._charges(signal)  # members of a new branch
-        elif abs(step := charge[0] - self.nominal[FilmState.CHARGE]) > DEAD_BAND * self.noise:
+        elif abs(step := charge[0] - self._members[FilmState.CHARGE, 0]) > DEAD_BAND * self.noise:
             self._restart_branch(signal, math.copysign(1.0, step))
         return self._estimate(charge, MEMBER_STEP * math.hypot(self.noise, charge_sigma))
 
-    def _follow(self, signal: Array, charge: float, missed: float) -> None:
+    def _follow(self, signal: Array, charge: float) -> None:
         """Move the extreme of the branch, or turn there."""
         band = DEAD_BAND * self.noise
         advance = self._sign * (charge - float(self._charges(self._extreme)[0]))
         if advance >= 0.0:
-            self._dwell = min(self._dwell * max(1.0 - advance / band, 0.0) + 1.0, MAX_DWELL)
-            self._extreme, self._missed = signal, missed
+            self._dwell = self._dwell * max(1.0 - advance / band, 0.0) + 1.0
+            self._extreme = signal
         elif advance < -band:
             sign = -self._sign
             self._turn()
             self._restart_branch(signal, sign)
         else:
-            if self._dwell < 2.0:  # the first sample after the extreme
-                self._missed = max(self._missed, missed)
-            self._dwell = min(self._dwell + 1.0, MAX_DWELL)
+            self._dwell += 1.0
 
     def _turning_charge(self) -> Array:
         """Return the charge (members,) at the extreme without the bias of a maximum."""
@@ -173,15 +161,13 @@ class BranchFilter:
     def _turn(self) -> None:
         """Make the extreme of the branch the new turning point."""
         self.turnings += 1
-        self._move_to(self._turning_charge(),
-                      math.hypot(TURNING_NOISE * self.noise, self._missed))
-        self._set(self.nominal.copy(), np.column_stack([
-            self._root, self._z_column(self._law_error)]))
+        state, root = self._moved(self._turning_charge(), TURNING_NOISE * self.noise)
+        self._set(state, np.column_stack([root, self._z_column(self._law_error)]))
 
     def _z_column(self, sigma: float) -> Array:
         """Return a column of the root: an error of Z [C] at the same charge."""
         column = np.zeros(len(FilmState))
-        column[[FilmState.Z, FilmState.INPUT]] = sigma, -sigma / self.nominal[FilmState.A]
+        column[[FilmState.Z, FilmState.INPUT]] = sigma, -sigma / self._members[FilmState.A, 0]
         return column
 
     def stop_at(self, signal: Array, *, charge_sigma: float = 0.0, mixing: float = 0.0,
@@ -192,32 +178,21 @@ class BranchFilter:
         ``charge_sigma`` [C] is lost charge, ``mixing`` the share of the hysteresis that unseen
         motion has replaced. With ``zero`` the film is flat.
         """
-        behind = float((self._turning_charge() - self._charges(signal))[0]) * self._sign
-        if behind > REVERSAL_SIGMAS * self.noise:
-            self._turn()
-        self._move_to(self._charges(signal), math.hypot(self.noise, charge_sigma))
-        nominal, root = self.nominal.copy(), self._root
-        if mixing:
-            root = root.copy()
-            for rows in (nominal, root):
-                rows[FilmState.INPUT] += mixing * rows[FilmState.Z] / nominal[FilmState.A]
-                rows[FilmState.Z] *= 1.0 - mixing
-            root = np.column_stack([
-                root, self._z_column(math.sqrt(mixing / 3.0) * self._band[0])])
-        if zero:
-            nominal[FilmState.INPUT], root = 0.0, root.copy()
-            root[FilmState.INPUT] = 0.0
-        self._set(nominal, root)
+        state, root = self._moved(self._charges(signal), math.hypot(self.noise, charge_sigma))
+        for rows in (state, root):
+            rows[FilmState.INPUT] += mixing * rows[FilmState.Z] / self._members[FilmState.A, 0]
+            rows[FilmState.Z] *= 1.0 - mixing
+            if zero:
+                rows[FilmState.INPUT] = 0.0
+        self._set(state, np.column_stack([
+            root, self._z_column(math.sqrt(mixing / 3.0) * self._band[0])]))
         self._restart_branch(signal, 0.0)
 
-    def _move_to(self, charge: Array, sigma: float) -> None:
-        """Move the state along the branch to ``charge`` (members,), known to ``sigma`` [C]."""
+    def _moved(self, charge: Array, sigma: float) -> tuple[Array, Array]:
+        """Return state and root on the branch at ``charge`` (members,), known to ``sigma`` [C]."""
         charge = charge + MEMBER_STEP * sigma * NOISE
-        members = self._members.copy()
-        members[FilmState.INPUT], members[FilmState.Z] = self._advanced(charge)
-        members[FilmState.CHARGE] = charge
-        mean, root = _moments(members)
-        self._set(mean, root)
+        return _moments(np.vstack([
+            self._members[:FilmState.INPUT], *self._advanced(charge), charge]))
 
     def _estimate(self, charge: Array, error: float) -> tuple[float, float]:
         """Return the input at ``charge`` (members,) with ``error`` [C], and its sigma."""

@@ -49,7 +49,6 @@ MAX_REST_NOISE = 3.0    # standard deviation of a film at rest, of the white noi
 MAX_REST_STEP = 5.0     # sigmas between the means of the two halves of a rest; assumed
 LEAST_NOISE_SHARE = 0.1  # of the calibrated noise, if the converter shows less; assumed
 LAW_ERROR_FACTOR = 2.0  # of the residuals of a fit, for motion that it has not seen; assumed
-LONG_PERIOD = 1.5       # periods, beyond which a sample was lost; derived
 TENSION_SIGMAS = 4.0    # beyond flat: the film is under tension, not buckled; as in measurements
 STROKES = np.linspace(0.0, 0.999, 2000)  # of the table of charges; interpolation error below 1e-6
 
@@ -158,9 +157,8 @@ class FilmEstimator:
 
     def _begin(self, sample: FilmCharge, zero: float, noise: float, period: float) -> None:
         film, params = self._film, self._params
-        self._level, self._period = zero, period
-        charges = elastica.charge(STROKES)
-        self._table = -charges, STROKES, -elastica.charge_slope(STROKES)
+        self._level = zero
+        self._table = -elastica.charge(STROKES), STROKES, -elastica.charge_slope(STROKES)
         self._count = max(1, round(AVERAGED_SHARE / params.bandwidth / period))
         state, covariance = np.zeros(len(FilmState)), np.zeros((len(FilmState),) * 2)
         state[:FilmState.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
@@ -192,8 +190,7 @@ class FilmEstimator:
             return []
         signal = self._averaged()
         self._window.popleft()
-        missed = self._speed * gap / 8.0 if gap > LONG_PERIOD * self._period else 0.0
-        estimate = self._filter.add_signal(signal, self._charge_sigma(signal), missed)
+        estimate = self._filter.add_signal(signal, self._charge_sigma(signal))
         self._learn_speed(signal)
         return [FilmDeflection(self._zero_ns + round(float(signal[FilmSignal.TIME]) * NS_PER_S),
                                self._deflection(*estimate))]
@@ -225,12 +222,12 @@ class FilmEstimator:
         """Continue after ``gap`` [s] without samples, with what may have happened in it."""
         assert self._filter is not None
         self.gaps += 1
-        alpha, _, b = self._filter.nominal[:3]
-        moved = min(self._speed * gap, self._film.max_charge)
+        film = self._film
+        moved = min(self._speed * gap, film.max_charge)
         lost = moved / 3.0**0.5 if self._discharged else (
-            2.0 * math.pi * self._film.low_corner * gap * moved / 12.0**0.5)
-        path = self._speed / b * max(gap - self._max_gap, 0.0)
-        self._filter.stop_at(before, mixing=-math.expm1(-alpha * path), charge_sigma=math.hypot(
+            2.0 * math.pi * film.low_corner * gap * moved / 12.0**0.5)
+        path = self._speed / film.b_gain * max(gap - self._max_gap, 0.0)
+        self._filter.stop_at(before, mixing=-math.expm1(-film.alpha_gain * path), charge_sigma=math.hypot(
             lost, self._filter.noise * math.sqrt(self._count)))
         self._window.clear()
         self._saturated = self._discharged = False
