@@ -44,8 +44,9 @@ HEADER_SIZE = 4  # bytes: encapsulation identifier and options
 MAX_SIZE = MAX_NAMES * (4 * MAX_NAME_LENGTH + 8 + 3 * 8) + 2048
 
 # Attributes in the order of their bytes, each with its kind: a time stamp, a string, a sequence of
-# strings or of doubles, the number of doubles of an array, or the names of the doubles in a part.
-TIME, STRING, STRINGS, DOUBLES = 'time', 'string', 'strings', 'doubles'
+# strings or of doubles, a double, the number of doubles of an array, or the names of the doubles in
+# a part.
+TIME, STRING, STRINGS, DOUBLES, DOUBLE = 'time', 'string', 'strings', 'doubles', 'double'
 VECTOR, QUATERNION = ('x', 'y', 'z'), ('x', 'y', 'z', 'w')
 Kind = str | int | tuple[str, ...]
 HEADER: tuple[tuple[str, Kind], ...] = (('header.stamp', TIME), ('header.frame_id', STRING))
@@ -62,6 +63,7 @@ FIELDS: dict[str, tuple[tuple[str, Kind], ...]] = {
         ('pose.pose.orientation', QUATERNION), ('pose.covariance', 36),
         ('twist.twist.linear', VECTOR), ('twist.twist.angular', VECTOR),
         ('twist.covariance', 36)),
+    'sensor_msgs/msg/Temperature': (*HEADER, ('temperature', DOUBLE), ('variance', DOUBLE)),
     'geometry_msgs/msg/PointStamped': (*HEADER, ('point', VECTOR)),
     'geometry_msgs/msg/TwistStamped': (
         *HEADER, ('twist.linear', VECTOR), ('twist.angular', VECTOR)),
@@ -159,6 +161,10 @@ class MessageLayout:
             self._add_static(self._count(len(texts)))
             for text in texts:
                 self._add_string(text)
+        elif kind == DOUBLE:
+            setattr(owner, name, 0.0)
+            self._scalars.append((path, self._add('d', 8)))
+            self._add_doubles(path, 1)
         elif isinstance(kind, tuple):
             setattr(owner, name, SimpleNamespace(**dict.fromkeys(kind, 0.0)))
             self._scalars += [(f'{path}.{part}', self._add('d', 8)) for part in kind]
@@ -303,7 +309,8 @@ class LayoutDecoder:
                     reader.numbers(f'{count}d', 8)
                 shape.append(count)
             else:
-                reader.numbers(f'{kind if isinstance(kind, int) else len(kind)}d', 8)
+                count = 1 if kind == DOUBLE else kind if isinstance(kind, int) else len(kind)
+                reader.numbers(f'{count}d', 8)
         layout = MessageLayout(self._type, tuple(shape), reader.order)
         if layout.size > len(data):
             raise struct.error('a string has no zero byte at its end')

@@ -16,6 +16,7 @@ from functools import partial
 import time
 
 from hypothesis import given, settings, strategies as st
+import numpy as np
 import pytest
 from smart_tire.bags.cdr import empty
 from smart_tire.drivers.sample_stream import FILM_CHARGE, SampleStream
@@ -26,11 +27,15 @@ from smart_tire.nodes import base
 from smart_tire.nodes.film_driver import FilmDriver
 from smart_tire.nodes.film_sensor import FilmSensorNode
 from smart_tire.nodes.film_simulator import FilmSimulator
+from smart_tire.parameters.film import FilmSensorParams
 from smart_tire.protocol.film_charge import encode_charge, encode_frame
 from smart_tire.samples import FilmCharge, FilmTemperature, NS_PER_S
+from support.command import command
 from support.films import (
     calibration, charge_of, EPOCH_NS, measured, samples_of, strokes, write_calibration)
+from support.recordings import write_bag
 from support.virtual_node import local, virtual
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
 few_examples = settings(max_examples=100, deadline=None, derandomize=True)
@@ -71,6 +76,27 @@ def test_live_estimates_are_those_of_the_estimator_offline(node):
         assert ((stamp_ns - EPOCH_NS) / NS_PER_S, *values) == pytest.approx(
             tuple(row), nan_ok=True, rel=1e-9)
     assert max(value for _, value, _ in live[600:]) == pytest.approx(0.01, rel=0.02)
+
+
+def test_a_replay_gives_the_estimates_of_the_recorded_samples_offline(graph, film_file, tmp_path):
+    rng, topics = np.random.default_rng(1), ('film_temperature', 'film_charge')
+    events = sorted([(one.stamp_ns + round(rng.uniform(0.0, 0.03) * NS_PER_S),
+                      topics[isinstance(one, FilmCharge)], one) for one in inputs()],
+                    key=lambda event: event[0])
+    offline = measured([one for _, _, one in events], FilmSensorParams(fresh=True))
+    bag = write_bag(tmp_path / 'bag', events)
+    with command('replay', bag, '--rate', 20, '--wait', PATIENCE, '--wait-for', 'film_sensor',
+                 'test') as player, graph.start(
+                     'film_sensor', calibration_file=film_file, fresh=True):
+        graph.subscribe('film_deflection', 'film_charge')
+        graph.until(lambda: not player.running)
+        assert player.end() == 0, player.output
+        graph.until(lambda: len(graph.received['film_deflection']) >= len(offline))
+    found = [((one.stamp_ns - EPOCH_NS) / NS_PER_S, *one.deflection)
+             for one in graph.samples('film_deflection')]
+    np.testing.assert_allclose(found, offline, rtol=1e-9)
+    assert np.isfinite(offline[:, 1]).sum() > 600
+    assert 'film_sensor processed all messages in recorded order' in player.output
 
 
 def test_the_flat_film_is_zeroed_by_the_service_while_it_is_measured(node):
