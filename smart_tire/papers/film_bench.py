@@ -36,7 +36,8 @@ from smart_tire.arrays import Array
 from smart_tire.calibration.priors import PRIORS
 from smart_tire.calibration.results import SIGNIFICANT_SIGMAS
 from smart_tire.errors import EstimatorError, ParameterError
-from smart_tire.estimation.film.calibration import AMPLIFIER, FilmParams, PRODUCTS
+from smart_tire.estimation.film.calibration import (
+    AMPLIFIER, EXTRAPOLATION_FACTOR, FilmParams, PRODUCTS)
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import Branches, monotone_branches, relaxed
@@ -268,6 +269,11 @@ def identify_film(recording: FilmRecording, film: BucklingFilm | None
                         (int((trusted & ~fit.counted).sum()), 'outputs were outliers')):
         if count:
             notes.append(f'{count} {what}')
+    turns = v[monotone_branches(v, DEAD_BAND_NOISE_FACTOR * noise_level(v)).starts]
+    strokes = np.abs(np.diff(turns))
+    if strokes.max(initial=0.0) < EXTRAPOLATION_FACTOR * strokes.min(initial=math.inf):
+        notes.append('all strokes are of one size: errors of the Duhem operator in others are not '
+                     'in the standard deviations; record small and large strokes')
     params = FilmParams(
         film=film, alpha_gain=fit.alpha_gain.value, a_gain=fit.a_gain.value,
         b_gain=fit.b_gain.value, low_corner=fit.low_corner.value, drift=fit.drift.value,

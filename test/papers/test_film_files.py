@@ -65,6 +65,15 @@ def test_a_loop_that_is_too_small_gets_a_note():
     assert abs(fit.b_gain.value - TRUE['b_gain']) < 4.0 * fit.b_gain.sigma
 
 
+def test_strokes_of_one_size_get_a_note():
+    note = 'all strokes are of one size'
+    assert any(note in one for one in identify_film(one_loop(), FILM)[2])
+    both = several_loops()
+    half = both.time.size // 2
+    assert not any(note in one for one in identify_film(FilmRecording(
+        both.time[:half], both.input[:half], both.output[:half]), FILM)[2])
+
+
 def test_tension_spikes_and_a_touching_film_get_notes():
     recording = several_loops()
     deflection, output = recording.input.copy(), recording.output.copy()
