@@ -18,20 +18,17 @@ noise and quantization, and of the priors of every nuisance.
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import numpy as np
 
-from smart_tire.arrays import Array
 from smart_tire.design.drive import Place
 from smart_tire.estimation.contact.constants import MAX_SPEED_CHANGE, OUTER_LENGTH
 from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmGroup, FilmSamples, PatchCrossing)
 from smart_tire.estimation.contact.trajectory import WheelTrajectory
-from smart_tire.estimation.friction.constants import BUMP_SHARE
 from smart_tire.estimation.friction.waveform_method import FilmResult, WaveformMethod
-from smart_tire.estimation.friction.waveform_model import (
-    film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S
 
@@ -84,30 +81,16 @@ class ExactCrossings:
         centers = [direction * offset for offset in group.offsets]
         near = [distance[np.abs(distance - center) < group.half_crossing + around]
                 for center in centers]
-        samples = [FilmSamples(film, own, np.zeros(len(own)), np.zeros(len(own), dtype=np.int8))
-                   for film, own in zip(films, near)]
+        samples = CrossingSamples(
+            tuple(FilmSamples(film, own, np.zeros(len(own)), np.zeros(len(own), dtype=np.int8))
+                  for film, own in zip(films, near)),
+            tuple(Detection(center, bending, place.slip, place.normalized_slip, 1.0)
+                  for center, bending in zip(centers, group.bending)),
+            centers[0], travel.trajectory.errors(begin_ns, end_ns))
         low, high = (one - robot.film.rest_voltage for one in group.rails)
-        samples = [FilmSamples(one.film, one.distance, np.clip(volts, low, high),
-                               (volts > high).astype(np.int8) - (volts < low))
-                   for one, volts in zip(samples, self._volts(group, samples, centers, place))]
-        detections = tuple(Detection(center, bending, place.slip, place.normalized_slip, 1.0)
-                           for center, bending in zip(centers, group.bending))
+        exact = tuple(replace(one, volts=np.clip(volts, low, high),
+                              rail=(volts > high).astype(np.int8) - (volts < low))
+                      for one, volts in zip(samples.films, self._method.fitter.expected(samples)))
         return self._method.measure(PatchCrossing(
             stamp_ns, direction, abs(place.speed), travel.trajectory.speed_sigma, change,
-            2.0 * group.reach, begin_ns, end_ns, CrossingSamples(
-                tuple(samples), detections, centers[0],
-                travel.trajectory.errors(begin_ns, end_ns))))
-
-    def _volts(self, group: FilmGroup, samples: list[FilmSamples], centers: list[float],
-               place: Place) -> list[Array]:
-        """Return the output [V] of each film at its samples, at the mean of the priors."""
-        robot = self._robot
-        waveform = WaveformModel(robot, robot.film.gains(self._wheel), samples, centers[0])
-        p = np.zeros(film_index(len(samples), PerFilm.CENTER))
-        p[[Shared.SLIP, Shared.NORM_SLIP]] = place.slip, place.normalized_slip
-        for i, (center, bending) in enumerate(zip(centers, group.bending)):
-            bump = BUMP_SHARE * bending
-            p[film_index(i, PerFilm.CENTER):film_index(i, PerFilm.GAIN)] = (
-                center, 0.0, bending, bump, bump)
-        output, _ = waveform.linearized(p)
-        return np.split(output, np.cumsum([len(one.distance) for one in samples])[:-1])
+            2.0 * group.reach, begin_ns, end_ns, replace(samples, films=exact)))

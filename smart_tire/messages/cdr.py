@@ -43,9 +43,9 @@ HEADER_SIZE = 4  # bytes: encapsulation identifier and options
 # bytes: names with length and end, in UTF-8, three numbers for each, and the rest of any type
 MAX_SIZE = MAX_NAMES * (4 * MAX_NAME_LENGTH + 8 + 3 * 8) + 2048
 
-# Attributes in the order of their bytes, each with its kind: a time stamp, a string, a sequence of
-# strings or of doubles, a double, the number of doubles of an array, or the names of the doubles in
-# a part.
+# Attributes in the order of their bytes, each with its kind: a time stamp, a string, a double, a
+# sequence of strings or of doubles, the number of doubles of an array, or the names of the doubles
+# in a part.
 TIME, STRING, STRINGS, DOUBLES, DOUBLE = 'time', 'string', 'strings', 'doubles', 'double'
 VECTOR, QUATERNION = ('x', 'y', 'z'), ('x', 'y', 'z', 'w')
 Kind = str | int | tuple[str, ...]

@@ -65,10 +65,10 @@ class SimulatedFilm:
     def deflection(self, time: Array) -> Array:
         """Return the deflection [m] at ``time`` [s]; arrays."""
         rest, frequency = self._params.rest, self._params.frequency
-        cycles = round(MOTION * frequency)
-        phase = np.maximum(time % (rest + cycles / frequency) - rest, 0.0) if cycles else 0.0 * time
-        found: Array = 0.5 * self._params.stroke * (1.0 - np.cos(2.0 * math.pi * frequency * phase))
-        return found
+        if not (cycles := round(MOTION * frequency)):
+            return np.zeros_like(time)
+        phase = np.maximum(time % (rest + cycles / frequency) - rest, 0.0)
+        return 0.5 * self._params.stroke * (1.0 - np.cos(2.0 * math.pi * frequency * phase))
 
     def temperature(self, time: float) -> float:
         """Return the temperature [degree Celsius] at ``time`` [s]: steps up and down."""

@@ -227,8 +227,9 @@ class FilmEstimator:
         lost = moved / 3.0**0.5 if self._discharged else (
             2.0 * math.pi * film.low_corner * gap * moved / 12.0**0.5)
         path = self._speed / film.b_gain * max(gap - self._max_gap, 0.0)
-        self._filter.stop_at(before, mixing=-math.expm1(-film.alpha_gain * path), charge_sigma=math.hypot(
-            lost, self._filter.noise * math.sqrt(self._count)))
+        noise = self._filter.noise * math.sqrt(self._count)  # of one sample
+        self._filter.stop_at(before, mixing=-math.expm1(-film.alpha_gain * path),
+                             charge_sigma=math.hypot(lost, noise))
         self._window.clear()
         self._saturated = self._discharged = False
         self._averaged_before = None

@@ -157,9 +157,13 @@ class WaveformFitter:
 
     def volts(self, fit: WaveformFit) -> list[Array]:
         """Return the fitted output [V] above baseline at each sample, film by film."""
-        output, _ = self._model(fit.samples).linearized(fit.parameters)
-        ends = np.cumsum([len(film.distance) for film in fit.samples.films])[:-1]
-        return np.split(output, ends)
+        return self.expected(fit.samples, fit.parameters)
+
+    def expected(self, samples: CrossingSamples, parameters: Array | None = None) -> list[Array]:
+        """Return the output as ``volts``; by default that of detections and mean priors."""
+        p = self._start(samples) if parameters is None else parameters
+        output, _ = self._model(samples).linearized(p)
+        return np.split(output, np.cumsum([len(film.distance) for film in samples.films])[:-1])
 
     def _model(self, samples: CrossingSamples) -> WaveformModel:
         return WaveformModel(self._robot, self._gains, samples.films, samples.reference,

@@ -106,15 +106,15 @@ class WaveformMethod:
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._gains, self._bending = robot.film.gains(wheel), robot.film.bending(wheel)
         self.shape = ShapeEstimator()
-        self._fitter = WaveformFitter(robot, self._gains, self._bending, self.shape,
-                                      length_sigma=length_sigma)
+        self.fitter = WaveformFitter(robot, self._gains, self._bending, self.shape,
+                                     length_sigma=length_sigma)
 
     def measure(self, crossing: PatchCrossing) -> FilmResult | None:
         """Return what the films show of ``crossing``, None if its waveform is implausible."""
         if crossing.samples is None:
             return None
         variation = slip_variation(crossing, self._patch)
-        fit = self._fitter.fit(crossing.samples, CrossingSlipPrior(change=variation.change))
+        fit = self.fitter.fit(crossing.samples, CrossingSlipPrior(change=variation.change))
         if fit is None or not self._plausible(fit):
             return None
         varied = _with_slip_variation(fit, variation.residual)
