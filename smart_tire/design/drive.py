@@ -43,7 +43,6 @@ from smart_tire.samples import ImuSample, NS_PER_S, WHEELS, WheelSample
 from smart_tire.simulation.offline import simulate
 
 EXACT_COUNTS = 1e6  # encoder counts per revolution of the simulated drive
-WHEEL_RATE = 16.0   # Hz, readings of the wheels, as of the robot of paper B
 AVERAGED = 6        # ends of windows, the last 3 s of a drive: all angles of the wheels
 
 
@@ -236,7 +235,7 @@ class DriveInformation:
             ground=SurfaceParams(names=(name,), friction=(friction,), stiffness=(stiffness,),
                                  drag=(drag,), base=name, patches=()))
         for _, _, one in simulate(params, self.drive.legs, self.drive.duration, start_ns=0,
-                                  wheel_rate=WHEEL_RATE, torque=self.torque):
+                                  torque=self.torque):
             if isinstance(one, ImuSample):
                 imu.append((one.stamp_ns / NS_PER_S, one.rate[2], *one.acceleration[:2]))
             elif isinstance(one, WheelSample) and one.position:
