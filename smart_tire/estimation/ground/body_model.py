@@ -105,6 +105,13 @@ def _load(level: cython.double, by_x: cython.double, by_y: cython.double, a_x: c
 
 
 @cython.cfunc
+@cython.exceptval(check=False)
+def _inside(n: cython.double, begin: cython.double, end: cython.double) -> cython.double:
+    """Return 1 if step ``n`` is one from ``begin`` until ``end``, else 0."""
+    return min(max(n + 1.0 - begin, 0.0), 1.0) - min(max(n + 1.0 - end, 0.0), 1.0)
+
+
+@cython.cfunc
 def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
                   heading: cython.double[:, ::1], p: cython.double[::1],
                   robot: cython.double[::1], out: cython.double[:, ::1]) -> cython.void:
@@ -124,7 +131,9 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     # of the wheels: position [m], load at rest [N] and by acceleration [kg], share that it gets of
     # the load that is lost in each lift, ground before its
     # change and (4-7) the change, r w [m/s], slip, |F| / |s| [N], change of the slip by the new
-    # velocity [s/m], and of the force [N s/m], share of the slip that is stored, in a step
+    # velocity [s/m], and of the force [N s/m], share of the slip that is stored, in a step; 1 on
+    # the second ground, else 0, rolling resistance [N], velocity of the center [m/s], stiffness
+    # [N] and normalized slip up to 1
     x: cython.double[4] = [0.0] * 4
     y: cython.double[4] = [0.0] * 4
     level: cython.double[4] = [0.0] * 4
@@ -145,7 +154,12 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
     gain: cython.double[4] = [0.0] * 4
     grip: cython.double[4] = [0.0] * 4
     kept: cython.double[4] = [0.0] * 4
-    after: cython.double[2] = [0.0] * 2  # of a side: 1 on the second ground, else 0
+    after: cython.double[4] = [1.0] * 4
+    drag: cython.double[4] = [0.0] * 4
+    v_x: cython.double[4] = [0.0] * 4
+    v_y: cython.double[4] = [0.0] * 4
+    stiff: cython.double[4] = [0.0] * 4
+    t: cython.double[4] = [0.0] * 4
     i: cython.int
     k: cython.int
     for i in range(4):
@@ -174,12 +188,12 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         resistance[i] = side * p[OLD_RESISTANCE]
         resistance[4 + i] = side * (p[RESISTANCE] - p[OLD_RESISTANCE])
 
-    # runs in arrays are computed with lifts
+    # runs in arrays are computed with both
     lifts: cython.bint = not cython.compiled or p[LIFT] >= 0.0 or p[LIFT + 3] >= 0.0
+    changes: cython.bint = not cython.compiled or (
+        p[NEW] > 0.0 or p[NEW + 2] > 0.0 or p[NEW + 1] < steps or p[NEW + 3] < steps)
     first: cython.double = 0.0
     second: cython.double = 0.0
-    one: cython.double = 0.0
-    two: cython.double = 0.0
     u: cython.double = p[START_U]
     v: cython.double = p[START_V]
     w: cython.double = p[START_W]
@@ -212,50 +226,51 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         bu: cython.double = mass * (old_u + new_w * new_v - slope_x)
         bv: cython.double = mass * (old_v - new_w * new_u - slope_y)
         bw: cython.double = inertia * old_w
-        for k in range(2):
-            after[k] = (min(max(n + 1.0 - p[NEW + 2 * k], 0.0), 1.0)
-                        - min(max(n + 1.0 - p[NEW + 2 * k + 1], 0.0), 1.0))
-        if lifts:  # 1 during a lift, else 0
-            first = (min(max(n + 1.0 - p[LIFT + 1], 0.0), 1.0)
-                     - min(max(n + 1.0 - p[LIFT + 2], 0.0), 1.0))
-            second = (min(max(n + 1.0 - p[LIFT + 4], 0.0), 1.0)
-                      - min(max(n + 1.0 - p[LIFT + 5], 0.0), 1.0))
-            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)  # N
-            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
-        for i in range(4):
+        # the first step begins with the slip of its end
+        lag: cython.double = relaxation * frequency if n else 0.0  # m/s
+        if changes:
+            after[0] = after[2] = _inside(n, p[NEW], p[NEW + 1])
+            after[1] = after[3] = _inside(n, p[NEW + 2], p[NEW + 3])
+        if lifts:
+            first = _inside(n, p[LIFT + 1], p[LIFT + 2])
+            second = _inside(n, p[LIFT + 4], p[LIFT + 5])
+        one: cython.double = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)  # N
+        two: cython.double = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+        for i in range(4):  # apart from calls: the compiler computes wheels side by side
             load: cython.double = max(_load(level[i], by_x[i], by_y[i], a_x, a_y)
                                       + one * gets[i] + two * gets[4 + i], 0.0)
-            drag: cython.double = load * (resistance[i] + after[i % 2] * resistance[4 + i])
+            drag[i] = load * (resistance[i] + after[i] * resistance[4 + i])
             roll[i] = radius * rolling[n, i] + offset[n, i % 2]
-            v_x: cython.double = new_u - y[i] * new_w
-            v_y: cython.double = new_v + x[i] * new_w
-            speed: cython.double = max(fabs(roll[i]), min_rolling)
-            # the first step begins with the slip of its end
-            lag: cython.double = relaxation * frequency if n else 0.0  # m/s
-            gain[i] = 1.0 / (speed + lag)
+            v_x[i] = new_u - y[i] * new_w
+            v_y[i] = new_v + x[i] * new_w
+            gain[i] = 1.0 / (max(fabs(roll[i]), min_rolling) + lag)
             slip_x[i] = slip_x[i] * lag * gain[i]
             slip_y[i] = slip_y[i] * lag * gain[i]
-            s_x: cython.double = slip_x[i] + gain[i] * (roll[i] - v_x)
-            s_y: cython.double = slip_y[i] + gain[i] * lateral_ratio * v_y
-            stiff: cython.double = stiffness[i] + after[i % 2] * stiffness[4 + i]
-            limit: cython.double = load * (friction[i] + after[i % 2] * friction[4 + i])
-            total: cython.double = sqrt(s_x * s_x + s_y * s_y)
-            elastic: cython.double = stiff * max(total, 1e-9)  # N, without sliding; t = 1 at ...
-            full: cython.double = 3.0 * limit
+            s_x: cython.double = slip_x[i] + gain[i] * (roll[i] - v_x[i])
+            s_y: cython.double = slip_y[i] + gain[i] * lateral_ratio * v_y[i]
+            stiff[i] = stiffness[i] + after[i] * stiffness[4 + i]
+            full: cython.double = 3.0 * (load * (friction[i] + after[i] * friction[4 + i]))
+            # N, without sliding; t = 1 at ``full``
+            elastic: cython.double = stiff[i] * max(sqrt(s_x * s_x + s_y * s_y), 1e-9)
             scale: cython.double = 1.0 / max(elastic, full)
             kept[i] = full * scale  # a tire that slides deflects no further
-            slope[i] = stiff * secant(elastic * scale, kept[i], fall)
+            t[i] = elastic * scale
+        for i in range(4):
+            slope[i] = secant(t[i], kept[i], fall)
+        for i in range(4):
+            slope[i] = stiff[i] * slope[i]
             grip[i] = gain[i] * slope[i]
-            drag_y: cython.double = share * drag / max(sqrt(v_x * v_x + v_y * v_y), min_speed)
-            along: cython.double = grip[i] + drag_y + (1.0 - share) * drag / max(
-                fabs(v_x), min_speed)
+            drag_y: cython.double = share * drag[i] / max(
+                sqrt(v_x[i] * v_x[i] + v_y[i] * v_y[i]), min_speed)
+            along: cython.double = grip[i] + drag_y + (1.0 - share) * drag[i] / max(
+                fabs(v_x[i]), min_speed)
             across: cython.double = lateral_ratio * grip[i] + drag_y
+            force: cython.double = grip[i] * roll[i] + slope[i] * slip_x[i]
             uu += along
             uw -= along * y[i]
             vv += across
             vw += across * x[i]
             ww += across * x[i] * x[i] + along * y[i] * y[i]
-            force: cython.double = grip[i] * roll[i] + slope[i] * slip_x[i]
             bu += force
             bv -= slope[i] * slip_y[i]
             bw -= y[i] * force + x[i] * slope[i] * slip_y[i]
@@ -264,9 +279,8 @@ def _simulate_run(rolling: cython.double[:, ::1], offset: cython.double[:, ::1],
         new_v = (bv - vw * new_w) / vv
         a_x = rate * new_u - old_u - new_w * new_v + slope_x
         a_y = rate * new_v - old_v + new_w * new_u + slope_y
-        if lifts:
-            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
-            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+        one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
+        two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
         # columns U to LOADS + 3 by their numbers: names of the module are slow here
         out[n, 0], out[n, 1], out[n, 2] = new_u, new_v, new_w
         out[n, 3], out[n, 4], out[n, 5] = a_x, a_y, rate * new_w - old_w
