@@ -24,7 +24,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.ground.measurements import Measurements
@@ -33,7 +32,7 @@ from smart_tire.estimation.ground.unknowns import (
     Interval, LENGTH, Lift, MAX_ITERATIONS, MAX_LIFTS, MAX_STEP, MOVED, NEVER, OLD_GROUND,
     ONE_GROUND, REWEIGHTINGS, SIZE, TIME_ERROR, Unknown)
 from smart_tire.estimation.ground.window_fit import (
-    start_of, student, Whitening, WindowEstimate, WindowFit)
+    start_of, student, whitened, WindowEstimate, WindowFit)
 from smart_tire.samples import WHEELS
 
 
@@ -223,50 +222,70 @@ class EventSearch:
         motion = measurements.simulate(x, start, fit.heading, np.array(at))
         blocks, films = measurements.predict(x, motion), measurements.crossing_values(x, motion)
         residual = measurements.values - blocks, measurements.crossing_measured - films
-        whiten = Whitening(*fit.noise, residual[0][0], residual[1][0], False, ())
-        white = whiten(residual[0].transpose(1, 2, 0), residual[1].T)
+        factors = np.linalg.cholesky(fit.noise[0]), np.linalg.cholesky(fit.noise[1])
+        white = whitened(*factors, residual[0].transpose(1, 2, 0), residual[1].T)
         for one in main.disturbances:
             white[measurements.within(one)] = 0.0
-        found, i = [], 1
-        for event in events:
-            rows = np.arange(SIZE)[event.unknown]
-            own, i = slice(i, i + 1 + len(rows)), i + 1 + len(rows)
-            unused = [measurements.within(one) for one in event.transitions]
-            found.append(self._one_evidence(
-                white[:, own], rows, event.hypothesis.x, unused, measurements.values.shape))
         likely = student(white[:, 0] ** 2).sum()
-        return white[:, 0], [(likely - cost, value) for cost, value in found]
+        found = [(0.0, np.zeros(0))] * len(events)
+        first = np.cumsum([1, *(1 + _count(event) for event in events)])  # runs of each
+        for count in {_count(event) for event in events}:
+            own = [i for i, event in enumerate(events) if _count(event) == count]
+            others = white.T[first[own, np.newaxis] + np.arange(1 + count)]
+            costs, values = self._costs([events[i] for i in own], others, measurements)
+            for i, cost, value in zip(own, costs, values):
+                found[i] = float(likely - cost), value
+        return white[:, 0], found
 
-    def _one_evidence(self, others: Array, rows: NDArray[np.intp], x: Array,
-                      unused: Sequence[NDArray[np.bool_]], shape: tuple[int, ...]
-                      ) -> tuple[float, Array]:
-        """Return cost and unknowns; ``others``: with the event, and by each unknown moved."""
-        used = ~np.any(unused, axis=0)
-        rest, step = others[:, 0], self._steps[rows]
-        slopes = (rest[:, np.newaxis] - others[:, 1:]) / step
-        spread = np.diag([self._rows[row].sigma ** -2 for row in rows])
-        off = np.array([self._rows[row].mean for row in rows]) - x[rows]
-        value, left, matrix = np.zeros(len(rows)), rest, spread
-        for _ in range(REWEIGHTINGS if len(rows) else 0):
-            weights = used / np.maximum((FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0)
-            matrix = (slopes.T * weights) @ slopes + spread
-            value = np.linalg.solve(matrix, (slopes.T * weights) @ rest + spread @ off)
-            left = rest - slopes @ value
-        cost = (value - off) @ spread @ (value - off) + np.linalg.slogdet(
-            matrix)[1] - np.linalg.slogdet(spread)[1]
-        cost += student(left[used] ** 2).sum() + sum(
-            _of_size(left ** 2, one, shape) for one in unused)
-        return float(cost), value
+    def _costs(self, events: Sequence[Event], others: Array, measurements: Measurements
+               ) -> tuple[Array, Array]:
+        """
+        Return costs (events,) and unknowns (events, k) of events with k unknowns each.
+
+        ``others`` (events, 1 + k, rows): the whitened residual with the event, and by each unknown
+        moved.
+        """
+        rows = np.array([np.arange(SIZE)[event.unknown] for event in events])
+        used = np.ones((len(events), others.shape[2]))
+        slopes = (others[:, :1] - others[:, 1:]) / self._steps[rows][:, :, np.newaxis]
+        mean, sigma = np.array([row[:2] for row in self._rows])[rows].transpose(2, 0, 1)
+        spread = sigma[:, :, np.newaxis] ** -2 * np.eye(rows.shape[1])
+        off = mean - np.array([event.hypothesis.x for event in events])[
+            np.arange(len(events))[:, np.newaxis], rows]
+        of = np.repeat(np.arange(len(events)), [len(event.transitions) for event in events])
+        inside = np.array([measurements.within(one) for event in events
+                           for one in event.transitions], dtype=float)
+        np.multiply.at(used, of, 1.0 - inside)
+        value, left, matrix = np.zeros(rows.shape), others[:, 0], spread
+        for _ in range(REWEIGHTINGS if rows.size else 0):
+            weighted = slopes * (used / np.maximum(
+                (FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0))[:, np.newaxis]
+            matrix = weighted @ slopes.transpose(0, 2, 1) + spread
+            value = np.linalg.solve(
+                matrix, weighted @ others[:, 0, :, np.newaxis] + spread @ off[:, :, np.newaxis]
+            )[:, :, 0]
+            left = others[:, 0] - np.einsum('ek,ekr->er', value, slopes)
+        square = left ** 2
+        cost = (used * student(square)).sum(axis=1) + (
+            (value - off) ** 2 / sigma ** 2 + 2.0 * np.log(sigma)).sum(axis=1) + np.linalg.slogdet(
+                matrix)[1]
+        np.add.at(cost, of, _of_size(square[of], inside, measurements.values.shape))
+        return cost, value
 
 
-def _of_size(square: Array, rows: NDArray[np.bool_], shape: tuple[int, ...]) -> float:
-    """Return the cost of ``rows`` of normalized squares with errors of the size that is seen."""
-    blocks, found = math.prod(shape), 0.0
-    for own in (square[:blocks].reshape(shape)[:, rows[:shape[1]]],
-                square[blocks:][np.newaxis, rows[blocks:]]):
-        if own.size:
-            growth = np.maximum(own.mean(axis=1), 1.0)
-            found += float((own.sum(axis=1) / growth + own.shape[1] * np.log(growth)).sum())
+def _count(event: Event) -> int:
+    """Return the number of unknowns of ``event``."""
+    return event.unknown.stop - event.unknown.start
+
+
+def _of_size(square: Array, inside: Array, shape: tuple[int, ...]) -> Array:
+    """Return costs (k,) of squares (k, rows) ``inside``, with errors of the size that is seen."""
+    blocks, found = math.prod(shape), np.zeros(len(square))
+    for own, part in ((square[:, :blocks].reshape(-1, *shape), inside[:, np.newaxis, :shape[1]]),
+                      (square[:, np.newaxis, blocks:], inside[:, np.newaxis, blocks:])):
+        total, count = (own * part).sum(axis=2), part.sum(axis=2)
+        growth = np.maximum(total / np.maximum(count, 1.0), 1.0)
+        found += (total / growth + count * np.log(growth)).sum(axis=1)
     return found
 
 

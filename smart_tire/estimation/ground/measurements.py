@@ -138,6 +138,8 @@ class Measurements:
         self.crossings = crossings
         self.crossing_measured = np.array([value for one in crossings for value in one.measured])
         self._products = np.array([not one.sliding for one in crossings], dtype=bool)
+        self._row_times = np.concatenate([np.tile(self.centers, STREAMS),
+                                          np.repeat([one.time for one in crossings], 2)])
 
     @property
     def travel(self) -> float:
@@ -299,9 +301,8 @@ class Measurements:
 
     def within(self, interval: Interval) -> NDArray[np.bool_]:
         """Return whether each row of block means and crossings lies in ``interval`` [s]."""
-        times = np.concatenate([np.tile(self.centers, STREAMS),
-                                np.repeat([one.time for one in self.crossings], 2)])
-        found: NDArray[np.bool_] = (times >= interval[0]) & (times <= interval[1])
+        found: NDArray[np.bool_] = (self._row_times >= interval[0]) & (
+            self._row_times <= interval[1])
         return found
 
     def crossing_noise(self, predicted: Array, transient: Array, loads: Array) -> Array:

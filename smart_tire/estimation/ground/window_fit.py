@@ -80,10 +80,10 @@ class Whitening:
             off |= rows
         if off.any():
             nominal = _ln_variances(np.linalg.cholesky(blocks), np.linalg.cholesky(films))
-        blocks = blocks.copy()
-        blocks[:, range(square.shape[1]), range(square.shape[1])] += UNMEASURED ** 2 * (
-            off[:residual.size].reshape(residual.shape) * variance)
-        films = films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance)
+            blocks = blocks.copy()
+            blocks[:, range(square.shape[1]), range(square.shape[1])] += UNMEASURED ** 2 * (
+                off[:residual.size].reshape(residual.shape) * variance)
+            films = films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance)
         all_square = np.concatenate([square.ravel(), each])
         all_growth = 1.0 + np.concatenate([more.ravel(), film_more])
         growth = np.ones(residual.size + len(crossings))
@@ -104,10 +104,7 @@ class Whitening:
 
     def __call__(self, blocks: Array, crossings: Array) -> Array:
         """Return blocks (STREAMS, n, k) and crossings (m, k), whitened: (rows, k)."""
-        columns = blocks.shape[-1]
-        return np.concatenate([
-            np.linalg.solve(self._block_factor, blocks).reshape(-1, columns),
-            np.linalg.solve(self._film_factor, crossings)])
+        return whitened(self._block_factor, self._film_factor, blocks, crossings)
 
     def information(self, blocks: Array, crossings: Array, leaving: NDArray[np.bool_],
                     films: NDArray[np.bool_]) -> Array:
@@ -117,6 +114,14 @@ class Whitening:
         found: Array = np.einsum('sik,sil->kl', rows, np.linalg.solve(own, rows))
         part = crossings[films]
         return found + part.T @ np.linalg.solve(self.films[films][:, films], part)
+
+
+def whitened(block_factor: NDArray[np.floating[Any]], film_factor: NDArray[np.floating[Any]],
+             blocks: Array, crossings: Array) -> Array:
+    """Return blocks (STREAMS, n, k) and crossings (m, k) by Cholesky factors: (rows, k)."""
+    return np.concatenate([
+        np.linalg.solve(block_factor, blocks).reshape(-1, blocks.shape[-1]),
+        np.linalg.solve(film_factor, crossings)])
 
 
 class WindowFit:
