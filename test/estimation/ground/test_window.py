@@ -20,13 +20,15 @@ import pytest
 from smart_tire.estimation.ground import window
 from smart_tire.estimation.ground.body_model import LOAD as LOAD_COLUMN
 from smart_tire.estimation.ground.estimator import GroundEstimator, HOP_NS
+from smart_tire.estimation.ground.events import EventSearch
 from smart_tire.estimation.ground.measurements import (
     FORCE_X, MeasuredCrossing, Measurements, TORQUE, WindowData)
 from smart_tire.estimation.ground.unknowns import (
-    DYNAMIC, GROUND, Hypothesis, initial, LENGTH, NEVER, OLD_GROUND, ONE_GROUND, priors, SIZE,
-    Unknown, WindowPrior)
+    DERIVATIVE_STEP, DYNAMIC, FREEDOM, GROUND, Hypothesis, initial, LENGTH, Lift, NEVER,
+    OLD_GROUND, ONE_GROUND, priors, REWEIGHTINGS, SIZE, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
-from smart_tire.estimation.ground.window_fit import student, Whitening, WindowFit
+from smart_tire.estimation.ground.window_fit import (
+    start_of, student, whitened, Whitening, WindowFit)
 from smart_tire.messages.joint_state import GROUND_RANGES
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import TreadFilmParams
@@ -760,6 +762,54 @@ def test_the_covariance_of_a_mixture_is_positive_definite(films):
             mixed[OLD_GROUND, OLD_GROUND], one.covariance[OLD_GROUND, OLD_GROUND])
         assert mixed[0, 0] == pytest.approx(
             0.5 * (one.covariance[0, 0] + other.covariance[0, 0] + 1e-6))
+
+
+def test_events_tried_together_have_each_its_evidence(films):
+    solution = films[1][-1]
+    main, fit, measurements = solution.hypothesis, solution.fit, solution.measurements
+    search = EventSearch(WindowFit(ROBOT, priors(ROBOT)))
+    first, second = measurements.begin + 1.0, measurements.begin + 2.0
+    lift = replace(main, lifts=(Lift(1, first),))
+    events = [*search._changes(main, fit.x, [(first, first), (first, second), (None, second)]),
+              *search._lifts(main, fit.x, [second]), *search._lifts(lift, fit.x, [second])]
+    assert {event.unknown.stop - event.unknown.start for event in events} == {0, 1, 3}
+    events = [event._replace(hypothesis=replace(
+        event.hypothesis, x=event.hypothesis.x + 0.002 * i)) for i, event in enumerate(events)]
+    residual, found = search._evidence(main, fit, measurements, events)
+    steps, rows = DERIVATIVE_STEP * np.array([row.sigma for row in priors(ROBOT)]), priors(ROBOT)
+    for event, expected in zip(events, found):
+        # by its definition
+        own = [*range(SIZE)[event.unknown]]
+        x = event.hypothesis.x + np.vstack([np.zeros(SIZE), np.diag(steps)[own]])
+        motion = measurements.simulate(
+            x, start_of(main, measurements)[0], fit.heading,
+            np.tile(event.hypothesis.events, (len(x), 1)))
+        white = whitened(*map(np.linalg.cholesky, fit.noise), (
+            measurements.values - measurements.predict(x, motion)).transpose(1, 2, 0), (
+            measurements.crossing_measured - measurements.crossing_values(x, motion)).T)
+        slopes = (white[:, :1] - white[:, 1:]) / steps[own]
+        spread = np.diag([rows[row].sigma ** -2 for row in own])
+        off = np.array([rows[row].mean for row in own]) - event.hypothesis.x[own]
+        left = white[:, 0]
+        inside = [measurements.within(one) for one in event.transitions]
+        used = ~np.any(inside, axis=0)
+        for _ in range(REWEIGHTINGS):
+            weighted = slopes.T * (used / np.maximum((FREEDOM + left ** 2) / (FREEDOM + 1.0), 1.0))
+            matrix = weighted @ slopes + spread
+            value = np.linalg.inv(matrix) @ (weighted @ white[:, 0] + spread @ off)
+            left = white[:, 0] - slopes @ value
+        np.testing.assert_allclose(expected[1], value, atol=1e-8)
+        cost = student(left[used] ** 2).sum() + (value - off) @ spread @ (value - off)
+        cost += np.linalg.slogdet(matrix)[1] - np.linalg.slogdet(spread)[1]
+        blocks = measurements.values.size
+        for one in inside:
+            for part in [*np.split(np.where(one, left, np.nan)[:blocks], len(measurements.values)),
+                         np.where(one, left, np.nan)[blocks:]]:
+                square = part[np.isfinite(part)] ** 2
+                if square.size:
+                    growth = max(square.mean(), 1.0)
+                    cost += square.sum() / growth + square.size * math.log(growth)
+        assert expected[0] == pytest.approx(student(residual ** 2).sum() - cost, abs=1e-7)
 
 
 def test_a_disturbance_has_errors_of_the_size_that_is_seen(measurements):
