@@ -29,7 +29,7 @@ from smart_tire.nodes.film_sensor import FilmSensorNode
 from smart_tire.nodes.film_simulator import FilmSimulator
 from smart_tire.parameters.film import FilmSensorParams
 from smart_tire.protocol.film_charge import encode_charge, encode_frame
-from smart_tire.samples import FilmCharge, FilmTemperature, NS_PER_S
+from smart_tire.samples import FilmCharge, FilmDeflection, FilmTemperature, NS_PER_S
 from support.command import command
 from support.films import (
     calibration, charge_of, EPOCH_NS, measured, samples_of, strokes, write_calibration)
@@ -78,6 +78,11 @@ def test_live_estimates_are_those_of_the_estimator_offline(node):
     assert max(value for _, value, _ in live[600:]) == pytest.approx(0.01, rel=0.02)
 
 
+def seconds(sample: FilmDeflection) -> float:
+    """Return the time [s] since the begin of the inputs."""
+    return (sample.stamp_ns - EPOCH_NS) / NS_PER_S
+
+
 def test_a_replay_gives_the_estimates_of_the_recorded_samples_offline(graph, film_file, tmp_path):
     rng, topics = np.random.default_rng(1), ('film_temperature', 'film_charge')
     events = sorted([(one.stamp_ns + round(rng.uniform(0.0, 0.03) * NS_PER_S),
@@ -88,13 +93,18 @@ def test_a_replay_gives_the_estimates_of_the_recorded_samples_offline(graph, fil
     with command('replay', bag, '--rate', 20, '--wait', PATIENCE, '--wait-for', 'film_sensor',
                  'test') as player, graph.start(
                      'film_sensor', calibration_file=film_file, fresh=True):
-        graph.subscribe('film_deflection', 'film_charge')
+        graph.subscribe('film_deflection')
+        graph.until(graph.has_publishers)
+        graph.subscribe('film_charge')  # the replay begins
         graph.until(lambda: not player.running)
         assert player.end() == 0, player.output
-        graph.until(lambda: len(graph.received['film_deflection']) >= len(offline))
-    found = [((one.stamp_ns - EPOCH_NS) / NS_PER_S, *one.deflection)
-             for one in graph.samples('film_deflection')]
-    np.testing.assert_allclose(found, offline, rtol=1e-9)
+        graph.until(lambda: graph.samples('film_deflection')[-1:]
+                    and seconds(graph.samples('film_deflection')[-1]) == offline[-1, 0])
+    # those before the node has discovered the subscription are not received
+    found = {seconds(one): one.deflection for one in graph.samples('film_deflection')}
+    expected = [row for row in offline if row[0] in found]
+    assert len(expected) == len(found)
+    np.testing.assert_allclose([(time, *one) for time, one in found.items()], expected, rtol=1e-9)
     assert np.isfinite(offline[:, 1]).sum() > 600
     assert 'film_sensor processed all messages in recorded order' in player.output
 
