@@ -52,7 +52,6 @@ LAW_ERROR_FACTOR = 2.0  # of the residuals of a fit, for motion that it has not 
 TENSION_SIGMAS = 4.0    # beyond flat: the film is under tension, not buckled; as in measurements
 STROKES = np.linspace(0.0, 0.999, 2000)  # of the table of charges; interpolation error below 1e-6
 
-
 MEASURING = 'measuring'
 
 
