@@ -232,6 +232,7 @@ config: $(READY)
 	$(BIN)/python docs/config_files.py config
 	$(BIN)/python docs/rosbag2_qos.py config/rosbag2_qos.yaml
 	$(BIN)/smart_tire policy > config/security/policy.xml
+	$(BIN)/python docs/simulated_film.py config/calibration/simulated_film.yaml
 	$(BIN)/python -m smart_tire.parameters.urdf_writer urdf/smart_tire.urdf
 
 docs: $(READY)

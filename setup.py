@@ -89,6 +89,7 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/launch', sorted(glob('launch/*.py'))),
         (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{PACKAGE}/config/calibration', sorted(glob('config/calibration/*'))),
         (f'share/{PACKAGE}/config/platforms', sorted(glob('config/platforms/*'))),
         (f'share/{PACKAGE}/config/view', sorted(glob('config/view/*'))),
         (f'share/{PACKAGE}/config/security', sorted(glob('config/security/*'))),

@@ -10,9 +10,9 @@
 """
 Figures and numbers of docs/how_to/film_sensor.md: a simulated film, calibrated and measured live.
 
-``python docs/film_figures.py`` calibrates a film as ``smart_tire identify film`` does, sends the
-bytes of the simulated amplifier through driver and estimator, draws docs/images/film_sensor.png
-and film_temperature.png, and prints the errors of the motions of paper A, Figs. 7 to 9.
+``python docs/film_figures.py`` sends the bytes of the simulated amplifier through driver and
+estimator, draws docs/images/film_sensor.png and film_temperature.png, and prints the errors of the
+motions of paper A, Figs. 7 to 9. The calibration is that of docs/simulated_film.py.
 """
 
 from __future__ import annotations
@@ -26,19 +26,16 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.drivers.sample_stream import FILM_CHARGE, SampleStream
-from smart_tire.estimation.film.calibration import FilmParams
+from smart_tire.estimation.film.calibration import FilmParams, read_params
 from smart_tire.estimation.film.estimator import FilmEstimator
-from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.papers.film_bench import identify_film
-from smart_tire.papers.film_experiments import record, specimen
 from smart_tire.parameters.film import FilmSensorParams, FilmSimulatorParams
 from smart_tire.samples import FilmTemperature, NS_PER_S
 from smart_tire.simulation.film import MOTION, SimulatedFilm
 
 IMAGES = Path(__file__).parent / 'images'
+CALIBRATION = Path(__file__).parents[1] / 'config' / 'calibration' / 'simulated_film.yaml'
 EPOCH_NS = 1_700_000_000 * NS_PER_S
 TEMPERATURE_PERIOD = 50  # samples
-SEED = 11                # of the calibration
 AMPLITUDES = np.array([1.25, 2.5, 3.75, 6.0]) * 1e-3  # m: shares of the length as in Fig. 7
 
 
@@ -100,7 +97,7 @@ def save(name: str, rows: list[tuple[str, Array]], begin: float, end: float) -> 
 def main() -> None:
     """Draw and print."""
     matplotlib.use('agg')
-    film = identify_film(record(specimen('25x3'), SEED), FILMS['25x3'])[0]  # motion of Fig. 8
+    film = read_params(CALIBRATION)
     slow = FilmSimulatorParams(frequency=0.5, stroke=0.012)
     recording = measured(slow, film, 24.0)
     save('film_sensor.png', [

@@ -16,15 +16,19 @@ from pathlib import Path
 import re
 
 from config_files import file_text, SIMULATED_PORTS, TITLES
+import numpy as np
 from parameters_page import MARKER, parameters_text
 import pytest
+import simulated_film
 from smart_tire.errors import ParameterError
+from smart_tire.estimation.film.calibration import PRODUCTS, read_params
 from smart_tire.parameters import (
     build, known_names, load_files, load_node, NODE_PARAMS, RobotParams, specs)
 import yaml
 
 OTHER_FILES = {'rosbag2_qos.yaml'}  # without parameters: test/nodes/test_qos.py
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
+CALIBRATION = CONFIG / 'calibration' / 'simulated_film.yaml'
 REFERENCE = CONFIG.parent / 'docs' / 'parameters.md'
 PATHS = [CONFIG / name for name in TITLES]
 ROBOT_PATHS = [path for path in PATHS if path.name != 'simulation.yaml']
@@ -41,6 +45,16 @@ def test_the_files_are_the_listed_ones():
 @pytest.mark.parametrize('name', TITLES)
 def test_each_file_is_current(name):
     assert (CONFIG / name).read_text(encoding='utf-8') == file_text(name), 'run: make config'
+
+
+def test_the_calibration_of_the_simulated_film_is_current(tmp_path):
+    simulated_film.write(tmp_path / 'film.yaml')
+    found, written = read_params(CALIBRATION), read_params(tmp_path / 'film.yaml')
+    assert found.film == written.film
+    for name in (*PRODUCTS, 'noise', 'model_error'):
+        assert getattr(found, name) == pytest.approx(getattr(written, name), rel=1e-4), name
+    sigmas = np.sqrt([np.diag(one.covariance) for one in (found, written)])
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=1e-3)
 
 
 def test_the_reference_has_every_parameter_once():

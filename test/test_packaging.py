@@ -161,8 +161,8 @@ def test_marker_manifest_launch_files_parameters_views_and_urdf_are_installed(se
     assert installed == {
         'share/ament_index/resource_index/packages/smart_tire', f'{share}/package.xml',
         *(f'{share}/{path.relative_to(ROOT)}' for pattern in (
-            'launch/*.py', 'config/*.yaml', 'config/platforms/*', 'config/view/*',
-            'config/security/*', 'urdf/*')
+            'launch/*.py', 'config/*.yaml', 'config/calibration/*', 'config/platforms/*',
+            'config/view/*', 'config/security/*', 'urdf/*')
           for path in ROOT.glob(pattern))}
     assert (ROOT / 'resource' / 'smart_tire').is_file()
 
