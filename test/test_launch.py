@@ -56,6 +56,8 @@ DEFAULTS = {'namespace': '', 'description': 'true', 'rviz': 'false', 'simulated'
             'robot': str(ROOT / 'config' / 'robot.yaml'),
             'tuning': str(ROOT / 'config' / 'tuning.yaml'), 'calibration': '/tmp/film.yaml'}
 TUNING = DEFAULTS['tuning']
+# without options
+SIMULATION = NODE_PARAMS.keys() - {*OPTIONAL, *CAMERA, FILM_SIMULATOR}
 CALIBRATION = f'calibration:={ROOT / "config" / "film.yaml"}'  # any file
 HUSKY = f'params:={ROOT / "config" / "platforms" / "husky.yaml"}'
 VIEW = ROOT / 'config' / 'view' / 'smart_tire.rviz'
@@ -311,7 +313,7 @@ def test_the_enclave_of_a_program_is_that_of_the_policy(
     installed('robot_state_publisher', 'rviz2')
     nodes = list(started(LAUNCH / 'simulation.launch.py', f'namespace:={namespace}',
                          f'composed:={composed}', 'rviz:=true', 'camera:=true'))
-    assert len(nodes) == (8 if composed == 'true' else len(NODE_PARAMS) - 2)
+    assert len(nodes) == (8 if composed == 'true' else len(SIMULATION) + len(CAMERA) + 2)
     for node in nodes:
         option, enclave = node.options['ros_arguments']
         assert option == '--enclave'
@@ -553,8 +555,9 @@ def test_an_invalid_argument_ends_the_launch_in_one_line(
 
 
 @pytest.mark.parametrize(('name', 'words', 'count'), [
-    ('robot', [], len(NODE_PARAMS) - 7), ('simulation', [], len(NODE_PARAMS) - 6),
-    ('simulation', ['camera:=true'], len(NODE_PARAMS) - 4), ('simulation', ['composed:=true'], 4),
+    ('robot', [], len(SIMULATION) - 1), ('simulation', [], len(SIMULATION)),
+    ('simulation', ['camera:=true'], len(SIMULATION) + len(CAMERA)),
+    ('simulation', ['composed:=true'], 4),
     ('replay', ['bag:=/tmp'], 3), ('estimators', [HUSKY], 2), ('mapping', [], 1),
     ('film', [CALIBRATION], 2),
     ('film', ['simulated:=true'], 3)])
@@ -596,7 +599,7 @@ def test_ctrl_c_of_a_simulation_prints_no_errors(moment, simulation, isolated_ro
         assert launch.end() == 0
     log = ''.join(launch.lines)
     assert not re.search(r'ERROR|FATAL|Traceback|KeyboardInterrupt|has died', log), log
-    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS) - 1, log
+    assert len(re.findall('has finished cleanly', log)) == len(SIMULATION), log
 
 
 PUBLISHER = """#!/usr/bin/env python3
@@ -626,4 +629,4 @@ def test_robot_state_publisher_gets_the_wheels_and_ends_with_ctrl_c(
         assert launch.end() == 0
     log = ''.join(launch.lines)
     assert 'is not installed' not in log and 'has died' not in log, log
-    assert len(re.findall('has finished cleanly', log)) == len(NODE_PARAMS), log
+    assert len(re.findall('has finished cleanly', log)) == len(SIMULATION) + 1, log
