@@ -134,7 +134,7 @@ class Session:
 
     def clock_warnings(self) -> list[str]:
         """Return which nodes have clocks that differ from that of this host."""
-        from smart_tire.nodes.observer import clock_findings
+        from smart_tire.nodes.clock_offset import clock_findings
         from smart_tire.nodes.compat import node_names
         return [one.text for one in clock_findings(self.pilot, node_names(self.pilot))
                 if one.level is Level.WARNING]

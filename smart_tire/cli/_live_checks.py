@@ -143,7 +143,7 @@ def status_findings(heard: Heard) -> Iterator[Finding]:
 
 def _listen(seconds: float, heard: Heard) -> Iterator[Finding]:
     """Listen; yield the findings on the graph."""
-    from smart_tire.nodes.observer import clock_findings
+    from smart_tire.nodes.clock_offset import clock_findings
     from smart_tire.nodes.compat import node_names
     from smart_tire.nodes.observer import graph_findings, Observer, read_graph
     from smart_tire.nodes.runner import NodeRunner

@@ -47,11 +47,10 @@ from smart_tire.nodes.compat import (
 from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
+from smart_tire.nodes.kept_messages import CHECK_PERIOD as KEPT_PERIOD, KeptMessages
 from smart_tire.nodes.paced import paced, SimulatedTimer, SimulatedTimers
 from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
-from smart_tire.nodes.qos import (
-    CHECK_PERIOD as KEPT_PERIOD, KeptMessages, latched, publisher_qos, subscriber_qos,
-    volatile_qos)
+from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos, volatile_qos
 from smart_tire.parameters import build, NODE_PARAMS
 from smart_tire.parameters.files import files_of, misspelled
 from smart_tire.samples import NS_PER_S

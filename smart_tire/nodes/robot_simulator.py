@@ -28,7 +28,8 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import SimulatorParams
 from smart_tire.samples import NS_PER_S
-from smart_tire.simulation.realtime import SimulatedHardware, TimeKeeper
+from smart_tire.simulation.realtime import SimulatedHardware
+from smart_tire.simulation.time_keeper import TimeKeeper
 from smart_tire.simulation.truth import Truth, truth_topic
 
 THREAD_TIMEOUT = 5.0       # s for the thread of the simulation to end

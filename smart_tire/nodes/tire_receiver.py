@@ -17,8 +17,9 @@ import threading
 from typing import Any
 
 from smart_tire.drivers.clock import SYSTEM
+from smart_tire.drivers.pacing import PacedSender
 from smart_tire.drivers.serial_port import read_loop
-from smart_tire.drivers.tire_receiver import PacedSender, TireStream
+from smart_tire.drivers.tire_receiver import TireStream
 from smart_tire.nodes.base import MAX_INPUT_AGE
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.driver import DriverNode, nanoseconds

@@ -217,8 +217,8 @@ def test_clocks_that_certainly_differ_are_warnings(monkeypatch):
     pytest.importorskip('rclpy')
     offsets = {'/a': (-0.001, 0.0005), '/b': (0.0012, 0.003)}
     monkeypatch.setattr('smart_tire.nodes.compat.node_names', lambda _: offsets)
-    monkeypatch.setattr('smart_tire.nodes.observer._trips', lambda _, name: name)
-    monkeypatch.setattr('smart_tire.nodes.observer.offset_bounds', offsets.get)
+    monkeypatch.setattr('smart_tire.nodes.clock_offset._trips', lambda _, name: name)
+    monkeypatch.setattr('smart_tire.nodes.clock_offset.offset_bounds', offsets.get)
     text, = session_of(Pilot()).clock_warnings()
     assert text.startswith('node /b: its clock is +1.20 to +3.00 ms from that of this host')
 

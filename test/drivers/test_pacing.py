@@ -18,8 +18,8 @@ import threading
 
 import pytest
 
-from smart_tire.drivers import tire_receiver
-from smart_tire.drivers.tire_receiver import (
+from smart_tire.drivers import pacing
+from smart_tire.drivers.pacing import (
     MAX_BURST_SAMPLES, MAX_PENDING_SAMPLES, MIN_BURST_SAMPLES, PacedSender, PacingQueue,
     SAMPLE_SPACING_NS, WAKE_PERIOD_NS)
 from smart_tire.samples import NS_PER_S, TireSample, WHEELS
@@ -71,7 +71,7 @@ def test_the_samples_of_a_batch_are_spread_over_their_period(count):
     queue, period_ns = PacingQueue(wheels=1), SAMPLE_SPACING_NS
     queue.put([TireSample(index * period_ns, 'front_left', (1.65,)) for index in range(count)], 0)
     first, second, *_ = (slot[0] for slot in sorted(queue._slots))
-    assert second - first == int(tire_receiver.MAX_SPACING_SHARE * period_ns)
+    assert second - first == int(pacing.MAX_SPACING_SHARE * period_ns)
 
 
 def together(number):
@@ -181,7 +181,7 @@ def test_samples_without_a_valid_period_are_sent(stamps):
 @pytest.fixture
 def new_sender(monkeypatch):
     """Return a function that makes a sender, on whose clock 10 ms pass from look to look."""
-    monkeypatch.setattr(tire_receiver, 'CLOSE_TIMEOUT', PATIENCE)
+    monkeypatch.setattr(pacing, 'CLOSE_TIMEOUT', PATIENCE)
     return lambda send: PacedSender(send, 1, itertools.count(0, 10_000_000).__next__)
 
 

@@ -27,7 +27,7 @@ from types import SimpleNamespace
 import pytest
 
 from smart_tire.findings import Level
-from smart_tire.nodes.observer import clock_finding, clock_findings, merged, offset_bounds
+from smart_tire.nodes.clock_offset import clock_finding, clock_findings, merged, offset_bounds
 from support.graph import node_arguments
 from support.waiting import wait_for
 

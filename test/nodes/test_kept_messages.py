@@ -20,7 +20,8 @@ import pytest
 from rclpy.qos import QoSProfile
 
 from smart_tire.control.publishers import MessageInfo
-from smart_tire.nodes.qos import KeptMessages, latched
+from smart_tire.nodes.kept_messages import KeptMessages
+from smart_tire.nodes.qos import latched
 
 pytestmark = pytest.mark.processes
 

@@ -16,7 +16,7 @@ import pytest
 
 from smart_tire.drivers.simulated_time import SimulatedTime
 from smart_tire.samples import NS_PER_S
-from smart_tire.simulation.realtime import LAG_NS, PATIENCE_NS, POLL_TIME, TimeKeeper
+from smart_tire.simulation.time_keeper import LAG_NS, PATIENCE_NS, POLL_TIME, TimeKeeper
 
 START_NS = 5_000 * NS_PER_S
 MS = 1_000_000
