@@ -13,12 +13,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
 import math
 from typing import Any
 
 from smart_tire.control import constants as c
-from smart_tire.control.publishers import MessageInfo, PublisherCheck
+from smart_tire.control.publishers import MessageInfo, PublisherCheck, renew
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import FIRST_DATE_NS, NS_PER_S, VelocityCommand
 
@@ -67,25 +66,6 @@ class StallDetector:
         as the stall, and what it has lost is repeated within ``REPAIR_NS``.
         """
         return received_ns - self._stalled_ns if received_ns < self._drained_ns else 0
-
-
-class TransitTimes:
-    """
-    The least transit time of the messages of each publisher.
-
-    The difference to it is known even if the clock of the publisher is another one.
-    """
-
-    def __init__(self) -> None:
-        self._least_ns: dict[Hashable, int] = {}
-
-    def excess(self, publisher: Hashable, transit_ns: int) -> int:
-        """Return the excess [ns] of ``transit_ns``: time of reception minus that of sending."""
-        least_ns = min(self._least_ns.pop(publisher, transit_ns), transit_ns)
-        if len(self._least_ns) >= c.MAX_PUBLISHERS:
-            del self._least_ns[next(iter(self._least_ns))]  # the one that is silent for longest
-        self._least_ns[publisher] = least_ns
-        return transit_ns - least_ns
 
 
 def check_age(topic: str, stamp_ns: int, now_ns: int, waited_ns: int, max_age: float,
@@ -139,7 +119,9 @@ class CommandCheck:
         self._name, self._warn = name, warn
         self._on_command, self._on_conflict, self._max_age = on_command, on_conflict, max_age
         self._timeout, self._same_host = timeout, same_host
-        self._stalls, self._transit = StallDetector(now_ns), TransitTimes()
+        self._stalls = StallDetector(now_ns)
+        # of each publisher, whose clock may be another one: only the excess over it is known
+        self._least_transit_ns: dict[Hashable, int] = {}
         self._warned = False
         self.conflict = ''  # its description while several publishers send
 
@@ -161,12 +143,14 @@ class CommandCheck:
         self._stalls.tick(now_ns)
         waited_ns = max(wall_ns - info.received_ns, 0)
         sender = self._publishers.sender(info)
-        excess_ns = self._transit.excess(sender, info.received_ns - info.source_ns)
+        transit_ns = info.received_ns - info.source_ns
+        least_ns = min(self._least_transit_ns.get(sender, transit_ns), transit_ns)
+        renew(self._least_transit_ns, sender, least_ns)
         if text := self._publishers.record(sender, now_ns):
             self.conflict = text
             self._on_conflict(text)
             raise CommandError(text)
-        queued = self._stalls.may_be_queued(now_ns - waited_ns, excess_ns)
+        queued = self._stalls.may_be_queued(now_ns - waited_ns, transit_ns - least_ns)
         self._on_command(command, now_ns - self._age(command, stamp_ns, waited_ns, queued=queued))
 
     def _age(self, command: Any, now_ns: int, waited_ns: int, *, queued: bool) -> int:
@@ -185,15 +169,6 @@ class CommandCheck:
         return age_ns
 
 
-@dataclass
-class _Input:
-    priority: int
-    timeout_ns: int
-    command: VelocityCommand | None = None
-    received_ns: int = 0
-    blocked: bool = False  # conflicting publishers
-
-
 class VelocityMux:
     """
     Selects among named inputs as twist_mux does: higher numbers have priority.
@@ -205,35 +180,34 @@ class VelocityMux:
 
     def __init__(self, inputs: list[tuple[str, int, float]]) -> None:
         """Create the inputs from (name, priority, time-out [s])."""
-        self._inputs = {name: _Input(priority, round(timeout * NS_PER_S))
-                        for name, priority, timeout in inputs}
-        self._order = sorted(self._inputs, key=lambda name: -self._inputs[name].priority)
+        self._timeouts_ns = {name: round(timeout * NS_PER_S) for name, _, timeout in sorted(
+            inputs, key=lambda item: -item[1])}
+        self._commands: dict[str, tuple[VelocityCommand, int]] = {}  # and when they expire
+        self._blocked: set[str] = set()
 
     def set_command(self, name: str, command: VelocityCommand, received_ns: int) -> None:
         """Set the command of the input ``name`` and unblock it."""
-        item = self._inputs[name]
-        item.command, item.received_ns, item.blocked = command, received_ns, False
+        self._commands[name] = command, received_ns + self._timeouts_ns[name]
+        self.unblock(name)
 
     def block(self, name: str) -> None:
         """Block the input ``name`` until it is unblocked or gets a new command."""
-        self._inputs[name].command = None
-        self._inputs[name].blocked = True
+        self._commands.pop(name, None)
+        self._blocked.add(name)
 
     def unblock(self, name: str) -> None:
         """Unblock the input ``name``; it is valid from its next command on."""
-        self._inputs[name].blocked = False
+        self._blocked.discard(name)
 
     def discard(self) -> None:
         """Discard all commands."""
-        for item in self._inputs.values():
-            item.command = None
+        self._commands.clear()
 
     def selected(self, now_ns: int) -> tuple[str, VelocityCommand] | None:
         """Return the selected input and its command; None if the robot must stop."""
-        for name in self._order:
-            item = self._inputs[name]
-            if item.blocked:
+        for name in self._timeouts_ns:
+            if name in self._blocked:
                 return None
-            if item.command is not None and now_ns - item.received_ns <= item.timeout_ns:
-                return name, item.command
+            if (held := self._commands.get(name)) and now_ns <= held[1]:
+                return name, held[0]
         return None

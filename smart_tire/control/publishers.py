@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from smart_tire.control import constants as c
 from smart_tire.samples import NS_PER_S
@@ -31,27 +32,12 @@ class MessageInfo:
     publisher: bytes | None = None  # identifier of its endpoint; unknown before Kilted
 
 
-class PublisherMonitor:
-    """
-    Detects messages of several publishers on a command topic that permits only one.
-
-    A publisher is active for ``window_ns`` after its latest message; one that was replaced, for
-    example at a restart, is inactive by then.
-    """
-
-    def __init__(self, window_ns: int) -> None:
-        self._window_ns = window_ns
-        self._latest_ns: dict[Hashable, int] = {}  # publisher -> time of its latest message
-
-    def record(self, publisher: Hashable, now_ns: int) -> None:
-        """Record a message of ``publisher``."""
-        self._latest_ns[publisher] = now_ns
-
-    def conflicting(self, now_ns: int) -> list[Hashable]:
-        """Return the active publishers if there are several, otherwise an empty list."""
-        self._latest_ns = {publisher: latest_ns for publisher, latest_ns in self._latest_ns.items()
-                           if now_ns - latest_ns <= self._window_ns}
-        return list(self._latest_ns) if len(self._latest_ns) > 1 else []
+def renew(known: dict[Any, int], publisher: Hashable, value: int) -> None:
+    """Set the value of the publisher that sends; forget the one that is silent for longest."""
+    known.pop(publisher, None)
+    if len(known) >= c.MAX_PUBLISHERS:
+        del known[next(iter(known))]
+    known[publisher] = value
 
 
 class SequenceTracker:
@@ -74,12 +60,8 @@ class SequenceTracker:
         index = min((index for index, latest in reversed(self._latest.items())
                      if 0 < number - latest <= c.MAX_SEQUENCE_GAP),
                     key=lambda index: number - self._latest[index], default=self._count)
-        if index == self._count:
-            self._count += 1
-            if len(self._latest) >= c.MAX_PUBLISHERS:
-                del self._latest[next(iter(self._latest))]  # the one that is silent for longest
-        self._latest.pop(index, None)
-        self._latest[index] = number
+        self._count = max(self._count, index + 1)
+        renew(self._latest, index, number)
         return index
 
 
@@ -87,6 +69,7 @@ class PublisherCheck:
     """
     Names the publishers that send on the topic ``name`` within ``window`` [s], if several.
 
+    One that was replaced, for example at a restart, has been silent for longer by then.
     ``existing`` returns the nodes of those in the graph. All of them count as senders of a message
     of which nothing is known.
     """
@@ -94,8 +77,8 @@ class PublisherCheck:
     def __init__(self, name: str, window: float,
                  existing: Callable[[], Mapping[Hashable, str]]) -> None:
         self._name, self._existing = name, existing
-        self._monitor = PublisherMonitor(round(window * NS_PER_S))
-        self._sequences = SequenceTracker()
+        self._window_ns, self._sequences = round(window * NS_PER_S), SequenceTracker()
+        self._latest_ns: dict[Hashable, int] = {}  # publisher -> time of its latest message
 
     def record(self, sender: Hashable, now_ns: int, *, by_node: bool = False) -> str:
         """
@@ -105,8 +88,8 @@ class PublisherCheck:
         sender of this message has not ended, even if it is not discovered yet.
         """
         for publisher in self._existing() if sender is None else (sender,):
-            self._monitor.record(publisher, now_ns)
-        if not (publishers := self._monitor.conflicting(now_ns)):
+            self._latest_ns[publisher] = now_ns
+        if not (publishers := self.conflicting(now_ns)):
             return ''
         existing = self._existing()
         if by_node and not isinstance(sender, int):
@@ -117,9 +100,11 @@ class PublisherCheck:
             count = len(names)
         return f'{count} publishers on {self._name}: {", ".join(names)}' if count > 1 else ''
 
-    def conflicting(self, now_ns: int) -> bool:
-        """Return whether several publishers are active."""
-        return len(self._monitor.conflicting(now_ns)) > 1
+    def conflicting(self, now_ns: int) -> list[Hashable]:
+        """Return the active publishers if there are several, otherwise an empty list."""
+        self._latest_ns = {publisher: latest_ns for publisher, latest_ns in self._latest_ns.items()
+                           if now_ns - latest_ns <= self._window_ns}
+        return list(self._latest_ns) if len(self._latest_ns) > 1 else []
 
     def sender(self, info: MessageInfo) -> Hashable:
         """Return the publisher of a message, once per message; None if that is not known."""

@@ -20,11 +20,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 import pytest
 
-from smart_tire.control.command_check import (
-    check_age, StallDetector, TransitTimes, VelocityMux)
+from smart_tire.control.command_check import check_age, StallDetector, VelocityMux
 from smart_tire.control.constants import (
     MAX_PUBLISHERS, MAX_SEQUENCE_GAP, MIN_STALL_NS, QUEUE_DRAIN_NS, REPAIR_NS)
-from smart_tire.control.publishers import PublisherMonitor, SequenceTracker
+from smart_tire.control.publishers import PublisherCheck, renew, SequenceTracker
 from smart_tire.errors import CommandError, LateCommandError
 from smart_tire.samples import NS_PER_S, VelocityCommand
 
@@ -114,31 +113,23 @@ def test_a_stall_counts_from_the_shortest_that_is_given_on():
     assert stall.waited_ns(2 * NS_PER_S + 1) == NS_PER_S + 1
 
 
-def test_the_excess_of_a_transit_time_is_counted_from_the_least_one_of_its_publisher():
-    transit = TransitTimes()
-    assert [transit.excess('a', -HALF + late) for late in (5, 3, 7, 2, 2)] == [0, 0, 4, 0, 0]
-    assert transit.excess('b', 9) == 0
-    assert transit.excess('a', -HALF + 4) == 2
-
-
-def test_the_least_transit_time_of_the_publisher_that_is_silent_for_longest_is_forgotten():
-    transit = TransitTimes()
+def test_the_value_of_the_publisher_that_is_silent_for_longest_is_forgotten():
+    known = {}
     for publisher in (*range(MAX_PUBLISHERS), 0, 'new'):
-        transit.excess(publisher, 0)
-    assert transit.excess(0, 5) == 5
-    assert transit.excess(1, 5) == 0
+        renew(known, publisher, 5)
+    assert list(known) == [*range(2, MAX_PUBLISHERS), 0, 'new']
 
 
 @given(st.lists(st.tuples(st.sampled_from('abc'), st.sampled_from(
     (0, 1, HALF, NS_PER_S, NS_PER_S + 1)))))
 def test_publishers_conflict_while_several_have_sent_within_the_window(messages):
-    monitor, now_ns, latest = PublisherMonitor(NS_PER_S), 0, {}
+    check, now_ns, latest = PublisherCheck('cmd_vel', 1.0, dict), 0, {}
     for publisher, pause in messages:
         now_ns += pause
-        monitor.record(publisher, now_ns)
+        check.record(publisher, now_ns)
         latest[publisher] = now_ns
         active = [one for one, sent in latest.items() if now_ns - sent <= NS_PER_S]
-        assert sorted(monitor.conflicting(now_ns)) == (sorted(active) if len(active) > 1 else [])
+        assert sorted(check.conflicting(now_ns)) == (sorted(active) if len(active) > 1 else [])
 
 
 @pytest.mark.parametrize(('numbers', 'publishers'), [
