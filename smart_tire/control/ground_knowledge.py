@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from smart_tire.arrays import Array
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.control import constants as c
 from smart_tire.parameters.path_following import FrictionLimitParams, GroundParams
 from smart_tire.parameters.robot import RobotParams
@@ -30,9 +30,10 @@ from smart_tire.uncertain import fused, Uncertain
 LowerBound = Callable[[Array, Array, float], Array]
 
 
-def allowed_acceleration(lower: float, params: FrictionLimitParams) -> float:
-    """Return the acceleration [m/s2] of the body with a lower bound of the friction."""
-    return params.share * max(lower, params.minimum) * GRAVITY
+def allowed_acceleration(lower: ArrayLike, params: FrictionLimitParams) -> Array:
+    """Return the acceleration [m/s2] of the body with lower bounds of the friction (n,)."""
+    allowed: Array = params.share * np.maximum(lower, params.minimum) * GRAVITY
+    return allowed
 
 
 @dataclass(frozen=True)
@@ -56,12 +57,7 @@ class MappedGround:
                 lower = np.fmin(lower, self.lower_bound(
                     x + along * cos - across * sin, y + along * sin + across * cos,
                     self.params.sigmas))
-        return self.params.share * np.maximum(lower, self.params.minimum) * GRAVITY
-
-    @property
-    def least(self) -> float:
-        """Return the least acceleration [m/s2] of any ground."""
-        return allowed_acceleration(0.0, self.params)
+        return allowed_acceleration(lower, self.params)
 
 
 @dataclass(frozen=True)
@@ -86,12 +82,10 @@ class GroundKnowledge:
         self._friction: Measured | None = None
         self._stiffness: Measured | None = None
 
-    def clear(self) -> None:
-        """Discard what was measured."""
-        self._friction = self._stiffness = None
-
     def drive(self, distance: float, now_ns: int) -> None:
-        """Add a distance driven [m] until ``now_ns``."""
+        """Add a distance driven [m] until ``now_ns``; a clock that is set back: another run."""
+        if now_ns < self._now_ns - c.CLOCK_JUMP_NS:
+            self._friction = self._stiffness = None
         self._driven += distance
         self._now_ns = now_ns
 
@@ -125,7 +119,7 @@ class GroundKnowledge:
         ``unknown``; an estimate that is less certain does not lower the bound.
         """
         mu, sigma = self.friction(params.unknown + params.sigmas * c.PRIOR_SIGMA, params)
-        return allowed_acceleration(mu - params.sigmas * sigma, params)
+        return float(allowed_acceleration(mu - params.sigmas * sigma, params))
 
     def _weighted(self, measured: Measured | None, prior: Uncertain, fading: GroundParams
                   ) -> tuple[Uncertain, float]:

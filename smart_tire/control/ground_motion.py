@@ -139,13 +139,9 @@ class TwistCheck:
             self._begin_ns = stamp_ns
         self.travel.extend(stamp_ns, *motion.since(last), half * (last.v_x + motion.v_x),
                            half * (last.yaw_rate + motion.yaw_rate))
-        speed, yaw_rate = (self._contradicted(axis, stamp_ns) for axis in (0, 1))
-        self.fault = ''
-        if speed is None and yaw_rate is None:
-            return motion
-        found = replace(motion, v_x=motion.v_x if speed is None else speed,
-                        yaw_rate=motion.yaw_rate if yaw_rate is None else yaw_rate)
-        self.fault = (
+        found = replace(motion, **{name: speed for axis, name in enumerate(('v_x', 'yaw_rate'))
+                                   if (speed := self._contradicted(axis, stamp_ns)) is not None})
+        self.fault = '' if found == motion else (
             f'odom: its twist of {motion.v_x:.2f} m/s and {motion.yaw_rate:.2f} rad/s contradicts '
             f'its poses, which move by {found.v_x:.2f} m/s and {found.yaw_rate:.2f} rad/s: the '
             'latter are used')
@@ -237,37 +233,25 @@ class GroundSpeed(LatestMotion):
 
     def __init__(self) -> None:
         super().__init__()
-        self.distance = 0.0  # m, traveled
         self._acceleration = 0.0  # m/s2
-        self._anchor: tuple[int, float] | None = None  # time and speed of the latest difference
 
-    def add_odometry(self, odometry: Odometry, time_constant: float) -> bool:
+    def add_odometry(self, odometry: Odometry, time_constant: float) -> float | None:
         """
-        Add an estimate; return whether it is plausible and newer than those before.
+        Add an estimate; return the distance [m] since the one before.
 
-        ``time_constant`` [s] is that of the low-pass filter of the acceleration.
+        None if it is not plausible or older. ``time_constant`` [s] is that of the low-pass filter
+        of the acceleration.
         """
-        motion, stamp_ns, last_ns = motion_of(odometry), odometry.stamp_ns, self.stamp_ns
-        if motion is None or last_ns is not None and 0 <= last_ns - stamp_ns <= c.CLOCK_JUMP_NS:
-            return False
-        if last_ns is not None and stamp_ns > last_ns:
-            self.distance += abs(motion.v_x) * (stamp_ns - last_ns) / NS_PER_S
+        motion, elapsed = motion_of(odometry), self.age(odometry.stamp_ns)
+        if motion is None or -c.CLOCK_JUMP_NS / NS_PER_S <= elapsed <= 0.0:
+            return None
+        if 0.0 < elapsed <= c.MAX_GAP_NS / NS_PER_S:
+            self._acceleration += (motion.v_x - self.motion.v_x - elapsed * self._acceleration) / (
+                elapsed + time_constant)
         else:
-            self._anchor = None
-        self.motion, self.stamp_ns = motion, stamp_ns
-        self._differentiate(stamp_ns, motion.v_x, time_constant)
-        return True
-
-    def _differentiate(self, stamp_ns: int, v_x: float, time_constant: float) -> None:
-        anchor_ns, anchor = self._anchor or (stamp_ns - c.MAX_GAP_NS - 1, 0.0)
-        elapsed = (stamp_ns - anchor_ns) / NS_PER_S
-        if stamp_ns - anchor_ns > c.MAX_GAP_NS:
-            self._acceleration, self._anchor = 0.0, (stamp_ns, v_x)
-        elif stamp_ns > anchor_ns:
-            slope = (v_x - anchor) / elapsed
-            self._acceleration += elapsed / (elapsed + time_constant) * (
-                slope - self._acceleration)
-            self._anchor = stamp_ns, v_x
+            self._acceleration = 0.0
+        self.motion, self.stamp_ns = motion, odometry.stamp_ns
+        return abs(motion.v_x) * elapsed if 0.0 < elapsed < math.inf else 0.0
 
     def expected(self, now_ns: int, lead: float, onset: Onset) -> Expected:
         """

@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from smart_tire.control import constants as c
-from smart_tire.control.ground_knowledge import MappedGround
+from smart_tire.control.ground_knowledge import allowed_acceleration, MappedGround
 from smart_tire.control.path_geometry import Segment
 from smart_tire.parameters.control import TrajectoryControllerParams
 
@@ -51,28 +51,24 @@ class MotionLimits:
         planned deceleration: v(s)^2 <= v_limit(s')^2 + 2 d (s' - s) for all s' ahead. A map
         lowers d and the limits of curves where its friction permits less.
         """
-        planned = c.PLANNED_SHARE * self.deceleration
-        reach = planned if self.mapped is None else min(
-            planned, c.PLANNED_SHARE * LONGITUDINAL_SHARE * self.mapped.least)
+        least = math.inf if self.mapped is None else allowed_acceleration(0.0, self.mapped.params)
+        reach = c.PLANNED_SHARE * min(self.deceleration, LONGITUDINAL_SHARE * float(least))
         first = segment.index(distance)
         last = segment.index(distance + self.speed ** 2 / (2.0 * reach)) + 1
-        ahead = np.maximum(segment.distance[first:last] - distance, 0.0)
-        lateral, braking = np.full(len(ahead), self.lateral), 2.0 * planned * ahead
-        to_end = 2.0 * planned * max(segment.length - distance, 0.0)
-        if self.mapped is not None:
-            allowed = self.mapped.acceleration(*(
-                one[first:last] for one in (segment.x, segment.y, segment.heading)))
-            lateral = np.minimum(lateral, c.LATERAL_SHARE * allowed)
-            rate = np.minimum(planned, c.PLANNED_SHARE * LONGITUDINAL_SHARE * allowed)
-            braking = 2.0 * np.append(0.0, np.cumsum(
-                np.minimum(rate[1:], rate[:-1]) * np.diff(ahead)))
-            if last == segment.distance.size:
-                to_end = min(to_end, float(braking[-1]))
-        curvature = np.maximum(np.abs(segment.curvature[first:last]), c.TINY)
-        rate = np.maximum(segment.curvature_rate[first:last], c.TINY)
+        ahead = slice(first, last)
+        allowed = np.full(last - first, math.inf) if self.mapped is None else (
+            self.mapped.acceleration(segment.x[ahead], segment.y[ahead], segment.heading[ahead]))
+        rate = c.PLANNED_SHARE * np.minimum(self.deceleration, LONGITUDINAL_SHARE * allowed)
+        braking = np.append(0.0, np.cumsum(2.0 * np.minimum(rate[1:], rate[:-1]) * np.diff(
+            np.maximum(segment.distance[ahead], distance))))
+        curvature = np.maximum(np.abs(segment.curvature[ahead]), c.TINY)
+        lateral = np.minimum(self.lateral, c.LATERAL_SHARE * allowed)
         squared = np.minimum((self.yaw_rate / curvature) ** 2, lateral / curvature)
-        squared = np.minimum(squared, c.PLANNED_SHARE * self.yaw_acceleration / rate)
-        return math.sqrt(min(self.speed ** 2, to_end, float(np.min(squared + braking))))
+        squared = np.minimum(squared, c.PLANNED_SHARE * self.yaw_acceleration / np.maximum(
+            segment.curvature_rate[ahead], c.TINY))
+        if last == segment.distance.size:
+            squared[-1] = 0.0
+        return math.sqrt(min(self.speed ** 2, float(np.min(squared + braking))))
 
     def next_speed(self, wanted: float, last: float, dt: float) -> float:
         """Return the speed [m/s] towards ``wanted``, ``dt`` [s] after ``last``; both >= 0."""

@@ -65,11 +65,9 @@ class TractionControl:
 
     def add_odometry(self, odometry: Odometry) -> None:
         """Add an estimate of the motion of the robot; one that is not plausible is ignored."""
-        before_ns, before = self._motion.stamp_ns, self._motion.distance
-        if self._motion.add_odometry(odometry, self.params.acceleration_filter):
-            if before_ns is not None and odometry.stamp_ns < before_ns:
-                self._ground.clear()  # a new clock: another run
-            self._ground.drive(self._motion.distance - before, odometry.stamp_ns)
+        driven = self._motion.add_odometry(odometry, self.params.acceleration_filter)
+        if driven is not None:
+            self._ground.drive(driven, odometry.stamp_ns)
 
     def set_ground(self, ground: GroundState) -> None:
         """Use the state of the ground; what is not plausible is ignored."""
