@@ -109,13 +109,13 @@ class ProgressMonitor:
 
     def __init__(self) -> None:
         self._waiting_ns: int | None = None
-        self._place: Motion | None = None  # where it was at ``_place_ns``
-        self._place_ns = self._mark_ns = 0
+        self._place: Motion | None = None  # at the latest progress, at ``_progress_ns``
+        self._progress_ns = 0
         self.renew()
 
     def renew(self) -> None:
         """Begin with a path that replaces the one before."""
-        self._mark: Advance | None = None  # at ``_mark_ns``
+        self._mark: Advance | None = None  # at the latest progress along it
         self._allowed = math.inf  # m, from the path: the robot may begin off it
 
     def waiting(self, now_ns: int) -> str:
@@ -136,24 +136,23 @@ class ProgressMonitor:
         if follower.point is None:
             return ''
         error, limit = follower.point.offset(), params.checks.max_cross_track_error
-        if math.isinf(self._allowed):
-            self._allowed = error + limit
-        elif error < 0.5 * limit:
-            self._allowed = limit
-        if error <= max(self._allowed, limit):
+        self._allowed = max(min(self._allowed, error + 0.5 * limit), limit)
+        if error <= self._allowed:
             return ''
         return f'{error:.2f} m from the path, expected at most {self._allowed:g} m'
 
     def _check_progress(self, follower: PathFollower, motion: Motion, now_ns: int,
                         params: TrajectoryControllerParams) -> str:
-        now, timeout_ns = follower.advance(), params.checks.progress_timeout * NS_PER_S
-        place, advanced = self._place, self._mark is not None and now.exceeds(self._mark)
-        if self._mark is None or advanced:
-            self._mark, self._mark_ns = now, now_ns
-        if place is None or advanced or abs(wrap(motion.yaw - place.yaw)) > c.MIN_TURN or (
-                math.hypot(motion.x - place.x, motion.y - place.y) > c.MIN_ADVANCE):
-            self._place, self._place_ns = motion, now_ns
-        if now_ns - min(self._mark_ns, self._place_ns) <= timeout_ns:
+        now, place = follower.advance(), self._place
+        if self._mark is not None:
+            advanced = now.exceeds(self._mark)
+        else:  # a new path: its begin is no progress
+            self._mark = now
+            advanced = place is None or abs(wrap(motion.yaw - place.yaw)) > c.MIN_TURN or (
+                math.hypot(motion.x - place.x, motion.y - place.y) > c.MIN_ADVANCE)
+        if advanced:
+            self._mark, self._place, self._progress_ns = now, motion, now_ns
+        if now_ns - self._progress_ns <= params.checks.progress_timeout * NS_PER_S:
             return ''
         return (f'no progress for {params.checks.progress_timeout:g} s: blocked, or the wheels do '
                 'not turn')

@@ -110,13 +110,11 @@ def test_the_distance_from_the_path_is_limited_on_both_sides():
             monitor, point=point(0.51 * side))
 
 
-def test_a_begin_off_the_path_allows_more_until_the_robot_is_near():
+def test_a_begin_off_the_path_allows_half_the_limit_more_until_the_robot_is_near():
     monitor = ProgressMonitor()
-    assert not check(monitor, point=point(0.8))
-    assert not check(monitor, point=point(1.29))
-    assert not check(monitor, point=point(0.26))  # not near yet: half the limit
-    assert not check(monitor, point=point(1.29))
-    assert check(monitor, point=point(1.31))
+    for error, least in ((0.8, 0.8), (1.04, 0.8), (0.5, 0.5), (0.6, 0.5)):
+        assert not check(monitor, point=point(error))
+        assert check(monitor, point=point(least + 0.26))
     assert not check(monitor, point=point(0.24))
     assert check(monitor, point=point(0.51))
 
