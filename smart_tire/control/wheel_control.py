@@ -142,8 +142,6 @@ class WheelControl:
         """Use these parameters from now on; the duties do not jump."""
         self._params = params
         self.traction.params = params.traction
-        if not params.traction.enabled:
-            self.traction.reset()
         self._model = drive_model(params.pid, params.robot)
         for servo in self._servos:
             servo.set_params(params, self._model)
@@ -188,11 +186,10 @@ class WheelControl:
     def follow(self, command: VelocityCommand | None, now_ns: int,
                stamp_ns: int | None = None) -> tuple[Four, Four]:
         """Return the result of ``step`` for a body velocity; None if there is no command."""
-        if command is None:
-            return self.step(None, now_ns, stamp_ns)
-        return self.step(
-            wheel_speeds(command, radius=self._params.robot.wheel_radius,
-                         effective_track=self._params.effective_track), now_ns, stamp_ns)
+        velocity = None if command is None else wheel_speeds(
+            command, radius=self._params.robot.wheel_radius,
+            effective_track=self._params.effective_track)
+        return self.step(velocity, now_ns, stamp_ns)
 
     def step(self, velocity: Sequence[float] | None, now_ns: int,
              stamp_ns: int | None = None) -> tuple[Four, Four]:
@@ -213,25 +210,18 @@ class WheelControl:
         if driven and stamp_ns is not None and self._params.traction.enabled:
             set_points = self.traction.limit(set_points, stamp_ns, dt)
         else:
-            self._reset_traction()
+            self.traction.reset()
         duty = STOPPED
         if not (driven and self.has_measurement(now_ns) and self.motors_enabled):
-            self._reset()
+            self.traction.reset()
+            for servo in self._servos:
+                servo.reset()
         if driven and self.has_measurement(now_ns):
             duty = four(
                 servo.step(set_point, self._feedback, dt, now_ns, self._response, tire)
                 for servo, set_point, tire in zip(self._servos, set_points, self.traction.tires))
         self._response.command(duty if self.motors_enabled else STOPPED, now_ns)
         return set_points, duty
-
-    def _reset(self) -> None:
-        for servo in self._servos:
-            servo.reset()
-        self._reset_traction()
-
-    def _reset_traction(self) -> None:
-        if self._params.traction.enabled:
-            self.traction.reset()
 
     def _limited(self, velocity: Sequence[float]) -> Four:
         excess = max(max(map(abs, velocity)) / self._params.max_wheel_speed, 1.0)
