@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.control.slip_kinematics import (
-    Motion, SlipCoefficient, SlipKinematics, Velocity)
+    Moved, SlipCoefficient, SlipKinematics, Velocity)
 from smart_tire.control.trajectory_control import TrajectoryControl
 from smart_tire.parameters.control import TrajectoryControllerParams
 
@@ -65,7 +65,7 @@ class IcrKinematics(SlipKinematics):
         """Return the lateral speeds [m/s] of the body at yaws (n,)."""
         return np.full(np.shape(yaw), -self._ahead.value * yaw_rate)
 
-    def _correct(self, motion: Motion, left: float, right: float, sigma: float,
+    def _correct(self, motion: Moved, left: float, right: float, sigma: float,
                  duration: float) -> None:
         """Correct the centers with motion and slip velocities [m/s] of a window."""
         _, v_y, yaw_rate, *_ = motion

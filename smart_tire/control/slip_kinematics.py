@@ -25,15 +25,14 @@ import numpy as np
 
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.control import constants as c
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.history import History
 from smart_tire.control.motion_limits import command_share
 from smart_tire.parameters.control import TrajectoryControllerParams
-from smart_tire.rotation import euler
-from smart_tire.samples import (
-    LEFT, MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry, RIGHT, WheelSlip)
+from smart_tire.samples import LEFT, MAX_SPEED, NS_PER_S, RIGHT, WheelSlip
 
 Velocity = tuple[float, float]  # v_x [m/s], yaw rate [rad/s]
-Motion = Sequence[float]  # v_x, v_y [m/s], yaw rate [rad/s], cosine and sine of the yaw
+Moved = Sequence[float]  # v_x, v_y [m/s], yaw rate [rad/s], cosine and sine of the yaw
 
 
 class SlipCoefficient:
@@ -108,7 +107,7 @@ class SlideModel:
         for one in self._known:
             one.clear()
 
-    def add(self, motion: Motion, slip: float, stamp_ns: int) -> None:
+    def add(self, motion: Moved, slip: float, stamp_ns: int) -> None:
         """Add a motion and the mean slip velocity [m/s] beyond that which the drive causes."""
         elapsed_ns = min(max(stamp_ns - self._latest_ns, 0), c.MAX_GAP_NS)
         self._latest_ns = stamp_ns
@@ -234,23 +233,19 @@ class SlipKinematics:
         self._feedback.reset()
         self._learned_ns: int | None = None             # time of the coefficients
         self._turning = 0.0                             # turning share that they belong to
-        self._motions = History()                       # ``Motion``
+        self._motions = History()                       # ``Moved``
         self._window = list[tuple[float, ...]]()        # motion, slip velocity, sigma of sides
         self._window_ns = 0                             # its first timestamp
 
-    def add_odometry(self, odometry: Odometry) -> None:
+    def add_motion(self, motion: Motion, stamp_ns: int) -> None:
         """Add an estimate of the motion of the body; older ones than the last are ignored."""
-        stamp_ns = odometry.stamp_ns
         times = self._motions.times
         if times and stamp_ns <= times[-1]:
             if stamp_ns > times[-1] - c.CLOCK_JUMP_NS:
                 return
             self.reset()
-        yaw = euler(odometry.orientation)[2]
-        motion = *odometry.linear[:2], odometry.angular[2], math.cos(yaw), math.sin(yaw)
-        if all(abs(value) <= limit for value, limit in zip(
-                motion, (MAX_SPEED, MAX_SPEED, MAX_ANGULAR_RATE, 1.0, 1.0))):
-            self._motions.add(stamp_ns, *motion)
+        self._motions.add(stamp_ns, motion.v_x, motion.v_y, motion.yaw_rate, math.cos(motion.yaw),
+                          math.sin(motion.yaw))
 
     def add_slip(self, slip: WheelSlip) -> None:
         """Add estimated slips; without motion of the same time, or at rest, they are ignored."""
@@ -336,7 +331,7 @@ class SlipKinematics:
         if abs(slip) <= MAX_SPEED:
             self._slide.add(motion, slip, stamp_ns)
 
-    def _correct(self, motion: Motion, left: float, right: float, sigma: float,
+    def _correct(self, motion: Moved, left: float, right: float, sigma: float,
                  duration: float) -> None:
         """Correct the coefficients, ``duration`` [s] after the last time, with slip velocities."""
         v_x, _, yaw_rate, *_ = motion

@@ -165,10 +165,8 @@ class TrajectoryControl:
         motion = self._motion.motion
         if self.state == PathState.FOLLOWING:
             self._response.learn(motion, odometry.stamp_ns)
-        if self.twist_fault:
-            odometry = replace(odometry, linear=(motion.v_x, motion.v_y, 0.0),
-                               angular=(0.0, 0.0, motion.yaw_rate))
-        self._kinematics.add_odometry(odometry)
+        if self._motion.stamp_ns == odometry.stamp_ns:  # else it is not plausible
+            self._kinematics.add_motion(motion, odometry.stamp_ns)
 
     def add_wheels(self, wheels: WheelSample) -> None:
         """Add the latest speeds of the wheels; without them, odometry is not compared."""
@@ -317,13 +315,12 @@ class TrajectoryControl:
         lateral = self._kinematics.lateral_speed if params.slip_compensation else no_lateral_speed
         self._last = follower.step(
             Conditions(motion, dt, limits, params, lateral, self._response.delay))
-        if self._target is not None:  # the robot stops before it drives there
-            return VelocityCommand(now_ns, *self._compensated(now_ns))
-        if follower.finished:
-            return self._finish(now_ns)
-        if reason := self._progress.check(follower, self._motion.motion, now_ns, params):
-            self._end(PathState.STOPPED, reason, Cause.MOTION)
-            return self._stop(now_ns)
+        if self._target is None:  # else the robot stops before it drives there
+            if follower.finished:
+                return self._finish(now_ns)
+            if reason := self._progress.check(follower, self._motion.motion, now_ns, params):
+                self._end(PathState.STOPPED, reason, Cause.MOTION)
+                return self._stop(now_ns)
         return VelocityCommand(now_ns, *self._compensated(now_ns))
 
     def _finish(self, now_ns: int) -> VelocityCommand | None:

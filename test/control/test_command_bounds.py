@@ -19,6 +19,7 @@ from unittest import mock
 from hypothesis import given, settings, strategies as st
 import pytest
 
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_library import figure_eight, line, square
 from smart_tire.control.slip_kinematics import SlipCoefficient, SlipKinematics, VelocityFeedback
@@ -92,8 +93,8 @@ def test_a_bounded_command_does_not_wind_up_the_feedback():
     for step in range(1, 60):  # the body moves as the bounded command says
         now_ns = NS_PER_S + step * PERIOD_NS
         reached = first if step > 3 else (0.0, 0.0)
-        kinematics.add_odometry(odometry(
-            now_ns, v_x=reached[0] / factors[0], yaw_rate=reached[1] / factors[1]))
+        kinematics.add_motion(Motion(0.0, 0.0, 0.0, reached[0] / factors[0], 0.0,
+                                     reached[1] / factors[1]), now_ns)
         kinematics.command(*wanted, now_ns, DELAY, PARAMS)
     slower = kinematics.command(0.3, 0.5, now_ns + PERIOD_NS, DELAY, PARAMS)
     assert slower[1] == pytest.approx(0.5 * factors[1], abs=0.15)
@@ -145,22 +146,11 @@ def test_feedback_waits_for_the_delay_of_the_base():
 def test_feedback_begins_at_zero_after_standstill():
     kinematics = SlipKinematics(PARAMS)
     for step in range(1, 20):
-        kinematics.add_odometry(odometry(step * PERIOD_NS, v_x=0.1))
+        kinematics.add_motion(Motion(0.0, 0.0, 0.0, 0.1, 0.0, 0.0), step * PERIOD_NS)
         raised = kinematics.command(0.3, 0.0, step * PERIOD_NS, DELAY, PARAMS)
     assert raised[0] > 0.4
     assert kinematics.command(0.0, 0.0, 20 * PERIOD_NS, DELAY, PARAMS) == (0.0, 0.0)
     assert kinematics.command(0.3, 0.0, 21 * PERIOD_NS, DELAY, PARAMS)[0] < 0.35
-
-
-@pytest.mark.parametrize('wrong', [math.nan, math.inf, -math.inf])
-def test_odometry_that_is_not_finite_changes_no_command(wrong):
-    kinematics, other = SlipKinematics(PARAMS), SlipKinematics(PARAMS)
-    for step in range(1, 10):
-        for one in (kinematics, other):
-            one.add_odometry(odometry(step * PERIOD_NS, v_x=0.2, yaw_rate=0.3))
-        kinematics.add_odometry(odometry(step * PERIOD_NS + 1, v_x=wrong, yaw_rate=wrong))
-        assert kinematics.command(0.3, 0.4, step * PERIOD_NS + 2, DELAY, PARAMS) == other.command(
-            0.3, 0.4, step * PERIOD_NS + 2, DELAY, PARAMS)
 
 
 def test_feedback_ends_at_its_bound_and_leaves_it_at_once():

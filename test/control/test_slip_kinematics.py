@@ -18,11 +18,11 @@ import math
 import numpy as np
 import pytest
 from smart_tire.control.constants import MAX_SLIDE, SPIN_SLIDE
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.parameters.path_following import MotionLimitParams
 from smart_tire.samples import NS_PER_S, WheelSlip
-from support.ideal_robot import odometry
 
 TRACK, WHEELBASE = 0.38, 0.26
 STEP = 0.008   # s, between estimates
@@ -55,7 +55,7 @@ class World:
             command = self.kinematics.command(v_x, yaw_rate, self.now_ns, DELAY, WIDE)
             self.move(*command)
             if estimates:
-                self.kinematics.add_odometry(self.odometry())
+                self.kinematics.add_motion(self.reached(), self.now_ns)
                 self.kinematics.add_slip(self.wheel_slip())
         return self.motion
 
@@ -71,10 +71,9 @@ class World:
         self.yaw += STEP * self.motion[1]
         self.now_ns += round(STEP * NS_PER_S)
 
-    def odometry(self):
+    def reached(self):
         v_x, yaw_rate = self.motion
-        return odometry(self.now_ns, yaw=self.yaw, v_x=v_x, yaw_rate=yaw_rate,
-                        v_y=self.lateral(*self.motion, self.yaw))
+        return Motion(0.0, 0.0, self.yaw, v_x, self.lateral(*self.motion, self.yaw), yaw_rate)
 
     def wheel_slip(self):
         half = 0.5 * TRACK * self.motion[1]
@@ -184,12 +183,12 @@ def test_slips_without_motion_of_the_same_time_are_ignored():
         world.move(0.5, 0.0)
         world.kinematics.add_slip(world.wheel_slip())
     assert world.kinematics.command(0.5, 0.0, START, DELAY, WIDE) == before
-    world.kinematics.add_odometry(world.odometry())
+    world.kinematics.add_motion(world.reached(), world.now_ns)
     stopped = world.now_ns
     for _ in range(100):  # odometry has stopped: the first slips only belong to it
         world.move(0.5, 0.0)
         world.kinematics.add_slip(world.wheel_slip())
-    world.kinematics.add_odometry(replace(world.odometry(), stamp_ns=stopped + 10 ** 9))
+    world.kinematics.add_motion(world.reached(), stopped + 10 ** 9)
     assert world.kinematics.command(0.5, 0.0, START, DELAY, WIDE) == before
 
 
@@ -202,7 +201,7 @@ def test_unknown_slips_are_not_learned(change):
     before = world.kinematics.command(0.5, 0.3, START, DELAY, WIDE)
     for _ in range(200):
         world.move(0.5, 0.3)
-        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_motion(world.reached(), world.now_ns)
         world.kinematics.add_slip(replace(world.wheel_slip(), **change))
     assert world.kinematics.command(0.5, 0.3, START, DELAY, WIDE) == before
 
@@ -213,7 +212,7 @@ def test_one_measured_wheel_of_a_side_is_enough():
         world.move(0.5, 0.0)
         slip = world.wheel_slip()
         velocity = (math.nan, *slip.slip_velocity[1:])
-        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_motion(world.reached(), world.now_ns)
         world.kinematics.add_slip(replace(slip, slip_velocity=velocity))
     v_x, _ = world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE)
     assert v_x == pytest.approx(0.588, rel=0.02)
@@ -381,7 +380,7 @@ def test_a_slip_that_is_not_plausible_teaches_nothing():
     known = world.kinematics.lateral_speed(0.0, 0.8, 0.0)
     for _ in range(60):
         world.move(0.0, 0.8)
-        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_motion(world.reached(), world.now_ns)
         world.kinematics.add_slip(replace(world.wheel_slip(), slip_velocity=(1e6,) * 4))
     assert world.kinematics.lateral_speed(0.0, 0.8, 0.0) == pytest.approx(known, abs=1e-3)
 
@@ -393,7 +392,7 @@ def test_a_robot_that_rolls_down_a_slope_with_released_motors_teaches_nothing():
     for _ in range(400):
         world.move(0.01, 0.0)
         world.rolling = 0.0, 0.0  # the wheels stand
-        world.kinematics.add_odometry(world.odometry())
+        world.kinematics.add_motion(world.reached(), world.now_ns)
         world.kinematics.add_slip(world.wheel_slip())
     assert world.kinematics.command(0.5, 0.3, START, DELAY, WIDE) == before
 
@@ -402,10 +401,10 @@ def test_older_odometry_is_ignored_and_another_clock_discards_all():
     world = World(kinematics(), slip=(0.2, 0.2))
     world.drive(0.5, 0.0, 2.0)
     learned = world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE)
-    world.kinematics.add_odometry(replace(world.odometry(), stamp_ns=world.now_ns - 10 ** 8))
+    world.kinematics.add_motion(world.reached(), world.now_ns - 10 ** 8)
     assert world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE) == learned
     world.now_ns -= 10 * NS_PER_S
-    world.kinematics.add_odometry(world.odometry())
+    world.kinematics.add_motion(world.reached(), world.now_ns)
     assert world.kinematics.command(0.5, 0.0, world.now_ns, DELAY, WIDE) == kinematics().command(
         0.5, 0.0, world.now_ns, DELAY, WIDE)
     world.slip = (0.1, 0.1)

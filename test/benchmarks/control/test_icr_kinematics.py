@@ -10,14 +10,13 @@
 
 """Filter of the instantaneous centers of rotation, the reference of path tracking."""
 
-from dataclasses import replace
 import math
 
 from benchmarks.control.icr_kinematics import IcrKinematics
 import pytest
+from smart_tire.control.ground_motion import Motion
 from smart_tire.parameters.control import TrajectoryControllerParams
 from smart_tire.samples import WheelSlip
-from support.ideal_robot import odometry
 
 PARAMS = TrajectoryControllerParams()
 PERIOD_NS = 10_000_000
@@ -29,8 +28,8 @@ def test_the_command_moves_a_body_with_these_centers_as_wanted(v_x):
     kinematics, half = IcrKinematics(PARAMS), 0.5 * PARAMS.robot.track_width
     for step in range(400):
         yaw_rate, now_ns = math.sin(0.02 * step), step * PERIOD_NS
-        kinematics.add_odometry(replace(
-            odometry(now_ns, v_x=v_x, yaw_rate=yaw_rate), linear=(v_x, -AHEAD * yaw_rate, 0.0)))
+        kinematics.add_motion(
+            Motion(0.0, 0.0, 0.0, v_x, -AHEAD * yaw_rate, yaw_rate), now_ns)
         left, right = (half - LEFT) * yaw_rate, (-half - RIGHT) * yaw_rate
         kinematics.add_slip(WheelSlip(
             now_ns, (0.1,) * 4, (left, right, left, right), (0.01,) * 4))
