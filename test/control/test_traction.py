@@ -394,5 +394,5 @@ def test_it_can_be_switched_at_run_time_in_the_wheel_controller():
     assert wheels.step(None, 3, NOW_NS)[0] == STOPPED
     wheels.step((5.0,) * 4, 4, NOW_NS)
     wheels.set_params(params)
-    assert wheels.traction.tires == (None,) * 4
     assert wheels.step((5.0,) * 4, 5, NOW_NS)[0] == (5.0,) * 4
+    assert wheels.traction.tires == (None,) * 4
