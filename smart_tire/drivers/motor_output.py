@@ -28,16 +28,18 @@ class MotorOutput:
     """
     Commands, stops and releases to the motors; what it changes acts at once.
 
-    ``deliver`` is called with the wheel samples, ``report`` with each reason to stop.
+    ``deliver`` is called with the wheel samples, ``report`` with each reason to stop, ``watch``
+    when something else may have changed at the gate.
     """
 
     def __init__(self, params: MotorDriverParams, deliver: Callable[[WheelSample], None],
-                 report: Callable[[str], None], clock: Clock = SYSTEM) -> None:
+                 report: Callable[[str], None], watch: Callable[[], None] = lambda: None,
+                 clock: Clock = SYSTEM) -> None:
         self._clock = clock
         self.gate = DutyGate(params.command_timeout, report, stopped=params.start_stopped,
                              require_arming=params.require_arming,
                              release_hold_off=params.release_hold_off)
-        self.boards = RoboclawPair(params, self.gate, deliver, clock)
+        self.boards = RoboclawPair(params, self.gate, deliver, watch, clock)
 
     def set_command(self, command: MotorCommand, received_ns: int) -> None:
         """Apply a command whose time-out counts from ``received_ns``."""

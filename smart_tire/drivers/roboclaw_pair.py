@@ -66,13 +66,15 @@ class RoboclawPair:
     Polls both boards, sends the duties that ``gate`` permits, and supervises boards and wheels.
 
     ``run`` is the work of a ``SerialPort``; all other methods may be called from any thread.
-    ``deliver`` is called with one sample per period. A fault stops the motors through ``gate``,
+    ``deliver`` is called with one sample per period, ``watch`` after each exchange with the boards
+    and each fault, from the thread of the port. A fault stops the motors through ``gate``,
     which reports it.
     """
 
     def __init__(self, params: MotorDriverParams, gate: DutyGate,
-                 deliver: Callable[[WheelSample], None], clock: Clock = SYSTEM) -> None:
-        self._params, self._gate, self._deliver = params, gate, deliver
+                 deliver: Callable[[WheelSample], None], watch: Callable[[], None] = lambda: None,
+                 clock: Clock = SYSTEM) -> None:
+        self._params, self._gate, self._deliver, self._watch = params, gate, deliver, watch
         self._clock = clock
         self._boards = []
         for name, address, *signs in zip(AXLES, params.addresses, *[iter(params.signs)] * 2):
@@ -145,9 +147,11 @@ class RoboclawPair:
                 except FrameError as error:
                     self.faults += 1
                     self._gate.hold(LINE_HOLD, str(error))
+                    self._watch()
                     self._make_safe(stopping)
         finally:  # at the end, or when the port is lost
             self._gate.hold(LINE_HOLD, NOT_READY, report=False)
+            self._watch()
         self._repeat_zero()
 
     def _prepare(self) -> None:
@@ -165,6 +169,7 @@ class RoboclawPair:
     def _serve(self, stopping: threading.Event) -> None:
         poll_ns = health_ns = drive_ns = self._clock.now_ns()
         while not stopping.is_set():
+            self._watch()
             now_ns = self._clock.now_ns()
             if self._changed.is_set() or now_ns >= self._drive_due(drive_ns):
                 self._drive()

@@ -12,9 +12,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 import inspect
 import sys
 import traceback
@@ -22,8 +21,6 @@ from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
@@ -32,7 +29,6 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.time import Time
-from rclpy.timer import Timer
 
 from smart_tire.control.command_check import NO_CLOCK
 from smart_tire.control.publishers import MessageInfo
@@ -48,9 +44,9 @@ from smart_tire.nodes.diagnostics import (
     CHECK_PERIOD, diagnostic_array, InputCounter, InputLog, SILENCE_NS, Status)
 from smart_tire.nodes.hand_over import Exchange, Inbox, Mailbox
 from smart_tire.nodes.kept_messages import CHECK_PERIOD as KEPT_PERIOD, KeptMessages
-from smart_tire.nodes.paced import paced, SimulatedTimer, SimulatedTimers
 from smart_tire.nodes.parameters import declare, is_unchanged, read, with_number
 from smart_tire.nodes.qos import latched, publisher_qos, subscriber_qos, volatile_qos
+from smart_tire.nodes.timers import LoopTimer, paced, Timers
 from smart_tire.parameters import build, NODE_PARAMS
 from smart_tire.parameters.files import files_of, misspelled
 from smart_tire.samples import NS_PER_S
@@ -103,15 +99,13 @@ class SmartTireNode(Node, Generic[Params]):
         self.mailbox = Mailbox(self)
         self._counts: dict[str, int] = {}  # in the latest diagnostics
         self._params_class = params_class
-        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._periodic: dict[float, list[Callable[[], None]]] = {}  # period [s] -> callbacks
-        self.simulated_timers = SimulatedTimers()  # without simulated time there are none
+        self.loop_timers = Timers(self.steady_ns)
         self._publish_diagnostics = self.make_guarded_publisher(
             DiagnosticArray, '/diagnostics', publisher_qos('/diagnostics'))
         self.call_every(DIAGNOSTICS_PERIOD, self._on_diagnostics_timer)
         self.input_log = InputLog(self.get_logger(), self.steady_ns)
         self._timer_lateness = TimerLateness(CHECK_PERIOD)
-        self.call_every(CHECK_PERIOD, self._check)
+        self.call_every(CHECK_PERIOD, self._check, wakes=False)
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
     def _check(self) -> None:
@@ -143,25 +137,19 @@ class SmartTireNode(Node, Generic[Params]):
             return SetParametersResult(successful=True)
         return super().set_parameters_atomically(changes)
 
-    def create_steady_timer(self, period: float, callback: Callable[[], None]
-                            ) -> Timer | SimulatedTimer:
-        """Return a timer of ``period`` [s] on the steady clock, independent of /clock and NTP."""
-        if SYSTEM.simulated is None:
-            return self.create_timer(period, callback, clock=self._steady_clock)
-        if self.paced_timers and self.simulated_timers.participant is None:
-            self.simulated_timers.participant = SYSTEM.simulated.join(self.get_name())
-        return self.simulated_timers.add(period, callback)
-
-    def call_every(self, period: float, callback: Callable[[], None]) -> None:
+    def call_every(self, period: float, callback: Callable[[], None], *, wakes: bool = True,
+                   elastic: bool = False) -> LoopTimer:
         """
-        Call ``callback`` every ``period`` [s] of the steady clock.
+        Call ``callback`` every ``period`` [s] of the steady clock; return the timer.
 
-        All callbacks of one period share a timer: to wake up costs more than most of them.
+        To wake up costs more than most callbacks. One that is not to wake the node (``wakes``) is
+        called at most so often, after a message or another timer; one that is ``elastic`` at least
+        so often, earlier if the node is awake in the second half of the period.
         """
-        callbacks = self._periodic.setdefault(period, [])
-        callbacks.append(callback)
-        if len(callbacks) == 1:
-            self.create_steady_timer(period, partial(_call_all, callbacks))
+        timers = self.loop_timers
+        if SYSTEM.simulated is not None and self.paced_timers and timers.participant is None:
+            timers.participant = SYSTEM.simulated.join(self.get_name())
+        return timers.add(period, callback, wakes=wakes, elastic=elastic)
 
     def now_ns(self) -> int:
         """Return the time for message stamps [ns]: ROS time, simulated with ``use_sim_time``."""
@@ -281,9 +269,14 @@ class SmartTireNode(Node, Generic[Params]):
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)  # for volatile publishers
         kept = KeptMessages(self, name, callback, lambda on_kept: self.create_subscription(
             cls, name, with_info(on_kept), latched(), event_callbacks=silent, raw=raw))
-        self.call_every(KEPT_PERIOD, lambda: kept.check(self.steady_ns()))
+
+        def check(*_: object) -> None:
+            kept.check(self.steady_ns())
+
+        self.call_every(KEPT_PERIOD, check, wakes=False)
         return self.create_subscription(
-            cls, name, with_info(kept.on_message), volatile_qos(name), raw=raw)
+            cls, name, with_info(kept.on_message), volatile_qos(name), raw=raw,
+            event_callbacks=SubscriptionEventCallbacks(matched=check))  # of a publisher
 
     def wrap_callback(self, name: str,
                       on_message: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -501,11 +494,6 @@ def _from_bytes(type_name: str, cls: type[Any], from_msg: Callable[[Any], Any]
 
     read = LayoutDecoder(type_name, with_rclpy)
     return True, lambda data: from_msg(read(data))
-
-
-def _call_all(callbacks: Iterable[Callable[[], None]]) -> None:
-    for callback in callbacks:
-        callback()
 
 
 def with_info(callback: Callable[[Any, MessageInfo], None]) -> Callable[..., None]:

@@ -71,7 +71,7 @@ class DriverNode(SmartTireNode[Params]):
         super().__init__(name, params_class)
         self._next_logged = 1       # number of bad frames at which the next line is logged
         self._port_log = PortLog(self.get_logger(), self.steady_ns)
-        self.call_every(CHECK_PERIOD, self._port_log.check)
+        self.call_every(CHECK_PERIOD, self._port_log.check, wakes=False)
 
     def connect(self, source: FrameSource, work: Callable[[Any, threading.Event], None]) -> None:
         """Run ``work`` with the open port, in a thread, once the node has started."""

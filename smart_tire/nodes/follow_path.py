@@ -49,7 +49,7 @@ class FollowPathServer(ActionServer):
         self._owner, self._on_goal = node, on_goal
         self._goals: list[Goal] = []  # that have not ended
         self._stalls = StallDetector(node.steady_ns())
-        node.call_every(CHECK_PERIOD, self._tick)
+        node.call_every(CHECK_PERIOD, self._tick, elastic=True)
 
     def notify_execute(self, goal_handle: Goal, execute_callback: Any) -> None:
         """Do nothing for a goal that begins: the timer of the node follows the path."""

@@ -59,7 +59,7 @@ class FrictionEstimatorNode(EstimatorNode[FrictionEstimatorParams]):
                                reliability=self.params.reliability,
                                from_msg=self.conversion(name, self.params.robot.joints),
                                urgent=kind is not TireSample)  # at least 400 Hz, with the next IMU
-        self.call_every(IMU_WAIT, self._choose_odom)
+        self.call_every(IMU_WAIT, self._choose_odom, wakes=False)
 
     def on_sample(self, sample: Sample | None) -> None:
         """Process a sample; import what crossings need with the first one, before the drive."""

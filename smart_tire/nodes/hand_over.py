@@ -116,8 +116,8 @@ class Mailbox:
         executor: Any = self._node.executor
         if not self._is_woken and executor is not None:
             self._is_woken = True
-            executor.create_task(_return)
+            executor.create_task(return_nothing)
 
 
-def _return() -> None:
-    """Do nothing."""
+def return_nothing() -> None:
+    """Do nothing: a task that ends the wait of an executor."""

@@ -17,9 +17,9 @@ Encoders and currents to ``wheel_states``, duties to the motors.
 from __future__ import annotations
 
 import sys
+import threading
 
 from rclpy.qos import QoSProfile
-from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.drivers.motor_output import MotorOutput
 from smart_tire.nodes.base import MAX_INPUT_AGE
 from smart_tire.nodes.command_input import CommandInput, CommandTopic
@@ -66,7 +66,7 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         params = self.params
         self._output = output = MotorOutput(
             params, self.make_publisher('wheel_states', rate=params.rate),
-            self.get_logger().warning)
+            self.get_logger().warning, self._check_state)
         self._gate = output.gate
         self._commands = CommandInput(
             self, CommandTopic(
@@ -76,15 +76,14 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         self._publish_stopped = self.make_guarded_publisher(
             Bool, 'emergency_stop_active', latched())
         self._publish_enabled = self.make_guarded_publisher(Bool, 'motors_enabled', latched())
-        self._was_enabled = False
+        self._was_enabled, self._state_lock = False, threading.Lock()
         self._line_logged = False
         queue = QoSProfile(depth=SERVICE_DEPTH)
         self.create_service(
             SetBool, 'emergency_stop', self._on_emergency_stop, qos_profile=queue)
         if params.require_arming:
             self.create_service(SetBool, 'arm', self._on_arm, qos_profile=queue)
-        self.call_every(STATE_PERIOD, self._publish_state)
-        self.call_every(TICK_PERIOD, self._check_state)  # by the boards' thread, too
+        self.call_every(STATE_PERIOD, self._publish_state, wakes=False)
         self._publish_state()
         self.connect(output.boards.line, output.boards.run)
 
@@ -125,11 +124,13 @@ class MotorDriver(DriverNode[MotorDriverParams]):
         return response
 
     def _publish_state(self) -> None:
-        self._was_enabled = self._gate.enabled
-        self._publish_stopped(Bool(data=self._gate.emergency))
-        self._publish_enabled(Bool(data=self._was_enabled))
+        with self._state_lock:  # the latest message is the latest state
+            self._was_enabled = self._gate.enabled
+            self._publish_stopped(Bool(data=self._gate.emergency))
+            self._publish_enabled(Bool(data=self._was_enabled))
 
     def _check_state(self) -> None:
+        """Publish a state that has changed; called by the thread of the boards, and here."""
         if self._gate.enabled != self._was_enabled:
             self._publish_state()
 

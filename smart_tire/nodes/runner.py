@@ -12,8 +12,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 import signal
@@ -29,9 +29,10 @@ from smart_tire.drivers.clock import SYSTEM
 from smart_tire.errors import ParameterError
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import new_executor, plain_message, RCLError, shared_memory
+from smart_tire.nodes.hand_over import return_nothing
 from smart_tire.parameters.files import files_of, foreign_arguments, read_blocks, ros_arguments
 
-MAX_SPIN_TIME = 0.1  # s, of one call of the executor: longest delay until a signal is handled
+MAX_SPIN_TIME = 0.1  # s, of one call of the executor by ``NodeRunner``: delay of a signal
 MIN_SPIN_TIME = 1e-3  # s: a simulated time may stand
 EXIT_OK, EXIT_DEFECT, EXIT_REFUSED = 0, 1, 2
 TASKS = Path('/proc/self/task')
@@ -74,9 +75,28 @@ class NodeRunner(Generic[Running]):
         """Handle callbacks for ``seconds``."""
         end_ns = self.node.steady_ns() + round(seconds * 1e9)
         while (left_ns := end_ns - self.node.steady_ns()) > 0:
-            next_timer = self.node.simulated_timers.handle()
+            next_timer = self.node.loop_timers.handle()
             self._executor.spin_once(timeout_sec=max(
                 MIN_SPIN_TIME, min(MAX_SPIN_TIME, left_ns * 1e-9, next_timer)))
+
+
+class Ending:
+    """The exit statuses of the process, of which the first counts, and the loops that it ends."""
+
+    def __init__(self) -> None:
+        self.statuses: list[int] = []
+        self.executors: list[Any] = []
+
+    def end(self, status: int) -> None:
+        """End the loops with ``status``; may be called from any thread."""
+        self.statuses.append(status)
+        if len(self.statuses) == 1:  # later the executors may be shut down
+            self.wake()
+
+    def wake(self) -> None:
+        """End the waits of the executors."""
+        for executor in self.executors:
+            executor.create_task(return_nothing)
 
 
 def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = False,
@@ -84,15 +104,15 @@ def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = F
     """
     Spin nodes until SIGINT or SIGTERM; return the exit status for ``sys.exit``.
 
-    Each node has its own executor and thread, the first one that of the caller. Signal handlers
-    only set a flag, so neither callbacks nor clean-up are interrupted, even by repeated signals.
+    Each node has its own executor and thread, the first one that of the caller. Signals only end
+    the loops, so neither callbacks nor clean-up are interrupted, even by repeated signals.
     An uncaught exception in any thread ends all nodes with EXIT_DEFECT. Arguments other than ROS
     arguments are refused unless ``own_arguments`` is true. Shared memory is used for ``images``
     only.
     """
-    exit_statuses: list[int] = []  # the first one is returned
+    ending = Ending()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: exit_statuses.append(EXIT_OK))
+        signal.signal(number, lambda *_: ending.end(EXIT_OK))
     if not own_arguments and (words := foreign_arguments(sys.argv)):
         get_logger('smart_tire').fatal(
             f'unknown arguments: {" ".join(words)} (ROS arguments come after --ros-args)')
@@ -108,26 +128,54 @@ def run(*node_classes: Callable[[], SmartTireNode[Any]], own_arguments: bool = F
     except RuntimeError as error:  # rcl cannot parse the arguments or a parameter file
         get_logger('smart_tire').fatal(f'ROS arguments: {plain_message(error)}')
         return EXIT_REFUSED
-    threading.excepthook = _stopping_hook(threading.excepthook, exit_statuses)
+    threading.excepthook = _stopping_hook(threading.excepthook, ending)
     try:
-        return _spin_all(node_classes, exit_statuses, images)
+        with _waking_at_signals(ending):
+            return _spin_all(node_classes, ending, images)
     finally:
         rclpy.try_shutdown()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)  # no traceback while the interpreter exits
 
 
+@contextmanager
+def _waking_at_signals(ending: Ending) -> Iterator[None]:
+    """
+    Return the context in which a signal ends the waits of the executors.
+
+    They wait outside of the interpreter, which calls the handler of a signal when it goes on.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+
+    def await_signals() -> None:
+        while os.read(reading, 1):
+            if not ending.statuses:
+                ending.wake()
+
+    thread = threading.Thread(target=await_signals, name='signals', daemon=True)
+    before = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(writing)
+        thread.join()
+        os.close(reading)
+
+
 def _stopping_hook(hook: Callable[[Any], Any],
-                   exit_statuses: list[int]) -> Callable[[Any], None]:
+                   ending: Ending) -> Callable[[Any], None]:
     def excepthook(arguments: Any) -> None:
         hook(arguments)
-        exit_statuses.append(EXIT_DEFECT)
+        ending.end(EXIT_DEFECT)
 
     return excepthook
 
 
 def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
-              exit_statuses: list[int], images: bool = False) -> int:
+              ending: Ending, images: bool = False) -> int:
     try:
         with shared_memory(images=images):
             nodes = [node_class() for node_class in node_classes]
@@ -138,7 +186,8 @@ def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
         get_logger('smart_tire').fatal(plain_message(error))
         return EXIT_REFUSED
     executors = [new_executor() for _ in nodes]
-    threads = [threading.Thread(target=_spin, args=(node, executor, exit_statuses),
+    ending.executors += executors
+    threads = [threading.Thread(target=_spin, args=(node, executor, ending),
                                 name=node.get_name())
                for node, executor in zip(nodes[1:], executors[1:])]
     for node, executor in zip(nodes, executors):
@@ -149,9 +198,9 @@ def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
         for thread in threads:
             thread.start()
         _request_priority(nodes)
-        _spin(nodes[0], executors[0], exit_statuses)
+        _spin(nodes[0], executors[0], ending)
     finally:
-        exit_statuses.append(EXIT_DEFECT)  # ends the other threads after an exception in this one
+        ending.end(EXIT_DEFECT)  # the other threads, too, after an exception in this one
         SYSTEM.leave()
         for thread in threads:
             if thread.ident is not None:
@@ -162,13 +211,13 @@ def _spin_all(node_classes: Sequence[Callable[[], SmartTireNode[Any]]],
             executor.remove_node(node)
             executor.shutdown()
             node.destroy_node()
-    return exit_statuses[0]
+    return ending.statuses[0]
 
 
-def _spin(node: SmartTireNode[Any], executor: Any, exit_statuses: Sequence[int]) -> None:
-    while not exit_statuses:
-        next_timer = node.simulated_timers.handle()
-        executor.spin_once(timeout_sec=max(MIN_SPIN_TIME, min(MAX_SPIN_TIME, next_timer)))
+def _spin(node: SmartTireNode[Any], executor: Any, ending: Ending) -> None:
+    while not ending.statuses:
+        next_timer = node.loop_timers.handle()
+        executor.spin_once(timeout_sec=max(MIN_SPIN_TIME, next_timer))
         node.mailbox.handle()
 
 

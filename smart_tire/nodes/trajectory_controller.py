@@ -103,9 +103,9 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
                        reliability=params.reliability)
         self.subscribe_state('emergency_stop_active', self._on_emergency_stop)
         self.create_service(Trigger, 'cancel_path', self._on_cancel)
-        self._step_timer = self.create_steady_timer(1.0 / params.rate, self._step)
+        self._step_timer = self.call_every(1.0 / params.rate, self._step)
         self._pace()
-        self.call_every(PROGRESS_PERIOD, self._send_progress)
+        self.call_every(PROGRESS_PERIOD, self._send_progress, wakes=False)
 
     def _use_map(self, found: Raster) -> None:
         """Limit the speed by a friction map, in whatever frame it is."""
@@ -124,7 +124,7 @@ class TrajectoryController(SmartTireNode[TrajectoryControllerParams]):
                 self._map_fault = ''
 
         update()
-        self.call_every(MAP_PERIOD, update)
+        self.call_every(MAP_PERIOD, update, wakes=False)
 
     def _subscribe_orders(self) -> None:
         self._senders = {name: PublisherCheck(name, PUBLISHER_WINDOW,

@@ -23,6 +23,7 @@ from smart_tire.nodes.command_input import CommandInput, CommandTopic
 from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.runner import run
 from smart_tire.parameters import WheelControllerParams
+from smart_tire.samples import VelocityCommand
 
 TWIST = 'geometry_msgs/msg/Twist'
 
@@ -63,8 +64,9 @@ class WheelController(SmartTireNode[WheelControllerParams]):
         self.subscribe_state('motors_enabled', self._on_motors_enabled)
         self._estimates_subscribed = False
         self._subscribe_estimates()
-        self.call_every(1.0 / params.rate, loop.step)
-        self.call_every(TICK_PERIOD, loop.check_expiry)  # at any control rate
+        self._control_timers = (
+            self.call_every(1.0 / params.rate, self._step),
+            self.call_every(TICK_PERIOD, loop.check_expiry, elastic=True))  # at any control rate
 
     def _velocity_input(self, name: str, timeout: float) -> CommandInput:
         """Return the subscription to a source of velocity commands."""
@@ -74,8 +76,22 @@ class WheelController(SmartTireNode[WheelControllerParams]):
                 topic='cmd_vel', name=name, timeout=timeout, max_age=self.params.cmd_vel_max_age,
                 from_msg=velocity_from_twist if unstamped else None,
                 unstamped_type=TWIST if unstamped else None),
-            partial(self._loop.set_velocity, name),
+            partial(self._set_velocity, name),
             partial(self._loop.set_velocity_conflict, name))
+
+    def _set_velocity(self, name: str, command: VelocityCommand, received_ns: int) -> None:
+        self._loop.set_velocity(name, command, received_ns)
+        self._pace()
+
+    def _step(self) -> None:
+        self._loop.step()
+        self._pace()
+
+    def _pace(self) -> None:
+        """Wake up for the control only while there is a command."""
+        driven = self._loop.selected() is not None
+        for timer in self._control_timers:
+            timer.wakes = driven
 
     def on_parameters_changed(self) -> None:
         """Use the new controller gains; subscribe to the inputs of traction control."""

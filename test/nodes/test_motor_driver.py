@@ -16,7 +16,6 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from smart_tire.control.constants import TICK_PERIOD
 from smart_tire.nodes.motor_driver import MotorDriver
 from smart_tire.protocol.roboclaw import READ_CURRENTS, READ_ENCODERS, SET_DUTY
 from smart_tire.samples import MotorCommand, NS_PER_S
@@ -109,7 +108,7 @@ def test_the_states_are_repeated_and_sent_with_each_change(made):
         node._gate.clear('line')
         node.publish('motor_commands', MotorCommand(node.now_ns(), (0.1,) * 4))
         enabled = node._gate.enabled
-        node.run(TICK_PERIOD)
+        node._output.boards._watch()  # as the thread of the boards does after each exchange
         assert states(node) == [False, enabled] and enabled
         count = len(node.received['motors_enabled'])
         assert count == 2

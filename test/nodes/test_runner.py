@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-import math
 import os
 from pathlib import Path
 import signal
@@ -30,7 +29,7 @@ from smart_tire.nodes import (
     trajectory_controller, wheel_controller)
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import PROFILES, TRANSPORTS
-from smart_tire.nodes.paced import SimulatedTimers
+from smart_tire.nodes.timers import Timers
 from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.processes
@@ -44,7 +43,7 @@ class Node:
         self.params = SimpleNamespace() if priority is None else SimpleNamespace(
             realtime_priority=priority)
         self.mailbox = SimpleNamespace(handle=lambda: calls.append(f'mail {name}'))
-        self.simulated_timers = SimulatedTimers()
+        self.loop_timers = Timers()
         for call in ('start', 'stop', 'destroy_node'):
             setattr(self, call, lambda call=call: calls.append(f'{call} {name}'))
 
@@ -70,8 +69,10 @@ class Executor:
     def shutdown(self):
         self.calls.append(f'shutdown {self.name}')
 
+    def create_task(self, task):
+        task()
+
     def spin_once(self, timeout_sec):
-        assert timeout_sec == 0.1
         self.calls.append(f'spin {self.name}')
         self.spin(self.name)
 
@@ -79,38 +80,38 @@ class Executor:
 @pytest.fixture
 def spun(monkeypatch):
     """Return a function that spins nodes; it returns the calls of each, and the exit status."""
-    def spin_all(nodes, spin, statuses, calls):
+    def spin_all(nodes, spin, ending, calls):
         monkeypatch.setattr(runner, 'new_executor', lambda: Executor(calls, spin))
-        return runner._spin_all([lambda node=node: node for node in nodes], statuses)
+        return runner._spin_all([lambda node=node: node for node in nodes], ending)
     return spin_all
 
 
 def test_subscribers_are_stopped_first_and_all_nodes_are_released(spun):
-    calls, statuses, both = [], [], threading.Barrier(2)
+    calls, ending, both = [], runner.Ending(), threading.Barrier(2)
 
     def spin(name):
-        if not statuses:
+        if not ending.statuses:
             both.wait(PATIENCE)  # in two threads at the same time
         if name == 'a':
-            statuses.append(runner.EXIT_OK)
+            ending.end(runner.EXIT_OK)
     nodes = [Node(name, calls) for name in 'ab']
-    assert spun(nodes, spin, statuses, calls) == 0
+    assert spun(nodes, spin, ending, calls) == 0
     assert calls[:2] == ['start a', 'start b']
     assert {'spin a', 'mail a', 'spin b', 'mail b'} <= set(calls)
     assert calls[-8:] == ['stop b', 'stop a', 'remove a a', 'shutdown a', 'destroy_node a',
                           'remove b b', 'shutdown b', 'destroy_node b']
 
 
-@pytest.mark.parametrize('next_timer, timeout', [(math.inf, 0.1), (0.03, 0.03), (-1.0, 0.001)])
-def test_the_loop_calls_the_timers_of_simulated_time_and_waits_for_the_next(next_timer, timeout):
-    calls, statuses = [], []
+@pytest.mark.parametrize('next_timer, timeout', [(1.0, 1.0), (0.03, 0.03), (-1.0, 0.001)])
+def test_the_loop_calls_the_timers_and_waits_for_the_next(next_timer, timeout):
+    calls, ending = [], runner.Ending()
     node = Node('a', calls)
-    node.simulated_timers = SimpleNamespace(handle=lambda: calls.append('timers') or next_timer)
+    node.loop_timers = SimpleNamespace(handle=lambda: calls.append('timers') or next_timer)
 
     def spin_once(timeout_sec):
         calls.append(timeout_sec)
-        statuses.append(runner.EXIT_OK)
-    runner._spin(node, SimpleNamespace(spin_once=spin_once), statuses)
+        ending.end(runner.EXIT_OK)
+    runner._spin(node, SimpleNamespace(spin_once=spin_once), ending)
     assert calls == ['timers', timeout, 'mail a']
     calls.clear()
     times = iter([0, 0, 60_000_000, 200_000_000])  # ns
@@ -123,26 +124,26 @@ def test_the_loop_calls_the_timers_of_simulated_time_and_waits_for_the_next(next
 
 @pytest.mark.parametrize('failing', ['a', 'b'])
 def test_an_exception_at_the_start_ends_all_nodes(spun, failing):
-    calls, statuses = [], []
+    calls, ending = [], runner.Ending()
     nodes = [Node(name, calls) for name in 'ab']
 
     def fail():
         raise KeyError(failing)
     nodes['ab'.index(failing)].start = fail
     with pytest.raises(KeyError):
-        spun(nodes, lambda name: None, statuses, calls)
-    assert statuses == [1] and calls[-8:-6] == ['stop b', 'stop a']
+        spun(nodes, lambda name: None, ending, calls)
+    assert ending.statuses == [1] and calls[-8:-6] == ['stop b', 'stop a']
 
 
 def test_an_exception_in_the_first_thread_ends_the_others(spun):
-    calls, statuses = [], []
+    calls, ending = [], runner.Ending()
 
     def spin(name):
         if name == 'a':
             raise KeyError(name)
     with pytest.raises(KeyError):
-        spun([Node(name, calls) for name in 'ab'], spin, statuses, calls)
-    assert statuses == [1] and calls[-1] == 'destroy_node b'
+        spun([Node(name, calls) for name in 'ab'], spin, ending, calls)
+    assert ending.statuses == [1] and calls[-1] == 'destroy_node b'
 
 
 @pytest.fixture
@@ -179,11 +180,11 @@ def process(monkeypatch):
     (lambda one: one.handlers[signal.SIGTERM](15, None), 0),
     (lambda one: threading.excepthook('trouble'), 1)])
 def test_the_first_signal_or_exception_gives_the_exit_status(process, monkeypatch, end, status):
-    def spin_all(classes, statuses, images):
-        assert classes == ('a', 'b') and not statuses and not images
+    def spin_all(classes, ending, images):
+        assert classes == ('a', 'b') and not ending.statuses and not images
         end(process)
         process.handlers[signal.SIGINT](2, None)
-        return statuses[0]
+        return ending.statuses[0]
     monkeypatch.setattr(runner, '_spin_all', spin_all)
     assert runner.run('a', 'b') == status
     assert process.calls == [runner.SignalHandlerOptions.NO, 'shutdown']
@@ -193,7 +194,7 @@ def test_the_first_signal_or_exception_gives_the_exit_status(process, monkeypatc
 
 def test_foreign_arguments_are_refused_unless_they_are_own(process, fatal, monkeypatch):
     process.words.append('--fast')
-    monkeypatch.setattr(runner, '_spin_all', lambda classes, statuses, images: 0)
+    monkeypatch.setattr(runner, '_spin_all', lambda classes, ending, images: 0)
     assert runner.run() == 2 and not process.calls
     assert fatal == ['unknown arguments: --fast (ROS arguments come after --ros-args)']
     assert runner.run(own_arguments=True) == 0

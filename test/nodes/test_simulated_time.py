@@ -19,7 +19,7 @@ import pytest
 from smart_tire.drivers.clock import SYSTEM
 from smart_tire.drivers.simulated_time import HEADER, LIMIT, NEVER, OFFSET, SimulatedTime
 from smart_tire.nodes.base import SmartTireNode
-from smart_tire.nodes.paced import paced, SimulatedTimers, TIMER_LAG_NS
+from smart_tire.nodes.timers import paced, TIMER_LAG_NS, Timers
 from smart_tire.samples import NS_PER_S
 
 START_NS = 5_000 * NS_PER_S
@@ -32,7 +32,7 @@ class Machine:
     def __init__(self, path):
         self.real_ns = START_NS
         self.shared = SimulatedTime.create(path, lambda: self.real_ns)
-        self.timers = SimulatedTimers()
+        self.timers = Timers()
 
     def run(self, milliseconds):
         """Let real time pass, and call the timers every millisecond."""
@@ -115,10 +115,10 @@ def test_time_passes_until_the_next_timer_is_due_of_a_node_that_is_paced_by_them
 
 
 def test_a_node_in_simulated_time_makes_no_timer_of_rclpy_which_its_callback_had_to_reset(machine):
-    node = SimpleNamespace(simulated_timers=machine.timers, paced_timers=True,
+    node = SimpleNamespace(loop_timers=machine.timers, paced_timers=True,
                            get_name=lambda: 'node')
     for _ in range(2):
-        SmartTireNode.create_steady_timer(node, 0.1, lambda: None)
+        SmartTireNode.call_every(node, 0.1, lambda: None)
     machine.run(100)
     assert machine.shared.words[HEADER] - START_NS == 200 * MS + TIMER_LAG_NS
     assert machine.shared.words[HEADER + 1] == NEVER  # one participant

@@ -81,9 +81,13 @@ def test_a_path_is_followed_to_its_end_and_then_nothing_is_commanded(node, robot
     assert arrived.startswith('arrived 0.0')
 
 
-def test_progress_is_published_at_4_hz_with_names_and_frame(node):
+def test_progress_is_published_at_4_hz_or_1_hz_without_input_with_names_and_frame(node, robot):
+    robot.until(lambda: node.elapsed_ns >= 10_000_000_000)
+    times = [*node.times['path_progress']]
+    assert times == pytest.approx([0.25 * (k + 1) for k in range(40)], abs=0.03)  # by messages
+    robot.is_silent = True
     node.run(10.0)
-    assert node.times['path_progress'] == pytest.approx([0.25 * (k + 1) for k in range(40)])
+    assert len(node.times['path_progress']) == len(times) + 10
     message = node.received['path_progress'][-1]
     assert list(message.name) == ['remaining_distance', 'cross_track_error', 'state']
     assert message.header.frame_id == 'odom'
@@ -160,9 +164,9 @@ def test_the_robot_stops_when_odom_is_older_than_its_time_out_at_any_phase(node,
         assert 0 < late_ns <= PERIOD_NS + POLL_NS
     robot.assert_stopped(PathState.STOPPED, 'stopped: odom: ')
     health = node.health()
-    assert health.message.startswith('stopped: odom')
+    assert 'stopped: odom' in health.message
     assert health.values['state'] == 'stopped'
-    assert health.values['reason'] in robot.log()
+    assert any(health.values['reason'] in line for line in node.log.lines[-2:])
     robot.is_silent = False
     robot.until_more_progress()
     assert robot.progress.state == PathState.STOPPED  # also when odom is back

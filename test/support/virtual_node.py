@@ -23,7 +23,6 @@ from contextlib import AbstractContextManager, contextmanager
 from copy import deepcopy
 from functools import partial
 import inspect
-import math
 import sys
 import time
 from types import SimpleNamespace
@@ -73,34 +72,6 @@ class Log:
         return self
 
 
-class Timer:
-    """Timer of a node, as rclpy's."""
-
-    def __init__(self, clock: Callable[[], int], period: float, callback: Callable[[], None],
-                 ) -> None:
-        self._clock, self._callback = clock, callback
-        self.timer_period_ns = round(period * NS_PER_S)
-        self.reset()
-
-    def reset(self) -> None:
-        """Start a period now."""
-        self.due_ns: float = self._clock() + self.timer_period_ns
-
-    def cancel(self) -> None:
-        """End the calls until the next ``reset``."""
-        self.due_ns = math.inf
-
-    def is_canceled(self) -> bool:
-        """Return whether the calls have ended."""
-        return self.due_ns == math.inf
-
-    def call(self) -> None:
-        """Call the callback once, however many periods have passed; the phase is kept."""
-        self.due_ns += self.timer_period_ns * (
-            1 + (self._clock() - self.due_ns) // self.timer_period_ns)
-        self._callback()
-
-
 class VirtualNode:
     """
     What replaces the connections of a node, in front of its class.
@@ -124,7 +95,6 @@ class VirtualNode:
         self.subscribers: Counter[str] = Counter()
         self._readers: defaultdict[str, list[tuple[Callable[..., None], bool]]] = defaultdict(list)
         self._answers: dict[str, tuple[type[Any], Callable[[Any, Any], Any]]] = {}
-        self._virtual_timers: list[Timer] = []
         self._number = 0
         super().__init__(*given)
 
@@ -190,11 +160,6 @@ class VirtualNode:
         self.profiles[name] = qos_profile
         self._answers[name] = service, callback
 
-    def create_timer(self, period: float, callback: Callable[[], None], **_: Any) -> Timer:
-        """Return a timer that ``run`` calls."""
-        self._virtual_timers.append(Timer(self.steady_ns, period, callback))
-        return self._virtual_timers[-1]
-
     def count_publishers(self, name: str) -> int:
         """Return the number of publishers in the graph."""
         return len(self.publishers_of.get(name, ()))
@@ -213,10 +178,9 @@ class VirtualNode:
     def run(self, seconds: float, until: Callable[[], object] = lambda: False) -> None:
         """Let time pass, calling the timers that are due, or until a condition is true."""
         end_ns = self.steady_ns() + round(seconds * NS_PER_S)
-        while not until() and (timer := min(
-                self._virtual_timers, key=lambda one: one.due_ns)).due_ns <= end_ns:
-            self.elapsed_ns = max(int(timer.due_ns) - BOOT_NS, self.elapsed_ns)
-            timer.call()
+        while not until() and (due_ns := self.loop_timers.due_ns) <= end_ns:
+            self.elapsed_ns = max(due_ns - BOOT_NS, self.elapsed_ns)
+            self.loop_timers.handle()
         if not until():
             self.elapsed_ns = end_ns - BOOT_NS
 
@@ -258,6 +222,7 @@ class VirtualNode:
                 data = serialize_message(message) if raw and not isinstance(
                     message, bytes) else message
                 callback(*(data, info)[:len(inspect.signature(callback).parameters)])
+            self.loop_timers.handle()
 
     def call(self, name: str, **fields: Any) -> Any:
         """Call a service and return its response."""
@@ -300,9 +265,7 @@ class LocalNode(VirtualNode):
         """Call the timers that are due, and ``do``, until a condition is true."""
         def work() -> None:
             do()
-            for timer in self._virtual_timers:
-                if timer.due_ns <= self.steady_ns():
-                    timer.call()
+            self.loop_timers.handle()
             time.sleep(0.005)
 
         wait_for(condition, work)

@@ -238,7 +238,7 @@ class VirtualDriver:
         self.reports: list[str] = []
         self.samples: list[WheelSample] = []
         self.params = build(MotorDriverParams, {'rate': conditions.rate, **conditions.driver})
-        self.output = MotorOutput(self.params, self.deliver, self.reports.append, self.clock)
+        self.output = MotorOutput(self.params, self.deliver, self.reports.append, clock=self.clock)
         self.stopping, self.ended = threading.Event(), False  # the work of the port
         self.duty: tuple[float, ...] | None = None  # commanded every ``DUTY_PERIOD``
         self.clock.at(START_NS, self._repeat_duty)

@@ -9,11 +9,11 @@
 # the License.
 
 """
-Timers and inputs of a node in simulated time, which waits for them.
+Timers of a node, which the loop that spins it calls; how a simulated time waits for the node.
 
-The loop that spins the node calls the timers. Those of rclpy wait for real time and would have to
-be reset by their callbacks, and each reset of one that is due again makes two events of one: where
-a process gets little of a core, the queue of its executor grows faster than it is handled.
+Those of rclpy would wake two threads each time. In simulated time, their callbacks would have to
+reset them; each reset of one that is due again makes two events of one, so that the queue of an
+executor grows faster than it is handled where a process gets little of a core.
 """
 
 from __future__ import annotations
@@ -29,16 +29,25 @@ from smart_tire.samples import NS_PER_S
 TIMER_LAG_NS = 20_000_000  # ns of simulated time that passes after a timer is due, at most
 
 
-class SimulatedTimer:
-    """A timer in simulated time, with the methods of those of rclpy."""
+class LoopTimer:
+    """
+    A timer with the methods of those of rclpy.
 
-    def __init__(self, period: float, callback: Callable[[], None]) -> None:
-        self._period_ns, self._callback = round(period * NS_PER_S), callback
+    The loop awaits it if it ``wakes`` the node. An ``elastic`` one is called when the loop handles
+    something in the second half of its period, and the next period begins then.
+    """
+
+    def __init__(self, clock: Callable[[], int], period: float, callback: Callable[[], None],
+                 *, wakes: bool, elastic: bool) -> None:
+        self.wakes = wakes
+        self._clock, self._callback = clock, callback
+        self._period_ns = round(period * NS_PER_S)
+        self._early_ns = self._period_ns // 2 if elastic else 0
         self.reset()
 
     def reset(self) -> None:
         """Call the callback after a period from now on."""
-        self.due_ns = SYSTEM.now_ns() + self._period_ns
+        self.due_ns = self._clock() + self._period_ns
 
     def cancel(self) -> None:
         """Do not call the callback any more."""
@@ -50,34 +59,44 @@ class SimulatedTimer:
 
     def call_if_due(self) -> None:
         """Call the callback if it is due, once if this was several times."""
-        late_ns = SYSTEM.now_ns() - self.due_ns
-        if late_ns >= 0:
+        late_ns = self._clock() - self.due_ns
+        if late_ns < -self._early_ns:
+            return
+        if self._early_ns:
+            self.reset()
+        else:
             self.due_ns += self._period_ns * (1 + late_ns // self._period_ns)
-            self._callback()
+        self._callback()
 
 
-class SimulatedTimers:
+class Timers:
     """The timers of one node; a ``participant`` is what simulated time waits for."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], int] = SYSTEM.now_ns) -> None:
         self.participant: Participant | None = None
-        self._timers: list[SimulatedTimer] = []
+        self._clock = clock  # ns, steady
+        self._timers: list[LoopTimer] = []
 
-    def add(self, period: float, callback: Callable[[], None]) -> SimulatedTimer:
+    def add(self, period: float, callback: Callable[[], None], *, wakes: bool = True,
+            elastic: bool = False) -> LoopTimer:
         """Return a new timer of ``period`` [s]."""
-        self._timers.append(SimulatedTimer(period, callback))
+        self._timers.append(
+            LoopTimer(self._clock, period, callback, wakes=wakes, elastic=elastic))
         return self._timers[-1]
+
+    @property
+    def due_ns(self) -> int:
+        """Return when the loop must call ``handle`` at the latest."""
+        return min((timer.due_ns for timer in self._timers if timer.wakes), default=NEVER)
 
     def handle(self) -> float:
         """Call the timers that are due; return the time [s] until the next one."""
-        if not self._timers:
-            return math.inf
         for timer in self._timers:
             timer.call_if_due()
-        due_ns = min(timer.due_ns for timer in self._timers)
+        due_ns = self.due_ns
         if self.participant is not None:
             self.participant.permit(min(due_ns + TIMER_LAG_NS, NEVER))
-        return (due_ns - SYSTEM.now_ns()) / NS_PER_S
+        return math.inf if due_ns == NEVER else (due_ns - self._clock()) / NS_PER_S
 
 
 def paced(on_sample: Callable[..., None], participant: Participant, lag_ns: int
