@@ -18,14 +18,15 @@ import sys
 
 from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.papers.film_bench import identify_film, write_params
-from smart_tire.papers.film_experiments import record, specimen
+from smart_tire.papers.film_experiments import record
+from smart_tire.simulation.film import FilmTestStand
 
 SEED = 11  # of the noise of the recording
 
 
 def write(path: Path) -> None:
     """Write the calibration."""
-    write_params(path, *identify_film(record(specimen('25x3'), SEED), FILMS['25x3']))
+    write_params(path, *identify_film(record(FilmTestStand(), SEED), FILMS['25x3']))
 
 
 if __name__ == '__main__':

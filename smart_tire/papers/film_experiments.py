@@ -17,36 +17,30 @@ import math
 
 import numpy as np
 
-from smart_tire.arrays import Array
+from smart_tire.arrays import Array, ArrayLike
 from smart_tire.estimation.film.calibration import FilmParams, PRODUCTS
 from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
+from smart_tire.models.film.hysteresis import respond, series, TABLE_I_GAIN
 from smart_tire.papers.film_bench import identify_film
 from smart_tire.papers.film_files import FilmRecording
-from smart_tire.papers.film_test_stand import FilmTestStand
+from smart_tire.simulation.film import AmplifierState, FilmTestStand, OVERSAMPLING
 from smart_tire.uncertain import Uncertain
 
 
-def specimen(name: str) -> FilmTestStand:
+def bench(film: FilmTestStand, deflection: ArrayLike, rate: float, seed: int) -> FilmRecording:
     """
-    Return the test stand with one of paper A's films, by its key in FILMS.
+    Return the recording of ``deflection`` [m] (n,) at ``rate`` [Hz] by the test stand.
 
-    Table I is for one film. For the others K is scaled with the geometry as in A(15), and the loop
-    has the same shape at the same stroke (alpha K is kept). Both are assumptions.
+    The film is flat and without hysteresis at first; between two samples the stage moves at
+    constant speed.
     """
-    film = FILMS[name]
-    gain = TABLE_I_GAIN * film.gain / FILMS['25x3'].gain
-    alpha = TABLE_I.alpha * TABLE_I_GAIN / gain
-    share = gain / TABLE_I_GAIN
-    return FilmTestStand(
-        film=film, gain=gain, hysteresis=DuhemParams(alpha=alpha, a=TABLE_I.a, b=TABLE_I.b),
-        charge_noise=FilmTestStand.charge_noise * share,
-        full_scale=FilmTestStand.full_scale * share)
-
-
-def bench(film: FilmTestStand, deflection: Array, rate: float, seed: int) -> FilmRecording:
-    """Return the recording of ``deflection`` [m] (n,) at ``rate`` [Hz] by the test stand."""
-    return replace(film, rate=rate).run(deflection, seed)
+    path, rng = series('deflection', deflection), np.random.default_rng(seed)
+    fine = np.interp(np.arange((path.size - 1) * OVERSAMPLING + 1) / OVERSAMPLING,
+                     np.arange(path.size), path)
+    output = replace(film, rate=rate).amplified(fine, AmplifierState())[::OVERSAMPLING]
+    output = output + film.charge_noise * rng.standard_normal(path.size)
+    return FilmRecording(np.arange(path.size) / rate, path + film.laser_noise
+                         * rng.standard_normal(path.size), film.converted(output))
 
 
 SAMPLES = 200                                     # per cycle, at every frequency
@@ -146,7 +140,7 @@ class Proportionality:
 
 def buckling_test() -> Trace:
     """Return Fig. 4: 5 Hz, ``Delta = 4 (-1 + sin(10 pi t))`` mm."""
-    film, rate = specimen('32x3'), 5.0 * SAMPLES
+    film, rate = FilmTestStand.of(FILMS['32x3']), 5.0 * SAMPLES
     time = np.arange(2 * SAMPLES + SETTLING_CYCLES * SAMPLES) / rate
     recording = bench(film, 4e-3 * (1.0 - np.sin(10.0 * math.pi * time)), rate, 1)
     shown = slice(-2 * SAMPLES, None)
@@ -156,11 +150,12 @@ def buckling_test() -> Trace:
 
 def rate_independence() -> RateIndependence:
     """Return Fig. 6: 8 mm at 5 and 10 Hz, and 2 mm of a small film from 1 to 10 Hz."""
-    loops = {f: settled_loop(specimen('32x3'), 8e-3, f) for f in (5.0, 10.0)}
+    loops = {f: settled_loop(FilmTestStand.of(FILMS['32x3']), 8e-3, f) for f in (5.0, 10.0)}
     first, second = loops.values()
     sigma = math.hypot(first.charge_sigma, second.charge_sigma)
     difference = float(np.sqrt(np.mean((first.charge - second.charge)**2))) / sigma
-    small_film = [settled_loop(specimen('10x1'), 2e-3, float(f)) for f in FREQUENCIES]
+    film = FilmTestStand.of(FILMS['10x1'])
+    small_film = [settled_loop(film, 2e-3, float(f)) for f in FREQUENCIES]
     peak = np.array([loop.peak for loop in small_film])
     sigmas = np.array([loop.peak_sigma for loop in small_film])
     fit, covariance = np.polyfit(np.log10(FREQUENCIES), peak / peak.mean(), 1,
@@ -171,7 +166,7 @@ def rate_independence() -> RateIndependence:
 
 def proportionality() -> Proportionality:
     """Return Fig. 7: amplitudes at 2 Hz."""
-    film = specimen('10x1')
+    film = FilmTestStand.of(FILMS['10x1'])
     loops = [settled_loop(film, float(top), 2.0) for top in AMPLITUDES]
     peak = np.array([loop.peak for loop in loops])
     models = {name: np.array([asymptotic_peak(film, 2.0 * top, name) for top in AMPLITUDES])
@@ -281,7 +276,7 @@ class TableOneFits:
 
 def identification() -> TableOneFits:
     """Return the fits of recordings of the motion of Fig. 8, one per seed."""
-    film = specimen('25x3')
+    film = FilmTestStand()
     recordings = [record(film, seed) for seed in SEEDS]
     fits = [identify_film(recording, film.film)[:2] for recording in recordings]
     p, K = film.hysteresis, film.gain

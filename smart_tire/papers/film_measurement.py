@@ -9,7 +9,7 @@
 # the License.
 
 """
-Measurement with a film: charge -> inverse hysteresis -> stroke -> deflection, each with its sigma.
+Measurement with a film: its smoothed charge through the filter of ``film_sensor``.
 
 The recording must begin with the film flat and stationary and the amplifier settled, like the
 zeroing of a sensor. A fresh film has no charge then; the charge of a used one is unknown within
@@ -20,7 +20,6 @@ the operator remembers every reversal.
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -28,10 +27,9 @@ from scipy.ndimage import median_filter
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from smart_tire.arrays import Array
-from smart_tire.errors import ParameterError
+from smart_tire.estimation.film.branch_filter import BranchFilter
 from smart_tire.estimation.film.calibration import FilmParams
-from smart_tire.models.film import elastica
-from smart_tire.models.film.hysteresis import DuhemParams, invert, monotone_branches
+from smart_tire.models.film.hysteresis import monotone_branches
 from smart_tire.numerics.robust import noise_level
 from smart_tire.papers.film_files import check_series
 
@@ -42,9 +40,8 @@ WINDOW_LENGTHS = (81, 61, 41, 31, 21, 15, 11, 7)  # samples; assumed; the larges
 POLYNOMIAL_ORDER = 3  # differs from 2 at the ends only, where 2 would bend a start at standstill
 MAX_REVERSAL_BIAS = 0.3  # of the noise, at reversals; assumed: not rounded off; corners
 MAX_POWER_RATIO = 1.2  # of the slow residuals over those of noise alone; assumed; corners
-TENSION_SIGMAS = 4.0  # beyond flat: the film is under tension, not buckled; assumed; tension
 EDGE_NOISE_FACTOR = 2.67  # of a smoothed signal at its first sample; derived from the filter; all
-REVERSAL_NOISE_FACTOR = 2.0**0.5  # derived: a branch is measured from its reversal; all
+LEAST_NOISE_SHARE = 1e-6  # of the largest charge: signals without noise; assumed; exact
 
 
 @dataclass(frozen=True)
@@ -67,75 +64,14 @@ def measure(time: Array, charge: Array, params: FilmParams, *, used: bool = Fals
     check_series(time, charge=charge)
     smooth, noise = smoothed(without_spikes(charge)[0])
     smooth, elapsed = smooth - smooth[0], time - time[0]
-    charge_integral = 2.0 * math.pi * cumulative_trapezoid(smooth, elapsed, initial=0.0)
-    band = DEAD_BAND_NOISE_FACTOR * noise
-
-    def film_charge(amplifier: Array) -> Array:
-        """Return the charge before an amplifier with this lower corner and drift."""
-        corrected: Array = smooth + amplifier[0] * charge_integral - amplifier[1] * elapsed
-        return corrected
-
-    operator, y = params.operator, film_charge(np.array([params.low_corner, params.drift]))
-    v = invert(y, operator, dead_band=band)
-    charge_sigma = math.hypot(REVERSAL_NOISE_FACTOR * noise, params.model_error)
-    variance = (charge_sigma / _slope(y, v, operator, band))**2
-    # errors of the parameters are common to all samples: repeat with each of them perturbed
-    for other, amplifier in _perturbed(params):
-        variance += (invert(film_charge(amplifier), other, dead_band=band) - v)**2
-    zero_error = EDGE_NOISE_FACTOR * noise * (1.0 + 2.0 * math.pi * params.low_corner * elapsed)
-    variance += (invert(y + zero_error, operator, dead_band=band) - v)**2
-    if used:
-        # uniform over the band: a standard deviation of its half width over sqrt(3)
-        z = operator.band / 3.0**0.5
-        variance += (invert(y + z, operator, start=(0.0, z), dead_band=band) - v)**2
+    noise = max(noise, LEAST_NOISE_SHARE * params.max_charge)
+    film = BranchFilter(params, noise, fresh=not used, zero_sigma=EDGE_NOISE_FACTOR * noise)
+    signals = np.column_stack([smooth, cumulative_trapezoid(smooth, elapsed, initial=0.0), elapsed,
+                               np.zeros(elapsed.size)])
+    value, sigma = np.array([film.add_signal(one, 0.0) for one in signals]).T
     # after an input beyond the limit, all further values are unknown
-    beyond = np.maximum.accumulate(np.abs(v) > params.max_input)
-    return _to_deflection(time, np.where(beyond, np.nan, v),
-                          np.where(beyond, np.inf, np.sqrt(variance)), params)
-
-
-def _slope(y: Array, v: Array, operator: DuhemParams, band: float) -> Array:
-    """Return dy / dv on the branch of each sample: b - s alpha z of A(17)."""
-    branches = monotone_branches(np.concatenate([[0.0], y]), band)
-    slope: Array = operator.b - branches.signs[branches.numbers] * operator.alpha * (
-        y - operator.a * v)
-    return np.maximum(slope, 2.0 * operator.b - operator.a)
-
-
-def _perturbed(params: FilmParams) -> list[tuple[DuhemParams, Array]]:
-    """Return operators and amplifiers, perturbed by sigma along the axes of the covariance."""
-    values = np.array([params.alpha_gain, params.a_gain, params.b_gain, params.low_corner,
-                       params.drift])
-    # in relative units, because they differ by many orders of magnitude
-    sigmas = np.sqrt(np.diag(params.covariance))
-    units = np.where(sigmas > 0.0, sigmas, 1.0)
-    units[:3] = values[:3]
-    variances, axes = np.linalg.eigh(params.covariance / np.outer(units, units))
-    result = []
-    for variance, axis in zip(np.maximum(variances, 0.0), axes.T):
-        step = units * math.sqrt(float(variance)) * axis
-        for signed_step in (step, -step):
-            try:
-                alpha, a, b = (values + signed_step)[:3].tolist()
-                result.append((DuhemParams(alpha=alpha, a=a, b=b), (values + signed_step)[3:]))
-                break
-            except ParameterError:
-                continue
-        else:
-            raise ParameterError('the products are too uncertain: operators within one '
-                                 'standard deviation have no inverse (a > b >= a / 2)')
-    return result
-
-
-def _to_deflection(time: Array, v: Array, sigma: Array, params: FilmParams) -> FilmMeasurement:
-    if params.film is None:
-        return FilmMeasurement(time, v, sigma)
-    valid = (v < TENSION_SIGMAS * sigma) & (v > -1.0)
-    stroke = elastica.stroke_from_charge(np.where(valid, np.minimum(v, 0.0), 0.0))
-    per_stroke = float(params.film.deflection(0.5)) / 0.5
-    sigma = sigma / np.abs(elastica.charge_slope(stroke)) * per_stroke
-    return FilmMeasurement(time, np.where(valid, params.film.deflection(stroke), np.nan),
-                           np.where(valid, sigma, np.inf))
+    value[np.maximum.accumulate(np.abs(value) > params.max_input)] = np.nan
+    return FilmMeasurement(time, *params.deflections(value, sigma))
 
 
 def without_spikes(signal: Array) -> tuple[Array, int]:

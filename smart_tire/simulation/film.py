@@ -8,33 +8,100 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 """
-Simulated film with its charge amplifier: motion, heat and hysteresis to frames of the device.
+Simulated film with its charge amplifier, and the test stand of paper A (III-A).
 
-It rests flat, moves ``MOTION`` s, and so on. Its operator is that of paper A, Table I, with K and
-alpha scaled to its length; the instrument errors are those of the test stand of the paper.
+A stage moves one clamp of the film, and a charge amplifier band-limits the charge to the range
+between its two corner frequencies. On the test stand a laser measures the deflection, too. The
+film of the node ``film_simulator`` rests flat, moves ``MOTION`` s, and so on, while its
+temperature changes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
-
-from smart_tire.arrays import Array
-from smart_tire.models.film.buckling_film import FILMS
-from smart_tire.models.film.hysteresis import respond, TABLE_I, TABLE_I_GAIN
+from smart_tire.arrays import Array, ArrayLike
+from smart_tire.models.film.buckling_film import BucklingFilm, FILMS
+from smart_tire.models.film.hysteresis import DuhemParams, respond, TABLE_I, TABLE_I_GAIN
 from smart_tire.parameters.film import FilmSimulatorParams
 from smart_tire.protocol.film_charge import encode_charge, encode_frame
 from smart_tire.samples import FilmCharge, NS_PER_S
 
+OVERSAMPLING = 8         # steps of the amplifier per sample
 MOTION = 10.0            # s between two rests, and between two steps of the temperature
 HEATING_TIME = 2.0       # s, time constant of a step of the temperature
 START_TEMPERATURE = 20.0  # degree Celsius
-LOW_CORNER = 1e-3        # Hz, of the amplifier
-NOISE_SHARE = 0.02 / 34.47  # of K, standard deviation of a sample; Table I, assumed noise
-RANGE_SHARE = 50.0 / 34.47  # of K, limit of the converter
-SUBSTEPS = np.linspace(-0.75, 0.0, 4)  # samples, of the deflection before each of the charge
+
+
+class AmplifierState:
+    """State of film and amplifier: flat and without charge at first."""
+
+    def __init__(self) -> None:
+        self.operator = (0.0, 0.0)  # input and output [C]
+        self.fast = self.slow = np.zeros(1)  # of the filters
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmTestStand:
+    """Test stand with a film; the instrument errors are assumed, the paper does not give them."""
+
+    __test__ = False  # not a test class of pytest, despite its name
+
+    film: BucklingFilm = field(default_factory=lambda: FILMS['25x3'])
+    hysteresis: DuhemParams = TABLE_I
+    gain: float = TABLE_I_GAIN     # C, K
+    rate: float = 1000.0           # Hz
+    low_corner: float = 0.001      # Hz, high-pass corner of the charge amplifier
+    high_corner: float = 20_000.0  # Hz, low-pass corner of the charge amplifier
+    charge_noise: float = 0.02e-9  # C, standard deviation of a sample
+    laser_noise: float = 5e-6      # m, standard deviation of a sample
+    full_scale: float = 50e-9      # C, the range of the converter is +-full_scale
+    bits: int = 16                 # of the converter
+
+    @classmethod
+    def of(cls, film: BucklingFilm, rate: float = 1000.0) -> FilmTestStand:
+        """
+        Return the test stand with another film than that of Table I.
+
+        K is scaled with the geometry as in A(15), and the loop has the same shape at the same
+        stroke (alpha K is kept). Both are assumptions.
+        """
+        share = film.gain / FILMS['25x3'].gain
+        return cls(film=film, gain=share * TABLE_I_GAIN, rate=rate,
+                   hysteresis=replace(TABLE_I, alpha=TABLE_I.alpha / share),
+                   charge_noise=share * cls.charge_noise, full_scale=share * cls.full_scale)
+
+    def charge(self, deflection: Array, model: str = 'exact') -> Array:
+        """Return Q_en [C] at ``deflection`` [m], before hysteresis."""
+        charge: Array = self.gain * self.film.normalized_charge(deflection, model)
+        return charge
+
+    def amplified(self, deflection: Array, state: AmplifierState, heat: float = 0.0) -> Array:
+        """
+        Return the output [C] at ``deflection`` [m] (n,), ``OVERSAMPLING`` for each sample.
+
+        ``heat`` [C] is the charge by heat; ``state`` is moved on.
+        """
+        from scipy.signal import lfilter  # nodes start without
+        charge = self.charge(deflection)
+        source = respond(charge, self.hysteresis, start=state.operator)
+        state.operator = float(charge[-1]), float(source[-1])
+        step = 2.0 * math.pi / (OVERSAMPLING * self.rate)
+        fast, slow = (-math.expm1(-corner * step) for corner in (self.high_corner,
+                                                                 self.low_corner))
+        passed, state.fast = lfilter([fast], [1.0, fast - 1.0], source + heat, zi=state.fast)
+        # charge drained through the feedback resistor since the start
+        drained, state.slow = lfilter([0.0, slow], [1.0, slow - 1.0], passed, zi=state.slow)
+        amplified: Array = passed - drained
+        return amplified
+
+    def converted(self, charge: ArrayLike) -> Array:
+        """Return charges [C] in steps of the converter, within its range."""
+        lsb = 2.0 * self.full_scale / 2**self.bits
+        return np.clip(np.round(np.divide(charge, lsb)) * lsb, -self.full_scale,
+                       self.full_scale - lsb)
 
 
 @dataclass(frozen=True)
@@ -52,15 +119,11 @@ class SimulatedFilm:
     """A film in motion; ``next_instant`` advances it by one sample."""
 
     def __init__(self, params: FilmSimulatorParams) -> None:
-        reference = FILMS['25x3']
-        self.film = replace(reference, length=params.length)
-        self.gain = TABLE_I_GAIN * self.film.gain / reference.gain  # C
-        self.operator = replace(TABLE_I, alpha=TABLE_I.alpha * TABLE_I_GAIN / self.gain)
+        film = replace(FILMS['25x3'], length=params.length)
+        self.stand = FilmTestStand.of(film, params.rate)
         self._params, self._rng = params, np.random.default_rng(params.seed)
-        self._pyro = params.pyroelectric_coefficient * params.length * reference.width
-        self._index = 0
-        self._state = (0.0, 0.0)  # input and output [C] of the operator
-        self._source = self._output = 0.0  # C, of film and amplifier
+        self._pyro = params.pyroelectric_coefficient * film.length * film.width
+        self._index, self._state = 0, AmplifierState()
 
     def deflection(self, time: Array) -> Array:
         """Return the deflection [m] at ``time`` [s]; arrays."""
@@ -79,21 +142,16 @@ class SimulatedFilm:
 
     def next_instant(self) -> FilmInstant:
         """Return the next sample."""
-        rate = self._params.rate
-        path = self.deflection(np.maximum(self._index + SUBSTEPS, 0.0) / rate)
-        time = self._index / rate
-        inputs = self.gain * self.film.normalized_charge(path)
-        output = float(respond(inputs, self.operator, start=self._state)[-1])
-        self._state = (float(inputs[-1]), output)
+        steps = np.arange(1 - OVERSAMPLING, 1) / OVERSAMPLING
+        time = self._index / self._params.rate
+        path = self.deflection(np.maximum(time + steps / self._params.rate, 0.0))
         temperature = self.temperature(time)
-        source = output + self._pyro * (temperature - START_TEMPERATURE)
-        self._output = self._output * math.exp(
-            -2.0 * math.pi * LOW_CORNER / rate) + source - self._source
-        self._source = source
-        limit = RANGE_SHARE * self.gain
-        measured = self._output + NOISE_SHARE * self.gain * self._rng.standard_normal()
-        time_ns = round(time * NS_PER_S)
-        charge = FilmCharge(time_ns, min(max(measured, -limit), limit), abs(measured) >= limit)
+        output = self.stand.amplified(
+            path, self._state, self._pyro * (temperature - START_TEMPERATURE))[-1]
+        value = float(self.stand.converted(
+            output + self.stand.charge_noise * self._rng.standard_normal()))
+        time_ns, limits = round(time * NS_PER_S), self.stand.converted([-math.inf, math.inf])
+        charge = FilmCharge(time_ns, value, value in limits)
         lost = self._rng.random() < self._params.loss
         self._index += 1
         return FilmInstant(time_ns, float(path[-1]), temperature, charge,

@@ -18,10 +18,11 @@ import math
 import numpy as np
 import pytest
 
+from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.models.film.elastica import TOUCHING_STROKE
 from smart_tire.models.film.hysteresis import DuhemParams, TABLE_I, TABLE_I_GAIN
 from smart_tire.papers import film_experiments, paper_a
-from smart_tire.papers.film_experiments import specimen
+from smart_tire.simulation.film import FilmTestStand
 
 
 @pytest.fixture(scope='module')
@@ -45,13 +46,13 @@ def identified():
 
 
 def test_table_one_is_for_its_film_and_others_keep_the_shape_of_the_loop():
-    assert specimen('25x3').gain == TABLE_I_GAIN
-    assert specimen('25x3').hysteresis == TABLE_I
+    assert FilmTestStand.of(FILMS['25x3']).gain == TABLE_I_GAIN
+    assert FilmTestStand.of(FILMS['25x3']).hysteresis == TABLE_I
     for name in ('32x3', '10x1'):
-        film = specimen(name)
+        film = FilmTestStand.of(FILMS[name])
         assert film.hysteresis.alpha * film.gain == pytest.approx(TABLE_I.alpha * TABLE_I_GAIN)
     # K is proportional to width times thickness squared over length
-    ratio = specimen('10x1').gain / specimen('25x3').gain
+    ratio = FilmTestStand.of(FILMS['10x1']).gain / FilmTestStand.of(FILMS['25x3']).gain
     assert ratio == pytest.approx(1.0 / 3.0 * (28.0 / 110.0)**2 * 25.0 / 10.0)
 
 
@@ -77,13 +78,13 @@ def test_peaks_are_constant_from_one_to_ten_hertz(rate):
 
 
 def test_peaks_are_those_of_the_operator_without_noise(rate):
-    exact = film_experiments.asymptotic_peak(specimen('10x1'), 4e-3, 'exact')
+    exact = film_experiments.asymptotic_peak(FilmTestStand.of(FILMS['10x1']), 4e-3, 'exact')
     np.testing.assert_allclose(rate.peak, exact, atol=4.0 * float(rate.sigma.max()))
 
 
 def test_the_asymptotic_peak_agrees_with_the_closed_form():
     # between the reversals of a symmetric loop: y = a u -+ g tanh(alpha U) at its ends, u = +-U
-    film = specimen('10x1')
+    film = FilmTestStand.of(FILMS['10x1'])
     span = 0.5 * abs(float(film.charge(np.array([3e-3]))[0]))
     p = film.hysteresis
     expected = p.a * span - p.band * math.tanh(p.alpha * span)

@@ -14,7 +14,7 @@ import pytest
 from smart_tire.drivers.sample_stream import FILM_CHARGE, SampleStream
 from smart_tire.models.film.hysteresis import respond
 from smart_tire.parameters.film import FilmSimulatorParams
-from smart_tire.simulation.film import MOTION, RANGE_SHARE, SimulatedFilm, START_TEMPERATURE
+from smart_tire.simulation.film import MOTION, SimulatedFilm, START_TEMPERATURE
 
 QUIET = {'loss': 0.0, 'rest': 0.5, 'frequency': 2.0}
 
@@ -28,7 +28,7 @@ def test_the_charge_is_that_of_the_operator_within_noise_and_drain():
     film, found = instants(2.0, **QUIET)
     path = np.array([one.deflection for one in found])
     assert (path[:250] == 0.0).all() and path.max() == pytest.approx(0.012)
-    expected = respond(film.gain * film.film.normalized_charge(path), film.operator)
+    expected = respond(film.stand.charge(path), film.stand.hysteresis)
     charge = np.array([one.charge.charge for one in found])
     noise = 0.02e-9
     assert np.std(charge - expected) < 3.0 * noise
@@ -51,7 +51,7 @@ def test_the_device_sends_what_it_has_measured_and_flags_the_limit():
     assert len(received) == len(found) and stream.frames_bad == stream.bytes_skipped == 0
     assert [one.charge.saturated for one in found] == [one.saturated for one in received]
     assert any(one.saturated for one in received)
-    assert max(abs(one.charge) for one in received) <= RANGE_SHARE * film.gain * 1.0001
+    assert max(abs(one.charge) for one in received) <= film.stand.full_scale * 1.0001
     np.testing.assert_allclose([one.charge for one in received],
                                [one.charge.charge for one in found], atol=6e-14)
 

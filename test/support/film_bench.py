@@ -17,8 +17,9 @@ from functools import lru_cache
 import numpy as np
 
 from smart_tire.models.film.hysteresis import TABLE_I, TABLE_I_GAIN
+from smart_tire.papers.film_experiments import bench
 from smart_tire.papers.film_files import COLUMNS, write_columns
-from smart_tire.papers.film_test_stand import FilmTestStand
+from smart_tire.simulation.film import FilmTestStand
 
 TRUE = {'alpha_gain': TABLE_I.alpha * TABLE_I_GAIN, 'a_gain': TABLE_I.a * TABLE_I_GAIN,
         'b_gain': TABLE_I.b * TABLE_I_GAIN}
@@ -28,13 +29,13 @@ RATE = 500.0  # Hz
 @lru_cache
 def several_loops(seed=1):
     """Return loops of 12, 6 and 3 mm at 2 Hz."""
-    return FilmTestStand(rate=RATE).run(sines([0.012, 0.006, 0.003], 2.0, 4, RATE), seed)
+    return bench(FilmTestStand(), sines([0.012, 0.006, 0.003], 2.0, 4, RATE), RATE, seed)
 
 
 @lru_cache
 def one_loop(top=0.012, frequency=5.0, seed=1):
     """Return the paper's Fig. 8, or a loop of another size."""
-    return FilmTestStand(rate=RATE).run(sine(top, frequency, 4.0, RATE), seed)
+    return bench(FilmTestStand(), sine(top, frequency, 4.0, RATE), RATE, seed)
 
 
 def sine(amplitude, frequency, duration, rate):

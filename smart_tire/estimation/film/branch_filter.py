@@ -32,12 +32,14 @@ from statistics import NormalDist
 import numpy as np
 
 from smart_tire.arrays import Array
-from smart_tire.models.film.hysteresis import advanced, DuhemParams
+from smart_tire.estimation.film.calibration import FilmParams
+from smart_tire.models.film.hysteresis import advanced
 
 # value, unit, meaning; origin
 DEAD_BAND = 10.0   # sigmas; derived: white noise of 1e5 samples spans 9
 TURNING_NOISE = 0.7  # of that of a sample: extreme of several samples; assumed, derived 0.5 to 1
 MEMBER_STEP = 3.0**0.5    # sigmas of a member; derived: fourth moment of a normal variable
+LAW_ERROR_FACTOR = 2.0  # of the residuals of a fit, for motion that it has not seen; assumed
 MIN_LOOP = 1e-3    # of 1 - b / a of a member; assumed
 MIN_SHARE = 1e-2   # of alpha and a of a member over the nominal ones; assumed
 NORMAL = NormalDist()
@@ -75,16 +77,24 @@ class BranchFilter:
     """
     FilmState of a film at its latest turning point, and its input after it.
 
-    ``covariance`` (9, 9) is that of the ``state`` (9,), ``noise`` [C] the standard deviation of a
-    charge, ``law_error`` [C] that of Z by the operator, for each branch. The operator must have an
-    inverse.
+    ``noise`` [C] is the standard deviation of a charge, ``zero_sigma`` [C] that of the zero; the
+    pyroelectric coefficient [C/K] has a mean and a standard deviation. ParameterError if the
+    operator has no inverse.
     """
 
-    def __init__(self, state: Array, covariance: Array, noise: float, law_error: float = 0.0
-                 ) -> None:
-        DuhemParams(alpha=state[FilmState.ALPHA], a=state[FilmState.A], b=state[FilmState.B])
+    def __init__(self, film: FilmParams, noise: float, *, fresh: bool, zero_sigma: float = 0.0,
+                 pyro: tuple[float, float] = (0.0, 0.0)) -> None:
         self.turnings = 0
-        self.noise, self._law_error = noise, law_error
+        # of Z by the operator, for each branch, and of a charge
+        self.noise, self._law_error = noise, LAW_ERROR_FACTOR * film.model_error
+        state, covariance = np.zeros(len(FilmState)), np.zeros((len(FilmState),) * 2)
+        state[:FilmState.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
+                                   film.drift, pyro[0])
+        covariance[:FilmState.PYRO, :FilmState.PYRO] = film.covariance
+        covariance[FilmState.PYRO, FilmState.PYRO] = pyro[1]**2
+        # of a used film uniform over the band that attracts all states
+        covariance[FilmState.Z, FilmState.Z] = (not fresh) * film.operator.band**2 / 3.0
+        covariance[FilmState.CHARGE, FilmState.CHARGE] = zero_sigma**2
         # relative units: the rows differ by many orders of magnitude
         units = np.sqrt(np.diag(covariance))
         units[units == 0.0] = 1.0
@@ -128,7 +138,7 @@ class BranchFilter:
         """
         Return the input at ``signal`` and its standard deviation; follow reversals.
 
-        ``charge_sigma`` [C] is that of errors of the charge in addition to the noise.
+        ``charge_sigma`` [C] is that of errors of the charge in addition to noise and model.
         """
         charge = self._charges(signal)
         if self._sign:
@@ -136,7 +146,8 @@ class BranchFilter:
             charge = self._charges(signal)  # members of a new branch
         elif abs(step := charge[0] - self._members[FilmState.CHARGE, 0]) > DEAD_BAND * self.noise:
             self._restart_branch(signal, math.copysign(1.0, step))
-        return self._estimate(charge, MEMBER_STEP * math.hypot(self.noise, charge_sigma))
+        return self._estimate(charge, MEMBER_STEP * math.hypot(
+            self.noise, charge_sigma, self._law_error))
 
     def _follow(self, signal: Array, charge: float) -> None:
         """Move the extreme of the branch, or turn there."""

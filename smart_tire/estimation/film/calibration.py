@@ -14,24 +14,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
+from smart_tire.models.film import elastica
 from smart_tire.models.film.buckling_film import BucklingFilm
 from smart_tire.models.film.hysteresis import DuhemParams
 from smart_tire.paths import explained, read_file
 from smart_tire.uncertain import MAX_RELATIVE_SIGMA
 from smart_tire.yaml_text import MAX_SIZE, parse_yaml
 
+Mask = NDArray[np.bool_]
+
 PRODUCTS = ('alpha_gain', 'a_gain', 'b_gain')  # alpha K, a K, b K with the input gain K
 AMPLIFIER = ('low_corner', 'drift')  # Hz, C/s
 # of the calibrated range, up to which the covariance of undetermined products describes the error;
 # assumed
 EXTRAPOLATION_FACTOR = 1.5
+TENSION_SIGMAS = 4.0  # beyond flat: the film is under tension, not buckled; assumed
+STROKES = np.linspace(0.0, 0.999, 2000)  # of the table of charges; interpolation error below 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +72,32 @@ class FilmParams:
     def operator(self) -> DuhemParams:
         """Return the operator from the normalized input to the charge; raise ParameterError."""
         return DuhemParams(alpha=self.alpha_gain, a=self.a_gain, b=self.b_gain)
+
+    def is_possible(self, value: Array, sigma: Array) -> Mask:
+        """Return which inputs of the operator, with standard deviations, a buckled film has."""
+        return (value <= TENSION_SIGMAS * sigma) & (value > -1.0) | (self.film is None)
+
+    def deflections(self, value: Array, sigma: Array) -> tuple[Array, Array]:
+        """
+        Return deflections [m] and standard deviations for inputs of the operator; arrays.
+
+        NaN and infinite where the film is under tension, or where nothing is known. Without
+        geometry, the inputs themselves.
+        """
+        known = self.is_possible(value, sigma)
+        if self.film is not None:
+            charges, slopes = _charge_table()
+            per_stroke = float(self.film.deflection(0.5)) / 0.5
+            sigma = sigma * per_stroke / np.interp(-value, charges, slopes)
+            known &= sigma <= self.film.length / 12.0**0.5  # better than any deflection
+            value = per_stroke * np.interp(-value, charges, STROKES)
+        return np.where(known, value, np.nan), np.where(known, sigma, np.inf)
+
+
+@cache
+def _charge_table() -> tuple[Array, Array]:
+    """Return minus the charge and minus its slope at ``STROKES``."""
+    return -elastica.charge(STROKES), -elastica.charge_slope(STROKES)
 
 
 def read_params(path: Path) -> FilmParams:

@@ -30,12 +30,10 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.film.branch_filter import (
-    BranchFilter, DEAD_BAND, FilmSignal, FilmState)
+from smart_tire.estimation.film.branch_filter import BranchFilter, DEAD_BAND, FilmSignal
 from smart_tire.estimation.film.calibration import FilmParams, read_params
 from smart_tire.estimation.reorder_buffer import ReorderBuffer
 from smart_tire.estimation.streams import FILM
-from smart_tire.models.film import elastica
 from smart_tire.numerics.robust import noise_level
 from smart_tire.parameters.film import FilmSensorParams
 from smart_tire.samples import FilmCharge, FilmDeflection, FilmTemperature, NS_PER_S
@@ -48,9 +46,6 @@ MIN_ZERO_SAMPLES = 20   # of a zero; assumed
 MAX_REST_NOISE = 3.0    # standard deviation of a film at rest, of the white noise; assumed
 MAX_REST_STEP = 5.0     # sigmas between the means of the two halves of a rest; assumed
 LEAST_NOISE_SHARE = 0.1  # of the calibrated noise, if the converter shows less; assumed
-LAW_ERROR_FACTOR = 2.0  # of the residuals of a fit, for motion that it has not seen; assumed
-TENSION_SIGMAS = 4.0    # beyond flat: the film is under tension, not buckled; as in measurements
-STROKES = np.linspace(0.0, 0.999, 2000)  # of the table of charges; interpolation error below 1e-6
 
 MEASURING = 'measuring'
 
@@ -67,8 +62,7 @@ class FilmEstimator:
         self._params, self._film = params, film
         self._pyro = (0.0 if film.film is None else
                       params.pyroelectric_coefficient * film.film.length * film.film.width)
-        self._operator = film.operator  # ParameterError without an inverse
-        self._law_error = LAW_ERROR_FACTOR * film.model_error
+        film.operator  # ParameterError without an inverse
         # limit of a gap in which a reversal of the motion is possible
         self._max_gap = 0.5 / params.bandwidth
         self._buffer = ReorderBuffer(round(params.reorder_window * NS_PER_S))
@@ -157,18 +151,10 @@ class FilmEstimator:
     def _begin(self, sample: FilmCharge, zero: float, noise: float, period: float) -> None:
         film, params = self._film, self._params
         self._level = zero
-        self._table = -elastica.charge(STROKES), STROKES, -elastica.charge_slope(STROKES)
         self._count = max(1, round(AVERAGED_SHARE / params.bandwidth / period))
-        state, covariance = np.zeros(len(FilmState)), np.zeros((len(FilmState),) * 2)
-        state[:FilmState.INPUT] = (film.alpha_gain, film.a_gain, film.b_gain, film.low_corner,
-                                   film.drift, self._pyro)
-        covariance[:5, :5] = film.covariance
-        covariance[FilmState.PYRO, FilmState.PYRO] = (
-            params.pyroelectric_tolerance * self._pyro)**2
-        if not params.fresh:  # uniform over the band that attracts all states
-            covariance[FilmState.Z, FilmState.Z] = self._operator.band**2 / 3.0
-        self._filter = BranchFilter(state, covariance, noise / math.sqrt(self._count),
-                                    self._law_error)
+        self._filter = BranchFilter(
+            film, noise / math.sqrt(self._count), fresh=params.fresh,
+            pyro=(self._pyro, params.pyroelectric_tolerance * self._pyro))
         self._zero_ns, self._shift = sample.stamp_ns, 0.0
         self._signal = np.zeros(len(FilmSignal))
         self._zero_temperature = self._temperature.value if self._temperature else math.nan
@@ -250,7 +236,7 @@ class FilmEstimator:
             age + RATE_TIME * math.expm1(-age / RATE_TIME))
 
     def _charge_sigma(self, signal: Array) -> float:
-        """Return the standard deviation [C] of the model and of the heat."""
+        """Return the standard deviation [C] of the heat."""
         temperature, variance = self._temperature, self._heat_variance
         age = float(signal[FilmSignal.TIME]) - self._flat_time
         if temperature is not None:
@@ -259,27 +245,20 @@ class FilmEstimator:
             age = max(min(age, float(signal[FilmSignal.TIME]) - (
                 temperature.stamp_ns - self._zero_ns) / NS_PER_S), 0.0)
         variance += self._temperature_variance(age)
-        return math.hypot(self._law_error, self._pyro * math.sqrt(variance))
+        return abs(self._pyro) * math.sqrt(variance)
 
     def _deflection(self, value: float, sigma: float) -> Uncertain:
         """Return deflection [m] or, without geometry, the input of the operator."""
-        film = self._film.film
-        self._beyond |= abs(value) > self._film.max_input
+        film = self._film
+        self._beyond |= abs(value) > film.max_input
         if self._beyond:
             self.state = 'beyond the calibrated range, until the next zero'
             return UNKNOWN
-        self.state = MEASURING
-        if film is None:
-            return Uncertain(value, sigma)
-        if value > TENSION_SIGMAS * sigma or value <= -self._table[0][-1]:
-            self.state = 'under tension, or the zero is wrong'
-            return UNKNOWN
-        charges, strokes, slopes = self._table
-        per_stroke = float(film.deflection(0.5)) / 0.5
-        sigma *= per_stroke / float(np.interp(-value, charges, slopes))
-        if sigma > film.length / 12.0**0.5:  # not better than any deflection
-            return UNKNOWN
-        return Uncertain(per_stroke * float(np.interp(-value, charges, strokes)), sigma)
+        both = np.array(value), np.array(sigma)
+        self.state = (MEASURING if film.is_possible(*both) else
+                      'under tension, or the zero is wrong')
+        deflection, error = film.deflections(*both)
+        return Uncertain(float(deflection), float(error))
 
     def status(self) -> dict[str, str | int | float]:
         """Return the values for diagnostics."""

@@ -22,7 +22,7 @@ The inverse goes branch by branch, too. With ``c = g + s z0``, ``m = alpha c / a
 ``r = alpha |y - y0| / a`` the input distance ``x = alpha |u - u0|`` solves
 ``x - m (1 - exp(-x)) = r``: ``x = r + m + W(-m exp(-(r + m)))`` with the principal branch of the
 Lambert W function. Inside the band 0 <= m <= 1 and the solution is unique. Outside it a branch of
-the operator is not monotone, two inputs have the same output, and ParameterError is raised.
+the operator is not monotone, and two inputs have the same output.
 
 A branch starts at a turning point and contains every sample up to the next turning point, which is
 the last sample of its branch. ``path`` (n + 1,) is the signal (n,) preceded by its start point.
@@ -39,7 +39,6 @@ from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import validation
 
-BAND_TOLERANCE = 1e-9  # relative to the band: rounding of a state on its border
 MAX_NEWTON_STEPS = 12  # of the inverse; seven suffice, see the tests
 STEP_TOLERANCE = 1e-9  # relative, of the input: the next Newton step would be its square
 
@@ -184,42 +183,6 @@ def respond(u: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (
     return params.a * path[1:] + relaxed(
         path, monotone_branches(path, dead_band), params.alpha, params.band,
         start[1] - params.a * start[0])
-
-
-def invert(y: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (0.0, 0.0),
-           dead_band: float = 0.0) -> Array:
-    """
-    Return the input u (n,) of A(17) for a complete output y (n,), from the state ``start`` (u, y).
-
-    ``dead_band`` (in y): reversals of at most this size are noise and stay on their branch.
-    Without it noise drives the state through small loops until the large loop has decayed.
-    Raises ParameterError for a start outside the band and values that are not finite.
-
-    >>> print(invert([1.0, 2.0, 1.0], DuhemParams(alpha=0.15, a=0.54, b=0.28)).round(3))
-    [3.022 5.509 1.316]
-    """
-    path = np.concatenate([[start[1]], series('y', y)])
-    branches, z = monotone_branches(path, dead_band), _inside_band(params, *start)
-    scale, band, numbers = params.alpha / params.a, params.band, branches.numbers
-    corners, starts = path[np.concatenate([[0], branches.starts])], [z]
-    for rise in np.diff(corners):
-        starts.append(float(advanced(0.0, starts[-1], rise, params.alpha, params.a, params.b)[1]))
-    signs, begin = branches.signs[numbers], np.array(starts)[numbers]
-    reach = band + signs * begin
-    x = input_distance(scale * np.abs(path[1:] - corners[numbers]), scale * reach)
-    u: Array = (path[1:] - begin - signs * reach * np.expm1(-x)) / params.a
-    return u
-
-
-def _inside_band(params: DuhemParams, u: float, y: float) -> float:
-    """Return z = y - a u of A(17); raise ParameterError if it lies outside the band."""
-    z, band = y - params.a * u, params.band
-    rounding = BAND_TOLERANCE * max(band, abs(y))
-    if not abs(z) <= band + rounding:
-        raise ParameterError(
-            f'the state u = {u}, y = {y} has y - a u = {z}, outside the band of +-{band}: '
-            'several inputs have this output there, so there is no inverse')
-    return min(max(z, -band), band)
 
 
 def advanced(u: ArrayLike, z: ArrayLike, dy: ArrayLike, alpha: ArrayLike, a: ArrayLike,
