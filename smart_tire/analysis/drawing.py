@@ -108,6 +108,7 @@ def _draw_field(ax: Axes, field: ColorField) -> None:
     drawn = ax.imshow(field.values, origin='lower', extent=field.extent, vmin=low, vmax=high,
                       cmap='viridis', interpolation='nearest', aspect='auto')
     ax.figure.colorbar(drawn, ax=ax, label=field.label, extend='max' if beyond else 'neither')
+    ax.locator_params(integer=True, min_n_ticks=4)  # numbers of films, but shares of a width, too
     ax.grid(False)
 
 

@@ -29,6 +29,7 @@ from smart_tire.estimation.contact.records import (
     CrossingSamples, Detection, FilmGroup, FilmSamples, PatchCrossing)
 from smart_tire.estimation.contact.trajectory import WheelTrajectory
 from smart_tire.estimation.friction.waveform_method import FilmResult, WaveformMethod
+from smart_tire.estimation.friction.waveform_model import Shared
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.samples import NS_PER_S
 
@@ -59,6 +60,12 @@ class ExactCrossings:
         if len(alike) < REPEATED:
             alike.append(self._measured(films, place))
         return alike[-1]
+
+    def length_sigma(self, films: tuple[int, ...], place: Place) -> float | None:
+        """Return the relative standard deviation of the contact length from such a crossing."""
+        result = self.measure(films, place)
+        fit = None if result is None else result.waveform
+        return None if fit is None else fit.shared(Shared.LENGTH).sigma
 
     def _measured(self, films: tuple[int, ...], place: Place) -> FilmResult | None:
         robot, period_ns = self._robot, NS_PER_S / self._robot.film.sample_rate

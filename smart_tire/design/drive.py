@@ -87,6 +87,7 @@ class Window(NamedTuple):
     leaving: float      # s, begin of those of the next window
     solution: Solution
     relaxed: Array      # states of the motion with a relaxation length
+    predicted: dict[tuple[tuple[float, int, bool], ...], tuple[Array, ...]]  # of crossings
 
 
 class _TrueFit(WindowFit):
@@ -135,7 +136,7 @@ class DriveInformation:
         measurements.values = measurements.predict(x, motion)[0]
         fit = self._fit.fit(truth, measurements, leaving, near=True)
         return Window(first, leaving, Solution(end, measurements, truth, fit, Tension('', 0.0)),
-                      relaxed.states)
+                      relaxed.states, {})
 
     def covariances(self, crossings: Sequence[MeasuredCrossing], products: Array
                     ) -> list[Array]:
@@ -151,12 +152,12 @@ class DriveInformation:
             information, measurements = np.linalg.inv(prior), window.solution.measurements
             fit, end = window.solution.fit, window.solution.end
             inside = [one for one in crossings if window.first < one.time <= end]
-            found.append(np.linalg.inv(information + fit.rows.jacobian.T @ fit.rows.jacobian
-                                       + self._of_films(window, inside)))
-            left = information + fit.leaving[0] + self._of_films(
-                window, [one for one in inside if one.time < window.leaving])
+            films, leaving = self._of_films(window, inside)
+            found.append(np.linalg.inv(
+                information + fit.rows.jacobian.T @ fit.rows.jacobian + films))
             travel = measurements.travel * HOP / (end - measurements.begin)
-            prior = WindowPrior(self._truth.x, np.asarray(np.linalg.inv(left))).after(
+            prior = WindowPrior(self._truth.x, np.linalg.inv(
+                information + fit.leaving[0] + leaving)).after(
                 HOP, travel, self._rows).without(OWN, self._rows).covariance
         return found
 
@@ -180,27 +181,41 @@ class DriveInformation:
         friction, slip = np.sqrt(np.mean(variances, axis=0)).tolist()
         return [math.hypot(friction, CURVE_ERROR), slip]
 
-    def _of_films(self, window: Window, crossings: list[MeasuredCrossing]) -> Array:
-        """Return the information matrix of ``crossings`` in ``window``."""
-        fit, measurements = window.solution.fit, window.solution.measurements
+    def _of_films(self, window: Window, crossings: list[MeasuredCrossing]
+                  ) -> tuple[Array, Array]:
+        """Return the information matrices of ``crossings`` in ``window``, and of those leaving."""
         if not crossings:
-            return np.zeros((SIZE, SIZE))
+            return np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE))
+        values, relaxed, load, columns = self._predicted(window, crossings)
+        noise = window.solution.measurements.crossing_noise(values, relaxed - values, load)
+        early = np.repeat([one.time < window.leaving for one in crossings], 2)
+        whole: Array = columns.T @ np.linalg.solve(noise, columns)
+        return whole, columns[early].T @ np.linalg.solve(
+            noise[np.ix_(early, early)], columns[early])
+
+    def _predicted(self, window: Window, crossings: list[MeasuredCrossing]) -> tuple[Array, ...]:
+        """
+        Return values (2 n,), those with a relaxation length, loads [N] (n,), derivatives.
+
+        They depend on the places of the crossings, but not on their covariance.
+        """
+        fit, measurements = window.solution.fit, window.solution.measurements
         measurements.set_crossings(crossings)
-        runs = fit.varied_x
-
-        def values_of(rows: Array, states: Array) -> tuple[Array, Array]:
-            motion = WindowMotion(states, measurements.at(
-                crossings, rows, np.repeat(self._events, len(rows), axis=0), states))
-            return measurements.crossing_values(rows, motion), motion.crossings[0, :, model.LOAD]
-
-        values, load = values_of(runs, fit.varied.states)
-        relaxed, _ = values_of(runs[:1], window.relaxed)
-        noise = measurements.crossing_noise(values[0], relaxed[0] - values[0], load)
-        steps = np.append(np.diagonal(runs[1:] - runs[0]), 1.0)  # the secant is not used
-        columns = self._fit.film_columns(self._truth.x, np.vstack([values, values[:1]]),
-                                         np.zeros(len(noise)), measurements, steps)[:, :SIZE]
-        information: Array = columns.T @ np.linalg.solve(noise, columns)
-        return information
+        key = tuple((one.time, one.wheel, one.sliding) for one in crossings)
+        if key not in window.predicted:
+            motion, relaxed = (WindowMotion(states, measurements.at(
+                crossings, fit.varied_x[:len(states)], np.repeat(
+                    self._events, len(states), axis=0), states))
+                for states in (fit.varied.states, window.relaxed))
+            values = measurements.crossing_values(fit.varied_x, motion)
+            steps = np.append(np.diagonal(fit.varied_x[1:] - fit.varied_x[0]), 1.0)
+            window.predicted[key] = (
+                values[0], measurements.crossing_values(fit.varied_x[:1], relaxed)[0],
+                motion.crossings[0, :, model.LOAD],
+                self._fit.film_columns(  # the last row is the secant, which is not used
+                    self._truth.x, np.vstack([values, values[:1]]), np.zeros(values.shape[1]),
+                    measurements, steps)[:, :SIZE])
+        return window.predicted[key]
 
     def places(self, wheel: int, position: float, turn: float = 0.0) -> list[Place]:
         """

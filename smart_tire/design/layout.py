@@ -29,7 +29,6 @@ from smart_tire.calibration.film_gains import volts_per_slip
 from smart_tire.design.crossing import ExactCrossings
 from smart_tire.design.drive import AVERAGED, DriveInformation
 from smart_tire.errors import ParameterError
-from smart_tire.estimation.friction.waveform_model import Shared
 from smart_tire.estimation.ground.measurements import MeasuredCrossing
 from smart_tire.estimation.ground.unknowns import HOP, MIN_RADIUS_SIGMA
 from smart_tire.models.tire.film_equations import bending_shape
@@ -110,6 +109,10 @@ class FilmLayout:
         return self.wheels * self.rate * (self.films * self.bits + HEADER_BITS / batch)
 
 
+# of one wheel, with the standard deviation of the contact length where it is measured
+Crossings = list[tuple[MeasuredCrossing, float | None]]
+
+
 class Accuracy(NamedTuple):
     """Standard deviations by the bound, rms over drives."""
 
@@ -126,6 +129,7 @@ class Study:
         self.drives, self.robot = drives, drives[0].robot
         self._wheels = [WHEELS.index(name) for name in wheels]
         self._known: dict[FilmLayout, Accuracy] = {}
+        self._crossings: dict[tuple[DriveInformation, FilmLayout, int], list[Crossings]] = {}
 
     def accuracy(self, layout: FilmLayout) -> Accuracy:
         """Return the accuracy with ``layout``; infinite where its films do not fit."""
@@ -141,33 +145,42 @@ class Study:
 
     def _on(self, drive: DriveInformation, layout: FilmLayout) -> list[float]:
         """Return the accuracy on one drive."""
-        robot, rows, single = layout.robot(self.robot), [], []
-        radius_sigma = max(robot.wheel_radius_sigma, MIN_RADIUS_SIGMA)
-        fitters = [(wheel, [ExactCrossings(robot, WHEELS[wheel], drive.trajectories[wheel], sigma)
-                            for sigma in (0.0, LENGTH_SIGMA)])
-                   for wheel in map(WHEELS.index, layout.names)]
+        rows, single = [], []
+        radius_sigma = max(self.robot.wheel_radius_sigma, MIN_RADIUS_SIGMA)
         late = drive.drive.duration - AVERAGED * HOP  # s
         for start in range(START_ANGLES):
-            found, products = [], np.zeros(len(WHEELS))
-            for wheel, (exact, free) in fitters:
-                for films in robot.film_groups:
-                    center = float(np.mean([robot.film.centers[i] for i in films]))
-                    for place in drive.places(wheel, center, start / START_ANGLES):
-                        result = exact.measure(films, place)
-                        if result is None:
-                            continue
-                        product = place.slip * place.normalized_slip
-                        products[wheel] = PRESSURE_TILT * layout.across * abs(product)
-                        found.append(MeasuredCrossing(
-                            place.time, wheel, place.slip, place.normalized_slip,
-                            result.slips.covariance, result.sliding))
-                        fit = free.measure(films, place) if place.time > late else None
-                        if fit is not None and fit.waveform is not None:
-                            length = fit.waveform.shared(Shared.LENGTH).sigma
-                            single.append((result.slips.slip_sigma,
-                                           math.hypot(length, radius_sigma)))
-            rows.append(drive.sigmas(found, products, self._wheels))
+            found = [one for wheel in map(WHEELS.index, layout.names)
+                     for one in self._crossings_of(drive, layout, wheel)[start]]
+            products = np.zeros(len(WHEELS))
+            for crossing, length_sigma in found:
+                products[crossing.wheel] = PRESSURE_TILT * layout.across * abs(
+                    crossing.slip * crossing.normalized_slip)
+                if crossing.time > late and length_sigma is not None:
+                    single.append((math.sqrt(crossing.covariance[0, 0]),
+                                   math.hypot(length_sigma, radius_sigma)))
+            rows.append(drive.sigmas([one for one, _ in found], products, self._wheels))
         return [*_rms(rows), *_rms(single or [(math.inf, LENGTH_SIGMA)])]
+
+    def _crossings_of(self, drive: DriveInformation, layout: FilmLayout, wheel: int
+                      ) -> list[Crossings]:
+        """Return the crossings of ``wheel`` for each start angle; ParameterError as ``robot``."""
+        layout = replace(layout, wheels=len(WHEELS), across=0.0)  # they do not depend on these
+        if (key := (drive, layout, wheel)) not in self._crossings:
+            robot = layout.robot(self.robot)
+            exact, free = (ExactCrossings(robot, WHEELS[wheel], drive.trajectories[wheel], sigma)
+                           for sigma in (0.0, LENGTH_SIGMA))
+            late = drive.drive.duration - AVERAGED * HOP  # s
+            self._crossings[key] = [
+                [(MeasuredCrossing(place.time, wheel, place.slip, place.normalized_slip,
+                                   result.slips.covariance, result.sliding),
+                  free.length_sigma(films, place) if place.time > late else None)
+                 for films in robot.film_groups
+                 for place in drive.places(
+                     wheel, float(np.mean([robot.film.centers[i] for i in films])),
+                     start / START_ANGLES)
+                 if (result := exact.measure(films, place)) is not None]
+                for start in range(START_ANGLES)]
+        return self._crossings[key]
 
 
 def _rms(rows: Sequence[Sequence[float]]) -> list[float]:

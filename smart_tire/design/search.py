@@ -113,9 +113,9 @@ def sensitivity(study: Study, layout: FilmLayout) -> Iterator[tuple[str, float, 
             yield name, value, study.accuracy(replace(layout, **{name: value}))
     for i, name in enumerate(('wheel_speed', 'tire_length', 'tire_stiffness')):
         for factor in FACTORS:
-            yield name, factor, Study([_varied(drive, *(
-                factor if i == k else 1.0 for k in range(3)))
-                for drive in study.drives]).accuracy(layout)
+            other = study if factor == 1.0 else Study([_varied(drive, *(
+                factor if i == k else 1.0 for k in range(3))) for drive in study.drives])
+            yield name, factor, other.accuracy(layout)
 
 
 def _varied(drive: DriveInformation, speed: float, length: float, stiffness: float

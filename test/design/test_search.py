@@ -102,9 +102,9 @@ def test_the_table_changes_one_property_after_another(monkeypatch):
     by_rate = {value: accuracy.friction for name, value, accuracy in rows if name == 'rate'}
     assert by_rate[200.0] == pytest.approx(2.0 * by_rate[800.0])
     assert np.array(made) == pytest.approx(np.array([
-        *((one, 1.0, 1.0, 1.0, True) for one in FACTORS),
-        *((1.0, one, 1.0, 1.0, True) for one in FACTORS),
-        *((1.0, 1.0, one, one, True) for one in FACTORS)]))
+        *((one, 1.0, 1.0, 1.0, True) for one in FACTORS if one != 1.0),
+        *((1.0, one, 1.0, 1.0, True) for one in FACTORS if one != 1.0),
+        *((1.0, 1.0, one, one, True) for one in FACTORS if one != 1.0)]))
 
 
 def test_the_maps_have_the_values_of_their_axes_and_gaps_where_films_do_not_fit():

@@ -62,7 +62,7 @@ class FilmEstimator:
         self._params, self._film = params, film
         self._pyro = (0.0 if film.film is None else
                       params.pyroelectric_coefficient * film.film.length * film.film.width)
-        film.operator  # ParameterError without an inverse
+        self._operator = film.operator  # ParameterError without an inverse
         # limit of a gap in which a reversal of the motion is possible
         self._max_gap = 0.5 / params.bandwidth
         self._buffer = ReorderBuffer(round(params.reorder_window * NS_PER_S))
