@@ -12,9 +12,12 @@
 The bound of ``smart_tire design`` next to the errors of the friction estimator.
 
 Robots are drawn as in ``benchmarks.robots``, by default within the model of the estimator, with
-the films of each layout, whose gains are drawn by their tolerance. mu and slip are those of the
-crossings in the last seconds of a drive, of all wheels with films; slip of the films and contact
-length are those that each crossing shows alone.
+the films of each layout. Ground, torques and gains of the films are drawn from the priors of the
+estimator: those that ``benchmarks.robots`` draws are closer to the nominal ones. mu and slip are
+those of the crossings in the last seconds of a drive, of all wheels with films; slip of the films
+and contact length are those that each crossing shows alone. Crossings in changes of wheel speed do
+not count: the slip varies by more than its error while a film is in the patch, and mean and
+instant differ.
 """
 
 from __future__ import annotations
@@ -22,28 +25,33 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
+import math
 import sys
 
 from benchmarks.friction.crossings import FUSED, match_rows, true_crossings
+from benchmarks.grounds import ground as surfaces
 from benchmarks.harness import Benchmark, Column, figure_table, Job, percent, Rows
-from benchmarks.robots.draws import draw, GROUNDS, TORQUES
+from benchmarks.motion import MIN_STEADY_DISTANCE
+from benchmarks.robots.draws import Draw, draw, TORQUES
 from benchmarks.scoring import Errors, Run
 import numpy as np
 from rich.table import Table
-from smart_tire.arrays import Array
-from smart_tire.design.drive import AVERAGED, DriveInformation, DRIVES, Ground
+from smart_tire.arrays import Array, Instants
+from smart_tire.design.drive import AVERAGED, DriveInformation, DRIVES, DriveSchedule, Ground
 from smart_tire.design.layout import Accuracy, FilmLayout, LENGTH_SIGMA, Study
 from smart_tire.estimation.friction.estimator import EvaluatedCrossing, FrictionEstimator
 from smart_tire.estimation.friction.waveform_method import WaveformMethod
 from smart_tire.estimation.friction.waveform_model import Shared
-from smart_tire.estimation.ground.unknowns import HOP
+from smart_tire.estimation.ground.unknowns import HOP, MOTOR_SCALE_SIGMA, priors, Unknown
+from smart_tire.models.vehicle.drive import torque_errors
 from smart_tire.parameters import FrictionEstimatorParams, RobotParams
 from smart_tire.samples import Friction, NS_PER_S, Sample
 from smart_tire.simulation.offline import EPOCH_NS
 
 PAPER = FilmLayout.of(RobotParams())
-ROWS = {'concrete': 'slow_turn', 'sand': 'sand_turn'}  # of benchmarks.robots, by ground
+ROW = 'slow_turn'  # of benchmarks.robots
+MAX_SIGMAS = 2.0   # of what is drawn from the priors
 # properties of drawn robots that the model of the estimator does not have
 AWAY = ('fall', 'relaxation_length', 'load_transfer_time', 'bump_distance', 'bump_width',
         'bump_shape')
@@ -51,7 +59,7 @@ QUANTITIES = {'friction': 'mu', 'slip': 'slip', 'film_slip': 'slip of the films'
               'contact_length': 'contact length'}
 NOTES = """\
 Standard deviation by the bound of smart_tire design, rms error of the estimator on robots drawn at
-random, and their ratio. mu and contact length: of their logarithms, in 0.01; slips: in 0.01.
+random, and the rms of their ratio. mu and contact length: of their logarithms; all in 0.01.
 """
 
 
@@ -62,13 +70,11 @@ class Point:
     title: str
     layout: FilmLayout = PAPER
     drive: str = 'turn'
-    ground: str = 'concrete'
     torque: bool = True
 
 
 POINTS: Mapping[str, Point] = {
     'paper': Point('paper B: 2 x 20 mm, 30 mm apart, 400 Hz, 10 bits'),
-    'paper_sand': Point('the same on sand', ground='sand'),
     'paper_fast': Point('the same, 120/60 rpm', drive='fast_turn'),
     'paper_curves': Point('the same, S-curves', drive='s_curves'),
     'paper_no_torque': Point('the same, without torque', torque=False),
@@ -90,72 +96,95 @@ def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]
     return [partial(run_point, name, seed, () if args.away else AWAY) for seed in seeds]
 
 
-@cache
-def bound(point: Point) -> Accuracy:
-    """Return the bound of a point, of the wheels with films."""
-    friction, stiffness, drag = GROUNDS[point.ground]
-    drive = DriveInformation(RobotParams(), Ground(point.ground, stiffness, friction, drag),
-                             DRIVES[point.drive], point.torque)
+def bound(point: Point, ground: Ground) -> Accuracy:
+    """Return the bound of a point on ``ground``, of the wheels with films."""
+    drive = DriveInformation(RobotParams(), ground, DRIVES[point.drive], point.torque)
     return Study([drive], wheels=point.layout.names).accuracy(point.layout)
+
+
+def drawn(seed: int, nominal: Sequence[str]) -> tuple[Draw, Ground]:
+    """Return a robot whose ground and torques are drawn from the priors, and the ground."""
+    one, rng = draw(ROW, seed, nominal), np.random.default_rng([seed, 4])
+    rows = [priors(one.robot)[i] for i in (
+        Unknown.STIFFNESS, Unknown.FRICTION, Unknown.RESISTANCE)]
+    size = np.clip(rng.standard_normal(len(rows)), -MAX_SIGMAS, MAX_SIGMAS)
+    stiffness, friction, drag = (math.exp(row.mean + row.sigma * part)
+                                 for row, part in zip(rows, size.tolist()))
+    ground, motor = Ground('drawn', stiffness, friction, drag), one.robot.motor
+    simulator = replace(
+        one.simulator, ground=surfaces(ground.name, {ground.name: (friction, stiffness, drag)}),
+        errors=replace(one.simulator.errors, torque_constant=motor.torque_constant_sigma,
+                       torque_constant_spread=MOTOR_SCALE_SIGMA,
+                       torque_offset=torque_errors(motor)[1]))
+    return replace(one, simulator=simulator), ground
+
+
+def is_counted(drive: DriveSchedule, stamp_ns: Instants) -> Array:
+    """Return which crossings (n,) are late and far from any change of the set points."""
+    time = (stamp_ns - EPOCH_NS) / NS_PER_S
+    steady = [np.abs(time - start) > MIN_STEADY_DISTANCE for start, _, _ in drive.legs]
+    return np.all([time > drive.duration - AVERAGED * HOP, *steady], axis=0)
 
 
 def run_point(name: str, seed: int, nominal: Sequence[str] = AWAY) -> list[Run]:
     """Return the errors with one drawn robot, with the bound as their standard deviation."""
     point = POINTS[name]
     robot, drive = point.layout.robot(RobotParams()), DRIVES[point.drive]
-    one = draw(ROWS[point.ground], seed, nominal)
+    one, ground = drawn(seed, nominal)
     factors = 1.0 + robot.film.stretch_gain_tolerance * np.random.default_rng(
         [seed, 3]).standard_normal(point.layout.films * point.layout.wheels)
     true = replace(one.true, film=replace(robot.film, stretch_gain=tuple(
         np.multiply(factors, robot.film.stretch_gain * point.layout.wheels).tolist())))
+    radio = one.simulator.radio
     one = replace(one, simulator=replace(one.simulator, robot=true), legs=drive.legs,
                   duration=drive.duration, without=() if point.torque else (TORQUES,))
     evaluated: list[EvaluatedCrossing] = []
-    estimator = FrictionEstimator(FrictionEstimatorParams(robot=robot), evaluated.append)
+    estimator = FrictionEstimator(FrictionEstimatorParams(
+        robot=robot, reorder_window=max(  # samples of a packet arrive with its last one
+            FrictionEstimatorParams.reorder_window, radio.batch / robot.film.sample_rate
+            + radio.max_delay)), evaluated.append)
     for sample in one.inputs():
         estimator.update(sample)
     estimator.finish()
-    late_ns = EPOCH_NS + round((drive.duration - AVERAGED * HOP) * NS_PER_S)
-    least, errors = bound(point), {}
-    frictions = [each.friction for each in evaluated]
-    for quantity, found in _errors(one.truth(), frictions, true, late_ns).items():
-        errors[quantity] = Errors(found, np.full(len(found), getattr(least, quantity)))
-    lengths = np.array([value for wheel in point.layout.names
-                        for value in _lengths(evaluated, wheel, robot, late_ns)])
-    errors['contact_length'] = Errors(lengths, np.full(len(lengths), least.contact_length))
-    return [Run(name, seed, errors, {f'bound.{key}': value
-                                     for key, value in least._asdict().items()})]
+    least = bound(point, ground)
+    errors = _errors(one.truth(), [each.friction for each in evaluated], true, drive)
+    errors['contact_length'] = np.array([value for wheel in point.layout.names
+                                         for value in _lengths(evaluated, wheel, robot, drive)])
+    return [Run(name, seed, {
+        quantity: Errors(found, np.full(len(found), getattr(least, quantity)))
+        for quantity, found in errors.items()}, {
+            f'bound.{key}': value for key, value in least._asdict().items()})]
 
 
 def _errors(truth: Sequence[Sample], frictions: Sequence[Friction], robot: RobotParams,
-            late_ns: int) -> dict[str, Array]:
+            drive: DriveSchedule) -> dict[str, Array]:
     """Return errors of ln mu and of slips at the end of the drive, of all wheels."""
     found: dict[str, list[Array]] = {'friction': [], 'slip': [], 'film_slip': []}
     for wheel in robot.film.wheels:
         rows = match_rows(true_crossings(truth, robot, wheel), frictions, wheel)
-        late = rows.stamp_ns > late_ns
+        counted = is_counted(drive, rows.stamp_ns)
         for quantity, name in ('friction', FUSED), ('slip', 'slip'), ('film_slip', 'film_slip'):
-            value, true = rows.value[name][late], rows.true[name][late]
+            value, true = rows.value[name][counted], rows.true[name][counted]
             found[quantity].append(
                 np.log(value / true) if quantity == 'friction' else value - true)
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
 def _lengths(evaluated: Sequence[EvaluatedCrossing], wheel: str, robot: RobotParams,
-             late_ns: int) -> Iterator[float]:
-    """Yield the error of ln of the contact length of each late crossing, if it is unknown."""
+             drive: DriveSchedule) -> Iterator[float]:
+    """Yield the error of ln of the contact length of each counted crossing, if it is unknown."""
     method = WaveformMethod(wheel, robot, LENGTH_SIGMA)
-    for one in evaluated:
-        if one.friction.wheel == wheel:
-            result = method.measure(one.crossing)
-            if one.crossing.stamp_ns > late_ns and result is not None and result.waveform:
-                yield result.waveform.shared(Shared.LENGTH).value
+    own = [one for one in evaluated if one.friction.wheel == wheel]
+    counted = is_counted(drive, np.array([one.crossing.stamp_ns for one in own]))
+    for one, counts in zip(own, counted.tolist()):
+        if (result := method.measure(one.crossing)) is not None and result.waveform and counts:
+            yield result.waveform.shared(Shared.LENGTH).value
 
 
 def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
     """Yield the table of bounds and errors."""
     shown = [(POINTS[name].title, figures | {
-        f'ratio.{one}': figures[f'{one}.rms'] / figures[f'bound.{one}'] for one in QUANTITIES})
+        f'ratio.{one}': math.sqrt(figures[f'{one}.nees']) for one in QUANTITIES})
         for name, figures in rows.items()]
     yield figure_table('Bound and errors', shown, [column for one, title in QUANTITIES.items()
                        for column in (
