@@ -85,8 +85,6 @@ class WheelServo:
             self.reset()
             self._holding = True
         params, reference = self._params, self._reference
-        pid = params.pid if not self._holding else replace(
-            params.pid, limit=min(params.pid.limit, c.MAX_HOLD_DUTY))
         if reference is None:  # a rolling wheel is taken over at its speed
             reference = self._reference = SpeedReference(
                 0.0 if self._holding else measured, now_ns)
@@ -95,7 +93,8 @@ class WheelServo:
             (params.max_wheel_acceleration, params.max_wheel_deceleration), tire)
         self._direction = reference.direction
         delay = feedback.delay(1.0 / params.rate) + response.delay
-        self._pid.set_gains(pid, self._model.limited(params.pid, delay))
+        limit = min(params.pid.limit, c.MAX_HOLD_DUTY if self._holding else 1.0)
+        self._pid.set_params(replace(self._model.limited(params.pid, delay), limit=limit))
         feed_forward = self._model.duty(self._input, self._direction)
         error, follows = self._error(reference, feedback, response.delay), True
         if response.motors:

@@ -59,40 +59,35 @@ class WheelFeedback:
         """
         if not all(abs(speed) <= c.MAX_READING for speed in velocity):  # false for NaN, too
             return
-        before = self.latest
-        if before is not None and (gap_ns := _gap(before, now_ns, stamp_ns)) > 0:
+        before, gap_ns = self.latest, 0
+        if before is not None:
+            gap_ns = _gap(before, now_ns, stamp_ns)
+            if gap_ns <= 0:
+                return  # repeated
             self._gaps.append(gap_ns)
             if position is None and gap_ns > c.MAX_GAP_RATIO * median(self._gaps):
-                self._readings.clear()  # others are missing in between
-        elif before is not None:  # another one of the same time
-            self._readings.pop()
-            gap_ns = before.time_ns - self._readings[-1].time_ns if self._readings else 0
-        if not self._readings:
-            gap_ns = self._begin(velocity, now_ns)
-        self._append(velocity, now_ns, stamp_ns, position, gap_ns)
-
-    def _begin(self, velocity: Four, now_ns: int) -> int:
-        """Begin with the period [ns] of the readings, if it is known; return it."""
-        period_ns = round((self.period or 0.0) * NS_PER_S)
-        self._lateness.clear()
-        if period_ns:
-            time_ns = now_ns - period_ns
-            self._readings.append(WheelReading(velocity, time_ns, 0, time_ns, STOPPED, None))
-        return period_ns
-
-    def _append(self, velocity: Four, now_ns: int, stamp_ns: int, position: Four | None,
-                gap_ns: int) -> None:
-        before = self.latest
-        angle = STOPPED if before is None else _angle(before, velocity, position, gap_ns)
-        time_ns = now_ns if before is None else before.time_ns + gap_ns
+                before = None  # others are missing in between
+        if before is None:
+            before, gap_ns = self._begin(velocity, now_ns)
+        time_ns = before.time_ns + gap_ns
         late_ns = now_ns - time_ns
-        if self._lateness and late_ns > min(self._lateness) + c.MAX_LATENESS_NS:
+        if late_ns > min(self._lateness, default=late_ns) + c.MAX_LATENESS_NS:
             self._lateness.clear()
         self._lateness.append(late_ns)
         readings = self._readings
-        readings.append(WheelReading(velocity, now_ns, stamp_ns, time_ns, angle, position))
+        readings.append(WheelReading(velocity, now_ns, stamp_ns, time_ns,
+                                     _angle(before, velocity, position, gap_ns), position))
         while len(readings) > 2 and time_ns - readings[1].time_ns >= self._window_ns:
             readings.popleft()
+
+    def _begin(self, velocity: Four, now_ns: int) -> tuple[WheelReading, int]:
+        """Begin a period [ns] before the first reading, 0 if it is not known; return both."""
+        period_ns = round((self.period or 0.0) * NS_PER_S)
+        begin_ns = now_ns - period_ns
+        first = WheelReading(velocity, begin_ns, 0, begin_ns, STOPPED, None)
+        self._lateness.clear()
+        self._readings = deque([first] if period_ns else [])
+        return first, period_ns
 
     def discard(self) -> None:
         """Discard all readings; their period remains known."""

@@ -24,15 +24,6 @@ from smart_tire.samples import GRAVITY, NS_PER_S, WHEELS
 
 
 @dataclass(frozen=True)
-class Gains:
-    """Gains of the feedback: duty per speed error, its integral, and acceleration."""
-
-    proportional: float  # s/rad
-    integral: float      # 1/rad
-    derivative: float    # s2/rad
-
-
-@dataclass(frozen=True)
 class DriveModel:
     """
     A wheel on the ground: a first-order lag with dry friction.
@@ -90,9 +81,9 @@ class DriveModel:
         """Return the duty for an input, and for the friction in the ``direction`` -1, 0 or 1."""
         return self.speed_gain * input_speed + self.friction * direction
 
-    def limited(self, pid: PidParams, delay: float) -> Gains:
+    def limited(self, pid: PidParams, delay: float) -> PidParams:
         """
-        Return the gains of ``pid``, reduced by one factor to those that ``delay`` [s] permits.
+        Return ``pid`` with its gains reduced by one factor to those that ``delay`` [s] permits.
 
         Internal model control of a first-order lag with a delay, for a closed loop as fast as the
         delay: the proportional gain is at most ``time constant / (2 delay)``, the integral gain
@@ -105,8 +96,9 @@ class DriveModel:
             (pid.proportional, min(self.time_constant * fastest, self.speed_gain)),
             (pid.integral, fastest)) if gain > 0.0])
         wheel_inertia = self.wheel_time_constant * self.speed_gain  # s2/rad: over stall torque
-        return Gains(factor * pid.proportional, factor * pid.integral,
-                     min(factor * pid.derivative, c.MAX_DERIVATIVE_SHARE * wheel_inertia))
+        return replace(pid, proportional=factor * pid.proportional, integral=factor * pid.integral,
+                       derivative=min(factor * pid.derivative,
+                                      c.MAX_DERIVATIVE_SHARE * wheel_inertia))
 
 
 def drive_model(pid: PidParams, robot: RobotParams) -> DriveModel:
@@ -137,9 +129,9 @@ class SpeedReference:
         self._input = velocity      # rad/s, of the drive model until the next step, without load
         self._load, self._lag = 0.0, 1.0  # rad/s and s, of the latest step
         self._expected = velocity   # rad/s
-        self._initial = velocity    # rad/s, before the first step
-        self._turned = History()    # rad, integral of the expected speed
-        self._turned.add(now_ns, 0.0)
+        self._turned = History()    # rad, integral of the expected speed, also before
+        for time_ns in (now_ns - NS_PER_S, now_ns):
+            self._turned.add(time_ns, velocity * (time_ns - now_ns) / NS_PER_S)
 
     @property
     def direction(self) -> float:
@@ -186,8 +178,8 @@ class SpeedReference:
 
     def mean(self, begin_ns: int, end_ns: int) -> float:
         """Return the mean of the expected speed [rad/s] in an interval of the past."""
-        angle = self._angle(end_ns) - self._angle(begin_ns)
-        return angle * NS_PER_S / (end_ns - begin_ns)
+        (begin,), (end,) = map(self._turned.at, (begin_ns, end_ns))
+        return (end - begin) * NS_PER_S / (end_ns - begin_ns)
 
     def _expect(self, now_ns: int) -> None:
         """Advance the expected speed from the latest step to ``now_ns``."""
@@ -199,15 +191,6 @@ class SpeedReference:
         angle += self._input * elapsed + lag * (self._expected - self._input - rest)
         self._expected = self._input + rest
         self._turned.add(now_ns, angle)
-
-    def _angle(self, time_ns: int) -> float:
-        """Return the integral of the expected speed [rad] until ``time_ns``."""
-        times = self._turned.times
-        if time_ns >= times[-1]:
-            return self._turned.latest[0] + self._expected * (time_ns - times[-1]) / NS_PER_S
-        if time_ns < times[0]:
-            return self._turned.values[0][0] - self._initial * (times[0] - time_ns) / NS_PER_S
-        return self._turned.at(time_ns)[0]
 
 
 def _limited(velocity: float, set_point: float, dt: float, limits: tuple[float, float]) -> float:
@@ -232,7 +215,6 @@ class Pid:
 
     def __init__(self, params: PidParams) -> None:
         self._params = params
-        self._gains = Gains(params.proportional, params.integral, params.derivative)
         self.reset()
 
     def reset(self) -> None:
@@ -242,13 +224,11 @@ class Pid:
         self.excess = 0.0  # duty that the limits cut off
         self._error = self._slope = 0.0
 
-    def set_gains(self, params: PidParams, gains: Gains) -> None:
-        """Use the limits of ``params`` and these ``gains`` from now on, without a jump."""
+    def set_params(self, params: PidParams) -> None:
+        """Use these limits and gains from now on; the gains change nothing at once."""
+        before = self._proportional_derivative(self._error, self._slope)
         self._params = params
-        if gains != self._gains:
-            before = self._proportional_derivative(self._error, self._slope)
-            self._gains = gains
-            self._integral += before - self._proportional_derivative(self._error, self._slope)
+        self._integral += before - self._proportional_derivative(self._error, self._slope)
 
     def compensate(self, change: float) -> None:
         """Make up for a ``change`` of the feed-forward duty by its parameters."""
@@ -279,7 +259,7 @@ class Pid:
         """
         self._error, self._slope = error, slope
         partial = feed_forward + self._proportional_derivative(error, slope)
-        integral = self._integral + (self._gains.integral * error * dt if current else 0.0)
+        integral = self._integral + (self._params.integral * error * dt if current else 0.0)
         output = self._limited(partial + integral, dt)
         if (partial + integral - output) * error > 0.0:
             integral = self._integral
@@ -288,7 +268,7 @@ class Pid:
         return output
 
     def _proportional_derivative(self, error: float, slope: float) -> float:
-        return self._gains.proportional * error - self._gains.derivative * slope
+        return self._params.proportional * error - self._params.derivative * slope
 
     def _unwound(self, partial: float, integral: float, dt: float) -> float:
         """Return the integral after back-calculation, which does not change its sign."""

@@ -12,13 +12,13 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 import math
 
 import pytest
 
 from smart_tire.control.slip_limits import TireLoad
-from smart_tire.control.wheel_servo import drive_model, DriveModel, Gains
+from smart_tire.control.wheel_servo import drive_model, DriveModel
 from smart_tire.models.tire.brush_tire import brush_force
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.control import PidParams
@@ -76,6 +76,10 @@ def test_without_acceleration_the_input_is_the_reference():
 PID = PidParams(proportional=0.04, integral=0.4, derivative=0.0002)
 
 
+def gains(pid):
+    return pid.proportional, pid.integral, pid.derivative
+
+
 @pytest.mark.parametrize(('changes', 'delay', 'expected'), [
     ({}, 0.0625, (0.04, 0.4, 2e-4)),  # as configured
     # one factor for all: integral gain 0.05 / (2 delay), proportional 0.1 times that
@@ -89,11 +93,11 @@ PID = PidParams(proportional=0.04, integral=0.4, derivative=0.0002)
     *(({'derivative': 10.0}, delay, (0.04 * factor, 0.4 * factor, 0.25 * 0.02 * 0.05))
       for delay, factor in ((1e-3, 1.0), (0.0625, 1.0), (0.25, 0.25)))])
 def test_gains_are_limited_by_delay_and_motor(changes, delay, expected):
-    assert astuple(MODEL.limited(replace(PID, **changes), delay)) == pytest.approx(expected)
+    assert gains(MODEL.limited(replace(PID, **changes), delay)) == pytest.approx(expected)
 
 
 def test_without_a_known_delay_there_is_no_feedback():
-    assert MODEL.limited(PID, math.inf) == Gains(0.0, 0.0, 0.0)
+    assert gains(MODEL.limited(PID, math.inf)) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize('speed', [4.0, 8.0, 9.9, 10.0, 10.5, 12.0, 14.0, 20.0])

@@ -93,7 +93,7 @@ def test_controllers_are_reset_after_any_pause(pause):
 
 
 def test_while_motors_are_disabled_the_duty_does_not_wind_up_and_is_not_zero():
-    control = started()
+    control = started(velocity=STOPPED)
     control.motors_enabled = False
     duties = []
     for tick in range(32):
