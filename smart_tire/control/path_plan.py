@@ -33,7 +33,7 @@ from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, wrap
 from smart_tire.control.path_geometry import FORWARD, Maneuver, REVERSE, Segment, Spin
 from smart_tire.errors import CommandError
-from smart_tire.parameters.path_following import PathCheckParams
+from smart_tire.parameters.path_following import ArrivalParams, PathCheckParams
 from smart_tire.rotation import wrapped
 from smart_tire.samples import GoalPose, PlannedPath, Vector3
 
@@ -62,37 +62,21 @@ def plan_path(poses: Sequence[Vector3], corner_angle: float) -> tuple[Maneuver, 
     return (*maneuvers, *([] if math.isnan(final) else [Spin(final)]))
 
 
-def goal_in(path: PlannedPath) -> GoalPose | None:
-    """
-    Return the goal in a path whose poses are all at one position; None if they are not.
-
-    nav2's planners send such a path where the robot and its goal share a cell. Its yaw is the last
-    one given.
-    """
-    x, y, _ = path.poses[0]
-    if any(math.hypot(pose[0] - x, pose[1] - y) >= c.MIN_SPACING for pose in path.poses):
-        return None
-    given = [pose[2] for pose in path.poses if not math.isnan(pose[2])]
-    return GoalPose(path.stamp_ns, path.frame, (x, y, given[-1] if given else math.nan))
-
-
-def plan_goal(start: Vector3, goal: Vector3, *, tolerance: float,
-              reverse_distance: float) -> tuple[Maneuver, ...]:
+def plan_goal(start: Motion, goal: Vector3, arrival: ArrivalParams) -> tuple[Maneuver, ...]:
     """
     Return the maneuvers from ``start`` to ``goal`` (x [m], y [m], yaw [rad]): straight, then turn.
 
-    A goal behind within ``reverse_distance`` [m] is reached in reverse. There is no way to drive
-    if the goal is within ``tolerance`` [m]. A yaw of NaN is any.
+    A goal behind within ``reverse_distance`` is reached in reverse. There is no way to drive if it
+    is within ``xy_tolerance``. A yaw of NaN is any.
     """
-    distance = math.hypot(goal[0] - start[0], goal[1] - start[1])
-    bearing = wrap(math.atan2(goal[1] - start[1], goal[0] - start[0]) - start[2])
-    maneuvers: list[Maneuver] = []
-    if distance > tolerance:
-        behind = abs(bearing) > 0.5 * math.pi and distance <= reverse_distance
-        maneuvers.append(Segment(np.array([start[0], goal[0]]), np.array([start[1], goal[1]]),
-                                 REVERSE if behind else FORWARD))
-    if not math.isnan(goal[2]):
-        maneuvers.append(Spin(goal[2]))
+    x, y, yaw = goal
+    distance = math.hypot(x - start.x, y - start.y)
+    bearing = wrap(math.atan2(y - start.y, x - start.x) - start.yaw)
+    maneuvers: list[Maneuver] = [] if math.isnan(yaw) else [Spin(yaw)]
+    if distance > arrival.xy_tolerance:
+        behind = abs(bearing) > 0.5 * math.pi and distance <= arrival.reverse_distance
+        maneuvers.insert(0, Segment(np.array([start.x, x]), np.array([start.y, y]),
+                                    REVERSE if behind else FORWARD))
     return tuple(maneuvers)
 
 
@@ -165,23 +149,32 @@ def _peaks(turn: Array, arc: Array, limit: float) -> list[int]:
     return corners
 
 
-def check_path(path: PlannedPath, params: PathCheckParams, frame: str) -> None:
-    """Raise CommandError if ``path`` is not in ``frame`` or can be followed from nowhere."""
-    _check_frame('path', path.frame, frame)
-    if not 1 <= len(path.poses) <= params.max_path_poses:
-        raise CommandError(f'path: {len(path.poses)} poses, expected 1 to {params.max_path_poses}')
-    for number, pose in enumerate(path.poses):
+def checked(target: PlannedPath | GoalPose, params: PathCheckParams, frame: str
+            ) -> PlannedPath | GoalPose:
+    """
+    Return ``target``, and the goal in a path whose poses are all at one position.
+
+    nav2's planners send such a path where the robot and its goal share a cell. Its yaw is the last
+    one given. Raise CommandError if ``target`` is not in ``frame`` or can be followed from nowhere.
+    """
+    if isinstance(target, GoalPose):
+        _check_frame('goal_pose', target.frame, frame)
+        _check_pose('goal_pose', target.pose)
+        return target
+    poses = target.poses
+    _check_frame('path', target.frame, frame)
+    if not 1 <= len(poses) <= params.max_path_poses:
+        raise CommandError(f'path: {len(poses)} poses, expected 1 to {params.max_path_poses}')
+    for number, pose in enumerate(poses):
         _check_pose(f'path: pose {number}', pose)
-    length = math.fsum(math.dist(one[:2], other[:2]) for one, other in pairwise(path.poses))
+    length = math.fsum(math.dist(one[:2], other[:2]) for one, other in pairwise(poses))
     if length > params.max_path_length:
         raise CommandError(f'path: {length:.1f} m long, expected at most '
                            f'{params.max_path_length:g} m (checks.max_path_length)')
-
-
-def check_goal(goal: GoalPose, frame: str) -> None:
-    """Raise CommandError if ``goal`` is not a valid pose in ``frame``."""
-    _check_frame('goal_pose', goal.frame, frame)
-    _check_pose('goal_pose', goal.pose)
+    (x, y, _), yaws = poses[0], [pose[2] for pose in poses if not math.isnan(pose[2])]
+    if any(math.dist(pose[:2], (x, y)) >= c.MIN_SPACING for pose in poses):
+        return target
+    return GoalPose(target.stamp_ns, target.frame, (x, y, yaws[-1] if yaws else math.nan))
 
 
 def check_start(target: PlannedPath | GoalPose, motion: Motion, params: PathCheckParams) -> None:

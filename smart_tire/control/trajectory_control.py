@@ -25,8 +25,7 @@ from smart_tire.control.ground_motion import Motion, MotionMonitor, wrap
 from smart_tire.control.history import time_step
 from smart_tire.control.motion_limits import command_share, motion_limits
 from smart_tire.control.path_follower import Conditions, no_lateral_speed, PathFollower
-from smart_tire.control.path_plan import (
-    check_goal, check_path, check_start, goal_in, plan_goal, plan_path)
+from smart_tire.control.path_plan import check_start, checked, plan_goal, plan_path
 from smart_tire.control.slip_kinematics import SlipKinematics
 from smart_tire.control.stop_conditions import arrival_error, OdometryCheck, ProgressMonitor
 from smart_tire.errors import CommandError, LateCommandError
@@ -80,7 +79,7 @@ class TrajectoryControl:
         self._released_ns: int | None = None  # since when the robot is left alone at its end
         self._approaches = 0                 # that were repeated
         self._end_pose: Vector3 = 0.0, 0.0, NAN  # x, y [m], yaw [rad] or NaN
-        self._speed_limit = math.inf, 1.0        # m/s, and share of ``max_speed``
+        self._speed_limit = math.inf, False      # m/s, or percent of ``max_speed``
         self._progress = ProgressMonitor()
         self._stepped_ns: int | None = None
         self._stop_due = False             # a command of zero is to be published
@@ -97,8 +96,9 @@ class TrajectoryControl:
     @property
     def max_speed(self) -> float:
         """Return the maximum speed [m/s], with the limit of ``limit_speed``."""
-        speed, share = self._speed_limit
-        return min(speed, share * self.params.max_speed)
+        limit, percentage = self._speed_limit
+        return min(0.01 * limit * self.params.max_speed if percentage else limit,
+                   self.params.max_speed)
 
     @property
     def twist_fault(self) -> str:
@@ -112,12 +112,7 @@ class TrajectoryControl:
         The state is REFUSED, with the reason, if it is invalid.
         """
         try:
-            frame = self.params.robot.frames['odom']
-            if isinstance(target, PlannedPath):
-                check_path(target, self.params.checks, frame)
-                target = goal_in(target) or target
-            else:
-                check_goal(target, frame)
+            target = checked(target, self.params.checks, self.params.robot.frames['odom'])
             if self._motion.initialized and not self._stale(now_ns):
                 self._begin(target)
             else:
@@ -153,20 +148,18 @@ class TrajectoryControl:
         """
         if not 0.0 <= limit < math.inf:
             raise CommandError(f'speed_limit: {limit:g}, expected a finite number from 0 on')
-        if limit == 0.0:
-            self._speed_limit = math.inf, 1.0
-        else:
-            self._speed_limit = (math.inf, min(0.01 * limit, 1.0)) if percentage else (limit, 1.0)
+        self._speed_limit = limit or math.inf, percentage
 
     def add_odometry(self, odometry: Odometry, now_ns: int) -> None:
         """Add the latest pose and velocity."""
-        self._ground.drive(
-            self._motion.add_odometry(odometry, self.params.checks), odometry.stamp_ns)
-        motion = self._motion.motion
+        driven = self._motion.add_odometry(odometry, self.params.checks)
+        motion, stamp_ns = self._motion.motion, odometry.stamp_ns
+        if self._motion.stamp_ns != stamp_ns:
+            return  # not plausible
+        self._ground.drive(driven, stamp_ns)
+        self._kinematics.add_motion(motion, stamp_ns)
         if self.state == PathState.FOLLOWING:
-            self._response.learn(motion, odometry.stamp_ns)
-        if self._motion.stamp_ns == odometry.stamp_ns:  # else it is not plausible
-            self._kinematics.add_motion(motion, odometry.stamp_ns)
+            self._response.learn(motion, stamp_ns)
 
     def add_wheels(self, wheels: WheelSample) -> None:
         """Add the latest speeds of the wheels; without them, odometry is not compared."""
@@ -214,22 +207,23 @@ class TrajectoryControl:
     def _stop(self, now_ns: int) -> VelocityCommand | None:
         """Return a command of zero, once after following has ended."""
         due, self._stop_due = self._stop_due or self.holding, False
-        if due:
-            self._response.command(0.0, 0.0, now_ns)
-        return VelocityCommand(now_ns, 0.0, 0.0) if due else None
+        return self._commanded(now_ns, 0.0, 0.0) if due else None
+
+    def _commanded(self, now_ns: int, v_x: float, yaw_rate: float) -> VelocityCommand:
+        """Return the command; the base is expected to follow it."""
+        self._response.command(v_x, yaw_rate, now_ns)
+        return VelocityCommand(now_ns, v_x, yaw_rate)
 
     def _check(self, now_ns: int) -> None:
         """Begin with a new target; end following where a condition for it is not met."""
-        stale = self._motion.initialized and self._stale(now_ns)
-        if fault := self._motion.fault:
-            self._end(PathState.STOPPED, fault, Cause.MOTION)
-        elif stale:
-            self._end(PathState.STOPPED, stale, Cause.LATE)
-        elif fault := ((not self._motion.initialized and self._progress.waiting(now_ns))
-                       or self._odometry_check.fault(self.params.checks.max_slip)):
-            self._end(PathState.STOPPED, fault, Cause.MOTION)
-        elif (self._target is not None and self._motion.initialized
-              and (self._follower is None or self._follower.finished)):
+        known = self._motion.initialized
+        late = self._stale(now_ns) if known else ''
+        fault = (self._motion.fault or late or ('' if known else self._progress.waiting(now_ns))
+                 or self._odometry_check.fault(self.params.checks.max_slip))
+        if fault:
+            self._end(PathState.STOPPED, fault, Cause.LATE if fault == late else Cause.MOTION)
+        elif self._target is not None and known and (
+                self._follower is None or self._follower.finished):
             try:
                 self._begin(self._target)
             except CommandError as error:
@@ -252,9 +246,7 @@ class TrajectoryControl:
         elif self._must_stop_before(target):
             maneuvers, self._target = (), target
         else:
-            maneuvers = plan_goal((motion.x, motion.y, motion.yaw), target.pose,
-                                  tolerance=params.arrival.xy_tolerance,
-                                  reverse_distance=params.arrival.reverse_distance)
+            maneuvers = plan_goal(motion, target.pose, params.arrival)
         follower = PathFollower(maneuvers, *self._last)
         self._approaches = 0
         self._end_pose = self._goal.pose if self._goal is not None else follower.end
@@ -321,7 +313,7 @@ class TrajectoryControl:
             if reason := self._progress.check(follower, self._motion.motion, now_ns, params):
                 self._end(PathState.STOPPED, reason, Cause.MOTION)
                 return self._stop(now_ns)
-        return VelocityCommand(now_ns, *self._compensated(now_ns))
+        return self._commanded(now_ns, *self._compensated(now_ns))
 
     def _finish(self, now_ns: int) -> VelocityCommand | None:
         """
@@ -344,9 +336,7 @@ class TrajectoryControl:
             self._stop_due, self.holding = False, params.hold_on_arrival
         elif self._approaches < c.MAX_APPROACHES:
             self._approaches += 1
-            self._drive(PathFollower(plan_goal(
-                (motion.x, motion.y, motion.yaw), end, tolerance=params.arrival.xy_tolerance,
-                reverse_distance=params.arrival.reverse_distance), *self._last))
+            self._drive(PathFollower(plan_goal(motion, end, params.arrival), *self._last))
             return VelocityCommand(now_ns, 0.0, 0.0)
         else:
             self._end(PathState.STOPPED, reason, Cause.MOTION)
@@ -358,6 +348,4 @@ class TrajectoryControl:
         if self.params.slip_compensation:
             command = self._kinematics.command(*command, now_ns, self._response.delay, self.params)
         share = command_share(command, self.params)
-        v_x, yaw_rate = (share * one if share else 0.0 for one in command)
-        self._response.command(v_x, yaw_rate, now_ns)
-        return v_x, yaw_rate
+        return (share * command[0], share * command[1]) if share else (0.0, 0.0)

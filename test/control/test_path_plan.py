@@ -18,9 +18,11 @@ import numpy as np
 import pytest
 
 from smart_tire.control.constants import MIN_SPACING
+from smart_tire.control.ground_motion import Motion
 from smart_tire.control.path_geometry import FORWARD, REVERSE, Segment, Spin
 from smart_tire.control.path_library import figure_eight, square
 from smart_tire.control.path_plan import _distinct, plan_goal, plan_path
+from smart_tire.parameters.path_following import ArrivalParams
 from smart_tire.samples import NAN
 
 CORNER = 0.8
@@ -176,5 +178,6 @@ def test_a_path_ends_exactly_at_its_last_pose():
     ((1.03, 1.0, NAN), []),
 ])
 def test_a_goal_is_reached_straight_and_short_distances_behind_in_reverse(goal, expected):
-    assert described(plan_goal((1.0, 1.0, 0.1), goal, tolerance=0.05, reverse_distance=0.6)) \
-        == expected
+    start = Motion(1.0, 1.0, 0.1, 0.0, 0.0, 0.0)
+    arrival = ArrivalParams(xy_tolerance=0.05, reverse_distance=0.6)
+    assert described(plan_goal(start, goal, arrival)) == expected

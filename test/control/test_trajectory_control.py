@@ -571,7 +571,7 @@ def test_wanted_velocities_are_compensated_for_slip():
     slip = WheelSlip(0, (0.0,) * 4, (0.0,) * 4, (0.0,) * 4)
     run.control.add_slip(slip)
     kinematics.add_slip.assert_called_once_with(slip)
-    assert kinematics.add_odometry.call_args.args[0].position[1] == 0.05
+    assert kinematics.add_motion.call_args.args[0].y == 0.05
 
 
 def test_without_compensation_the_wanted_velocity_is_commanded():
