@@ -34,21 +34,16 @@ MAX_X = 0.3          # m, ahead and behind
 class IcrKinematics(SlipKinematics):
     """Feed-forward of the ICR filter, with the inputs of the slip compensation; no feedback."""
 
-    def __init__(self, params: TrajectoryControllerParams) -> None:
-        half = 0.5 * params.robot.track_width
-        first = half * (1.0 + (params.robot.wheelbase / params.robot.track_width) ** 2)
+    def reset(self) -> None:
+        """Begin with the priors."""
+        super().reset()
+        half = 0.5 * self._track
+        first = half * (1.0 + (self._wheelbase / self._track) ** 2)
         limits = half, MAX_WIDENING * half
         self._left, self._right = (
             SlipCoefficient(sign * first, SIGMA_Y, *sorted(sign * y for y in limits))
             for sign in (1.0, -1.0))
         self._ahead = SlipCoefficient(0.0, SIGMA_X, -MAX_X, MAX_X)
-        super().__init__(params)
-
-    def reset(self) -> None:
-        """Discard everything learned and received."""
-        super().reset()
-        for one in (self._left, self._right, self._ahead):
-            one.reset()
 
     def command(self, v_x: float, yaw_rate: float, now_ns: int, delay: float,
                 params: TrajectoryControllerParams) -> Velocity:

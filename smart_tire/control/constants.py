@@ -140,9 +140,9 @@ WIDENING_SIGMA, MAX_WIDENING = 0.5, 2.5  # of the track, over it; most in narrow
 # similar, and m/s around the model; tuned; drawn. rad, slip angle on a slope: 4 degrees over C_y
 # of the softest ground; derived
 SIMILAR_TURNING, SLIDE_SPREAD, SLIDE_SIGMA = 0.08, 0.01, 0.05
-# In turns in place, where tires are near the limit of friction: slide over that of the way before,
-# its sigma, and that of the point about which the robot turns, m; measured, 30 robots; drawn
-SPIN_SLIDE, SPIN_SLIDE_SIGMA, PIVOT_SIGMA = 3.0, 0.2, 0.03
+# In turns in place, where tires are near the limit of friction: sigma of the slide, beyond that of
+# the way before, and of the point about which the robot turns, m; measured, 30 robots; drawn
+SPIN_SLIDE_SIGMA, PIVOT_SIGMA = 0.2, 0.03
 AHEAD_WEIGHT = 0.3  # of slips, which changes of speed cause, too; tuned; square on sand
 MAX_SLIDE = 0.4  # of the speed of the wheels: a fit to the onset may be more; tuned; drawn: square
 

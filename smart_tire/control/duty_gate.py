@@ -42,40 +42,28 @@ class DutyGate:
                  stopped: bool = False, require_arming: bool = False,
                  release_hold_off: float = 0.0) -> None:
         self._timeout_ns = round(command_timeout * NS_PER_S)
-        self._timeout = command_timeout
         self._report = report
         self._lock = threading.RLock()
         self._require_arming = require_arming
-        self._emergency = stopped
+        self.emergency = stopped  # whether the emergency stop is latched
         self._hold_off_ns = round(release_hold_off * NS_PER_S)
         self._asked_ns: int | None = None  # latest request to engage or to release the stop
         self.refused_releases = 0
-        self._armed = not require_arming
+        self.armed = not require_arming  # always true if arming is not required
         self._holds: dict[str, str] = {}  # name -> reason
         self._trip = ''                   # reason, '' without a trip
         self._duty = STOPPED
-        self._expires_ns: int | None = None   # of the active command
+        self.expiry_ns: int | None = None       # of the active command
         self._asked_duty_ns: int | None = None  # latest command of a duty, accepted or not
         self.timeouts = 0  # commands that expired while the motors were driven
-
-    @property
-    def emergency(self) -> bool:
-        """Return whether the emergency stop is latched."""
-        return self._emergency
-
-    @property
-    def armed(self) -> bool:
-        """Return whether the motors are armed; always true if arming is not required."""
-        return self._armed
 
     def reasons(self) -> list[str]:
         """Return all causes that stop the motors now, except the absence of a command."""
         with self._lock:
-            found = ['emergency stop'] if self._emergency else []
-            found += list(self._holds.values())
+            found = self._held()
             if self._trip and self._trip not in found:
                 found.append(f'{self._trip} (latched until commands pause)')
-            found += [] if self._armed else ['not armed']
+            found += [] if self.armed else ['not armed']
             return found
 
     @property
@@ -92,22 +80,17 @@ class DutyGate:
             if not all(map(math.isfinite, duty)) or self.reasons():
                 self._discard()
                 return False
-            self._duty, self._expires_ns = duty, now_ns + self._timeout_ns
+            self._duty, self.expiry_ns = duty, now_ns + self._timeout_ns
             return True
 
     def output(self, now_ns: int) -> Four:
         """Return the duty for the motors at ``now_ns``."""
         with self._lock:
-            expired = self._expires_ns is not None and now_ns > self._expires_ns
+            expired = self.expiry_ns is not None and now_ns > self.expiry_ns
             if expired and self._discard():
                 self.timeouts += 1
-                self._report(f'motors stopped: no motor command for {self._timeout:g} s')
+                self._report(f'motors stopped: no motor command for {self._timeout_ns / NS_PER_S:g} s')
             return self._duty
-
-    @property
-    def expiry_ns(self) -> int | None:
-        """Return when the active command expires, None if there is none."""
-        return self._expires_ns
 
     def hold(self, name: str, reason: str, *, latch: bool = False,
              report: bool = True) -> None:
@@ -141,8 +124,8 @@ class DutyGate:
     def engage(self, now_ns: int) -> None:
         """Latch the emergency stop and disarm."""
         with self._lock:
-            self._emergency, self._asked_ns = True, now_ns
-            self._armed = not self._require_arming
+            self.emergency, self._asked_ns = True, now_ns
+            self.armed = not self._require_arming
             self._discard()
 
     def release(self, now_ns: int) -> str:
@@ -159,19 +142,21 @@ class DutyGate:
                 self.refused_releases += 1
                 return (f'release refused: {(now_ns - before_ns) / NS_PER_S:.2g} s after the last '
                         f'request, expected at least {self._hold_off_ns / NS_PER_S:g} s')
-            self._emergency = False
+            self.emergency = False
             self._discard()
             return ''
 
     def arm(self, armed: bool) -> list[str]:
         """Arm or disarm; return the causes that prevent arming, empty on success."""
         with self._lock:
-            causes = [*self._holds.values()]
-            if self._emergency:
-                causes.insert(0, 'emergency stop')
-            self._armed = (armed and not causes) or not self._require_arming
+            causes = self._held()
+            self.armed = (armed and not causes) or not self._require_arming
             self._discard()
             return causes if armed else []
+
+    def _held(self) -> list[str]:
+        """Return the causes that last until they are cleared."""
+        return [*(['emergency stop'] if self.emergency else []), *self._holds.values()]
 
     def _reset_trip(self, now_ns: int) -> None:
         """Reset the trip after a pause; an uninterrupted stream of commands must not reset it."""
@@ -182,5 +167,5 @@ class DutyGate:
     def _discard(self) -> bool:
         """Discard the active command; return whether it drove a motor."""
         drove = self._duty != STOPPED
-        self._duty, self._expires_ns = STOPPED, None
+        self._duty, self.expiry_ns = STOPPED, None
         return drove

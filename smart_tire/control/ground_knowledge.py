@@ -60,13 +60,7 @@ class MappedGround:
         return allowed_acceleration(lower, self.params)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """One quantity of the ground from one ``ground_state``."""
-
-    estimate: Uncertain
-    stamp_ns: int
-    distance: float           # m, driven until then
+Measured = tuple[Uncertain, int, float]  # timestamp [ns], and distance driven until then [m]
 
 
 class GroundKnowledge:
@@ -94,9 +88,9 @@ class GroundKnowledge:
         (mu, sigma), (stiffness, _) = ground.friction_coefficient, ground.stiffness
         distance = self._driven - behind
         if 0.0 < stiffness < math.inf:
-            self._stiffness = Measured(ground.stiffness, ground.stamp_ns, distance)
+            self._stiffness = ground.stiffness, ground.stamp_ns, distance
         if c.MIN_FRICTION <= mu <= c.MAX_FRICTION and 0.0 <= sigma < math.inf:
-            self._friction = Measured(ground.friction_coefficient, ground.stamp_ns, distance)
+            self._friction = ground.friction_coefficient, ground.stamp_ns, distance
 
     def friction(self, unknown: float, fading: GroundParams) -> Uncertain:
         """Return the friction coefficient: the measured one fused with that of unknown ground."""
@@ -126,6 +120,7 @@ class GroundKnowledge:
         """Return what was measured and its weight; the ``prior`` and 0 before."""
         if measured is None:
             return prior, 0.0
-        lengths = ((self._driven - measured.distance) / fading.fade_distance
-                   + abs(self._now_ns - measured.stamp_ns) / NS_PER_S / fading.fade_time)
-        return measured.estimate, math.exp(-lengths)
+        estimate, stamp_ns, distance = measured
+        lengths = ((self._driven - distance) / fading.fade_distance
+                   + abs(self._now_ns - stamp_ns) / NS_PER_S / fading.fade_time)
+        return estimate, math.exp(-lengths)

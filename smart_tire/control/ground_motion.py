@@ -178,38 +178,35 @@ class MotionMonitor(LatestMotion):
 
     def add_odometry(self, odometry: Odometry, params: PathCheckParams) -> float:
         """Check and add odometry; return the distance [m] from the last position."""
-        motion, last, last_ns = motion_of(odometry), self.motion, self.stamp_ns
+        motion, last, age = motion_of(odometry), self.motion, self.age(odometry.stamp_ns)
         if motion is None:
-            self._set_fault(f'odom: pose or twist is not plausible, expected finite numbers up to '
-                            f'{MAX_SPEED:g} m/s and {MAX_ANGULAR_RATE:g} rad/s')
+            self.fault = self.fault or (
+                f'odom: pose or twist is not plausible, expected finite numbers up to '
+                f'{MAX_SPEED:g} m/s and {MAX_ANGULAR_RATE:g} rad/s')
             return 0.0
         motion = self.twist.corrected(motion, odometry.stamp_ns)
         self.motion, self.stamp_ns = motion, odometry.stamp_ns
-        if last_ns is None:
+        if math.isinf(age):
             return 0.0
-        dt = (odometry.stamp_ns - last_ns) / NS_PER_S
-        if dt < 0.0:
-            self._set_fault(f'odom: time runs back by {-dt:.3f} s, expected increasing stamps')
-            return 0.0
-        return self._check_jump(last, motion, dt, params)
+        fault = _jump(last, motion, age, params)
+        self.fault = self.fault or fault
+        return 0.0 if fault else math.hypot(motion.x - last.x, motion.y - last.y)
 
-    def _check_jump(self, last: Motion, motion: Motion, dt: float,
-                    params: PathCheckParams) -> float:
-        moved = math.hypot(motion.x - last.x, motion.y - last.y)
-        speed = max(last.speed(), motion.speed())
-        if moved > params.odom_jump + speed * dt:
-            self._set_fault(f'odom: position jumped by {moved:.2f} m at {speed:.2f} m/s, expected '
-                            f'at most {params.odom_jump:g} m more than the speed explains')
-            return 0.0
-        turned = abs(wrap(motion.yaw - last.yaw))
-        if turned > c.YAW_JUMP + max(abs(last.yaw_rate), abs(motion.yaw_rate)) * dt:
-            self._set_fault(f'odom: yaw jumped by {turned:.2f} rad, expected at most '
-                            f'{c.YAW_JUMP:g} rad more than the yaw rate explains')
-            return 0.0
-        return moved
 
-    def _set_fault(self, text: str) -> None:
-        self.fault = self.fault or text
+def _jump(last: Motion, motion: Motion, dt: float, params: PathCheckParams) -> str:
+    """Return the jump from the ``last`` motion, ``dt`` [s] before; empty if there is none."""
+    if dt < 0.0:
+        return f'odom: time runs back by {-dt:.3f} s, expected increasing stamps'
+    moved = math.hypot(motion.x - last.x, motion.y - last.y)
+    speed = max(last.speed(), motion.speed())
+    if moved > params.odom_jump + speed * dt:
+        return (f'odom: position jumped by {moved:.2f} m at {speed:.2f} m/s, expected '
+                f'at most {params.odom_jump:g} m more than the speed explains')
+    turned = abs(wrap(motion.yaw - last.yaw))
+    if turned > c.YAW_JUMP + max(abs(last.yaw_rate), abs(motion.yaw_rate)) * dt:
+        return (f'odom: yaw jumped by {turned:.2f} rad, expected at most '
+                f'{c.YAW_JUMP:g} rad more than the yaw rate explains')
+    return ''
 
 
 @dataclass(frozen=True)
@@ -219,13 +216,6 @@ class Onset:
     time_ns: int = 0
     acceleration: float = 0.0  # m/s2, expected
     settling: float = 0.1      # s, time constant until the measured acceleration counts
-
-
-@dataclass(frozen=True)
-class Expected(Motion):
-    """Motion at a later time, with its forward acceleration."""
-
-    acceleration: float  # m/s2; that expected at an onset until estimates show it
 
 
 class GroundSpeed(LatestMotion):
@@ -253,9 +243,10 @@ class GroundSpeed(LatestMotion):
         self.motion, self.stamp_ns = motion, odometry.stamp_ns
         return abs(motion.v_x) * elapsed if 0.0 < elapsed < math.inf else 0.0
 
-    def expected(self, now_ns: int, lead: float, onset: Onset) -> Expected:
+    def expected(self, now_ns: int, lead: float, onset: Onset
+                 ) -> tuple[Motion, float]:
         """
-        Return the motion ``lead`` [s] after ``now_ns``; there must be an estimate.
+        Return motion and forward acceleration [m/s2] ``lead`` [s] after ``now_ns``.
 
         The acceleration is the measured one, at most g, and that expected from the ``onset`` of a
         change until an estimate can show it.
@@ -267,4 +258,4 @@ class GroundSpeed(LatestMotion):
         unseen = min(max(horizon + min(since, 0.0), 0.0), horizon)
         acceleration = weight * onset.acceleration + (1.0 - weight) * measured
         mean = measured + unseen / horizon * (acceleration - measured) if horizon else measured
-        return Expected(**vars(self.motion.after(horizon, mean)), acceleration=acceleration)
+        return self.motion.after(horizon, mean), acceleration

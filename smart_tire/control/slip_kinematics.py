@@ -49,11 +49,7 @@ class SlipCoefficient:
     def __init__(self, mean: float, sigma: float, low: float, high: float) -> None:
         """Begin with the prior ``mean``; the value remains within ``low`` and ``high``."""
         self._mean, self._prior_variance, self._range = mean, sigma ** 2, (low, high)
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the prior."""
-        self.value, self._variance, self._spread2 = self._mean, self._prior_variance, c.SPREAD ** 2
+        self.value, self._variance, self._spread2 = mean, sigma ** 2, c.SPREAD ** 2
 
     def after(self, change: float) -> float:
         """Return the value that is expected after a ``change`` since the last update."""
@@ -102,11 +98,6 @@ class SlideModel:
         self._known = History(), History()  # driving, turning in place: motion, slip velocity
         self._latest_ns = 0
 
-    def reset(self) -> None:
-        """Discard all motions."""
-        for one in self._known:
-            one.clear()
-
     def add(self, motion: Moved, slip: float, stamp_ns: int) -> None:
         """Add a motion and the mean slip velocity [m/s] beyond that which the drive causes."""
         elapsed_ns = min(max(stamp_ns - self._latest_ns, 0), c.MAX_GAP_NS)
@@ -137,7 +128,6 @@ class SlideModel:
             prior, sigma = np.array([self._compliance, 0.0, 0.0, 0.0]), c.SLIDE_SIGMA
         else:
             prior, sigma = self._coefficients(0.0), c.SPIN_SLIDE_SIGMA
-            prior[1:3] *= c.SPIN_SLIDE
         known = self._known[int(share)]
         if not known.times:
             return prior
@@ -175,9 +165,6 @@ class VelocityFeedback:
     """
 
     def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
         """Begin without correction, at rest."""
         self._wanted = History()  # v_x, yaw rate
         self._correction: Velocity = 0.0, 0.0
@@ -215,22 +202,20 @@ class SlipKinematics:
     """
 
     def __init__(self, params: TrajectoryControllerParams) -> None:
-        robot = params.robot
-        self._feedback = VelocityFeedback()
-        self._track, self._wheelbase = robot.track_width, robot.wheelbase
+        self._track, self._wheelbase = params.robot.track_width, params.robot.wheelbase
         self._effective_track, self._fade_time = params.effective_track, params.friction.fade_time
-        self._resistance = SlipCoefficient(*c.RESISTANCE)
-        self._widening = SlipCoefficient(
-            _prior_widening(params), c.WIDENING_SIGMA, 0.0, c.MAX_WIDENING)
-        self._slide = SlideModel(
-            0.25 * robot.mass / robot.tire.longitudinal_stiffness, 0.5 * robot.track_width)
+        self._params = params
         self.reset()
 
     def reset(self) -> None:
-        """Discard everything learned and received."""
-        for one in (self._resistance, self._widening, self._slide):
-            one.reset()
-        self._feedback.reset()
+        """Begin with the priors."""
+        robot = self._params.robot
+        self._resistance = SlipCoefficient(*c.RESISTANCE)
+        self._widening = SlipCoefficient(
+            _prior_widening(self._params), c.WIDENING_SIGMA, 0.0, c.MAX_WIDENING)
+        self._slide = SlideModel(
+            0.25 * robot.mass / robot.tire.longitudinal_stiffness, 0.5 * robot.track_width)
+        self._feedback = VelocityFeedback()
         self._learned_ns: int | None = None             # time of the coefficients
         self._turning = 0.0                             # turning share that they belong to
         self._motions = History()                       # ``Moved``
@@ -273,7 +258,7 @@ class SlipKinematics:
         ``delay`` [s] is that of the base.
         """
         if v_x == yaw_rate == 0.0:
-            self._feedback.reset()
+            self._feedback = VelocityFeedback()
             return 0.0, 0.0
         (speed, turn), added, slide = self.factors(v_x, yaw_rate, now_ns), (0.0, 0.0), 0.0
         if self._motions.times:

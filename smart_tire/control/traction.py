@@ -17,7 +17,7 @@ import math
 
 from smart_tire.control import constants as c
 from smart_tire.control.ground_knowledge import GroundKnowledge
-from smart_tire.control.ground_motion import Expected, GroundSpeed, Onset
+from smart_tire.control.ground_motion import GroundSpeed, Motion, Onset
 from smart_tire.control.slip_limits import bounded, slip_band, TireLoad, YawControl
 from smart_tire.models.tire.brush_tire import critical_slip
 from smart_tire.models.vehicle.skid_steer import normal_loads, SIDE_SIGNS
@@ -128,16 +128,17 @@ class TractionControl:
         return limited, tires
 
     def _within(self, set_points: Four, now_ns: int, period: float, friction: float, least: float
-                ) -> tuple[Four, tuple[TireLoad, ...], Expected]:
+                ) -> tuple[Four, tuple[TireLoad, ...], Motion]:
         """
         Return the set points [rad/s] within the limits of slip, the tires and the motion for them.
 
         ``friction`` is the expected one, ``least`` its lower bound, whose critical slip counts.
         """
         radius, floor = self._robot.wheel_radius, self.params.floor
-        motion = self._motion.expected(now_ns, period + self.params.lead, self._onset)
+        motion, acceleration = self._motion.expected(
+            now_ns, period + self.params.lead, self._onset)
         stiffness = self._ground.stiffness(self._robot.tire.longitudinal_stiffness, self.params)
-        loads = normal_loads(self._robot, motion.acceleration, 0.0)
+        loads = normal_loads(self._robot, acceleration, 0.0)
         tires = tuple(
             TireLoad((motion.v_x - 0.5 * side * self._rolling_track * motion.yaw_rate) / radius,
                      radius * least * load, max(critical, c.TINY), set_point)
@@ -163,7 +164,7 @@ class TractionControl:
         self._direction = direction
         return begins
 
-    def _balanced(self, speeds: Four, tires: tuple[TireLoad, ...], motion: Expected, least: float,
+    def _balanced(self, speeds: Four, tires: tuple[TireLoad, ...], motion: Motion, least: float,
                   period: float, delay: float) -> Four:
         """Return the wheel speeds [rad/s] with less force on the side that turns the robot."""
         if not self._direction or math.isnan(self._turn_ratio):
