@@ -166,13 +166,9 @@ class VelocityFeedback:
 
     def __init__(self) -> None:
         """Begin without correction, at rest."""
-        self._wanted = History()  # v_x, yaw rate
+        self.wanted = History()  # v_x, yaw rate; to be added when they are commanded
         self._correction: Velocity = 0.0, 0.0
         self._reached_ns: int | None = None
-
-    def want(self, velocity: Velocity, now_ns: int) -> None:
-        """Add the velocity that is commanded now."""
-        self._wanted.add(now_ns, *velocity)
 
     def correction(self, reached: Velocity, reached_ns: int, delay: float,
                    bounds: Velocity) -> Velocity:
@@ -182,10 +178,10 @@ class VelocityFeedback:
         ``reached`` is the velocity at ``reached_ns``, ``delay`` [s] that of the base.
         """
         before, self._reached_ns = self._reached_ns, reached_ns
-        elapsed = 0.0 if before is None else (reached_ns - before) / NS_PER_S
+        elapsed = (reached_ns - (before or reached_ns)) / NS_PER_S
         # integral gain 1 / (e delay): critically damped for a pure delay
-        share = min(max(elapsed / delay, 0.0), 1.0) / math.e if delay > 0.0 else 1.0 / math.e
-        wanted = self._wanted.held(reached_ns - round(delay * NS_PER_S)) or (0.0, 0.0)
+        share = min(max(elapsed, 0.0) / max(delay, c.TINY), 1.0) / math.e
+        wanted = self.wanted.held(reached_ns - round(delay * NS_PER_S)) or (0.0, 0.0)
         v_x, yaw_rate = (
             min(max(last + share * (one - got), -bound), bound)
             for last, one, got, bound in zip(self._correction, wanted, reached, bounds))
@@ -271,7 +267,7 @@ class SlipKinematics:
                     v_x, yaw_rate, math.atan2(sin, cos) + delay * reached_rate)[0])
         command = speed * (v_x + added[0] - slide), turn * (yaw_rate + added[1])
         share = command_share(command, params)
-        self._feedback.want((share * v_x, share * yaw_rate), now_ns)
+        self._feedback.wanted.add(now_ns, share * v_x, share * yaw_rate)
         return share * command[0], share * command[1]
 
     def factors(self, v_x: float, yaw_rate: float, now_ns: int) -> Velocity:

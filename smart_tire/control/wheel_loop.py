@@ -34,7 +34,6 @@ class WheelLoop:
                  publish_wheels: Callable[[WheelCommand], None],
                  publish_motors: Callable[[MotorCommand], None],
                  steady_ns: Callable[[], int], now_ns: Callable[[], int]) -> None:
-        self._params = params
         self._publish_wheels, self._publish_motors = publish_wheels, publish_motors
         self._steady_ns, self._now_ns = steady_ns, now_ns
         self.control = WheelControl(params)
@@ -43,7 +42,6 @@ class WheelLoop:
 
     def set_params(self, params: WheelControllerParams) -> None:
         """Use these parameters from now on; the inputs remain."""
-        self._params = params
         self.control.set_params(params)
 
     def selected(self) -> tuple[str, VelocityCommand] | None:

@@ -128,7 +128,7 @@ def test_a_slip_fault_makes_the_robot_slower_instead():
 def test_a_gyro_that_is_faster_than_wanted_lowers_the_command():
     feedback = VelocityFeedback()
     for step in range(1, 40):
-        feedback.want((0.5, 1.0), step * PERIOD_NS)
+        feedback.wanted.add(step * PERIOD_NS, 0.5, 1.0)
         added = feedback.correction((0.5, 1.7), step * PERIOD_NS, 0.15, (0.25, 0.45))
     assert added == (pytest.approx(0.0, abs=0.2), -0.45)
 
@@ -136,7 +136,7 @@ def test_a_gyro_that_is_faster_than_wanted_lowers_the_command():
 def test_feedback_waits_for_the_delay_of_the_base():
     feedback, added = VelocityFeedback(), (0.0, 0.0)
     for step in range(1, 6):
-        feedback.want((0.5, 1.0) if step > 2 else (0.0, 0.0), step * PERIOD_NS)
+        feedback.wanted.add(step * PERIOD_NS, *((0.5, 1.0) if step > 2 else (0.0, 0.0)))
         added = feedback.correction((0.0, 0.0), step * PERIOD_NS, 0.15, (0.25, 0.45))
         assert added == (0.0, 0.0)
     added = feedback.correction((0.0, 0.0), 6 * PERIOD_NS, 0.15, (0.25, 0.45))
@@ -156,7 +156,7 @@ def test_feedback_begins_at_zero_after_standstill():
 def test_feedback_ends_at_its_bound_and_leaves_it_at_once():
     feedback, added = VelocityFeedback(), (0.0, 0.0)
     for step in range(1, 400):
-        feedback.want((0.5, 0.0), step * PERIOD_NS)
+        feedback.wanted.add(step * PERIOD_NS, 0.5, 0.0)
         added = feedback.correction((0.0, 0.0), step * PERIOD_NS, 0.15, (0.25, 0.45))
     assert added[0] == 0.25
     added = feedback.correction((0.6, 0.0), 400 * PERIOD_NS, 0.15, (0.25, 0.45))
