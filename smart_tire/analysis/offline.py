@@ -110,8 +110,9 @@ class Analysis:
     def result(self) -> Result:
         """Return the estimates and what they are compared with, for figures and tables."""
         contents = self.contents
+        compared = len(contents.truth) + len(contents.camera)
         return Result(self.estimates, contents.inputs, contents.truth, contents.camera,
-                      self.smoothed, baselines(contents.inputs, self.robot),
+                      self.smoothed, baselines(contents.inputs, self.robot) if compared else {},
                       contents.paths.wanted())
 
 
