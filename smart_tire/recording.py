@@ -20,15 +20,22 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property
 import math
-from typing import Any, cast, NamedTuple
+import mmap
+import os
+from tempfile import gettempdir, TemporaryFile
+from typing import Any, cast, IO, NamedTuple
+import weakref
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.arrays import Array, Instants
+from smart_tire.errors import BagError
 from smart_tire.estimates import (
     FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter, SlipEstimate)
 from smart_tire.rotation import euler
@@ -39,6 +46,7 @@ from smart_tire.samples import (
 
 UNKNOWN_FOUR = (math.nan,) * 4
 PLANAR_VARIANCE = tuple(7 * row for row in PLANAR)
+MAX_IN_MEMORY = 1 << 20  # bytes of an array: recordings of minutes need no files
 
 Row = Sequence[float]
 
@@ -157,22 +165,59 @@ class Stream:
         return float(np.median(np.diff(stamps))) / NS_PER_S if len(stamps) > 1 else math.nan
 
 
-class _Table:
-    """
-    Growing table of numbers with timestamps; a row may be longer than those before.
+@contextmanager
+def file_errors(size: int) -> Iterator[None]:
+    """Raise BagError if a temporary file of ``size`` bytes cannot be written in this context."""
+    try:
+        yield
+    except OSError as error:
+        raise BagError(f'{gettempdir()}: a series of {size / 1e6:.0f} MB cannot be kept there '
+                       f'({error.strerror})') from error
 
-    What was asked for as a stream is kept as this stream only.
-    """
+
+class _Column:
+    """Growing array, in a temporary file if it is large: memory does not grow with a recording."""
+
+    def __init__(self, rows: NDArray[Any]) -> None:
+        self.rows = rows[:0]
+        self._file: IO[bytes] | None = None
+        self.extend(rows)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {'rows': self.rows, '_file': None}
+
+    def extend(self, rows: NDArray[Any]) -> None:
+        """Append ``rows``; raise BagError if the disk is full."""
+        before, size = self.rows, self.rows.nbytes + rows.nbytes
+        if size <= MAX_IN_MEMORY:
+            self.rows = np.concatenate([before, rows]) if len(before) else rows
+            return
+        new: tuple[NDArray[Any], ...] = (rows,)
+        with file_errors(size):
+            if self._file is None:
+                self._file = TemporaryFile(buffering=0)  # noqa: SIM115 (as long as the column)
+                weakref.finalize(self, self._file.close)
+                new = before, rows
+            os.posix_fallocate(self._file.fileno(), 0, size)  # or raises OSError
+            for part in new:
+                self._file.write(part.tobytes())
+            memory = mmap.mmap(self._file.fileno(), size, access=mmap.ACCESS_READ)
+        self.rows = np.frombuffer(memory, before.dtype).reshape(-1, *before.shape[1:])
+
+
+class _Table:
+    """Growing table of numbers with timestamps; a row may be longer than those before."""
 
     def __init__(self, kind: type, wheel: str, width: int) -> None:
-        self._width = width
-        self._stream = Stream(kind, wheel, np.empty(0, np.int64), np.empty(0, np.int64),
-                              np.empty((0, width)))
+        self._kind, self._wheel, self._width = kind, wheel, width
+        self._columns = [_Column(np.empty(0, np.int64)), _Column(np.empty(0, np.int64)),
+                         _Column(np.empty((0, width)))]
         self._begin()
 
     def _begin(self) -> None:
-        """Begin to collect rows, those after the stream."""
+        """Begin to collect rows, those after the columns."""
         self._stamps, self._received, self._values = array('q'), array('q'), array('d')
+        self._stream = Stream(self._kind, self._wheel, *(one.rows for one in self._columns))
 
     def append(self, stamp_ns: int, receive_ns: int, row: Row) -> None:
         """Append one row; missing numbers at its end are NaN."""
@@ -183,28 +228,28 @@ class _Table:
         self._stamps.append(stamp_ns)
         self._received.append(receive_ns)
         self._values.extend(row)
+        if len(self._values) * self._values.itemsize > MAX_IN_MEMORY:
+            self._collect()
+
+    def _collect(self) -> None:
+        for column, rows in zip(self._columns, (
+                np.asarray(self._stamps), np.asarray(self._received),
+                np.asarray(self._values).reshape(-1, self._width))):
+            column.extend(rows)
+        self._begin()
 
     def stream(self) -> Stream:
-        """Return the rows as a stream, of the memory of the table."""
-        if not self._stamps:
-            return self._stream
-        before, rows = self._stream, (
-            np.asarray(self._stamps), np.asarray(self._received),
-            np.asarray(self._values).reshape(-1, self._width))
-        if len(before):
-            stamps, received, values = map(np.concatenate, zip(
-                (before.stamp_ns, before.receive_ns, before.values), rows))
-        else:
-            stamps, received, values = rows
-        self._stream = Stream(before.kind, before.wheel, stamps, received, values)
-        self._begin()
+        """Return the rows as a stream, the same one until there are more."""
+        if self._stamps:
+            self._collect()
         return self._stream
 
     def _widen(self, width: int) -> None:
-        before = self.stream()
+        before = self.stream().values
         values = np.full((len(before), width), math.nan)
-        values[:, :self._width] = before.values
-        self._width, self._stream = width, replace(before, values=values)
+        values[:, :self._width] = before
+        self._width, self._columns[2] = width, _Column(values)
+        self._begin()
 
 
 @dataclass

@@ -13,10 +13,12 @@
 import math
 import pickle
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from smart_tire.errors import BagError
 from smart_tire.estimates import at
 from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import Icr, ImuSample, Odometry, TireSample, WheelSample, WheelSlip
@@ -51,7 +53,9 @@ def films(stamp_ns, count=2):
     return TireSample(stamp_ns, 'front_left', tuple(float(stamp_ns + i) for i in range(count)))
 
 
-def test_samples_that_follow_a_stream_extend_the_next_one():
+@pytest.mark.parametrize('limit', [1, 100, 1 << 20])
+def test_samples_that_follow_a_stream_extend_the_next_one(limit, monkeypatch):
+    monkeypatch.setattr('smart_tire.recording.MAX_IN_MEMORY', limit)  # of what is in no file
     recording = SampleArrays(map(films, range(3)))
     assert recording.stream(TireSample, 'front_left') is recording.stream(TireSample, 'front_left')
     recording.add_sample(films(3))
@@ -66,20 +70,29 @@ def test_samples_that_follow_a_stream_extend_the_next_one():
     assert len(pickle.loads(pickle.dumps(recording)).films('front_left')[0]) == 5
 
 
-def test_a_recording_is_in_memory_once():
+def test_memory_does_not_grow_with_a_recording(monkeypatch):
+    monkeypatch.setattr('smart_tire.recording.MAX_IN_MEMORY', limit := 1 << 16)
     count, row = 50_000, 8 * 4 + 2  # two timestamps and two voltages; the order of reception
     recording, streams = SampleArrays(), 0
     tracemalloc.start()
     try:
         for stamp_ns in range(count):
             recording.add_sample(films(stamp_ns))
-        streams = len(recording.stream(TireSample, 'front_left').ordered)
+        streams = len(recording.stream(TireSample, 'front_left'))
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert streams == count
-    assert peak < 1.5 * row * count  # arrays that grow have some memory to spare
+    assert peak < 6 * limit + 1.5 * 2 * count  # two blocks of three arrays; the order
     assert len(pickle.dumps(recording)) < 1.1 * row * count
+
+
+def test_a_file_that_cannot_grow_is_an_error(monkeypatch):
+    monkeypatch.setattr('smart_tire.recording.MAX_IN_MEMORY', 1)
+    monkeypatch.setattr('smart_tire.recording.TemporaryFile', lambda **_: SimpleNamespace(
+        fileno=lambda: -1, close=lambda: None))
+    with pytest.raises(BagError, match='0 MB cannot be kept there'):
+        SampleArrays(map(films, range(1000)))
 
 
 def test_planar_covariances_are_extracted_from_those_of_ros():

@@ -18,12 +18,14 @@ from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 import json
+import mmap
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 import os
 from pathlib import Path
 import pickle
 import signal
+from tempfile import TemporaryFile
 import threading
 from typing import Any, TypeVar
 
@@ -48,7 +50,7 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Faults, SampleArrays
+from smart_tire.recording import Faults, file_errors, MAX_IN_MEMORY, SampleArrays
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
@@ -285,12 +287,22 @@ def prefetch(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]
 def _receive(receiver: Connection) -> Any:
     try:
         data, sizes = receiver.recv()
-        buffers = [bytearray(size) for size in sizes]
-        for buffer in buffers:
-            receiver.recv_bytes_into(buffer)
-        return pickle.loads(data, buffers=buffers)
+        return pickle.loads(data, buffers=[_received(receiver, size) for size in sizes])
     except EOFError as error:
         raise EstimatorError('the prefetching process has died') from error
+
+
+def _received(receiver: Connection, size: int) -> bytearray | mmap.mmap:
+    """Return the next ``size`` bytes, in a temporary file if they are many."""
+    if size <= MAX_IN_MEMORY:
+        receiver.recv_bytes_into(small := bytearray(size))
+        return small
+    with file_errors(size), TemporaryFile() as file:
+        os.posix_fallocate(file.fileno(), 0, size)  # a full disk would end the process later
+        large = mmap.mmap(file.fileno(), size)
+    receiver.recv_bytes_into(large)
+    large.madvise(mmap.MADV_DONTNEED)  # as in the sender, read again by those who need it
+    return large
 
 
 def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Connection) -> None:
