@@ -343,28 +343,29 @@ class Bag:
 
     def clock_steps(self, found: Mapping[str, str]) -> ClockSteps:
         """Return the clocks that were set, by the topics ``found``: standard name -> name."""
-        received, stamps = array('q'), array('q')
-        places: dict[str, array[int]] = {name: array('I') for name in found.values()}
-        for place, (receive_ns, channel, data) in enumerate(self.raw(places, as_written=True)):
-            places[channel.topic].append(place)
-            received.append(receive_ns)
-            stamps.append(stamp_in(data))
-        heard, stamped = np.asarray(received), np.asarray(stamps)  # of the same memory
-
-        def times_of(name: str) -> Times:
-            return Times(heard[places[name]], stamped[places[name]])
-        clocked = [times_of(name) for name, own in places.items()
-                   if own and name in (found.get(topic) for topic in CLOCKED)]
+        times = self._times(found.values())
+        clocked = [own for name, own in times.items() if len(own.stamp_ns)
+                   and name in (found.get(topic) for topic in CLOCKED)]
         turns = WheelTurns.of(self._samples(
             {WHEELS_TOPIC: found[WHEELS_TOPIC]}, Faults())) if WHEELS_TOPIC in found and any(
                 map(has_pause, clocked)) else None
         steps = host_steps(clocked, turns)
         if steps.host:
-            correct = Corrector(steps)
-            heard = np.array([correct('', at)[0] for at in heard.tolist()], np.int64)
-            self._stepped_span = int(heard.min()), int(heard.max())
-        return replace(steps, stamps={name: stepped for name in places
-                                      if (stepped := stamp_steps(times_of(name)))})
+            times = self._times(times, Corrector(steps))
+            ends = [int(end()) for one in times.values() if len(one.receive_ns)
+                    for end in (one.receive_ns.min, one.receive_ns.max)]
+            self._stepped_span = min(ends), max(ends)
+        return replace(steps, stamps={name: stepped for name, own in times.items()
+                                      if (stepped := stamp_steps(own))})
+
+    def _times(self, names: Iterable[str], correct: Corrector | None = None) -> dict[str, Times]:
+        """Return the times of the topics ``names``, those of reception by the first clock."""
+        found = {name: (array('q'), array('q')) for name in names}
+        for receive_ns, channel, data in self.raw(found, as_written=True):
+            received, stamps = found[channel.topic]
+            received.append(correct('', receive_ns)[0] if correct else receive_ns)
+            stamps.append(stamp_in(data))
+        return {name: Times(*map(np.asarray, own)) for name, own in found.items()}
 
     def statuses(self) -> Iterator[tuple[int, NodeStatus]]:
         """Yield the diagnostic statuses of all nodes with their timestamps [ns]."""
