@@ -146,6 +146,19 @@ def test_an_exception_in_the_first_thread_ends_the_others(spun):
     assert ending.statuses == [1] and calls[-1] == 'destroy_node b'
 
 
+def test_a_signal_ends_the_wait_of_an_executor():
+    ending, woken, calls = runner.Ending(), threading.Event(), []
+    ending.executors.append(SimpleNamespace(create_task=lambda task: woken.set()))
+    before = signal.signal(signal.SIGUSR1, lambda *_: calls.append('handler'))
+    try:
+        with runner._waking_at_signals(ending):
+            os.kill(os.getpid(), signal.SIGUSR1)
+            assert woken.wait(PATIENCE)
+            assert calls == ['handler']
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
 @pytest.fixture
 def fatal(monkeypatch):
     """Return the lines that a refused start logs."""

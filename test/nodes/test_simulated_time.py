@@ -79,6 +79,26 @@ def test_calls_that_were_missed_are_left_out(machine):
     assert calls == [350, 400]
 
 
+def test_what_does_not_wake_the_node_is_called_when_it_is_awake_at_most_once_in_a_period(machine):
+    calls = []
+    machine.timers.add(0.1, lambda: calls.append(machine.passed_ms), wakes=False)
+    machine.timers.add(0.25, lambda: None)
+    assert machine.timers.handle() == pytest.approx(0.25)
+    for milliseconds in (250, 250, 30, 70):  # the loop is awake after each
+        machine.real_ns += milliseconds * MS
+        machine.timers.handle()
+    assert calls == [250, 500, 600]
+
+
+def test_an_elastic_timer_is_called_early_if_the_node_is_awake_and_never_late(machine):
+    calls = []
+    machine.timers.add(0.1, lambda: calls.append(machine.passed_ms), elastic=True)
+    for milliseconds in (40, 20, 40, 20):
+        machine.real_ns += milliseconds * MS
+        left = machine.timers.handle()
+    assert calls == [60, 120] and left == pytest.approx(0.1)
+
+
 def test_a_timer_ends_when_it_is_canceled_and_begins_again(machine):
     calls = []
     timer = machine.timers.add(0.1, lambda: (calls.append(machine.passed_ms), timer.cancel()))

@@ -271,3 +271,39 @@ def test_commands_of_another_type_are_reported_once(controller):
     assert str(controller.log.lines).count(text) == 1
     del controller.publishers_of['cmd_vel']
     assert text not in controller.health().message
+
+
+@pytest.mark.parametrize('phase', [0.0, 0.2, 0.45, 0.7, 0.95])
+def test_a_command_queued_in_a_stall_is_refused_also_after_silence_at_any_phase(controller, phase):
+    controller.run(3.0 + phase)
+    controller.stall(0.4)
+    old = VelocityCommand(controller.now_ns() - 300_000_000, 0.5, 0.0)
+    controller.publish('cmd_vel', old, sent=0.3)
+    assert controller.inputs['cmd_vel'].bad == 1
+    assert 'old, expected at most 0.25 s' in controller.inputs['cmd_vel'].latest
+    controller.publish('cmd_vel', VelocityCommand(controller.now_ns(), 0.5, 0.0))
+    assert controller.health().values['commanded'] == 'True'
+
+
+def test_readings_after_silence_are_used_when_none_of_them_can_have_been_queued(controller):
+    controller.run(3.5)
+    begin = now(controller)
+    while 'no recent wheel_states' in controller.health().message:
+        assert now(controller) < begin + 1.0
+        controller.publish('wheel_states', WheelSample(controller.now_ns(), ZERO))
+        controller.run(0.01)
+    assert now(controller) - begin == pytest.approx(0.2, abs=0.02)
+    assert controller.inputs['wheel_states'].bad == 0
+
+
+def test_the_control_wakes_up_while_there_is_a_command(controller):
+    controller.run(3.0)
+    controller.publish('cmd_vel', VelocityCommand(controller.now_ns(), 0.5, 0.0))
+    begin = len(controller.times['wheel_commands'])
+    controller.run(0.24)
+    assert len(controller.times['wheel_commands']) - begin in (3, 4)  # 16 Hz
+    controller.run(2.0)  # the command has expired, and there are no readings that wake it
+    after = len(controller.times['wheel_commands'])
+    controller.run(5.0)
+    assert len(controller.times['wheel_commands']) == after + 5
+    assert duty(controller) == ZERO
