@@ -39,7 +39,7 @@ FLOOR = 'empty_node'
 IDLE = tuple(name for name in NODES if name != 'robot_simulator')
 RANGES = (Range('start of a node, largest CPU time over that of the empty node', 1.0, 1.8),
           Range('its memory above that of the empty node, largest [MB]', 0.0, 12.0),
-          Range('largest idle load of a node [cores]', 0.0, 0.06))
+          Range('largest idle load of a node [cores]', 0.0, 0.02))
 START_TIMEOUT = 60.0  # s until the first diagnostics
 SPIN_TIME = 0.02      # s, resolution of the time of a start
 WARM_UP_TIME = 3.0    # s after the last start, until all nodes have found each other

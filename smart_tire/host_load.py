@@ -114,7 +114,7 @@ class TimerLateness:
 
     A timer is also late after a long callback of its own thread. The kernel counts how long a
     thread that could run has waited for a core: lateness beyond this is not counted. Without this
-    count, which some containers hide, nothing is.
+    count, which some containers hide, nothing is. The thread need not wake up for the timer.
     """
 
     def __init__(self, period: float, waited: Callable[[], float] | None = None) -> None:
@@ -131,11 +131,14 @@ class TimerLateness:
         Call this on the thread of the timer, when it calls and whenever the lateness matters.
         """
         waited = self._waited()
+        lost, self._waited_before = waited - self._waited_before, waited
         due = now if self._due is None else self._due
         while due <= now + TOLERANCE:
-            self._late.append(max(0.0, min(now - due, waited - self._waited_before)))
+            late = now - due
+            # earlier calls fell into the sleep of a node without input, which no wait had ended
+            self._late.append(max(0.0, min(late, lost)) if late <= lost + self._period else 0.0)
             due += self._period
-        self._due, self._waited_before = due, waited
+        self._due = due
 
     @property
     def load(self) -> HostLoad:

@@ -71,6 +71,18 @@ def test_a_few_late_calls_in_a_window_are_the_longest_two_the_typical_lateness()
     assert not host.load.late
 
 
+def test_a_node_that_has_slept_is_late_once_for_one_wait():
+    host = Host()
+    for _ in range(10):
+        host.now += 1.0
+        host.waited += 0.001
+        host.timer.check(host.now)
+    host.waited, host.now = host.waited + 0.025, host.now + 1.025
+    host.timer.check(host.now)
+    assert host.load.longest == pytest.approx(0.025)
+    assert not host.load.late
+
+
 def test_a_long_callback_of_the_thread_itself_is_no_lateness_of_the_host():
     host = Host()
     for _ in range(10):
