@@ -156,8 +156,8 @@ class DriveInformation:
             found.append(np.linalg.inv(
                 information + fit.rows.jacobian.T @ fit.rows.jacobian + films))
             travel = measurements.travel * HOP / (end - measurements.begin)
-            prior = WindowPrior(self._truth.x, np.linalg.inv(
-                information + fit.leaving[0] + leaving)).after(
+            prior = WindowPrior(self._truth.x, np.asarray(np.linalg.inv(
+                information + fit.leaving[0] + leaving))).after(
                 HOP, travel, self._rows).without(OWN, self._rows).covariance
         return found
 

@@ -74,6 +74,7 @@ class FilmEstimator:
         self._filter: BranchFilter | None = None
         self._rest: deque[tuple[int, float]] = deque()
         self._window: deque[Array] = deque()
+        self._path: deque[Array] = deque(maxlen=3)  # latest averages
         self._temperature: FilmTemperature | None = None
         self._last: FilmCharge | None = None  # valid
         self._saturated = self._discharged = self._beyond = False
@@ -175,7 +176,8 @@ class FilmEstimator:
             return []
         signal = self._averaged()
         self._window.popleft()
-        estimate = self._filter.add_signal(signal, self._charge_sigma(signal))
+        estimate = self._filter.add_signal(signal, math.hypot(
+            self._charge_sigma(signal), self._curve_error(signal)))
         self._learn_speed(signal)
         return [FilmDeflection(self._zero_ns + round(float(signal[FilmSignal.TIME]) * NS_PER_S),
                                self._deflection(*estimate))]
@@ -216,8 +218,16 @@ class FilmEstimator:
         self._filter.stop_at(before, mixing=-math.expm1(-film.alpha_gain * path),
                              charge_sigma=math.hypot(lost, noise))
         self._window.clear()
+        self._path.clear()
         self._saturated = self._discharged = False
         self._averaged_before = None
+
+    def _curve_error(self, signal: Array) -> float:
+        """Return how far [C] the charge bends away from a line between the latest averages."""
+        self._path.append(signal[[FilmSignal.TIME, FilmSignal.CHARGE]])
+        time, charge = np.transpose(self._path)
+        bends = np.diff(np.diff(charge) / np.diff(time))  # C/s; of a parabola, over its sampling
+        return float(np.abs(bends).sum() * (time[-1] - time[0]) / 16.0)
 
     def _learn_speed(self, signal: Array) -> None:
         """Keep the largest speed [C/s] of the charge, beyond noise."""

@@ -100,6 +100,16 @@ def test_single_lost_samples_cost_next_to_nothing():
     assert_honest(found, path)
 
 
+def test_lost_samples_of_a_fast_motion_widen_the_band():
+    squares = []
+    for seed, frequency in enumerate((12.0, 16.0, 20.0)):
+        path, rng = strokes(3.0, frequency=frequency), np.random.default_rng(310 + seed)
+        samples = [one for one in samples_of(charge_of(path, seed=seed)) if rng.random() > 0.35]
+        found = between(measured(samples, FRESH), 1.0, 3.0)
+        squares.append(float(np.nanmean((errors(found, path) / found[:, 2])**2)))
+    assert 0.4 < np.mean(squares) < 1.8
+
+
 def test_nothing_is_claimed_while_saturated_and_the_band_holds_afterwards():
     path = strokes(5.0, frequency=1.0)
     limit = 0.7 * np.abs(charge := charge_of(path)).max()
