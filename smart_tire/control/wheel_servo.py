@@ -254,8 +254,7 @@ class Pid:
         ``error`` [rad/s] is the speed error, ``slope`` [rad/s2] the measured acceleration: a step
         of the set point causes no spike of the derivative. Unless the error is ``current``, the
         integral is held. So it is while a limit is active and the error would increase the excess
-        (conditional integration); an integral that causes the excess of a magnitude limit decays
-        with the tracking time (back-calculation).
+        (conditional integration); it is at most what the other terms leave of the magnitude.
         """
         self._error, self._slope = error, slope
         partial = feed_forward + self._proportional_derivative(error, slope)
@@ -263,21 +262,13 @@ class Pid:
         output = self._limited(partial + integral, dt)
         if (partial + integral - output) * error > 0.0:
             integral = self._integral
-        self._integral = self._unwound(partial, integral, dt)
+        limit = self._params.limit
+        self._integral = min(max(integral, min(-limit - partial, 0.0)), max(limit - partial, 0.0))
         self._output, self.excess = output, partial + self._integral - output
         return output
 
     def _proportional_derivative(self, error: float, slope: float) -> float:
         return self._params.proportional * error - self._params.derivative * slope
-
-    def _unwound(self, partial: float, integral: float, dt: float) -> float:
-        """Return the integral after back-calculation, which does not change its sign."""
-        sum_, limit = partial + integral, self._params.limit
-        excess = sum_ - min(max(sum_, -limit), limit)
-        if excess * integral <= 0.0:
-            return integral
-        step = min(abs(excess) * min(dt / self._params.tracking_time, 1.0), abs(integral))
-        return integral - (step if integral > 0.0 else -step)
 
     def _limited(self, output: float, dt: float) -> float:
         step = self._params.rate_limit * dt

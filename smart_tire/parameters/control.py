@@ -49,9 +49,6 @@ class PidParams:
     derivative: float = param(0.0, 's2/rad', 'duty per wheel acceleration', (0.0, 10.0))
     limit: float = param(1.0, '-', 'maximum duty', (0.0, 1.0))
     rate_limit: float = param(60.0, '1/s', 'maximum rate of change of the duty', (2.0, 1e3))
-    tracking_time: float = param(
-        0.3, 's', 'time constant with which an integral beyond the maximum duty decays',
-        (1e-3, 10.0))
 
 
 @dataclass(frozen=True, kw_only=True)
