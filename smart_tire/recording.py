@@ -20,8 +20,7 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 import math
@@ -165,17 +164,7 @@ class Stream:
         return float(np.median(np.diff(stamps))) / NS_PER_S if len(stamps) > 1 else math.nan
 
 
-@contextmanager
-def file_errors(size: int) -> Iterator[None]:
-    """Raise BagError if a temporary file of ``size`` bytes cannot be written in this context."""
-    try:
-        yield
-    except OSError as error:
-        raise BagError(f'{gettempdir()}: a series of {size / 1e6:.0f} MB cannot be kept there '
-                       f'({error.strerror})') from error
-
-
-class _Column:
+class Column:
     """Growing array, in a temporary file if it is large: memory does not grow with a recording."""
 
     def __init__(self, rows: NDArray[Any]) -> None:
@@ -187,21 +176,22 @@ class _Column:
         return {'rows': self.rows, '_file': None}
 
     def extend(self, rows: NDArray[Any]) -> None:
-        """Append ``rows``; raise BagError if the disk is full."""
+        """Append ``rows`` (n, ...) of the same dtype; raise BagError if the disk is full."""
         before, size = self.rows, self.rows.nbytes + rows.nbytes
         if size <= MAX_IN_MEMORY:
             self.rows = np.concatenate([before, rows]) if len(before) else rows
             return
-        new: tuple[NDArray[Any], ...] = (rows,)
-        with file_errors(size):
+        try:
             if self._file is None:
                 self._file = TemporaryFile(buffering=0)  # noqa: SIM115 (as long as the column)
                 weakref.finalize(self, self._file.close)
-                new = before, rows
+                self._file.write(before.tobytes())
             os.posix_fallocate(self._file.fileno(), 0, size)  # or raises OSError
-            for part in new:
-                self._file.write(part.tobytes())
-            memory = mmap.mmap(self._file.fileno(), size, access=mmap.ACCESS_READ)
+            self._file.write(rows.tobytes())
+            memory = mmap.mmap(self._file.fileno(), size, access=mmap.ACCESS_COPY)
+        except OSError as error:
+            raise BagError(f'{gettempdir()}: {size / 1e6:.0f} MB of a recording cannot be kept '
+                           f'there ({error.strerror})') from error
         self.rows = np.frombuffer(memory, before.dtype).reshape(-1, *before.shape[1:])
 
 
@@ -210,8 +200,8 @@ class _Table:
 
     def __init__(self, kind: type, wheel: str, width: int) -> None:
         self._kind, self._wheel, self._width = kind, wheel, width
-        self._columns = [_Column(np.empty(0, np.int64)), _Column(np.empty(0, np.int64)),
-                         _Column(np.empty((0, width)))]
+        self._columns = [Column(np.empty(0, np.int64)), Column(np.empty(0, np.int64)),
+                         Column(np.empty((0, width)))]
         self._begin()
 
     def _begin(self) -> None:
@@ -248,7 +238,7 @@ class _Table:
         before = self.stream().values
         values = np.full((len(before), width), math.nan)
         values[:, :self._width] = before
-        self._width, self._columns[2] = width, _Column(values)
+        self._width, self._columns[2] = width, Column(values)
         self._begin()
 
 

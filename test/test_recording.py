@@ -90,8 +90,8 @@ def test_memory_does_not_grow_with_a_recording(monkeypatch):
 def test_a_file_that_cannot_grow_is_an_error(monkeypatch):
     monkeypatch.setattr('smart_tire.recording.MAX_IN_MEMORY', 1)
     monkeypatch.setattr('smart_tire.recording.TemporaryFile', lambda **_: SimpleNamespace(
-        fileno=lambda: -1, close=lambda: None))
-    with pytest.raises(BagError, match='0 MB cannot be kept there'):
+        fileno=lambda: -1, write=len, close=lambda: None))
+    with pytest.raises(BagError, match='0 MB of a recording cannot be kept there'):
         SampleArrays(map(films, range(1000)))
 
 

@@ -18,18 +18,17 @@ from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 import json
-import mmap
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 import os
 from pathlib import Path
 import pickle
 import signal
-from tempfile import TemporaryFile
 import threading
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smart_tire.analysis.dead_reckoning import baselines
 from smart_tire.analysis.driven_paths import PATH, PathLog
@@ -50,7 +49,7 @@ from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, topic_of
 from smart_tire.parameters import RobotParams
-from smart_tire.recording import Faults, file_errors, MAX_IN_MEMORY, SampleArrays
+from smart_tire.recording import Column, Faults, MAX_IN_MEMORY, SampleArrays
 from smart_tire.samples import (
     Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
@@ -292,17 +291,12 @@ def _receive(receiver: Connection) -> Any:
         raise EstimatorError('the prefetching process has died') from error
 
 
-def _received(receiver: Connection, size: int) -> bytearray | mmap.mmap:
-    """Return the next ``size`` bytes, in a temporary file if they are many."""
-    if size <= MAX_IN_MEMORY:
-        receiver.recv_bytes_into(small := bytearray(size))
-        return small
-    with file_errors(size), TemporaryFile() as file:
-        os.posix_fallocate(file.fileno(), 0, size)  # a full disk would end the process later
-        large = mmap.mmap(file.fileno(), size)
-    receiver.recv_bytes_into(large)
-    large.madvise(mmap.MADV_DONTNEED)  # as in the sender, read again by those who need it
-    return large
+def _received(receiver: Connection, size: int) -> NDArray[np.uint8]:
+    """Return the next ``size`` bytes, which come in pieces."""
+    found = Column(np.empty(0, np.uint8))
+    while len(found.rows) < size:
+        found.extend(np.frombuffer(bytearray(receiver.recv_bytes()), np.uint8))
+    return found.rows
 
 
 def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Connection) -> None:
@@ -331,7 +325,8 @@ def _send_one(sender: Connection, item: Any) -> None:
     data = pickle.dumps(item, 5, buffer_callback=is_copied)
     sender.send((data, [buffer.raw().nbytes for buffer in buffers]))
     for buffer in buffers:
-        sender.send_bytes(buffer.raw())
+        for begin in range(0, len(view := buffer.raw()), MAX_IN_MEMORY):
+            sender.send_bytes(view[begin:begin + MAX_IN_MEMORY])
 
 
 def _remove_old_bag(folder: Path) -> None:
