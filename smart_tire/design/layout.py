@@ -147,7 +147,6 @@ class Study:
         """Return the accuracy on one drive."""
         rows, single = [], []
         radius_sigma = max(self.robot.wheel_radius_sigma, MIN_RADIUS_SIGMA)
-        late = drive.drive.duration - AVERAGED * HOP  # s
         for start in range(START_ANGLES):
             found = [one for wheel in map(WHEELS.index, layout.names)
                      for one in self._crossings_of(drive, layout, wheel)[start]]
@@ -155,7 +154,7 @@ class Study:
             for crossing, length_sigma in found:
                 products[crossing.wheel] = PRESSURE_TILT * layout.across * abs(
                     crossing.slip * crossing.normalized_slip)
-                if crossing.time > late and length_sigma is not None:
+                if length_sigma is not None:
                     single.append((math.sqrt(crossing.covariance[0, 0]),
                                    math.hypot(length_sigma, radius_sigma)))
             rows.append(drive.sigmas([one for one, _ in found], products, self._wheels))
