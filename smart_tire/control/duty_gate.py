@@ -89,7 +89,8 @@ class DutyGate:
             expired = self.expiry_ns is not None and now_ns > self.expiry_ns
             if expired and self._discard():
                 self.timeouts += 1
-                self._report(f'motors stopped: no motor command for {self._timeout_ns / NS_PER_S:g} s')
+                self._report('motors stopped: no motor command for '
+                             f'{self._timeout_ns / NS_PER_S:g} s')
             return self._duty
 
     def hold(self, name: str, reason: str, *, latch: bool = False,

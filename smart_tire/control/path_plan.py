@@ -155,7 +155,8 @@ def checked(target: PlannedPath | GoalPose, params: PathCheckParams, frame: str
     Return ``target``, and the goal in a path whose poses are all at one position.
 
     nav2's planners send such a path where the robot and its goal share a cell. Its yaw is the last
-    one given. Raise CommandError if ``target`` is not in ``frame`` or can be followed from nowhere.
+    one given. Raise CommandError if ``target`` is not in ``frame``, or can be followed from
+    nowhere.
     """
     if isinstance(target, GoalPose):
         _check_frame('goal_pose', target.frame, frame)
