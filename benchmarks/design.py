@@ -81,6 +81,8 @@ POINTS: Mapping[str, Point] = {
     'apart': Point('2 films, 140 mm apart', replace(PAPER, spacing=0.140)),
     'one_film': Point('1 x 20 mm', replace(PAPER, films=1)),
     'two_wheels': Point('1 x 12 mm on 2 wheels', replace(PAPER, wheels=2, films=1, length=0.012)),
+    'best': Point('1 x 8 mm on 2 wheels, 360 Hz, 8 bits, best of two films', replace(
+        PAPER, wheels=2, films=1, length=0.008, rate=360.0, bits=8)),
     'four_wheels': Point('2 x 20 mm on 4 wheels', replace(PAPER, wheels=4)),
     'coarse': Point('2 x 20 mm, 150 Hz, 8 bits', replace(PAPER, rate=150.0, bits=8))}
 

@@ -21,11 +21,11 @@ from smart_tire.simulation.offline import EPOCH_NS
 CONCRETE = Ground('concrete', 52.7, 0.47, 0.015)
 
 
-def test_the_points_contain_the_layout_of_the_paper_and_are_nine():
+def test_the_points_contain_the_layout_of_the_paper_and_are_ten():
     layout = POINTS['paper'].layout
     assert (layout.wheels, layout.films, layout.length, layout.spacing, layout.rate) == (
         1, 2, 0.020, 0.030, 400.0)
-    assert len(POINTS) == 9
+    assert len(POINTS) == 10
 
 
 def test_errors_of_a_robot_are_of_the_size_of_the_bound():
