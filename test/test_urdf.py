@@ -20,7 +20,9 @@ import sys
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from smart_tire.messages.film import DEFLECTION_NAMES, FRAME as FILM_FRAME
 from smart_tire.messages.joint_state import film_names
+from smart_tire.models.film.buckling_film import FILMS
 from smart_tire.parameters import build, RobotParams
 from smart_tire.parameters.urdf_writer import rigid_bodies, RigidBody, urdf_text
 from smart_tire.rotation import matrix
@@ -228,3 +230,13 @@ def test_the_program_refuses_invalid_parameters_in_one_line(tmp_path):
     assert result.stderr.splitlines()[-1].endswith(
         'parameter mass: -1.0, expected 0.01 to 10000 kg')
     assert not (tmp_path / 'robot.urdf').exists()
+
+
+def test_the_joint_of_a_film_is_that_of_its_messages():
+    film = Robot.from_xml_string(FILE.with_name('film.urdf').read_text(encoding='utf-8'))
+    assert film.get_root() == FILM_FRAME
+    joint, = film.joints
+    assert (joint.name,) == DEFLECTION_NAMES and joint.type == 'prismatic'
+    size = film.link_map[FILM_FRAME].visual.geometry.size
+    assert size[:2] == [FILMS['25x3'].length, FILMS['25x3'].width]
+    assert joint.limit.upper == 0.5 * FILMS['25x3'].length

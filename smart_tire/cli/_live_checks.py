@@ -201,8 +201,11 @@ def _port_findings(files: list[Path]) -> Iterator[Finding]:
     from smart_tire.drivers.port_scan import expected_ports, port_findings, ports_to_scan
     from smart_tire.drivers.port_scan import scan, serial_devices
     from smart_tire.parameters import load_node
-    expected = expected_ports(*(load_node(files, name) for name in (
-        'tire_receiver', 'imu_driver', 'motor_driver')))
+    from smart_tire.parameters.files import read_blocks
+    names = ['tire_receiver', 'imu_driver', 'motor_driver']
+    if any(block.endswith('film_driver') for file in files for block, _ in read_blocks(file)):
+        names.append('film_driver')  # a robot may be without film
+    expected = expected_ports(*(load_node(files, name) for name in names))
     devices = serial_devices()
     rates, boards = ports_to_scan(expected, devices)
     yield from port_findings(expected, devices, scan(rates, boards))

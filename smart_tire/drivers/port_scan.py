@@ -32,19 +32,21 @@ from typing import Any
 
 from serial.tools import list_ports
 
-from smart_tire.drivers.sample_stream import IMU_PROTOCOLS
+from smart_tire.drivers.sample_stream import FILM_CHARGE, IMU_PROTOCOLS
 from smart_tire.drivers.serial_port import open_port, PORT_ERRORS
 from smart_tire.errors import FrameError, LinkError
 from smart_tire.findings import Finding, Level
 from smart_tire.parameters import ImuDriverParams, MotorDriverParams, TireReceiverParams
+from smart_tire.parameters.film import FilmDriverParams
 from smart_tire.protocol.deframer import Deframer
 from smart_tire.protocol.roboclaw import (
     ADDRESSES, decode_text_reply, encode_request, READ_VERSION, TEXT_END)
 from smart_tire.protocol.tire_payload import decode_batch
 from smart_tire.protocol.xbee import decode_receive_packet, XBeeDeframer
 
-TIRE_RADIO, MOTOR_BOARDS = 'tire_radio', 'roboclaw'
+TIRE_RADIO, MOTOR_BOARDS, FILM_AMPLIFIER = 'tire_radio', 'roboclaw', 'film_amplifier'
 NAMES = {TIRE_RADIO: 'XBee coordinator with sensor nodes', MOTOR_BOARDS: 'RoboClaw',
+         FILM_AMPLIFIER: 'charge amplifier of a film',
          'vectornav_binary': 'VectorNav (binary)', 'vectornav_ascii': 'VectorNav (ASCII)',
          'xsens': 'Xsens'}
 BAUD_RATES = (115200, 57600, 230400, 921600, 38400, 9600)  # of these devices, most usual first
@@ -90,7 +92,7 @@ class ScannedPort:
     path: str
     problem: str = ''       # why it could not be opened
     holder: str = ''        # process that has it open: it was not opened
-    protocol: str = ''      # one of IMU_PROTOCOLS, TIRE_RADIO or MOTOR_BOARDS; '' if none
+    protocol: str = ''      # one of ``NAMES``; '' if none
     baud_rate: int = 0      # at which it answers
     details: str = ''       # number of frames, or versions of the motor boards
     received: int = 0       # bytes at all baud rates
@@ -186,7 +188,7 @@ def _tried(scanned: ScannedPort, baud_rate: int, ask: bool) -> ScannedPort:
 def identify(data: bytes) -> tuple[str, list[Any]]:
     """Return protocol and decoded frames in ``data``; '' if it is none of these."""
     found = {name: _decoded(protocol.deframer(), data, protocol.decode)
-             for name, protocol in IMU_PROTOCOLS.items()}
+             for name, protocol in {**IMU_PROTOCOLS, FILM_AMPLIFIER: FILM_CHARGE}.items()}
     found[TIRE_RADIO] = _decoded(XBeeDeframer(), data, _sensor_node)
     name = max(found, key=lambda name: len(found[name]))
     return (name, found[name]) if len(found[name]) >= MIN_FRAMES else ('', [])
@@ -228,14 +230,16 @@ def _versions(port: Any) -> dict[int, str]:
     return found
 
 
-def expected_ports(tire: TireReceiverParams, imu: ImuDriverParams,
-                   motor: MotorDriverParams) -> list[ConfiguredPort]:
-    """Return the ports that the parameters of the drivers name."""
+def expected_ports(tire: TireReceiverParams, imu: ImuDriverParams, motor: MotorDriverParams,
+                   film: FilmDriverParams | None = None) -> list[ConfiguredPort]:
+    """Return the ports that the parameters of the drivers name; a robot may be without film."""
+    amplifier = [] if film is None else [
+        ConfiguredPort('film_driver', film.port, film.baud_rate, FILM_AMPLIFIER)]
     return [ConfiguredPort('tire_receiver', tire.port, tire.baud_rate, TIRE_RADIO,
                            tuple(tire.wheel_of())),
             ConfiguredPort('imu_driver', imu.port, imu.baud_rate, imu.protocol),
             ConfiguredPort('motor_driver', motor.port, motor.baud_rate, MOTOR_BOARDS,
-                           tuple(motor.addresses))]
+                           tuple(motor.addresses)), *amplifier]
 
 
 def ports_to_scan(expected: Sequence[ConfiguredPort],

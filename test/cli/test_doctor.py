@@ -104,6 +104,18 @@ def test_levels_of_diagnostics_become_levels_of_findings(level, text):
     assert (finding.level.name.lower(), finding.text) == (text, 'node a/imu_driver: why')
 
 
+@pytest.mark.parametrize('block, expected', [
+    ('/**/film_driver: {ros__parameters: {port: /dev/film}}', True),
+    ('/**: {ros__parameters: {wheel_radius: 0.1}}', False)])
+def test_the_port_of_a_film_is_checked_where_it_is_configured(
+        block, expected, monkeypatch, tmp_path):
+    monkeypatch.setattr('smart_tire.drivers.port_scan.serial_devices', list)
+    params = tmp_path / 'ports.yaml'
+    params.write_text(block)
+    finding, = _live_checks._port_findings([params])
+    assert ('/dev/film' in finding.expected) == expected
+
+
 def test_without_rclpy_host_and_ports_are_checked(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(_live_checks, 'find_spec', lambda name: None)
     monkeypatch.setattr(_live_checks, 'timer_lateness', lambda: [0.031])

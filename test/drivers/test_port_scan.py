@@ -24,10 +24,12 @@ from smart_tire.drivers.port_scan import (
 from smart_tire.errors import FrameError
 from smart_tire.findings import Level
 from smart_tire.parameters import ImuDriverParams, MotorDriverParams, TireReceiverParams
+from smart_tire.parameters.film import FilmDriverParams, FilmSimulatorParams
 from smart_tire.protocol.roboclaw import decode_text_reply, encode_text_reply, READ_VERSION
 from smart_tire.samples import ImuSample
 from smart_tire.simulation.device_emulators import (
     ImuEmulator, RadioEmulator, RoboclawEmulator, SensorNodeEmulator)
+from smart_tire.simulation.film import SimulatedFilm
 
 NODE = 0x13A20040A1B2C3
 
@@ -124,6 +126,21 @@ def scanned(monkeypatch, tmp_path):
 def test_an_imu_is_recognized_by_its_frames(protocol):
     found, frames = identify(b'\x00\xfa' + b''.join(imu_frames(protocol))[3:])
     assert (found, len(frames)) == (protocol, 19)
+
+
+def test_the_amplifier_of_a_film_is_recognized(scanned):
+    film = SimulatedFilm(FilmSimulatorParams(loss=0.0))
+    frames = [film.next_instant().frame for _ in range(100)]
+    found = scanned(Port(frames, 0.004), ask=False)
+    assert (found.protocol, found.baud_rate) == ('film_amplifier', 115200)
+    assert found.details == '74 frames'
+
+
+def test_a_film_is_expected_where_it_is_configured():
+    film = FilmDriverParams(port='/dev/ttyUSB7')
+    port = expected_ports(TireReceiverParams(), ImuDriverParams(), MotorDriverParams(), film)[3]
+    assert (port.path, port.protocol) == ('/dev/ttyUSB7', 'film_amplifier')
+    assert len(EXPECTED) == 3
 
 
 def test_the_radio_is_recognized_and_one_frame_is_not_enough():
