@@ -18,16 +18,14 @@ from functools import partial
 import time
 from typing import Any
 
-from smart_tire.control import constants as c
 from smart_tire.control.command_check import CommandCheck
 from smart_tire.control.publishers import MessageInfo, UNDISCOVERED
 from smart_tire.drivers.clock import SYSTEM
 from smart_tire.nodes.base import SmartTireNode
 from smart_tire.nodes.compat import publisher_names
 from smart_tire.nodes.diagnostics import Status
-from smart_tire.samples import NS_PER_S
 
-AWAKE_NS = 2 * NS_PER_S  # after a message, in which stalls of this process are looked for
+TICK_PERIOD = 0.1  # s, between looks for stalls; less than MIN_STALL_NS by what a timer is late
 ON_DEMAND = {'cmd_vel': 'trajectory_controller'}  # topic -> node that publishes temporarily
 
 
@@ -73,34 +71,10 @@ class CommandInput:
                        required=commands.required, announced=True,
                        reliability=commands.reliability, from_msg=commands.from_msg,
                        type_name=commands.unstamped_type)
-        self._commands = commands
-        self._heard_ns, self._ready_ns = node.steady_ns(), 0
-        self._ticks = node.call_every(c.TICK_PERIOD, self._tick, elastic=True)
-
-    def _tick(self) -> None:
-        """
-        Look for stalls of this process, which the node wakes up for except during silence.
-
-        A message that ends a silence may have been queued: it counts by its timestamp only. Plain
-        Twist has none, and is used at once, so there is no silence.
-        """
-        now_ns = self._node.steady_ns()
-        self._check.tick(now_ns)
-        self._ticks.wakes = bool(self._commands.unstamped_type or self._check.conflict
-                                 or now_ns - self._heard_ns < AWAKE_NS)
-
-    def _end_silence(self) -> None:
-        self._heard_ns = self._node.steady_ns()
-        if not self._ticks.wakes:
-            self._tick()
-            if self._commands.max_age is None:  # timestamps are not read
-                self._ready_ns = self._heard_ns + 2 * c.QUEUE_DRAIN_NS
+        node.call_every(
+            TICK_PERIOD, lambda: self._check.tick(node.steady_ns()), elastic=True)
 
     def _on_message(self, command: Any, info: MessageInfo) -> None:
-        if not (self._commands.same_host and command.stamp_ns):  # its age is known
-            self._end_silence()
-        if self._heard_ns < self._ready_ns:
-            return
         wall_ns = time.time_ns()
         if SYSTEM.simulated is not None:  # in which the transit of this message is not known
             info = replace(info, source_ns=wall_ns, received_ns=wall_ns)
