@@ -41,7 +41,7 @@ POLYNOMIAL_ORDER = 3  # differs from 2 at the ends only, where 2 would bend a st
 MAX_REVERSAL_BIAS = 0.3  # of the noise, at reversals; assumed: not rounded off; corners
 MAX_POWER_RATIO = 1.2  # of the slow residuals over those of noise alone; assumed; corners
 EDGE_NOISE_FACTOR = 2.67  # of a smoothed signal at its first sample; derived from the filter; all
-LEAST_NOISE_SHARE = 1e-6  # of the largest charge: signals without noise; assumed; exact
+LEAST_NOISE_SHARE = 1e-8  # of the largest charge: signals without noise; assumed; exact
 
 
 @dataclass(frozen=True)
