@@ -109,6 +109,14 @@ def test_a_small_calibration_loop_limits_the_measuring_range(seeds):
     assert refused < len(seeds)
 
 
+@pytest.mark.parametrize('film', [FILM, None])
+def test_what_is_unknown_is_nan_with_an_infinite_sigma(film):
+    params = replace(EXACT, film=film)
+    value, sigma = params.deflections(np.array([-0.5, np.nan]), np.array([0.01, 0.01]))
+    assert np.isfinite(value[0]) and 0.0 < sigma[0] < np.inf
+    assert np.isnan(value[1]) and sigma[1] == np.inf
+
+
 def test_sigma_grows_with_time_if_amplifier_and_drift_are_not_separable():
     recording = bench(FilmTestStand(), sine(0.006, 2.0, 10.0, 1000.0), 1000.0, 1)
     params, fit, notes = identify_film(recording, FILM)

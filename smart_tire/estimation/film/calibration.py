@@ -84,7 +84,7 @@ class FilmParams:
         NaN and infinite where the film is under tension, or where nothing is known. Without
         geometry, the inputs themselves.
         """
-        known = self.is_possible(value, sigma)
+        known = self.is_possible(value, sigma) & np.isfinite(value)
         if self.film is not None:
             charges, slopes = _charge_table()
             per_stroke = float(self.film.deflection(0.5)) / 0.5
