@@ -20,6 +20,7 @@ from itertools import product
 import math
 
 from benchmarks.control import drawn
+from benchmarks.control.goals import LOCALIZATIONS, run_goal
 from benchmarks.control.scenarios import BEST, CASES, KINEMATICS, OURS, SHORT, TrackingCase
 from benchmarks.control.tracking import run_tracking
 from benchmarks.control.traction import scenarios, traction_runs, TractionScenario
@@ -30,7 +31,7 @@ from benchmarks.scoring import Figures, part_of, Run
 from rich.table import Table
 
 WHEEL_STEPS, TRACTION = 'wheel_steps', 'traction'
-DRAWN, DRAWN_ESTIMATED = 'drawn', 'drawn_estimated'
+DRAWN, DRAWN_ESTIMATED, GOALS = 'drawn', 'drawn_estimated', 'goals'
 DEGREES = 57.29577951308232  # per rad
 
 MAX_SHARE = 1.0              # of the control error of the ideal kinematics
@@ -51,7 +52,8 @@ longest time above critical slip; against, beyond: wheels that turn against the 
 faster. Robots drawn at random: mean over robots of the rms distance of the true pose from the
 path; won: robots on which another controller has the larger one; ratio: ours over that of the
 other one, on the worst robot. calibrated: ideal, with the effective track of tires that adhere;
-pursuit: regulated pure pursuit.
+pursuit: regulated pure pursuit. Goals: false is one that was reported as reached where the robot,
+a second later, was outside of the tolerances; distance and angle are those of reported ones.
 """
 STEPS = (Column('rise\n[s]', 'rise.mean', 2), percent('overshoot\n[%] mean', 'overshoot.mean'),
          percent('\nmost', 'overshoot.max'), Column('settling\n[s] mean', 'settling.mean', 2),
@@ -68,6 +70,10 @@ STARTS = (percent('distance\n[%] mean', 'distance'), Column('sliding\n[s] most',
           Column('drift\n[m] most', 'drift.max', 3), Column('turn\n[deg]', 'turn.max', 1, DEGREES),
           Column('against', 'against.max', 0), Column('beyond\n[m/s]', 'beyond.max', 2),
           Column('stopped\n[s]', 'stopped.max', 2))
+ARRIVALS = (percent('arrived\n[%]', 'arrived', 0), percent('false\n[%]', 'false', 1),
+            milli('distance\n[mm]', 'miss'), milli('\nmost', 'miss.max'),
+            Column('angle\n[deg]', 'turn', 1, DEGREES), Column('\nmost', 'turn.max', 1, DEGREES),
+            Column('time\n[s]', 'duration'))
 APART = tuple(milli(f'{name} [mm]\n{one}', f'{one}.{name}_rms')
               for name in ('localization', 'control') for one in (OURS, SHORT))
 
@@ -93,6 +99,9 @@ def jobs(name: str, seeds: Sequence[int], args: argparse.Namespace) -> list[Job]
     if name in (DRAWN, DRAWN_ESTIMATED):
         return [partial(drawn.run_drawn, path, seed, estimated=name == DRAWN_ESTIMATED, row=name)
                 for path, seed in product(drawn.PATHS, seeds)]
+    if name == GOALS:
+        return [partial(run_goal, localization, seed, GOALS)
+                for localization, seed in product(LOCALIZATIONS, seeds)]
     return [partial(run_case, replace(CASES[name], kinematics=kinematics), seed)
             for kinematics in KINEMATICS for seed in seeds]
 
@@ -142,7 +151,8 @@ def tables(rows: Rows, args: argparse.Namespace) -> Iterator[Table]:
                                  (DRAWN, 'Robots drawn at random, true pose',
                                   drives(*drawn.CONTROLLERS)),
                                  (DRAWN_ESTIMATED, 'Robots drawn at random, estimated pose',
-                                  (*APART, *drives(OURS, SHORT)))):
+                                  (*APART, *drives(OURS, SHORT))),
+                                 (GOALS, 'Goals with a final yaw', ARRIVALS)):
         own = [(row.partition('/')[2], figures) for row, figures in rows.items()
                if row.startswith(f'{name}/')]
         if own:
@@ -162,4 +172,5 @@ CONTROL = Benchmark(
     'control', 'wheel speed steps, path tracking, starts and stops', NOTES,
     {WHEEL_STEPS: 'wheel speed steps', TRACTION: 'starts and stops',
      DRAWN: 'robots drawn at random', DRAWN_ESTIMATED: 'the same with estimated pose',
+     GOALS: 'goals with a final yaw of robots drawn at random',
      **{name: case.title for name, case in CASES.items()}}, jobs, tables)
