@@ -14,16 +14,20 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-import math
 from statistics import fmean
+from typing import TypeVar
 
 import numpy as np
 
+from smart_tire.arrays import Array
 from smart_tire.control import constants as c
 from smart_tire.control.history import History
 from smart_tire.control.wheel_feedback import WheelFeedback
 from smart_tire.control.wheel_servo import DriveModel
 from smart_tire.samples import Four, MAX_WHEEL_TORQUE, NS_PER_S, STOPPED
+
+Duty = TypeVar('Duty', float, Array)
+DELAYS_NS = [round(delay * NS_PER_S) for delay in c.DELAYS.tolist()]
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,7 @@ class MotorResponse:
         _, begin_ns, end_ns = means[0]
         speed, stall = [mean[0] for mean in means], model.stall_torque
         realized = [one / stall + model.free_gain * w for one, w in zip(torque, speed)]
-        self._learn_delay(realized, [one / stall for one in torque], end_ns)
+        self._learn_delay(np.array(realized), np.array(torque) / stall, end_ns)
         readings, middle_ns = self._readings, (begin_ns + end_ns) // 2
         readings.append((middle_ns, speed, torque))
         while len(readings) > 2 and middle_ns - readings[1][0] >= end_ns - begin_ns:
@@ -86,14 +90,14 @@ class MotorResponse:
                        - change - (model.speed_gain - model.free_gain) * speed[wheel])
             for wheel, (duties, change) in enumerate(zip(zip(given, realized), inertial)))
 
-    def _learn_delay(self, realized: list[float], shares: list[float], end_ns: int) -> None:
+    def _learn_delay(self, realized: Array, shares: Array, end_ns: int) -> None:
         """Compare the ``realized`` duties and ``shares`` of T with duties before ``end_ns``."""
         last_ns = self._readings[-1][0] if self._readings else end_ns
         if not self._duties.times or end_ns - self._duties.times[0] < c.DELAYS[-1] * NS_PER_S:
             return
-        squares = np.array([
-            fmean(map(_unexplained, self._duties.held(end_ns - round(delay * NS_PER_S)) or STOPPED,
-                      realized, shares)) for delay in c.DELAYS])
+        given = np.array([self._duties.held(end_ns - delay_ns) or STOPPED
+                          for delay_ns in DELAYS_NS])
+        squares = _unexplained(given, realized, shares).mean(axis=1)
         self._errors += min(max(end_ns - last_ns, 0), c.MAX_GAP_NS) / NS_PER_S * (
             squares - squares.min())
         self._errors *= min(1.0, c.MOTOR_EVIDENCE / max(float(np.ptp(self._errors)), c.TINY))
@@ -102,15 +106,17 @@ class MotorResponse:
             self.delay = float(c.DELAYS[best])
 
 
-def _unexplained(given: float, realized: float, share: float) -> float:
+def _unexplained(given: Array, realized: Array, share: Array) -> Array:
     """
-    Return the square of what the errors of the model leave of the difference of two duties.
+    Return the square of what the errors of the model leave of the differences of duties (n, 4).
 
     Nothing is left for a motor whose current is limited: it has less torque than given, but a
     ``share`` of the stall torque in the right direction.
     """
-    limited = (given - realized) * given > 0.0 and share * math.copysign(1.0, given) > c.DUTY_ERROR
-    return 0.0 if limited else max(abs(given - realized) - error_of(given), 0.0) ** 2
+    rest = given - realized
+    limited = (rest * given > 0.0) & (share * np.copysign(1.0, given) > c.DUTY_ERROR)
+    left = np.maximum(np.abs(rest) - error_of(given), 0.0)
+    return np.where(limited, 0.0, left ** 2)
 
 
 def _missing(given: float, realized: float) -> float:
@@ -119,6 +125,6 @@ def _missing(given: float, realized: float) -> float:
     return rest if rest * given > 0.0 and abs(rest) > error_of(given) else 0.0
 
 
-def error_of(duty: float) -> float:
+def error_of(duty: Duty) -> Duty:
     """Return the error of a duty [-] that supply, temperature and friction of a motor explain."""
     return c.MODEL_ERROR * abs(duty) + c.DUTY_ERROR
