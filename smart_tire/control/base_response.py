@@ -65,8 +65,11 @@ class BaseResponse:
         self._known = np.array(self._commands.times), np.array(self._commands.values)
 
     def learn(self, motion: Motion, stamp_ns: int) -> None:
-        """Compare the motion at ``stamp_ns`` with the commands before it."""
-        last_ns, self._learned_ns = self._learned_ns, stamp_ns
+        """Compare the motion at ``stamp_ns`` with the commands before it, each ``DELAY_STEP``."""
+        last_ns = self._learned_ns
+        if last_ns is not None and 0 < stamp_ns - last_ns < DELAYS_NS[1]:
+            return
+        self._learned_ns = stamp_ns
         if last_ns is None or not 0 < stamp_ns - last_ns <= c.MAX_GAP_NS or (
                 not self._commands.times):
             return

@@ -139,28 +139,34 @@ class TwistCheck:
             self._begin_ns = stamp_ns
         self.travel.extend(stamp_ns, *motion.since(last), half * (last.v_x + motion.v_x),
                            half * (last.yaw_rate + motion.yaw_rate))
-        found = replace(motion, **{name: speed for axis, name in enumerate(('v_x', 'yaw_rate'))
-                                   if (speed := self._contradicted(axis, stamp_ns)) is not None})
-        self.fault = '' if found == motion else (
+        speeds = self._contradicted(stamp_ns)
+        found = replace(motion, **speeds) if speeds else motion
+        self.fault = '' if found is motion else (
             f'odom: its twist of {motion.v_x:.2f} m/s and {motion.yaw_rate:.2f} rad/s contradicts '
             f'its poses, which move by {found.v_x:.2f} m/s and {found.yaw_rate:.2f} rad/s: the '
             'latter are used')
         return found
 
-    def _contradicted(self, axis: int, stamp_ns: int) -> float | None:
-        """Return the speed or yaw rate of the poses if both halves of the window contradict."""
-        half, errors = c.TWIST_WINDOW_NS // 2, list[float]()
+    def _contradicted(self, stamp_ns: int) -> dict[str, float]:
+        """Return speed and yaw rate of the poses where both halves of the window contradict."""
+        half = c.TWIST_WINDOW_NS // 2
         if stamp_ns - self._begin_ns < 2 * half:
-            return None
-        for end_ns in (stamp_ns, stamp_ns - half):
-            posed, twisted = self.travel.between(end_ns - half, end_ns)[axis::2]
-            if abs(posed - twisted) <= max(
-                    c.MAX_TWIST_ERROR[axis], 0.5 * max(abs(posed), abs(twisted))):
-                return None
-            errors.append(posed - twisted)
-        if errors[0] * errors[1] < 0.0:
-            return None
-        return self.travel.between(stamp_ns - half // 2, stamp_ns)[axis] * NS_PER_S / (half // 2)
+            return {}
+        late = self.travel.between(stamp_ns - half, stamp_ns)
+        axes = [axis for axis in range(2) if _contradiction(late, axis)]
+        if not axes:
+            return {}
+        early = self.travel.between(stamp_ns - 2 * half, stamp_ns - half)
+        latest = self.travel.between(stamp_ns - half // 2, stamp_ns)
+        return {('v_x', 'yaw_rate')[axis]: latest[axis] * NS_PER_S / (half // 2) for axis in axes
+                if _contradiction(late, axis) * _contradiction(early, axis) > 0.0}
+
+
+def _contradiction(travel: tuple[float, ...], axis: int) -> float:
+    """Return by how far [m, rad] a motion by the poses exceeds that by the twist; 0: by noise."""
+    posed, twisted = travel[axis::2]
+    limit = max(c.MAX_TWIST_ERROR[axis], 0.5 * max(abs(posed), abs(twisted)))
+    return posed - twisted if abs(posed - twisted) > limit else 0.0
 
 
 class MotionMonitor(LatestMotion):

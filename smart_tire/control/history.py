@@ -55,7 +55,7 @@ class History:
         after = min(max(bisect(self.times, time_ns), 1), len(self.times) - 1)
         (t_0, t_1), (one, two) = self.times[after - 1:after + 1], self.values[after - 1:after + 1]
         share = (time_ns - t_0) / max(t_1 - t_0, 1)
-        return tuple(a + share * (b - a) for a, b in zip(one, two))
+        return tuple([a + share * (b - a) for a, b in zip(one, two)])
 
 
 def time_step(now_ns: int, before_ns: int | None, rate: float) -> float:
