@@ -66,14 +66,14 @@ def plan_goal(start: Motion, goal: Vector3, arrival: ArrivalParams) -> tuple[Man
     """
     Return the maneuvers from ``start`` to ``goal`` (x [m], y [m], yaw [rad]): straight, then turn.
 
-    A goal behind within ``reverse_distance`` is reached in reverse. There is no way to drive if it
-    is within ``xy_tolerance``. A yaw of NaN is any.
+    A goal behind within ``reverse_distance`` is reached in reverse. There is no way to drive if
+    the robot would arrive where it is. A yaw of NaN is any.
     """
     x, y, yaw = goal
     distance = math.hypot(x - start.x, y - start.y)
     bearing = wrap(math.atan2(y - start.y, x - start.x) - start.yaw)
     maneuvers: list[Maneuver] = [] if math.isnan(yaw) else [Spin(yaw)]
-    if distance > arrival.xy_tolerance:
+    if distance > c.ARRIVED_SHARE * arrival.xy_tolerance:
         behind = abs(bearing) > 0.5 * math.pi and distance <= arrival.reverse_distance
         maneuvers.insert(0, Segment(np.array([start.x, x]), np.array([start.y, y]),
                                     REVERSE if behind else FORWARD))

@@ -90,12 +90,13 @@ def contradict(wheels: Distances, odom: Distances, max_slip: float) -> bool:
 def arrival_error(motion: Motion, end: Vector3, arrival: ArrivalParams) -> str:
     """Return how far the robot is from its ``end`` (x, y, yaw or NaN); empty if it is there."""
     x, y, yaw = end
-    miss, turn = math.hypot(motion.x - x, motion.y - y), abs(wrap(motion.yaw - yaw))
-    if miss > arrival.xy_tolerance:
-        return f'{miss:.3f} m from the end, expected at most {arrival.xy_tolerance:g} m'
-    if turn > arrival.yaw_tolerance:
-        return f'{turn:.3f} rad from the yaw at the end, expected at most ' + (
-            f'{arrival.yaw_tolerance:g} rad')
+    for name, off, unit, place in (
+            ('xy_tolerance', math.hypot(motion.x - x, motion.y - y), 'm', 'end'),
+            ('yaw_tolerance', abs(wrap(motion.yaw - yaw)), 'rad', 'yaw at the end')):
+        most = c.ARRIVED_SHARE * getattr(arrival, name)
+        if off > most:
+            return (f'{off:.3f} {unit} from the {place}, expected at most {most:g} {unit} '
+                    f'({c.ARRIVED_SHARE:g} of arrival.{name})')
     return ''
 
 

@@ -33,7 +33,7 @@ from smart_tire.samples import NS_PER_S, WheelSample
 from support.ideal_robot import IDEAL, odometry
 
 RATES = 4.0, 16.0, 50.0, 100.0, 200.0  # Hz, of odometry and wheels
-PHASES = 50                            # of each period
+PHASES = 20                            # of each period
 STEP_NS = round(NS_PER_S / IDEAL.rate)
 RADIUS = IDEAL.robot.wheel_radius
 ONE_MM = 0.001 / IDEAL.max_speed * NS_PER_S  # ns

@@ -340,7 +340,7 @@ def test_without_the_hold_the_robot_rolls_away_and_has_not_arrived(robot):
     robot.fail(load=SLOPE_LOAD)
     robot.length = 0.4
     yield from robot.until(lambda: robot.control.state.name == 'STOPPED')
-    assert 'm from the end, expected at most 0.05 m' in robot.control.reason
+    assert 'm from the end, expected at most 0.045 m' in robot.control.reason
     stopped = robot.x
     yield 2.0
     assert robot.state.still

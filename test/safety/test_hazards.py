@@ -22,28 +22,25 @@ from smart_tire.control.duty_gate import DutyGate
 from support.cases import long
 from support.hazards import (
     ACTORS, conditions_of, HAZARDS, longest, MARGIN, MAX_LATENESS, MAX_STALL, PHASES, RATES,
-    README, recorded, SENTENCE, sentence, worst)
+    README, recorded, runs_of, SENTENCE, sentence, worst)
 
 hazards = pytest.mark.parametrize('name', HAZARDS)
 TOPICS = ('motor_commands', 'wheel_states', 'cmd_vel')
 SOON = st.floats(-MAX_STALL, 0.3)  # s, since the fault
 
 
-def is_recorded(name, rate):
-    """Return whether the longest stop time is the recorded one; else, run the script again."""
-    return longest((name, rate)) == pytest.approx(recorded()[name][rate], rel=0.05)
-
-
 @hazards
-def test_the_recorded_stop_time_is_the_longest_at_all_phases(name):
-    assert is_recorded(name, 16.0)
+def test_no_stop_takes_longer_than_recorded(name):
+    seconds, number = worst(name, 16.0, runs_of(name) // 5)
+    assert 0.6 * recorded()[name][16.0] <= seconds <= 1.05 * recorded()[name][16.0], number
 
 
 @pytest.mark.long
 @hazards
-@pytest.mark.parametrize('rate', [rate for rate in RATES if rate != 16.0])
-def test_the_recorded_stop_time_is_the_longest_at_other_rates(name, rate):
-    assert is_recorded(name, rate)
+@pytest.mark.parametrize('rate', RATES)
+def test_the_recorded_stop_time_is_the_longest_at_all_phases(name, rate):
+    # else, run the script again
+    assert longest((name, rate)) == pytest.approx(recorded()[name][rate], rel=0.05)
 
 
 @hazards
