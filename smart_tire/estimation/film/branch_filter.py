@@ -46,8 +46,13 @@ NORMAL = NormalDist()
 
 
 COLUMNS = 10       # of the root: one per row of the state, and the noise
-NOISE = np.zeros(1 + 2 * COLUMNS)  # of the members, in MEMBER_STEP sigmas
-NOISE[[COLUMNS, 2 * COLUMNS]] = 1.0, -1.0
+# members: the nominal one, and one a step up and one a step down each column
+NOMINAL, UP, DOWN = np.split(np.eye(1 + 2 * COLUMNS), [1, 1 + COLUMNS])
+NOISE = UP[-1] - DOWN[-1]  # in MEMBER_STEP sigmas
+BENDS = UP + DOWN - 2.0 * NOMINAL
+# mean and root of the covariance (2 COLUMNS,) from the values of the members
+MEAN = NOMINAL[0] + BENDS.sum(axis=0) / 6.0
+ROOT = np.vstack([(UP - DOWN) / (2.0 * MEMBER_STEP), BENDS * 2.0**0.5 / 6.0]).T
 
 
 class FilmState(IntEnum):
@@ -100,7 +105,7 @@ class BranchFilter:
         units[units == 0.0] = 1.0
         variances, axes = np.linalg.eigh(covariance / np.outer(units, units))
         self._set(state, units[:, None] * axes * np.sqrt(np.maximum(variances, 0.0)))
-        self._restart_branch(np.zeros(len(FilmSignal)), 0.0)
+        self._restart_branch(self._members[FilmState.CHARGE], 0.0)
 
     def _set(self, nominal: Array, root: Array) -> None:
         """Replace state and root (9, n) of its covariance, reduced to nine columns."""
@@ -115,19 +120,17 @@ class BranchFilter:
         self._band = (a - b) / alpha
         np.clip(members[FilmState.Z], -self._band, self._band, out=members[FilmState.Z])
         self._members = members
+        self._by_signal = np.column_stack([  # of the charge, in the order of FilmSignal
+            np.ones(members.shape[1]), 2.0 * math.pi * members[FilmState.CORNER],
+            -members[FilmState.DRIFT], -members[FilmState.PYRO]])
 
-    def _restart_branch(self, signal: Array, sign: float) -> None:
-        self._sign, self._extreme, self._dwell = sign, signal, 1.0
+    def _restart_branch(self, charge: Array, sign: float) -> None:
+        self._sign, self._extreme, self._dwell = sign, charge, 1.0
 
     def _charges(self, signal: Array) -> Array:
         """Return the charge [C] of the film (members,) since the zero of the sensor."""
-        members = self._members
-        found: Array = (
-            signal[FilmSignal.CHARGE]
-            + 2.0 * math.pi * members[FilmState.CORNER] * signal[FilmSignal.INTEGRAL]
-            - members[FilmState.DRIFT] * signal[FilmSignal.TIME]
-            - members[FilmState.PYRO] * signal[FilmSignal.TEMPERATURE])
-        return found
+        charge: Array = self._by_signal @ signal
+        return charge
 
     def _advanced(self, charge: Array) -> tuple[Array, Array]:
         """Return input and z (members,) at ``charge`` on the branch from the turning point."""
@@ -141,32 +144,36 @@ class BranchFilter:
         ``charge_sigma`` [C] is that of errors of the charge in addition to noise and model.
         """
         charge = self._charges(signal)
+        step = float(charge[0] - self._extreme[0])
         if self._sign:
-            self._follow(signal, float(charge[0]))
-            charge = self._charges(signal)  # members of a new branch
-        elif abs(step := charge[0] - self._members[FilmState.CHARGE, 0]) > DEAD_BAND * self.noise:
-            self._restart_branch(signal, math.copysign(1.0, step))
+            charge = self._follow(signal, charge, self._sign * step)
+        elif abs(step) > DEAD_BAND * self.noise:
+            self._restart_branch(charge, math.copysign(1.0, step))
         return self._estimate(charge, MEMBER_STEP * math.hypot(
             self.noise, charge_sigma, self._law_error))
 
-    def _follow(self, signal: Array, charge: float) -> None:
-        """Move the extreme of the branch, or turn there."""
+    def _follow(self, signal: Array, charge: Array, advance: float) -> Array:
+        """
+        Move the extreme of the branch by ``advance`` [C], or turn there.
+
+        Return the charge (members,), after a turn that of the new members.
+        """
         band = DEAD_BAND * self.noise
-        advance = self._sign * (charge - float(self._charges(self._extreme)[0]))
         if advance >= 0.0:
             self._dwell = self._dwell * max(1.0 - advance / band, 0.0) + 1.0
-            self._extreme = signal
+            self._extreme = charge
         elif advance < -band:
-            sign = -self._sign
             self._turn()
-            self._restart_branch(signal, sign)
+            charge = self._charges(signal)
+            self._restart_branch(charge, -self._sign)
         else:
             self._dwell += 1.0
+        return charge
 
     def _turning_charge(self) -> Array:
         """Return the charge (members,) at the extreme without the bias of a maximum."""
         bias = NORMAL.inv_cdf((self._dwell - 0.375) / (self._dwell + 0.25))  # Blom 1958
-        charge: Array = self._charges(self._extreme) - self._sign * bias * self.noise
+        charge: Array = self._extreme - self._sign * bias * self.noise
         return charge
 
     def _turn(self) -> None:
@@ -197,7 +204,7 @@ class BranchFilter:
                 rows[FilmState.INPUT] = 0.0
         self._set(state, np.column_stack([
             root, self._z_column(math.sqrt(mixing / 3.0) * self._band[0])]))
-        self._restart_branch(signal, 0.0)
+        self._restart_branch(self._members[FilmState.CHARGE], 0.0)
 
     def _moved(self, charge: Array, sigma: float) -> tuple[Array, Array]:
         """Return state and root on the branch at ``charge`` (members,), known to ``sigma`` [C]."""
@@ -231,9 +238,4 @@ class BranchFilter:
 
 def _moments(values: Array) -> tuple[Array, Array]:
     """Return mean (...) and root (..., 2 n) of the covariance of members (..., 2 n + 1)."""
-    center = values[..., :1]
-    up, down = values[..., 1:COLUMNS + 1], values[..., COLUMNS + 1:]
-    bend = up + down - 2.0 * center
-    mean = center[..., 0] + bend.sum(axis=-1) / 6.0
-    slopes, curvatures = (up - down) / (2.0 * MEMBER_STEP), bend * 2.0**0.5 / 6.0
-    return mean, np.concatenate([slopes, curvatures], axis=-1)
+    return values @ MEAN, values @ ROOT
