@@ -33,7 +33,7 @@ import numpy as np
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.film.calibration import FilmParams
-from smart_tire.models.film.hysteresis import advanced
+from smart_tire.models.film import inverse
 
 # value, unit, meaning; origin
 DEAD_BAND = 10.0   # sigmas; derived: white noise of 1e5 samples spans 9
@@ -120,6 +120,8 @@ class BranchFilter:
         self._band = (a - b) / alpha
         np.clip(members[FilmState.Z], -self._band, self._band, out=members[FilmState.Z])
         self._members = members
+        self._start = members[[FilmState.ALPHA, FilmState.A, FilmState.B, FilmState.INPUT,
+                               FilmState.Z]]  # of the branch, in the order of ``inverse``
         self._by_signal = np.column_stack([  # of the charge, in the order of FilmSignal
             np.ones(members.shape[1]), 2.0 * math.pi * members[FilmState.CORNER],
             -members[FilmState.DRIFT], -members[FilmState.PYRO]])
@@ -132,10 +134,9 @@ class BranchFilter:
         charge: Array = self._by_signal @ signal
         return charge
 
-    def _advanced(self, charge: Array) -> tuple[Array, Array]:
-        """Return input and z (members,) at ``charge`` on the branch from the turning point."""
-        inputs, z, start = self._members[FilmState.INPUT:]
-        return advanced(inputs, z, charge - start, *self._members[:3])
+    def _advanced(self, charge: Array) -> Array:
+        """Return inputs and z (2, members) at ``charge`` on the branch from the turning point."""
+        return inverse.advanced(self._start, charge - self._members[FilmState.CHARGE])
 
     def add_signal(self, signal: Array, charge_sigma: float) -> tuple[float, float]:
         """
@@ -214,26 +215,27 @@ class BranchFilter:
 
     def _estimate(self, charge: Array, error: float) -> tuple[float, float]:
         """Return the input at ``charge`` (members,) with ``error`` [C], and its sigma."""
-        charge = charge + error * NOISE
-        inputs, z, turning = self._members[FilmState.INPUT:]
+        charge, start = charge + error * NOISE, self._start
         if self._sign:
             same, turning = self._advanced(charge)[0], self._turning_charge()
-            behind = np.maximum(self._sign * (turning - charge), 0.0)
+            back = charge - turning
+            back[self._sign * back > 0.0] = 0.0
         else:
-            same, behind = inputs, np.abs(charge - turning)
+            same, back = start[inverse.INPUT], charge - self._members[FilmState.CHARGE]
             # the noise where it means the most motion, of what z may be
-            z = np.clip(z + MEMBER_STEP * float(np.linalg.norm(self._root[FilmState.Z])) * NOISE,
-                        -self._band, self._band)
+            z_error = MEMBER_STEP * float(np.linalg.norm(self._root[FilmState.Z]))
+            start = start.copy()
+            start[inverse.Z] = np.clip(start[inverse.Z] + z_error * NOISE, -self._band, self._band)
         found, ambiguity = same, 0.0
-        if behind.any():
-            reversal = -np.expm1(-0.5 * (behind / self.noise)**2)  # probability of each member
+        if back.any():
+            reversal = -np.expm1(-0.5 * (back / self.noise)**2)  # probability of each member
             if self._sign:
-                inputs, z = self._advanced(turning)
-            turned = advanced(inputs, z, charge - turning, *self._members[:3])[0]
+                start = np.concatenate([start[:inverse.INPUT], self._advanced(turning)])
+            turned = inverse.advanced(start, back)[0]
             found = reversal * turned + (1.0 - reversal) * same
             ambiguity = float(reversal[0] * (1.0 - reversal[0]) * (turned[0] - same[0])**2)
         mean, root = _moments(found)
-        return float(mean), math.sqrt(float(np.sum(root**2)) + ambiguity)
+        return float(mean), math.sqrt(float(root @ root) + ambiguity)
 
 
 def _moments(values: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@
 # the License.
 
 """
-Duhem hysteresis of the film, A(17): ``dy = alpha |du| (a u - y) + b du``, and its exact inverse.
+Duhem hysteresis of the film, A(17): ``dy = alpha |du| (a u - y) + b du``.
 
 With ``z = y - a u`` it reads ``dz = -alpha |du| z - (a - b) du``: linear, and on a branch of one
 direction s = +-1 that starts at (u0, z0), with g = (a - b) / alpha,
@@ -17,12 +17,6 @@ direction s = +-1 that starts at (u0, z0), with g = (a - b) / alpha,
 the initial z decays, since the band ``|z| <= g`` attracts all states. ``u`` is the paper's Q_en
 and ``y`` its Q_e in coulomb, but any units can be used: ``alpha`` is in 1/u, ``a`` and ``b`` in
 y/u.
-
-The inverse goes branch by branch, too. With ``c = g + s z0``, ``m = alpha c / a`` and
-``r = alpha |y - y0| / a`` the input distance ``x = alpha |u - u0|`` solves
-``x - m (1 - exp(-x)) = r``: ``x = r + m + W(-m exp(-(r + m)))`` with the principal branch of the
-Lambert W function. Inside the band 0 <= m <= 1 and the solution is unique. Outside it a branch of
-the operator is not monotone, and two inputs have the same output.
 
 A branch starts at a turning point and contains every sample up to the next turning point, which is
 the last sample of its branch. ``path`` (n + 1,) is the signal (n,) preceded by its start point.
@@ -38,9 +32,6 @@ import numpy.typing as npt
 from smart_tire.arrays import Array, ArrayLike
 from smart_tire.errors import ParameterError
 from smart_tire.models import validation
-
-MAX_NEWTON_STEPS = 12  # of the inverse; seven suffice, see the tests
-STEP_TOLERANCE = 1e-9  # relative, of the input: the next Newton step would be its square
 
 Indices = npt.NDArray[np.intp]
 
@@ -183,43 +174,3 @@ def respond(u: ArrayLike, params: DuhemParams, *, start: tuple[float, float] = (
     return params.a * path[1:] + relaxed(
         path, monotone_branches(path, dead_band), params.alpha, params.band,
         start[1] - params.a * start[0])
-
-
-def advanced(u: ArrayLike, z: ArrayLike, dy: ArrayLike, alpha: ArrayLike, a: ArrayLike,
-             b: ArrayLike) -> tuple[Array, Array]:
-    """
-    Return input and z after the output has changed by ``dy`` on one branch; arrays.
-
-    The state ``u``, ``z`` at its start must be inside the band; each has its own constants.
-
-    >>> start, one = np.zeros(1), np.ones(1)
-    >>> u, z = advanced(start, start, one, 0.15 * one, 0.54 * one, 0.28 * one)
-    >>> print(u.round(3), z.round(3))
-    [3.022] [-0.632]
-    """
-    u, z, dy, alpha, a, b = (np.asarray(value, dtype=float) for value in (u, z, dy, alpha, a, b))
-    signs, scale = np.sign(dy), alpha / a
-    reach = (a - b) / alpha + signs * z
-    x = input_distance(scale * np.abs(dy), scale * reach)
-    return u + signs * x / alpha, z + signs * reach * np.expm1(-x)
-
-
-def input_distance(r: Array, m: Array) -> Array:
-    """
-    Return the solution x >= 0 of ``x - m (1 - exp(-x)) = r`` for r >= 0 and 0 <= m <= 1; arrays.
-
-    >>> print(input_distance(np.array([0.1, 1.0]), np.array([0.5, 1.0])).round(4))
-    [0.1841 1.8414]
-    """
-    linear = 1.0 - m
-    # lower bound: root of (1 - m) x + m x^2 / 2 = r, exact for small x
-    with np.errstate(divide='ignore', invalid='ignore'):
-        x = np.fmax(2.0 * r / (linear + np.sqrt(linear * linear + 2.0 * m * r)), r)
-        # convex: after the first step Newton's method converges from above
-        for _ in range(MAX_NEWTON_STEPS):
-            decay = np.expm1(-x)
-            step = (x + m * decay - r) / (linear - m * decay)
-            x = np.maximum(x - step, r)
-            if not (np.abs(step) > STEP_TOLERANCE * x).any():
-                break
-    return np.where(r > 0.0, x, 0.0)
