@@ -18,6 +18,7 @@ temperature changes.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 import math
 
@@ -30,6 +31,7 @@ from smart_tire.protocol.film_charge import encode_charge, encode_frame
 from smart_tire.samples import FilmCharge, NS_PER_S
 
 OVERSAMPLING = 8         # steps of the amplifier per sample
+BLOCK = 50               # samples that are simulated at once
 MOTION = 10.0            # s between two rests, and between two steps of the temperature
 HEATING_TIME = 2.0       # s, time constant of a step of the temperature
 START_TEMPERATURE = 20.0  # degree Celsius
@@ -78,11 +80,12 @@ class FilmTestStand:
         charge: Array = self.gain * self.film.normalized_charge(deflection, model)
         return charge
 
-    def amplified(self, deflection: Array, state: AmplifierState, heat: float = 0.0) -> Array:
+    def amplified(self, deflection: Array, state: AmplifierState,
+                  heat: Array | float = 0.0) -> Array:
         """
         Return the output [C] at ``deflection`` [m] (n,), ``OVERSAMPLING`` for each sample.
 
-        ``heat`` [C] is the charge by heat; ``state`` is moved on.
+        ``heat`` [C], also (n,), is the charge by heat; ``state`` is moved on.
         """
         from scipy.signal import lfilter  # nodes start without
         charge = self.charge(deflection)
@@ -123,6 +126,7 @@ class SimulatedFilm:
         self.stand = FilmTestStand.of(film, params.rate)
         self._params, self._rng = params, np.random.default_rng(params.seed)
         self._pyro = params.pyroelectric_coefficient * film.length * film.width
+        self._limits = self.stand.converted([-math.inf, math.inf])
         self._index, self._state = 0, AmplifierState()
 
     def deflection(self, time: Array) -> Array:
@@ -142,17 +146,25 @@ class SimulatedFilm:
 
     def next_instant(self) -> FilmInstant:
         """Return the next sample."""
-        steps = np.arange(1 - OVERSAMPLING, 1) / OVERSAMPLING
+        if self._index % BLOCK == 0:
+            self._block = self._next_block()
+        deflection, output = next(self._block)
         time = self._index / self._params.rate
-        path = self.deflection(np.maximum(time + steps / self._params.rate, 0.0))
-        temperature = self.temperature(time)
-        output = self.stand.amplified(
-            path, self._state, self._pyro * (temperature - START_TEMPERATURE))[-1]
         value = float(self.stand.converted(
             output + self.stand.charge_noise * self._rng.standard_normal()))
-        time_ns, limits = round(time * NS_PER_S), self.stand.converted([-math.inf, math.inf])
-        charge = FilmCharge(time_ns, value, value in limits)
+        time_ns = round(time * NS_PER_S)
+        charge = FilmCharge(time_ns, value, value in self._limits)
         lost = self._rng.random() < self._params.loss
         self._index += 1
-        return FilmInstant(time_ns, float(path[-1]), temperature, charge,
+        return FilmInstant(time_ns, deflection, self.temperature(time), charge,
                            b'' if lost else encode_frame(encode_charge(time_ns, charge)))
+
+    def _next_block(self) -> Iterator[tuple[float, float]]:
+        """Return deflection [m] and output [C] of the next samples."""
+        times = np.arange(self._index, self._index + BLOCK) / self._params.rate
+        steps = np.arange(1 - OVERSAMPLING, 1) / OVERSAMPLING / self._params.rate
+        path = self.deflection(np.maximum(times[:, None] + steps, 0.0))
+        heat = self._pyro * (np.array([*map(self.temperature, times)]) - START_TEMPERATURE)
+        output = self.stand.amplified(
+            path.ravel(), self._state, np.repeat(heat, OVERSAMPLING)).reshape(path.shape)
+        return zip(path[:, -1].tolist(), output[:, -1].tolist())
