@@ -74,7 +74,7 @@ class FilmEstimator:
         self._filter: BranchFilter | None = None
         self._rest: deque[tuple[int, float]] = deque()
         self._window: deque[Array] = deque()
-        self._path: deque[Array] = deque(maxlen=3)  # latest averages
+        self._path: deque[tuple[float, float]] = deque(maxlen=3)  # s and C, latest averages
         self._temperature: FilmTemperature | None = None
         self._last: FilmCharge | None = None  # valid
         self._saturated = self._discharged = self._beyond = False
@@ -224,10 +224,13 @@ class FilmEstimator:
 
     def _curve_error(self, signal: Array) -> float:
         """Return how far [C] the charge bends away from a line between the latest averages."""
-        self._path.append(signal[[FilmSignal.TIME, FilmSignal.CHARGE]])
-        time, charge = np.transpose(self._path)
-        bends = np.diff(np.diff(charge) / np.diff(time))  # C/s; of a parabola, over its sampling
-        return float(np.abs(bends).sum() * (time[-1] - time[0]) / 16.0)
+        self._path.append((float(signal[FilmSignal.TIME]), float(signal[FilmSignal.CHARGE])))
+        if len(self._path) < 3:
+            return 0.0
+        (begin, first), (middle, charge), (end, last) = self._path
+        # C/s; of a parabola, over its sampling
+        bend = (last - charge) / (end - middle) - (charge - first) / (middle - begin)
+        return abs(bend) * (end - begin) / 16.0
 
     def _learn_speed(self, signal: Array) -> None:
         """Keep the largest speed [C/s] of the charge, beyond noise."""
