@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import fcntl
 from hashlib import sha256
 from importlib.util import find_spec
 import os
@@ -62,8 +63,12 @@ INTERFACES = {  # of Jazzy and Kilted: package/kind/file -> fields
 LIBRARIES = ('lib*__rosidl_*_c.so', 'lib*__rosidl_generator_py.so', 'librosidl_*_c.so',
              'libfastcdr.so', 'librmw.so', 'librcutils.so')
 PREFIX = Path(sys.prefix)  # of the wheels of ROS
+# each generator would parse each file again, which takes most of the time
 GENERATE = """
-import pathlib, sys
+import functools, pathlib, sys
+from rosidl_parser import parser
+parse = functools.cache(lambda path: parser.parse_idl_string(path.read_text(encoding='utf-8')))
+parser.parse_idl_file = lambda locator: parser.IdlFile(locator, parse(locator.get_absolute_path()))
 from rosidl_adapter.action import convert_action_to_idl
 from rosidl_adapter.msg import convert_msg_to_idl
 from rosidl_generator_c.cli import GenerateC
@@ -120,14 +125,13 @@ def folder_of_classes() -> Path:
     """Return a folder from which Python imports the packages of ``INTERFACES``."""
     key = sha256(repr((INTERFACES, GENERATE, sys.prefix, sys.version)).encode()).hexdigest()[:16]
     made = Path(tempfile.gettempdir()) / f'smart_tire_test_interfaces_{key}'
-    if not made.is_dir():
-        with tempfile.TemporaryDirectory(dir=made.parent) as name:
-            for package in dict.fromkeys(key.partition('/')[0] for key in INTERFACES):
-                _build(Path(name), package)
-            try:
+    with made.with_suffix('.lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another worker may be making them
+        if not made.is_dir():
+            with tempfile.TemporaryDirectory(dir=made.parent) as name:
+                for package in dict.fromkeys(key.partition('/')[0] for key in INTERFACES):
+                    _build(Path(name), package)
                 (Path(name) / 'classes').rename(made)
-            except OSError:  # another run was faster
-                assert made.is_dir()
     return made
 
 
