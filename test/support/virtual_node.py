@@ -18,7 +18,7 @@ machine. Parameters, conversions, callbacks and timers are those of the node tha
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableSequence, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from copy import deepcopy
 from functools import partial
@@ -72,6 +72,36 @@ class Log:
         return self
 
 
+class Messages(MutableSequence[Any]):
+    """Messages, which are deserialized when a test looks at them: most are never looked at."""
+
+    def __init__(self) -> None:
+        self._kept: list[Any] = []  # messages, or the arguments of deserialize_message
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice):
+            return [self[k] for k in range(*key.indices(len(self)))]
+        if isinstance(self._kept[key], tuple):
+            self._kept[key] = deserialize_message(*self._kept[key])
+        return self._kept[key]
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        self._kept[key] = value
+
+    def __delitem__(self, key: Any) -> None:
+        del self._kept[key]
+
+    def __eq__(self, other: object) -> bool:
+        return list(self) == other
+
+    def insert(self, index: int, value: Any) -> None:
+        """Insert a message."""
+        self._kept.insert(index, value)
+
+
 class VirtualNode:
     """
     What replaces the connections of a node, in front of its class.
@@ -85,7 +115,7 @@ class VirtualNode:
     def __init__(self, *given: Any) -> None:
         self.elapsed_ns, self.waited = 0, 0.0    # s, for a core
         self.log = Log(self.steady_ns)
-        self.received: defaultdict[str, list[Any]] = defaultdict(list)
+        self.received: defaultdict[str, Messages] = defaultdict(Messages)
         self.times: defaultdict[str, list[float]] = defaultdict(list)
         self.open: list[Any] = []                # publishers
         self.profiles: dict[str, Any] = {}       # of topics and services
@@ -120,9 +150,8 @@ class VirtualNode:
             if isinstance(message, SimpleNamespace):  # of a type that is not installed
                 kept: Any = deepcopy(message)         # it may be used again
             else:
-                data, kind = (message, cls) if isinstance(message, bytes) else (
+                kept = (message, cls) if isinstance(message, bytes) else (
                     serialize_message(message), type(message))
-                kept = deserialize_message(data, kind)
             self.received[name].append(kept)
             self.times[name].append(self.elapsed_ns / NS_PER_S)
 
