@@ -75,9 +75,10 @@ class GoalErrors(OdometryErrors):
 
 def run_goal(name: str, seed: int, row: str) -> list[Run]:
     """
-    Drive the robot of ``seed`` to a goal; return how far it is from it a second after the end.
+    Drive the robot of ``seed`` to a goal; return how far it is from it when that is reported.
 
-    A goal is false if the robot is reported to have arrived and is not within the tolerances.
+    A report is false if the robot is not within the tolerances then. Its motors are released: on
+    slopes it may roll away later, without ``hold_on_arrival``.
     """
     robot, kind = draw_robot(seed), LOCALIZATIONS[name]
     rng = np.random.default_rng([seed, STREAM])
@@ -97,7 +98,8 @@ def run_goal(name: str, seed: int, row: str) -> list[Run]:
                                                film=TreadFilmParams(wheels=()))),
         stack, MAX_DURATION, wheel_rate=robot.rate, control_rate=robot.rate,
         plant=plant_with(robot.traits))
-    end = errors.located(stack.truth[-1])
+    ended_ns = stack.ended_ns or stack.truth[-1].stamp_ns
+    end = errors.located(next(one for one in stack.truth if one.stamp_ns >= ended_ns))
     (x, y, wanted), = stack.path.poses
     miss = math.hypot(end.position[0] - x, end.position[1] - y)
     turn = abs(math.remainder(euler(end.orientation)[2] - wanted, math.tau))
@@ -107,4 +109,4 @@ def run_goal(name: str, seed: int, row: str) -> list[Run]:
     missed = {'miss': miss, 'turn': turn} if arrived else {}
     return [Run(f'{row}/{name}', seed, values={
         'arrived': float(arrived), 'false': float(false), **missed,
-        'duration': ((stack.ended_ns or stack.truth[-1].stamp_ns) - stack.start_ns) / NS_PER_S})]
+        'duration': (ended_ns - stack.start_ns) / NS_PER_S})]

@@ -52,8 +52,8 @@ longest time above critical slip; against, beyond: wheels that turn against the 
 faster. Robots drawn at random: mean over robots of the rms distance of the true pose from the
 path; won: robots on which another controller has the larger one; ratio: ours over that of the
 other one, on the worst robot. calibrated: ideal, with the effective track of tires that adhere;
-pursuit: regulated pure pursuit. Goals: false is one that was reported as reached where the robot,
-a second later, was outside of the tolerances; distance and angle are those of reported ones.
+pursuit: regulated pure pursuit. Goals: false is one that was reported as reached while the robot
+was outside of the tolerances; distance and angle are those of reported ones.
 """
 STEPS = (Column('rise\n[s]', 'rise.mean', 2), percent('overshoot\n[%] mean', 'overshoot.mean'),
          percent('\nmost', 'overshoot.max'), Column('settling\n[s] mean', 'settling.mean', 2),
