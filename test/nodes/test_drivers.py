@@ -260,7 +260,7 @@ def robot(tmp_path_factory, isolated_ros):
 def test_the_motors_follow_commands_and_their_state_is_published(robot):
     graph, driver = robot.graph, robot.processes['motor_driver']
     graph.until(lambda: graph.value('motor_driver', 'supply') == '14.8')
-    graph.until(lambda: np.allclose(graph.samples('wheel_states')[-1].velocity,
+    graph.until(lambda: np.allclose(graph.samples('wheel_states', 1)[-1].velocity,
                                     (10.0, 6.0, -8.0, 0.0), atol=1.0),
                 lambda: graph.publish('motor_commands', MotorCommand(
                     time.time_ns(), (0.5, 0.3, -0.4, 0.0))))
@@ -314,7 +314,7 @@ def test_missing_currents_are_reported_and_leave_the_rest(robot):
                 in graph.status_message('motor_driver'))
     graph.until(lambda: 'motor currents beyond 30 A rejected'
                 in graph.status_message('motor_driver'))
-    graph.until(lambda: graph.samples('wheel_states')[-1].effort is not None and np.isnan(
-        graph.samples('wheel_states')[-1].effort).tolist() == [True, False, True, True])
+    graph.until(lambda: graph.samples('wheel_states', 1)[-1].effort is not None and np.isnan(
+        graph.samples('wheel_states', 1)[-1].effort).tolist() == [True, False, True, True])
     robot.rig.fail()
     graph.until(lambda: graph.status_message('motor_driver') == 'ok')

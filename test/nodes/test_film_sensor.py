@@ -98,7 +98,7 @@ def test_a_replay_gives_the_estimates_of_the_recorded_samples_offline(graph, fil
         graph.subscribe('film_charge')  # the replay begins
         graph.until(lambda: not player.running)
         assert player.end() == 0, player.output
-        graph.until(lambda: graph.samples('film_deflection')[-1:]
+        graph.until(lambda: graph.samples('film_deflection', 1)
                     and seconds(graph.samples('film_deflection')[-1]) == offline[-1, 0])
     # those before the node has discovered the subscription are not received
     found = {seconds(one): one.deflection for one in graph.samples('film_deflection')}

@@ -130,9 +130,9 @@ class Graph:
         """Return whether every subscribed topic has a publisher."""
         return all(map(self.node.count_publishers, self.received))
 
-    def samples(self, name: str) -> list[Any]:
-        """Return the samples in the messages received on a topic."""
-        return [TOPICS[name].from_msg(message) for message in self.received[name]]
+    def samples(self, name: str, last: int = 0) -> list[Any]:
+        """Return the samples in the messages received on a topic, or in the ``last`` of them."""
+        return [TOPICS[name].from_msg(message) for message in self.received[name][-last:]]
 
     def publish(self, name: str, *samples: Any) -> None:
         """Publish samples on a topic of ``TOPICS``, once it has a subscription."""
