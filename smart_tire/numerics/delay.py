@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -26,8 +27,8 @@ import numpy as np
 from smart_tire.arrays import Array
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.least_squares import (
-    Correlation, Errors, Fit, HAC_TIME, HUBER_THRESHOLD, nonlinear_fit, Prior, regression, Rows,
-    sandwich_covariance, solve_with_prior, Whitener)
+    Correlation, Errors, Fit, HAC_TIME, HUBER_THRESHOLD, least_costs, nonlinear_fit, Prior,
+    regression, Rows, sandwich_covariance, solve_with_prior, Whitener)
 from smart_tire.numerics.robust import mad_sigma
 
 GRID_ROUNDS = 3              # of noise, then delay; more do not change the result
@@ -113,17 +114,23 @@ def fit_delay(rows_at: Callable[[float], Rows], prior: Prior, delays: Array, *,
     # half a row: over a smaller offset noise of the signal would add to the slope
     offset = np.append(np.zeros(len(prior.mean)), 0.5 * float(np.median(np.diff(time))))
 
+    # the targets next to the matrices, of all delays: the rows are whitened at once
+    columns = np.stack([np.column_stack([rows.matrix, rows.target]) for rows in table], axis=1)
+
     def costs(white: Whitener) -> Array:
-        return np.array([solve_with_prior(white(rows.matrix), white(rows.target), prior)[1]
-                         for rows in table])
+        flat = white(columns.reshape(len(time), -1))
+        return least_costs(flat.reshape(columns.shape).transpose(1, 0, 2), prior)
+
+    latest = lru_cache(maxsize=1)(rows_at)  # residual and Jacobian of the same values
 
     def residual(values: Array) -> Array:
-        rows = rows_at(float(values[-1]))
+        rows = latest(float(values[-1]))
         return rows.target - rows.matrix @ values[:-1]
 
     def jacobian(values: Array) -> Array:
+        slope = -latest(float(values[-1])).matrix
         change = residual(values + offset) - residual(values - offset)
-        return np.column_stack([-rows_at(float(values[-1])).matrix, 0.5 * change / offset[-1]])
+        return np.column_stack([slope, 0.5 * change / offset[-1]])
 
     best = int(np.argmin(costs(np.asarray)))
     for _ in range(GRID_ROUNDS):

@@ -184,6 +184,28 @@ def solve_with_prior(matrix: Array, target: Array, prior: Prior) -> tuple[Array,
     return values, float(np.sum((extended @ values - wanted)**2))
 
 
+def least_costs(systems: Array, prior: Prior) -> Array:
+    """
+    Return the smallest costs (m,) of ``systems`` (m, n, p + 1).
+
+    Each is a matrix and, as its last column, a target, as in ``solve_with_prior``.
+
+    >>> least_costs(np.array([[[1.0, 2.0]]]), Prior(np.zeros(1), np.ones(1))).round(12)
+    array([2.])
+    """
+    p = len(prior.mean)
+    known = np.column_stack([np.diag(prior.weight), prior.mean * prior.weight])
+    extended = np.concatenate(
+        [systems, np.broadcast_to(known, (len(systems), *known.shape))], axis=1)
+    factors: Array = np.asarray(np.linalg.qr(extended, mode='r'))
+    costs: Array = factors[:, p, p] ** 2  # the part of the target that no column explains
+    sizes = np.abs(np.diagonal(factors, axis1=1, axis2=2))[:, :p]
+    # with columns that depend on each other, the factors do not separate that part
+    for index in np.flatnonzero(np.min(sizes, 1) <= MIN_INFORMATION * np.max(sizes, 1)):
+        costs[index] = solve_with_prior(systems[index, :, :p], systems[index, :, p], prior)[1]
+    return costs
+
+
 def regression(rows: Rows, prior: Prior, errors: Errors = INDEPENDENT) -> Fit:
     """
     Fit a linear model.

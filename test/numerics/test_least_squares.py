@@ -20,7 +20,8 @@ from smart_tire.calibration.recording import Signal
 from smart_tire.errors import EstimatorError
 from smart_tire.numerics.delay import fit_delay
 from smart_tire.numerics.least_squares import (
-    anticorrelated, Errors, nonlinear_fit, Prior, regression, Rows, sandwich_covariance)
+    anticorrelated, Errors, least_costs, nonlinear_fit, Prior, regression, Rows,
+    sandwich_covariance, solve_with_prior)
 
 pytestmark = pytest.mark.slow
 
@@ -122,6 +123,15 @@ def test_a_prior_counts_like_a_measurement():
     other = nonlinear_fit(lambda p: rows.target - rows.matrix @ p, np.zeros(1),
                           Prior.of((0.3, 0.1)), lambda p: rows.sigma)
     assert other.values == pytest.approx(fit.values, abs=1e-3)
+
+
+def test_the_costs_of_many_systems_are_those_of_each():
+    systems = np.random.default_rng(3).standard_normal((4, 20, 3))  # two columns and the target
+    systems[1, :, 1] = 2.0 * systems[1, :, 0]  # dependent
+    systems[2, :, 0] = 0.0
+    for prior in (Prior.of(None, None), Prior.of((0.4, 0.1), None)):
+        assert least_costs(systems, prior) == pytest.approx(
+            [solve_with_prior(one[:, :2], one[:, 2], prior)[1] for one in systems], rel=1e-9)
 
 
 def test_displacements_between_noisy_poses_are_as_good_as_the_poses():
