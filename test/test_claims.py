@@ -53,13 +53,10 @@ def test_friction_and_slip_of_drawn_robots_are_those_of_the_table():
         in README
 
 
-def test_path_tracking_is_the_ratio_of_both_tables():
-    head = 'path | ours, most'
-    tables = [f'| {head}{rest}' for rest in PAGE.split(f'| {head}')[1:]]
-    assert len(tables) == 2
-    ratios = [number(row[1]) / number(row[2]) for page in tables for row in rows(head, page)]
-    assert f'{min(ratios):.0%} to {max(ratios):.0%} of the error of ideal kinematics'.replace(
-        '%', ' %', 2).replace(' % to', ' to') in README
+def test_path_tracking_is_the_ratio_of_the_table():
+    ratios = [number(row[1]) / number(row[2]) for row in rows('path | ours, most')]
+    assert f'{100.0 * min(ratios):.0f} to {100.0 * max(ratios):.0f} % of the error of ideal ' \
+        'kinematics' in README
 
 
 def test_recordings_of_other_robots_are_those_of_the_table():

@@ -191,3 +191,15 @@ def test_a_steady_error_of_the_commanded_velocity_is_part_of_the_prediction():
     assert response.delay > 0.4
     found = response.predicted(Motion(0.0, 0.0, 0.0, 0.45, 0.0, 0.1), stamp, stamp)
     assert (found.v_x, found.yaw_rate) == pytest.approx((0.45, 0.1), abs=0.01)
+
+
+@pytest.mark.parametrize(('rate', 'least', 'most'), [(200, 36, 41), (125, 29, 32), (30, 29, 30)])
+def test_the_delay_is_learned_each_25_ms_at_most(rate, least, most, monkeypatch):
+    elapsed = []
+    monkeypatch.setattr(BaseResponse, '_correlate', lambda *given: elapsed.append(given[-1]))
+    response = BaseResponse(0.15, ARM)
+    response.command(0.5, 0.0, START)
+    for number in range(rate + 1):
+        response.learn(Motion(0.0, 0.0, 0.0, 0.5, 0.0, 0.0), START + number * NS_PER_S // rate)
+    assert least <= len(elapsed) <= most
+    assert sum(elapsed) == pytest.approx(1.0, abs=0.025)  # no time is left out
