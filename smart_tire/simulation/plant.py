@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from math import hypot
 
 from smart_tire.models.tire.brush_tire import force_over_slip
 from smart_tire.models.vehicle.drive import DRY_FRICTION_SPEED
@@ -99,6 +100,9 @@ class Plant:
         self._axle = [scale * motor.axle_friction * robot.wheel_radius
                       for scale in friction_scale]                                    # m
         self._viscous = [scale * motor.viscous_friction for scale in friction_scale]  # N m s/rad
+        self._radius, self._inertia = robot.wheel_radius, motor.inertia               # m, kg m2
+        self._stall = drive.stall_torque                                              # N m
+        self._back_emf = drive.stall_torque / drive.free_speed                        # N m s/rad
         self._load_map = list(zip(*(values.tolist() for values in linear_loads(robot))))
         self.slip_floor = self._stable_slip_floor()
         self._update_wheels()
@@ -111,12 +115,13 @@ class Plant:
     def step(self, duty: Sequence[float]) -> None:
         """Advance by one step with the motor duties [-1, 1]."""
         com_x, com_y, _ = self._robot.center_of_mass
+        wheel_x, wheel_y, step_wheel = self._wheel_x, self._wheel_y, self._step_wheel
         sum_x = sum_y = torque = 0.0
         for i in range(len(WHEELS)):
-            f_x, f_y = self._step_wheel(i, duty[i])
+            f_x, f_y = step_wheel(i, duty[i])
             sum_x += f_x
             sum_y += f_y
-            torque += (self._wheel_x[i] - com_x) * f_y - (self._wheel_y[i] - com_y) * f_x
+            torque += (wheel_x[i] - com_x) * f_y - (wheel_y[i] - com_y) * f_x
         self.acceleration = (sum_x / self._robot.mass, sum_y / self._robot.mass)
         self.yaw_acceleration = torque / self._robot.yaw_inertia
         self._step_body()
@@ -130,24 +135,27 @@ class Plant:
         Implicit in the wheel speed: the slip stiffness of the tire makes the equation of a light
         wheel stiff.
         """
-        drive, radius, surface = self._drive, self._robot.wheel_radius, self.surface[i]
-        inertia, back_emf = self._robot.motor.inertia, drive.stall_torque / drive.free_speed
-        speed, load = self.wheel_speed[i], self.load[i]
-        v_x, v_y = self.wheel_v_x[i], self.wheel_v_y[i]
-        scale = 1.0 / max(abs(radius * speed), self.slip_floor)
+        radius, inertia, back_emf = self._radius, self._inertia, self._back_emf
+        surface, speed, load = self.surface[i], self.wheel_speed[i], self.load[i]
+        v_x, v_y, driving = self.wheel_v_x[i], self.wheel_v_y[i], self._stall * duty
+        rolling, floor, slowest = radius * speed, self.slip_floor, DRY_FRICTION_SPEED / radius
+        # conditions: calls of max would be a fifth of the time of a step
+        size = rolling if rolling >= 0.0 else -rolling
+        scale = 1.0 / (size if size > floor else floor)
         share = self.lateral_share
-        slip = math.hypot(radius * speed - v_x, share * v_y) * scale
+        slip = hypot(rolling - v_x, share * v_y) * scale
         grip = scale * self.tire_slope(slip, surface.friction, load, surface.stiffness)  # N s/m
         dry = self._coulomb[i] + self._axle[i] * load  # N m
-        resistance = (back_emf + self._viscous[i]
-                      + dry / max(abs(speed), DRY_FRICTION_SPEED / radius))
-        new_speed = ((inertia * speed + TIME_STEP * (drive.stall_torque * duty
-                                                     + radius * grip * v_x))
+        size = speed if speed >= 0.0 else -speed
+        resistance = back_emf + self._viscous[i] + dry / (size if size > slowest else slowest)
+        new_speed = ((inertia * speed + TIME_STEP * (driving + radius * grip * v_x))
                      / (inertia + TIME_STEP * (resistance + radius * radius * grip)))
-        self.motor_torque[i] = drive.stall_torque * duty - back_emf * new_speed
+        self.motor_torque[i] = driving - back_emf * new_speed
         self.wheel_speed[i] = new_speed
         self.wheel_angle[i] += 0.5 * TIME_STEP * (speed + new_speed)
-        drag = surface.drag * load / max(math.hypot(v_x, v_y), DRY_FRICTION_SPEED)  # N s/m
+        size = hypot(v_x, v_y)
+        drag = surface.drag * load / (
+            size if size > DRY_FRICTION_SPEED else DRY_FRICTION_SPEED)  # N s/m
         return grip * (radius * new_speed - v_x) - drag * v_x, -(share * grip + drag) * v_y
 
     @staticmethod
@@ -179,14 +187,17 @@ class Plant:
         a_x += gain * (self.acceleration[0] - a_x)
         a_y += gain * (self.acceleration[1] - a_y)
         self._load_acceleration = (a_x, a_y)
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        for i, (static, per_x, per_y) in enumerate(self._load_map):
-            x, y = self._wheel_x[i], self._wheel_y[i]
-            self.wheel_v_x[i] = self.v_x - y * self.yaw_rate
-            self.wheel_v_y[i] = self.v_y + x * self.yaw_rate
-            self.surface[i] = self._surfaces.at(self.x + cos * x - sin * y,
-                                                self.y + sin * x + cos * y)
-            self.load[i] = max(static + per_x * a_x + per_y * a_y, 0.0)
+        cos, sin, at = math.cos(self.yaw), math.sin(self.yaw), self._surfaces.at
+        v_x, v_y, rate, base_x, base_y = self.v_x, self.v_y, self.yaw_rate, self.x, self.y
+        wheel_v_x, wheel_v_y, surface, loads = (
+            self.wheel_v_x, self.wheel_v_y, self.surface, self.load)
+        for i, (x, y, (static, per_x, per_y)) in enumerate(zip(
+                self._wheel_x, self._wheel_y, self._load_map)):
+            wheel_v_x[i] = v_x - y * rate
+            wheel_v_y[i] = v_y + x * rate
+            surface[i] = at(base_x + cos * x - sin * y, base_y + sin * x + cos * y)
+            load = static + per_x * a_x + per_y * a_y
+            loads[i] = load if load > 0.0 else 0.0
 
     def _stable_slip_floor(self) -> float:
         """Return the denominator [m/s] at which one step cancels the slip of the fastest mode."""

@@ -40,17 +40,14 @@ class PeriodicTimer:
 
     def __init__(self, period_ns: float) -> None:
         self._period_ns, self._count = period_ns, 1
-
-    @property
-    def next_ns(self) -> float:
-        """Return the next time of the grid."""
-        return self._count * self._period_ns
+        self.next_ns = period_ns  # of the grid
 
     def expired(self, time_ns: int) -> bool:
         """Return whether the next time of the grid is reached; then advance by one period."""
         if time_ns < self.next_ns:
             return False
         self._count += 1
+        self.next_ns = self._count * self._period_ns
         return True
 
 
