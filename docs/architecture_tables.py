@@ -18,7 +18,7 @@ The tables of ``docs/architecture.md`` and the imports in the source that they d
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -83,19 +83,21 @@ def source_files() -> list[Path]:
             if path != PACKAGE / '__init__.py']
 
 
-def imported_modules(tree: ast.Module) -> Iterator[tuple[int, str]]:
+@cache
+def imported_modules(tree: ast.Module) -> list[tuple[int, str]]:
     """
-    Yield line and dotted name of each import, wherever it is in the module.
+    Return line and dotted name of each import, wherever it is in the module.
 
-    ``from a import b`` yields ``a.b``; a relative import keeps its leading dots.
+    ``from a import b`` gives ``a.b``; a relative import keeps its leading dots.
     """
+    found: list[tuple[int, str]] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield node.lineno, alias.name
+            found += [(node.lineno, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            for alias in node.names:
-                yield node.lineno, '.' * node.level + f'{node.module or ""}.{alias.name}'
+            found += [(node.lineno, '.' * node.level + f'{node.module or ""}.{alias.name}')
+                      for alias in node.names]
+    return found
 
 
 def parse(path: Path) -> ast.Module:

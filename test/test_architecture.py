@@ -130,7 +130,7 @@ def misplaced_clocks(source: Source) -> Iterator[str]:
 
 def misplaced_prints(source: Source) -> Iterator[str]:
     """Yield calls of print in rooms that do not write to a terminal."""
-    for node in ast.walk(source.tree):
+    for node in ast.walk(source.tree) if 'print' in source.text else ():
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) \
                 and node.func.id == 'print' and room_of(source.name) not in ONLY_IN['print']:
             yield source.at(node.lineno, f'{room_of(source.name)} calls print')
@@ -139,7 +139,7 @@ def misplaced_prints(source: Source) -> Iterator[str]:
 def broad_excepts(source: Source) -> Iterator[str]:
     """Yield handlers of all exceptions, except the one of ``GUARD``."""
     allowed = source.name == GUARD
-    for node in ast.walk(source.tree):
+    for node in ast.walk(source.tree) if 'except' in source.text else ():
         if isinstance(node, ast.ExceptHandler):
             caught = {name.id for name in ast.walk(node.type) if isinstance(name, ast.Name)} \
                 if node.type else BROAD

@@ -59,6 +59,8 @@ METHODS = {**dict.fromkeys(('fail', 'first_duty', 'first_zero', 'plug_in', 'rest
            **dict.fromkeys(('silence', 'stopped', 'until_stopped'), Kind.DURATION)}
 
 
+LEAVES = (ast.Name, ast.Constant, ast.expr_context, ast.operator, ast.cmpop, ast.boolop,
+          ast.unaryop)  # which no method visits
 LONG = re.compile(r'^pytestmark = .*\bmark\.long\b', re.MULTILINE)
 WORD = re.compile(rf'\b({"|".join((*CLOCKS, *FUNCTIONS, *METHODS, "timeout", "wait"))})\b')
 
@@ -75,6 +77,14 @@ class Reader(ast.NodeVisitor):
         self._class = self._function = ''
         self._clocks: set[str] = set()        # imported functions
         self._has_patience = False            # imported, not defined
+
+    def generic_visit(self, node: ast.AST) -> None:
+        """Visit the parts of ``node``, but no names, constants and operators: two of three."""
+        for name in node._fields:
+            value = getattr(node, name, None)
+            for part in value if isinstance(value, list) else (value,):
+                if isinstance(part, ast.AST) and not isinstance(part, LEAVES):
+                    self.visit(part)
 
     def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
         if node.module in CLOCK_MODULES:
