@@ -119,33 +119,34 @@ class DrawnPlant(Plant):
 
     def _step_wheel(self, i: int, duty: float) -> tuple[float, float]:
         """Advance wheel ``i`` as in ``Plant``, implicit in its speed; return the force [N]."""
-        drive, surface = self._drive, self.surface[i]
-        radius = self.traits.radius_scale[i] * self._robot.wheel_radius
-        inertia, back_emf = self._robot.motor.inertia, drive.stall_torque / drive.free_speed
+        traits, surface = self.traits, self.surface[i]
+        radius, inertia = traits.radius_scale[i] * self._radius, self._inertia
+        back_emf, driving = self._back_emf, self._stall * duty
         speed, load = self.wheel_speed[i], self.load[i]
         v_x, v_y = self.wheel_v_x[i], self.wheel_v_y[i]
-        denominator = max(abs(radius * speed), self.slip_floor)
-        length, follow = self.traits.relaxation_length, 1.0
+        rolling, length, follow = radius * speed, traits.relaxation_length, 1.0
+        denominator = max(abs(rolling), self.slip_floor)
         if length > 0.0:
             follow = -math.expm1(-TIME_STEP * max(denominator, RELAXATION_SPEED) / length)
-        kept_x, kept_y = ((1.0 - follow) * slip for slip in self._slip[i])
+        old_x, old_y = self._slip[i]
+        kept_x, kept_y = (1.0 - follow) * old_x, (1.0 - follow) * old_y
         scale = follow / denominator
-        s_x, s_y = kept_x + scale * (radius * speed - v_x), kept_y - scale * v_y
+        s_x, s_y = kept_x + scale * (rolling - v_x), kept_y - scale * v_y
         slope = self.tire_slope(math.hypot(s_x, s_y), surface.friction, load, surface.stiffness)
         grip = scale * slope  # N s/m
         dry = self._coulomb[i] + self._axle[i] * load  # N m
         resistance = (back_emf + self._viscous[i]
                       + dry / max(abs(speed), DRY_FRICTION_SPEED / radius))
         new_speed = ((inertia * speed + TIME_STEP * (
-            drive.stall_torque * duty + radius * (grip * v_x - slope * kept_x)))
+            driving + radius * (grip * v_x - slope * kept_x)))
             / (inertia + TIME_STEP * (resistance + radius * radius * grip)))
-        self.motor_torque[i] = drive.stall_torque * duty - back_emf * new_speed
+        self.motor_torque[i] = driving - back_emf * new_speed
         self.wheel_speed[i] = new_speed
         self.wheel_angle[i] += 0.5 * TIME_STEP * (speed + new_speed)
         s_x = kept_x + scale * (radius * new_speed - v_x)
         self._slip[i] = s_x, s_y
-        drag_x, drag_y = self._resistance(v_x, v_y / self.traits.stiffness_ratio,
-                                          surface.drag * load)
+        drag_x, drag_y = self._resistance(
+            v_x, v_y / traits.stiffness_ratio, surface.drag * load)
         return slope * s_x - drag_x, slope * s_y - drag_y
 
     def _resistance(self, v_x: float, v_y: float, drag: float) -> tuple[float, float]:
@@ -183,8 +184,9 @@ class DrawnPlant(Plant):
         """Update wheel velocities, loads and surfaces, with the friction at the present slip."""
         traits = self.traits
         gain = TIME_STEP / (traits.load_transfer_time + TIME_STEP)
-        a_x, a_y = (old + gain * (new - old) for old, new in zip(
-            self._load_acceleration, self._tire_acceleration))
+        a_x, a_y = self._load_acceleration
+        a_x += gain * (self._tire_acceleration[0] - a_x)
+        a_y += gain * (self._tire_acceleration[1] - a_y)
         self._load_acceleration = a_x, a_y
         loads = [static + per_x * a_x + per_y * a_y for static, per_x, per_y in self._load_map]
         time = TIME_STEP * self.steps
@@ -193,13 +195,15 @@ class DrawnPlant(Plant):
                 warp = loads[lift.wheel] * DIAGONAL[lift.wheel]
                 loads = [load - warp * sign for load, sign in zip(loads, DIAGONAL)]
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        v_x, v_y, rate, ratio = self.v_x, self.v_y, self.yaw_rate, traits.stiffness_ratio
+        at, sides = self._surfaces.at, traits.sides
         for i, load in enumerate(loads):
             x, y = self._wheel_x[i], self._wheel_y[i]
-            self.wheel_v_x[i] = self.v_x - y * self.yaw_rate
-            self.wheel_v_y[i] = traits.stiffness_ratio * (self.v_y + x * self.yaw_rate)
-            self.load[i] = max(load, MIN_LOAD)
-            surface = (self._surfaces.surfaces[traits.sides[i % 2]] if traits.sides else
-                       self._surfaces.at(self.x + cos * x - sin * y, self.y + sin * x + cos * y))
+            self.wheel_v_x[i] = v_x - y * rate
+            self.wheel_v_y[i] = ratio * (v_y + x * rate)
+            self.load[i] = load if load > MIN_LOAD else MIN_LOAD
+            surface = (self._surfaces.surfaces[sides[i % 2]] if sides else
+                       at(self.x + cos * x - sin * y, self.y + sin * x + cos * y))
             self.surface[i] = self._sliding(self._of_tire(surface, i), i)
 
     def _of_tire(self, surface: Surface, i: int) -> Surface:
@@ -212,12 +216,14 @@ class DrawnPlant(Plant):
 
     def _sliding(self, surface: Surface, i: int) -> Surface:
         """Return ``surface`` with the friction at the slip of tire ``i``."""
-        limit = 3.0 * surface.friction * self.load[i]
-        onset, width = self.traits.fall_onset
-        x = (surface.stiffness * math.hypot(*self._slip[i]) / limit - onset) / width
-        if x <= 0.0 or self.traits.fall <= 0.0:
+        fall, (onset, width), (s_x, s_y) = self.traits.fall, self.traits.fall_onset, self._slip[i]
+        if fall <= 0.0:
             return surface
-        loss = self.traits.fall * x * x / (1.0 + x * x)
+        limit = 3.0 * surface.friction * self.load[i]
+        x = (surface.stiffness * math.hypot(s_x, s_y) / limit - onset) / width
+        if x <= 0.0:
+            return surface
+        loss = fall * x * x / (1.0 + x * x)
         return Surface(surface.name, (1.0 - loss) * surface.friction, surface.stiffness,
                        surface.drag)
 
