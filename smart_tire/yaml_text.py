@@ -30,6 +30,7 @@ MAX_NUMBER = 100      # characters of a number; a longer one is a text
 BASE: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # compiled, 10 times as fast
 INTEGERS = {10: re.compile('[-+]?[0-9]+'), 16: re.compile('0x[0-9a-fA-F]+'),
             8: re.compile('0o[0-7]+')}  # by base
+NUMBER_STARTS = '+-.0123456789'
 FLOAT = re.compile(r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?')
 WORDS: dict[str, Any] = {
     spelled: value for value, words in (
@@ -68,19 +69,19 @@ def _value(events: Iterable[Any]) -> Any:
     stack = [documents]  # of the items of nested collections, keys and values alternately
     marks = [list[yaml.Mark]()]  # where these items begin
     for event in events:
-        tag = getattr(event, 'tag', None)
-        if isinstance(event, yaml.AliasEvent) or tag not in (None, '!'):
-            raise ValueError(_at(event.start_mark, 'aliases and tags are not read'))
         if isinstance(event, yaml.NodeEvent):
+            if isinstance(event, yaml.AliasEvent) or event.tag not in (None, '!'):
+                raise ValueError(_at(event.start_mark, 'aliases and tags are not read'))
             marks[-1].append(event.start_mark)
-        if isinstance(event, yaml.CollectionStartEvent):
+            if isinstance(event, yaml.ScalarEvent):
+                # yaml-cpp marks some texts with !
+                plain = event.implicit[0] and event.tag is None
+                stack[-1].append(_scalar(event.value) if plain else event.value)
+                continue
             stack.append([])
             marks.append([])
             if len(stack) > MAX_DEPTH + 1:
                 raise ValueError(_at(event.start_mark, f'more than {MAX_DEPTH} nested levels'))
-        elif isinstance(event, yaml.ScalarEvent):
-            plain = event.implicit[0] and tag is None  # yaml-cpp marks some texts with !
-            stack[-1].append(_scalar(event.value) if plain else event.value)
         elif isinstance(event, yaml.SequenceEndEvent):
             marks.pop()
             stack[-2].append(stack.pop())
@@ -110,7 +111,7 @@ def _scalar(text: str) -> Any:
     """Return the value of a scalar without quotes."""
     if text in WORDS:
         return WORDS[text]
-    if len(text) <= MAX_NUMBER:
+    if len(text) <= MAX_NUMBER and text[0] in NUMBER_STARTS:
         for base, pattern in INTEGERS.items():
             if pattern.fullmatch(text):
                 return int(text, base)
