@@ -67,14 +67,14 @@ class BaseResponse:
     def learn(self, motion: Motion, stamp_ns: int) -> None:
         """Compare the motion at ``stamp_ns`` with the commands before it, each ``DELAY_STEP``."""
         last_ns = self._learned_ns
-        if last_ns is not None and 0 < stamp_ns - last_ns < DELAYS_NS[1]:
+        if last_ns is not None and 0 < stamp_ns - last_ns < c.DELAYS_NS[1]:
             return
         self._learned_ns = stamp_ns
         if last_ns is None or not 0 < stamp_ns - last_ns <= c.MAX_GAP_NS or (
                 not self._commands.times):
             return
         elapsed, reached = (stamp_ns - last_ns) / NS_PER_S, _twist(motion)
-        modeled = self._modeled(stamp_ns - DELAYS_NS)
+        modeled = self._modeled(stamp_ns - c.DELAYS_NS)
         self._correlate(modeled, reached, elapsed)
         unexplained = self._unexplained()
         best = np.unravel_index(unexplained.argmin(), unexplained.shape)
@@ -149,6 +149,3 @@ def _twist(motion: Motion) -> Array:
 def _ns(seconds: Array) -> Instants:
     """Return times in nanoseconds."""
     return np.round(seconds * NS_PER_S).astype(np.int64)
-
-
-DELAYS_NS = _ns(c.DELAYS)

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from smart_tire.arrays import Array
+from smart_tire.arrays import Array, Instants
 from smart_tire.samples import NS_PER_S
 
 TINY = 1e-9  # in any unit, of denominators
@@ -90,6 +90,7 @@ ONSET_DELAY = 0.05  # s, from an onset until the robot accelerates; measured; sp
 # predictions; assumed; test_base_response, test_motor_response
 DELAY_STEP = 0.025
 DELAYS: Array = DELAY_STEP * np.arange(25, dtype=np.float64)
+DELAYS_NS: Instants = np.round(NS_PER_S * DELAYS).astype(np.int64)
 # (m/s)^2 s, unexplained by the present delay beyond this multiple of what another leaves: noise of
 # odom, slips that are not of first order; assumed; test_base_response, reverse parking on sand
 DELAY_MARGIN, DELAY_RATIO = 1e-4, 2.0

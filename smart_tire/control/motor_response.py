@@ -27,7 +27,6 @@ from smart_tire.control.wheel_servo import DriveModel
 from smart_tire.samples import Four, MAX_WHEEL_TORQUE, NS_PER_S, STOPPED
 
 Duty = TypeVar('Duty', float, Array)
-DELAYS_NS = [round(delay * NS_PER_S) for delay in c.DELAYS.tolist()]
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ class MotorResponse:
         if not self._duties.times or end_ns - self._duties.times[0] < c.DELAYS[-1] * NS_PER_S:
             return
         given = np.array([self._duties.held(end_ns - delay_ns) or STOPPED
-                          for delay_ns in DELAYS_NS])
+                          for delay_ns in c.DELAYS_NS.tolist()])
         squares = _unexplained(given, realized, shares).mean(axis=1)
         self._errors += min(max(end_ns - last_ns, 0), c.MAX_GAP_NS) / NS_PER_S * (
             squares - squares.min())

@@ -63,7 +63,7 @@ class ArrivalParams:
     """Arrival at the end of a path or at a goal."""
 
     xy_tolerance: float = param(
-        0.05, 'm', 'maximum distance from the goal at arrival', (0.001, 5.0))
+        0.05, 'm', 'maximum distance from the goal at arrival, judged at 0.9 of it', (0.001, 5.0))
     yaw_tolerance: float = param(
         0.08, 'rad', 'maximum yaw error at arrival and after turning in place', (0.005, math.pi))
     approach_speed: float = param(
