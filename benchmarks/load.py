@@ -12,17 +12,20 @@
 CPU load, memory and latency of the running stack while it follows a path.
 
 The whole stack runs with the simulated robot, once as in paper B and once with all that the
-drivers support: films in all wheels at 400 Hz, an IMU at 200 Hz. The CPU load on another machine
-is that of the table times the ratio of the times of ``--reference``.
+drivers support: films in all wheels at 400 Hz, an IMU at 200 Hz. Then, for each of its processes,
+one publishes and receives the same messages at the same rates, as bytes that it does not look at:
+the floor. The CPU load on another machine is that of the table times the ratio of the times of
+``--reference``.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+import json
 import math
 import os
 from pathlib import Path
@@ -36,7 +39,7 @@ from typing import Any
 
 from benchmarks.harness import (
     check_ranges, machine, new_table, print_tables, Range, run_benchmark)
-from benchmarks.start import memory
+from benchmarks.start import FLOOR, memory
 import numpy as np
 from rich.table import Table
 from smart_tire.analysis.pipeline import estimates_of, forwarded, INPUTS
@@ -70,6 +73,10 @@ MAX_READ = 4096      # bytes
 POLL_PERIOD = 0.1    # s
 OPEN_TIMEOUT = 10.0  # s until the port of the radio must exist
 ODOM_PHASES = 5      # an instant of odom, every 8 ms, waits for IMU samples, every 10 ms
+DISCOVERY_TIME = 5.0  # s until all processes of the floor have found each other
+TRAFFIC_TIME = 5.0   # s in which the messages of the nodes are counted
+BURST_TIME = 1e-3    # s between messages that are published together
+UNCOUNTED = '/diagnostics', '/rosout', '/parameter_events'  # the first one is of any node
 KEY_LENGTH = 8       # samples at the end of a batch whose noise identifies it
 REFERENCE_TIME, REFERENCE_REPEATS = 10.0, 3  # s of the drive that is estimated, and how often
 
@@ -97,6 +104,8 @@ RANGES = tuple(
     Range(f'{setup.title}: {figure}', *ends[column]) for column, setup in enumerate(SETUPS)
     for figure, *ends in (
         ('cores of all nodes of a robot, at a reference of 33.3 ms', (0.35, 0.75), (0.5, 1.1)),
+        ('the same, times that of processes that only exchange the messages as bytes',
+         (1.0, 2.0), (1.0, 2.0)),
         ('their memory [MB]', (250.0, 350.0), (250.0, 350.0)),
         ('radio batch to `tire_samples`, 99 % [ms]', (10.0, 25.0), (20.0, 45.0)),
         ('age of `odom`, median [ms]', (25.0, 45.0), (25.0, 45.0)),
@@ -109,12 +118,14 @@ class Usage:
 
     cpu: float     # cores
     memory: float  # B, of the process alone
+    floor: float = math.nan  # cores, of one that only exchanges the same messages
 
     @classmethod
     def of_robot(cls, usages: Mapping[str, Usage]) -> Usage:
         """Return the sum of the processes on a robot, which has no simulator."""
         own = [usage for name, usage in usages.items() if name != 'robot_simulator']
-        return cls(sum(one.cpu for one in own), sum(one.memory for one in own))
+        return cls(*(sum(getattr(one, name) for one in own)
+                     for name in ('cpu', 'memory', 'floor')))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -135,7 +146,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     from smart_tire.nodes.runner import NodeRunner
     reference = reference_time()
     print(machine(), reference_line(reference), sep='\n', flush=True)
-    processes = (NODES[0], COMPOSED, *SEPARATE) if args.composed else NODES
+    processes: dict[str, tuple[str, ...]] = {name: (name,) for name in NODES}
+    if args.composed:
+        together = tuple(name for name in NODES[1:] if name not in SEPARATE)
+        processes = {NODES[0]: NODES[:1], COMPOSED: together, **{
+            name: processes[name] for name in SEPARATE}}
 
     def measure() -> None:
         usages: dict[str, Mapping[str, Usage]] = {}
@@ -147,7 +162,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                     Path(folder), setup, args.seconds,
                     partial(NodeRunner, partial(Pilot, 'load')), processes)
             robot = Usage.of_robot(usages[setup.title])
-            figures += robot.cpu * OF_THE_TABLE / reference, robot.memory / 1e6, *delays
+            figures += (robot.cpu * OF_THE_TABLE / reference, robot.cpu / robot.floor,
+                        robot.memory / 1e6, *delays)
         print_tables('', [usage_table(usages)])
         if not args.composed:
             check_ranges(zip(RANGES, figures))
@@ -246,9 +262,13 @@ class RadioTap:
 
 
 def measure_live(folder: Path, setup: Setup, seconds: float,
-                 runner_class: Callable[[list[str]], Any], processes: Sequence[str]
+                 runner_class: Callable[[list[str]], Any], processes: Mapping[str, Sequence[str]]
                  ) -> tuple[dict[str, Usage], tuple[float, float, float]]:
-    """Run all nodes in ``processes``; return what each process uses, and the delays [ms]."""
+    """
+    Run all nodes, by process; return what each process uses, and the delays [ms].
+
+    The path is longer than all measurements.
+    """
     environment = isolated_environment()
     os.environ.update(environment)  # the node runner is in this process
     source, link = str(folder / 'radio'), str(folder / 'tapped_radio')
@@ -258,7 +278,8 @@ def measure_live(folder: Path, setup: Setup, seconds: float,
             stack.node(name, [params])
         with runner_class(['--ros-args', '--params-file', str(params)]) as runner:
             await_nodes(stack, runner, NODES)
-            runner.node.follow(path_for(seconds + 2.0 * WARM_UP_TIME, runner.node.odometry))
+            runner.node.follow(path_for(
+                seconds + TRAFFIC_TIME + 2.0 * WARM_UP_TIME, runner.node.odometry))
             runner.spin(WARM_UP_TIME)
             runner.node.subscribe('tire_samples', tap.add_sample)
             ages: list[tuple[int, float]] = []
@@ -268,6 +289,8 @@ def measure_live(folder: Path, setup: Setup, seconds: float,
             runner.spin(seconds)
             elapsed, after = time.monotonic() - begin, cpu_seconds(stack)
             sizes = {name: memory(stack.processes[name].pid)[0] for name in processes}
+            messages = traffic(runner, {
+                name: nodes for name, nodes in processes.items() if name != NODES[0]})
             state = PathState(runner.node.progress.state)
             host = worst_of(runner.node.health.values())
         if died := stack.died():
@@ -276,8 +299,73 @@ def measure_live(folder: Path, setup: Setup, seconds: float,
         raise SmartTireError(f'the path was not followed to the end of the measurement: '
                              f'{state.name.lower()}')
     print_host(host)
-    return ({name: Usage((after[name] - before[name]) / elapsed, sizes[name])
-             for name in processes}, (print_latency(tap.latencies), *print_jitter(ages)))
+    least = floors(folder, environment, messages, seconds)
+    return ({name: Usage((after[name] - before[name]) / elapsed, sizes[name],
+                         least.get(name, math.nan)) for name in processes},
+            (print_latency(tap.latencies), *print_jitter(ages)))
+
+
+def traffic(runner: Any, processes: Mapping[str, Sequence[str]]
+            ) -> dict[str, dict[str, list[list[Any]]]]:
+    """
+    Return what each process publishes and receives, as ``benchmarks.empty_node`` takes it.
+
+    Messages are counted for ``TRAFFIC_TIME``; topics without any are left out, as is what nodes of
+    one process exchange.
+    """
+    from smart_tire.nodes.compat import message_class
+    from smart_tire.nodes.qos import subscriber_qos
+    node, counts, bursts = runner.node, Counter[str](), Counter[str]()
+    latest: dict[str, tuple[float, bytes]] = {}
+    kinds: dict[str, tuple[str, int]] = {}  # of a topic: type and depth of the queue
+
+    def topics_of(names: Sequence[str], find: Callable[[str, str], Any]) -> list[str]:
+        found = {topic: kind for name in names
+                 for topic, (kind, *_) in find(name, node.get_namespace())
+                 if topic not in UNCOUNTED}
+        kinds.update((topic, (kind, subscriber_qos(topic.lstrip('/')).depth))
+                     for topic, kind in found.items())
+        return list(found)
+
+    def count(topic: str, data: bytes) -> None:
+        now = time.monotonic()
+        counts[topic] += 1
+        bursts[topic] += now - latest.get(topic, (0.0,))[0] > BURST_TIME
+        latest[topic] = now, data
+
+    published, received = [{name: topics_of(nodes, find) for name, nodes in processes.items()}
+                           for find in (node.get_publisher_names_and_types_by_node,
+                                        node.get_subscriber_names_and_types_by_node)]
+    subscriptions = [node.create_subscription(
+        message_class(kinds[topic][0]), topic, partial(count, topic), kinds[topic][1], raw=True)
+        for topic in {topic for topics in published.values() for topic in topics}]
+    runner.spin(TRAFFIC_TIME)
+    for one in subscriptions:
+        node.destroy_subscription(one)
+    return {name: {
+        'received': [[topic, *kinds[topic]] for topic in received[name]
+                     if topic not in published[name]],
+        'published': [[topic, *kinds[topic], max(round(bursts[topic] / TRAFFIC_TIME), 1),
+                       round(counts[topic] / bursts[topic]), latest[topic][1].hex()]
+                      for topic in published[name] if topic in counts]}
+        for name in processes}
+
+
+def floors(folder: Path, environment: Mapping[str, str],
+           messages: Mapping[str, Mapping[str, Any]], seconds: float) -> dict[str, float]:
+    """Return the cores of processes that only exchange ``messages``."""
+    with Stack(folder / 'floor', environment) as stack:
+        for name, own in messages.items():
+            file = folder / f'{name}.json'
+            file.write_text(json.dumps(own), encoding='utf-8')
+            stack.start(name, f'benchmarks.{FLOOR}', str(file), f'{name}_floor')
+        time.sleep(DISCOVERY_TIME)
+        before, begin = cpu_seconds(stack), time.monotonic()
+        time.sleep(seconds)
+        elapsed, after = time.monotonic() - begin, cpu_seconds(stack)
+        if died := stack.died():
+            raise SmartTireError('\n'.join(stack.log(name) for name in died))
+    return {name: (after[name] - before[name]) / elapsed for name in messages}
 
 
 def path_for(seconds: float, odometry: Any) -> Poses:
@@ -324,12 +412,14 @@ def await_nodes(stack: Any, runner: Any, names: Sequence[str]) -> None:
 def usage_table(usages: Mapping[str, Mapping[str, Usage]]) -> Table:
     """Return the table of all processes, and their sum on a robot, which has no simulator."""
     table = new_table('CPU load and memory while a path is followed', '', *(
-        f'{name.replace(", ", chr(10))}\n[{unit}]' for name in usages for unit in ('cores', 'MB')))
+        f'{name.replace(", ", chr(10))}\n[{unit}]' for name in usages
+        for unit in ('cores', 'MB', 'of the floor')))
     rows = [{**usage, ROBOT: Usage.of_robot(usage)} for usage in usages.values()]
     for name in rows[0]:
         found = [row[name] for row in rows]
         table.add_row(name, *(text for one in found for text in (
-            f'{one.cpu:.3f}', f'{one.memory / 1e6:.0f}')))
+            f'{one.cpu:.3f}', f'{one.memory / 1e6:.0f}',
+            '' if math.isnan(one.floor) else f'{one.cpu / one.floor:.1f}')))
     return table
 
 

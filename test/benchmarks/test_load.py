@@ -18,6 +18,7 @@ import sys
 import tty
 from types import SimpleNamespace
 
+from benchmarks.empty_node import exchange
 from benchmarks.load import (
     MAX_SPEED, path_for, print_host, RadioTap, RADIUS, RANGES, SETUPS, Usage, usage_table)
 import pytest
@@ -109,11 +110,37 @@ def test_the_path_lasts_for_the_measurement_and_begins_at_the_robot():
 
 
 def test_the_table_has_each_process_and_the_sum_of_a_robot():
-    table = usage_table({'few': {'robot_simulator': Usage(0.5, 9e6), 'a': Usage(0.1, 40e6)},
-                         'many': {'robot_simulator': Usage(0.6, 9e6), 'a': Usage(0.25, 41e6)}})
+    simulator, few, many = Usage(0.5, 9e6), Usage(0.1, 40e6, 0.05), Usage(0.25, 41e6, 0.1)
+    table = usage_table({'few': {'robot_simulator': simulator, 'a': few, 'b': few},
+                         'many': {'robot_simulator': simulator, 'a': many, 'b': few}})
     assert list(zip(*(column.cells for column in table.columns))) == [
-        ('robot_simulator', '0.500', '9', '0.600', '9'), ('a', '0.100', '40', '0.250', '41'),
-        ('all but robot_simulator', '0.100', '40', '0.250', '41')]
+        ('robot_simulator', '0.500', '9', '', '0.500', '9', ''),
+        ('a', '0.100', '40', '2.0', '0.250', '41', '2.5'),
+        ('b', '0.100', '40', '2.0', '0.100', '40', '2.0'),
+        ('all but robot_simulator', '0.200', '80', '2.0', '0.350', '81', '2.3')]
+
+
+def test_the_floor_publishes_the_bytes_in_bursts_and_one_timer_serves_a_rate():
+    sent, received, timers = [], [], {}
+
+    def publisher(cls, topic, depth):
+        return SimpleNamespace(publish=lambda data: sent.append((cls.__name__, topic, data)))
+
+    exchange(SimpleNamespace(
+        create_publisher=publisher, create_timer=timers.__setitem__,
+        create_subscription=lambda cls, topic, callback, depth, raw: received.append(
+            (cls.__name__, topic, depth, raw))), {
+        'received': [['/imu/data', 'sensor_msgs/msg/Imu', 7]],
+        'published': [['/odom', 'nav_msgs/msg/Odometry', 3, 125, 1, '00ff'],
+                      ['/wheel_slip', 'sensor_msgs/msg/JointState', 3, 125, 1, '01'],
+                      ['/tire_samples', 'sensor_msgs/msg/JointState', 3, 10, 4, '02']]})
+    assert received == [('Imu', '/imu/data', 7, True)]
+    assert not sent
+    timers.pop(1.0 / 125)()
+    assert sent == [('Odometry', '/odom', b'\x00\xff'), ('JointState', '/wheel_slip', b'\x01')]
+    timers.pop(0.1)()
+    assert sent[2:] == 4 * [('JointState', '/tire_samples', b'\x02')]
+    assert not timers
 
 
 def test_a_busy_machine_is_named(capsys):
@@ -136,3 +163,5 @@ def test_the_stack_follows_the_path_while_it_is_measured():
             if line.split() and line.split()[0] in NODES}
     assert list(rows) == list(NODES)
     assert all(float(cell) > 0.0 for cells in rows.values() for cell in cells)
+    assert {name: len(cells) for name, cells in rows.items()} == {
+        name: 4 if name == 'robot_simulator' else 6 for name in NODES}  # with floors
