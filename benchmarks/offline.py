@@ -20,16 +20,18 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 import json
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from benchmarks.harness import (
     check_ranges, machine, new_table, print_tables, Range, run_benchmark)
 from benchmarks.scenarios import sequence
+import numpy as np
 from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.bags import BagWriter
 from smart_tire.errors import SmartTireError
@@ -44,6 +46,7 @@ LEGS, DURATION = sequence(
     (12.0, 0.0, 0.0))
 RANGES = (Range('analysis of the longest bag, share of its duration', 0.0, 0.2),
           Range('its memory [MB]', 0.0, 1000.0))
+WHEEL_RATE, LEAST_IMU_RATE = 16, 100  # Hz, of the robot
 PARAMETERS = '/**:\n  ros__parameters:\n    film.wheels: {}\n'
 # Prints the CPU time of all processes [s], the duration [s] and the size of the largest one [MB].
 MEASURED = """
@@ -80,18 +83,21 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='lengths of the bags, times three minutes (default: 1 4 20: an hour)')
     parser.add_argument('--wheels', type=int, nargs='+', default=[1, 2, 4], metavar='N',
                         help='instrumented wheels of a short bag (default: 1 2 4)')
+    parser.add_argument('--rates', type=int, nargs='+', default=[16, 100, 1000], metavar='HZ',
+                        help='of wheel_states in a short bag, and of the IMU, which has at least '
+                        '100 Hz (default: 16 100 1000)')
     args = parser.parse_args(argv)
 
     def measure() -> None:
         table = new_table('Analysis of a bag, times reading it with rosbags', 'bag [min]',
-                          'instrumented\nwheels', 'reading\n[s]', 'CPU', 'wall', 'size [MB]',
-                          'share of the\nduration')
+                          'instrumented\nwheels', 'wheel_states\n[Hz]', 'reading\n[s]', 'CPU',
+                          'wall', 'size [MB]', 'share of the\nduration')
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-            found = list(rows(Path(folder), args.repeats, args.wheels))
+            found = list(rows(Path(folder), args.repeats, args.wheels, args.rates))
         for one in found:
             table.add_row(*one.cells)
         print_tables(machine(), [table])
-        longest = max(found, key=lambda one: (one.seconds, -one.wheels))
+        longest = max(found, key=lambda one: (one.seconds, -one.wheels, -one.rate))
         check_ranges(zip(RANGES, (longest.share, longest.size)))
     return run_benchmark('offline', measure)
 
@@ -101,6 +107,7 @@ class Row(NamedTuple):
 
     seconds: float
     wheels: int                  # with films
+    rate: int                    # Hz, of wheel_states
     plain: tuple[float, float]   # s, CPU time and duration of reading
     ours: tuple[float, float]    # of the analysis
     size: float                  # MB, of the analysis
@@ -113,27 +120,55 @@ class Row(NamedTuple):
     @property
     def cells(self) -> list[str]:
         """Return the row of the table."""
-        return [f'{self.seconds / 60.0:.0f}', str(self.wheels), f'{self.plain[1]:.2f}',
+        return [f'{self.seconds / 60.0:.0f}', str(self.wheels), str(self.rate),
+                f'{self.plain[1]:.2f}',
                 *(f'{ours / plain:.1f}' for ours, plain in zip(self.ours, self.plain)),
                 f'{self.size:.0f}', f'{self.share:.3f}']
 
 
-def rows(folder: Path, repeats: Sequence[int], wheels: Sequence[int]) -> Iterator[Row]:
-    """Yield the rows of the table: bags of growing length, then with more wheels."""
-    shapes = dict.fromkeys([*((times, 1) for times in repeats), *((1, count) for count in wheels)])
-    for times, count in shapes:
-        params, bag = folder / 'params.yaml', folder / f'bag_{times}_{count}'
+def rows(folder: Path, repeats: Sequence[int], wheels: Sequence[int], rates: Sequence[int]
+         ) -> Iterator[Row]:
+    """Yield the rows of the table: bags of growing length, then with more wheels, then rates."""
+    shapes = dict.fromkeys([*((times, 1, WHEEL_RATE) for times in repeats),
+                            *((1, count, WHEEL_RATE) for count in wheels),
+                            *((1, 1, rate) for rate in rates)])
+    for times, count, rate in shapes:
+        params, bag = folder / 'params.yaml', folder / f'bag_{times}_{count}_{rate}'
         params.write_text(PARAMETERS.format(list(WHEELS[:count])), encoding='utf-8')
-        write_bag(bag, simulated(count), times)
+        write_bag(bag, simulated(count, rate), times)
         plain = measured(PLAIN, bag)
-        ours = measured(ANALYSIS, bag, params, folder / f'out_{times}_{count}')
-        yield Row(times * DURATION, count, plain[:2], ours[:2], ours[2])
+        ours = measured(ANALYSIS, bag, params, folder / f'out_{times}_{count}_{rate}')
+        yield Row(times * DURATION, count, rate, plain[:2], ours[:2], ours[2])
 
 
-def simulated(wheels: int) -> list[Event]:
+def simulated(wheels: int, rate: int = WHEEL_RATE) -> list[Event]:
     """Return the received inputs of the drive with films in the first ``wheels``."""
-    params = build(SimulatorParams, {'film.wheels': list(WHEELS[:wheels]), 'seed': 1})
-    return [event for event in simulate(params, LEGS, DURATION) if event[1] in INPUTS]
+    params = build(SimulatorParams, {'film.wheels': list(WHEELS[:wheels]), 'seed': 1,
+                                     'imu_rate': float(max(rate, LEAST_IMU_RATE))})
+    events = [event for event in simulate(params, LEGS, DURATION) if event[1] in INPUTS]
+    return dense(events, round(rate / WHEEL_RATE))
+
+
+def dense(events: Sequence[Event], factor: int) -> list[Event]:
+    """Return ``events`` with ``factor`` times as many wheel samples, between those that exist."""
+    wheels = [event for event in events if isinstance(event[2], WheelSample)]
+    found = list(events)
+    for first, second in pairwise(wheels):
+        for step in range(1, factor):
+            receive, stamp, *values = (
+                np.asarray(a) + (np.asarray(b) - np.asarray(a)) * step / factor
+                for a, b in zip(numbers(first), numbers(second)))
+            velocity, position, effort = (four(row.tolist()) for row in values)
+            found.append((int(receive), first[1], WheelSample(
+                int(stamp), velocity=velocity, position=position, effort=effort)))
+    return sorted(found, key=lambda event: event[0])
+
+
+def numbers(event: Event) -> tuple[Any, ...]:
+    """Return receive time and stamp [ns], velocities, positions and efforts of a wheel sample."""
+    receive_ns, _, sample = event
+    assert isinstance(sample, WheelSample)
+    return receive_ns, sample.stamp_ns, sample.velocity, sample.position, sample.effort
 
 
 def write_bag(path: Path, events: Sequence[Event], times: int) -> None:
