@@ -20,18 +20,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 import json
+import os
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from benchmarks.harness import (
     check_ranges, machine, new_table, print_tables, Range, run_benchmark)
 from benchmarks.scenarios import sequence
-import numpy as np
 from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.bags import BagWriter
 from smart_tire.errors import SmartTireError
@@ -145,30 +144,8 @@ def simulated(wheels: int, rate: int = WHEEL_RATE) -> list[Event]:
     """Return the received inputs of the drive with films in the first ``wheels``."""
     params = build(SimulatorParams, {'film.wheels': list(WHEELS[:wheels]), 'seed': 1,
                                      'imu_rate': float(max(rate, LEAST_IMU_RATE))})
-    events = [event for event in simulate(params, LEGS, DURATION) if event[1] in INPUTS]
-    return dense(events, round(rate / WHEEL_RATE))
-
-
-def dense(events: Sequence[Event], factor: int) -> list[Event]:
-    """Return ``events`` with ``factor`` times as many wheel samples, between those that exist."""
-    wheels = [event for event in events if isinstance(event[2], WheelSample)]
-    found = list(events)
-    for first, second in pairwise(wheels):
-        for step in range(1, factor):
-            receive, stamp, *values = (
-                np.asarray(a) + (np.asarray(b) - np.asarray(a)) * step / factor
-                for a, b in zip(numbers(first), numbers(second)))
-            velocity, position, effort = (four(row.tolist()) for row in values)
-            found.append((int(receive), first[1], WheelSample(
-                int(stamp), velocity=velocity, position=position, effort=effort)))
-    return sorted(found, key=lambda event: event[0])
-
-
-def numbers(event: Event) -> tuple[Any, ...]:
-    """Return receive time and stamp [ns], velocities, positions and efforts of a wheel sample."""
-    receive_ns, _, sample = event
-    assert isinstance(sample, WheelSample)
-    return receive_ns, sample.stamp_ns, sample.velocity, sample.position, sample.effort
+    return [event for event in simulate(params, LEGS, DURATION, wheel_rate=rate)
+            if event[1] in INPUTS]
 
 
 def write_bag(path: Path, events: Sequence[Event], times: int) -> None:
@@ -194,6 +171,7 @@ def _later(sample: Sample, span_ns: int, angles: Sequence[float]) -> Sample:
 def measured(program: str, *arguments: Path) -> tuple[float, float, float]:
     """Return CPU time [s], duration [s] and size [MB] of a program; raise SmartTireError."""
     done = subprocess.run([sys.executable, '-c', program, *map(str, arguments)],
+                          env={**os.environ, 'OPENBLAS_NUM_THREADS': '1'},  # as the commands
                           capture_output=True, text=True, check=False)
     if done.returncode:
         raise SmartTireError(f'a measured program has failed:\n{done.stderr}')

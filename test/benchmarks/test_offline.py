@@ -10,7 +10,7 @@
 
 """Benchmark of the offline analysis: repeated drives, measured programs."""
 
-from benchmarks.offline import ANALYSIS, dense, DURATION, measured, PLAIN, write_bag
+from benchmarks.offline import ANALYSIS, DURATION, measured, PLAIN, simulated, write_bag
 import pytest
 from smart_tire.bags import Bag
 from smart_tire.errors import SmartTireError
@@ -56,14 +56,11 @@ def test_a_program_that_fails_is_reported(tmp_path):
         measured(PLAIN, tmp_path / 'missing')
 
 
-def test_dense_wheel_samples_lie_on_the_lines_between_those_that_exist():
-    first, second, third = (event('wheel_states', WheelSample(
-        stamp, (speed,) * 4, (0.0, 1.0, 2.0, angle), (0.5,) * 4)) for stamp, speed, angle in (
-            (START, 1.0, 3.0), (START + 80, 3.0, 7.0), (START + 90, 3.0, 7.0)))
-    imu = event('imu/data', ImuSample(START + 41, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0)))
-    assert dense([first, imu, second, third], 1) == [first, imu, second, third]
-    found = dense([first, imu, second], 4)
-    assert [one[0] - START - 1000 for one in found] == [0, 20, 40, 41, 60, 80]
-    assert found[1][2] == WheelSample(
-        START + 20, (1.5,) * 4, (0.0, 1.0, 2.0, 4.0), (0.5,) * 4)
-    assert [one for one in found if one in (first, imu, second)] == [first, imu, second]
+@pytest.mark.long
+def test_wheels_and_imu_have_the_rates_of_the_table():
+    for rate, imu_rate in (16, 100), (200, 200):
+        found = simulated(1, rate)
+        stamps = [sample.stamp_ns for _, _, sample in found if isinstance(sample, WheelSample)]
+        assert len(stamps) == pytest.approx(DURATION * rate, rel=0.01)
+        readings = sum(isinstance(sample, ImuSample) for _, _, sample in found)
+        assert readings == pytest.approx(DURATION * imu_rate, rel=0.01)
