@@ -109,9 +109,7 @@ class Measurements:
         self.rolling = np.ascontiguousarray(radius * self.rates)
         self.acceleration = np.gradient(self.rates, TIME_STEP, axis=0)
         period = float(np.median(np.diff(motion.times)))
-        at_edges = radius * rate_weights(motion.times, self.edges)
-        self._speed_errors = [at_edges @ error @ at_edges.T
-                              for error in (motion.mean_error, motion.difference_error)]
+        self._speed_errors = motion.errors(radius * rate_weights(motion.times, self.edges))
         self.spread = block_spread(self.acceleration, self.edges, self.times, period)
         mean_imu, self.imu_count = sample_means(data.imu, self.edges)
         mean_wheels, self.torque_count = sample_means(

@@ -40,12 +40,21 @@ OTHERS = np.array([[j for j in range(CUBIC_POINTS) if j != i] for i in range(CUB
 
 
 class WheelMotion(NamedTuple):
-    """Smoothed angles, and the covariances of their errors."""
+    """Smoothed angles, and what their errors depend on."""
 
-    times: Array            # s, (n,)
-    angles: Array           # rad, (n, 4)
-    mean_error: Array       # rad^2, (n, n), of the mean of the wheels
-    difference_error: Array  # rad^2, (n, n), of half the difference of the sides
+    times: Array        # s, (n,)
+    angles: Array       # rad, (n, 4)
+    information: Array  # rad^-2, (4, n), as of ``jerk_information``
+    precision: Array    # rad^-2, (n, 4), of the angles as measured, by mode
+
+    def errors(self, weights: Array) -> list[Array]:
+        """
+        Return the covariances (m, m) of ``weights`` (m, n) times the errors of the angles.
+
+        That of the mean of the wheels, and that of half the difference of the sides.
+        """
+        return [weights @ solve_smoothed(self.information, self.precision[:, mode], weights.T)
+                for mode in range(2)]
 
 
 def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMotion:
@@ -68,9 +77,7 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
         padded = np.concatenate([weight[:1], weight, weight[-1:]])
         weight = np.minimum(weight, np.minimum(padded[2:], padded[:-2]))
     information = jerk_information(rows * np.sqrt(weight))
-    mean, difference = (solve_smoothed(information, precision[:, mode], np.eye(len(times)))
-                        for mode in range(2))
-    return WheelMotion(times, angles[0] + found @ np.linalg.inv(MODES).T, mean, difference)
+    return WheelMotion(times, angles[0] + found @ np.linalg.inv(MODES).T, information, precision)
 
 
 def rate_weights(times: Array, at: Array) -> Array:

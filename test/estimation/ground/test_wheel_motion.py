@@ -40,7 +40,7 @@ def test_stamp_jitter_is_averaged_at_steady_speed_as_the_covariance_says():
         motion = smoothed(stamps, true, JITTER, STEP)
         weights = rate_weights(stamps, TIMES[20:40])
         errors.append(weights @ motion.angles.mean(axis=1) - 9.9)
-        expected.append(np.sqrt(np.diag(weights @ motion.mean_error @ weights.T)))
+        expected.append(np.sqrt(np.diag(motion.errors(weights)[0])))
     raw = np.sqrt(2.0) * JITTER * 9.9 / PERIOD
     assert np.std(errors) < 0.2 * raw
     assert 0.6 < np.std(errors) / np.mean(expected) < 1.6
@@ -63,5 +63,5 @@ def test_a_step_of_the_speed_is_followed_within_two_samples_while_the_rest_stays
     rate = rate_weights(TIMES, TIMES) @ motion.angles
     assert np.abs(rate[:29, 0]).max() < 0.3
     assert rate[35:, 0] == pytest.approx(9.0, abs=0.3)
-    variance = np.diag(motion.mean_error)
+    variance = np.diag(motion.errors(np.eye(len(TIMES)))[0])
     assert variance[32] > 2.0 * variance[15]  # where the speed changed
