@@ -183,6 +183,15 @@ def solve_spd(matrix: Array, right: Array) -> NDArray[np.floating]:
     return np.linalg.solve(matrix, right) if failed else solution
 
 
+def inverse_factor(matrix: Array) -> Array:
+    """Return the inverse of the lower Cholesky factor of a covariance: it whitens errors."""
+    from scipy.linalg.lapack import dpotrf, dtrtri  # see docs/architecture.md
+    factor, failed = dpotrf(matrix, lower=1)
+    if failed:
+        raise np.linalg.LinAlgError('the matrix is not positive definite')
+    return np.asarray(dtrtri(factor, lower=1)[0] if matrix.size else factor)
+
+
 def inverse_spd(matrix: Array) -> Array:
     """
     Return the inverse of a positive definite matrix.
@@ -192,12 +201,10 @@ def inverse_spd(matrix: Array) -> Array:
     >>> inverse_spd(np.diag([4.0, 16.0])).tolist()
     [[0.25, 0.0], [0.0, 0.0625]]
     """
-    from scipy.linalg.lapack import dpotrf, dtrtri  # see docs/architecture.md
-    factor, failed = dpotrf(matrix)
-    if failed:
+    try:
+        return gram(inverse_factor(matrix).T, np.ones(len(matrix)))
+    except np.linalg.LinAlgError:
         return np.asarray(np.linalg.inv(matrix), dtype=float)
-    inverse, _ = dtrtri(factor)  # upper triangular: matrix = factor.T @ factor
-    return gram(inverse, np.ones(len(matrix)))
 
 
 def gram(jacobian: Array, weight: Array) -> Array:

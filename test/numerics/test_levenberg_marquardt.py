@@ -16,7 +16,7 @@ import pytest
 from smart_tire.estimation.friction.waveform_model import (
     film_index, PerFilm, Shared, WaveformModel)
 from smart_tire.numerics.levenberg_marquardt import (
-    gram, inverse_spd, JointPrior, LevenbergMarquardt)
+    gram, inverse_factor, inverse_spd, JointPrior, LevenbergMarquardt)
 from smart_tire.parameters import RobotParams
 from support.crossings import crossing_samples, WHEEL
 
@@ -93,3 +93,9 @@ def test_products_and_inverses_are_those_of_numpy_for_any_size():
         np.testing.assert_allclose(gram(jacobian, weight), product, rtol=1e-9, atol=1e-9)
         regular = product + np.eye(40)
         np.testing.assert_allclose(inverse_spd(regular) @ regular, np.eye(40), atol=1e-8)
+        np.testing.assert_allclose(inverse_spd(-regular) @ regular, -np.eye(40), atol=1e-8)
+        white = inverse_factor(regular)  # each row by those before it
+        np.testing.assert_allclose(white @ regular @ white.T, np.eye(40), atol=1e-8)
+        assert not np.triu(white, 1).any() and inverse_factor(white[:0, :0]).shape == (0, 0)
+        with pytest.raises(np.linalg.LinAlgError):
+            inverse_factor(-regular)

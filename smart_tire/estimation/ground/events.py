@@ -31,8 +31,7 @@ from smart_tire.estimation.ground.unknowns import (
     BLOCK_TIME, CANDIDATES, DISTURBANCE_TIME, EVENT_EVIDENCE, FREEDOM, GROUND, HOP, Hypothesis,
     Interval, LENGTH, Lift, MAX_ITERATIONS, MAX_LIFTS, MAX_STEP, MOVED, NEVER, OLD_GROUND,
     ONE_GROUND, REWEIGHTINGS, SIZE, TIME_ERROR, Unknown)
-from smart_tire.estimation.ground.window_fit import (
-    start_of, student, whitened, WindowEstimate, WindowFit)
+from smart_tire.estimation.ground.window_fit import student, WindowEstimate, WindowFit
 from smart_tire.samples import WHEELS
 
 
@@ -73,6 +72,8 @@ class EventSearch:
 
     def __init__(self, fit: WindowFit) -> None:
         self._fit, self._rows, self._steps = fit, fit.rows, fit.steps
+        self._moves = np.diag(fit.steps) @ np.eye(len(fit.steps), SIZE)
+        self._priors = np.array([row[:2] for row in fit.rows])
 
     def disturbed(self, plain: Hypothesis, time: float, measurements: Measurements,
                   leaving: float) -> tuple[Hypothesis, WindowEstimate]:
@@ -214,16 +215,13 @@ class EventSearch:
         """
         runs, at = [fit.x], [main.events]
         for event in events:
-            x, rows = event.hypothesis.x, np.arange(SIZE)[event.unknown]
-            runs += [x, *(x + self._steps[row] * np.eye(SIZE)[row] for row in rows)]
-            at += [event.hypothesis.events] * (len(rows) + 1)
+            runs += [event.hypothesis.x, *(event.hypothesis.x + self._moves[event.unknown])]
+            at += [event.hypothesis.events] * (1 + _count(event))
         x = np.array(runs)
-        start, _ = start_of(main, measurements)
-        motion = measurements.simulate(x, start, fit.heading, np.array(at))
+        motion = measurements.simulate(x, fit.start, fit.heading, np.array(at))
         blocks, films = measurements.predict(x, motion), measurements.crossing_values(x, motion)
         residual = measurements.values - blocks, measurements.crossing_measured - films
-        factors = np.linalg.cholesky(fit.noise[0]), np.linalg.cholesky(fit.noise[1])
-        white = whitened(*factors, residual[0].transpose(1, 2, 0), residual[1].T)
+        white = fit.noise.whitened(residual[0].transpose(1, 2, 0), residual[1].T)
         for one in main.disturbances:
             white[measurements.within(one)] = 0.0
         likely = student(white[:, 0] ** 2).sum()
@@ -248,7 +246,7 @@ class EventSearch:
         rows = np.array([np.arange(SIZE)[event.unknown] for event in events])
         used = np.ones((len(events), others.shape[2]))
         slopes = (others[:, :1] - others[:, 1:]) / self._steps[rows][:, :, np.newaxis]
-        mean, sigma = np.array([row[:2] for row in self._rows])[rows].transpose(2, 0, 1)
+        mean, sigma = self._priors[rows].transpose(2, 0, 1)
         spread = sigma[:, :, np.newaxis] ** -2 * np.eye(rows.shape[1])
         off = mean - np.array([event.hypothesis.x for event in events])[
             np.arange(len(events))[:, np.newaxis], rows]
@@ -264,7 +262,7 @@ class EventSearch:
             value = np.linalg.solve(
                 matrix, weighted @ others[:, 0, :, np.newaxis] + spread @ off[:, :, np.newaxis]
             )[:, :, 0]
-            left = others[:, 0] - np.einsum('ek,ekr->er', value, slopes)
+            left = others[:, 0] - (value[:, np.newaxis] @ slopes)[:, 0]
         square = left ** 2
         cost = (used * student(square)).sum(axis=1) + (
             (value - off) ** 2 / sigma ** 2 + 2.0 * np.log(sigma)).sum(axis=1) + np.linalg.slogdet(

@@ -158,7 +158,7 @@ class Measurements:
         return heading
 
     def simulate(self, x: Array, start: Array, heading: Array, events: Array,
-                 relaxation: float = 0.0) -> WindowMotion:
+                 relaxation: float | Array = 0.0) -> WindowMotion:
         """
         Return the motion for each row of ``x`` (runs, SIZE).
 

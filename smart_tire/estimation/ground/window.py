@@ -44,6 +44,7 @@ from smart_tire.estimation.ground.unknowns import (
     EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, OWN, priors, TENSION,
     Tension, WindowPrior)
 from smart_tire.estimation.ground.window_fit import WindowEstimate, WindowFit
+from smart_tire.numerics.levenberg_marquardt import inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -145,11 +146,9 @@ class GroundWindow:
     def _advanced(self, hypothesis: Hypothesis, fit: WindowEstimate, measurements: Measurements,
                   hop: float) -> Hypothesis:
         """Return the hypothesis before the next window."""
-        prior = hypothesis.prior
-        information = np.linalg.inv(prior.covariance)
         matrix, vector = fit.leaving
-        covariance = np.asarray(np.linalg.inv(information + matrix), dtype=np.float64)
-        mean: Array = covariance @ (information @ prior.mean + vector)
+        covariance = inverse_spd(fit.information + matrix)
+        mean: Array = covariance @ (fit.information @ hypothesis.prior.mean + vector)
         moved = WindowPrior(mean, covariance).after(
             hop, measurements.travel * hop / (measurements.times[-1] - measurements.begin),
             self._rows)

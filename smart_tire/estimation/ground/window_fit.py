@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from smart_tire.estimation.ground.unknowns import (
     CONVERGED, CURVE, DERIVATIVE_STEP, DYNAMIC, FREEDOM, Hypothesis, MAX_ITERATIONS, MAX_SIGMA,
     MAX_STEP, MOVED, NOISE_SIGMAS, OLD_GROUND, ONE_GROUND, OWN, Row, SIDES, SIZE, TENSION,
     Unknown, UNMEASURED, WindowPrior)
-from smart_tire.numerics.levenberg_marquardt import gram, inverse_spd
+from smart_tire.numerics.levenberg_marquardt import gram, inverse_factor, inverse_spd
 from smart_tire.parameters.robot import RobotParams
 
 
@@ -40,6 +40,23 @@ class WhitenedRows(NamedTuple):
 
     residual: Array    # (rows,)
     jacobian: Array    # (rows, SIZE)
+
+
+class Noise:
+    """Covariances of blocks (STREAMS, n, n) and crossings (m, m), with their factors."""
+
+    def __init__(self, blocks: Array, films: Array) -> None:
+        self.blocks, self.films = blocks, films
+        self._blocks = np.array([inverse_factor(one) for one in blocks])
+        self._films = inverse_factor(films)
+        # by row, each given the rows before it
+        self.ln_variances = -2.0 * np.log(np.concatenate([
+            np.diagonal(self._blocks, axis1=1, axis2=2).ravel(), np.diagonal(self._films)]))
+
+    def whitened(self, blocks: Array, crossings: Array) -> Array:
+        """Return blocks (STREAMS, n, k) and crossings (m, k), whitened: (rows, k)."""
+        return np.concatenate([(self._blocks @ blocks).reshape(-1, blocks.shape[-1]),
+                               self._films @ crossings])
 
 
 class WindowEstimate(NamedTuple):
@@ -51,77 +68,57 @@ class WindowEstimate(NamedTuple):
     motion: WindowMotion  # of one run
     varied_x: Array    # (DYNAMIC + 1, SIZE), unknowns with small differences ...
     varied: WindowMotion  # ... and the motion by them
+    start: Array       # (3,), velocity at the begin of the window, of all runs
     heading: Array     # rad, (n,), by the start of the fit
     rows: WhitenedRows
     whiten: Whitening
-    noise: tuple[Array, Array]  # covariances of blocks and crossings
+    noise: Noise       # without weights
+    information: Array  # (SIZE, SIZE), of the prior
     leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
 
 
 class Whitening:
-    """Covariances of blocks (STREAMS, n, n) and crossings (m, m) with weights for outliers."""
+    """Whitens with ``noise`` and weights for outliers."""
 
-    def __init__(self, blocks: Array, films: Array, residual: Array, crossings: Array,
-                 weighted: bool, disturbances: Sequence[NDArray[np.bool_]]) -> None:
-        variance, film_variance = np.diagonal(blocks, axis1=1, axis2=2).copy(), np.diag(films)
+    def __init__(self, noise: Noise, residual: Array, crossings: Array, weighted: bool,
+                 disturbances: Sequence[NDArray[np.bool_]]) -> None:
+        variance = np.diagonal(noise.blocks, axis1=1, axis2=2)
+        film_variance = np.diagonal(noise.films)
         square = residual ** 2 / variance
         each = np.repeat((crossings ** 2 / film_variance).reshape(-1, 2).mean(axis=1), 2)
-        more, film_more = np.zeros_like(square), np.zeros_like(each)  # noise of disturbances
-        for rows in disturbances:
-            inside, films_inside = rows[:square.shape[1]], rows[square.size:]
-            if inside.any():
-                more[:, inside] = np.maximum(
-                    square[:, inside].mean(axis=1, keepdims=True) - 1.0, 0.0)
-            if films_inside.any():
-                film_more[films_inside] = max(each[films_inside].mean() - 1.0, 0.0)
-        off = np.zeros(residual.size + len(crossings), dtype=bool)
-        nominal: Array = np.zeros(len(off))
-        for rows in disturbances:
-            off |= rows
-        if off.any():
-            nominal = _ln_variances(np.linalg.cholesky(blocks), np.linalg.cholesky(films))
-            blocks = blocks.copy()
-            blocks[:, range(square.shape[1]), range(square.shape[1])] += UNMEASURED ** 2 * (
-                off[:residual.size].reshape(residual.shape) * variance)
-            films = films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance)
-        all_square = np.concatenate([square.ravel(), each])
-        all_growth = 1.0 + np.concatenate([more.ravel(), film_more])
-        growth = np.ones(residual.size + len(crossings))
+        squares = np.concatenate([square.ravel(), each])
+        off = np.any([np.zeros(len(squares), dtype=bool), *disturbances], axis=0)
+        growth = np.ones(len(squares))
         if weighted:
-            growth = np.where(off, 1.0, np.maximum(
-                (FREEDOM + all_square) / (FREEDOM + 1.0), 1.0))
-        scale, film_scale = np.split(np.sqrt(growth), [residual.size])
-        scale = scale.reshape(residual.shape)
-        self.blocks = blocks * scale[:, :, np.newaxis] * scale[:, np.newaxis]
-        self.films = films * np.outer(film_scale, film_scale)
-        self._block_factor = np.linalg.cholesky(self.blocks)
-        self._film_factor = np.linalg.cholesky(self.films)
+            growth[~off] = np.maximum((FREEDOM + squares[~off]) / (FREEDOM + 1.0), 1.0)
+        scale, film_scale = np.split(np.sqrt(growth)[:, np.newaxis], [residual.size])
+        self._scale, self._film_scale = scale.reshape(*residual.shape, 1), film_scale
+        self._noise = noise if not off.any() else Noise(
+            noise.blocks + UNMEASURED ** 2 * np.eye(residual.shape[1]) * (
+                off[:residual.size].reshape(residual.shape) * variance)[:, np.newaxis],
+            noise.films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance))
         # by row; with the weighted squares, minus twice the logarithm of the Student distribution
-        self.penalty = np.where(
-            off, all_square / all_growth + np.log(all_growth) + nominal,
-            FREEDOM * (np.log(growth) - 1.0 + 1.0 / growth)
-            + _ln_variances(self._block_factor, self._film_factor))
+        self.penalty = ((FREEDOM + 1.0) * np.log(growth) - FREEDOM * (1.0 - 1.0 / growth)
+                        + self._noise.ln_variances)
+        if off.any():
+            sizes, index = np.ones(len(squares)), np.arange(len(squares))  # of disturbances
+            parts = [*index[:residual.size].reshape(residual.shape), index[residual.size:]]
+            for own in (part[rows[part]] for rows in disturbances for part in parts):
+                sizes[own] = max(squares[own].sum() / max(len(own), 1), 1.0)
+            self.penalty[off] = (squares / sizes + np.log(sizes) + noise.ln_variances)[off]
 
     def __call__(self, blocks: Array, crossings: Array) -> Array:
         """Return blocks (STREAMS, n, k) and crossings (m, k), whitened: (rows, k)."""
-        return whitened(self._block_factor, self._film_factor, blocks, crossings)
+        return self._noise.whitened(blocks / self._scale, crossings / self._film_scale)
 
     def information(self, blocks: Array, crossings: Array, leaving: NDArray[np.bool_],
                     films: NDArray[np.bool_]) -> Array:
         """Return the products (k, k) of the columns of the rows that leave the window."""
-        own = self.blocks[:, leaving][:, :, leaving]
-        rows = blocks[:, leaving]
-        found: Array = np.einsum('sik,sil->kl', rows, np.linalg.solve(own, rows))
-        part = crossings[films]
-        return found + part.T @ np.linalg.solve(self.films[films][:, films], part)
-
-
-def whitened(block_factor: NDArray[np.floating[Any]], film_factor: NDArray[np.floating[Any]],
-             blocks: Array, crossings: Array) -> Array:
-    """Return blocks (STREAMS, n, k) and crossings (m, k) by Cholesky factors: (rows, k)."""
-    return np.concatenate([
-        np.linalg.solve(block_factor, blocks).reshape(-1, blocks.shape[-1]),
-        np.linalg.solve(film_factor, crossings)])
+        left = Noise(self._noise.blocks[:, leaving][:, :, leaving],
+                     self._noise.films[films][:, films])
+        white = left.whitened((blocks / self._scale)[:, leaving],
+                              (crossings / self._film_scale)[films])
+        return gram(white.T, np.ones(len(white)))
 
 
 class WindowFit:
@@ -159,7 +156,7 @@ class WindowFit:
         Steps are by the derivative of the friction; the covariance is by it or by the secant.
         """
         prior = hypothesis.prior
-        information = np.linalg.inv(prior.covariance)
+        information = inverse_spd(prior.covariance)
         start, heading = start_of(hypothesis, measurements)
         events = hypothesis.events[np.newaxis]
         unchanged = hypothesis.new == ONE_GROUND and not hypothesis.lifts
@@ -170,69 +167,71 @@ class WindowFit:
         x = (prior.mean if unchanged and unknown else hypothesis.x).copy()
         x[OWN] = 0.0
         inside = [measurements.within(one) for one in hypothesis.disturbances]
-        steps, covariance = np.append(self.steps, 0.0), prior.covariance
-        acting = np.ones(DYNAMIC + 1, dtype=bool)  # the others have no effect
-        acting[OLD_GROUND] = hypothesis.new != ONE_GROUND
-        acting[MOVED] = bool(hypothesis.lifts)
-        shown = np.concatenate([[0], acting * np.cumsum(acting)])  # runs by unknown
+        steps = np.append(self.steps, 0.0)
+        acting = np.ones(DYNAMIC + 3, dtype=bool)  # runs; the other unknowns have no effect
+        acting[1:-2][OLD_GROUND] = hypothesis.new != ONE_GROUND
+        acting[1:-2][MOVED] = bool(hypothesis.lifts)
+        shown = acting[:-1] * (np.cumsum(acting[:-1]) - 1)  # used runs, by unknown
+        relaxation = np.zeros(np.count_nonzero(acting))
+        relaxation[-1] = 0.5 * self._robot.tire.contact_length  # the last run shows its effect
         for iteration in range(MAX_ITERATIONS):
             steps[-1] = self._friction_step(x, prior.covariance)
-            runs = np.tile(x, (DYNAMIC + 2, 1))
+            runs = np.tile(x, (DYNAMIC + 3, 1))
             runs[range(1, DYNAMIC + 2), (*range(DYNAMIC), Unknown.FRICTION)] += steps
-            used = runs[np.concatenate([[True], acting])]
+            used = runs[acting]
             varied = measurements.simulate(
-                used, start, heading, np.repeat(events, len(used), axis=0))
-            predicted, crossings = (measurements.predict(used, varied)[shown],
-                                    measurements.crossing_values(used, varied)[shown])
-            if iteration == 0 or not known:
-                relaxed = measurements.simulate(
-                    runs[:1], start, heading, events, 0.5 * self._robot.tire.contact_length)
+                used, start, heading, events.repeat(len(used), axis=0), relaxation[:len(used)])
+            predicted = measurements.predict(used, varied)
+            crossings = measurements.crossing_values(used, varied)
+            if acting[-1]:
                 slip_noise = measurements.slip_noise(x, predicted[0])
-                blocks = measurements.noise(
-                    predicted[0], measurements.predict(runs[:1], relaxed)[0] - predicted[0],
-                    x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], slip_noise)
-                transient = measurements.crossing_values(runs[:1], relaxed)[0] - crossings[0]
-                films = measurements.crossing_noise(
-                    crossings[0], transient, varied.crossings[0, :, model.LOAD])
+                noise = Noise(
+                    measurements.noise(
+                        predicted[0], predicted[-1] - predicted[0],
+                        x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], slip_noise),
+                    measurements.crossing_noise(crossings[0], crossings[-1] - crossings[0],
+                                                varied.crossings[0, :, model.LOAD]))
+                acting[-1] = not known  # near the solution, the noise hardly changes
             residual = measurements.values - predicted[0]
             film_residual = measurements.crossing_measured - crossings[0]
-            whiten = Whitening(blocks, films, residual, film_residual, known or iteration > 0,
-                               inside)
+            whiten = Whitening(noise, residual, film_residual, known or iteration > 0, inside)
             columns = self._columns(
-                x, predicted, residual, measurements, varied, steps, slip_noise)
-            film_columns = self.film_columns(x, crossings, film_residual, measurements, steps)
+                x, predicted[shown], residual, measurements, varied, steps, slip_noise)
+            film_columns = self.film_columns(
+                x, crossings[shown], film_residual, measurements, steps)
             white = whiten(columns, film_columns)
-            rows = WhitenedRows(white[:, -1], white[:, :SIZE])
-            hessian = information + gram(rows.jacobian.T, np.ones(len(rows.residual)))
+            products = gram(white.T, np.ones(len(white)))
+            hessian = information + products[:SIZE, :SIZE]
             covariance = inverse_spd(hessian)
-            step = covariance @ (information @ (prior.mean - x) + rows.jacobian.T @ rows.residual)
+            step = covariance @ (information @ (prior.mean - x) + products[:SIZE, -1])
             step *= min(1.0, MAX_STEP / max(float(np.abs(step[:DYNAMIC]).max()), 1e-9))
             at, x = x, x + step
             if step @ hessian @ step < CONVERGED:
                 break
-        final = white[:, -1] - rows.jacobian @ (x - at)
+        final = white[:, -1] - white[:, :SIZE] @ (x - at)
         # what is known of the friction: by its derivative or its secant, whichever shows less
-        other, row = white[:, :SIZE].copy(), Unknown.FRICTION
-        other[:, row] = white[:, SIZE]
-        by_secant = information + gram(other.T, np.ones(len(final)))
+        shows, row = np.arange(SIZE), Unknown.FRICTION
+        shows[row] = SIZE
+        by_secant = information + products[np.ix_(shows, shows)]
         if (wider := inverse_spd(by_secant))[row, row] > covariance[row, row]:
-            hessian, covariance, rows = by_secant, wider, WhitenedRows(final, other)
-            for part in (columns, film_columns):
+            hessian, covariance = by_secant, wider
+            for part in (columns, film_columns, white):
                 part[..., row] = part[..., SIZE]
-            runs[1 + row], shown[1 + row] = runs[-1], shown[-1]
-        rows = rows._replace(residual=final)
+            runs[1 + row], shown[1 + row] = runs[-2], shown[-1]
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
         varied = WindowMotion(varied.states[shown[:-1]], varied.crossings[shown[:-1]])
         cost = float(final @ final + whiten.penalty.sum()
                      + (x - prior.mean) @ information @ (x - prior.mean)
-                     + np.linalg.slogdet(hessian)[1] - np.linalg.slogdet(information)[1])
+                     + np.linalg.slogdet(hessian @ prior.covariance)[1])
         columns[:, :, -1] += columns[:, :, :SIZE] @ at
         film_columns[:, -1] += film_columns[:, :SIZE] @ at
         left = whiten.information(
             columns, film_columns, measurements.used & (measurements.centers < leaving),
             np.repeat([one.time < leaving for one in measurements.crossings], 2).astype(bool))
-        return WindowEstimate(x, covariance, cost, motion, runs[:-1], varied, heading, rows,
-                              whiten, (blocks, films), (left[:SIZE, :SIZE], left[:SIZE, -1]))
+        return WindowEstimate(
+            x, covariance, cost, motion, runs[:-2], varied, start, heading,
+            WhitenedRows(final, white[:, :SIZE]), whiten, noise, information,
+            (left[:SIZE, :SIZE], left[:SIZE, -1]))
 
     def _friction_step(self, x: Array, covariance: Array) -> float:
         """
@@ -261,11 +260,11 @@ class WindowFit:
         """
         dynamic = ((predicted[1:] - predicted[0]) / steps[:, np.newaxis, np.newaxis]).transpose(
             1, 2, 0)
-        limit = NOISE_SIGMAS ** 2 * slip_noise
-        for row in (*CURVE, DYNAMIC):
-            own = dynamic[TORQUE:, :, row]
-            square = np.maximum(own ** 2, limit)
-            own *= np.divide(square - limit, square, out=np.zeros_like(own), where=square > 0.0)
+        limit = NOISE_SIGMAS ** 2 * slip_noise[:, :, np.newaxis]
+        curve = [*CURVE, DYNAMIC]
+        square = np.maximum(dynamic[TORQUE:, :, curve] ** 2, limit)
+        dynamic[TORQUE:, :, curve] *= np.divide(
+            square - limit, square, out=np.zeros_like(square), where=square > 0.0)
         return np.concatenate([
             dynamic[:, :, :DYNAMIC], measurements.linear(x, predicted[0], motion),
             dynamic[:, :, DYNAMIC:], residual[:, :, np.newaxis]], axis=2)
@@ -282,12 +281,6 @@ class WindowFit:
             found[2 * i + 1, Unknown.FILM_ERROR + one.wheel] = not one.sliding
         found[:, -1] = residual
         return found
-
-
-def _ln_variances(blocks: NDArray[np.floating[Any]], films: NDArray[np.floating[Any]]) -> Array:
-    """Return the logarithms of the variances by row, each given the rows before it."""
-    diagonal = np.concatenate([np.diagonal(blocks, axis1=1, axis2=2).ravel(), np.diag(films)])
-    return 2.0 * np.log(diagonal.astype(np.float64))
 
 
 def student(square: Array) -> Array:

@@ -28,7 +28,7 @@ from smart_tire.estimation.ground.unknowns import (
     OLD_GROUND, ONE_GROUND, priors, REWEIGHTINGS, SIZE, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
 from smart_tire.estimation.ground.window_fit import (
-    start_of, student, whitened, Whitening, WindowFit)
+    Noise, start_of, student, Whitening, WindowFit)
 from smart_tire.messages.joint_state import GROUND_RANGES
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import TreadFilmParams
@@ -784,9 +784,11 @@ def test_events_tried_together_have_each_its_evidence(films):
         motion = measurements.simulate(
             x, start_of(main, measurements)[0], fit.heading,
             np.tile(event.hypothesis.events, (len(x), 1)))
-        white = whitened(*map(np.linalg.cholesky, fit.noise), (
-            measurements.values - measurements.predict(x, motion)).transpose(1, 2, 0), (
-            measurements.crossing_measured - measurements.crossing_values(x, motion)).T)
+        blocks = measurements.values - measurements.predict(x, motion)
+        white = np.concatenate([np.linalg.solve(np.linalg.cholesky(noise), own) for noise, own in (
+            *zip(fit.noise.blocks, blocks.transpose(1, 2, 0)),
+            (fit.noise.films, (measurements.crossing_measured
+                               - measurements.crossing_values(x, motion)).T))])
         slopes = (white[:, :1] - white[:, 1:]) / steps[own]
         spread = np.diag([rows[row].sigma ** -2 for row in own])
         off = np.array([rows[row].mean for row in own]) - event.hypothesis.x[own]
@@ -820,7 +822,7 @@ def test_a_disturbance_has_errors_of_the_size_that_is_seen(measurements):
     assert inside.sum() == shape[0] * centers.sum() + 2  # and the crossing at 8 s
     blocks, residual = np.tile(np.eye(shape[1]), (shape[0], 1, 1)), np.full(shape, 0.5)
     residual[TORQUE, centers] = 10.0
-    plain, aware = (Whitening(blocks, np.eye(2), residual, np.zeros(2), False, rows)
+    plain, aware = (Whitening(Noise(blocks, np.eye(2)), residual, np.zeros(2), False, rows)
                     for rows in ([], [inside]))
     own = aware(residual[:, :, np.newaxis], np.zeros((2, 1)))[:, 0]
     squares = own[:residual.size].reshape(shape)
@@ -836,7 +838,7 @@ def test_a_disturbance_has_errors_of_the_size_that_is_seen(measurements):
 def test_weighted_squares_with_their_penalty_are_the_student_likelihood():
     residual = np.array([[0.0, 0.8, 1.0, 3.0, -20.0]]) * 0.1
     blocks = 0.01 * np.eye(5)[np.newaxis]
-    whiten = Whitening(blocks, np.zeros((0, 0)), residual, np.zeros(0), True, [])
+    whiten = Whitening(Noise(blocks, np.zeros((0, 0))), residual, np.zeros(0), True, [])
     white = whiten(residual[:, :, np.newaxis], np.zeros((0, 1)))[:, 0]
     cost = white ** 2 + whiten.penalty - math.log(0.01)
     expected = [0.0, 0.64, 1.0, *(1.0 + 6.0 * math.log(square / 6.0) for square in (14.0, 405.0))]
