@@ -342,13 +342,13 @@ def traffic(runner: Any, processes: Mapping[str, Sequence[str]]
     runner.spin(TRAFFIC_TIME)
     for one in subscriptions:
         node.destroy_subscription(one)
-    return {name: {
-        'received': [[topic, *kinds[topic]] for topic in received[name]
-                     if topic not in published[name]],
-        'published': [[topic, *kinds[topic], max(round(bursts[topic] / TRAFFIC_TIME), 1),
-                       round(counts[topic] / bursts[topic]), latest[topic][1].hex()]
-                      for topic in published[name] if topic in counts]}
-        for name in processes}
+    return {name: {'received': [[topic, *kinds[topic]] for topic in received[name]
+                                if topic not in published[name]],
+                   'published': [[topic, *kinds[topic],
+                                  max(round(bursts[topic] / TRAFFIC_TIME), 1),
+                                  round(counts[topic] / bursts[topic]), latest[topic][1].hex()]
+                                 for topic in published[name] if topic in counts]}
+            for name in processes}
 
 
 def floors(folder: Path, environment: Mapping[str, str],
