@@ -42,7 +42,7 @@ class WhitenedRows(NamedTuple):
     jacobian: Array    # (rows, SIZE)
 
 
-class Noise:
+class WindowNoise:
     """Covariances of blocks (STREAMS, n, n) and crossings (m, m), with their factors."""
 
     def __init__(self, blocks: Array, films: Array) -> None:
@@ -72,7 +72,7 @@ class WindowEstimate(NamedTuple):
     heading: Array     # rad, (n,), by the start of the fit
     rows: WhitenedRows
     whiten: Whitening
-    noise: Noise       # without weights
+    noise: WindowNoise  # without weights
     information: Array  # (SIZE, SIZE), of the prior
     leaving: tuple[Array, Array]  # information matrix and vector of what leaves the window
 
@@ -80,7 +80,7 @@ class WindowEstimate(NamedTuple):
 class Whitening:
     """Whitens with ``noise`` and weights for outliers."""
 
-    def __init__(self, noise: Noise, residual: Array, crossings: Array, weighted: bool,
+    def __init__(self, noise: WindowNoise, residual: Array, crossings: Array, weighted: bool,
                  disturbances: Sequence[NDArray[np.bool_]]) -> None:
         variance = np.diagonal(noise.blocks, axis1=1, axis2=2)
         film_variance = np.diagonal(noise.films)
@@ -93,7 +93,7 @@ class Whitening:
             growth[~off] = np.maximum((FREEDOM + squares[~off]) / (FREEDOM + 1.0), 1.0)
         scale, film_scale = np.split(np.sqrt(growth)[:, np.newaxis], [residual.size])
         self._scale, self._film_scale = scale.reshape(*residual.shape, 1), film_scale
-        self._noise = noise if not off.any() else Noise(
+        self._noise = noise if not off.any() else WindowNoise(
             noise.blocks + UNMEASURED ** 2 * np.eye(residual.shape[1]) * (
                 off[:residual.size].reshape(residual.shape) * variance)[:, np.newaxis],
             noise.films + UNMEASURED ** 2 * np.diag(off[residual.size:] * film_variance))
@@ -114,8 +114,8 @@ class Whitening:
     def information(self, blocks: Array, crossings: Array, leaving: NDArray[np.bool_],
                     films: NDArray[np.bool_]) -> Array:
         """Return the products (k, k) of the columns of the rows that leave the window."""
-        left = Noise(self._noise.blocks[:, leaving][:, :, leaving],
-                     self._noise.films[films][:, films])
+        left = WindowNoise(self._noise.blocks[:, leaving][:, :, leaving],
+                           self._noise.films[films][:, films])
         white = left.whitened((blocks / self._scale)[:, leaving],
                               (crossings / self._film_scale)[films])
         return gram(white.T, np.ones(len(white)))
@@ -185,7 +185,7 @@ class WindowFit:
             crossings = measurements.crossing_values(used, varied)
             if acting[-1]:
                 slip_noise = measurements.slip_noise(x, predicted[0])
-                noise = Noise(
+                noise = WindowNoise(
                     measurements.noise(
                         predicted[0], predicted[-1] - predicted[0],
                         x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], slip_noise),

@@ -28,7 +28,7 @@ from smart_tire.estimation.ground.unknowns import (
     OLD_GROUND, ONE_GROUND, priors, REWEIGHTINGS, SIZE, Unknown, WindowPrior)
 from smart_tire.estimation.ground.window import _gain, _mixed, GroundWindow
 from smart_tire.estimation.ground.window_fit import (
-    Noise, start_of, student, Whitening, WindowFit)
+    start_of, student, Whitening, WindowFit, WindowNoise)
 from smart_tire.messages.joint_state import GROUND_RANGES
 from smart_tire.parameters import RobotParams, SimulatorParams
 from smart_tire.parameters.robot import TreadFilmParams
@@ -822,7 +822,7 @@ def test_a_disturbance_has_errors_of_the_size_that_is_seen(measurements):
     assert inside.sum() == shape[0] * centers.sum() + 2  # and the crossing at 8 s
     blocks, residual = np.tile(np.eye(shape[1]), (shape[0], 1, 1)), np.full(shape, 0.5)
     residual[TORQUE, centers] = 10.0
-    plain, aware = (Whitening(Noise(blocks, np.eye(2)), residual, np.zeros(2), False, rows)
+    plain, aware = (Whitening(WindowNoise(blocks, np.eye(2)), residual, np.zeros(2), False, rows)
                     for rows in ([], [inside]))
     own = aware(residual[:, :, np.newaxis], np.zeros((2, 1)))[:, 0]
     squares = own[:residual.size].reshape(shape)
@@ -838,7 +838,7 @@ def test_a_disturbance_has_errors_of_the_size_that_is_seen(measurements):
 def test_weighted_squares_with_their_penalty_are_the_student_likelihood():
     residual = np.array([[0.0, 0.8, 1.0, 3.0, -20.0]]) * 0.1
     blocks = 0.01 * np.eye(5)[np.newaxis]
-    whiten = Whitening(Noise(blocks, np.zeros((0, 0))), residual, np.zeros(0), True, [])
+    whiten = Whitening(WindowNoise(blocks, np.zeros((0, 0))), residual, np.zeros(0), True, [])
     white = whiten(residual[:, :, np.newaxis], np.zeros((0, 1)))[:, 0]
     cost = white ** 2 + whiten.penalty - math.log(0.01)
     expected = [0.0, 0.64, 1.0, *(1.0 + 6.0 * math.log(square / 6.0) for square in (14.0, 405.0))]
