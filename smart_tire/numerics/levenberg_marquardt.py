@@ -184,7 +184,14 @@ def solve_spd(matrix: Array, right: Array) -> NDArray[np.floating]:
 
 
 def inverse_factor(matrix: Array) -> Array:
-    """Return the inverse of the lower Cholesky factor of a covariance: it whitens errors."""
+    """
+    Return the inverse of the lower Cholesky factor of a covariance (n, n): it whitens errors.
+
+    Raises LinAlgError if the matrix is not positive definite.
+
+    >>> inverse_factor(np.array([[4.0, 2.0], [2.0, 5.0]])).tolist()
+    [[0.5, 0.0], [-0.25, 0.5]]
+    """
     from scipy.linalg.lapack import dpotrf, dtrtri  # see docs/architecture.md
     factor, failed = dpotrf(matrix, lower=1)
     if failed:
