@@ -58,6 +58,7 @@ def exchange(node: Node, messages: dict[str, Any]) -> None:
     Both are lists of topic, type and depth of the queue, the latter with rate [Hz], messages per
     period and a message as hexadecimal digits. One timer serves all topics of a rate.
     """
+    from smart_tire.nodes.compat import message_class  # no part of the floor of a start
     for topic, kind, depth in messages['received']:
         node.create_subscription(message_class(kind), topic, lambda _: None, depth, raw=True)
     by_rate: dict[float, list[Callable[[], None]]] = {}
@@ -72,12 +73,6 @@ def call_all(functions: Sequence[Callable[[], None]]) -> None:
     """Call ``functions`` in order."""
     for one in functions:
         one()
-
-
-def message_class(kind: str) -> Any:
-    """Return the class of a message type such as ``sensor_msgs/msg/Imu``."""
-    package, _, name = kind.split('/')
-    return getattr(import_module(f'{package}.msg'), name)
 
 
 if __name__ == '__main__':

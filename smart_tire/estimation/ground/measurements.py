@@ -163,7 +163,8 @@ class Measurements:
         Return the motion for each row of ``x`` (runs, SIZE).
 
         ``start`` (3,): velocity of the center of mass at ``begin``; ``heading`` (n,) [rad];
-        ``events`` (runs, 10) as in ``Hypothesis``; ``relaxation`` length of the tires [m].
+        ``events`` (runs, 10) as in ``Hypothesis``; ``relaxation`` length of the tires [m],
+        of all runs or of each (runs,).
         """
         runs = self._parameters(x, events)
         runs[:, model.RELAXATION] = relaxation
