@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 import json
@@ -35,14 +35,15 @@ import tempfile
 import threading
 import time
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks.harness import (
-    check_ranges, machine, new_table, print_tables, Range, run_benchmark)
+    check_ranges, machine, make_folder, new_table, positive, print_tables, Range, run_benchmark)
 from benchmarks.start import FLOOR, memory
 import numpy as np
 from rich.table import Table
 from smart_tire.analysis.pipeline import estimates_of, forwarded, INPUTS
+from smart_tire.arrays import Array
 from smart_tire.cli._path_file import length, placed, Poses
 from smart_tire.cli._stack import isolated_environment, NODES, Stack, write_parameters
 from smart_tire.control.path_library import figure_eight
@@ -135,9 +136,14 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='duration of each live measurement (default: %(default)s)')
     parser.add_argument('--composed', action='store_true',
                         help='the nodes in one process, except motor_driver and wheel_controller')
+    parser.add_argument('--wheels', type=positive, metavar='N',
+                        help='only with films in N wheels, and an IMU at 100 Hz; without ranges')
+    parser.add_argument('--out', type=Path, default=Path('bench_output', 'load'), metavar='DIR',
+                        help='folder for delays.png (default: %(default)s)')
     parser.add_argument('--reference', action='store_true',
                         help='only the time of the estimators on one core, without ROS')
     args = parser.parse_args(argv)
+    setups = SETUPS if args.wheels is None else (Setup(WHEELS[:args.wheels], 100.0),)
     if args.reference:
         print(machine(), reference_line(reference_time()), sep='\n')
         return 0
@@ -154,18 +160,22 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def measure() -> None:
         usages: dict[str, Mapping[str, Usage]] = {}
+        delays: dict[str, Delays] = {}
         figures: list[float] = []
-        for setup in SETUPS:
+        for setup in setups:
             print(setup.title, flush=True)
             with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
-                usages[setup.title], delays = measure_live(
+                usages[setup.title], delays[setup.title] = measure_live(
                     Path(folder), setup, args.seconds,
                     partial(NodeRunner, partial(Pilot, 'load')), processes)
+            print(*delays[setup.title].lines(), sep='\n')
             robot = Usage.of_robot(usages[setup.title])
             figures += (robot.cpu * OF_THE_TABLE / reference, robot.cpu / robot.floor,
-                        robot.memory / 1e6, *delays)
+                        robot.memory / 1e6, *delays[setup.title].figures)
         print_tables('', [usage_table(usages)])
-        if not args.composed:
+        make_folder(args.out)
+        draw(delays, args.out / 'delays.png')
+        if setups == SETUPS and not args.composed:
             check_ranges(zip(RANGES, figures))
     return run_benchmark('load', measure)
 
@@ -263,9 +273,9 @@ class RadioTap:
 
 def measure_live(folder: Path, setup: Setup, seconds: float,
                  runner_class: Callable[[list[str]], Any], processes: Mapping[str, Sequence[str]]
-                 ) -> tuple[dict[str, Usage], tuple[float, float, float]]:
+                 ) -> tuple[dict[str, Usage], Delays]:
     """
-    Run all nodes, by process; return what each process uses, and the delays [ms].
+    Run all nodes, by process; return what each process uses, and the delays.
 
     The path is longer than all measurements.
     """
@@ -302,7 +312,7 @@ def measure_live(folder: Path, setup: Setup, seconds: float,
     least = floors(folder, environment, messages, seconds)
     return ({name: Usage((after[name] - before[name]) / elapsed, sizes[name],
                          least.get(name, math.nan)) for name in processes},
-            (print_latency(tap.latencies), *print_jitter(ages)))
+            Delays.of(tap.latencies, ages))
 
 
 def traffic(runner: Any, processes: Mapping[str, Sequence[str]]
@@ -429,31 +439,59 @@ def print_host(host: HostLoad | None) -> None:
         print(f'  not a quiet machine: {host}')
 
 
-def print_latency(latencies: Sequence[float]) -> float:
-    """Print the latency of radio batches from the last byte to the topic; return its 99 % [ms]."""
-    if not latencies:
-        raise SmartTireError('no radio batch reached tire_samples')
-    median, p99, worst = 1e3 * np.percentile(latencies, (50.0, 99.0, 100.0))
-    print(f'  last byte of a radio batch to its last tire_samples, {len(latencies)} batches: '
-          f'p50 {median:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms')
-    return float(p99)
+class Delays(NamedTuple):
+    """Delays of a run [s]: of radio batches, and ages of ``odom`` with their excess."""
+
+    latencies: Array  # (n,), from the last byte of a batch to its last ``tire_samples``
+    ages: Array       # (m,), of ``odom`` on arrival
+    excess: Array     # (m,), of an age above the median of its phase
+
+    @classmethod
+    def of(cls, latencies: Sequence[float], ages: Sequence[tuple[int, float]]) -> Delays:
+        """
+        Return the delays of a run; ``ages`` are of timestamps [ns] of ``odom``.
+
+        Raises SmartTireError if there are none.
+        """
+        if not latencies or not ages:
+            raise SmartTireError('no radio batch reached tire_samples, or no odom came')
+        stamps, age = np.array([stamp for stamp, _ in ages]), np.array([one for _, one in ages])
+        phases = stamps // GRID_NS % ODOM_PHASES
+        usual = np.array([np.median(age[phases == phase]) if (phases == phase).any() else math.nan
+                          for phase in range(ODOM_PHASES)])
+        return cls(np.array(latencies), age, age - usual[phases])
+
+    @property
+    def figures(self) -> tuple[float, float, float]:
+        """Return the 99 % of the latencies, the median of the ages, the 99 % of excess [ms]."""
+        return (1e3 * float(np.percentile(self.latencies, 99.0)),
+                1e3 * float(np.median(self.ages)), 1e3 * float(np.percentile(self.excess, 99.0)))
+
+    def lines(self) -> Iterator[str]:
+        """Yield the percentiles as text."""
+        median, p99, worst = 1e3 * np.percentile(self.latencies, (50.0, 99.0, 100.0))
+        yield (f'  last byte of a radio batch to its last tire_samples, {len(self.latencies)} '
+               f'batches: p50 {median:.1f} ms, p99 {p99:.1f} ms, worst {worst:.1f} ms')
+        p99, p999, worst = 1e3 * np.percentile(self.excess, (99.0, 99.9, 100.0))
+        yield (f'  age of odom on arrival: p50 {self.figures[1]:.1f} ms; later than usual by '
+               f'p99 {p99:.1f} ms, p99.9 {p999:.1f} ms, worst {worst:.1f} ms')
 
 
-def print_jitter(ages: Sequence[tuple[int, float]]) -> tuple[float, float]:
-    """
-    Print the jitter of ``odom`` from its timestamps [ns] and its ages on arrival [s].
-
-    Returns the median of the ages and the 99 % of the jitter [ms].
-    """
-    stamps, age = np.array([stamp for stamp, _ in ages]), np.array([one for _, one in ages])
-    phases = stamps // GRID_NS % ODOM_PHASES
-    jitter = np.empty_like(age)
-    for phase in range(ODOM_PHASES):
-        jitter[phases == phase] = age[phases == phase] - np.median(age[phases == phase])
-    p99, p999, worst = 1e3 * np.percentile(jitter, (99.0, 99.9, 100.0))
-    print(f'  age of odom on arrival: p50 {1e3 * np.median(age):.1f} ms; later than usual by '
-          f'p99 {p99:.1f} ms, p99.9 {p999:.1f} ms, worst {worst:.1f} ms')
-    return 1e3 * float(np.median(age)), float(p99)
+def draw(runs: Mapping[str, Delays], path: Path) -> None:
+    """Draw the distributions of the delays of all ``runs``, by title."""
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(10.0, 3.6), layout='constrained')
+    for axes, name, label in zip(figure.subplots(1, 3, sharey=True), Delays._fields, (
+            'last byte of a batch to its topic [ms]', 'age of odom on arrival [ms]',
+            'that age above its median [ms]')):
+        for title, delays in runs.items():
+            values = 1e3 * np.sort(getattr(delays, name))
+            axes.plot(values, 1.0 - np.arange(len(values)) / len(values), label=title)
+        axes.set(xlabel=label, yscale='log', xlim=(min(0.0, axes.get_xlim()[0]), None))
+        axes.grid(alpha=0.3)
+    figure.axes[0].set_ylabel('share that is later')
+    figure.axes[0].legend(fontsize='small')
+    figure.savefig(path, dpi=80)
 
 
 if __name__ == '__main__':

@@ -20,10 +20,13 @@ from types import SimpleNamespace
 
 from benchmarks.empty_node import exchange
 from benchmarks.load import (
-    MAX_SPEED, path_for, print_host, RadioTap, RADIUS, RANGES, SETUPS, Usage, usage_table)
+    Delays, draw, MAX_SPEED, path_for, print_host, RadioTap, RADIUS, RANGES, SETUPS, Usage,
+    usage_table)
+import numpy as np
 import pytest
 from smart_tire.cli._path_file import length
 from smart_tire.cli._stack import NODES
+from smart_tire.errors import SmartTireError
 from smart_tire.host_load import HostLoad
 from smart_tire.protocol.tire_payload import encode_batch, TireBatch, volts
 from smart_tire.protocol.xbee import encode_frame, encode_receive_packet, ReceivePacket
@@ -120,6 +123,31 @@ def test_the_table_has_each_process_and_the_sum_of_a_robot():
         ('all but robot_simulator', '0.200', '80', '2.0', '0.350', '81', '2.3')]
 
 
+MS = 1_000_000  # ns
+
+
+def test_an_odom_is_late_against_those_of_its_phase(tmp_path):
+    ages = [(8 * MS * step, 0.030 + 0.001 * (step % 5)) for step in range(100)]
+    ages[50] = ages[50][0], ages[50][1] + 0.020
+    found = Delays.of([0.010, 0.020, 0.030], ages)
+    late = np.zeros(100)
+    late[50] = 0.020
+    assert found.excess == pytest.approx(late, abs=1e-9)
+    assert found.figures == pytest.approx((
+        29.8, 32.0, 1e3 * np.percentile(late, 99.0)), abs=1e-6)
+    assert [line.split(': ')[1] for line in found.lines()] == [
+        'p50 20.0 ms, p99 29.8 ms, worst 30.0 ms', 'p50 32.0 ms; later than usual by p99 0.2 ms, '
+        'p99.9 18.0 ms, worst 20.0 ms']
+    draw({'a robot': found}, tmp_path / 'delays.png')
+    assert (tmp_path / 'delays.png').stat().st_size > 10_000
+
+
+def test_delays_without_messages_are_an_error():
+    for latencies, ages in ([], [(0, 0.03)]), ([0.01], []):
+        with pytest.raises(SmartTireError, match='no radio batch'):
+            Delays.of(latencies, ages)
+
+
 def test_the_floor_publishes_the_bytes_in_bursts_and_one_timer_serves_a_rate():
     sent, received, timers = [], [], {}
 
@@ -152,9 +180,9 @@ def test_a_busy_machine_is_named(capsys):
 
 
 @pytest.mark.long  # two runs of the whole stack
-def test_the_stack_follows_the_path_while_it_is_measured():
-    done = subprocess.run([sys.executable, '-m', 'benchmarks.load', '--seconds', '3'], check=False,
-                          capture_output=True, text=True)
+def test_the_stack_follows_the_path_while_it_is_measured(tmp_path):
+    done = subprocess.run([sys.executable, '-m', 'benchmarks.load', '--seconds', '3', '--out',
+                           str(tmp_path)], check=False, capture_output=True, text=True)
     out = done.stdout
     assert done.returncode == (1 if 'OUTSIDE' in out else 0), done.stderr  # of a busy machine
     assert all(one.figure in out for one in RANGES)
