@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import cache, cached_property, partial
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -36,7 +36,6 @@ from smart_tire.samples import NS_PER_S, Sample, TireSamples, WheelSample
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
 FROM_COLUMNS = {tire_from_msg: tires_from_columns, imu_from_msg: imus_from_columns}
-BIG_ENDIAN, LITTLE_ENDIAN = cdr.BYTE_ORDERS
 
 
 @cache
@@ -122,9 +121,10 @@ class Decoder:
 
     def __init__(self, type_name: str) -> None:
         self._type = type_name
-        self._msgdef = typestore().get_msgdef(type_name)
-        self._readers = {BIG_ENDIAN: self._msgdef.deserialize_cdr_be,
-                         LITTLE_ENDIAN: self._msgdef.deserialize_cdr_le}
+
+    @cached_property
+    def _msgdef(self) -> Any:
+        return typestore().get_msgdef(self._type)  # at first use: loading it takes 0.1 s
 
     def __call__(self, data: bytes) -> Any:
         """
@@ -133,16 +133,23 @@ class Decoder:
         Trailing bytes, which rmw_fastrtps may append, are ignored: the functions of rosbags for
         whole messages do not.
         """
-        read = self._readers.get(data[:2])
-        if read is None:
+        if data[:2] not in cdr.BYTE_ORDERS:
             raise MessageError(f'{self._type}: begins with {data[:4].hex(" ")}, '
                                'expected 00 00 or 00 01 (plain CDR)')
+        read = (self._msgdef.deserialize_cdr_be if cdr.BYTE_ORDERS[data[:2]] == '>'
+                else self._msgdef.deserialize_cdr_le)
         try:
             msg, _ = read(data[cdr.HEADER_SIZE:], 0, self._msgdef.cls, typestore())
         except (SerdeError, struct.error, ValueError, IndexError) as error:
             raise MessageError(f'{self._type}: {len(data)} bytes cannot be decoded '
                                f'({error})') from error
         return msg
+
+
+def decoder(type_name: str) -> Decoder | cdr.LayoutDecoder:
+    """Return what decodes messages of a type, by their layout if it is a frequent one."""
+    read = Decoder(type_name)
+    return cdr.LayoutDecoder(type_name, read) if type_name in cdr.FIELDS else read
 
 
 class SampleDecoder:
@@ -163,8 +170,7 @@ class SampleDecoder:
         form = forms[type_name] if type_name else next(iter(forms.values()))
         self._from_msg: Callable[[Any], Any] = form.from_msg
         self._from_columns: Callable[[Any, Any], Any] | None = FROM_COLUMNS.get(form.from_msg)
-        read = Decoder(form.type)
-        self._read: Any = cdr.LayoutDecoder(form.type, read) if form.type in cdr.FIELDS else read
+        self._read: Any = decoder(form.type)
         if form.sample is WheelSample:
             reader = WheelReader(joints)
             self._from_msg, faults.completed = reader, reader.completed

@@ -32,7 +32,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from smart_tire.bags.cdr import Decoder, Encoder, SampleDecoder, SampleEncoder
+from smart_tire.bags.cdr import Decoder, decoder, Encoder, SampleDecoder, SampleEncoder
 from smart_tire.bags.clock_steps import (
     ClockSteps, Corrector, has_pause, host_steps, NO_STEPS, stamp_steps, Times, WheelTurns)
 from smart_tire.bags.file_bytes import max_unpacked
@@ -57,7 +57,7 @@ MAX_JOINT_MESSAGES = 100  # in which all publishers of a JointState topic occur
 MAX_DUTY = 1.0
 DUTY_TOLERANCE = 1e-3   # -, a board rounds a duty to 3e-5; torques agree by chance only
 RECENT_COMMANDS = 8     # of which one caused the effort
-BLOCK_MESSAGES = 500    # that are decoded together
+BLOCK_MESSAGES = 1000   # that are decoded together
 SAMPLES_TO_DECIDE = 50  # wheel samples with an effort
 MIN_SAMPLES = 5
 MIN_AGREEING = 0.8      # of the wheel samples; the driver limits some commands, e.g. in a stop
@@ -230,7 +230,7 @@ class Bag:
     def joint_names(self, name: str) -> list[tuple[str, ...]]:
         """Return the different lists of joints in the first messages of a JointState topic."""
         if name not in self._joint_names:
-            read = Decoder(TOPICS[WHEELS_TOPIC].type)
+            read = decoder(TOPICS[WHEELS_TOPIC].type)
             found: dict[tuple[str, ...], None] = {}
             for _, _, data in islice(self.raw({name}), MAX_JOINT_MESSAGES):
                 try:
