@@ -20,6 +20,7 @@ from collections.abc import Iterator
 import mmap
 from pathlib import Path
 import shutil
+import threading
 
 import lz4.frame  # type: ignore[import-untyped]
 from smart_tire.errors import BagError
@@ -44,6 +45,16 @@ def map_file(path: Path) -> mmap.mmap:
         raise BagError(f'{path}: cannot be read ({error.strerror})') from error
 
 
+class _Zstd(threading.local):
+    """Decompressor of a thread: making one takes longer than a small chunk."""
+
+    def __init__(self) -> None:
+        self.decompressor = zstandard.ZstdDecompressor()
+
+
+_zstd = _Zstd()
+
+
 def unpacked(data: bytes, compression: str = 'zstd', size: int | None = None) -> bytes:
     """
     Return ``data`` decompressed; of truncated data, what can be decompressed.
@@ -58,7 +69,7 @@ def unpacked(data: bytes, compression: str = 'zstd', size: int | None = None) ->
     if limit > MAX_SIZE:
         raise ValueError(_too_large(limit, MAX_SIZE))
     if compression == 'zstd':
-        return b''.join(_parts(zstandard.ZstdDecompressor().stream_reader(data), limit))
+        return b''.join(_parts(_zstd.decompressor.stream_reader(data), limit))
     if compression == 'lz4':
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=limit))
     if compression:

@@ -59,6 +59,7 @@ CHUNK_START = re.compile(rb'\x06.{5}\0{3}', re.DOTALL)
 MESSAGES_START = re.compile(rb'[\x05\x06].{5}\0{3}', re.DOTALL)
 INDEX_ENTRY, INDEX_HEAD = 16, 15         # bytes of a message index: per message, and of the rest
 NO_OPCODE = 0                            # of no record
+MESSAGE_OPCODE = int(Opcode.MESSAGE)     # looking up a member of an enumeration takes longer
 FIRST_PRIVATE_OPCODE = 0x80              # opcodes from here on are application-defined
 MAX_NAME_LENGTH = 16                     # of a compression
 METADATA_KEY = 'serialized_metadata'     # of the metadata record of rosbag2
@@ -366,19 +367,20 @@ class McapFile:
                        wanted: dict[int, Channel], found: list[Message]) -> None:
         """Append the messages in ``records`` to ``found``; raise ValueError if some are left."""
         offset, unknown, size, unpack = 0, 0, len(records), MESSAGE.unpack_from
+        head, message_head = RECORD.size, MESSAGE.size
         padded = records + bytes(MESSAGE_HEAD)  # allows unpacking a short last record
-        while offset + RECORD.size <= size:
+        while offset + head <= size:
             opcode, length, number, _, ns, _ = unpack(padded, offset)
-            end = offset + RECORD.size + length
+            end = offset + head + length
             if end > size:
                 break
-            if opcode == Opcode.MESSAGE:
+            if opcode == MESSAGE_OPCODE:
                 if (channel := wanted.get(number)) is not None:
-                    found.append((ns, channel, records[offset + MESSAGE.size:end]))
+                    found.append((ns, channel, records[offset + message_head:end]))
                 elif number not in self._records:
                     unknown += 1
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                stream = ReadDataStream(BytesIO(records[offset + RECORD.size:end]))
+                stream = ReadDataStream(BytesIO(records[offset + head:end]))
                 record = (Schema if opcode == Opcode.SCHEMA else ChannelRecord).read(stream)
                 self._register(record)
                 self._want(record, topics, wanted)

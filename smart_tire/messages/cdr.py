@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 BYTE_ORDERS = {b'\x00\x00': '>', b'\x00\x01': '<'}  # CDR_BE, CDR_LE
 HEADER_SIZE = 4  # bytes: encapsulation identifier and options
+STAMPS = tuple(struct.Struct(f'{order}iI') for order in BYTE_ORDERS.values())
 # bytes: names with length and end, in UTF-8, three numbers for each, and the rest of any type
 MAX_SIZE = MAX_NAMES * (4 * MAX_NAME_LENGTH + 8 + 3 * 8) + 2048
 
@@ -343,7 +344,7 @@ def stamp_in(data: bytes) -> int:
     """Return the stamp [ns] in the header of a serialized message; 0 if it is truncated."""
     if len(data) < HEADER_SIZE + 8:
         return 0
-    sec, nanosec = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, HEADER_SIZE)
+    sec, nanosec = STAMPS[data[1] & 1].unpack_from(data, HEADER_SIZE)
     return int(sec * NS_PER_S + nanosec)
 
 
