@@ -127,16 +127,16 @@ class WheelReader:
         else:
             expected = gap * (self._rate if velocity is None else np.array(velocity))
             step = self._continued(before[1], angles, expected)
-            if velocity is not None:
+            if velocity is None:
+                self.completed['missing_velocity'] += 1
+                reset = np.abs(step - expected) > math.tau + RESET_FACTOR * np.abs(expected)
+                step = np.where(reset, expected, step)
+            elif 0.0 in velocity:
                 idle = (np.array(velocity) == 0.0) & (np.abs(step) > MIN_TURN) & (
                     np.abs(step - self._step) < MAX_STEP_CHANGE) & (self._step != 0.0)
                 if idle.any():
                     self.completed['zero_velocity'] += 1
                     speeds = None
-            else:
-                self.completed['missing_velocity'] += 1
-                reset = np.abs(step - expected) > math.tau + RESET_FACTOR * np.abs(expected)
-                step = np.where(reset, expected, step)
             self._step, self._rate = step, step / gap
             if speeds is None:
                 speeds = four((step / gap).tolist())
@@ -146,10 +146,10 @@ class WheelReader:
     def _continued(self, before: Array, now: Array, expected: Array) -> Array:
         """Return the steps [rad] of the angles, those over the end of their range mended."""
         step = now - before
+        if (np.abs(expected - step) < 0.5 * min(WRAPS)).all():  # most samples
+            return step
         for full in WRAPS:
             turns = np.rint((expected - step) / full)
-            if not turns.any():  # most samples
-                continue
             inside = np.maximum(np.abs(before), np.abs(now)) <= (1.0 + WRAP_TOLERANCE) * full
             wrapped = inside & (np.abs(turns) == 1.0) & (step * expected <= 0.0) & (
                 np.abs(step + turns * full - expected) < WRAP_TOLERANCE * full)
