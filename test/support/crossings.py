@@ -19,7 +19,7 @@ import numpy as np
 from smart_tire.estimation.contact.detection import CrossingDetector
 from smart_tire.estimation.contact.records import (
     CrossingSamples, FilmSamples, TrajectoryErrors)
-from smart_tire.estimation.friction.waveform_shape import ShapeEstimator
+from smart_tire.estimation.friction.waveform_shape import ShapeEstimator, ShapePrior
 from smart_tire.models.tire import tread_film
 from smart_tire.parameters import RobotParams
 
@@ -31,7 +31,7 @@ SAMPLE_MARGIN = 0.028  # m, of samples before and after a film's crossing
 def known_shape() -> ShapeEstimator:
     """Return the nominal shape of release and bumps, with negligible standard deviations."""
     shape = ShapeEstimator()
-    shape._covariance = np.eye(len(shape.prior.value)) / KNOWN
+    shape.prior = ShapePrior(shape.prior.value, KNOWN * np.eye(len(shape.prior.value)))
     return shape
 
 
