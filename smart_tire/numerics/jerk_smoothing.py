@@ -59,9 +59,9 @@ def jerk_information(rows: Array) -> Array:
     """
     n = rows.shape[1]
     banded = np.zeros((4, n + 3))  # row 3 - k holds the k-th superdiagonal
-    for j in range(4):
-        for k in range(j, 4):
-            banded[3 - (k - j), k:n + k] += rows[j] * rows[k]
+    for k in range(4):
+        for j, product in enumerate(rows[:4 - k] * rows[k:], k):
+            banded[3 - k, j:n + j] += product
     return banded
 
 

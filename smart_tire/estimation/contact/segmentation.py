@@ -44,8 +44,8 @@ class FilmSampleBuffer:
         self._films, self._period_ns = tuple(films), period_ns
         self._stamps: list[int] = []
         self._volts: list[tuple[float, ...]] = []
-        self._last: float | None = None  # regularized timestamp of the newest sample taken
-        self._count = 0
+        self._last = 0.0  # regularized timestamp of the newest sample taken
+        self._count = 0   # of samples over which its error is averaged
 
     def add_films(self, sample: TireSample) -> None:
         """Add one conversion of all films of the wheel; the last films may be absent."""
@@ -76,15 +76,16 @@ class FilmSampleBuffer:
         """Return ``stamps``, which continue those of earlier calls, regularized."""
         period, last, count, out = self._period_ns, self._last, self._count, []
         for stamp in stamps:
-            if last is not None:
-                regular = last + period * max(round((stamp - last) / period), 1)
-                error = stamp - regular
-            if last is None or not -period < error < period:  # the node has been reset
-                last, count = float(stamp), 1
-            else:
+            gap = stamp - last
+            # one period, of almost all samples, takes no rounding
+            regular = last + (period if gap < 1.5 * period else period * round(gap / period))
+            error = stamp - regular
+            if count and -period < error < period:
                 if count < c.AVERAGING_SAMPLES:
                     count += 1
                 last = regular + error / count
+            else:  # the first sample, or the node has been reset
+                last, count = float(stamp), 1
             out.append(last)
         self._last, self._count = last, count
         return np.rint(out).astype(np.int64)

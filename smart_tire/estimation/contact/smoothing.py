@@ -65,16 +65,17 @@ class SmoothedTrajectory:
     def distance_at(self, instants: Instants) -> Array:
         """Return the distance [m] at ``instants`` [ns], with constant speed beyond the ends."""
         times = (instants - self._origin_ns) / NS_PER_S
-        inner = np.clip(times, self._times[0], self._times[-1])
+        # np.clip takes twice as long
+        inner = np.minimum(np.maximum(times, self._times[0]), self._times[-1])
         piece = np.searchsorted(self._times[1:-1], inner, side='right')
         offset = inner - self._times[piece]
         cubic, square, linear, constant = self._cubics[:, piece]
         area = offset * offset
         distance: Array = constant + linear * offset + square * area + cubic * (area * offset)
         limit = c.MAX_SILENCE_NS / NS_PER_S
-        beyond = np.clip(times - inner, -limit, limit)
+        beyond = times - inner
         if beyond.any():
-            distance += np.where(beyond > 0.0, *self._speeds) * beyond
+            distance += np.where(beyond > 0.0, *self._speeds) * np.clip(beyond, -limit, limit)
         return distance
 
 
