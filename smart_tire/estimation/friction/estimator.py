@@ -28,7 +28,7 @@ from smart_tire.estimation.ground.estimator import GroundEstimator, WheelState
 from smart_tire.estimation.ground.unknowns import LENGTH
 from smart_tire.estimation.ground.window import Solution
 from smart_tire.parameters import FrictionEstimatorParams
-from smart_tire.samples import Friction, GroundState, NS_PER_S, Sample, TireSample
+from smart_tire.samples import Friction, GroundState, NS_PER_S, Sample
 from smart_tire.uncertain import Uncertain, UNKNOWN
 
 
@@ -102,8 +102,7 @@ class FrictionEstimator:
             if block.restarted:
                 self._start()
             for item in block.samples:
-                if not isinstance(item, TireSample):
-                    self._ground.add_sample(item)
+                self._ground.add_sample(item)
             for wheel, crossing in block.crossings:
                 self._measure(wheel, crossing)
             if block.end_ns is not None:

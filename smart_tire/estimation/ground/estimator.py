@@ -37,7 +37,8 @@ from smart_tire.models.tire.brush_tire import critical_slip, LN_RESISTANCE
 from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
-from smart_tire.samples import GroundState, ImuSample, NS_PER_S, Odometry, WHEELS, WheelSample
+from smart_tire.samples import (
+    GroundState, ImuSample, NS_PER_S, Odometry, TireSample, WHEELS, WheelSample)
 from smart_tire.uncertain import log_normal, Uncertain, UNKNOWN
 
 HOP_NS = GROUND_STATE_PERIOD_NS  # between two windows
@@ -80,6 +81,7 @@ class GroundEstimator:
         self.failures = 0               # windows without solution
         self.films_used = 0
         self._shown = False             # by torques
+        self._observable = False        # torques or samples of films have been received
 
     @property
     def waits(self) -> bool:
@@ -91,8 +93,9 @@ class GroundEstimator:
         """Return the values for diagnostics: what was learned, and why nothing is published."""
         solution = self.solution
         if solution is None:
-            return {'ground': 'unknown: no motion yet' if self._imu_seen else
-                    'unknown: no imu/data'}
+            return {'ground': 'unknown: no films and no motor torques'
+                    if self._imu and self._wheels and not self._observable else
+                    'unknown: no motion yet' if self._imu_seen else 'unknown: no imu/data'}
         shown: dict[str, str | int | float] = {
             'ground': 'known' if self.known else 'unknown: no films and no motor torques',
             'ground_changes': self._window.changes, 'wheel_lifts': self._window.lifts,
@@ -116,8 +119,11 @@ class GroundEstimator:
         """Return whether films or motor torques have been measured."""
         return self.solution is not None and (self.films_used > 0 or self._shown)
 
-    def add_sample(self, sample: ImuSample | WheelSample | Odometry) -> None:
-        """Add a sample; stamps of each kind must increase."""
+    def add_sample(self, sample: ImuSample | WheelSample | Odometry | TireSample) -> None:
+        """Add a sample; stamps of each kind must increase; of films only that there are some."""
+        if isinstance(sample, TireSample):
+            self._observable = True
+            return
         if self._origin_ns is None:
             self._origin_ns = sample.stamp_ns
         time = self._seconds(sample.stamp_ns)
@@ -138,6 +144,7 @@ class GroundEstimator:
         """Add what the films of ``wheel`` measured: see ``MeasuredCrossing``."""
         if self._origin_ns is not None:
             self.films_used += 1
+            self._observable = True
             self._crossings.append(MeasuredCrossing(
                 self._seconds(stamp_ns), WHEELS.index(wheel), slip, normalized_slip, covariance,
                 sliding))
@@ -146,6 +153,7 @@ class GroundEstimator:
         """
         Return a new solution if the window moves on with the samples up to ``now_ns``.
 
+        While there are neither films nor torques, nothing can be published, and no window is solved.
         ``last``: the window ends at ``now_ns``, no further sample follows.
         """
         if self._next_hop_ns is None:
@@ -163,6 +171,9 @@ class GroundEstimator:
                 self.solution is not None and end <= self.solution.end) or (
                 bisect_right(self._wheels, (end, math.inf)) - bisect_right(
                     self._wheels, (begin, math.inf)) < CUBIC_POINTS):
+            return None
+        if not self._observable:
+            self._forget(end - LENGTH - 2.0 * SETTLING)
             return None
         data = WindowData(np.array(self._imu), np.array(self._wheels), self._crossings)
         before = end - HOP if self.solution is None else self.solution.end
@@ -288,6 +299,7 @@ class GroundEstimator:
                         time - self._wheels[-1][0], 1e-3), speed)):
                 self._wheels.clear()  # the counter was reset
         effort = sample.effort or (math.nan,) * 4
+        self._observable |= sample.effort is not None and math.isfinite(sum(sample.effort))
         self._append(self._wheels, (time, *self._angles, *effort))
 
     def _add_odometry(self, time: float, sample: Odometry) -> None:

@@ -153,8 +153,22 @@ def test_without_films_torques_show_stiffness_and_with_more_doubt_friction(torqu
 def test_without_films_and_torques_nothing_is_known(samples):
     plain = [replace(s, effort=None) if isinstance(s, WheelSample) else s for s in samples]
     estimator, found = run(plain)
-    assert found and not estimator.known
+    assert not found and not estimator.known  # no window is solved: it could not be published
     assert 'no films' in estimator.status['ground']
+
+
+def test_torques_that_come_late_show_as_much_as_without_the_windows_before(samples, torques):
+    late = samples[0].stamp_ns + 4 * NS_PER_S
+    estimator, found = run([
+        replace(s, effort=None) if isinstance(s, WheelSample) and s.stamp_ns < late else s
+        for s in samples])
+    begin = samples[0].stamp_ns / NS_PER_S
+    assert estimator.known and found[0].end + begin < late / NS_PER_S + 0.5 + 1e-6
+    for one, other in zip(found[::-1], torques[1][::-1]):
+        own, mine = (estimate.fit.covariance[Unknown.STIFFNESS, Unknown.STIFFNESS]
+                     for estimate in (other, one))
+        assert abs(one.fit.x[Unknown.STIFFNESS] - other.fit.x[Unknown.STIFFNESS]) < math.sqrt(
+            own + mine)
 
 
 def test_windows_end_at_multiples_of_the_hop(samples, torques):
