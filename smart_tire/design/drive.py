@@ -118,7 +118,7 @@ class DriveInformation:
         self._events = self._truth.events[np.newaxis]
         self._motion = self._whole.simulate(x[np.newaxis], np.zeros(3), heading, self._events)
         self._truth = replace(self._truth, times=self._whole.times,
-                              velocities=self._motion.states[0, :, :model.W + 1])
+                              velocities=self._motion.velocities)
         self.windows = [self._window(data, heading, float(one))
                         for one in np.arange(begin + LENGTH, end, HOP)]
 
@@ -136,7 +136,7 @@ class DriveInformation:
         measurements.values = measurements.predict(x, motion)[0]
         fit = self._fit.fit(truth, measurements, leaving, near=True)
         return Window(first, leaving, Solution(end, measurements, truth, fit, Tension('', 0.0)),
-                      relaxed.states, {})
+                      relaxed, {})
 
     def covariances(self, crossings: Sequence[MeasuredCrossing], products: Array
                     ) -> list[Array]:
@@ -203,15 +203,13 @@ class DriveInformation:
         measurements.set_crossings(crossings)
         key = tuple((one.time, one.wheel, one.sliding) for one in crossings)
         if key not in window.predicted:
-            motion, relaxed = (WindowMotion(states, measurements.at(
-                crossings, fit.varied_x[:len(states)], np.repeat(
-                    self._events, len(states), axis=0), states))
-                for states in (fit.varied.states, window.relaxed))
-            values = measurements.crossing_values(fit.varied_x, motion)
+            varied = measurements.at_crossings(fit.varied)[fit.shown]
+            relaxed = measurements.at_crossings(window.relaxed)
+            values = measurements.crossing_values(fit.varied_x, varied)
             steps = np.append(np.diagonal(fit.varied_x[1:] - fit.varied_x[0]), 1.0)
             window.predicted[key] = (
                 values[0], measurements.crossing_values(fit.varied_x[:1], relaxed)[0],
-                motion.crossings[0, :, model.LOAD],
+                varied[0, :, model.LOAD],
                 self._fit.film_columns(  # the last row is the secant, which is not used
                     self._truth.x, np.vstack([values, values[:1]]), np.zeros(values.shape[1]),
                     measurements, steps)[:, :SIZE])
@@ -230,9 +228,7 @@ class DriveInformation:
         level = np.maximum(np.floor(turns[before]), np.floor(turns[before + 1]))
         times = whole.times[before] + (level - turns[before]) / (
             turns[before + 1] - turns[before]) * (whole.times[1] - whole.times[0])
-        values = whole.at([MeasuredCrossing(time, wheel, 0.0, 0.0, np.eye(2), False)
-                           for time in times.tolist()], self._truth.x[np.newaxis], self._events,
-                          self._motion.states)[0]
+        values = whole.at(times, np.full(len(times), wheel), self._motion)[0]
         speeds = np.interp(times, whole.times, whole.rolling[:, wheel])
         moving = np.abs(speeds) > self.robot.slip.standstill_speed
         return [Place(*row) for row in np.column_stack(

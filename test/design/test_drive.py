@@ -112,8 +112,9 @@ def test_the_derivative_by_the_friction_is_that_of_the_motion(turn):
     for step in (-0.02, 0.02):  # of ln mu
         x = truth.x[np.newaxis].copy()
         x[0, mu] += step
-        varied.append(measurements.crossing_values(x, measurements.simulate(
-            x, *start_of(truth, measurements), truth.events[np.newaxis]))[0])
+        motion = measurements.simulate(
+            x, *start_of(truth, measurements), truth.events[np.newaxis])
+        varied.append(measurements.crossing_values(x, measurements.at_crossings(motion))[0])
     expected = np.linalg.inv(noise_of(one))[1] @ (varied[1] - varied[0]) / 0.04
     assert (after - before)[error, mu] == pytest.approx(expected, rel=0.05)
 

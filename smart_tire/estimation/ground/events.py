@@ -219,7 +219,8 @@ class EventSearch:
             at += [event.hypothesis.events] * (1 + _count(event))
         x = np.array(runs)
         motion = measurements.simulate(x, fit.start, fit.heading, np.array(at))
-        blocks, films = measurements.predict(x, motion), measurements.crossing_values(x, motion)
+        blocks = measurements.predict(x, motion)
+        films = measurements.crossing_values(x, measurements.at_crossings(motion))
         residual = measurements.values - blocks, measurements.crossing_measured - films
         white = fit.noise.whitened(residual[0].transpose(1, 2, 0), residual[1].T)
         for one in main.disturbances:

@@ -77,11 +77,16 @@ class WindowData:
 
 @dataclass(frozen=True, eq=False)
 class WindowMotion:
-    """Simulated motion of all runs, and the speeds at the crossings."""
+    """Simulated motion of all runs."""
 
-    states: Array   # (runs, n, OUTPUTS)
-    crossings: Array  # (runs, crossings, 5): slip, normalized slip, load [N], traction force [N],
-    # ln of the friction at this slip over that of the tire
+    parameters: Array  # (groups, PARAMETERS, lanes), of the model
+    states: Array      # (groups, n, OUTPUTS, lanes)
+    means: Array       # (OUTPUTS, runs, blocks)
+
+    @property
+    def velocities(self) -> Array:
+        """Return the velocity (n, 3) of the center of mass in the first run."""
+        return self.states[0, :, :model.W + 1, 0]
 
 
 class Measurements:
@@ -136,8 +141,10 @@ class Measurements:
         self.crossings = crossings
         self.crossing_measured = np.array([value for one in crossings for value in one.measured])
         self._products = np.array([not one.sliding for one in crossings], dtype=bool)
+        self._times = np.array([one.time for one in crossings])
+        self._wheels = np.array([one.wheel for one in crossings], dtype=np.intp)
         self._row_times = np.concatenate([np.tile(self.centers, STREAMS),
-                                          np.repeat([one.time for one in crossings], 2)])
+                                          np.repeat(self._times, 2)])
 
     @property
     def travel(self) -> float:
@@ -169,11 +176,15 @@ class Measurements:
         runs = self._parameters(x, events)
         runs[:, model.RELAXATION] = relaxation
         runs[:, START] += start
-        offsets = x[:, Unknown.DELAY, np.newaxis, np.newaxis] * self._delayed
-        directions = np.column_stack([np.cos(heading), np.sin(heading)])
-        states = np.empty((len(x), len(self.times), model.OUTPUTS))
-        model.simulate(self.rolling, offsets, directions, runs, self.robot_constants, states)
-        return WindowMotion(states, self.at(self.crossings, x, events, states))
+        parameters = model.grouped(runs)
+        states, means = (
+            np.empty((len(parameters), n, model.OUTPUTS, parameters.shape[2]))
+            for n in (len(self.times), len(self.centers)))
+        model.simulate(
+            self.rolling, self._delayed, np.column_stack([np.cos(heading), np.sin(heading)]),
+            parameters, self.robot_constants, states, means)
+        return WindowMotion(
+            parameters, states, model.ungrouped(means, len(x)).transpose(2, 0, 1))
 
     def _parameters(self, x: Array, events: Array) -> Array:
         """Return the parameters of the model (runs, PARAMETERS) without its start."""
@@ -189,13 +200,12 @@ class Measurements:
 
     def predict(self, x: Array, motion: WindowMotion) -> Array:
         """Return the block means (runs, STREAMS, blocks) for ``x`` (runs, SIZE)."""
-        states, robot = motion.states, self._robot
+        means, robot = motion.means, self._robot
         arm_x, arm_y = (
             robot.imu.position[axis] + (x[:, Unknown.IMU_X + axis]
                                         - x[:, Unknown.COM_X + axis])[:, np.newaxis]
             for axis in (0, 1))
-        means = block_means(states).transpose(2, 0, 1)  # (OUTPUTS, runs, blocks)
-        square = _mean_square(states)
+        square = means[model.SQUARE]
         found = np.empty((len(x), STREAMS, len(self.centers)))
         a_x, a_y, w_dot = means[model.A_X:model.FORCE]
         found[:, YAW_RATE] = means[model.W]
@@ -203,7 +213,8 @@ class Measurements:
         found[:, FORCE_Y] = a_y + w_dot * arm_x - square * arm_y
         found[:, :TORQUE] += x[:, Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1, np.newaxis]
         radius = robot.wheel_radius * np.exp(x[:, Unknown.RADIUS])[:, np.newaxis, np.newaxis]
-        force, loads = means[model.FORCE:].reshape(2, 4, *means.shape[1:]).transpose(0, 2, 1, 3)
+        force, loads = means[model.FORCE:model.SQUARE].reshape(
+            2, 4, *means.shape[1:]).transpose(0, 2, 1, 3)
         torque = radius * force + (
             np.exp(x[:, Unknown.MOTOR_FRICTION, np.newaxis, np.newaxis]) * friction_torque(
                 self._moving, loads, robot.motor, robot.wheel_radius)
@@ -226,12 +237,13 @@ class Measurements:
             found[TORQUE + i, :, Unknown.TORQUE_SCALE - DYNAMIC] = motor
             found[TORQUE + i, :, Unknown.MOTOR_SCALE - DYNAMIC + i] = motor
             found[TORQUE + i, :, Unknown.TORQUE_OFFSET - DYNAMIC + i] = 1.0
-        means, square = block_means(motion.states[0]).T, _mean_square(motion.states[:1])[0]
+        means = motion.means[:, 0]
+        square = means[model.SQUARE]
         by_arm = found[FORCE_X:TORQUE, :, Unknown.IMU_X - DYNAMIC:]
         by_arm[0, :, 0], by_arm[0, :, 1] = -square, -means[model.W_DOT]
         by_arm[1, :, 0], by_arm[1, :, 1] = means[model.W_DOT], -square
         scale = np.exp(-x[Unknown.TORQUE_SCALE] - x[MOTORS])[:, np.newaxis]
-        loads = means[model.LOADS:]
+        loads = means[model.LOADS:model.SQUARE]
         friction = friction_torque(
             self._moving, loads, self._robot.motor, self._robot.wheel_radius)
         for row, torque in ((Unknown.MOTOR_FRICTION, friction),
@@ -239,10 +251,13 @@ class Measurements:
             found[TORQUE:, :, row - DYNAMIC] = math.exp(x[row]) * scale * torque
         return found
 
-    def crossing_values(self, x: Array, motion: WindowMotion) -> Array:
-        """Return the measured quantities of the crossings (runs, 2 * crossings) for ``x``."""
-        found = motion.crossings[:, :, :2].copy()
-        wheels = [one.wheel for one in self.crossings]
+    def crossing_values(self, x: Array, values: Array) -> Array:
+        """
+        Return the measured quantities of the crossings (runs, 2 * crossings) for ``x``.
+
+        ``values`` are those of ``at_crossings``.
+        """
+        found, wheels = values[:, :, :2].copy(), self._wheels
         found[:, :, 0] *= np.exp(x[:, GAINS])[:, wheels]
         found[:, self._products, 1] *= found[:, self._products, 0]
         found[:, :, 1] += self._products * x[:, FILM_ERRORS][:, wheels]
@@ -311,8 +326,7 @@ class Measurements:
         ``transient`` (2 * crossings,) is its change by a relaxation length. ``loads`` (crossings,)
         [N]: a normalized slip is that of the load on the wheel.
         """
-        times = np.array([one.time for one in self.crossings])
-        wheels = np.array([one.wheel for one in self.crossings])
+        times, wheels = self._times, self._wheels
         lasting = np.exp(-np.abs(times[:, np.newaxis] - times) / MODEL_TIME) * (
             wheels[:, np.newaxis] == wheels)
         slip = predicted[::2]
@@ -336,36 +350,24 @@ class Measurements:
                    else np.diag(transient[rows] ** 2)))
         return found
 
-    def at(self, crossings: list[MeasuredCrossing], x: Array, events: Array, states: Array
-           ) -> Array:
-        """
-        Return slip, normalized slip, load [N], traction force [N], ln loss (runs, crossings, 5).
+    def at_crossings(self, motion: WindowMotion) -> Array:
+        """Return the values of ``at`` (runs, crossings, 5) at the crossings of the window."""
+        return self.at(self._times, self._wheels, motion)
 
-        The last one is the logarithm of the friction at this slip over the largest one.
-
-        ``x`` (runs, SIZE), ``events`` and ``states`` as in ``simulate``.
+    def at(self, times: Array, wheels: NDArray[np.intp], motion: WindowMotion) -> Array:
         """
-        if not crossings:
-            return np.empty((len(x), 0, model.VALUES))
-        times, wheel = np.array([(one.time, one.wheel) for one in crossings]).T
-        wheel = wheel.astype(np.intp)
-        near = np.clip(np.searchsorted(self.times, times)[:, np.newaxis] + CROSSING_STEPS,
-                       0, len(self.times) - 1)  # (crossings, k)
-        radius, delay = (x[:, row, np.newaxis, np.newaxis]
-                         for row in (Unknown.RADIUS, Unknown.DELAY))
-        rolling = (np.exp(radius) * self.rolling[near, wheel[:, np.newaxis]]
-                   + delay * self._delayed[near, wheel[:, np.newaxis] % 2])
-        rolling = np.where(np.abs(rolling) < SLIP_FLOOR, SLIP_FLOOR, rolling)
-        begins, ends = (events[:, 2 * (wheel % 2) + one] for one in (0, 1))
-        on_new = np.ascontiguousarray((begins <= times) & (times < ends), dtype=float)
-        found = np.empty((len(x), len(crossings), model.VALUES))
+        Return slip, normalized slip, load [N], traction force [N], ln loss (runs, m, 5).
+
+        They are those of ``wheels`` (m,) around ``times`` (m,) [s]. The last one is the logarithm
+        of the friction at this slip over the largest one.
+        """
+        near = np.searchsorted(self.times, times)[:, np.newaxis] + CROSSING_STEPS  # (m, k)
+        groups, _, width = motion.parameters.shape
+        found = np.empty((groups, len(wheels), model.VALUES, width))
         model.average_crossings(
-            states, rolling, on_new, near, wheel, MIN_LOAD, LEAST_FRICTION,
-            self._parameters(x, events), self.robot_constants, found)
-        found[:, :, model.LOSS] = np.log(found[:, :, model.LOSS]) / len(CROSSING_STEPS)
-        return found
-
-
-def _mean_square(states: Array) -> Array:
-    """Return block means (runs, blocks) of the squared yaw rate [(rad/s)^2]."""
-    return block_means(states[:, :, model.W, np.newaxis] ** 2)[:, :, 0]
+            motion.states, self.rolling, self._delayed,
+            np.minimum(np.maximum(near, 0), len(self.times) - 1), wheels, MIN_LOAD,
+            LEAST_FRICTION, motion.parameters, self.robot_constants, found)
+        values = model.ungrouped(found, motion.means.shape[1])
+        values[:, :, model.LOSS] = np.log(values[:, :, model.LOSS]) / len(CROSSING_STEPS)
+        return values

@@ -28,7 +28,7 @@ evidence for one over all others suffices, the estimate is the mixture of the li
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 import math
 from typing import NamedTuple
@@ -37,9 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smart_tire.arrays import Array
-from smart_tire.estimation.ground import body_model as model
 from smart_tire.estimation.ground.events import disturbance, EventSearch, Rival
-from smart_tire.estimation.ground.measurements import MeasuredCrossing, Measurements, WindowData
+from smart_tire.estimation.ground.measurements import Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
     EVENT_EVIDENCE, Hypothesis, initial, LENGTH, OLD_GROUND, ONE_GROUND, OWN, priors, TENSION,
     Tension, WindowPrior)
@@ -57,20 +56,18 @@ class Solution(NamedTuple):
     fit: WindowEstimate  # its covariance is widened by the tension
     tension: Tension
 
-    def values_at(self, time: float, wheels: Iterable[int]) -> tuple[Array, Array]:
+    def values_at(self, time: float, wheels: Sequence[int]) -> tuple[Array, Array]:
         """
         Return the values of ``Measurements.at`` (wheels, 5) at ``time`` [s] for indices of wheels.
 
         The second array (wheels, 5, DYNAMIC) are their derivatives by the unknowns.
         """
-        fit, events = self.fit, self.hypothesis.events
-        runs = np.vstack([fit.x, fit.varied_x])
-        values = self.measurements.at(
-            [MeasuredCrossing(time, wheel, 0.0, 0.0, np.eye(2), False) for wheel in wheels], runs,
-            np.tile(events, (len(runs), 1)),
-            np.concatenate([fit.motion.states, fit.varied.states]))
+        fit, indices = self.fit, np.array(wheels, dtype=np.intp)
+        times = np.full(len(indices), time)
+        values, varied = (self.measurements.at(times, indices, motion)
+                          for motion in (fit.motion, fit.varied))
         steps = np.diagonal(fit.varied_x[1:] - fit.varied_x[0])
-        slopes = (values[2:] - values[1]) / steps[:, np.newaxis, np.newaxis]
+        slopes = (varied[fit.shown[1:]] - varied[0]) / steps[:, np.newaxis, np.newaxis]
         return values[0], slopes.transpose(1, 2, 0)
 
 
@@ -159,7 +156,7 @@ class GroundWindow:
         return replace(
             hypothesis, lifts=lifts, disturbances=kept, x=fit.x, times=measurements.times,
             prior=moved.without(OWN, self._rows),
-            velocities=fit.motion.states[0, :, :model.W + 1],
+            velocities=fit.motion.velocities,
             heading=(float(measurements.times[middle]), float(fit.heading[middle])))
 
 

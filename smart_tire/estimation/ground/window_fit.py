@@ -67,7 +67,8 @@ class WindowEstimate(NamedTuple):
     cost: float        # minus twice the logarithm of the evidence, up to a constant
     motion: WindowMotion  # of one run
     varied_x: Array    # (DYNAMIC + 1, SIZE), unknowns with small differences ...
-    varied: WindowMotion  # ... and the motion by them
+    varied: WindowMotion  # ... the motion by them, of those that have an effect ...
+    shown: NDArray[np.intp]  # (DYNAMIC + 1,), ... and the run of each of them
     start: Array       # (3,), velocity at the begin of the window, of all runs
     heading: Array     # rad, (n,), by the start of the fit
     rows: WhitenedRows
@@ -182,7 +183,8 @@ class WindowFit:
             varied = measurements.simulate(
                 used, start, heading, events.repeat(len(used), axis=0), relaxation[:len(used)])
             predicted = measurements.predict(used, varied)
-            crossings = measurements.crossing_values(used, varied)
+            at_crossings = measurements.at_crossings(varied)
+            crossings = measurements.crossing_values(used, at_crossings)
             if acting[-1]:
                 slip_noise = measurements.slip_noise(x, predicted[0])
                 noise = WindowNoise(
@@ -190,7 +192,7 @@ class WindowFit:
                         predicted[0], predicted[-1] - predicted[0],
                         x[Unknown.GYRO_BIAS:Unknown.ACCEL_BIAS_Y + 1], slip_noise),
                     measurements.crossing_noise(crossings[0], crossings[-1] - crossings[0],
-                                                varied.crossings[0, :, model.LOAD]))
+                                                at_crossings[0, :, model.LOAD]))
                 acting[-1] = not known  # near the solution, the noise hardly changes
             residual = measurements.values - predicted[0]
             film_residual = measurements.crossing_measured - crossings[0]
@@ -219,7 +221,6 @@ class WindowFit:
                 part[..., row] = part[..., SIZE]
             runs[1 + row], shown[1 + row] = runs[-2], shown[-1]
         motion = measurements.simulate(x[np.newaxis], start, heading, events)
-        varied = WindowMotion(varied.states[shown[:-1]], varied.crossings[shown[:-1]])
         cost = float(final @ final + whiten.penalty.sum()
                      + (x - prior.mean) @ information @ (x - prior.mean)
                      + np.linalg.slogdet(hessian @ prior.covariance)[1])
@@ -229,7 +230,7 @@ class WindowFit:
             columns, film_columns, measurements.used & (measurements.centers < leaving),
             np.repeat([one.time < leaving for one in measurements.crossings], 2).astype(bool))
         return WindowEstimate(
-            x, covariance, cost, motion, runs[:-2], varied, start, heading,
+            x, covariance, cost, motion, runs[:-2], varied, shown[:-1], start, heading,
             WhitenedRows(final, white[:, :SIZE]), whiten, noise, information,
             (left[:SIZE, :SIZE], left[:SIZE, -1]))
 

@@ -45,6 +45,7 @@ except ImportError:
 if not cython.compiled:
     from math import sqrt
     Number = TypeVar('Number', float, Array)
+    Real = TypeVar('Real', float, Array)
     Derivatives = tuple[float, float, float, float, float, float, float]
 
 COMPILED: bool = cython.compiled
@@ -143,7 +144,7 @@ def friction_from_adhesion(adhesion: ArrayLike, total_slip: ArrayLike, load: Arr
     return np.where(observable, mu, np.nan)
 
 
-def friction_share(inverse: Number, fall: float) -> Number:
+def friction_share(inverse: Number, fall: Number) -> Number:
     """
     Return the friction [-] over that of a tire that begins to slide.
 
@@ -156,7 +157,7 @@ def friction_share(inverse: Number, fall: float) -> Number:
     return 1.0 - fall * (1.0 - inverse)
 
 
-def secant(t: Number, inverse: Number, fall: float) -> Number:
+def secant(t: Number, inverse: Number, fall: Number) -> Number:
     """
     Return the force over ``C_x s`` [-].
 
@@ -168,7 +169,7 @@ def secant(t: Number, inverse: Number, fall: float) -> Number:
     return friction_share(inverse, fall) * inverse * (1.0 - t + t * t * (1.0 / 3.0))
 
 
-def _share(t: Number) -> Number:
+def _share(t: Real) -> Real:
     """Return the force over ``mu F_z`` [-] at the normalized slip ``t``, -1 to 1."""
     return t * (3.0 - 3.0 * abs(t) + t * t)
 

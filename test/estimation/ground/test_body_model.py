@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from smart_tire.estimation.ground import body_model as model
+from smart_tire.estimation.ground.wheel_motion import block_means
 from support.compiled import load_source
 
 STEP, MASS, INERTIA, GRAVITY = 0.016, 15.0, 0.6, 9.81  # s, kg, kg m2, m/s2
@@ -25,7 +26,7 @@ ROBOT = np.array([STEP, MASS, INERTIA, HALF_BASE, HALF_TRACK, HEIGHT, MIN_ROLLIN
 X = HALF_BASE * np.array([1.0, 1.0, -1.0, -1.0])
 Y = HALF_TRACK * np.array([1.0, -1.0, 1.0, -1.0])
 FORCES = slice(model.FORCE, model.LOADS)
-LOADS = slice(model.LOADS, model.OUTPUTS)
+LOADS = slice(model.LOADS, model.SQUARE)
 VELOCITY = slice(model.START_U, model.START_W + 1)
 
 
@@ -42,20 +43,31 @@ def ground(count: int = 1, **values: float) -> np.ndarray:
 
 
 def simulate(rolling: np.ndarray, runs: np.ndarray, by=model, robot: np.ndarray = ROBOT,
-             offsets: np.ndarray | None = None, heading: np.ndarray | None = None) -> np.ndarray:
-    """Return the output of all runs, without offsets and at heading zero if not given."""
-    n = len(rolling)
-    out = np.full((len(runs), n, model.OUTPUTS), np.nan)
-    by.simulate(
-        rolling, np.zeros((len(runs), n, 2)) if offsets is None else offsets,
-        np.tile([1.0, 0.0], (n, 1)) if heading is None else heading, runs, robot, out)
-    return out
+             delayed: np.ndarray | None = None, heading: np.ndarray | None = None,
+             blocks: int | None = None) -> np.ndarray:
+    """Return the output of all runs, or its means over ``blocks``; at heading zero if not given."""
+    groups = by.grouped(runs)
+    out = motion(rolling, groups, by, robot, delayed, heading, blocks)
+    return by.ungrouped(out[blocks is not None], len(runs))
+
+
+def motion(rolling: np.ndarray, groups: np.ndarray, by, robot: np.ndarray = ROBOT,
+           delayed: np.ndarray | None = None, heading: np.ndarray | None = None,
+           blocks: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the output of all groups and its means, without delays if not given."""
+    n, width = len(rolling), groups.shape[2]
+    out, means = (np.full((len(groups), count, model.OUTPUTS, width), np.nan)
+                  for count in (n, blocks or 1))
+    by.simulate(rolling, np.zeros((n, 2)) if delayed is None else delayed,
+                np.tile([1.0, 0.0], (n, 1)) if heading is None else heading, groups, robot,
+                out, means)
+    return out, means
 
 
 def random_case(kind: str) -> dict[str, np.ndarray]:
     """Return random runs with changes of ground, slopes and different sides, by ``kind``."""
     random = np.random.default_rng(7)
-    count, n = 8, 120
+    count, n = 9, 120  # not all groups are full
     speeds = {'lifted': 1.5, 'standstill': 0.0, 'reverse': -0.4}.get(kind, 0.5)
     rolling = speeds * (1.0 + np.sin(np.linspace(0.0, 20.0, n)))[:, np.newaxis] \
         + (0.0 if kind == 'standstill' else 0.1) * random.standard_normal((n, 4))
@@ -68,7 +80,7 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
             ('SIDE_RESISTANCE', 0.8, 1.2), ('START_U', -0.5, 0.5), ('START_V', -0.2, 0.2),
             ('START_W', -1.0, 1.0), ('OLD_STIFFNESS', 300.0, 3000.0), ('STIFFNESS', 300.0, 3000.0),
             ('OLD_FRICTION', 0.3, 1.0), ('FRICTION', 0.3, 1.0), ('OLD_RESISTANCE', 0.0, 0.15),
-            ('RESISTANCE', 0.0, 0.15), ('FALL', 0.0, 0.5), ('BEND_X', -0.05, 0.05),
+            ('RESISTANCE', 0.0, 0.15), ('DELAY', -0.01, 0.01), ('FALL', 0.0, 0.5), ('BEND_X', -0.05, 0.05),
             ('BEND_Y', -0.05, 0.05), ('RELAXATION', 0.0, 0.05)):
         runs[:, getattr(model, name)] = random.uniform(low, high, count)
     for row in (model.LIFT, model.LIFT + 3):  # none in the first runs; steps of begin and end
@@ -83,7 +95,7 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
         robot[model.HEIGHT] = 0.5
     angle = np.linspace(0.0, 4.0, n)
     return {'rolling': rolling, 'runs': runs, 'robot': robot,
-            'offsets': 0.01 * random.standard_normal((count, n, 2)),
+            'delayed': random.standard_normal((n, 2)),
             'heading': np.column_stack([np.cos(angle), np.sin(angle)])}
 
 
@@ -94,26 +106,31 @@ KINDS = ('driving', 'lifted', 'standstill', 'reverse', 'sliding')
 @pytest.mark.parametrize('kind', KINDS)
 def test_the_extension_computes_what_its_source_does(kind):
     case = random_case(kind)
-    np.testing.assert_array_equal(simulate(**case), simulate(**case, by=load_source(model)))
+    by = load_source(model)
+    for blocks in (None, 15):
+        np.testing.assert_array_equal(
+            simulate(**case, blocks=blocks), simulate(**case, by=by, blocks=blocks))
+
+
+def test_means_over_blocks_are_those_of_trapezoids():
+    case = random_case('driving')
+    steps, means = simulate(**case), simulate(**case, blocks=15)
+    np.testing.assert_allclose(means, block_means(steps), rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(steps[..., model.SQUARE], steps[..., model.W] ** 2)
 
 
 def crossings(case: dict[str, np.ndarray], by=model, **arrays: np.ndarray) -> np.ndarray:
     """Return the means over crossings of all wheels, before and after the change of ground."""
-    states, runs = simulate(**case), case['runs']
-    steps = np.arange(10, 114, 13)[:, np.newaxis] + np.arange(6)
-    wheels = np.arange(8) % 4
-    rolling = case['rolling'][steps, wheels[:, np.newaxis]] + 0.01 * runs[
-        :, model.COM_X, np.newaxis, np.newaxis]
-    begins = model.NEW + 2 * (wheels % 2)
+    groups = by.grouped(case['runs'])
     given = {
-        'rolling': np.where(abs(rolling) < 0.05, 0.05, rolling), 'steps': steps, 'wheels': wheels,
-        'after': np.ascontiguousarray(
-            (runs[:, begins] <= steps[:, 0]) & (steps[:, 0] < runs[:, begins + 1]), dtype=float),
-        'runs': runs, 'robot': case['robot'], **arrays}
-    out = np.full((len(runs), 8, model.VALUES), np.nan)
-    by.average_crossings(states, *(given[name] for name in (
-        'rolling', 'after', 'steps', 'wheels')), 0.1, 0.2, given['runs'], given['robot'], out)
-    return out
+        'steps': np.arange(10, 114, 13)[:, np.newaxis] + np.arange(6),
+        'wheels': np.arange(8) % 4, 'robot': case['robot'], **arrays}
+    out = np.full((len(groups), 8, model.VALUES, groups.shape[2]), np.nan)
+    states, _ = motion(case['rolling'], groups, by, *(
+        case[name] for name in ('robot', 'delayed', 'heading')))
+    by.average_crossings(states, case['rolling'], case['delayed'], given['steps'],
+                         given['wheels'], 0.1, 0.2, groups, given['robot'], out)
+    return by.ungrouped(out, len(case['runs']))
 
 
 @pytest.mark.skipif(not model.COMPILED, reason='not compiled')
@@ -141,7 +158,9 @@ def test_the_means_of_a_crossing_are_those_of_its_wheel():
         - HEIGHT * (states[:, steps, model.A_X] / X[wheel]
                     + states[:, steps, model.A_Y] / Y[wheel]))
     np.testing.assert_allclose(found[:, wheel, model.LOAD], load.mean(axis=1))
-    rolling = case['rolling'][steps, wheel] + 0.01 * runs[:, [model.COM_X]]
+    rolling = (runs[:, [model.RADIUS]] * case['rolling'][steps, wheel]
+               + runs[:, [model.DELAY]] * case['delayed'][steps, wheel % 2])
+    rolling = np.where(abs(rolling) < MIN_ROLLING, MIN_ROLLING, rolling)
     s_x = 1.0 - (states[:, steps, model.U] - y * states[:, steps, model.W]) / rolling
     s_y = runs[:, [model.LATERAL_RATIO]] * (
         states[:, steps, model.V] + x * states[:, steps, model.W]) / rolling
@@ -162,11 +181,11 @@ def test_crossings_of_other_shapes_are_refused():
         given = {'steps': np.zeros((8, 6), dtype=int), 'wheels': np.arange(8) % 4,
                  'robot': ROBOT}[name]
         with pytest.raises(ValueError, match='shapes'):
-            crossings(case, **{name: np.ascontiguousarray(given[..., :-1])})
+            crossings(case, **{name: given[:-1]})
 
 
 def test_arrays_of_other_shapes_are_refused():
-    for name in ('rolling', 'offsets', 'heading', 'runs', 'robot'):
+    for name in ('rolling', 'delayed', 'heading', 'runs', 'robot'):
         case = random_case('driving')
         with pytest.raises(ValueError, match='shapes'):
             simulate(**case | {name: np.ascontiguousarray(case[name][..., :-1])})
@@ -183,7 +202,7 @@ def test_the_mirror_image_of_a_drive_is_its_mirror_image(kind):
     case = random_case(kind)
     mirrored = {name: array.copy() for name, array in case.items()}
     mirrored['rolling'] = np.ascontiguousarray(case['rolling'][:, [1, 0, 3, 2]])
-    mirrored['offsets'] = np.ascontiguousarray(case['offsets'][..., ::-1])
+    mirrored['delayed'] = np.ascontiguousarray(case['delayed'][..., ::-1])
     mirrored['heading'][:, 1] *= -1.0
     runs = mirrored['runs']
     runs[:, [model.COM_Y, model.SLOPE_Y, model.BEND_Y, model.START_V, model.START_W]] *= -1.0

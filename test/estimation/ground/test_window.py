@@ -802,7 +802,8 @@ def test_events_tried_together_have_each_its_evidence(films):
         white = np.concatenate([np.linalg.solve(np.linalg.cholesky(noise), own) for noise, own in (
             *zip(fit.noise.blocks, blocks.transpose(1, 2, 0)),
             (fit.noise.films, (measurements.crossing_measured
-                               - measurements.crossing_values(x, motion)).T))])
+                               - measurements.crossing_values(
+                                   x, measurements.at_crossings(motion))).T))])
         slopes = (white[:, :1] - white[:, 1:]) / steps[own]
         spread = np.diag([rows[row].sigma ** -2 for row in own])
         off = np.array([rows[row].mean for row in own]) - event.hypothesis.x[own]
