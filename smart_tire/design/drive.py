@@ -86,7 +86,7 @@ class Window(NamedTuple):
     first: float        # s, begin of the measurements that are used
     leaving: float      # s, begin of those of the next window
     solution: Solution
-    relaxed: Array      # states of the motion with a relaxation length
+    relaxed: WindowMotion  # with a relaxation length
     predicted: dict[tuple[tuple[float, int, bool], ...], tuple[Array, ...]]  # of crossings
 
 

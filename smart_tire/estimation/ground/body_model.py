@@ -134,8 +134,8 @@ def _events(runs: Array, steps: int) -> tuple[bool, bool]:
 
 
 @cython.cfunc
-def _block_means(rows: cython.pointer(Lanes), size: cython.Py_ssize_t,
-                 blocks: cython.Py_ssize_t, means: cython.pointer(Lanes)) -> cython.void:
+def _block_means(rows: cython.pointer[Lanes], size: cython.Py_ssize_t,
+                 blocks: cython.Py_ssize_t, means: cython.pointer[Lanes]) -> cython.void:
     """Average ``rows`` over blocks of ``size`` steps."""
     k: cython.Py_ssize_t
     n: cython.Py_ssize_t
@@ -171,9 +171,9 @@ def _inside(n: cython.double, begin: Lanes, end: Lanes) -> Lanes:
 
 @cython.cfunc
 def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1],
-                   heading: cython.double[:, ::1], p: cython.pointer(Lanes),
+                   heading: cython.double[:, ::1], p: cython.pointer[Lanes],
                    robot: cython.double[::1], lifts: cython.bint, changes: cython.bint,
-                   out: cython.pointer(Lanes)) -> cython.void:
+                   out: cython.pointer[Lanes]) -> cython.void:
     """Simulate a group of runs; what its steps have in common is computed before them."""
     zero: Lanes = lanes(0.0)
     unit: Lanes = lanes(1.0)
@@ -401,11 +401,11 @@ def average_crossings(states: cython.double[:, :, :, ::1], rolling: cython.doubl
 
 
 @cython.cfunc
-def _average_runs(states: cython.pointer(Lanes), rolling: cython.double[:, ::1],
+def _average_runs(states: cython.pointer[Lanes], rolling: cython.double[:, ::1],
                   delayed: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
                   wheels: cython.Py_ssize_t[::1], least_load: cython.double,
-                  least_share: cython.double, p: cython.pointer(Lanes),
-                  robot: cython.double[::1], out: cython.pointer(Lanes)) -> cython.void:
+                  least_share: cython.double, p: cython.pointer[Lanes],
+                  robot: cython.double[::1], out: cython.pointer[Lanes]) -> cython.void:
     """Average the crossings of a group of runs."""
     zero: Lanes = lanes(0.0)
     unit: Lanes = lanes(1.0)

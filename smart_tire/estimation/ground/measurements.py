@@ -110,11 +110,12 @@ class Measurements:
         motion = smoothed(near[:, 0], near[:, 1:5], robot.encoder.stamp_jitter,
                           math.tau / robot.encoder.counts_per_revolution / math.sqrt(12.0))
         radius = robot.wheel_radius
-        self.rates = rate_weights(motion.times, self.times) @ motion.angles
+        weights = rate_weights(motion.times, np.append(begin, self.times))
+        self.rates = weights[1:] @ motion.angles
         self.rolling = np.ascontiguousarray(radius * self.rates)
         self.acceleration = np.gradient(self.rates, TIME_STEP, axis=0)
         period = float(np.median(np.diff(motion.times)))
-        self._speed_errors = motion.errors(radius * rate_weights(motion.times, self.edges))
+        self._speed_errors = motion.errors(radius * weights[::BLOCK])
         self.spread = block_spread(self.acceleration, self.edges, self.times, period)
         mean_imu, self.imu_count = sample_means(data.imu, self.edges)
         mean_wheels, self.torque_count = sample_means(

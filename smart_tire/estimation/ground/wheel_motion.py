@@ -69,9 +69,10 @@ def smoothed(times: Array, angles: Array, jitter: float, step: float) -> WheelMo
     precision = 1.0 / ((jitter * rate) ** 2 + step ** 2 / 4.0)
     weight, found = np.ones(len(times) - 3), y
     for _ in range(REWEIGHTINGS):
-        information = jerk_information(rows * np.sqrt(weight))
-        found = np.column_stack([solve_smoothed(information, own, own * mode)
-                                 for own, mode in zip(precision.T, y.T)])
+        # all modes in one system, which the zeros between their bands keep apart
+        information = np.tile(jerk_information(rows * np.sqrt(weight)), len(MODES))
+        found = solve_smoothed(information, precision.T.ravel(), (precision * y).T.ravel()
+                               ).reshape(len(MODES), -1).T
         weight = 2.0 / (1.0 + np.sum(jerks(rows, found) ** 2, axis=1))
         # a step of the speed may lie in any of the intervals around
         padded = np.concatenate([weight[:1], weight, weight[-1:]])

@@ -45,7 +45,7 @@ def ground(count: int = 1, **values: float) -> np.ndarray:
 def simulate(rolling: np.ndarray, runs: np.ndarray, by=model, robot: np.ndarray = ROBOT,
              delayed: np.ndarray | None = None, heading: np.ndarray | None = None,
              blocks: int | None = None) -> np.ndarray:
-    """Return the output of all runs, or its means over ``blocks``; at heading zero if not given."""
+    """Return the output of all runs, or its means over ``blocks``, as of ``motion``."""
     groups = by.grouped(runs)
     out = motion(rolling, groups, by, robot, delayed, heading, blocks)
     return by.ungrouped(out[blocks is not None], len(runs))
@@ -54,7 +54,7 @@ def simulate(rolling: np.ndarray, runs: np.ndarray, by=model, robot: np.ndarray 
 def motion(rolling: np.ndarray, groups: np.ndarray, by, robot: np.ndarray = ROBOT,
            delayed: np.ndarray | None = None, heading: np.ndarray | None = None,
            blocks: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the output of all groups and its means, without delays if not given."""
+    """Return the output of all groups and its means, without delays and turns if not given."""
     n, width = len(rolling), groups.shape[2]
     out, means = (np.full((len(groups), count, model.OUTPUTS, width), np.nan)
                   for count in (n, blocks or 1))
@@ -80,8 +80,8 @@ def random_case(kind: str) -> dict[str, np.ndarray]:
             ('SIDE_RESISTANCE', 0.8, 1.2), ('START_U', -0.5, 0.5), ('START_V', -0.2, 0.2),
             ('START_W', -1.0, 1.0), ('OLD_STIFFNESS', 300.0, 3000.0), ('STIFFNESS', 300.0, 3000.0),
             ('OLD_FRICTION', 0.3, 1.0), ('FRICTION', 0.3, 1.0), ('OLD_RESISTANCE', 0.0, 0.15),
-            ('RESISTANCE', 0.0, 0.15), ('DELAY', -0.01, 0.01), ('FALL', 0.0, 0.5), ('BEND_X', -0.05, 0.05),
-            ('BEND_Y', -0.05, 0.05), ('RELAXATION', 0.0, 0.05)):
+            ('RESISTANCE', 0.0, 0.15), ('FALL', 0.0, 0.5), ('BEND_X', -0.05, 0.05),
+            ('BEND_Y', -0.05, 0.05), ('DELAY', -0.01, 0.01), ('RELAXATION', 0.0, 0.05)):
         runs[:, getattr(model, name)] = random.uniform(low, high, count)
     for row in (model.LIFT, model.LIFT + 3):  # none in the first runs; steps of begin and end
         runs[:, row:row + 3] = np.column_stack([
