@@ -107,6 +107,7 @@ def simulate(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1],
     blocks: cython.Py_ssize_t = means.shape[1]
     width: cython.Py_ssize_t = LANES if cython.compiled else runs.shape[2]
     group: cython.Py_ssize_t
+    lane: cython.Py_ssize_t
     if not (rolling.shape[1] == 4 and heading.shape[0] == n and heading.shape[1] == 2
             and delayed.shape[0] == n and delayed.shape[1] == 2 and runs.shape[1] == PARAMETERS
             and robot.shape[0] == GRAVITY + 1 and runs.shape[2] == width
@@ -114,8 +115,16 @@ def simulate(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1],
             and out.shape[3] == width and means.shape[0] == runs.shape[0]
             and n % blocks == 0 and means.shape[2] == OUTPUTS and means.shape[3] == width):
         raise ValueError('the shapes of the arrays disagree')
-    lifts, changes = _events(np.asarray(runs), n)
+    new: cython.Py_ssize_t = NEW  # names of the module are slow in loops
+    lift: cython.Py_ssize_t = LIFT
     for group in range(runs.shape[0]):
+        lifts: cython.bint = False
+        changes: cython.bint = False
+        for lane in range(width):
+            lifts = lifts or max(runs[group, lift, lane], runs[group, lift + 3, lane]) >= 0.0
+            changes = (
+                changes or max(runs[group, new, lane], runs[group, new + 2, lane]) > 0.0
+                or min(runs[group, new + 1, lane], runs[group, new + 3, lane]) < n)
         if cython.compiled:
             p = cython.cast(cython.pointer(Lanes), cython.address(runs[group, 0, 0]))
             rows = cython.cast(cython.pointer(Lanes), cython.address(out[group, 0, 0, 0]))
@@ -124,13 +133,6 @@ def simulate(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1],
             p, rows, sums = (array[group].reshape(-1, width) for array in (runs, out, means))
         _simulate_runs(rolling, delayed, heading, p, robot, lifts, changes, rows)
         _block_means(rows, n // blocks, blocks, sums)
-
-
-def _events(runs: Array, steps: int) -> tuple[bool, bool]:
-    """Return whether any of the grouped ``runs`` has a lift, and a change of ground."""
-    times = runs[:, NEW:LIFT]
-    return bool((runs[:, [LIFT, LIFT + 3]] >= 0.0).any()), bool(
-        (times[:, ::2] > 0.0).any() or (times[:, 1::2] < steps).any())
 
 
 @cython.cfunc
@@ -197,11 +199,7 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
     bend_x: Lanes = p[BEND_X]
     bend_y: Lanes = p[BEND_Y]
     # of the wheels: position [m], load at rest [N] and by acceleration [kg], share that it gets of
-    # the load that is lost in each lift, ground before its
-    # change and (4-7) the change, r w [m/s], slip, |F| / |s| [N], change of the slip by the new
-    # velocity [s/m], and of the force [N s/m], share of the slip that is stored, in a step; 1 on
-    # the second ground, else 0, rolling resistance [N], velocity of the center [m/s], stiffness
-    # [N] and normalized slip up to 1
+    # the load that is lost in each lift, ground before its change and (4-7) the change
     x: Lanes[4] = [zero] * 4
     y: Lanes[4] = [zero] * 4
     level: Lanes[4] = [zero] * 4
@@ -215,6 +213,9 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
     stiffness: Lanes[8] = [zero] * 8
     friction: Lanes[8] = [zero] * 8
     resistance: Lanes[8] = [zero] * 8
+    # in a step: r w [m/s], slip, |F| / |s| [N], change of the slip by the new velocity [s/m],
+    # share of the slip that is stored, stiffness [N], normalized slip up to 1, rolling resistance
+    # over the velocity [N s/m], load [N], friction and rolling resistance over the load
     roll: Lanes[4] = [zero] * 4
     slip_x: Lanes[4] = [zero] * 4
     slip_y: Lanes[4] = [zero] * 4
@@ -225,7 +226,9 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
     t: Lanes[4] = [zero] * 4
     drag_x: Lanes[4] = [zero] * 4
     drag_y: Lanes[4] = [zero] * 4
-    after: Lanes[4] = [unit] * 4
+    load: Lanes[4] = [zero] * 4
+    rough: Lanes[4] = [zero] * 4
+    resists: Lanes[4] = [zero] * 4
     i: cython.int
     k: cython.int
     for i in range(4):
@@ -235,6 +238,7 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
         x[i] = base - p[COM_X]
         y[i] = track - p[COM_Y]
         level[i] = 0.25 * mass * robot[GRAVITY] * (1.0 + p[COM_X] / base + p[COM_Y] / track)
+        load[i] = maximum(level[i], zero)
         by_x[i] = lanes(0.25 * mass * robot[HEIGHT]) / base
         by_y[i] = lanes(0.25 * mass * robot[HEIGHT]) / track
         for k in range(2):
@@ -254,8 +258,12 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
         resistance[i] = side * p[OLD_RESISTANCE]
         resistance[4 + i] = side * (p[RESISTANCE] - p[OLD_RESISTANCE])
 
+    new: cython.Py_ssize_t = NEW
+    lift: cython.Py_ssize_t = LIFT
     first: Lanes = zero
     second: Lanes = zero
+    one: Lanes = zero  # N, lost in both lifts
+    two: Lanes = zero
     u: Lanes = p[START_U]
     v: Lanes = p[START_V]
     w: Lanes = p[START_W]
@@ -292,21 +300,26 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
         bw: Lanes = inertia * old_w
         # the first step begins with the slip of its end
         lag: Lanes = relaxation if n else zero
-        if changes:
-            after[0] = after[2] = _inside(n, p[NEW], p[NEW + 1])
-            after[1] = after[3] = _inside(n, p[NEW + 2], p[NEW + 3])
+        if changes or not n:
+            for i in range(4):
+                begin: cython.Py_ssize_t = new + 2 * (i % 2)
+                after: Lanes = _inside(n, p[begin], p[begin + 1])
+                stiff[i] = stiffness[i] + after * stiffness[4 + i]
+                rough[i] = friction[i] + after * friction[4 + i]
+                resists[i] = resistance[i] + after * resistance[4 + i]
         if lifts:
-            first = _inside(n, p[LIFT + 1], p[LIFT + 2])
-            second = _inside(n, p[LIFT + 4], p[LIFT + 5])
-        one: Lanes = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)  # N
-        two: Lanes = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
-        for i in range(4):
-            load: Lanes = maximum(_load(level[i], by_x[i], by_y[i], a_x, a_y)
+            first = _inside(n, p[lift + 1], p[lift + 2])
+            second = _inside(n, p[lift + 4], p[lift + 5])
+            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
+            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+            for i in range(4):
+                load[i] = maximum(_load(level[i], by_x[i], by_y[i], a_x, a_y)
                                   + one * gets[i] + two * gets[4 + i], zero)
+        for i in range(4):
             roll[i] = radius * rolling[n, i] + delay * delayed[n, i % 2]
             v_x: Lanes = new_u - y[i] * new_w
             v_y: Lanes = new_v + x[i] * new_w
-            drag: Lanes = load * (resistance[i] + after[i] * resistance[4 + i])
+            drag: Lanes = load[i] * resists[i]
             drag_x[i] = lengthwise * drag / maximum(absolute(v_x), min_speed)
             drag_y[i] = share * drag / maximum(
                 square_root(v_x * v_x + v_y * v_y), min_speed)
@@ -315,8 +328,7 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
             slip_y[i] = slip_y[i] * lag * gain[i]
             s_x: Lanes = slip_x[i] + gain[i] * (roll[i] - v_x)
             s_y: Lanes = slip_y[i] + gain[i] * lateral_ratio * v_y
-            stiff[i] = stiffness[i] + after[i] * stiffness[4 + i]
-            full: Lanes = 3.0 * (load * (friction[i] + after[i] * friction[4 + i]))
+            full: Lanes = 3.0 * (load[i] * rough[i])
             # N, without sliding; t = 1 at ``full``
             elastic: Lanes = stiff[i] * maximum(square_root(s_x * s_x + s_y * s_y), least_slip)
             scale: Lanes = unit / maximum(elastic, full)
@@ -342,9 +354,10 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
         new_v = (bv - vw * new_w) / vv
         a_x = rate * new_u - old_u - new_w * new_v + slope_x
         a_y = rate * new_v - old_v + new_w * new_u + slope_y
-        one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
-        two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
-        # columns by their numbers: names of the module are slow here
+        if lifts:
+            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
+            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+        # columns by their numbers
         row: cython.Py_ssize_t = 15 * n
         out[row], out[row + 1], out[row + 2] = new_u, new_v, new_w
         out[row + 3], out[row + 4] = a_x, a_y
@@ -354,8 +367,9 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
             s_x = slip_x[i] + gain[i] * (roll[i] - new_u + y[i] * new_w)
             s_y = slip_y[i] + gain[i] * lateral_ratio * (new_v + x[i] * new_w)
             out[row + 6 + i] = slope[i] * s_x
-            out[row + 10 + i] = maximum(_load(level[i], by_x[i], by_y[i], a_x, a_y)
-                                        + one * gets[i] + two * gets[4 + i], zero)
+            load[i] = maximum(_load(level[i], by_x[i], by_y[i], a_x, a_y)
+                              + one * gets[i] + two * gets[4 + i], zero)
+            out[row + 10 + i] = load[i]
             slip_x[i] = kept[i] * s_x
             slip_y[i] = kept[i] * s_y
         last_u, last_v, last_w = u, v, w

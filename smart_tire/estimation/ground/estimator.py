@@ -130,11 +130,10 @@ class GroundEstimator:
         time = self._seconds(sample.stamp_ns)
         if isinstance(sample, ImuSample):
             self._imu_seen = True
-            x_row, y_row, z_row = self._rotation
-            self._append(self._imu, (time, *(
-                row[0] * x + row[1] * y + row[2] * z for row, (x, y, z) in (
-                    (z_row, sample.rate), (x_row, sample.acceleration),
-                    (y_row, sample.acceleration)))))
+            (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self._rotation
+            (p, q, r), (a, b, c) = sample.rate, sample.acceleration
+            self._append(self._imu, (time, zx * p + zy * q + zz * r, xx * a + xy * b + xz * c,
+                                     yx * a + yy * b + yz * c))
         elif isinstance(sample, WheelSample):
             self._add_wheels(time - self._robot.encoder.latency, sample)
         elif not self._imu_seen:

@@ -236,7 +236,7 @@ class Tension(NamedTuple):
     @classmethod
     def of(cls, x: Array, rows: Sequence[Row]) -> Tension:
         """Return that of the unknowns ``x`` (SIZE,) with the priors ``rows``."""
-        sizes = [abs(value - row.mean) / row.sigma for value, row in zip(x, rows)]
+        sizes = [abs(value - row.mean) / row.sigma for value, row in zip(x.tolist(), rows)]
         most = max((*range(Unknown.COM_X, Unknown.SLOPE_X), Unknown.DELAY,
                     *range(Unknown.GYRO_BIAS, SIZE)), key=sizes.__getitem__)
         first = max(one for one in Unknown if one <= most)
