@@ -118,20 +118,19 @@ def simulate(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1],
     new: cython.Py_ssize_t = NEW  # names of the module are slow in loops
     lift: cython.Py_ssize_t = LIFT
     for group in range(runs.shape[0]):
-        lifts: cython.bint = False
-        changes: cython.bint = False
+        events: cython.bint = False  # in any of the runs
         for lane in range(width):
-            lifts = lifts or max(runs[group, lift, lane], runs[group, lift + 3, lane]) >= 0.0
-            changes = (
-                changes or max(runs[group, new, lane], runs[group, new + 2, lane]) > 0.0
-                or min(runs[group, new + 1, lane], runs[group, new + 3, lane]) < n)
+            events = (
+                events or max(runs[group, new, lane], runs[group, new + 2, lane]) > 0.0
+                or min(runs[group, new + 1, lane], runs[group, new + 3, lane]) < n
+                or max(runs[group, lift, lane], runs[group, lift + 3, lane]) >= 0.0)
         if cython.compiled:
             p = cython.cast(cython.pointer(Lanes), cython.address(runs[group, 0, 0]))
             rows = cython.cast(cython.pointer(Lanes), cython.address(out[group, 0, 0, 0]))
             sums = cython.cast(cython.pointer(Lanes), cython.address(means[group, 0, 0, 0]))
         else:
             p, rows, sums = (array[group].reshape(-1, width) for array in (runs, out, means))
-        _simulate_runs(rolling, delayed, heading, p, robot, lifts, changes, rows)
+        _simulate_runs(rolling, delayed, heading, p, robot, events, rows)
         _block_means(rows, n // blocks, blocks, sums)
 
 
@@ -174,7 +173,7 @@ def _inside(n: cython.double, begin: Lanes, end: Lanes) -> Lanes:
 @cython.cfunc
 def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1],
                    heading: cython.double[:, ::1], p: cython.pointer[Lanes],
-                   robot: cython.double[::1], lifts: cython.bint, changes: cython.bint,
+                   robot: cython.double[::1], events: cython.bint,
                    out: cython.pointer[Lanes]) -> cython.void:
     """Simulate a group of runs; what its steps have in common is computed before them."""
     zero: Lanes = lanes(0.0)
@@ -238,7 +237,6 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
         x[i] = base - p[COM_X]
         y[i] = track - p[COM_Y]
         level[i] = 0.25 * mass * robot[GRAVITY] * (1.0 + p[COM_X] / base + p[COM_Y] / track)
-        load[i] = maximum(level[i], zero)
         by_x[i] = lanes(0.25 * mass * robot[HEIGHT]) / base
         by_y[i] = lanes(0.25 * mass * robot[HEIGHT]) / track
         for k in range(2):
@@ -300,19 +298,17 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
         bw: Lanes = inertia * old_w
         # the first step begins with the slip of its end
         lag: Lanes = relaxation if n else zero
-        if changes or not n:
+        if events or not n:
+            first = _inside(n, p[lift + 1], p[lift + 2])
+            second = _inside(n, p[lift + 4], p[lift + 5])
+            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
+            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
             for i in range(4):
                 begin: cython.Py_ssize_t = new + 2 * (i % 2)
                 after: Lanes = _inside(n, p[begin], p[begin + 1])
                 stiff[i] = stiffness[i] + after * stiffness[4 + i]
                 rough[i] = friction[i] + after * friction[4 + i]
                 resists[i] = resistance[i] + after * resistance[4 + i]
-        if lifts:
-            first = _inside(n, p[lift + 1], p[lift + 2])
-            second = _inside(n, p[lift + 4], p[lift + 5])
-            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
-            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
-            for i in range(4):
                 load[i] = maximum(_load(level[i], by_x[i], by_y[i], a_x, a_y)
                                   + one * gets[i] + two * gets[4 + i], zero)
         for i in range(4):
@@ -354,9 +350,8 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
         new_v = (bv - vw * new_w) / vv
         a_x = rate * new_u - old_u - new_w * new_v + slope_x
         a_y = rate * new_v - old_v + new_w * new_u + slope_y
-        if lifts:
-            one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
-            two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
+        one = first * _load(own_level[0], own_x[0], own_y[0], a_x, a_y)
+        two = second * _load(own_level[1], own_x[1], own_y[1], a_x, a_y)
         # columns by their numbers
         row: cython.Py_ssize_t = 15 * n
         out[row], out[row + 1], out[row + 2] = new_u, new_v, new_w
@@ -377,18 +372,20 @@ def _simulate_runs(rolling: cython.double[:, ::1], delayed: cython.double[:, ::1
 
 
 def average_crossings(states: cython.double[:, :, :, ::1], rolling: cython.double[:, ::1],
-                      delayed: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
-                      wheels: cython.Py_ssize_t[::1], least_load: cython.double,
-                      least_share: cython.double, runs: cython.double[:, :, ::1],
-                      robot: cython.double[::1], out: cython.double[:, :, :, ::1]) -> None:
+                      delayed: cython.double[:, ::1], after: cython.double[:, :, ::1],
+                      steps: cython.Py_ssize_t[:, ::1], wheels: cython.Py_ssize_t[::1],
+                      least_load: cython.double, least_share: cython.double,
+                      runs: cython.double[:, :, ::1], robot: cython.double[::1],
+                      out: cython.double[:, :, :, ::1]) -> None:
     """
     Average slip, normalized slip, load and traction force of a wheel over each of m crossings.
 
     ``states`` (groups, n, OUTPUTS, lanes) are those of ``simulate``, as are ``rolling``,
-    ``delayed``, ``runs`` and ``robot``; crossing k is that of the wheel ``wheels`` (m,) in the
-    ``steps`` (m, k), on the ground of the middle one. Loads are at least ``least_load`` [N],
-    shares of the friction that are left at least ``least_share``. ``out`` (groups, m, VALUES,
-    lanes) is filled. Raise ValueError where shapes disagree.
+    ``delayed``, ``runs`` and ``robot``. ``after`` (groups, m, lanes) is 1 for crossings on the
+    second ground, else 0; they are those of the wheels ``wheels`` (m,) in the ``steps`` (m, k).
+    Loads are at least ``least_load`` [N], shares of the friction that are left at least
+    ``least_share``. ``out`` (groups, m, VALUES, lanes) is filled. Raise ValueError where shapes
+    disagree.
     """
     m: cython.Py_ssize_t = wheels.shape[0]
     width: cython.Py_ssize_t = LANES if cython.compiled else runs.shape[2]
@@ -397,29 +394,32 @@ def average_crossings(states: cython.double[:, :, :, ::1], rolling: cython.doubl
             and runs.shape[0] == states.shape[0] and robot.shape[0] == GRAVITY + 1
             and rolling.shape[0] == states.shape[1] and rolling.shape[1] == 4
             and delayed.shape[0] == states.shape[1] and delayed.shape[1] == 2
-            and steps.shape[0] == m and out.shape[0] == states.shape[0] and out.shape[1] == m
+            and after.shape[0] == states.shape[0] and after.shape[1] == m
+            and after.shape[2] == width and steps.shape[0] == m
+            and out.shape[0] == states.shape[0] and out.shape[1] == m
             and out.shape[2] == VALUES and runs.shape[2] == width and out.shape[3] == width
             and states.shape[3] == width):
         raise ValueError('the shapes of the arrays disagree')
-    if not m:
-        return
     for group in range(runs.shape[0]):
         if cython.compiled:
             p = cython.cast(cython.pointer(Lanes), cython.address(runs[group, 0, 0]))
             rows = cython.cast(cython.pointer(Lanes), cython.address(states[group, 0, 0, 0]))
             found = cython.cast(cython.pointer(Lanes), cython.address(out[group, 0, 0, 0]))
+            on_new = cython.cast(cython.pointer(Lanes), cython.address(after[group, 0, 0]))
         else:
-            p, rows, found = (array[group].reshape(-1, width) for array in (runs, states, out))
-        _average_runs(rows, rolling, delayed, steps, wheels, least_load, least_share, p, robot,
-                      found)
+            p, rows, found, on_new = (
+                array[group].reshape(-1, width) for array in (runs, states, out, after))
+        _average_runs(rows, rolling, delayed, on_new, steps, wheels, least_load, least_share, p,
+                      robot, found)
 
 
 @cython.cfunc
 def _average_runs(states: cython.pointer[Lanes], rolling: cython.double[:, ::1],
-                  delayed: cython.double[:, ::1], steps: cython.Py_ssize_t[:, ::1],
-                  wheels: cython.Py_ssize_t[::1], least_load: cython.double,
-                  least_share: cython.double, p: cython.pointer[Lanes],
-                  robot: cython.double[::1], out: cython.pointer[Lanes]) -> cython.void:
+                  delayed: cython.double[:, ::1], after: cython.pointer[Lanes],
+                  steps: cython.Py_ssize_t[:, ::1], wheels: cython.Py_ssize_t[::1],
+                  least_load: cython.double, least_share: cython.double,
+                  p: cython.pointer[Lanes], robot: cython.double[::1],
+                  out: cython.pointer[Lanes]) -> cython.void:
     """Average the crossings of a group of runs."""
     zero: Lanes = lanes(0.0)
     unit: Lanes = lanes(1.0)
@@ -445,8 +445,7 @@ def _average_runs(states: cython.pointer[Lanes], rolling: cython.double[:, ::1],
         side: cython.Py_ssize_t = wheel % 2
         base: cython.double = robot[HALF_BASE] if wheel < 2 else -robot[HALF_BASE]
         track: cython.double = robot[HALF_TRACK] if side == 0 else -robot[HALF_TRACK]
-        after: Lanes = _inside(steps[i, count // 2], p[NEW + 2 * side], p[NEW + 2 * side + 1])
-        grip: Lanes = (old + after * change) / lanes(3.0)
+        grip: Lanes = (old + after[i] * change) / lanes(3.0)
         grip = grip * left if side == 0 else grip / left
         sums: Lanes[5] = [zero] * 5
         sums[4] = unit

@@ -79,6 +79,7 @@ class WindowData:
 class WindowMotion:
     """Simulated motion of all runs."""
 
+    events: Array      # (runs, 10), as in ``Hypothesis``
     parameters: Array  # (groups, PARAMETERS, lanes), of the model
     states: Array      # (groups, n, OUTPUTS, lanes)
     means: Array       # (OUTPUTS, runs, blocks)
@@ -185,7 +186,7 @@ class Measurements:
             self.rolling, self._delayed, np.column_stack([np.cos(heading), np.sin(heading)]),
             parameters, self.robot_constants, states, means)
         return WindowMotion(
-            parameters, states, model.ungrouped(means, len(x)).transpose(2, 0, 1))
+            events, parameters, states, model.ungrouped(means, len(x)).transpose(2, 0, 1))
 
     def _parameters(self, x: Array, events: Array) -> Array:
         """Return the parameters of the model (runs, PARAMETERS) without its start."""
@@ -362,13 +363,18 @@ class Measurements:
         They are those of ``wheels`` (m,) around ``times`` (m,) [s]. The last one is the logarithm
         of the friction at this slip over the largest one.
         """
+        count = motion.means.shape[1]
+        if not len(wheels):
+            return np.empty((count, 0, model.VALUES))
         near = np.searchsorted(self.times, times)[:, np.newaxis] + CROSSING_STEPS  # (m, k)
+        begins, ends = (motion.events[:, 2 * (wheels % 2) + one] for one in (0, 1))
+        after = ((begins <= times) & (times < ends)).astype(float)
         groups, _, width = motion.parameters.shape
         found = np.empty((groups, len(wheels), model.VALUES, width))
         model.average_crossings(
-            motion.states, self.rolling, self._delayed,
+            motion.states, self.rolling, self._delayed, model.grouped(after),
             np.minimum(np.maximum(near, 0), len(self.times) - 1), wheels, MIN_LOAD,
             LEAST_FRICTION, motion.parameters, self.robot_constants, found)
-        values = model.ungrouped(found, motion.means.shape[1])
+        values = model.ungrouped(found, count)
         values[:, :, model.LOSS] = np.log(values[:, :, model.LOSS]) / len(CROSSING_STEPS)
         return values

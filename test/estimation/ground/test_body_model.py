@@ -122,13 +122,14 @@ def test_means_over_blocks_are_those_of_trapezoids():
 def crossings(case: dict[str, np.ndarray], by=model, **arrays: np.ndarray) -> np.ndarray:
     """Return the means over crossings of all wheels, before and after the change of ground."""
     groups = by.grouped(case['runs'])
-    given = {
-        'steps': np.arange(10, 114, 13)[:, np.newaxis] + np.arange(6),
-        'wheels': np.arange(8) % 4, 'robot': case['robot'], **arrays}
+    steps, wheels = np.arange(10, 114, 13)[:, np.newaxis] + np.arange(6), np.arange(8) % 4
+    begins, ends = (case['runs'][:, model.NEW + 2 * (wheels % 2) + one] for one in (0, 1))
+    after = by.grouped(((begins <= steps[:, 0]) & (steps[:, 0] < ends)).astype(float))
+    given = {'steps': steps, 'wheels': wheels, 'robot': case['robot'], **arrays}
     out = np.full((len(groups), 8, model.VALUES, groups.shape[2]), np.nan)
     states, _ = motion(case['rolling'], groups, by, *(
         case[name] for name in ('robot', 'delayed', 'heading')))
-    by.average_crossings(states, case['rolling'], case['delayed'], given['steps'],
+    by.average_crossings(states, case['rolling'], case['delayed'], after, given['steps'],
                          given['wheels'], 0.1, 0.2, groups, given['robot'], out)
     return by.ungrouped(out, len(case['runs']))
 
