@@ -209,23 +209,25 @@ def inverse_spd(matrix: Array) -> Array:
     [[0.25, 0.0], [0.0, 0.0625]]
     """
     try:
-        return gram(inverse_factor(matrix).T, np.ones(len(matrix)))
+        return gram(inverse_factor(matrix).T)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.inv(matrix), dtype=float)
 
 
-def gram(jacobian: Array, weight: Array) -> Array:
+def gram(jacobian: Array, weight: Array | None = None) -> Array:
     """
     Return jacobian @ diag(weight) @ jacobian.T, for a jacobian (m, n) and weights (n,).
 
-    Computed in blocks below the size from which BLAS uses threads, which is ten times slower.
+    Without weights, BLAS computes half of the symmetric product. Computed in blocks below the size
+    from which BLAS uses threads, which is ten times slower.
 
     >>> gram(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([1.0, 3.0])).tolist()
     [[13.0, 6.0], [6.0, 3.0]]
     """
-    weighted, part = jacobian * weight, max(MAX_PRODUCT_SIZE // len(jacobian)**2, 1)
-    total = weighted[:, :part] @ jacobian[:, :part].T
-    for i in range(part, len(weight), part):
+    weighted = jacobian if weight is None else jacobian * weight
+    part = max(MAX_PRODUCT_SIZE // len(jacobian)**2, 1)
+    total: Array = weighted[:, :part] @ jacobian[:, :part].T
+    for i in range(part, jacobian.shape[1], part):
         total += weighted[:, i:i + part] @ jacobian[:, i:i + part].T
     return total
 

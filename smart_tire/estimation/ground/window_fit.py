@@ -119,7 +119,7 @@ class Whitening:
                            self._noise.films[films][:, films])
         white = left.whitened((blocks / self._scale)[:, leaving],
                               (crossings / self._film_scale)[films])
-        return gram(white.T, np.ones(len(white)))
+        return gram(white.T)
 
 
 class WindowFit:
@@ -202,7 +202,7 @@ class WindowFit:
             film_columns = self.film_columns(
                 x, crossings[shown], film_residual, measurements, steps)
             white = whiten(columns, film_columns)
-            products = gram(white.T, np.ones(len(white)))
+            products = gram(white.T)
             hessian = information + products[:SIZE, :SIZE]
             covariance = inverse_spd(hessian)
             step = covariance @ (information @ (prior.mean - x) + products[:SIZE, -1])
