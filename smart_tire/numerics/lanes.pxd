@@ -1,11 +1,11 @@
-# Numbers side by side in C: arithmetic of Lanes is that of each number. Without the vectors of GCC
-# and Clang there is one. Cython takes Lanes for another type than double, so what divides or is
-# assigned must be Lanes, too.
+# Numbers side by side in C: arithmetic of Lanes is that of each number; in numpy, of arrays. Without
+# the vectors of GCC and Clang it is one number. To Cython, Lanes is another type than double, which
+# it must be for functions of both: what divides, or is assigned, must be Lanes, too.
 cdef extern from *:
     """
     #ifndef SMART_TIRE_LANES
     #ifdef __GNUC__
-    #define SMART_TIRE_LANES 2  /* of every processor with 64 bits */
+    #define SMART_TIRE_LANES 2  /* doubles in a register of any processor with 64 bits */
     typedef double Lanes __attribute__((vector_size(8 * SMART_TIRE_LANES), aligned(8)));
     typedef long long LaneMask __attribute__((vector_size(8 * SMART_TIRE_LANES)));
     static inline Lanes lanes_select(Lanes a, Lanes b, Lanes x, Lanes y) {
@@ -20,18 +20,12 @@ cdef extern from *:
     #include <math.h>
     #define SMART_TIRE_LANES 1
     typedef double Lanes;
-    static double lanes_select(double a, double b, double x, double y) { return a > b ? x : y; }
-    static double lanes_sqrt(double x) { return sqrt(x); }
+    static inline Lanes lanes_select(Lanes a, Lanes b, Lanes x, Lanes y) { return a > b ? x : y; }
+    static inline Lanes lanes_sqrt(Lanes x) { return sqrt(x); }
     #endif
     static inline Lanes lanes_of(double x) { Lanes zero = {0.0}; return zero + x; }
-    #ifdef __SSE2__
-    #include <emmintrin.h>
-    static inline Lanes lanes_max(Lanes a, Lanes b) { return (Lanes)_mm_max_pd(a, b); }
-    static inline Lanes lanes_min(Lanes a, Lanes b) { return (Lanes)_mm_min_pd(a, b); }
-    #else
     static inline Lanes lanes_max(Lanes a, Lanes b) { return lanes_select(a, b, a, b); }
     static inline Lanes lanes_min(Lanes a, Lanes b) { return lanes_select(b, a, a, b); }
-    #endif
     static inline Lanes lanes_abs(Lanes x) { return lanes_max(x, -x); }
     #endif
     """
