@@ -26,9 +26,8 @@ import math
 import os
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
-
 from smart_tire.bags.cdr import definition, SampleEncoder
+from smart_tire.bags.mcap_writer import McapWriter
 from smart_tire.bags.metadata import (
     Channel, Contents, metadata_text, Qos, qos_text, Span, write_metadata)
 from smart_tire.bags.reader import Bag
@@ -111,7 +110,7 @@ class BagWriter:
             self._begin_file()
         number, channel = self._numbers[topic]
         try:
-            self._mcap.add_message(number, receive_ns, data, receive_ns)
+            self._mcap.add_message(number, receive_ns, data)
         except OSError as error:  # without a context, which would take as long as the rest
             raise self._error(error) from error
         self._contents.counts[channel] += 1
@@ -138,7 +137,7 @@ class BagWriter:
         """Hand over all written data to the operating system."""
         self._flushed_ns = self._receive_ns
         with self._errors_named():
-            self._mcap.flush()  # type: ignore[no-untyped-call]
+            self._mcap.flush()
 
     def close(self) -> None:
         """Finish the bag; no effect the second time."""
@@ -156,8 +155,7 @@ class BagWriter:
         name = f'{self.directory.resolve().name}_{len(self._contents.files)}.mcap'
         with self._errors_named():
             self._file = (self.directory / name).open('xb')
-            self._mcap = Writer(self._file, compression=CompressionType.ZSTD)
-            self._mcap.start(profile='ros2', library='smart_tire')
+            self._mcap = McapWriter(self._file, profile='ros2', library='smart_tire')
             self._file.flush()
         self._span = self._contents.files[name] = Span()
         self._schemas: dict[str, int] = {}
@@ -168,14 +166,14 @@ class BagWriter:
     def _end_file(self) -> None:
         with self._errors_named(), self._file:
             self._add_metadata_record()
-            self._mcap.finish()  # type: ignore[no-untyped-call]
+            self._mcap.finish()
 
     def _register(self, channel: Channel) -> None:
         """Add the channel to the present file."""
         if channel.type not in self._schemas:
-            self._schemas[channel.type] = self._mcap.register_schema(
+            self._schemas[channel.type] = self._mcap.add_schema(
                 channel.type, channel.definition_encoding, channel.definition.encode())
-        self._numbers[channel.topic] = self._mcap.register_channel(
+        self._numbers[channel.topic] = self._mcap.add_channel(
             channel.topic, channel.encoding, self._schemas[channel.type],
             {'offered_qos_profiles': channel.qos, 'topic_type_hash': channel.type_hash}), channel
 

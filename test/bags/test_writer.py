@@ -190,7 +190,7 @@ def test_a_full_disk_ends_the_recovery_with_the_folder(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(bag_writer.Writer, 'add_message', full)
+    monkeypatch.setattr(bag_writer.McapWriter, 'add_message', full)
     with pytest.raises(BagError, match=r'copy: cannot be written \(No space left on device\)'):
         recover(path, tmp_path / 'copy')
 
