@@ -25,7 +25,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 import math
 import mmap
+from operator import itemgetter
 import os
+from struct import pack
 from tempfile import gettempdir, TemporaryFile
 from typing import Any, cast, IO, NamedTuple
 import weakref
@@ -37,14 +39,15 @@ from smart_tire.arrays import Array, Instants
 from smart_tire.errors import BagError
 from smart_tire.estimates import (
     FrictionEstimate, GroundEstimate, PoseEstimate, Quantity, RotationCenter, SlipEstimate)
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import (
     BatterySample, Friction, FRICTION_QUANTITIES, GROUND_ESTIMATES, GroundState, Icr, ImuSample,
     MotorCommand, NS_PER_S, Odometry, PLANAR, PLANAR_COVARIANCE, Sample, TireSample,
     VelocityCommand, WheelSample, WheelSlip)
 
 UNKNOWN_FOUR = (math.nan,) * 4
-PLANAR_VARIANCE = tuple(7 * row for row in PLANAR)
+PLANAR_COVARIANCES = itemgetter(*PLANAR_COVARIANCE)  # of the 36 numbers of ROS
+PLANAR_VARIANCES = itemgetter(*(7 * row for row in PLANAR))
 MAX_IN_MEMORY = 1 << 20  # bytes of an array: recordings of minutes need no files
 
 Row = Sequence[float]
@@ -53,10 +56,9 @@ Row = Sequence[float]
 def _odometry_row(sample: Odometry) -> Row:
     pose, twist = sample.pose_covariance, sample.twist_covariance
     known = twist[0] != -1.0
-    return (*sample.position[:2], euler(sample.orientation)[2],
+    return (*sample.position[:2], yaw_of(sample.orientation),
             *((*sample.linear[:2], sample.angular[2]) if known else (math.nan,) * 3),
-            *(pose[i] for i in PLANAR_COVARIANCE),
-            *(twist[i] if known else math.nan for i in PLANAR_VARIANCE))
+            *PLANAR_COVARIANCES(pose), *(PLANAR_VARIANCES(twist) if known else (math.nan,) * 3))
 
 
 def _ground_row(sample: GroundState) -> Row:
@@ -206,7 +208,8 @@ class _Table:
 
     def _begin(self) -> None:
         """Begin to collect rows, those after the columns."""
-        self._stamps, self._received, self._values = array('q'), array('q'), array('d')
+        self._stamps, self._received, self._values = array('q'), array('q'), bytearray()
+        self._format = f'{self._width}d'
         self._stream = Stream(self._kind, self._wheel, *(one.rows for one in self._columns))
 
     def append(self, stamp_ns: int, receive_ns: int, row: Row) -> None:
@@ -217,14 +220,14 @@ class _Table:
             row = (*row, *[math.nan] * (self._width - len(row)))
         self._stamps.append(stamp_ns)
         self._received.append(receive_ns)
-        self._values.extend(row)
-        if len(self._values) * self._values.itemsize > MAX_IN_MEMORY:
+        self._values += pack(self._format, *row)
+        if len(self._values) > MAX_IN_MEMORY:
             self._collect()
 
     def _collect(self) -> None:
         for column, rows in zip(self._columns, (
                 np.asarray(self._stamps), np.asarray(self._received),
-                np.asarray(self._values).reshape(-1, self._width))):
+                np.frombuffer(self._values).reshape(-1, self._width))):
             column.extend(rows)
         self._begin()
 

@@ -61,5 +61,10 @@ def euler(quaternion: Sequence[float]) -> tuple[float, float, float]:
     x, y, z, w = quaternion
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return roll, pitch, yaw
+    return roll, pitch, yaw_of(quaternion)
+
+
+def yaw_of(quaternion: Sequence[float]) -> float:
+    """Return the yaw [rad] of a quaternion (x, y, z, w), in (-pi, pi]."""
+    x, y, z, w = quaternion
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

@@ -27,15 +27,19 @@ from rosbags.typesys.store import Typestore
 
 from smart_tire.errors import MessageError
 from smart_tire.messages import (
-    cdr, definitions, forms_of, imu_from_msg, imus_from_columns, OtherJointsError, stamp_of,
-    tire_from_msg, tires_from_columns, Topic)
+    cdr, definitions, forms_of, icr_numbers, imu_from_msg, imus_from_columns, odometry_numbers,
+    OtherJointsError, stamp_of, tire_from_msg, tires_from_columns, Topic, wheel_slip_numbers)
 from smart_tire.messages.wheel_reader import WheelReader
 from smart_tire.parameters import JointParams, STANDARD_JOINTS
 from smart_tire.recording import Faults
-from smart_tire.samples import NS_PER_S, Sample, TireSamples, WheelSample
+from smart_tire.samples import (
+    Icr, NS_PER_S, Odometry, Sample, TireSamples, WheelSample, WheelSlip)
 
 SCALARS: dict[str, Any] = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
 FROM_COLUMNS = {tire_from_msg: tires_from_columns, imu_from_msg: imus_from_columns}
+# of messages that all have the same strings, and so one layout
+NUMBERS: dict[type, Callable[[Any], Sequence[float]]] = {
+    Odometry: odometry_numbers, WheelSlip: wheel_slip_numbers, Icr: icr_numbers}
 
 
 @cache
@@ -223,7 +227,14 @@ class SampleEncoder:
         self._fill = topic.to_msg
         self._msg = empty(topic.type)
         self._encode = (cdr.LayoutEncoder if topic.type in cdr.FIELDS else Encoder)(topic.type)
+        self._numbers = NUMBERS.get(topic.sample)
+        self._layout: cdr.MessageLayout | None = None  # of all messages, once known
 
     def __call__(self, sample: Sample) -> bytes:
         """Return the message of a sample."""
-        return self._encode(self._fill(self._msg, sample))
+        if self._layout is not None and self._numbers is not None:
+            return self._layout.write_numbers(sample.stamp_ns, self._numbers(sample))
+        msg = self._fill(self._msg, sample)
+        if self._numbers is not None and isinstance(self._encode, cdr.LayoutEncoder):
+            self._layout = self._encode.layout(msg)
+        return self._encode(msg)

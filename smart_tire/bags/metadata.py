@@ -117,8 +117,10 @@ class Span:
     def add(self, receive_ns: int) -> None:
         """Add a message."""
         self.messages += 1
-        self.start_ns = min(self.start_ns, receive_ns)
-        self.end_ns = max(self.end_ns, receive_ns)
+        if receive_ns < self.start_ns:
+            self.start_ns = receive_ns
+        if receive_ns > self.end_ns:
+            self.end_ns = receive_ns
 
     def entries(self) -> dict[str, Any]:
         """Return the entries of rosbag2."""
@@ -135,8 +137,15 @@ class Contents:
     ros_distro: str = ''
     files: dict[str, Span] = field(default_factory=dict)      # by name, in order
     counts: dict[Channel, int] = field(default_factory=dict)  # messages in all files
-    span: Span = field(default_factory=Span)
     custom_data: dict[str, str] = field(default_factory=dict)  # as of ros2 bag record
+
+    @property
+    def span(self) -> Span:
+        """Return the span of all files."""
+        spans = self.files.values()
+        return Span(sum(one.messages for one in spans),
+                    min((one.start_ns for one in spans), default=NO_START),
+                    max((one.end_ns for one in spans), default=0))
 
 
 def qos_text(profiles: list[Qos]) -> str:

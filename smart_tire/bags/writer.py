@@ -65,7 +65,7 @@ class BagWriter:
         self._contents = Contents(ros_distro, custom_data=dict(custom_data or {}))
         self._live = live
         self._numbers: dict[str, tuple[int, Channel]] = {}  # by topic: of the channel in this file
-        self._encoders: dict[str, SampleEncoder] = {}
+        self._encoders: dict[str, tuple[SampleEncoder, str]] = {}  # and topic in the bag
         self._receive_ns = self._flushed_ns = self._metadata_ns = 0
         with self._errors_named():
             self.directory.mkdir(parents=True)
@@ -114,7 +114,6 @@ class BagWriter:
         except OSError as error:  # without a context, which would take as long as the rest
             raise self._error(error) from error
         self._contents.counts[channel] += 1
-        self._contents.span.add(receive_ns)
         self._span.add(receive_ns)
         self._receive_ns = receive_ns
         if not self._live:
@@ -127,11 +126,11 @@ class BagWriter:
 
     def write_sample(self, topic: str, receive_ns: int, sample: Sample) -> None:
         """Write a sample of a standard topic such as ``odom``."""
-        encode = self._encoders.get(topic)
-        if encode is None:
-            encode = self._encoders[topic] = SampleEncoder(ALL_TOPICS[topic])
+        if topic not in self._encoders:
+            self._encoders[topic] = SampleEncoder(ALL_TOPICS[topic]), f'/{topic}'
             self.add_topic(channel_of(topic, ALL_TOPICS[topic].type))
-        self.write(f'/{topic}', receive_ns, encode(sample))
+        encode, name = self._encoders[topic]
+        self.write(name, receive_ns, encode(sample))
 
     def flush(self) -> None:
         """Hand over all written data to the operating system."""

@@ -37,7 +37,7 @@ from smart_tire.drivers.simulated_time import SimulatedTime, VARIABLE
 from smart_tire.errors import ParameterError
 from smart_tire.findings import Level
 from smart_tire.host_load import worst_of
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import PathProgress
 
 SPIN_TIME = 0.05         # s between two looks at keys, progress and signals
@@ -187,7 +187,7 @@ class Session:
     def start_pose(self) -> tuple[float, float, float]:
         """Return x, y and yaw of the robot in ``odom``."""
         odometry = self.pilot.odometry
-        return odometry.position[0], odometry.position[1], euler(odometry.orientation)[2]
+        return odometry.position[0], odometry.position[1], yaw_of(odometry.orientation)
 
     def follow(self, name: str, poses: Poses, dashboard: Dashboard) -> PathState:
         """Follow a path in ``odom``, then stand still; return the state in which it ended."""

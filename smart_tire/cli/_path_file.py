@@ -20,7 +20,7 @@ from smart_tire.bags import Bag
 from smart_tire.control.path_library import PATHS
 from smart_tire.errors import BagError, ParameterError
 from smart_tire.paths import BAG_SUFFIXES, csv_rows, find_bag, is_number
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import NAN, Odometry, Vector3
 
 COLUMNS = ('x', 'y', 'yaw')
@@ -132,7 +132,7 @@ def _recorded(path: Path) -> list[Vector3]:
         with Bag(find_bag(path)) as bag:
             for _, _, sample in bag.samples(['odom']):
                 assert isinstance(sample, Odometry)
-                latest = *sample.position[:2], euler(sample.orientation)[2]
+                latest = *sample.position[:2], yaw_of(sample.orientation)
                 if not poses or math.dist(poses[-1][:2], latest[:2]) >= RECORDED_SPACING:
                     poses.append(latest)
     except BagError as error:

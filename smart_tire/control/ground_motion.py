@@ -18,7 +18,7 @@ import math
 from smart_tire.control import constants as c
 from smart_tire.control.history import History
 from smart_tire.parameters.path_following import PathCheckParams
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import GRAVITY, MAX_ANGULAR_RATE, MAX_SPEED, NS_PER_S, Odometry
 
 
@@ -75,7 +75,7 @@ def motion_of(odometry: Odometry) -> Motion | None:
             and all(abs(speed) <= MAX_SPEED for speed in odometry.linear)
             and all(abs(rate) <= MAX_ANGULAR_RATE for rate in odometry.angular)):
         return None
-    return Motion(*odometry.position[:2], euler(odometry.orientation)[2], *odometry.linear[:2],
+    return Motion(*odometry.position[:2], yaw_of(odometry.orientation), *odometry.linear[:2],
                   odometry.angular[2])
 
 

@@ -22,10 +22,10 @@ from smart_tire.messages.cdr import FIELDS, LayoutDecoder, LayoutEncoder, stamp_
 from smart_tire.messages.header import NANOSEC, NodeStatus, stamp_of, statuses_from_msg
 from smart_tire.messages.joint_names import OtherJointsError, resolved_joints
 from smart_tire.messages.joint_state import (
-    tire_from_msg, tires_from_columns, wheels_from_msg)
+    tire_from_msg, tires_from_columns, wheel_slip_numbers, wheels_from_msg)
 from smart_tire.messages.odometry_imu import (
-    imu_from_msg, imu_mounting_to_msg, imu_to_msg, imus_from_columns, transform_to_msg,
-    velocity_from_twist)
+    icr_numbers, imu_from_msg, imu_mounting_to_msg, imu_to_msg, imus_from_columns,
+    odometry_numbers, transform_to_msg, velocity_from_twist)
 from smart_tire.messages.path import (
     check_pose_count, path_from_bytes, path_from_msg, transform_from_msg)
 from smart_tire.messages.topics import (
@@ -33,9 +33,10 @@ from smart_tire.messages.topics import (
 from smart_tire.messages.typed import definitions
 
 __all__ = [
-    'ALL_TOPICS', 'check_pose_count', 'definitions', 'FIELDS', 'find_topic', 'forms_of', 'IMAGES',
-    'imu_from_msg', 'imu_mounting_to_msg', 'imu_to_msg', 'imus_from_columns', 'LayoutDecoder',
-    'LayoutEncoder', 'NANOSEC', 'NodeStatus', 'OtherJointsError', 'path_from_bytes',
-    'path_from_msg', 'resolved_joints', 'stamp_in', 'stamp_of', 'statuses_from_msg',
-    'tire_from_msg', 'tires_from_columns', 'Topic', 'topic_of', 'TOPICS', 'transform_from_msg',
-    'transform_to_msg', 'TYPED', 'velocity_from_twist', 'wheels_from_msg']
+    'ALL_TOPICS', 'check_pose_count', 'definitions', 'FIELDS', 'find_topic', 'forms_of',
+    'icr_numbers', 'IMAGES', 'imu_from_msg', 'imu_mounting_to_msg', 'imu_to_msg',
+    'imus_from_columns', 'LayoutDecoder', 'LayoutEncoder', 'NANOSEC', 'NodeStatus',
+    'odometry_numbers', 'OtherJointsError', 'path_from_bytes', 'path_from_msg', 'resolved_joints',
+    'stamp_in', 'stamp_of', 'statuses_from_msg', 'tire_from_msg', 'tires_from_columns', 'Topic',
+    'topic_of', 'TOPICS', 'transform_from_msg', 'transform_to_msg', 'TYPED',
+    'velocity_from_twist', 'wheel_slip_numbers', 'wheels_from_msg']

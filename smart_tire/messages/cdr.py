@@ -128,6 +128,7 @@ class MessageLayout:
         self._static = [0]  # indices into the template
         self.msg = SimpleNamespace()
         self._order = order
+        self._doubles: list[slice] = []  # parts of the template with doubles, in their order
         self._scalars: list[tuple[str, int]] = []  # path and index
         self._arrays: list[tuple[str, slice]] = []
         self._bytes: list[tuple[str, str, int, int]] = []  # path, type, first byte and end
@@ -184,6 +185,11 @@ class MessageLayout:
 
     def _add_doubles(self, path: str, count: int) -> None:
         """Note where the latest doubles are."""
+        end = len(self._template)
+        if self._doubles and self._doubles[-1].stop == end - count:
+            self._doubles[-1] = slice(self._doubles[-1].start, end)
+        else:
+            self._doubles.append(slice(end - count, end))
         end = HEADER_SIZE + self._size
         self._bytes.append((path, 'f8', end - 8 * count, end))
 
@@ -240,6 +246,16 @@ class MessageLayout:
             values[i] = number
         for (_, part), number in zip(self._arrays, numbers):
             values[part] = number
+        return self._struct.pack(*values)
+
+    def write_numbers(self, stamp_ns: int, numbers: Sequence[float]) -> bytes:
+        """Return the message with this stamp and all of its doubles, in their order, as CDR."""
+        values, begin = self._template, 0
+        values[1:3] = divmod(stamp_ns, NS_PER_S)
+        for part in self._doubles:
+            end = begin + part.stop - part.start
+            values[part] = numbers[begin:end]
+            begin = end
         return self._struct.pack(*values)
 
 
@@ -331,13 +347,17 @@ class LayoutEncoder:
 
     def __call__(self, msg: Any) -> bytes:
         """Return ``msg`` as CDR."""
+        return self.layout(msg).write(msg)
+
+    def layout(self, msg: Any) -> MessageLayout:
+        """Return the layout of ``msg``."""
         shape = tuple([kind(value(msg)) for value, kind in self._variable])
         layout = self._layouts.get(shape)
         if layout is None:
             if len(self._layouts) >= LAYOUT_CACHE_SIZE:
                 self._layouts.clear()
             layout = self._layouts[shape] = MessageLayout(self._type, shape)
-        return layout.write(msg)
+        return layout
 
 
 def stamp_in(data: bytes) -> int:

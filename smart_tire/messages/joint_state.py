@@ -201,6 +201,11 @@ def wheel_slip_to_msg(msg: Any, sample: WheelSlip) -> Any:
                       velocity=sample.slip_velocity, effort=sample.sigma)
 
 
+def wheel_slip_numbers(sample: WheelSlip) -> tuple[float, ...]:
+    """Return all doubles of the message of ``sample``, in the order of their bytes."""
+    return sample.ratio + sample.slip_velocity + sample.sigma
+
+
 def ground_state_from_msg(msg: Any) -> GroundState:
     """
     Return the ground state in a JointState; a sigma may be infinite.

@@ -169,6 +169,12 @@ def odometry_to_msg(msg: Any, sample: Odometry, frame: str = 'odom') -> Any:
     return msg
 
 
+def odometry_numbers(sample: Odometry) -> tuple[float, ...]:
+    """Return all doubles of the message of ``sample``, in the order of their bytes."""
+    return (*sample.position, *sample.orientation, *sample.pose_covariance, *sample.linear,
+            *sample.angular, *sample.twist_covariance)
+
+
 def transform_to_msg(msg: Any, sample: Odometry) -> Any:
     """Write the pose of ``sample`` into a TransformStamped, for /tf, and return it."""
     return _fill_transform(msg, sample.stamp_ns, ('odom', 'base_link'), sample.position,
@@ -205,6 +211,11 @@ def icr_to_msg(msg: Any, sample: Icr) -> Any:
     set_header(msg, sample.stamp_ns, 'base_link')
     _set_vector(msg.point, (sample.x, sample.y, 0.0))
     return msg
+
+
+def icr_numbers(sample: Icr) -> tuple[float, ...]:
+    """Return all doubles of the message of ``sample``, in the order of their bytes."""
+    return sample.x, sample.y, 0.0
 
 
 def velocity_from_msg(msg: Any) -> VelocityCommand:

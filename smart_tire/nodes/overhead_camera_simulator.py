@@ -26,7 +26,7 @@ from smart_tire.nodes.diagnostics import Status
 from smart_tire.nodes.qos import publisher_qos
 from smart_tire.nodes.runner import run
 from smart_tire.parameters.overhead import OverheadCameraSimulatorParams
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import NS_PER_S, Odometry
 from smart_tire.vision.detection import fill_image, jpeg
 from smart_tire.vision.renderer import between, Renderer
@@ -75,7 +75,7 @@ class OverheadCameraSimulator(SmartTireNode[OverheadCameraSimulatorParams]):
         if truth and stamp_ns <= truth[-1][0]:  # a clock that was set back
             truth.clear()
             self._image_ns = 0
-        truth.append((stamp_ns, *odometry.position[:2], euler(odometry.orientation)[2]))
+        truth.append((stamp_ns, *odometry.position[:2], yaw_of(odometry.orientation)))
         due_ns = (stamp_ns - self._after_ns) // self._period_ns * self._period_ns
         if due_ns == self._image_ns or truth[0][0] > due_ns - self._before_ns:
             return

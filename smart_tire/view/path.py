@@ -20,7 +20,7 @@ import rerun as rr
 
 from smart_tire.analysis.figure import ellipse, SIGMAS
 from smart_tire.arrays import Array
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import FrictionGrid, GoalPose, NS_PER_S, Odometry, PlannedPath
 from smart_tire.view.writer import AXIS, Color, COMMAND, ESTIMATE, REFERENCES, ViewWriter
 
@@ -203,4 +203,4 @@ class PathLayer:
 def _pose(sample: Odometry) -> tuple[complex, float]:
     """Return the place x + iy [m] and the yaw [rad]."""
     x, y, _ = sample.position
-    return complex(x, y), euler(sample.orientation)[2]
+    return complex(x, y), yaw_of(sample.orientation)

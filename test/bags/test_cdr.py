@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from rosbags.interfaces import Nodetype
 from smart_tire.bags.cdr import (
-    Decoder, definition, empty, Encoder, SampleDecoder, SampleEncoder, typestore)
+    Decoder, definition, empty, Encoder, NUMBERS, SampleDecoder, SampleEncoder, typestore)
 from smart_tire.errors import MessageError
 from smart_tire.messages import cdr, TOPICS
 from smart_tire.messages.joint_names import LAYOUT_CACHE_SIZE
@@ -193,6 +193,20 @@ def test_the_bytes_of_rclpy_are_read_and_ours_are_read_by_it(topic):
     assert [*SampleDecoder(topic.name, Faults())(theirs)] == [sample]
     ours = SampleEncoder(topic)(sample)
     assert topic.from_msg(serialization.deserialize_message(ours, cls)) == sample
+
+
+@pytest.mark.parametrize('topic', [
+    topic for topic in TOPICS.values() if topic.sample in NUMBERS], ids=lambda topic: topic.name)
+def test_estimates_encoded_by_their_numbers_are_those_encoded_by_messages(topic):
+    encode, encode_msg = SampleEncoder(topic), Encoder(topic.type)
+    rng, (sample,) = np.random.default_rng(0), (
+        one for one in SAMPLES if type(one) is topic.sample)
+    for stamp_ns in (sample.stamp_ns, 0, -1, 2**60):
+        values = {name: tuple(rng.normal(size=len(value)).tolist())
+                  if isinstance(value := getattr(sample, name), tuple) else rng.normal()
+                  for name in sample.__dataclass_fields__}
+        sample = topic.sample(**values | {'stamp_ns': stamp_ns})
+        assert encode(sample) == encode_msg(topic.to_msg(empty(topic.type), sample))
 
 
 @pytest.mark.parametrize('type_name', TYPES)

@@ -66,7 +66,7 @@ def test_profiles_are_written_as_rosbag2_does():
 CONTENTS = Contents(
     'jazzy', {'a_0.mcap': Span(3, 5, 9), 'a_1.mcap': Span(1, 12, 12)},
     {Channel('/a', 'a/msg/A', qos=qos_text([Qos()]), type_hash='RIHS01_0'): 3,
-     Channel('/b', 'b/msg/B', 'json', qos='[{'): 1}, Span(4, 5, 12), {'key': 'one\ntwo'})
+     Channel('/b', 'b/msg/B', 'json', qos='[{'): 1}, {'key': 'one\ntwo'})
 
 
 def test_all_contents_are_in_the_file(tmp_path):

@@ -45,7 +45,7 @@ from smart_tire.estimation.slip.state import (
     initial_state, LEARNING_TIME, N, QUIET_TIME, SLIP_LEARNING_TIME, SLIP_VELS, SPEED_SIGMA,
     START_SLIP, State)
 from smart_tire.parameters import SlipEstimatorParams
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import Four, GroundState, MAX_WHEEL_SPEED, Odometry
 from smart_tire.samples import GRAVITY as G
 from smart_tire.uncertain import Uncertain
@@ -209,7 +209,7 @@ class SlipFilter:
 
     def set_pose(self, odometry: Odometry) -> None:
         """Set the pose, and its variances, to those in ``odometry``."""
-        pose = (*odometry.position[:2], euler(odometry.orientation)[2])
+        pose = (*odometry.position[:2], yaw_of(odometry.orientation))
         for row, value, i in zip(POSE, pose, (0, 1, 5)):
             self.kalman.set_states([row], value, math.sqrt(odometry.pose_covariance[7 * i]))
         self._at_origin = False

@@ -24,7 +24,7 @@ from smart_tire.estimation.slip.state import (
     SLIP_CORRELATION_TIME)
 from smart_tire.parameters import SlipEstimatorParams
 from smart_tire.parameters.tuning import INCREMENTS
-from smart_tire.rotation import euler
+from smart_tire.rotation import yaw_of
 from smart_tire.samples import NS_PER_S, Odometry, PLANAR, PLANAR_COVARIANCE
 
 Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
@@ -92,4 +92,4 @@ def planar(covariance: Sequence[float]) -> Array:
 
 def planar_pose(odometry: Odometry) -> Pose:
     """Return x, y [m] and yaw [rad]."""
-    return *odometry.position[:2], euler(odometry.orientation)[2]
+    return *odometry.position[:2], yaw_of(odometry.orientation)
