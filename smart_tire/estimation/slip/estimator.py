@@ -368,24 +368,26 @@ class SlipSegment:
         if imu.reading is None or not self._odometry.started:
             return []
         x, P = self.filter.kalman.x, self.filter.kalman.P
-        reading = imu.reading if imu.force is None else ImuReading(
-            imu.reading.yaw_rate, *imu.force)
+        rate, *force = imu.reading
+        if imu.force is not None:
+            force = imu.force
+        held = [reading for _, _, reading in self._held]  # since the state
+        if held:
+            rate = held[-1].yaw_rate
         now = self._seconds(instant_ns)
         variance = self.filter.blind_rate_variance(
             self._odometry.staleness(now)[1]) if self.filter.blind else self._gyro_variance
-        context = OutputContext(instant_ns, now - self._time, reading, variance,
-                                self._odometry.wheel_residual,
-                                hidden=self.filter.hidden_variance)
-        if self._held:
-            context = self._carried(context)
+        context = OutputContext(
+            instant_ns, now - self._time, ImuReading(rate, *force), variance,
+            self._odometry.wheel_residual, _mean(held) if held else None,
+            self.filter.hidden_variance)
         if self._recorder is not None:
             self._recorder.record_output(
                 context, x[:ESTIMATED], P[:ESTIMATED, :ESTIMATED].copy())
         return self._output.build(context, x, P)
 
-    def _carried(self, context: OutputContext) -> OutputContext:
-        """Return the context with the readings since the state."""
-        readings = [reading for *_, reading in self._held]
-        mean = ImuReading(*(sum(column) / len(readings) for column in zip(*readings)))
-        return context._replace(
-            imu=context.imu._replace(yaw_rate=readings[-1].yaw_rate), mean=mean)
+
+def _mean(readings: list[ImuReading]) -> ImuReading:
+    if len(readings) == 1:  # as between most instants
+        return readings[0]
+    return ImuReading(*(sum(column) / len(readings) for column in zip(*readings)))

@@ -316,10 +316,10 @@ def fill_covariances(P: Array, W: float, x_imu: float, y_imu: float, pose: array
     """
     poses: cython.int[5] = [X, Y, ROLL, PITCH, YAW]
     pose_rows: cython.int[5] = [0, 1, 3, 4, 5]
-    # the twist is linear in five states: T (3, 5)
-    states: cython.int[5] = [V_X, V_Y, GYRO_BIAS_Z, IMU_X, IMU_Y]
-    T: cython.double[15] = [
-        1.0, 0.0, -y_imu, 0.0, W, 0.0, 1.0, x_imu, -W, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0]
+    # the twist is linear in the states: three of them for each of v_x and v_y, one for the rate
+    states: cython.int[9] = [V_X, GYRO_BIAS_Z, IMU_Y, V_Y, GYRO_BIAS_Z, IMU_X,
+                             GYRO_BIAS_Z, GYRO_BIAS_Z, GYRO_BIAS_Z]
+    T: cython.double[9] = [1.0, -y_imu, W, 1.0, x_imu, -W, -1.0, 0.0, 0.0]
     twist_rows: cython.int[3] = [0, 1, 5]
     for i in range(5):
         for j in range(5):
@@ -327,8 +327,8 @@ def fill_covariances(P: Array, W: float, x_imu: float, y_imu: float, pose: array
     for i in range(3):
         for j in range(i + 1):
             total = 0.0
-            for k in range(5):
-                for m in range(5):
-                    total += T[5 * i + k] * P[states[k], states[m]] * T[5 * j + m]
+            for k in range(3 * i, 3 * i + 3):
+                for m in range(3 * j, 3 * j + 3):
+                    total += T[k] * P[states[k], states[m]] * T[m]
             twist[6 * twist_rows[i] + twist_rows[j]] = total
             twist[6 * twist_rows[j] + twist_rows[i]] = total
