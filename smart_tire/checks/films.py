@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.signal import correlate
 
 from smart_tire.arrays import Array
 from smart_tire.checks import limits
@@ -105,7 +104,8 @@ def _shift(volts: Array, distance: Array, circumference: float, step: float) -> 
     ``step`` [m] is its resolution.
     """
     half = int(0.5 * circumference / step)
-    total, power = np.zeros(2 * half + 1), np.zeros(2)
+    shifts = np.arange(-half, half + 1)
+    total, power = np.zeros(len(shifts)), np.zeros(2)
     for run in _runs(distance, limits.MIN_RUN * circumference):
         way, films = distance[run], volts[run]
         if way[-1] < way[0]:
@@ -113,8 +113,9 @@ def _shift(volts: Array, distance: Array, circumference: float, step: float) -> 
         grid = np.arange(way[0], way[-1], step)
         one, two = (np.interp(grid, way, film) for film in films.T)
         one, two = one - np.median(one), two - np.median(two)
-        zero = len(grid) - 1  # index of the correlation without shift
-        total += correlate(two, one)[zero - half:zero + half + 1]
+        size = len(grid) + half  # with zeros, so that neither end meets the other
+        one_spectrum, two_spectrum = np.fft.rfft([one, two], size)
+        total += np.fft.irfft(np.conj(one_spectrum) * two_spectrum, size)[shifts]
         power += np.sum(one ** 2), np.sum(two ** 2)
     best = int(np.argmax(total))
     if not power.all() or total[best] < limits.MIN_CORRELATION * np.sqrt(power[0] * power[1]):
