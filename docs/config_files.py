@@ -24,8 +24,9 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from smart_tire.parameters import FILES, ImageParams, NODE_PARAMS, RobotParams, Spec, specs
+from smart_tire.parameters import FILES, NODE_PARAMS, RobotParams, Spec, specs
 from smart_tire.parameters.files import value_text
+from smart_tire.parameters.overhead import ImageParams
 
 MAX_LINE_LENGTH = 90  # characters; the items of a list that exceeds it get lines of their own
 

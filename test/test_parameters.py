@@ -17,6 +17,7 @@ import math
 from pathlib import Path
 
 import pytest
+from smart_tire import parameters
 from smart_tire.errors import ParameterError
 from smart_tire.parameters import (
     build, known_names, load_files, MotorDriverParams, NODE_PARAMS, RobotParams, SimulatorParams,
@@ -49,6 +50,15 @@ class Cart:
     name: str = param('cart', '-', 'name')
     front: Wheel = nested(Wheel)
     axle: Wheel = inlined(Wheel)
+
+
+# Classes of the nodes
+
+
+def test_every_class_of_a_node_is_an_attribute_of_the_package():
+    assert all(getattr(parameters, cls.__name__) is cls for cls in NODE_PARAMS.values())
+    with pytest.raises(AttributeError, match="'smart_tire.parameters' has no attribute 'Params'"):
+        _ = parameters.Params
 
 
 # One description

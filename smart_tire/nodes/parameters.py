@@ -42,8 +42,9 @@ def declare(node: Node, cls: type[Params]) -> Params:
     Raises ParameterError for an invalid value and for a name that no node of this package has.
     Parameters of other nodes, which a ``/**`` block sets for all nodes, are ignored.
     """
-    given = given_parameters(node)
-    check_names(given, known_names([cls, *NODE_PARAMS.values()]))
+    given, own = given_parameters(node), known_names([cls])
+    if foreign := [name for name in given if not is_known(name, own)]:
+        check_names(foreign, known_names([cls, *NODE_PARAMS.values()]))
     values = _values_of(cls, given)
     params = build(cls, values)
     for name, spec in specs(cls, values).items():

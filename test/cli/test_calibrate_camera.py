@@ -17,8 +17,8 @@ import re
 import numpy as np
 import pytest
 from smart_tire.cli.main import main
-from smart_tire.parameters import ImageParams, load_node
-from smart_tire.parameters.overhead import OverheadParams
+from smart_tire.parameters import load_node
+from smart_tire.parameters.overhead import ImageParams, OverheadParams
 from smart_tire.vision.renderer import Renderer
 from support.overhead import imu_samples, RADIUS, wheel_samples, write_bag
 

@@ -40,9 +40,10 @@ import yaml
 
 pytestmark = pytest.mark.processes
 
-# libraries that nodes use later, or never
+# libraries that nodes use later, or never, and parameters of other nodes
 SLOW = ('argcomplete', 'cv2', 'lz4', 'matplotlib', 'mcap', 'pandas', 'plotly', 'rich',
-        'rosbags', 'scipy', 'zstandard')
+        'rosbags', 'scipy', 'zstandard', *(f'smart_tire.parameters.{name}' for name in (
+            'control', 'film', 'mapping', 'overhead', 'simulation')))
 CODE = f"""import sys
 from smart_tire.nodes.{{name}} import main
 status = main()
@@ -97,8 +98,9 @@ def test_every_node_publishes_diagnostics_imports_little_and_ends_cleanly_after_
         assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
         assert 'Traceback' not in node.output
         assert 'realtime_priority' not in node.output
-        needed = ['cv2'] if name in CAMERA else ['scipy'] if name == 'film_simulator' else []
-        assert node.output.splitlines()[-1] == f'imported: {needed}'
+        needed = [NODE_PARAMS[name].__module__]
+        needed += ['cv2'] if name in CAMERA else ['scipy'] if name == 'film_simulator' else []
+        assert node.output.splitlines()[-1] == f'imported: {[n for n in SLOW if n in needed]}'
 
 
 def test_sigterm_ends_a_node_cleanly_and_integers_are_accepted_for_floats(graph):

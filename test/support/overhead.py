@@ -18,7 +18,7 @@ import numpy as np
 from smart_tire.bags import BagWriter, channel_of
 from smart_tire.bags.cdr import empty, Encoder
 from smart_tire.messages.header import set_header
-from smart_tire.parameters import ImageParams
+from smart_tire.parameters.overhead import ImageParams
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.samples import ImuSample, NS_PER_S, WheelSample
 from smart_tire.vision.camera import Camera, Intrinsics

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from smart_tire.bags import Bag
 from smart_tire.cli.main import main
-from smart_tire.parameters import build, ImageParams, SimulatorParams
-from smart_tire.parameters.overhead import OverheadParams
+from smart_tire.parameters import build, SimulatorParams
+from smart_tire.parameters.overhead import ImageParams, OverheadParams
 from smart_tire.recording import SampleArrays
 from smart_tire.samples import NS_PER_S
 from smart_tire.simulation.offline import simulate

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from smart_tire.errors import EstimatorError, ParameterError
 from smart_tire.identification.camera import camera_parameters
-from smart_tire.parameters import ImageParams, load_node, RobotParams
+from smart_tire.parameters import load_node, RobotParams
 from smart_tire.parameters.calibration_file import identified_text
-from smart_tire.parameters.overhead import OverheadParams
+from smart_tire.parameters.overhead import ImageParams, OverheadParams
 from smart_tire.recording import SampleArrays
 from smart_tire.uncertain import Uncertain
 from smart_tire.vision.camera import Camera, Intrinsics
