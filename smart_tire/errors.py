@@ -11,7 +11,6 @@
 """Exceptions of this package, derived from built-in ones, and parts of their texts."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 MAX_TEXT = 500    # characters of an error, assumed: a few lines of a terminal
 MAX_REASON = 200  # characters of the reason why a message is rejected
@@ -32,6 +31,7 @@ def printable(text: str, limit: int = MAX_TEXT) -> str:
 
 def did_you_mean(name: str, known: Iterable[str], otherwise: str = '') -> str:
     """Return the most similar of ``known`` as the end of a sentence, or ``otherwise``."""
+    from difflib import get_close_matches  # nodes start without
     near = get_close_matches(name, list(known), n=1)
     return f', did you mean {near[0]}?' if near else otherwise
 

@@ -18,11 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-import csv
 import errno
 import fcntl
 from io import StringIO
-import json
 import os
 from pathlib import Path
 import stat
@@ -151,6 +149,7 @@ def analyzed_bag(folder: Path) -> tuple[Path, dict[str, str]] | None:
 
     None if summary or bag are missing; raises BagError if this is not a summary.
     """
+    import json  # nodes start without
     summary = folder / SUMMARY
     try:
         tree = json.loads(read_file(summary, MAX_SUMMARY_SIZE))
@@ -239,6 +238,7 @@ def check_file(path: Path) -> None:
 @contextmanager
 def csv_rows(path: Path, max_size: int, kind: str) -> Iterator[Any]:
     """Yield the reader of a CSV file; raise ParameterError if it is no file of this ``kind``."""
+    import csv  # nodes start without
     try:
         with explained(path, 'read'):
             # decoded as a whole: the error has the position in the file

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from statistics import fmean
+import math
 from typing import TypeVar
 
 import numpy as np
@@ -84,8 +84,10 @@ class MotorResponse:
         gain = model.inertia / stall * NS_PER_S / max(middle_ns - first_ns, end_ns - begin_ns)
         inertial = [gain * (w - old) for w, old in zip(speed, before)]
         given = self._duties.held(end_ns - round(self.delay * NS_PER_S)) or realized
+        mean_torque = [math.fsum(torques) / len(readings)
+                       for torques in zip(*(torque for _, _, torque in readings))]
         self.motors = tuple(
-            MotorState(_missing(*duties), change, fmean(one[2][wheel] for one in readings) / stall
+            MotorState(_missing(*duties), change, mean_torque[wheel] / stall
                        - change - (model.speed_gain - model.free_gain) * speed[wheel])
             for wheel, (duties, change) in enumerate(zip(zip(given, realized), inertial)))
 

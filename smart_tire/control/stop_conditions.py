@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 import math
-from statistics import fmean
 
 from smart_tire.control import constants as c
 from smart_tire.control.ground_motion import Motion, Travel, wrap
@@ -48,8 +47,9 @@ class OdometryCheck:
     def add_wheels(self, sample: WheelSample) -> None:
         """Add the mean speeds since the sample before."""
         scale = self._radius * self._wheels.elapsed(sample.stamp_ns)
-        left, right = (scale * fmean(filter(math.isfinite, (
-            sample.velocity[wheel] for wheel in side))) for side in (LEFT, RIGHT))
+        sides = ([speed for wheel in side if math.isfinite(speed := sample.velocity[wheel])]
+                 for side in (LEFT, RIGHT))
+        left, right = (scale * (math.fsum(speeds) / len(speeds)) for speeds in sides)
         self._wheels.extend(sample.stamp_ns, 0.5 * (right + left), 0.5 * (right - left))
 
     def fault(self, max_slip: float) -> str:

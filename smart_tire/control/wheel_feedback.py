@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 import math
-from statistics import fmean, median
 
 from smart_tire.control import constants as c
 from smart_tire.samples import Four, four, NS_PER_S, STOPPED
@@ -65,7 +64,7 @@ class WheelFeedback:
             if gap_ns <= 0:
                 return  # repeated
             self._gaps.append(gap_ns)
-            if position is None and gap_ns > c.MAX_GAP_RATIO * median(self._gaps):
+            if position is None and gap_ns > c.MAX_GAP_RATIO * self._median_gap():
                 before = None  # others are missing in between
         if before is None:
             before, gap_ns = self._begin(velocity, now_ns)
@@ -101,7 +100,11 @@ class WheelFeedback:
     @property
     def period(self) -> float | None:
         """Return the period of the readings [s], None before the second one."""
-        return median(self._gaps) / NS_PER_S if self._gaps else None
+        return self._median_gap() / NS_PER_S if self._gaps else None
+
+    def _median_gap(self) -> float:
+        from statistics import median  # nodes start without
+        return median(self._gaps)
 
     def mean(self, wheel: int) -> tuple[float, int, int] | None:
         """
@@ -142,7 +145,8 @@ class WheelFeedback:
         """
         period = self.period or math.inf
         window = max(self._window_ns / NS_PER_S, period)
-        late = fmean(self._lateness) - min(self._lateness) if self._lateness else 0.0
+        lateness = self._lateness or (0,)
+        late = math.fsum(lateness) / len(lateness) - min(lateness)
         return 0.5 * (window + period + control_period) + c.LINE_DELAY + late / NS_PER_S
 
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-import statistics
 
 S_PER_NS = 1e-9
 FIT_WINDOW = 60.0           # s of arrivals in the fit; crystal drift changes within minutes
@@ -259,6 +258,7 @@ class ArrivalTimestamps:
         if len(self._arrivals) == PERIOD_FIT_ARRIVALS:
             counts, times = zip(*self._arrivals)
             start = times[0]
+            import statistics  # nodes start without
             self._period_ns = statistics.linear_regression(
                 counts, [time - start for time in times]).slope
             for count, time in self._arrivals:

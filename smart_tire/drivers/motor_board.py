@@ -16,7 +16,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 import itertools
 import math
-from statistics import fmean
 
 from smart_tire.drivers.clock import Clock
 from smart_tire.drivers.roboclaw_line import RoboclawLine
@@ -154,7 +153,7 @@ class MotionCheck:
                 2.5 * self._params.stall_time):
             return None
         return ((readings[-1].position - readings[0].position) / elapsed,
-                fmean(one.duty for one in readings[1:]))
+                math.fsum(one.duty for one in readings[1:]) / (len(readings) - 1))
 
     def _description(self, turned: float, duty: float) -> str:
         before, latest = self._readings[-2:]
@@ -176,10 +175,10 @@ class MotionCheck:
                 for early, late in itertools.pairwise(readings)]
         measured = [one for one in held if not math.isnan(one[1])]
         if len(measured) < MIN_MEASURED:
-            return fmean(duty for duty, _ in held), MAX_LOAD + inertial
-        torque = fmean(torque for _, torque in measured)
+            return math.fsum(duty for duty, _ in held) / len(held), MAX_LOAD + inertial
+        torque = math.fsum(torque for _, torque in measured) / len(measured)
         ratio = (1.0 + params.motor_tolerance) / (1.0 - params.motor_tolerance)
-        return (fmean(duty for duty, _ in measured),
+        return (math.fsum(duty for duty, _ in measured) / len(measured),
                 (ratio * torque + MAX_TORQUE_ERROR) / params.stall_torque + inertial)
 
     def _unloaded_speed(self, duty: float) -> float:

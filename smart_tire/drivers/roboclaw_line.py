@@ -13,7 +13,6 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from statistics import median
 from typing import Any
 
 from smart_tire.drivers.clock import Clock, SYSTEM
@@ -231,6 +230,7 @@ class LineTiming:
         self._durations[command].append(duration_ns)
         if command == SET_DUTY and all(
                 len(self._durations[one]) >= MIN_EXCHANGES for one in (READ_ENCODERS, SET_DUTY)):
+            from statistics import median  # nodes start without
             self.poll_time = BOARDS / NS_PER_S * sum(
                 median(self._durations[one]) for one in POLL if self._durations[one])
 

@@ -31,7 +31,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import fcntl
-import mmap
 import os
 from pathlib import Path
 import time
@@ -52,6 +51,7 @@ class SimulatedTime:
 
     def __init__(self, path: str | os.PathLike[str],
                  real_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        import mmap  # nodes of a real robot start without
         self.real_ns = real_ns
         try:
             with open(path, 'r+b') as file:

@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 import pickle
-import subprocess
 import sys
 from threading import Thread
 
@@ -60,6 +59,7 @@ def in_process(robot: RobotParams, received: Received, host: HostLoad, completed
 
     It loads libraries, and its memory is released; raises OSError or EOFError if it fails.
     """
+    import subprocess  # nodes start without
     with subprocess.Popen([sys.executable, '-c', PROGRAM, *sys.path], stdin=subprocess.PIPE,
                           stdout=subprocess.PIPE, start_new_session=True) as process:
         assert process.stdin is not None and process.stdout is not None

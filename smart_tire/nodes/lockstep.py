@@ -34,7 +34,6 @@ from dataclasses import asdict, dataclass, field
 from itertools import chain
 import json
 from typing import Any
-import uuid
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -256,6 +255,7 @@ class Leader:
     """The replayer's side: its followers, whether they are ready, and their progress."""
 
     def __init__(self, node: Node) -> None:
+        import uuid  # followers start without
         self._node = node
         self._run = uuid.uuid4().hex
         self._channel = ControlChannel(node, self._on_control)

@@ -18,8 +18,7 @@ from smart_tire.parameters.path_following import (
     ArrivalParams, FollowerParams, FrictionLimitParams, GroundParams, MotionLimitParams,
     PathCheckParams)
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import inlined, nested, param
-from smart_tire.parameters.tuning import realtime_priority, reliability
+from smart_tire.parameters.spec import inlined, nested, param, realtime_priority, reliability
 from smart_tire.samples import GRAVITY, WHEELS
 
 UNSTAMPED = 'Twist'  # of geometry_msgs, without a timestamp

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-import difflib
 from pathlib import Path
 import sys
 from typing import Any
@@ -141,6 +140,7 @@ def misspelled(path: str | Path, nodes: Collection[str]) -> Iterator[tuple[str, 
     for block, _ in read_blocks(Path(path)):
         name = block.rsplit('/', 1)[-1]
         if name not in nodes:
+            import difflib  # nodes start without
             for near in difflib.get_close_matches(name, nodes, n=1, cutoff=SIMILARITY):
                 yield near, printable(f'{path}: {block} is ignored, did you mean {near}?')
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import inlined, param
-from smart_tire.parameters.tuning import realtime_priority
+from smart_tire.parameters.spec import inlined, param, realtime_priority
 from smart_tire.samples import WHEELS
 
 IMU_PROTOCOLS = ('vectornav_binary', 'vectornav_ascii', 'xsens')

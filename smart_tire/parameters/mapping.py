@@ -15,8 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import inlined, param
-from smart_tire.parameters.tuning import reliability
+from smart_tire.parameters.spec import inlined, param, reliability
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,7 @@ import math
 from typing import TYPE_CHECKING
 
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import inlined, nested, param
-from smart_tire.parameters.tuning import reliability
+from smart_tire.parameters.spec import inlined, nested, param, reliability
 
 if TYPE_CHECKING:
     from numpy import float64

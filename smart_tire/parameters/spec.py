@@ -126,6 +126,19 @@ def param(default: Any, unit: str, meaning: str, limits: tuple[float, float] | N
         'unit': unit, 'meaning': meaning, 'low': low, 'high': high, **details})
 
 
+def reliability() -> Any:
+    """Return the field that all nodes with inputs have."""
+    return param('reliable', '-', 'QoS reliability of the input subscriptions',
+                 choices=('reliable', 'best_effort'))
+
+
+def realtime_priority() -> Any:
+    """Return the field of nodes that the motors depend on."""
+    return param(
+        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
+        (0, 99))
+
+
 def nested(cls: Callable[[], Any], *, live: bool = False) -> Any:
     """
     Return a field for a parameter class whose names get this field's name as prefix.

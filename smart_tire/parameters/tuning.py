@@ -13,25 +13,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from smart_tire.parameters.robot import RobotParams
-from smart_tire.parameters.spec import inlined, param
+from smart_tire.parameters.spec import inlined, param, reliability
 
 INCREMENTS = 'increments'  # value of odom_twist
-
-
-def reliability() -> Any:
-    """Return the field that all nodes with inputs have."""
-    return param('reliable', '-', 'QoS reliability of the input subscriptions',
-                 choices=('reliable', 'best_effort'))
-
-
-def realtime_priority() -> Any:
-    """Return the field of nodes that the motors depend on."""
-    return param(
-        0, '-', '1 to 99: SCHED_FIFO for all threads, where the host permits it; 0: none',
-        (0, 99))
 
 
 @dataclass(frozen=True, kw_only=True)

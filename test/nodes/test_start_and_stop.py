@@ -41,9 +41,12 @@ import yaml
 pytestmark = pytest.mark.processes
 
 # libraries that nodes use later, or never, and parameters of other nodes
-SLOW = ('argcomplete', 'cv2', 'lz4', 'matplotlib', 'mcap', 'pandas', 'plotly', 'rich',
-        'rosbags', 'scipy', 'zstandard', *(f'smart_tire.parameters.{name}' for name in (
-            'control', 'film', 'mapping', 'overhead', 'simulation')))
+SLOW = ('argcomplete', 'cv2', 'difflib', 'lz4', 'matplotlib', 'mcap', 'pandas', 'plotly', 'rich',
+        'rosbags', 'scipy', 'statistics', 'zstandard', *(
+            f'smart_tire.parameters.{name}' for name in (
+                'control', 'film', 'mapping', 'overhead', 'simulation', 'tuning')))
+NEEDED = {**dict.fromkeys(CAMERA, ['cv2']), 'film_sensor': ['statistics'],
+          'film_simulator': ['difflib', 'scipy']}
 CODE = f"""import sys
 from smart_tire.nodes.{{name}} import main
 status = main()
@@ -98,8 +101,7 @@ def test_every_node_publishes_diagnostics_imports_little_and_ends_cleanly_after_
         assert node.end(signal.SIGINT, signal.SIGINT, signal.SIGTERM) == 0
         assert 'Traceback' not in node.output
         assert 'realtime_priority' not in node.output
-        needed = [NODE_PARAMS[name].__module__]
-        needed += ['cv2'] if name in CAMERA else ['scipy'] if name == 'film_simulator' else []
+        needed = [NODE_PARAMS[name].__module__, *NEEDED.get(name, [])]
         assert node.output.splitlines()[-1] == f'imported: {[n for n in SLOW if n in needed]}'
 
 

@@ -26,7 +26,6 @@ from enum import IntEnum
 import math
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
 
 from smart_tire.arrays import Array
 from smart_tire.estimation.contact.records import FilmSamples
@@ -88,6 +87,7 @@ class WaveformModel:
 
     def __init__(self, robot: RobotParams, gains: Sequence[float], films: Sequence[FilmSamples],
                  reference: float, warps: int = 0) -> None:
+        from numpy.polynomial.legendre import legvander  # nodes start without
         self._film, self._patch = robot.film, robot.tire.contact_length
         self._ends = np.cumsum([0, *(len(one.distance) for one in films)]).tolist()
         self._index = np.repeat(np.arange(len(films)), np.diff(self._ends))
