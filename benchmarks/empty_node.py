@@ -18,7 +18,6 @@ that it does not look at: the floor of ``benchmarks.load``.
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
-import json
 from pathlib import Path
 import sys
 from typing import Any
@@ -41,6 +40,7 @@ def main() -> None:
     message = DiagnosticArray(status=[status])
     node.create_timer(PERIOD, lambda: publisher.publish(message))
     for file in sys.argv[1:2]:
+        import json  # no part of the floor of a start
         exchange(node, json.loads(Path(file).read_text(encoding='utf-8')))
     try:
         executor = import_module('rclpy.experimental').EventsExecutor()

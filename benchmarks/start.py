@@ -12,7 +12,8 @@
 Start, memory and idle load of each node, next to a node with rclpy and numpy that does nothing.
 
 The nodes start in turn, several times, each until its first ``/diagnostics``; the least of each
-figure counts, since other programs only add to it. Then all run together without any input, and
+figure counts, since other programs only add to it. A round before them writes the bytecode of the
+modules, as the first start of an installation does, and is not measured. Then all run together without any input, and
 with ``benchmarks.empty_node``, for the idle load. The simulator is never idle.
 """
 
@@ -40,6 +41,7 @@ IDLE = tuple(name for name in NODES if name != 'robot_simulator')
 RANGES = (Range('start of a node, largest CPU time over that of the empty node', 1.0, 1.8),
           Range('its memory above that of the empty node, largest [MB]', 0.0, 12.0),
           Range('largest idle load of a node [cores]', 0.0, 0.02))
+NO_BYTECODE = 'PYTHONDONTWRITEBYTECODE'  # environment, with which each start compiles all modules
 START_TIMEOUT = 60.0  # s until the first diagnostics
 SPIN_TIME = 0.02      # s, resolution of the time of a start
 WARM_UP_TIME = 3.0    # s after the last start, until all nodes have found each other
@@ -69,17 +71,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     def measure() -> None:
         on, environment = machine(), isolated_environment()
         os.environ.update(environment)  # the node runner is in this process
+        environment = with_bytecode(environment)
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder, \
                 Stack(Path(folder), environment) as stack, \
                 NodeRunner(partial(Pilot, 'observer'), []) as runner:
             rounds = [{name: start(stack, runner, name) for name in (FLOOR, *NODES)}
-                      for _ in range(args.repeats)]
+                      for _ in range(1 + args.repeats)][1:]
             least = {name: Start(*map(min, zip(*(one[name] for one in rounds))))
                      for name in (FLOOR, *NODES)}
             idle = idle_loads(stack, runner, args.seconds)
             print_tables(on, [table(least, idle)])
             check_ranges(zip(RANGES, worst(least, idle)))
     return run_benchmark('start', measure)
+
+
+def with_bytecode(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment in which Python keeps the bytecode of modules, as by default."""
+    return {name: value for name, value in environment.items() if name != NO_BYTECODE}
 
 
 def start(stack: Stack, runner: Any, name: str) -> Start:

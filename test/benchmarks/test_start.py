@@ -11,9 +11,11 @@
 """Figures of the benchmark of start and idle load, as ratios to those of the empty node."""
 
 import os
+import subprocess
+import sys
 import time
 
-from benchmarks.start import cpu_seconds, FLOOR, Start, table
+from benchmarks.start import cpu_seconds, FLOOR, NO_BYTECODE, Start, table, with_bytecode
 import pytest
 
 pytestmark = pytest.mark.processes
@@ -26,6 +28,15 @@ def test_the_table_has_each_node_relative_to_the_empty_one():
                     zip(*(column.cells for column in found.columns[1:]))))
     assert rows['a'] == ('0.30', '1.50', '1.80', '1.20', '37.0', '7.0', '78.0', '0.0025', '2.50')
     assert rows['b'][-2:] == ('', '')
+
+
+def test_nodes_keep_their_bytecode_as_without_the_variable(tmp_path):
+    (tmp_path / 'one.py').write_text('')
+    for environment in ({'PATH': '/bin'}, {'PATH': '/bin', NO_BYTECODE: '1'}):
+        subprocess.run([sys.executable, '-c', 'import one'], cwd=tmp_path, check=True,
+                       env=with_bytecode(environment))
+        (compiled,) = tmp_path.glob('__pycache__/one.*.pyc')
+        compiled.unlink()
 
 
 def test_the_cpu_time_is_that_of_all_threads_of_a_process():
