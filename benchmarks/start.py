@@ -13,8 +13,9 @@ Start, memory and idle load of each node, next to a node with rclpy and numpy th
 
 The nodes start in turn, several times, each until its first ``/diagnostics``; the least of each
 figure counts, since other programs only add to it. A round before them writes the bytecode of the
-modules, as the first start of an installation does, and is not measured. Then all run together without any input, and
-with ``benchmarks.empty_node``, for the idle load. The simulator is never idle.
+modules, as the first start of an installation does, and is not measured. Then all run together
+without any input, and with ``benchmarks.empty_node``, for the idle load. The simulator is never
+idle.
 """
 
 from __future__ import annotations

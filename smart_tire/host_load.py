@@ -15,10 +15,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import FileIO
 import os
 from pathlib import Path
+import threading
 
 SCHEDSTAT = Path('/proc/thread-self/schedstat')  # ns running, ns waiting for a core, time slices
+MAX_BYTES = 64                # of these three numbers
 PERIOD = 0.1                  # s between checks
 WINDOW = 100                  # latest checks
 WINDOW_TIME = WINDOW * PERIOD  # s
@@ -119,7 +122,7 @@ class TimerLateness:
 
     def __init__(self, period: float, waited: Callable[[], float] | None = None) -> None:
         self._period = period  # s
-        self._waited = waited or waited_for_core
+        self._waited = waited or CoreWait()
         self._due: float | None = None
         self._waited_before = 0.0
         self._late: deque[float] = deque(maxlen=WINDOW)
@@ -146,9 +149,25 @@ class TimerLateness:
         return host_load(self._late)
 
 
-def waited_for_core() -> float:
-    """Return for how long the calling thread has waited for a core [s]; 0 if it is unknown."""
-    try:
-        return int(SCHEDSTAT.read_bytes().split()[1]) * 1e-9
-    except (OSError, IndexError):
-        return 0.0
+class CoreWait:
+    """
+    For how long the calling thread has waited for a core, by the count of the kernel.
+
+    Its file remains open, since opening it takes most of the time. Each thread has one of its own,
+    as the process has after a fork.
+    """
+
+    def __init__(self) -> None:
+        self._file: FileIO | None = None
+        self._thread = 0  # whose file it is
+
+    def __call__(self) -> float:
+        """Return the time [s]; 0 if it is unknown."""
+        thread = threading.get_native_id()
+        try:
+            if self._file is None or thread != self._thread:
+                self._file, self._thread = FileIO(SCHEDSTAT), thread
+            return int(os.pread(self._file.fileno(), MAX_BYTES, 0).split()[1]) * 1e-9
+        except (OSError, ValueError, IndexError):  # also of a file that was closed
+            self._file = None
+            return 0.0

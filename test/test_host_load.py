@@ -12,17 +12,20 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from io import FileIO
 import os
 import time
 
 import pytest
 from smart_tire import host_load
 from smart_tire.host_load import (
-    HostLoad, pace_lines, TimerLateness, waited_for_core, worst_of)
+    CoreWait, HostLoad, pace_lines, SCHEDSTAT, TimerLateness, worst_of)
 
 pytestmark = pytest.mark.processes
 
 PERIOD = 0.1
+counted = pytest.mark.skipif(not SCHEDSTAT.exists(), reason='the kernel counts no waiting')
 
 
 class Host:
@@ -106,19 +109,56 @@ def test_skipped_calls_are_late_and_keep_the_phase():
 
 
 def test_without_the_count_of_the_kernel_nothing_is_late(monkeypatch, tmp_path):
-    monkeypatch.setattr(host_load, 'SCHEDSTAT', tmp_path / 'missing')
-    assert waited_for_core() == 0.0
-    (tmp_path / 'missing').write_text('')
-    assert waited_for_core() == 0.0
-    (tmp_path / 'missing').write_text('7 1500000000 3\n')
-    assert waited_for_core() == pytest.approx(1.5)
+    waited, file = CoreWait(), tmp_path / 'missing'
+    monkeypatch.setattr(host_load, 'SCHEDSTAT', file)
+    assert waited() == 0.0
+    for text, expected in (('', 0.0), ('7\n', 0.0), ('not counted\n', 0.0),
+                           ('7 1500000000 3\n', 1.5), ('8 2500000000 4\n', 2.5)):
+        file.write_text(text)
+        assert waited() == pytest.approx(expected)
 
 
-@pytest.mark.skipif(not host_load.SCHEDSTAT.exists(), reason='the kernel counts no waiting')
+@counted
 def test_a_thread_that_sleeps_does_not_wait_for_a_core():
-    begin, now = waited_for_core(), time.monotonic()
+    waited = CoreWait()
+    begin, now = waited(), time.monotonic()
     time.sleep(0.2)
-    assert waited_for_core() - begin < time.monotonic() - now - 0.19
+    assert waited() - begin < time.monotonic() - now - 0.19
+
+
+@counted
+def test_the_file_of_a_thread_remains_open_and_is_opened_again_after_it_was_closed(monkeypatch):
+    opened = []
+
+    def open_file(path):
+        opened.append(FileIO(path))
+        return opened[-1]
+
+    monkeypatch.setattr(host_load, 'FileIO', open_file)
+    waited = CoreWait()
+    assert 0.0 < waited() <= waited() and len(opened) == 1
+    opened[0].close()
+    assert waited() == 0.0
+    assert waited() > 0.0 and len(opened) == 2
+
+
+@counted
+def test_each_thread_and_a_forked_process_has_its_own_count():
+    waited = CoreWait()
+
+    def is_own():
+        """Return whether the count is that which the kernel has before and after it."""
+        before, count, after = (int(SCHEDSTAT.read_bytes().split()[1]) * 1e-9, waited(),
+                                int(SCHEDSTAT.read_bytes().split()[1]) * 1e-9)
+        return before <= count <= after
+
+    assert is_own()
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(is_own).result()
+    if not (child := os.fork()):
+        os._exit(0 if is_own() else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert is_own()
 
 
 def test_the_load_is_that_of_this_host():

@@ -19,7 +19,7 @@ import time
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from smart_tire.host_load import SCHEDSTAT, waited_for_core
+from smart_tire.host_load import CoreWait, SCHEDSTAT
 from std_msgs.msg import Int64
 from support.command import Python
 from support.waiting import wait_for
@@ -44,7 +44,7 @@ STRANGER = textwrap.dedent(f"""
 
 @pytest.mark.skipif(not SCHEDSTAT.exists(), reason='the kernel counts no waiting')
 def test_new_participants_hold_up_a_node_by_its_waiting_for_a_core_only():
-    blocked = []
+    blocked, waited_for_core = [], CoreWait()
 
     def spin():
         begin, waited = time.monotonic(), waited_for_core()
