@@ -28,8 +28,8 @@ from typing import Any, NamedTuple, TYPE_CHECKING, TypeVar
 from smart_tire.cli._progress import ProgressLine, remaining
 from smart_tire.errors import BagError, ParameterError, printable, SmartTireError
 from smart_tire.findings import Finding, Level
-from smart_tire.fleet import is_url, jobs_for, local_bag, run_each, Source
-from smart_tire.fleet.running import Outcome
+from smart_tire.fleet import is_url, local_bag, Source
+from smart_tire.fleet.running import jobs_for, Outcome, run_each
 
 if TYPE_CHECKING:
     from smart_tire.analysis.offline import Analysis

@@ -10,7 +10,6 @@
 
 """Many bags of many robots: where they are, who reads them, the data set of their estimates."""
 
-from smart_tire.fleet.running import jobs_for, run_each
 from smart_tire.fleet.sources import bags_of, is_url, local_bag, path_of, Source
 
-__all__ = ['bags_of', 'is_url', 'jobs_for', 'local_bag', 'path_of', 'run_each', 'Source']
+__all__ = ['bags_of', 'is_url', 'local_bag', 'path_of', 'Source']

@@ -29,7 +29,7 @@ from smart_tire.errors import BagError, EstimatorError, ParameterError
 
 pytestmark = pytest.mark.processes
 
-SLOW = ('numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
+SLOW = ('asyncio', 'numpy', 'scipy', 'matplotlib', 'rosbags', 'mcap', 'rclpy')
 
 
 @pytest.fixture

@@ -21,7 +21,8 @@ import time
 import pytest
 
 from smart_tire.errors import ParameterError
-from smart_tire.fleet import run_each, running
+from smart_tire.fleet import running
+from smart_tire.fleet.running import run_each
 from support.fleet import Cluster, square, wait_for_file
 from support.waiting import wait_for
 

@@ -18,7 +18,8 @@ import os
 import pytest
 
 from smart_tire.errors import BagError
-from smart_tire.fleet import jobs_for, run_each, running
+from smart_tire.fleet import running
+from smart_tire.fleet.running import jobs_for, run_each
 from support.fleet import fail_or_die, square, wait_for_file
 from support.waiting import wait_for
 
