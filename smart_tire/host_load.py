@@ -26,6 +26,7 @@ PERIOD = 0.1                  # s between checks
 WINDOW = 100                  # latest checks
 WINDOW_TIME = WINDOW * PERIOD  # s
 SHARE = 0.99                  # of the checks that were at most ``typical`` late
+CORES = os.cpu_count() or 1   # asking again takes longer than the statistics
 MAX_LATENESS = 0.020          # s, of a robot at work; reorder_window of the estimators is 0.03
 PREFIX = 'timers late by'  # of the text
 TOLERANCE = 1e-3              # s, by which clocks of timers may differ
@@ -64,8 +65,8 @@ class HostLoad:
 def host_load(late: Sequence[float]) -> HostLoad:
     """Return the load of this host and the statistics of the latenesses [s] of timers."""
     found = sorted(late) or [0.0]
-    return HostLoad(found[int(SHARE * (len(found) - 1))], found[-1], os.getloadavg()[0],
-                    os.cpu_count() or 1)
+    return HostLoad(
+        found[int(SHARE * (len(found) - 1))], found[-1], os.getloadavg()[0], CORES)
 
 
 def worst_of(diagnostics: Iterable[Mapping[str, str | float]]) -> HostLoad | None:

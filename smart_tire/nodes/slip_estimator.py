@@ -103,11 +103,12 @@ class SlipEstimatorNode(EstimatorNode[SlipEstimatorParams]):
             text = f'{new} restarts from the priors: the state was not finite'
             status.warn(text)
             self.get_logger().warning(text)
-        if new := status.new('clock', int(self.estimator.status()['clock_jumps'])):
+        if new := status.new('clock', int(status.values['clock_jumps'])):
             text = f'the clock of the inputs was set, {new} times: the pose goes on'
             status.warn(text)
             self.get_logger().warning(text)
-        for error in self.checks.poll(self.now_ns(), self.host_load, self.completed):
+        for error in self.checks.poll(
+                self.now_ns(), status.host or self.host_load, self.completed):
             status.error(error.text)
             if status.new(error.where + error.action, 1):
                 self.get_logger().error(error.text)
