@@ -29,9 +29,8 @@ import tempfile
 from typing import NamedTuple
 
 from benchmarks.harness import machine, make_folder, run_benchmark
-from benchmarks.offline import PARAMETERS, simulated, write_bag
+from benchmarks.offline import simulated, write_bag, write_params
 from smart_tire.errors import SmartTireError
-from smart_tire.samples import WHEELS
 
 DESCRIPTION = 'draw where the offline analysis spends its CPU time'
 PERIOD = 2e-3        # s of CPU time between samples; Linux may take one per tick, 4 ms at 250 Hz
@@ -106,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         make_folder(args.out)
         with tempfile.TemporaryDirectory(prefix='smart_tire_bench_') as folder:
             bag, params = Path(folder, 'bag'), Path(folder, 'params.yaml')
-            params.write_text(PARAMETERS.format(list(WHEELS[:1])), encoding='utf-8')
+            write_params(params, 1)
             write_bag(bag, simulated(1), 1)
             sources = [*args.source, Path(__file__).parents[1]]
             found = {source: sampled(source, bag, params, Path(folder, str(number)))

@@ -26,7 +26,7 @@ from pathlib import Path
 import subprocess
 import sys
 import tempfile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from benchmarks.harness import (
     check_ranges, machine, new_table, print_tables, Range, run_benchmark)
@@ -35,6 +35,7 @@ from smart_tire.analysis.pipeline import INPUTS
 from smart_tire.bags import BagWriter
 from smart_tire.errors import SmartTireError
 from smart_tire.parameters import build, SimulatorParams
+from smart_tire.parameters.files import snapshot_text
 from smart_tire.samples import four, NS_PER_S, Sample, WHEELS, WheelSample
 from smart_tire.simulation.offline import Event, simulate
 
@@ -46,7 +47,7 @@ LEGS, DURATION = sequence(
 RANGES = (Range('analysis of the longest bag, share of its duration', 0.0, 0.2),
           Range('its memory [MB]', 0.0, 1000.0))
 WHEEL_RATE, LEAST_IMU_RATE = 16, 100  # Hz, of the robot
-PARAMETERS = '/**:\n  ros__parameters:\n    film.wheels: {}\n'
+STAMP_JITTER = 1e-3, 0.1  # of wheel_states: s of the robot, and at most this share of a period
 # Prints the CPU time of all processes [s], the duration [s] and the size of the largest one [MB].
 MEASURED = """
 import resource, sys, time
@@ -133,16 +134,27 @@ def rows(folder: Path, repeats: Sequence[int], wheels: Sequence[int], rates: Seq
                             *((1, 1, rate) for rate in rates)])
     for times, count, rate in shapes:
         params, bag = folder / 'params.yaml', folder / f'bag_{times}_{count}_{rate}'
-        params.write_text(PARAMETERS.format(list(WHEELS[:count])), encoding='utf-8')
+        write_params(params, count, rate)
         write_bag(bag, simulated(count, rate), times)
         plain = measured(PLAIN, bag)
         ours = measured(ANALYSIS, bag, params, folder / f'out_{times}_{count}_{rate}')
         yield Row(times * DURATION, count, rate, plain[:2], ours[:2], ours[2])
 
 
+def write_params(path: Path, wheels: int, rate: int = WHEEL_RATE) -> None:
+    """Write the parameters of the estimators to a file."""
+    path.write_text(snapshot_text({'/**': _robot(wheels, rate)}), encoding='utf-8')
+
+
+def _robot(wheels: int, rate: int) -> dict[str, Any]:
+    jitter, share = STAMP_JITTER
+    return {'film.wheels': list(WHEELS[:wheels]),
+            'encoder.stamp_jitter': min(jitter, share / rate)}
+
+
 def simulated(wheels: int, rate: int = WHEEL_RATE) -> list[Event]:
     """Return the received inputs of the drive with films in the first ``wheels``."""
-    params = build(SimulatorParams, {'film.wheels': list(WHEELS[:wheels]), 'seed': 1,
+    params = build(SimulatorParams, {**_robot(wheels, rate), 'seed': 1,
                                      'imu_rate': float(max(rate, LEAST_IMU_RATE))})
     return [event for event in simulate(params, LEGS, DURATION, wheel_rate=rate)
             if event[1] in INPUTS]

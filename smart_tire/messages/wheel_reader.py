@@ -33,7 +33,7 @@ from smart_tire.messages.joint_state import measured_angles, torques, wheel_valu
 from smart_tire.parameters.robot import JointParams, STANDARD_JOINTS
 from smart_tire.samples import Four, four, MAX_WHEEL_SPEED, NS_PER_S, WheelSample
 
-LEAST_PERIOD_NS = 200_000      # 5 kHz; shorter ones are stamps of another unit
+LEAST_PERIOD_NS = 200_000      # 5 kHz; if all are shorter, stamps are of another unit
 MERGED_PERIOD_NS = 9_000_000   # messages that follow each other faster are merged ...
 MIN_PERIOD_NS = 16_000_000     # ... to this period; the filter works on a grid of half of it
 WRAPS = (math.tau, 360.0)      # ranges of angles: radians, and degrees by mistake
@@ -55,8 +55,9 @@ class WheelReader:
     def __init__(self, joints: JointParams = STANDARD_JOINTS, *, recognize: bool = True) -> None:
         self._joints, self._recognize = joints, recognize
         self.completed: Counter[str] = Counter()
-        self._merged: list[tuple[Array | None, Array]] = []  # velocities and torques
+        self._merged: list[tuple[int, Array | None, Array]] = []  # gaps, velocities, torques
         self._heard_ns: int | None = None    # newest timestamp
+        self._gap_ns = 0                     # from the message before to the newest
         self._last: tuple[int, Array] | None = None  # timestamp and angles of the sample before
         self._step = np.zeros(4)             # rad, latest
         self._rate = np.zeros(4)             # rad/s, by it
@@ -90,23 +91,24 @@ class WheelReader:
 
     def _add(self, stamp_ns: int, velocity: Four | None, angles: Four | None,
              effort: Four | None) -> WheelSample | None:
-        quick = (self._heard_ns is not None and self._last is not None
-                 and LEAST_PERIOD_NS < stamp_ns - self._heard_ns < MERGED_PERIOD_NS
-                 and 0 < stamp_ns - self._last[0] < MIN_PERIOD_NS)
-        self._heard_ns = stamp_ns
-        row = None if velocity is None else np.array(velocity), np.array(
+        gap_ns = 0 if self._heard_ns is None else stamp_ns - self._heard_ns
+        quick = (0 < gap_ns < MERGED_PERIOD_NS and max(gap_ns, self._gap_ns) > LEAST_PERIOD_NS
+                 and self._last is not None and 0 < stamp_ns - self._last[0] < MIN_PERIOD_NS)
+        self._heard_ns, self._gap_ns = stamp_ns, gap_ns
+        row = gap_ns, None if velocity is None else np.array(velocity), np.array(
             (math.nan,) * 4 if effort is None else effort)
         if quick:
             self._merged.append(row)
             self.completed['merged'] += 1
             return None
         if self._merged:
-            rows, self._merged = [*self._merged, row], []
-            known = [speeds for speeds, _ in rows if speeds is not None]
-            if len(known) == len(rows):
-                velocity = four(np.mean(known, axis=0).tolist())
-            if effort is not None:
-                effort = four(np.mean([values for _, values in rows], axis=0).tolist())
+            gaps, speeds, torques_of = zip(*self._merged, row)
+            self._merged = []
+            # over time: a message that is repeated a little later adds nothing
+            if gap_ns > 0 and all(one is not None for one in speeds):
+                velocity = four(np.average(speeds, 0, gaps).tolist())
+            if gap_ns > 0 and effort is not None:
+                effort = four(np.average(torques_of, 0, gaps).tolist())
         before, self._last = self._last, (
             stamp_ns, np.full(4, math.nan) if angles is None else np.array(angles))
         if angles is not None:

@@ -140,8 +140,11 @@ class SimulatedHost:
         stamp_ns = now_ns + round(error * NS_PER_S)
         counts = encoder_counts(plant, encoder.counts_per_revolution)
         angles = wheel_angles(counts, encoder.counts_per_revolution)
-        last, self._reading = self._reading, (stamp_ns, angles)
-        if last is None or stamp_ns <= last[0]:
+        last = self._reading
+        if last is not None and stamp_ns <= last[0]:
+            return
+        self._reading = stamp_ns, angles
+        if last is None:
             return
         dt = (stamp_ns - last[0]) / NS_PER_S
         velocity = four((new - old) / dt for new, old in zip(angles, last[1]))

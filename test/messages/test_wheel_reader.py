@@ -130,6 +130,30 @@ def test_other_messages_are_not_merged(rate):
     assert len(samples) == round(4.0 * rate) and read.completed['merged'] == 0
 
 
+@pytest.mark.parametrize('gap', [20e-9, 5e-6, 190e-6, 210e-6, 1e-3])
+def test_messages_that_are_repeated_a_little_later_add_nothing(gap):
+    once, twice = WheelReader(), WheelReader()
+    for k in range(40):
+        angles, speeds = ramp(k / 16.0)
+        values = angles, speeds, [0.1 * k] * 4
+        expected, found = (read(joint_state(k / 16.0, *values)) for read in (once, twice))
+        assert found.stamp_ns == expected.stamp_ns and found.position == expected.position
+        # the mean over a period of 62.5 ms
+        assert found.velocity == pytest.approx(expected.velocity, abs=gap / 0.0625 * 0.5)
+        assert found.effort == pytest.approx(expected.effort, abs=gap / 0.0625 * 0.1 + 1e-12)
+        if k:
+            assert twice(joint_state(k / 16.0 + gap, *values)) is None
+    assert twice.completed['merged'] == 39
+
+
+def test_a_message_that_is_set_back_in_time_ends_what_is_merged():
+    read = WheelReader()
+    for k in range(8):
+        read(joint_state(1.0 + 1e-3 * k, SPEEDS, SPEEDS, [float(k)] * 4))
+    found = read(joint_state(0.5, SPEEDS, SPEEDS, [9.0] * 4))
+    assert found.effort == (9.0,) * 4 and found.velocity == tuple(SPEEDS)
+
+
 def test_stamps_of_another_unit_are_not_merged():
     read = WheelReader()
     assert all(read(joint_state(k * 62.5e-6, SPEEDS, SPEEDS)) for k in range(20))

@@ -20,6 +20,7 @@ import numpy as np
 # -- trajectory of the wheel ---------------------------------------------------------------------
 SMOOTHING_NS = 400_000_000  # used before and after an interval; derived: twice the filter; all
 MAX_SILENCE_NS = 500_000_000  # extrapolated beyond the newest angle; assumed; silent wheels
+MIN_STEP_NS = 1_000_000    # between angles; derived: closer ones make smoothing singular; stamps
 HISTORY_LENGTH = 1024      # angles kept, grid steps at once; derived: LOOKBACK at 200 Hz; start
 SEGMENT_POINTS = 200       # over a segment's distance; derived: below 1 mm; stops
 ORDERS = np.arange(2, 14)  # of Legendre polynomials; 0 is a shift, 1 a scale error; slow drives

@@ -62,9 +62,9 @@ class WheelTrajectory:
         stamp_ns -= self._latency_ns
         if not self._stamps:
             self._append(stamp_ns - c.SETTLING_NS, -speed * c.SETTLING_NS / NS_PER_S, speed)
-        dt = (stamp_ns - self._stamps[-1]) / NS_PER_S
-        if dt <= 0.0:
+        if stamp_ns - self._stamps[-1] < c.MIN_STEP_NS:
             return
+        dt = (stamp_ns - self._stamps[-1]) / NS_PER_S
         angle = self._angles[-1] + self._angle_step(speed, position, dt)
         self._position = position
         if len(self._angles) > 1 and self._angles[-2] == self._angles[-1] == angle:

@@ -82,6 +82,19 @@ def test_speeds_alone_give_the_same_trajectory_as_angles():
     np.testing.assert_allclose(with_angles, without, atol=1e-6)
 
 
+@pytest.mark.parametrize('gap_ns', [1, 20, 5_000, 999_999])
+def test_angles_that_nearly_coincide_do_not_disturb_the_smoothing(gap_ns):
+    def smoothed(repeated):
+        trajectory = WheelTrajectory(ROBOT.wheel_radius, 2000.0, 1e-3)
+        for k in range(40):
+            trajectory.add_wheel(stamp(k / 16.0), 6.0, 6.0 * k / 16.0)
+            if repeated:
+                trajectory.add_wheel(stamp(k / 16.0) + gap_ns, 6.0, 6.0 * k / 16.0)
+        return trajectory.smooth(stamp(1.0), stamp(1.5)).distance_at(
+            np.array([stamp(1.1), stamp(1.4)]))
+    assert smoothed(True).tolist() == smoothed(False).tolist()
+
+
 def test_an_encoder_reset_is_not_rolled_distance():
     wheel = WheelTrajectory(R, 2000.0, JITTER)
     for i in range(20):
