@@ -18,6 +18,7 @@ prior of the next crossing; the fit of that crossing without the slip estimator 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 
 import numpy as np
@@ -41,10 +42,14 @@ class ShapeEstimator:
     """Kalman filter of the shape of release and bumps."""
 
     def __init__(self) -> None:
-        self._initial = self._covariance = initial_covariance()
-        # the distribution before the next crossing
-        self.prior = ShapePrior(np.zeros(len(self._initial)), inverse_spd(self._initial))
+        self._initial = initial_covariance()
+        self._value, self._covariance = np.zeros(len(self._initial)), self._initial
         self._outliers = 0
+
+    @cached_property
+    def prior(self) -> ShapePrior:
+        """Return the distribution before the next crossing."""
+        return ShapePrior(self._value, inverse_spd(self._covariance))
 
     def correct(self, value: Array, information: Array, *, excess: float = 1.0,
                 speed_change: float = 0.0) -> None:
@@ -74,8 +79,9 @@ class ShapeEstimator:
         self._set(prior.value + weight * posterior @ (whole @ innovation), posterior)
 
     def _set(self, value: Array, covariance: Array) -> None:
+        self._value = value
         self._covariance = covariance + c.RANDOM_WALK_SHARE**2 * self._initial
-        self.prior = ShapePrior(value, inverse_spd(self._covariance))
+        self.__dict__.pop('prior', None)  # that of before
 
 
 def initial_covariance() -> Array:
