@@ -39,7 +39,7 @@ from smart_tire.errors import SmartTireError
 DESCRIPTION = 'measure start, memory and idle load of each node'
 FLOOR = 'empty_node'
 IDLE = tuple(name for name in NODES if name != 'robot_simulator')
-RANGES = (Range('start of a node, largest CPU time over that of the empty node', 1.0, 1.8),
+RANGES = (Range('start of a node, largest CPU time over that of the empty node', 1.0, 1.6),
           Range('its memory above that of the empty node, largest [MB]', 0.0, 12.0),
           Range('largest idle load of a node [cores]', 0.0, 0.02))
 NO_BYTECODE = 'PYTHONDONTWRITEBYTECODE'  # environment, with which each start compiles all modules
