@@ -32,7 +32,6 @@ from smart_tire.calibration.priors import PRIORS, UNINFORMATIVE
 from smart_tire.calibration.recording import CalibrationRecording
 from smart_tire.calibration.sensor_noise import mean_jitter, motion_noise
 from smart_tire.errors import EstimatorError
-from smart_tire.estimation.ground.body_model import W
 from smart_tire.estimation.ground.measurements import FORCE_X, Measurements, WindowData
 from smart_tire.estimation.ground.unknowns import (
     CONVERGED, GROUND, Hypothesis, LENGTH, MAX_GAP, MAX_STEP, OWN, priors, Row, SETTLING, SIZE,
@@ -221,7 +220,7 @@ def _fits(recording: CalibrationRecording, robot: RobotParams, latency: float, s
         measurements = Measurements(robot, data, first - SETTLING, first, end)
         fit = window_fit.fit(hypothesis, measurements, -math.inf, near=True)
         hypothesis = replace(hypothesis, times=measurements.times,
-                             velocities=fit.motion.states[0, :, :W + 1])
+                             velocities=fit.motion.velocities)
         yield fit, measurements
 
 

@@ -114,7 +114,7 @@ def _straight(one: Equations, fit: GroundFit) -> Array:
     Slip, force of one wheel as measured and as fitted [N], and whether the wheels slide.
     """
     measurements, robot = one.measurements, fit.robot
-    states = block_means(one.fit.motion.states[0])
+    states = one.fit.motion.means[:, 0].T  # of the first run
     rolling = block_means(measurements.rolling) * math.exp(one.fit.x[Unknown.RADIUS])
     speed = rolling.mean(axis=1)
     turn = 0.5 * np.abs(rolling[:, 1::2].mean(axis=1) - rolling[:, ::2].mean(axis=1))

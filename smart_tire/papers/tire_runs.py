@@ -36,7 +36,8 @@ from smart_tire.models.vehicle.skid_steer import normal_loads
 from smart_tire.numerics.least_squares import sandwich_covariance
 from smart_tire.papers.printed import PrintedSlipEstimator
 from smart_tire.parameters import (
-    build, ImageParams, OverheadLocalizerParams, RobotParams, SimulatorParams, SlipEstimatorParams)
+    build, OverheadLocalizerParams, RobotParams, SimulatorParams, SlipEstimatorParams)
+from smart_tire.parameters.overhead import ImageParams
 from smart_tire.parameters.overhead import OverheadParams
 from smart_tire.recording import SampleArrays, seconds
 from smart_tire.samples import (

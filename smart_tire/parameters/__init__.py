@@ -64,12 +64,13 @@ NODE_PARAMS = NodeClasses({node: name for nodes in FILES.values()
                            for node, name in nodes.data.items()})
 
 
-def __getattr__(name: str) -> Any:
-    """Return the parameter class ``name`` of a node (PEP 562)."""
-    for node, path in NODE_PARAMS.data.items():
-        if path.endswith(f'.{name}'):
-            return NODE_PARAMS[node]
-    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+if not TYPE_CHECKING:  # a wrong name is found by the check of types
+    def __getattr__(name: str) -> Any:
+        """Return the parameter class ``name`` of a node (PEP 562)."""
+        for node, path in NODE_PARAMS.data.items():
+            if path.endswith(f'.{name}'):
+                return NODE_PARAMS[node]
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 
 def load_robot(files: Iterable[str | Path]) -> RobotParams:
