@@ -59,6 +59,7 @@ CHUNK_START = re.compile(rb'\x06.{5}\0{3}', re.DOTALL)
 MESSAGES_START = re.compile(rb'[\x05\x06].{5}\0{3}', re.DOTALL)
 INDEX_ENTRY, INDEX_HEAD = 16, 15         # bytes of a message index: per message, and of the rest
 NO_OPCODE = 0                            # of no record
+MAX_TIME_NS = (1 << 63) - 1              # of a message, as in ROS; later ones are damage
 MESSAGE_OPCODE = int(Opcode.MESSAGE)     # looking up a member of an enumeration takes longer
 FIRST_PRIVATE_OPCODE = 0x80              # opcodes from here on are application-defined
 MAX_NAME_LENGTH = 16                     # of a compression
@@ -351,7 +352,12 @@ class McapFile:
         except DECODE_ERRORS as error:
             self.losses.add(f'{self.path.name}: damaged at byte {block.offset}: {error}',
                             block.chunk.messages if block.chunk and not found else 0)
-        return found
+        possible = [one for one in found if one[0] <= MAX_TIME_NS]
+        if len(possible) < len(found):
+            lost = len(found) - len(possible)
+            self.losses.add(f'{self.path.name}: damaged at byte {block.offset}: {lost} messages '
+                            f'with times above {MAX_TIME_NS} ns', lost)
+        return possible
 
     def _chunk_records(self, chunk: Chunk) -> bytes:
         """Return the records of a chunk; of a truncated one, those that can be decompressed."""

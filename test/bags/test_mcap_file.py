@@ -186,7 +186,9 @@ def test_a_cut_without_chunks_yields_the_messages_before_it(read):
     (topic() + message(1) + b'\x05', 'last 1 of {} bytes are not a complete record'),
     (topic() + message(1) + bytes(100), 'last 100 of {} bytes are not a complete record'),
     (topic() + message(1) + message(2, channel=3) + message(3, channel=4),
-     '2 messages of unknown topics')])
+     '2 messages of unknown topics'),
+    (topic() + message(1 << 63) + message(1) + message((1 << 64) - 2),
+     '2 messages with times above 9223372036854775807 ns')])
 def test_what_is_wrong_in_a_chunk_is_reported(read, content, reason):
     assert read(chunk(content, start=1, end=2)) == (
         [1], [f'a.mcap: damaged at byte {len(HEAD)}: {reason.format(len(content))}'])
