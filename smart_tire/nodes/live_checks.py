@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+import os
 import pickle
 import sys
 from threading import Thread
@@ -60,8 +61,10 @@ def in_process(robot: RobotParams, received: Received, host: HostLoad, completed
     It loads libraries, and its memory is released; raises OSError or EOFError if it fails.
     """
     import subprocess  # nodes start without
+    # a copy of the environment: other threads may change it while the child begins (vfork)
     with subprocess.Popen([sys.executable, '-c', PROGRAM, *sys.path], stdin=subprocess.PIPE,
-                          stdout=subprocess.PIPE, start_new_session=True) as process:
+                          stdout=subprocess.PIPE, start_new_session=True,
+                          env=dict(os.environ)) as process:
         assert process.stdin is not None and process.stdout is not None
         with process.stdin as samples:  # in parts, between which other threads run
             pickle.dump((robot, received, host, completed), samples)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+import os
 import pickle
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from smart_tire.checks.live import errors_of
 from smart_tire.messages import TOPICS
 from smart_tire.nodes.compat import message_class
 from smart_tire.nodes.live_checks import (
-    in_thread, LiveChecks, MAX_SHARE, PERIOD, PROGRAM, WINDOW)
+    in_process, in_thread, LiveChecks, MAX_SHARE, PERIOD, PROGRAM, WINDOW)
 from smart_tire.nodes.slip_estimator import SlipEstimatorNode
 from smart_tire.parameters import RobotParams
 from smart_tire.parameters.robot import TreadFilmParams
@@ -173,6 +174,20 @@ def test_the_thread_ends_with_its_check(tmp_path, monkeypatch):
     polled(checks, NS_PER_S)
     polled(checks, filled(checks, PERIOD, factor=1.0 / 9.81))
     wait_for(lambda: checks.errors)
+
+
+def test_the_process_has_a_copy_of_the_environment(monkeypatch):
+    begun = []
+
+    def refused(*args, env, **_):
+        begun.append(env)
+        raise OSError('no process')
+    monkeypatch.setenv('OF_THIS_TEST', 'set')
+    monkeypatch.setattr(subprocess, 'Popen', refused)
+    with pytest.raises(OSError, match='no process'):
+        in_process(ROBOT, [], NO_LOAD, Counter())
+    # the child would read that of the process while another thread changes it: EFAULT
+    assert begun == [dict(os.environ)] and begun[0] is not os.environ
 
 
 @pytest.mark.parametrize('cut', [0, 1000])
