@@ -15,13 +15,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, ExitStack
-import copyreg
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 import json
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
-from operator import attrgetter
 import os
 from pathlib import Path
 import pickle
@@ -53,7 +51,7 @@ from smart_tire.messages import find_topic, topic_of
 from smart_tire.parameters import RobotParams
 from smart_tire.recording import Column, Faults, MAX_IN_MEMORY, SampleArrays
 from smart_tire.samples import (
-    Friction, GroundState, ImuSample, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
+    Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
 
 BATCH_SIZE = 500  # messages that are sent together from one process to the other
 COMPARED_VALUES = dict(zip((*TRUTHS, *OVERHEAD), (
@@ -303,8 +301,6 @@ def _received(receiver: Connection, size: int) -> NDArray[np.uint8]:
 
 def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Connection) -> None:
     receiver.close()  # otherwise the end of the parent would not be noticed
-    for kind in (ImuSample, WheelSample):  # in half the time of other dataclasses
-        copyreg.pickle(kind, partial(_by_constructor, attrgetter(*kind.__slots__)))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # on SIGINT the parent closes the pipe
     try:
         try:
@@ -315,11 +311,6 @@ def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Con
         _send_one(sender, None)
     except BrokenPipeError:
         pass  # the parent needs no more items
-
-
-def _by_constructor(fields: Callable[[Sample], tuple[Any, ...]],
-                    sample: Sample) -> tuple[type[Sample], tuple[Any, ...]]:
-    return type(sample), fields(sample)
 
 
 def _send_one(sender: Connection, item: Any) -> None:
