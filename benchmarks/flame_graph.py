@@ -9,7 +9,7 @@
 # the License.
 
 """
-Flame graph of the offline analysis: CPU time by call stack, of both processes.
+Flame graph of the offline analysis: CPU time by call stack, of all processes.
 
 The Python stack of the main thread is sampled by a timer of its CPU time. Compiled functions,
 those of numpy and those of this package, have no frame of their own: their time is that of their
@@ -35,9 +35,9 @@ from smart_tire.errors import SmartTireError
 DESCRIPTION = 'draw where the offline analysis spends its CPU time'
 PERIOD = 2e-3        # s of CPU time between samples; Linux may take one per tick, 4 ms at 250 Hz
 LEAST_SHARE = 3e-3   # of the longest analysis: narrower boxes are not drawn
-LEVELS = 18          # of the stack, from ``analyze`` or the function of the second process on
+LEVELS = 18          # of the stack, from ``analyze`` or the function of another process on
 LETTER = 0.0045      # width of a letter, share of that of the figure
-ROOTS = 'analyze', '_read'  # in ``smart_tire.analysis.offline``: of the first and second process
+ROOTS = 'analyze', '_read', '_with_friction'  # in ``smart_tire.analysis.offline``: of each process
 
 # Writes the CPU time [s] of each process and its sampled stacks, with their counts, to a folder.
 SAMPLED = """

@@ -13,29 +13,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 import json
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import Connection
-import os
 from pathlib import Path
-import pickle
-import signal
-import threading
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smart_tire.analysis.dead_reckoning import baselines
 from smart_tire.analysis.driven_paths import PATH, PathLog
 from smart_tire.analysis.figure import PICTURE
 from smart_tire.analysis.pipeline import (
-    BagParams, EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, forwarded, INPUTS,
-    LOST_WITHOUT, OVERHEAD, SmoothedSlip, TRUTHS)
+    BagParams, EstimateRecord, ESTIMATES, estimates_of, EstimatorParams, INPUTS, LOST_WITHOUT,
+    Measured, measured, OVERHEAD, SmoothedSlip, TRUTHS)
+from smart_tire.analysis.processes import pipelined
 from smart_tire.analysis.result import Result
 from smart_tire.analysis.summary import divergence, evaluation, input_stats, plain, Tree
 from smart_tire.bags import (
@@ -43,23 +37,22 @@ from smart_tire.bags import (
 from smart_tire.checks import findings
 from smart_tire.checks.messages import check_host
 from smart_tire.checks.recording import CheckedRecording, problems_of
-from smart_tire.errors import BagError, EstimatorError, SmartTireError
+from smart_tire.errors import BagError
 from smart_tire.estimation.friction.estimator import FrictionEstimator
+from smart_tire.estimation.friction.film_stage import FilmStage
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.findings import Finding, Level
 from smart_tire.messages import find_topic, topic_of
-from smart_tire.parameters import RobotParams
-from smart_tire.recording import Column, Faults, MAX_IN_MEMORY, SampleArrays
+from smart_tire.parameters import FrictionEstimatorParams, RobotParams
+from smart_tire.recording import Faults, SampleArrays
 from smart_tire.samples import (
-    Friction, GroundState, NS_PER_S, Odometry, Sample, WheelSample, WheelSlip)
+    Friction, GroundState, NS_PER_S, Odometry, WheelSample, WheelSlip)
 
 BATCH_SIZE = 500  # messages that are sent together from one process to the other
 COMPARED_VALUES = dict(zip((*TRUTHS, *OVERHEAD), (
     'poses', 'slips', 'friction values', 'poses', 'slips')))
 
 Progress = Callable[[float], None]  # is called with the completed share, 0 to 1
-Received = tuple[int, Sample]       # receive time [ns], sample
-Item = TypeVar('Item')
 
 
 @dataclass
@@ -88,12 +81,11 @@ class BagContents:
         return [one for one in self.findings if one.level is Level.ERROR]
 
 
-@dataclass
-class StageBatch:
-    """Output of the friction stage for some messages: input of the slip stage."""
+class StageBatch(NamedTuple):
+    """What a stage has made of some messages, for the next one."""
 
-    share: float            # completed share of the analysis
-    forwarded: list[Received]
+    share: float  # completed share of the analysis
+    received: list[tuple[int, Any]]  # receive time [ns]; ``Measured``, then sample for slip
 
 
 @dataclass
@@ -168,13 +160,14 @@ def analyze(path: Path, out: Path | None, params: EstimatorParams,
         read = partial(_read, path, params, names, checks, source is None or source.radius_given,
                        overhead)
         held: list[tuple[int, EstimateRecord | None]] = []  # None: the next smoothed motion
-        for item in stack.enter_context(closing(prefetch(read))):
+        for item in stack.enter_context(closing(pipelined(
+                read, partial(_with_friction, params.friction)))):
             if isinstance(item, BagContents):
                 analysis.contents = item
-                report_losses(path, item.losses)  # the logger of the other process has them only
+                report_losses(path, item.losses)  # the logger of the first process has them only
                 continue
             progress(item.share / (1 + smooth))
-            for receive_ns, sample in item.forwarded:
+            for receive_ns, sample in item.received:
                 estimates = estimates_of(slip, sample)
                 writers[0].write(receive_ns, estimates)
                 held += [(receive_ns, None if isinstance(one, Odometry) else one)
@@ -216,13 +209,13 @@ def read_overhead(path: Path) -> SampleArrays:
 
 def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
           radius_given: bool, overhead: Path | None) -> Iterator[StageBatch | BagContents]:
-    """Yield the output of the friction stage in batches, and finally the contents of the bag."""
-    contents, friction = BagContents(), FrictionEstimator(params.friction)
+    """Yield the output of the film stage in batches, and finally the contents of the bag."""
+    contents, films = BagContents(), FilmStage(params.friction, waveforms=False)
     cameras: tuple[str, ...] = OVERHEAD
     if overhead is not None:
         contents.camera, cameras = read_overhead(overhead), ()
     with Bag(path, names, params.robot.joints) as bag:
-        batch: list[Received] = []
+        batch: list[tuple[int, Measured]] = []
         receive_ns = bag.span_ns[1]
         for count, (receive_ns, topic, sample) in enumerate(
                 bag.samples((*INPUTS, *TRUTHS, *cameras, PATH))):
@@ -234,14 +227,16 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
                 contents.paths.add_message(receive_ns, sample)
             else:
                 contents.inputs.add_sample(sample, receive_ns)
-                batch += [(receive_ns, item) for item in forwarded(friction, sample)]
+                found = measured(films, sample)
+                if found.blocks or found.samples:
+                    batch.append((receive_ns, found))
             if count % BATCH_SIZE == 0:
                 start, end = bag.span_ns  # without the steps of its clock, by now
                 yield StageBatch((receive_ns - start) / max(1, end - start), batch)
                 batch = []
-        batch += [(receive_ns, item) for item in friction.finish()]
+        batch.append((receive_ns, Measured(films.finish(), [])))
         yield StageBatch(1.0, batch)
-        contents.late, contents.faults = friction.late, bag.faults
+        contents.late, contents.faults = films.late, bag.faults
         start, end = bag.span_ns
         contents.start_ns, contents.duration_s = start, (end - start) / NS_PER_S
         contents.notes = bag.notes
@@ -251,82 +246,19 @@ def _read(path: Path, params: EstimatorParams, names: TopicNames, checks: bool,
         checked = CheckedRecording(params.robot, contents.inputs, bag.faults, problems_of(bag),
                                    tuple(bag.statuses()), radius_given=radius_given)
         contents.host = next((one.text for one in check_host(checked)), None)
-        if checks:  # here the slip stage, in the other process, does not wait for them
+        if checks:  # here the other stages, in other processes, do not wait for them
             contents.findings = [one for one in findings(checked) if one.level >= Level.WARNING]
     yield contents
 
 
-def prefetch(items: Callable[[], Iterator[Item]]) -> Generator[Item, None, None]:
-    """
-    Yield the items of ``items()``, computed in a second process if a second core is available.
-
-    That is not so in a process or thread of several, which read a bag each. Every item is pickled
-    and sent through a pipe, so items should be few and large; of arrays no copy is made. Errors of
-    this package are raised here; the process ends when the iterator is closed.
-    """
-    if len(os.sched_getaffinity(0)) < 2 or parent_process() is not None or (
-            threading.current_thread() is not threading.main_thread()):
-        yield from items()
-        return
-    context = get_context('fork')  # spawning an interpreter takes longer than most bags
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_send, args=(items, sender, receiver), daemon=True)
-    process.start()
-    sender.close()
-    try:
-        while (item := _receive(receiver)) is not None:
-            if isinstance(item, SmartTireError):
-                raise item
-            yield item
-    finally:
-        receiver.close()
-        process.join()
-
-
-def _receive(receiver: Connection) -> Any:
-    try:
-        data, sizes = receiver.recv()
-        return pickle.loads(data, buffers=[_received(receiver, size) for size in sizes])
-    except EOFError as error:
-        raise EstimatorError('the prefetching process has died') from error
-
-
-def _received(receiver: Connection, size: int) -> NDArray[np.uint8]:
-    """Return the next ``size`` bytes, which come in pieces."""
-    found = Column(np.empty(0, np.uint8))
-    while len(found.rows) < size:
-        found.extend(np.frombuffer(bytearray(receiver.recv_bytes()), np.uint8))
-    return found.rows
-
-
-def _send(items: Callable[[], Iterator[Item]], sender: Connection, receiver: Connection) -> None:
-    receiver.close()  # otherwise the end of the parent would not be noticed
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on SIGINT the parent closes the pipe
-    try:
-        try:
-            for item in items():
-                _send_one(sender, item)
-        except SmartTireError as error:
-            _send_one(sender, error)
-        _send_one(sender, None)
-    except BrokenPipeError:
-        pass  # the parent needs no more items
-
-
-def _send_one(sender: Connection, item: Any) -> None:
-    """Send an item, and its arrays as they are in memory, without those that are empty."""
-    buffers: list[pickle.PickleBuffer] = []
-
-    def is_copied(buffer: pickle.PickleBuffer) -> bool:
-        view = buffer.raw()
-        if view.nbytes:
-            buffers.append(buffer)
-        return not view.nbytes  # empty messages cannot be received
-    data = pickle.dumps(item, 5, buffer_callback=is_copied)
-    sender.send((data, [buffer.raw().nbytes for buffer in buffers]))
-    for buffer in buffers:
-        for begin in range(0, len(view := buffer.raw()), MAX_IN_MEMORY):
-            sender.send_bytes(view[begin:begin + MAX_IN_MEMORY])
+def _with_friction(params: FrictionEstimatorParams, items: Iterator[StageBatch | BagContents]
+                   ) -> Iterator[StageBatch | BagContents]:
+    """Yield batches with the estimates of the friction stage, and the contents as they are."""
+    friction = FrictionEstimator(params)
+    for item in items:
+        yield item if isinstance(item, BagContents) else item._replace(received=[
+            (receive_ns, sample) for receive_ns, found in item.received
+            for sample in (*friction.evaluate(found.blocks), *found.samples)])
 
 
 def _remove_old_bag(folder: Path) -> None:

@@ -16,11 +16,12 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from smart_tire.errors import ParameterError
 from smart_tire.estimation import streams
 from smart_tire.estimation.friction.estimator import FrictionEstimator
+from smart_tire.estimation.friction.film_stage import FilmStage, MotionBlock
 from smart_tire.estimation.ground.unknowns import LENGTH
 from smart_tire.estimation.slip.estimator import SlipEstimator
 from smart_tire.estimation.slip.output import SlipOutputBuilder
@@ -191,14 +192,23 @@ def _unknown_names(blocks: Sequence[Block]) -> list[str]:
                    if not is_known(name, known)})
 
 
+class Measured(NamedTuple):
+    """What an input adds to the stages after that of the films."""
+
+    blocks: list[MotionBlock]
+    samples: list[Sample]  # the input, if the slip estimator needs it
+
+
+def measured(films: FilmStage, sample: Sample) -> Measured:
+    """Return what the stage of the films makes of an input."""
+    return Measured(films.add_sample(sample) if type(sample) in streams.FRICTION.inputs else [],
+                    [sample] if type(sample) in streams.SLIP.inputs else [])
+
+
 def forwarded(friction: FrictionEstimator, sample: Sample) -> list[Sample]:
     """Return the estimates of an input, in order of reception, and the input if slip needs it."""
-    found: list[Sample] = []
-    if type(sample) in streams.FRICTION.inputs:
-        found += friction.update(sample)
-    if type(sample) in streams.SLIP.inputs:
-        found.append(sample)
-    return found
+    blocks, samples = measured(friction.films, sample)
+    return [*friction.evaluate(blocks), *samples]
 
 
 class SmoothedSlip:

@@ -8,7 +8,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Flame graph: its boxes, and stacks of both processes of an analysis."""
+"""Flame graph: its boxes, and stacks of all processes of an analysis."""
 
 from pathlib import Path
 
@@ -40,12 +40,13 @@ def test_graphs_are_drawn(tmp_path):
 
 
 @pytest.mark.long
-def test_both_processes_of_a_checkout_are_sampled(tmp_path):
+def test_all_processes_of_a_checkout_are_sampled(tmp_path):
     source = Path(benchmarks.__file__).parents[1]
     write_bag(tmp_path / 'bag', simulated(1)[:20_000], 1)
     (tmp_path / 'params.yaml').write_text('{}')
     found = sampled(source, tmp_path / 'bag', tmp_path / 'params.yaml', tmp_path / 'found')
-    assert {'offline._read', 'offline.analyze'} <= {names[0] for names in found}
+    assert {'offline._read', 'offline._with_friction', 'offline.analyze'} <= {
+        names[0] for names in found}
     assert sum(found.values()) > 0.5
     with pytest.raises(SmartTireError, match='(?s)the analysis has failed.*missing'):
         sampled(source, tmp_path / 'missing', tmp_path / 'params.yaml', tmp_path / 'other')

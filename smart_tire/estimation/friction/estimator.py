@@ -17,13 +17,13 @@ All inputs pass one reorder buffer, so live, replayed and recorded data give ide
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from smart_tire.estimation.contact.feed import ContactFeed, SampleBlock
 from smart_tire.estimation.contact.records import PatchCrossing
+from smart_tire.estimation.friction.film_stage import FilmStage, FittedCrossing, MotionBlock
 from smart_tire.estimation.friction.output import friction_record, stamp_of
-from smart_tire.estimation.friction.waveform_method import FilmResult, WaveformMethod
+from smart_tire.estimation.friction.waveform_method import FilmResult
 from smart_tire.estimation.ground.estimator import GroundEstimator, WheelState
 from smart_tire.estimation.ground.unknowns import LENGTH
 from smart_tire.estimation.ground.window import Solution
@@ -57,69 +57,63 @@ class FrictionEstimator:
     def __init__(self, params: FrictionEstimatorParams,
                  on_crossing: OnCrossing = lambda crossing: None) -> None:
         self._params, self._on_crossing = params, on_crossing
-        self._feed = ContactFeed(params.robot, params.reorder_window)
-        self.crossings = 0
-        self.crossings_lost = 0  # without samples of any film
+        self.films = FilmStage(params)
         self._start()
 
     def _start(self) -> None:
         robot = self._params.robot
         self._ground = GroundEstimator(robot, self._params.load_sigma)
         # crossings that wait for the window to reach them
-        self._pending: list[tuple[str, PatchCrossing, FilmResult | None]] = []
-        self._methods = {wheel: WaveformMethod(wheel, robot) for wheel in robot.film.wheels}
+        self._pending: list[FittedCrossing] = []
         self._friction: dict[str, Uncertain] = dict.fromkeys(robot.film.wheels, UNKNOWN)
 
     @property
     def late(self) -> Counter[str]:
         """Return the samples per topic that arrived after their grid instant had closed."""
-        return self._feed.late
+        return self.films.late
 
     @property
     def dropped(self) -> Counter[str]:
         """Duplicates and impossible samples per topic."""
-        return self._feed.dropped
+        return self.films.dropped
 
     def reset(self) -> None:
         """Drop all samples and everything learned; keep the counters."""
-        self._feed.reset()
+        self.films.reset()
         self._start()
 
     def update(self, sample: Sample) -> list[Friction | GroundState]:
         """Add a sample of one of the inputs; return the estimates that it completes."""
-        return self._process(self._feed.add_sample(sample))
+        return self.evaluate(self.films.add_sample(sample))
 
     def finish(self) -> list[Friction | GroundState]:
         """Return the last estimates, at the end of all inputs; ``reset`` before a further one."""
-        found = self._process(self._feed.finish())
-        if self._feed.closed_ns is not None:
-            found += self._solved(self._feed.closed_ns, last=True)
-        return found
+        return self.evaluate(self.films.finish())
 
-    def _process(self, blocks: list[SampleBlock]) -> list[Friction | GroundState]:
+    def evaluate(self, blocks: Iterable[MotionBlock]) -> list[Friction | GroundState]:
+        """Return the estimates that ``blocks`` complete, those of ``films`` or of another one."""
         found: list[Friction | GroundState] = []
         for block in blocks:
             if block.restarted:
                 self._start()
             for item in block.samples:
                 self._ground.add_sample(item)
-            for wheel, crossing in block.crossings:
-                self._measure(wheel, crossing)
+            self._ground.observable |= block.films
+            for fitted in block.crossings:
+                self._add_crossing(fitted)
             if block.end_ns is not None:
-                found += self._solved(block.end_ns)
+                found += self._solved(block.end_ns, last=block.last)
         return found
 
-    def _measure(self, wheel: str, crossing: PatchCrossing) -> None:
-        self.crossings += 1
-        self.crossings_lost += crossing.samples is None
-        result = self._methods[wheel].measure(crossing)
-        self._pending.append((wheel, crossing, result))
+    def _add_crossing(self, fitted: FittedCrossing) -> None:
+        wheel, crossing, result = fitted
+        self._pending.append(fitted)
         if result is not None:
             slips = result.slips
             self._ground.add_crossing(stamp_of(crossing, result), wheel, slips.slip,
                                       slips.normalized_slip, slips.covariance, result.sliding)
 
-    def _solved(self, now_ns: int, *, last: bool = False) -> list[Friction | GroundState]:
+    def _solved(self, now_ns: int, *, last: bool) -> list[Friction | GroundState]:
         """Return the estimates of a window up to ``now_ns``, if one is due."""
         solution = self._ground.advance(now_ns, last)
         if solution is None:
@@ -134,8 +128,8 @@ class FrictionEstimator:
     def _released(self, until_ns: int, solution: Solution | None
                   ) -> list[Friction | GroundState]:
         """Return the records of the crossings up to an instant."""
-        due = [one for one in self._pending if one[1].stamp_ns <= until_ns]
-        self._pending = [one for one in self._pending if one[1].stamp_ns > until_ns]
+        due = [one for one in self._pending if one.crossing.stamp_ns <= until_ns]
+        self._pending = [one for one in self._pending if one.crossing.stamp_ns > until_ns]
         return [self._estimate(*one, solution) for one in due]
 
     def _estimate(self, wheel: str, crossing: PatchCrossing, result: FilmResult | None,
@@ -150,13 +144,7 @@ class FrictionEstimator:
 
     def status(self) -> dict[str, str | int | float]:
         """Return the values for diagnostics."""
-        feed = self._feed
-        shown: dict[str, str | int | float] = {
-            'crossings': self.crossings, 'crossings_lost': self.crossings_lost,
-            'foreign_samples': feed.foreign_samples, 'clock_resets': feed.clock_resets,
-            **{f'dropped.{topic}': count for topic, count in feed.dropped.items()},
-            **self._ground.status}
+        shown: dict[str, str | int | float] = {**self.films.status(), **self._ground.status}
         for wheel, (mu, sigma) in self._friction.items():
             shown[f'{wheel}_friction'] = f'{mu:.3f} +- {sigma:.3f}' if mu == mu else 'unknown'
-            shown[f'{wheel}_segments_undetected'] = feed.undetected(wheel)
         return shown

@@ -39,7 +39,7 @@ from smart_tire.models.vehicle.skid_steer import SIDE_SIGNS
 from smart_tire.parameters.robot import RobotParams
 from smart_tire.rotation import matrix
 from smart_tire.samples import (
-    GroundState, ImuSample, NS_PER_S, Odometry, TireSample, WHEELS, WheelSample)
+    GroundState, ImuSample, NS_PER_S, Odometry, WHEELS, WheelSample)
 from smart_tire.uncertain import log_normal, Uncertain, UNKNOWN
 
 HOP_NS = GROUND_STATE_PERIOD_NS  # between two windows
@@ -82,7 +82,7 @@ class GroundEstimator:
         self.failures = 0               # windows without solution
         self.films_used = 0
         self._shown = False             # by torques
-        self._observable = False        # torques or samples of films have been received
+        self.observable = False         # torques or samples of films have been received
 
     @property
     def waits(self) -> bool:
@@ -95,7 +95,7 @@ class GroundEstimator:
         solution = self.solution
         if solution is None:
             return {'ground': 'unknown: no films and no motor torques'
-                    if self._imu and self._wheels and not self._observable else
+                    if self._imu and self._wheels and not self.observable else
                     'unknown: no motion yet' if self._imu_seen else 'unknown: no imu/data'}
         shown: dict[str, str | int | float] = {
             'ground': 'known' if self.known else 'unknown: no films and no motor torques',
@@ -120,11 +120,8 @@ class GroundEstimator:
         """Return whether films or motor torques have been measured."""
         return self.solution is not None and (self.films_used > 0 or self._shown)
 
-    def add_sample(self, sample: ImuSample | WheelSample | Odometry | TireSample) -> None:
-        """Add a sample; stamps of each kind must increase; of films only that there are some."""
-        if isinstance(sample, TireSample):
-            self._observable = True
-            return
+    def add_sample(self, sample: ImuSample | WheelSample | Odometry) -> None:
+        """Add a sample; stamps of each kind must increase."""
         if self._origin_ns is None:
             self._origin_ns = sample.stamp_ns
         time = self._seconds(sample.stamp_ns)
@@ -144,7 +141,7 @@ class GroundEstimator:
         """Add what the films of ``wheel`` measured: see ``MeasuredCrossing``."""
         if self._origin_ns is not None:
             self.films_used += 1
-            self._observable = True
+            self.observable = True
             self._crossings.append(MeasuredCrossing(
                 self._seconds(stamp_ns), WHEELS.index(wheel), slip, normalized_slip, covariance,
                 sliding))
@@ -172,7 +169,7 @@ class GroundEstimator:
                 bisect_right(self._wheels, (end, math.inf)) - bisect_right(
                     self._wheels, (begin, math.inf)) < CUBIC_POINTS):
             return None
-        if not self._observable:
+        if not self.observable:
             self._forget(end - LENGTH - 2.0 * SETTLING)
             return None
         data = WindowData(_array(self._imu), _array(self._wheels), self._crossings)
@@ -299,7 +296,7 @@ class GroundEstimator:
                         time - self._wheels[-1][0], 1e-3), speed)):
                 self._wheels.clear()  # the counter was reset
         effort = sample.effort or (math.nan,) * 4
-        self._observable |= sample.effort is not None and math.isfinite(sum(sample.effort))
+        self.observable |= sample.effort is not None and math.isfinite(sum(sample.effort))
         self._append(self._wheels, (time, *self._angles, *effort))
 
     def _add_odometry(self, time: float, sample: Odometry) -> None:
